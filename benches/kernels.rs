@@ -1,20 +1,21 @@
-//! Kernels to memory, one thread: every backend and noise set, held light and a
-//! new frame at every readout, beside the plain scalar loop. Every backend's
-//! bits are compared with the reference before anything is timed.
+//! Benchmarks every backend with every set of noise, under constant light and with a new frame at every readout.
+//!
+//! The benchmarks run on one thread, write to memory, and are compared with a plain scalar loop. Before the measurement,
+//! the bits of every backend are compared with the bits of the reference backend.
 
-// The report needs more of this file than the benchmark does.
-#[path = "../crates/cli/src/bench/scalar.rs"]
+// The `speed` command of the program uses functions of this module that the benchmark does not use.
+#[path = "../crates/cli/src/speed/scalar.rs"]
 mod scalar;
 
-#[path = "../crates/cli/src/bench/timing.rs"]
+#[path = "../crates/cli/src/speed/timing.rs"]
 mod timing;
 
 use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use spikelane::effects::find;
-use spikelane::unstable::kernels::{self, Batch, Job, Light, Samples, Segment};
-use spikelane::{Backend, Camera, Plan, Seeds, Sensor, State};
+use spikelane::unstable::kernels::{self, Batch, Job, Samples, Segment, SegmentLight};
+use spikelane::{Backend, Camera, Plan, Seeds, Sensor, SimulatorState};
 
 const PIXELS: usize = 100_000;
 const READOUTS: usize = 128;
@@ -22,30 +23,37 @@ const TILE: usize = 4096;
 
 fn camera(noise: &str) -> Camera {
     let typical = |name: &str| find(name).unwrap().typical();
-    let camera = Camera::ideal(Sensor::new(400, 250, 40_000.0).unwrap()).with(typical("start_phase"));
+    let camera = Camera::ideal(Sensor::new(400, 250, 40_000.0).unwrap()).with_effect(typical("start_phase"));
     if noise == "ideal" {
         return camera;
     }
     let fixed = ["saturation_clamp", "prnu", "dark_current", "bias_voltage"];
-    let camera = fixed.into_iter().fold(camera, |c, name| c.with(typical(name)));
+    let camera = fixed.into_iter().fold(camera, |c, name| c.with_effect(typical(name)));
     if noise == "fixed" {
         return camera;
     }
-    let thermal = typical("thermal_noise").with_text("redraw", "every-readout").unwrap();
-    let camera = camera.with(typical("shot_noise")).with(thermal);
-    let jitter = || typical("readout_jitter").with("row", 125.0).unwrap().with("spread", 10.0).unwrap();
+    let thermal = typical("thermal_noise").with_text("noise_sampling", "every-readout").unwrap();
+    let camera = camera.with_effect(typical("shot_noise")).with_effect(thermal);
+    let jitter =
+        || typical("readout_jitter").with_value("row", 125.0).unwrap().with_value("spread", 10.0).unwrap();
     match noise {
         "full" => return camera,
-        "full, correlated shot noise" => return camera.with(typical("correlated_shot_noise")),
-        "full, a band of jitter" => return camera.with(jitter()),
-        "full, both" => return camera.with(typical("correlated_shot_noise")).with(jitter()),
+        "full, correlated shot noise" => return camera.with_effect(typical("correlated_shot_noise")),
+        "full, a band of jitter" => return camera.with_effect(jitter()),
+        "full, both" => return camera.with_effect(typical("correlated_shot_noise")).with_effect(jitter()),
         _ => {}
     }
-    let dark = typical("dark_current").with("mean", 0.1).unwrap().with("sigma", 0.02).unwrap();
-    camera.with(typical("dark_shot_noise")).with(dark)
+    let dark = typical("dark_current").with_value("mean", 0.1).unwrap().with_value("sigma", 0.02).unwrap();
+    camera.with_effect(typical("dark_shot_noise")).with_effect(dark)
 }
 
-fn run(plan: &Plan, start: &State, backend: Backend, segments: &[Segment<'_>], out: &mut [u8]) -> u64 {
+fn run(
+    plan: &Plan,
+    start: &SimulatorState,
+    backend: Backend,
+    segments: &[Segment<'_>],
+    out: &mut [u8],
+) -> u64 {
     let batch = Batch::new(plan, 0, segments);
     let mut state = start.clone();
     let mut digest = 0xcbf2_9ce4_8422_2325u64;
@@ -62,7 +70,7 @@ fn run(plan: &Plan, start: &State, backend: Backend, segments: &[Segment<'_>], o
 fn backends() -> Vec<Backend> {
     let all = Backend::ALL.into_iter().skip(1);
     all.filter(|b| {
-        let available = b.available();
+        let available = b.is_available();
         if !available {
             eprintln!("skipped backend {b}: this CPU lacks its instructions");
         }
@@ -76,18 +84,19 @@ fn kernels(c: &mut Criterion) {
     let late = ["full, correlated shot noise", "full, a band of jitter", "full, both"];
     for noise in ["ideal", "fixed", "full"].into_iter().chain(late).chain(["few-electrons"]) {
         let plan = Plan::new(&camera(noise), Seeds::default()).unwrap();
-        let start = plan.start();
+        let start = plan.initial_state();
         let level = |p: usize, t: usize| {
             if noise == "few-electrons" { 0 } else { 60 + ((p * 7 + t * 13) % 40) as u8 }
         };
         let frames: Vec<Vec<u8>> =
             (0..READOUTS).map(|t| (0..PIXELS).map(|p| level(p, t)).collect()).collect();
-        let light = |f| Light::Held(Samples::U8(f));
+        let light = |f| SegmentLight::Hold(Samples::U8(f));
         let held = [Segment { readouts: READOUTS, light: light(&frames[0]) }];
         let new: Vec<_> = frames.iter().map(|f| Segment { readouts: 1, light: light(f) }).collect();
         let weights: Vec<f32> = (0..READOUTS).map(|t| t as f32 / READOUTS as f32).collect();
         let [from, to] = [&frames[0], &frames[READOUTS / 2]].map(|f| Samples::U8(f));
-        let way = [Segment { readouts: READOUTS, light: Light::Between { from, to, weights: &weights } }];
+        let way =
+            [Segment { readouts: READOUTS, light: SegmentLight::Linear { from, to, weights: &weights } }];
         let few = |readouts| -> Vec<_> {
             let all = frames.iter().take(READOUTS / readouts);
             all.map(|f| Segment { readouts, light: light(f) }).collect()
@@ -117,8 +126,8 @@ fn kernels(c: &mut Criterion) {
     }
 }
 
-/// The best time of ten runs.
-fn best(mut run: impl FnMut()) -> f64 {
+/// Returns the shortest time of ten runs, in seconds.
+fn min_seconds(mut run: impl FnMut()) -> f64 {
     let times = (0..10).map(|_| {
         let begin = Instant::now();
         run();
@@ -127,22 +136,21 @@ fn best(mut run: impl FnMut()) -> f64 {
     times.fold(f64::MAX, f64::min)
 }
 
-/// Full noise under held light beside the plain loop, in one run; both kinds
-/// of lanes have a floor.
-fn beside_the_plain_loop() {
+/// Compares the speed of every backend with the speed of the plain loop, with full noise under constant light.
+fn compare_with_scalar_loop() {
     let plan = Plan::new(&camera("full"), Seeds::default()).unwrap();
-    let start = plan.start();
+    let start = plan.initial_state();
     let frame: Vec<u8> = (0..PIXELS).map(|p| 60 + (p * 7 % 40) as u8).collect();
-    let mut plain = scalar::Loop::new(PIXELS);
+    let mut plain = scalar::ScalarCamera::new(PIXELS);
     let mut bits = vec![0; PIXELS / 8];
-    let slow = best(|| plain.readout(&frame, &mut bits));
-    let rate = spikelane::spikes::count(&bits) as f64 / PIXELS as f64;
+    let slow = min_seconds(|| plain.readout(&frame, &mut bits));
+    let rate = spikelane::spikes::count_spikes(&bits) as f64 / PIXELS as f64;
     assert!((0.25..0.38).contains(&rate), "the plain loop fires at {rate}");
     println!("plain f32 loop: {:.4} Gpixel-readouts/s", PIXELS as f64 / slow / 1e9);
-    let segments = [Segment { readouts: READOUTS, light: Light::Held(Samples::U8(&frame)) }];
+    let segments = [Segment { readouts: READOUTS, light: SegmentLight::Hold(Samples::U8(&frame)) }];
     let mut out = vec![0; READOUTS * TILE / 8];
     for backend in backends() {
-        let time = best(|| _ = std::hint::black_box(run(&plan, &start, backend, &segments, &mut out)))
+        let time = min_seconds(|| _ = std::hint::black_box(run(&plan, &start, backend, &segments, &mut out)))
             / READOUTS as f64;
         println!(
             "{backend}: {:.3} Gpixel-readouts/s, {:.1} times the plain loop",
@@ -152,20 +160,22 @@ fn beside_the_plain_loop() {
     }
 }
 
-/// The ideal camera with a new frame at every readout, all of them in memory, beside what a plain
-/// sum over an array reads; three times in turn, since both vary.
-fn from_memory() {
+/// Compares the speed of the ideal camera with the memory bandwidth.
+///
+/// The camera reads a new frame from memory at every readout. The bandwidth is measured as the speed of a sum of an
+/// array. Both speeds vary between runs, so the two measurements alternate three times.
+fn bench_memory_bandwidth() {
     let plan = Plan::new(&camera("ideal"), Seeds::default()).unwrap();
-    let start = plan.start();
+    let start = plan.initial_state();
     let frames: Vec<Vec<u8>> =
         (0..2048).map(|t| (0..PIXELS).map(|p| ((p * 7 + t * 13) % 200) as u8).collect()).collect();
     let new: Vec<_> =
-        frames.iter().map(|f| Segment { readouts: 1, light: Light::Held(Samples::U8(f)) }).collect();
+        frames.iter().map(|f| Segment { readouts: 1, light: SegmentLight::Hold(Samples::U8(f)) }).collect();
     let mut out = vec![0; READOUTS * TILE / 8];
     for backend in backends() {
         for _ in 0..3 {
             let budget = Duration::from_millis(300);
-            let bytes = timing::rate(budget, (PIXELS * frames.len()) as f64, || {
+            let bytes = timing::best_rate(budget, (PIXELS * frames.len()) as f64, || {
                 for segments in new.chunks(READOUTS) {
                     std::hint::black_box(run(&plan, &start, backend, segments, &mut out));
                 }
@@ -179,9 +189,9 @@ fn from_memory() {
 
 fn main() {
     if std::env::args().any(|a| a == "memory") {
-        return from_memory();
+        return bench_memory_bandwidth();
     }
-    beside_the_plain_loop();
+    compare_with_scalar_loop();
     let mut criterion = Criterion::default()
         .sample_size(10)
         .warm_up_time(Duration::from_millis(100))

@@ -4,8 +4,8 @@
 
 use std::io::{BufWriter, Write};
 
-use spikelane::unstable::draws::hash::{Clock, Round, bits, key};
-use spikelane::unstable::draws::{Seeds, Stream};
+use spikelane::unstable::draws::hash::{CounterRng, RoundKey, address_key, hash_bits};
+use spikelane::unstable::draws::{RandomStream, Seeds};
 
 /// Pairs of a 400x250 sensor.
 const PAIRS: u32 = 50_000;
@@ -14,8 +14,8 @@ fn main() -> std::io::Result<()> {
     let order = std::env::args().nth(1).unwrap_or_else(|| "pixels".to_owned());
     let seed = std::env::args().nth(2).and_then(|s| s.parse().ok()).unwrap_or(1);
     let seeds = Seeds { shot: seed, ..Seeds::default() };
-    let shot = Clock::new(seeds, Stream::named("shot_noise"));
-    let thermal = Clock::new(seeds, Stream::named("thermal_noise"));
+    let shot = CounterRng::new(seeds, RandomStream::from_name("shot_noise"));
+    let thermal = CounterRng::new(seeds, RandomStream::from_name("thermal_noise"));
     let mut out = BufWriter::with_capacity(1 << 20, std::io::stdout().lock());
     let written = match order.as_str() {
         "pixels" => along_pixels(&mut out, &[shot]),
@@ -34,12 +34,12 @@ fn main() -> std::io::Result<()> {
 }
 
 /// Frame after frame; with several streams their words alternate.
-fn along_pixels(out: &mut impl Write, clocks: &[Clock]) -> std::io::Result<()> {
+fn along_pixels(out: &mut impl Write, clocks: &[CounterRng]) -> std::io::Result<()> {
     for readout in 0.. {
-        let rounds: Vec<Round> = clocks.iter().map(|c| c.round(readout)).collect();
+        let rounds: Vec<RoundKey> = clocks.iter().map(|c| c.round_key(readout)).collect();
         for pair in 0..PAIRS {
             for &round in &rounds {
-                out.write_all(&bits(key(pair), round).to_le_bytes())?;
+                out.write_all(&hash_bits(address_key(pair), round).to_le_bytes())?;
             }
         }
     }
@@ -47,12 +47,12 @@ fn along_pixels(out: &mut impl Write, clocks: &[Clock]) -> std::io::Result<()> {
 }
 
 /// A thousand readouts of one pair, then of the next; then the next thousand.
-fn along_readouts(out: &mut impl Write, clock: Clock) -> std::io::Result<()> {
+fn along_readouts(out: &mut impl Write, clock: CounterRng) -> std::io::Result<()> {
     for block in 0u64.. {
-        let rounds: Vec<Round> = (0..1000).map(|t| clock.round(block * 1000 + t)).collect();
+        let rounds: Vec<RoundKey> = (0..1000).map(|t| clock.round_key(block * 1000 + t)).collect();
         for pair in 0..PAIRS {
             for &round in &rounds {
-                out.write_all(&bits(key(pair), round).to_le_bytes())?;
+                out.write_all(&hash_bits(address_key(pair), round).to_le_bytes())?;
             }
         }
     }

@@ -1,46 +1,49 @@
-//! The one error of the crate's public doors.
+//! The error type of the public interface.
 //!
-//! Every error says which thing was wrong, what was found there, what was
-//! expected, and what to do. The kind decides the exit code of the program.
+//! Every error contains its subject, what was found, what was expected, and a remedy. The kind of an error determines the
+//! exit code of the program.
 
 mod nearest;
+mod setting;
 
 use std::borrow::Cow;
 use std::fmt;
-use std::io::ErrorKind;
+use std::io;
 
-/// What sort of mistake it is; see `docs/reference/errors.md` for the exit codes.
+pub use setting::{Setting, render_settings};
+
+/// The kind of an error. `docs/reference/errors.md` lists the exit code of each kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
-pub enum Kind {
-    /// An argument or a combination of arguments makes no sense.
+pub enum ErrorKind {
+    /// An argument or a combination of arguments is invalid.
     Usage,
     /// A preset, camera or sidecar describes something impossible.
     Config,
-    /// The bytes of an input are not what they claim to be.
+    /// The bytes of an input do not have the declared format.
     Input,
-    /// The operating system refused to read or write.
+    /// The operating system cannot read or write.
     Io,
-    /// The disk cannot hold the result, or a limit on the size of files forbids it.
+    /// The result does not fit on the disk or exceeds the limit on file sizes.
     Space,
-    /// The output exists and nobody allowed overwriting it.
+    /// The output exists and overwriting is not allowed.
     Exists,
-    /// A program that is needed is missing or failed.
+    /// A required program is missing or failed.
     Tool,
-    /// Bits do not match their digest.
+    /// Bits do not match the stored digest of these bits.
     Corrupt,
-    /// Another process is at this work.
+    /// Another process already does the work that this process was started for.
     Busy,
-    /// There is no memory for a size that an input requires.
+    /// The system cannot allocate an amount of memory that an input requires.
     Memory,
-    /// Asked to stop in the middle of work that is to be queued again.
+    /// A request to stop arrived during work that should be queued again.
     Requeue,
-    /// The user asked to stop.
+    /// The user requested a stop.
     Interrupted,
 }
 
-impl Kind {
-    /// The name in the program's JSON.
+impl ErrorKind {
+    /// Returns the name of the kind in the program's JSON.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -59,7 +62,7 @@ impl Kind {
         }
     }
 
-    /// The exit code of the program for this kind of error.
+    /// Returns the exit code of the program for this kind of error.
     #[must_use]
     pub const fn exit_code(self) -> u8 {
         match self {
@@ -73,7 +76,7 @@ impl Kind {
             Self::Corrupt => 9,
             Self::Busy => 10,
             Self::Memory => 11,
-            // EX_TEMPFAIL of sysexits.h: the same command, given again, goes on.
+            // This code is EX_TEMPFAIL of sysexits.h. Running the same command again resumes the work.
             Self::Requeue => 75,
             Self::Interrupted => 130,
         }
@@ -83,7 +86,7 @@ impl Kind {
 /// An error: `subject: found ..., expected ...; remedy`.
 #[derive(Debug)]
 pub struct Error {
-    kind: Kind,
+    kind: ErrorKind,
     subject: String,
     found: String,
     expected: String,
@@ -91,29 +94,29 @@ pub struct Error {
     source: Option<std::io::Error>,
 }
 
-/// A result with this crate's [`Error`].
+/// A result whose error type is this crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What an [`Error`] says, piece by piece; a piece that it does not say is empty.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The parts of the message of an [`Error`]. A part that was not set is empty.
+#[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Parts<'a> {
-    /// The sort of mistake.
-    pub kind: Kind,
-    /// The thing the error is about: a file, a key, an argument.
-    pub subject: &'a str,
-    /// What was found there.
-    pub found: &'a str,
+pub struct ErrorParts<'a> {
+    /// The kind of error.
+    pub kind: ErrorKind,
+    /// The subject of the error: a file, a key or an argument.
+    pub subject: Cow<'a, str>,
+    /// What was found.
+    pub found: Cow<'a, str>,
     /// What was expected instead.
-    pub expected: &'a str,
-    /// What to do about it.
-    pub remedy: &'a str,
+    pub expected: Cow<'a, str>,
+    /// The action that solves the problem.
+    pub remedy: Cow<'a, str>,
 }
 
 impl Error {
-    /// An error of `kind` about `subject` (a file, a key, an argument).
+    /// Returns an error of `kind` about `subject` (a file, a key or an argument).
     #[must_use]
-    pub fn new(kind: Kind, subject: impl fmt::Display) -> Self {
+    pub fn new(kind: ErrorKind, subject: impl fmt::Display) -> Self {
         Self {
             kind,
             subject: subject.to_string(),
@@ -124,9 +127,10 @@ impl Error {
         }
     }
 
-    /// The operating system's refusal of something about `subject`.
+    /// Returns an error for a failed call to the operating system that concerns `subject`.
     ///
-    /// An error of this crate that went through a reader comes out as it was.
+    /// If `source` wraps an [`Error`] of this crate, the wrapped error is returned unchanged. A reader can return such a
+    /// `source`.
     #[must_use]
     pub fn io(subject: impl fmt::Display, source: std::io::Error) -> Self {
         let source = match source.downcast::<Self>() {
@@ -134,21 +138,23 @@ impl Error {
             Err(source) => source,
         };
         let kind = match source.kind() {
-            ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => Kind::Space,
-            ErrorKind::AlreadyExists => Kind::Exists,
-            ErrorKind::OutOfMemory => Kind::Memory,
-            _ => Kind::Io,
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+                ErrorKind::Space
+            }
+            io::ErrorKind::AlreadyExists => ErrorKind::Exists,
+            io::ErrorKind::OutOfMemory => ErrorKind::Memory,
+            _ => ErrorKind::Io,
         };
         let mut error = Self::new(kind, subject).found(&source);
         error = match source.kind() {
-            ErrorKind::FileTooLarge => error
+            io::ErrorKind::FileTooLarge => error
                 .expected("a file within the size limit of this process and of the file system")
                 .remedy("raise the limit (ulimit -f), or choose another file system"),
-            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
                 error.remedy("free some space, or choose another disk")
             }
-            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
-                error.remedy("give this user access to it, or choose another place")
+            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+                error.remedy("allow this user to access it, or choose another location")
             }
             _ => error,
         };
@@ -156,84 +162,99 @@ impl Error {
         error
     }
 
-    /// What was found.
+    /// Sets the description of what was found.
     #[must_use]
     pub fn found(mut self, found: impl fmt::Display) -> Self {
         self.found = found.to_string();
         self
     }
 
-    /// What was expected instead.
+    /// Sets the description of what was expected.
     #[must_use]
     pub fn expected(mut self, expected: impl fmt::Display) -> Self {
         self.expected = expected.to_string();
         self
     }
 
-    /// What the user can do about it.
+    /// Sets the action that solves the problem.
     #[must_use]
     pub fn remedy(mut self, remedy: impl fmt::Display) -> Self {
         self.remedy = remedy.to_string();
         self
     }
 
-    /// Refuses `what` where this build lacks the feature that it needs; `here` is whether it has it.
+    /// Returns an error about `what` unless `is_enabled` is true.
+    ///
+    /// `is_enabled` states whether this build includes `feature`, the feature that `what` requires.
     #[cfg(feature = "presets")]
-    pub fn require(what: impl fmt::Display, feature: &str, here: bool) -> Result<()> {
-        if here {
+    pub fn require_feature(what: impl fmt::Display, feature: &str, is_enabled: bool) -> Result<()> {
+        if is_enabled {
             return Ok(());
         }
-        Err(Self::new(Kind::Usage, what)
+        Err(Self::new(ErrorKind::Usage, what)
             .found(format_args!("a build without the feature '{feature}'"))
-            .expected("a build with it")
-            .remedy(format_args!("build with '--features {feature}', or with the default features")))
+            .expected("a build with this feature")
+            .remedy(format_args!("enable the Cargo feature '{feature}', or the default features")))
     }
 
-    /// Asks whether the nearest of `names` was meant, where one is near enough to `word`.
+    /// Sets the remedy to the element of `names` that is most similar to `word`. If no element is similar enough, the
+    /// remedy is unchanged.
     #[must_use]
-    pub fn or_nearest<'a>(self, word: &str, names: impl IntoIterator<Item = &'a str>) -> Self {
+    pub fn with_suggestion<'a>(self, word: &str, names: impl IntoIterator<Item = &'a str>) -> Self {
         match nearest::nearest(word, names) {
             Some(name) => self.remedy(format_args!("did you mean {name}?")),
             None => self,
         }
     }
 
-    /// The same error about something inside `outer`, as `outer: subject`.
+    /// Returns this error with `outer` and a colon before the subject: `outer: subject`.
     #[must_use]
-    pub fn within(mut self, outer: impl fmt::Display) -> Self {
+    pub fn with_context(mut self, outer: impl fmt::Display) -> Self {
         self.subject = format!("{outer}: {}", self.subject);
         self
     }
 
-    /// The same error where a file, and not the command line, has the wrong value.
+    /// Changes the kind `Usage` to `Config`, because the wrong value is in a file and not on the command line.
     #[cfg(feature = "presets")]
     pub const fn usage_as_config(mut self) -> Self {
-        if matches!(self.kind, Kind::Usage) {
-            self.kind = Kind::Config;
+        if matches!(self.kind, ErrorKind::Usage) {
+            self.kind = ErrorKind::Config;
         }
         self
     }
 
-    /// The sort of mistake.
+    /// Returns the kind of error.
     #[must_use]
-    pub const fn kind(&self) -> Kind {
+    pub const fn kind(&self) -> ErrorKind {
         self.kind
     }
 
-    /// The thing the error is about.
+    /// Returns the subject of the error.
     #[must_use]
-    pub fn subject(&self) -> &str {
-        &self.subject
+    pub fn subject(&self) -> Cow<'_, str> {
+        render_settings(&self.subject, &setting::quoted)
     }
 
-    /// Everything that it says.
+    /// Returns all parts of the message, with each [`Setting`] in backticks.
     #[must_use]
-    pub fn parts(&self) -> Parts<'_> {
-        let Self { kind, subject, found, expected, remedy, .. } = self;
-        Parts { kind: *kind, subject, found, expected, remedy }
+    pub fn parts(&self) -> ErrorParts<'_> {
+        self.render_parts(&setting::quoted)
     }
 
-    /// The operating system's refusal behind it, if there is one.
+    /// Returns all parts of the message, with the key of each [`Setting`] spelled by `spell`.
+    #[must_use]
+    pub fn render_parts(&self, spell: &dyn Fn(&str) -> String) -> ErrorParts<'_> {
+        let render = |part| render_settings(part, spell);
+        ErrorParts {
+            kind: self.kind,
+            subject: render(&self.subject),
+            found: render(&self.found),
+            expected: render(&self.expected),
+            remedy: render(&self.remedy),
+        }
+    }
+
+    /// Returns the error of the operating system that caused this error, or `None`.
     #[must_use]
     pub fn io_error(&self) -> Option<&std::io::Error> {
         self.source.as_ref()
@@ -241,8 +262,11 @@ impl Error {
 }
 
 impl Error {
-    /// The message, with all characters as they are in names and files.
-    pub fn raw_message(&self) -> String {
+    /// Returns the message with the key of each [`Setting`] spelled by `spell`.
+    ///
+    /// Characters of names and files are not escaped; see [`printable`].
+    #[must_use]
+    pub fn render(&self, spell: &dyn Fn(&str) -> String) -> String {
         let mut message = self.subject.clone();
         let subject = message.len();
         for (between, label, text) in
@@ -254,19 +278,22 @@ impl Error {
                 message += text;
             }
         }
-        message
+        render_settings(&message, spell).into_owned()
     }
 }
 
-/// The message on one channel to a person. Control characters, which a name or a file may hold, are escaped; see `printable`.
+/// Writes the message with control characters escaped by [`printable`], because names and files may contain control
+/// characters.
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&printable(&self.raw_message()))
+        f.write_str(&printable(&self.render(&setting::quoted)))
     }
 }
 
-/// `text` as a terminal may show it: control characters but line feeds and tabs, and characters that change the direction of
-/// text or are invisible separators of lines, are escaped as `\u{1b}`.
+/// Returns `text` in a form that is safe to print on a terminal.
+///
+/// Control characters other than line feeds and tabs are escaped in the form `\u{1b}`. Characters that change the
+/// direction of text and invisible line separators are escaped too.
 pub fn printable(text: &str) -> Cow<'_, str> {
     let is_unsafe = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')
@@ -291,7 +318,7 @@ mod tests {
 
     #[test]
     fn a_message_escapes_control_and_direction_characters() {
-        let error = Error::new(Kind::Input, "a\u{1b}[2J\u{9b}b").found("\u{202e}txt\r\u{7}");
+        let error = Error::new(ErrorKind::Input, "a\u{1b}[2J\u{9b}b").found("\u{202e}txt\r\u{7}");
         assert_eq!(error.to_string(), r"a\u{1b}[2J\u{9b}b: found \u{202e}txt\u{d}\u{7}");
         assert_eq!(error.subject(), "a\u{1b}[2J\u{9b}b");
     }
@@ -304,11 +331,11 @@ mod tests {
 
     #[cfg(feature = "presets")]
     #[test]
-    fn what_needs_a_missing_feature_names_it() {
-        assert!(Error::require("EXR pictures", "exr", true).is_ok());
-        let error = Error::require("EXR pictures", "exr", false).unwrap_err();
-        assert_eq!(error.kind(), Kind::Usage);
-        let said = error.to_string();
-        assert!(said.starts_with("EXR pictures") && said.contains("'--features exr'"), "{said}");
+    fn a_missing_feature_is_named() {
+        assert!(Error::require_feature("EXR pictures", "exr", true).is_ok());
+        let error = Error::require_feature("EXR pictures", "exr", false).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Usage);
+        let message = error.to_string();
+        assert!(message.starts_with("EXR pictures") && message.contains("Cargo feature 'exr'"), "{message}");
     }
 }

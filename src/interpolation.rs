@@ -1,6 +1,9 @@
-//! Values between samples.
+//! Interpolation between samples.
 
-/// Catmull-Rom weights of the four samples around a place `t`, 0 to 1, beyond the second.
+/// Returns the Catmull-Rom weights of four successive samples for the position `t` between the second and the third
+/// sample.
+///
+/// `t` is 0 at the second sample and 1 at the third sample.
 pub fn catmull_rom(t: f32) -> [f32; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [

@@ -1,6 +1,6 @@
-//! Methods that set one public field each, for options that others may grow by.
+//! A macro for builder methods of option types.
 
-/// `with_methods!(Options { with_seed: seed: u64 })` gives `Options::with_seed(self, u64) -> Self`.
+/// `with_methods!(Options { with_seed: seed: u64 })` defines `Options::with_seed(self, seed: u64) -> Self`.
 #[macro_export]
 macro_rules! with_methods {
     ($owner:ty { $($method:ident: $field:ident: $kind:ty),+ $(,)? }) => {

@@ -1,11 +1,10 @@
-//! Quantities with their units, as texts give them.
+//! Quantities with units, and the text form of quantities.
 //!
-//! Inside the crate a quantity is an `f64` in the unit that its name ends in
-//! (`capacitance_ff`, `dark_pa`). At the doors, in presets and on the command
-//! line, a quantity is a text such as `"4.348 fF"`; a bare number is only
-//! accepted where the quantity has no dimension.
+//! Inside the crate a quantity is an `f64`. The ending of its name states the unit (`capacitance_ff`, `dark_pa`).
+//! In presets and on the command line a quantity is a text such as `"4.348 fF"`. Only a dimensionless quantity may be a
+//! bare number.
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Charge of an electron in femtocoulombs (CODATA 2018, exact).
 pub(crate) const ELECTRON_FC: f64 = 1.602_176_634e-4;
@@ -16,8 +15,8 @@ pub const BOLTZMANN_J_PER_K: f64 = 1.380_649e-23;
 /// The unit in which a parameter is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
-    /// A ratio, a probability, a count: no dimension.
-    One,
+    /// No dimension: a ratio, a probability or a count.
+    Dimensionless,
     /// Volts.
     Volt,
     /// Femtofarads.
@@ -32,17 +31,17 @@ pub enum Unit {
     Hertz,
     /// Readout periods.
     Readout,
-    /// Electrons, or photons where the text says so.
+    /// Electrons, or photons if the parameter counts photons.
     Electron,
     /// Pixels.
     Pixel,
 }
 
-/// Suffixes and the factor that turns each into the stored unit.
+/// The symbols of a unit. Each symbol has the factor that converts a value with this symbol to the stored unit.
 type Suffixes = &'static [(&'static str, f64)];
 
 impl Unit {
-    /// The symbol of the stored unit; empty for [`Unit::One`].
+    /// Returns the symbol of the stored unit, which is empty for [`Unit::Dimensionless`].
     #[must_use]
     pub fn symbol(self) -> &'static str {
         self.suffixes().first().map_or("", |s| s.0)
@@ -50,7 +49,7 @@ impl Unit {
 
     fn suffixes(self) -> Suffixes {
         match self {
-            Self::One => &[],
+            Self::Dimensionless => &[],
             Self::Volt => &[("V", 1.0), ("mV", 1e-3), ("uV", 1e-6), ("nV", 1e-9)],
             Self::Femtofarad => &[("fF", 1.0), ("pF", 1e3), ("aF", 1e-3)],
             Self::Femtocoulomb => &[("fC", 1.0), ("pC", 1e3), ("aC", 1e-3)],
@@ -63,10 +62,12 @@ impl Unit {
         }
     }
 
-    /// Reads `text`, a number followed by one of this unit's symbols.
+    /// Parses `text`: a number followed by one of this unit's symbols.
+    ///
+    /// A dimensionless value has no symbol or the symbol `%`.
     ///
     /// # Errors
-    /// When the number cannot be read, is not finite, or the unit is missing or another.
+    /// Returns [`ErrorKind::Config`] if the number is malformed or not finite, or if its unit is missing or wrong.
     pub fn parse(self, text: &str) -> Result<f64> {
         let text = text.trim();
         let split = text
@@ -79,19 +80,19 @@ impl Unit {
             .map_or(text.len(), |(i, _)| i);
         let (number, suffix) = (text[..split].trim(), text[split..].trim());
         let value: f64 =
-            number.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| self.unreadable(text))?;
-        if matches!(self, Self::One) {
+            number.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| self.parse_error(text))?;
+        if matches!(self, Self::Dimensionless) {
             return match suffix {
                 "" => Ok(value),
                 "%" => Ok(value / 100.0),
-                _ => Err(self.unreadable(text)),
+                _ => Err(self.parse_error(text)),
             };
         }
         let factor = self.suffixes().iter().find(|s| s.0 == suffix);
-        factor.map(|&(_, factor)| value * factor).ok_or_else(|| self.unreadable(text))
+        factor.map(|&(_, factor)| value * factor).ok_or_else(|| self.parse_error(text))
     }
 
-    /// `value` with its symbol, as [`Unit::parse`] reads it back exactly.
+    /// Returns `value` with its symbol, in a form that [`Unit::parse`] reads back exactly.
     #[must_use]
     pub fn format(self, value: f64) -> String {
         match self.symbol() {
@@ -100,15 +101,15 @@ impl Unit {
         }
     }
 
-    fn unreadable(self, text: &str) -> Error {
+    fn parse_error(self, text: &str) -> Error {
         let expected = match self {
-            Self::One => "a number without a unit".to_owned(),
+            Self::Dimensionless => "a number without a unit".to_owned(),
             _ => {
                 let names: Vec<_> = self.suffixes().iter().map(|s| s.0).collect();
                 format!("a number with its unit ({})", names.join(", "))
             }
         };
-        Error::new(Kind::Config, "quantity").found(format_args!("\"{text}\"")).expected(expected)
+        Error::new(ErrorKind::Config, "quantity").found(format_args!("\"{text}\"")).expected(expected)
     }
 }
 
@@ -118,7 +119,7 @@ mod tests {
 
     #[test]
     fn a_printed_quantity_reads_back_to_the_same_bits() {
-        for unit in [Unit::Volt, Unit::Femtofarad, Unit::One, Unit::Hertz] {
+        for unit in [Unit::Volt, Unit::Femtofarad, Unit::Dimensionless, Unit::Hertz] {
             for value in [0.0, -0.0076, 1.0 / 3.0, 9.644e-9, 2e4] {
                 let text = unit.format(value);
                 assert_eq!(unit.parse(&text).unwrap().to_bits(), value.to_bits(), "{text}");
@@ -134,6 +135,6 @@ mod tests {
         for wrong in ["1", "1 A", "mV", "1 V V", "inf V", "nan V", ""] {
             assert!(Unit::Volt.parse(wrong).is_err(), "{wrong}");
         }
-        assert!(Unit::One.parse("3 V").is_err());
+        assert!(Unit::Dimensionless.parse("3 V").is_err());
     }
 }

@@ -1,48 +1,47 @@
-//! Parts of this package that its sibling packages and its tests use.
+//! Internal modules that the sibling packages and the tests of this package use.
 //!
-//! Nothing here is a promise: any release may change or remove it. If you need something from here in a program of your own,
-//! ask for a public item.
+//! Any release may change or remove these items. If your program needs one of these items, ask for a public replacement.
 
 pub use crate::setters::with_methods;
 
-/// Draws of random numbers that have an address.
+/// Random draws that depend only on seed, stream, pixel and readout.
 pub mod draws {
     pub use crate::draws::*;
 }
-/// Opening inputs, names from files, and memory whose size comes from an input.
+/// Input files, file names from inputs, and allocations whose size depends on an input.
 pub mod inputs {
     pub use crate::inputs::*;
 }
-/// Values between samples.
+/// Interpolation between samples.
 pub mod interpolation {
     pub use crate::interpolation::*;
 }
-/// The loops that make bits, and those that read them.
+/// Loops that write and read spike bits.
 pub mod kernels {
     pub use crate::kernels::*;
 }
-/// Arrays of NumPy.
+/// NumPy arrays.
 pub mod npy {
     pub use crate::npy::*;
 }
-/// A camera as integer tables.
+/// Cameras compiled to integer tables.
 pub mod plan {
     pub use crate::plan::*;
 }
-/// Parallel work, and requests to stop it.
+/// Parallel loops, and requests to stop these loops.
 pub mod threads {
     pub use crate::threads::*;
 }
-/// Light of stored pictures.
+/// Light of stored images.
 pub mod light {
-    pub use crate::light::frame::stored_size;
+    pub use crate::light::frame::declared_geometry;
     pub use crate::light::transfer::srgb_byte;
 }
-/// Pieces of a run.
+/// The division of a run into segments.
 pub mod simulate {
-    pub use crate::simulate::segments::stops_before;
+    pub use crate::simulate::segments::ends_batch_before;
 }
-/// The built-in chart in parts.
+/// Parts of the built-in test chart.
 pub mod chart {
-    pub use crate::light::moving::chart::*;
+    pub use crate::light::builtin::chart::*;
 }

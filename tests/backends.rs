@@ -1,18 +1,19 @@
-//! Every backend equals the reference bit for bit, for any plan, size, tile and light.
+//! Every backend returns the bits of the reference kernel, for random plans, sizes, tiles and light.
 
+use spikelane::Light;
+use spikelane::SimulatorOptions;
 use std::sync::Once;
 
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
-use spikelane::Simulator;
+use spikelane::FrameRef;
 use spikelane::effects::{self, Camera};
 use spikelane::sensor::Sensor;
-use spikelane::simulate::FrameRef;
 use spikelane::unstable::draws::Seeds;
-use spikelane::unstable::kernels::{self, Backend, Batch, Job, Light, Samples, Segment};
-use spikelane::unstable::plan::{Plan, State};
+use spikelane::unstable::kernels::{self, Backend, Batch, Job, Samples, Segment, SegmentLight};
+use spikelane::unstable::plan::{Plan, SimulatorState};
 
-/// Light of one run: two frames in one of the three sample types.
+/// The light of a run: two frames with equal sample types.
 #[derive(Clone, Debug)]
 enum Frames {
     U8(Vec<u8>, Vec<u8>),
@@ -41,36 +42,41 @@ fn frames(pixels: usize) -> impl Strategy<Value = Frames> {
     ]
 }
 
-/// Whether plans with this effect leave the common bodies.
-fn is_further(definition: &'static effects::Definition) -> bool {
-    let camera = Camera::ideal(Sensor::new(4, 4, 20_000.0).unwrap()).with(dark()).with(definition.typical());
-    Plan::with_light(&camera, Seeds::default(), 0.5).unwrap().moving().is_some()
+/// Returns whether plans with this effect have dynamics, which the common kernel bodies do not support.
+fn has_dynamics(definition: &'static effects::Definition) -> bool {
+    let camera = Camera::ideal(Sensor::new(4, 4, 20_000.0).unwrap())
+        .with_effect(dark())
+        .with_effect(definition.typical());
+    Plan::with_max_light(&camera, Seeds::default(), 0.5).unwrap().dynamics().is_some()
 }
 
-/// What telegraph noise needs to show.
+/// Returns a dark current, which telegraph noise needs to have an effect.
 fn dark() -> effects::Effect {
     effects::find("dark_current").unwrap().typical()
 }
 
-/// A camera with a random subset of all effects, at random strengths up to twice the typical; every
-/// second one has no operation beyond those of the common bodies, the others have some.
+/// Returns a camera with a random subset of all effects. The strengths are random, up to twice the typical strengths.
+///
+/// Half of the cameras use only operations that the common kernel bodies support. The other cameras also use other
+/// operations.
 fn camera(width: u32, height: u32) -> impl Strategy<Value = Camera> {
     let strengths = proptest::collection::vec((any::<bool>(), 0.0..2.0f64, 0..4u8), effects::ALL.len());
-    let further: Vec<bool> = effects::ALL.iter().map(|d| is_further(d)).collect();
+    let further: Vec<bool> = effects::ALL.iter().map(|d| has_dynamics(d)).collect();
     (any::<bool>(), strengths).prop_map(move |(beyond, strengths)| {
         let mut camera = Camera::ideal(Sensor::new(width, height, 20_000.0).unwrap());
         let all = effects::ALL.iter().zip(strengths).zip(&further);
         for ((definition, (present, strength, choice)), further) in all {
             if present && (beyond || !further) {
                 let anywhere = *further && choice == 3;
-                camera = camera.with(effect(definition, strength, choice, anywhere));
+                camera = camera.with_effect(effect(definition, strength, choice, anywhere));
             }
         }
         camera
     })
 }
 
-/// At `strength` times the typical distance from neutral, or `anywhere` in the parameters' ranges.
+/// Returns an effect whose parameters differ from neutral by `strength` times the typical difference. With `anywhere`,
+/// the parameters are random values within their ranges.
 fn effect(
     definition: &'static effects::Definition,
     strength: f64,
@@ -79,38 +85,42 @@ fn effect(
 ) -> effects::Effect {
     let mut effect = definition.neutral();
     for param in definition.params {
-        let value = match param.form {
-            effects::definition::Form::Choice(words) => f64::from(choice % words.len() as u8),
-            effects::definition::Form::Number { low, high, .. } if anywhere => {
+        let value = match param.kind {
+            effects::definition::ParamKind::Choice(words) => f64::from(choice % words.len() as u8),
+            effects::definition::ParamKind::Number { low, high, .. } if anywhere => {
                 low + (high - low) * strength / 2.0
             }
-            effects::definition::Form::Number { low, high, .. } if param.neutral.is_finite() => {
+            effects::definition::ParamKind::Number { low, high, .. } if param.neutral.is_finite() => {
                 (param.neutral + strength * (param.typical - param.neutral)).clamp(low, high)
             }
-            effects::definition::Form::Number { .. } => 1.0 + strength,
+            effects::definition::ParamKind::Number { .. } => 1.0 + strength,
         };
-        effect = effect.with(param.key, value).unwrap();
+        effect = effect.with_value(param.key, value).unwrap();
     }
     effect
 }
 
-/// Runs `readouts` in tiles of `tile`: some held, some between frames.
+/// Runs `readouts` readouts in tiles of `tile` pixels, first under constant light and then under interpolated light.
 fn run(
     plan: &Plan,
     frames: &Frames,
     readouts: usize,
     tile: usize,
     backend: Backend,
-) -> (Vec<Vec<u8>>, State) {
+) -> (Vec<Vec<u8>>, SimulatorState) {
     let (from, to) = frames.pair();
     let held = readouts / 2;
     let weights: Vec<f32> = (0..readouts - held).map(|i| i as f32 / 64.0).collect();
-    let segments = [Segment { readouts: held, light: Light::Held(from) }, between((from, to), &weights)];
-    if plan.couples() {
-        // The simulator sees to the neighbours; cut more finely, one readout at a time.
-        return coupled(plan, &segments, if tile > 64 { 1 } else { readouts }, backend);
+    let segments = [
+        Segment { readouts: held, light: SegmentLight::Hold(from) },
+        interpolated_segment((from, to), &weights),
+    ];
+    if plan.has_coupled_pixels() {
+        // Only the simulator exchanges spikes between neighbors. Instead of small tiles, the test runs one readout at a
+        // time.
+        return run_coupled(plan, &segments, if tile > 64 { 1 } else { readouts }, backend);
     }
-    let mut state = plan.start();
+    let mut state = plan.initial_state();
     let batch = Batch::new(plan, 0, &segments);
     let outs = state
         .tiles(tile)
@@ -126,9 +136,14 @@ fn run(
     (outs, state)
 }
 
-/// Segments through the simulator, at most `most` readouts at a time; readouts that are lost are missing in the bits.
-fn coupled(plan: &Plan, segments: &[Segment<'_>], most: usize, backend: Backend) -> (Vec<Vec<u8>>, State) {
-    let mut simulator = Simulator::of_plan(plan.clone()).with_backend(backend).unwrap();
+/// Runs segments with the simulator, at most `most` readouts at a time. Dropped readouts are not in the result.
+fn run_coupled(
+    plan: &Plan,
+    segments: &[Segment<'_>],
+    most: usize,
+    backend: Backend,
+) -> (Vec<Vec<u8>>, SimulatorState) {
+    let mut simulator = SimulatorOptions::new().backend(backend).build_from_plan(plan.clone()).unwrap();
     let geometry = plan.geometry();
     let bytes = geometry.frame_bytes();
     let mut bits = Vec::new();
@@ -137,13 +152,13 @@ fn coupled(plan: &Plan, segments: &[Segment<'_>], most: usize, backend: Backend)
             let readouts = most.min(segment.readouts - first);
             let mut out = vec![0xa5; readouts * bytes];
             let kept = match segment.light {
-                Light::Held(samples) => {
-                    simulator.expose(FrameRef::dense(samples, geometry), readouts, &mut out).unwrap()
+                SegmentLight::Hold(samples) => {
+                    simulator.advance(FrameRef::new(samples), readouts, &mut out).unwrap()
                 }
-                Light::Between { from, to, weights } => {
-                    let (from, to) = (FrameRef::dense(from, geometry), FrameRef::dense(to, geometry));
+                SegmentLight::Linear { from, to, weights } => {
+                    let (from, to) = (FrameRef::new(from), FrameRef::new(to));
                     let weights = &weights[first..first + readouts];
-                    simulator.expose_between(from, to, weights, &mut out).unwrap()
+                    simulator.advance(Light::linear(from, to, weights), weights.len(), &mut out).unwrap()
                 }
             };
             bits.extend(out.chunks(bytes).take(kept).map(<[u8]>::to_vec));
@@ -152,19 +167,20 @@ fn coupled(plan: &Plan, segments: &[Segment<'_>], most: usize, backend: Backend)
     (bits, simulator.state().clone())
 }
 
-fn between<'a>((from, to): (Samples<'a>, Samples<'a>), weights: &'a [f32]) -> Segment<'a> {
-    Segment { readouts: weights.len(), light: Light::Between { from, to, weights } }
+fn interpolated_segment<'a>((from, to): (Samples<'a>, Samples<'a>), weights: &'a [f32]) -> Segment<'a> {
+    Segment { readouts: weights.len(), light: SegmentLight::Linear { from, to, weights } }
 }
 
-/// What is compared with the reference; a test asks for it at every case, and a skip is said once.
-fn vectors() -> impl Iterator<Item = Backend> {
-    static SAID: Once = Once::new();
-    SAID.call_once(|| {
-        for b in Backend::ALL.into_iter().filter(|b| !b.available()) {
+/// Returns the available backends other than the reference. Every test case calls this function, so unavailable backends
+/// are reported only once.
+fn vector_backends() -> impl Iterator<Item = Backend> {
+    static SKIP_NOTICE: Once = Once::new();
+    SKIP_NOTICE.call_once(|| {
+        for b in Backend::ALL.into_iter().filter(|b| !b.is_available()) {
             eprintln!("skipped backend {b}: this CPU lacks its instructions");
         }
     });
-    Backend::ALL.into_iter().skip(1).filter(|b| b.available())
+    Backend::ALL.into_iter().skip(1).filter(|b| b.is_available())
 }
 
 #[test]
@@ -174,7 +190,7 @@ fn required_backends_are_available() {
         return;
     };
     for name in required.split(',').filter(|n| !n.is_empty()) {
-        assert!(Backend::parse(name).unwrap().available(), "{name}");
+        assert!(Backend::parse(name).unwrap().is_available(), "{name}");
     }
 }
 
@@ -190,30 +206,31 @@ proptest! {
         tile in 1usize..4,
     ) {
         let seeds = Seeds { camera: 7, shot, sequence: 1 };
-        let plan = match Plan::with_light(&camera, seeds, greatest) {
+        let plan = match Plan::with_max_light(&camera, seeds, greatest) {
             Ok(plan) => plan,
-            // A camera that the fixed point cannot hold is refused, not approximated.
+            // If the values of a camera do not fit in fixed-point arithmetic, planning must fail instead of
+            // approximating the camera.
             Err(_) => return Ok(()),
         };
         let expected = run(&plan, &frames, readouts, 64, Backend::Reference);
-        for backend in vectors() {
+        for backend in vector_backends() {
             let found = run(&plan, &frames, readouts, 64, backend);
             prop_assert_eq!(&expected, &found, "{}", backend);
         }
         let (bits, state) = run(&plan, &frames, readouts, tile * 64, Backend::Reference);
         prop_assert_eq!(&expected.1, &state, "tile {}", tile);
-        prop_assert!(!plan.couples() || expected.0 == bits, "bits of one readout at a time");
+        prop_assert!(!plan.has_coupled_pixels() || expected.0 == bits, "bits of one readout at a time");
     }
 }
 
 #[test]
 fn most_random_cameras_can_be_planned_and_fire() {
-    // The comparison above skips refused plans; this one sees that few are.
+    // The comparison above skips rejected plans. This test ensures that few plans are rejected.
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let (mut planned, mut fired) = (0, 0);
     for _ in 0..100 {
         let camera = camera(40, 3).new_tree(&mut runner).unwrap().current();
-        let Ok(plan) = Plan::with_light(&camera, Seeds::default(), 1.2) else { continue };
+        let Ok(plan) = Plan::with_max_light(&camera, Seeds::default(), 1.2) else { continue };
         planned += 1;
         let frames = Frames::U8(vec![90; 120], vec![200; 120]);
         let (bits, _) = run(&plan, &frames, 40, 64, Backend::Reference);
@@ -226,43 +243,44 @@ fn most_random_cameras_can_be_planned_and_fire() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
 
-    /// Pixels up to three times above full scale, whose store grows until resets lose what comes in, then dim ones, which
-    /// empty it; random cameras hardly ever hold a threshold that a reset could lose.
+    /// The stored charge grows under light of up to three full scales until resets lose as much charge as the light adds.
+    /// Dim light then empties the pixels. Random cameras rarely store so much surplus that one reset loses a whole
+    /// threshold of surplus.
     #[test]
     fn resets_that_lose_surplus_do_so_alike_on_every_backend(
         lost in prop_oneof![0.003f64..0.05, 0.05f64..1.0],
         bright in 1.1f32..3.0,
         dim in 0.0f32..0.3,
-        redraw in prop_oneof![Just("every-readout"), Just("every-reset")],
+        noise_sampling in prop_oneof![Just("every-readout"), Just("every-reset")],
         noise in prop_oneof![Just(0.0), 1e-4f64..1e-3, 1e-3f64..0.05],
         leaks in any::<bool>(),
         seed in any::<u64>(),
     ) {
         let typical = |name: &str| effects::find(name).unwrap().typical();
-        let noise = typical("thermal_noise").with("sigma", noise).unwrap();
+        let noise = typical("thermal_noise").with_value("sigma", noise).unwrap();
         let mut camera = Camera::ideal(Sensor::new(71, 1, 20_000.0).unwrap())
-            .with(typical("prnu"))
-            .with(typical("shot_noise"))
-            .with(noise.with_text("redraw", redraw).unwrap())
-            .with(effects::find("partial_reset").unwrap().neutral().with("lost_remainder", lost).unwrap());
+            .with_effect(typical("prnu"))
+            .with_effect(typical("shot_noise"))
+            .with_effect(noise.with_text("noise_sampling", noise_sampling).unwrap())
+            .with_effect(effects::find("partial_reset").unwrap().neutral().with_value("lost_remainder", lost).unwrap());
         if leaks {
-            camera = camera.with(typical("leak"));
+            camera = camera.with_effect(typical("leak"));
         }
-        let plan = Plan::with_light(&camera, Seeds { shot: seed, ..Seeds::default() }, 3.0).unwrap();
+        let plan = Plan::with_max_light(&camera, Seeds { shot: seed, ..Seeds::default() }, 3.0).unwrap();
         let frames = Frames::F32(vec![bright; 71], vec![dim; 71]);
         let expected = run(&plan, &frames, 120, 64, Backend::Reference);
-        for backend in vectors() {
+        for backend in vector_backends() {
             prop_assert_eq!(&expected, &run(&plan, &frames, 120, 64, backend), "{}", backend);
         }
     }
 
-    /// Where light is held, a backend may draw the counts of many readouts together: every length around
-    /// the borders of such a block, at means from a tenth of a quantum to the change-over to normal noise.
+    /// Under constant light, a backend may draw the counts of a block of readouts together. The test covers every length
+    /// near the boundaries of a block. The mean counts are between 0.1 quanta and the transition to normal noise.
     #[test]
     fn counts_of_few_quanta_do_not_depend_on_how_many_readouts_are_held(
         quanta in 0.1f64..75.0,
         spread in 0.0f64..0.5,
-        redraw in prop_oneof![Just("every-readout"), Just("every-reset")],
+        noise_sampling in prop_oneof![Just("every-readout"), Just("every-reset")],
         spurious in any::<bool>(),
         late in any::<[bool; 2]>(),
         readouts in prop_oneof![1usize..40, 60usize..70, 120usize..140],
@@ -271,33 +289,33 @@ proptest! {
         let typical = |name: &str| effects::find(name).unwrap().typical();
         let shot = typical("shot_noise");
         let mut camera = Camera::ideal(Sensor::new(71, 3, 20_000.0).unwrap())
-            .with(shot)
-            .with(typical("saturation_clamp"))
-            .with(typical("prnu").with("sigma", spread).unwrap())
-            .with(typical("thermal_noise").with_text("redraw", redraw).unwrap());
+            .with_effect(shot)
+            .with_effect(typical("saturation_clamp"))
+            .with_effect(typical("prnu").with_value("sigma", spread).unwrap())
+            .with_effect(typical("thermal_noise").with_text("noise_sampling", noise_sampling).unwrap());
         if spurious {
-            camera = camera.with(typical("false_spikes"));
+            camera = camera.with_effect(typical("false_spikes"));
         }
         for (name, there) in ["correlated_shot_noise", "readout_jitter"].into_iter().zip(late) {
             if there {
-                camera = camera.with(typical(name));
+                camera = camera.with_effect(typical(name));
             }
         }
         let seeds = Seeds { shot: seed, ..Seeds::default() };
-        let plan = Plan::with_light(&camera, seeds, 1.0).unwrap();
-        // Light that gives about as many quanta a readout; never none of them.
+        let plan = Plan::with_max_light(&camera, seeds, 1.0).unwrap();
+        // The light gives about `quanta` quanta per readout, which is more than zero.
         let per_unit = f64::from(plan.tables().shot.as_ref().unwrap().light[0]) * 255.0;
         let light = (quanta / per_unit).min(1.0) as f32;
         let frames = Frames::F32(vec![light; 213], vec![light * 0.5; 213]);
         let expected = run(&plan, &frames, 2 * readouts, 64, Backend::Reference);
-        for backend in vectors() {
+        for backend in vector_backends() {
             prop_assert_eq!(&expected, &run(&plan, &frames, 2 * readouts, 64, backend), "{}", backend);
         }
     }
 }
 
-/// What may stand beside the noise of a camera under held light, each by itself or none.
-const BESIDE: [Option<&str>; 17] = [
+/// The additional effects. A camera has its noise and at most one additional effect, under constant light.
+const EXTRA_EFFECTS: [Option<&str>; 17] = [
     None,
     Some("missed_spikes"),
     Some("false_spikes"),
@@ -320,8 +338,8 @@ const BESIDE: [Option<&str>; 17] = [
 proptest! {
     #![proptest_config(ProptestConfig { cases: 384, ..ProptestConfig::default() })]
 
-    /// Backends count no surplus where none can come: from far below full scale to above it, and when the light changes from one to
-    /// the other.
+    /// A backend does not count surplus if surplus is impossible. The light is far below full scale, above full scale, or
+    /// changes between several levels.
     #[test]
     fn held_and_moving_light_gives_the_same_bits_on_every_backend(
         levels in proptest::collection::vec(prop_oneof![Just(0.0f32), 0.0f32..0.5, 0.6f32..1.3], 1..4),
@@ -331,57 +349,57 @@ proptest! {
         clamped in any::<bool>(),
         dark_quanta in any::<bool>(),
         moves in any::<bool>(),
-        beside in 0..BESIDE.len(),
-        redraw in prop_oneof![Just("every-readout"), Just("every-reset")],
+        beside in 0..EXTRA_EFFECTS.len(),
+        noise_sampling in prop_oneof![Just("every-readout"), Just("every-reset")],
         width in 60u32..150,
         readouts in 1usize..150,
         seed in any::<u64>(),
     ) {
         let typical = |name: &str| effects::find(name).unwrap().typical();
-        let with = |name: &str, key: &str, value: f64| effects::find(name).unwrap().neutral().with(key, value).unwrap();
-        let noise = with("thermal_noise", "sigma", noise).with_text("redraw", redraw).unwrap();
+        let with = |name: &str, key: &str, value: f64| effects::find(name).unwrap().neutral().with_value(key, value).unwrap();
+        let noise = with("thermal_noise", "sigma", noise).with_text("noise_sampling", noise_sampling).unwrap();
         let mut camera = Camera::ideal(Sensor::new(width, 2, 20_000.0).unwrap())
-            .with(typical("prnu"))
-            .with(typical("bias_voltage"))
-            .with(typical("start_phase"))
-            .with(dark())
-            .with(noise)
-            .with(with("dead_time", "lost_fraction", lost));
+            .with_effect(typical("prnu"))
+            .with_effect(typical("bias_voltage"))
+            .with_effect(typical("start_phase"))
+            .with_effect(dark())
+            .with_effect(noise)
+            .with_effect(with("dead_time", "lost_fraction", lost));
         if quanta {
-            camera = camera.with(typical("shot_noise"));
+            camera = camera.with_effect(typical("shot_noise"));
         }
         if clamped {
-            camera = camera.with(typical("saturation_clamp"));
+            camera = camera.with_effect(typical("saturation_clamp"));
         }
         if dark_quanta {
-            camera = camera.with(typical("dark_shot_noise"));
+            camera = camera.with_effect(typical("dark_shot_noise"));
         }
-        if let Some(name) = BESIDE[beside] {
-            camera = camera.with(typical(name));
+        if let Some(name) = EXTRA_EFFECTS[beside] {
+            camera = camera.with_effect(typical(name));
         }
-        let plan = Plan::with_light(&camera, Seeds { camera: seed, shot: seed, sequence: 0 }, 1.3).unwrap();
+        let plan = Plan::with_max_light(&camera, Seeds { camera: seed, shot: seed, sequence: 0 }, 1.3).unwrap();
         let stream = |backend: Backend| {
-            let mut simulator = Simulator::of_plan(plan.clone()).with_backend(backend).unwrap();
+            let mut simulator = SimulatorOptions::new().backend(backend).build_from_plan(plan.clone()).unwrap();
             let geometry = plan.geometry();
             let mut bits = vec![0; levels.len() * readouts * geometry.frame_bytes()];
-            // From one level to the next, and from the last to the first.
+            // The light changes from each level to the next level, and from the last level to the first level.
             let next = levels.iter().cycle().skip(1);
             let weights: Vec<f32> = (0..readouts).map(|t| t as f32 / readouts as f32).collect();
             for ((level, next), out) in levels.iter().zip(next).zip(bits.chunks_mut(readouts * geometry.frame_bytes())) {
                 let [from, to] = [level, next].map(|level| vec![*level; geometry.pixels()]);
-                let [from, to] = [&from, &to].map(|frame| FrameRef::f32(frame, geometry));
+                let [from, to] = [&from, &to].map(FrameRef::new);
                 let done = if moves {
-                    simulator.expose_between(from, to, &weights, out).map(drop)
+                    simulator.advance(Light::linear(from, to, &weights), weights.len(), out).map(drop)
                 } else {
-                    simulator.push(from, out)
+                    simulator.fill(from, out)
                 };
                 done.unwrap();
             }
             (bits, simulator.state().clone())
         };
         let expected = stream(Backend::Reference);
-        for backend in vectors() {
-            prop_assert!(expected == stream(backend), "{} beside {:?}", backend, BESIDE[beside]);
+        for backend in vector_backends() {
+            prop_assert!(expected == stream(backend), "{} beside {:?}", backend, EXTRA_EFFECTS[beside]);
         }
     }
 }

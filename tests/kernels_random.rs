@@ -1,50 +1,53 @@
-//! Whether the words that the kernels draw are correlated in the directions in
-//! which the kernels use them. Dieharder's results are in `docs/why/random.md`.
+//! Tests for correlations of the kernels' random words along pixels, along readouts and between streams.
 //!
-//! Every comparison is the mean of `n` products of two values of mean 0 and
-//! variance 1, which has standard deviation `1 / sqrt(n)` when they are
-//! independent. The bound is five of them: 6e-7 per comparison by chance, so
-//! below 1e-4 for all 130 here. With the seeds fixed it is no chance at all.
+//! `docs/why/random.md` contains the results of Dieharder.
+//!
+//! Every comparison is the mean of `n` products of two values with mean 0 and variance 1. For independent values, the
+//! mean product has the standard deviation `1 / sqrt(n)`. The bound is five standard deviations. Chance exceeds this
+//! bound with probability 6e-7 per comparison, and below 1e-4 for all 130 comparisons together. The seeds are fixed, so
+//! the result is deterministic.
 
-use spikelane::unstable::draws::hash::{Clock, bits, half, key};
-use spikelane::unstable::draws::{Seeds, Stream, gauss};
+use spikelane::unstable::draws::hash::{CounterRng, address_key, hash_bits, pixel_half};
+use spikelane::unstable::draws::{RandomStream, Seeds, gauss};
 
 const PIXELS: usize = 100_000;
 const READOUTS: usize = 100;
 
-/// Values of all pixels at every readout.
+/// One value per pixel for each readout.
 type Field = Vec<Vec<f32>>;
 
-fn words(stream: &str, value: impl Fn(u16) -> f32) -> Field {
+fn draw_field(stream: &str, value: impl Fn(u16) -> f32) -> Field {
     let seeds = Seeds { camera: 1, shot: 5, sequence: 2 };
-    let clock = Clock::new(seeds, Stream::named(stream));
+    let clock = CounterRng::new(seeds, RandomStream::from_name(stream));
     let readout = |t: usize| {
-        let round = clock.round(t as u64);
-        (0..PIXELS).map(|p| value(half(bits(key(p as u32 / 2), round), p))).collect()
+        let round = clock.round_key(t as u64);
+        (0..PIXELS).map(|p| value(pixel_half(hash_bits(address_key(p as u32 / 2), round), p))).collect()
     };
     (0..READOUTS).map(readout).collect()
 }
 
-/// Mean 0 and variance 1 for uniform bits: the variance of 65,536 steps is (2^32 - 1) / 12.
+/// Converts uniform bits to a value with mean 0 and variance 1. The variance of 65,536 equally likely integers is (2^32 -
+/// 1) / 12.
 fn uniform(bits: u16) -> f32 {
     ((f64::from(bits) - 32_767.5) / (4_294_967_295.0f64 / 12.0).sqrt()) as f32
 }
 
 fn normal(bits: u16) -> f32 {
-    (f64::from(gauss::unit(bits)) / gauss::SCALE) as f32
+    (f64::from(gauss::draw(bits)) / gauss::STD_DEV) as f32
 }
 
-/// How wild the draw is: its square, less one, over the root of kurtosis less one (3.0013 - 1).
+/// Returns the normalized square of a normal draw, `(z^2 - 1) / sqrt(k - 1)`, where `k = 3.0013` is the kurtosis of the
+/// draw.
 fn spread(bits: u16) -> f32 {
     (normal(bits).powi(2) - 1.0) / 2.0013f32.sqrt()
 }
 
-/// Deviations of the mean product from zero, in standard deviations.
+/// Returns the mean product divided by its standard deviation.
 fn sigmas<'a>(pairs: impl Iterator<Item = (&'a [f32], &'a [f32])>) -> f64 {
     let (mut sum, mut count) = (0.0, 0usize);
     for (a, b) in pairs {
         let n = a.len().min(b.len());
-        // Short runs in f32, so that lanes can do them; their error is far below the bound.
+        // A sum of 1,000 values in f32 uses vector lanes. Its rounding error is far below the bound.
         for (a, b) in a[..n].chunks(1000).zip(b[..n].chunks(1000)) {
             sum += f64::from(a.iter().zip(b).map(|(x, y)| x * y).sum::<f32>());
         }
@@ -66,10 +69,10 @@ fn check(found: f64, what: &str) {
 }
 
 #[test]
-fn neighbours_are_uncorrelated() {
+fn neighbors_are_uncorrelated() {
     for value in [uniform as fn(u16) -> f32, spread] {
-        let field = words("shot_noise", value);
-        // Every distance within a vector, a row of the sensor, and a tile.
+        let field = draw_field("shot_noise", value);
+        // The distances are all distances within a vector, the width of a sensor, and the size of a tile.
         for lag in (1..=32).chain([400, 4096]) {
             check(along_pixels(&field, lag), &format!("{lag} pixels apart"));
         }
@@ -79,7 +82,7 @@ fn neighbours_are_uncorrelated() {
 #[test]
 fn the_two_pixels_of_a_word_are_uncorrelated() {
     for value in [uniform as fn(u16) -> f32, spread] {
-        let field = words("thermal_noise", value);
+        let field = draw_field("thermal_noise", value);
         let even: Field = field.iter().map(|row| row.iter().step_by(2).copied().collect()).collect();
         let odd: Field = field.iter().map(|row| row.iter().skip(1).step_by(2).copied().collect()).collect();
         check(sigmas(even.iter().zip(&odd).map(|(a, b)| (&a[..], &b[..]))), "low and high half");
@@ -89,7 +92,7 @@ fn the_two_pixels_of_a_word_are_uncorrelated() {
 #[test]
 fn readouts_are_uncorrelated() {
     for value in [uniform as fn(u16) -> f32, spread] {
-        let field = words("shot_noise", value);
+        let field = draw_field("shot_noise", value);
         for lag in 1..=24 {
             check(along_readouts(&field, lag), &format!("{lag} readouts apart"));
         }
@@ -99,7 +102,7 @@ fn readouts_are_uncorrelated() {
 #[test]
 fn streams_are_uncorrelated() {
     for value in [uniform as fn(u16) -> f32, spread] {
-        let (shot, thermal) = (words("shot_noise", value), words("thermal_noise", value));
+        let (shot, thermal) = (draw_field("shot_noise", value), draw_field("thermal_noise", value));
         let both = |a: &[Vec<f32>], b: &[Vec<f32>]| {
             let n = a.len().min(b.len());
             sigmas(a[..n].iter().zip(&b[..n]).map(|(a, b)| (&a[..], &b[..])))
@@ -113,8 +116,8 @@ fn streams_are_uncorrelated() {
 
 #[test]
 fn a_correlation_of_three_in_a_thousand_would_be_seen() {
-    // n = 1e7 products: three in a thousand are 9.5 standard deviations.
-    let mut field = words("shot_noise", normal);
+    // With n = 1e7 products, a correlation of 0.003 equals 9.5 standard deviations.
+    let mut field = draw_field("shot_noise", normal);
     for row in &mut field {
         for p in (0..PIXELS - 1).step_by(333) {
             row[p + 1] = row[p];

@@ -34,8 +34,8 @@ mount -t tmpfs -o size=192k tmpfs "$work/disk" 2>/dev/null && mounted=yes
 
 make_inputs
 # 400 kB as a stream, more than the small disk.
-quiet simulate --source chart --width 64 --height 50 --readouts 1000 -o in/a
-quiet dataset plan $tiny -o in/plan --per-shard 1
+quiet simulate --builtin-light chart --width 64 --height 50 --readouts 1000 -o in/a
+quiet dataset plan $tiny -o in/plan --sequences-per-shard 1
 chmod -R a+rX in
 
 failed=0
@@ -112,8 +112,8 @@ row() {
     for note in "${notes[@]}"; do wrong "$note"; done
 }
 
-row simulate "simulate --source chart --width 64 --height 50 --readouts 1000 --clean -o OUT/a"
-row "simulate --images-every" "simulate --source chart --width 64 --height 50 --readouts 400 --images-every 1 -o OUT/a"
+row simulate "simulate --builtin-light chart --width 64 --height 50 --readouts 1000 --clean -o OUT/a"
+row "simulate --images-every" "simulate --builtin-light chart --width 64 --height 50 --readouts 400 --images-every 1 -o OUT/a"
 row "simulate (video in)" "simulate in/p1.png --motion pan=5,5 --width 64 --height 64 --readouts 1000 -o OUT/a"
 row inspect "inspect in/a.dat --png OUT/a.png --digest"
 row convert "convert in/a.dat OUT/a.npy"
@@ -126,17 +126,17 @@ row evaluate "evaluate in/a.dat"
 row measure "measure in/a.dat --report OUT/a.html"
 row record "record --width 64 --height 48 --readouts 200 -o OUT/set"
 row calibrate "calibrate in/set.toml -o OUT/made"
-row compare "compare in/set.toml ideal --longest 50 -o OUT/made"
+row compare "compare in/set.toml ideal --max-readouts 50 -o OUT/made"
 row diagnose "diagnose in/set.toml --camera physical -o OUT/made"
 row scene "scene --width 200 --height 120 --frames 3 -o OUT/scene"
-row dataset "dataset --kind tiny --sequences 3 --images 40 --label-every 2 $small -o OUT/set"
-row "dataset plan" "dataset plan $tiny -o OUT/plan --per-shard 1"
-row "dataset run" "dataset run OUT --shard all" plan
+row dataset "dataset --scene-preset tiny --sequences 3 --images-per-scene 40 --label-every 2 $small -o OUT/set"
+row "dataset plan" "dataset plan $tiny -o OUT/plan --sequences-per-shard 1"
+row "dataset run" "dataset run OUT --shards all" plan
 row "dataset merge" "dataset merge OUT" merge
 row "dataset stats" "dataset stats in/whole --report OUT/a.html"
 row "preset show -o" "preset show vidar-measured -o OUT/camera"
 row effects "effects"
-row man "man --dir OUT/man"
+row man "man --output OUT/man"
 row partials "partials in"
 rm -rf "$work/free/place" "$work/disk/place"
 

@@ -11,7 +11,7 @@ quiet() {
 }
 
 small="--width 32 --height 24"
-tiny="--kind tiny --sequences 2 --images 3 --label-every 2 $small"
+tiny="--scene-preset tiny --sequences 2 --images-per-scene 3 --label-every 2 $small"
 
 # Pictures, a recording set, a data set and a plan whose shards are made.
 make_inputs() {
@@ -34,7 +34,7 @@ PY
     for i in 0 1 2; do
         quiet simulate in/p$i.png --transfer linear --width 8 --height 8 --readouts 1100 -o in/r$i
     done
-    quiet dataset plan $tiny -o in/merge --per-shard 1
-    quiet dataset run in/merge --shard all
+    quiet dataset plan $tiny -o in/merge --sequences-per-shard 1
+    quiet dataset run in/merge --shards all
     quiet dataset $tiny -o in/whole
 }

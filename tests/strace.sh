@@ -14,9 +14,9 @@ cd "$work" && mkdir in
 
 # None of this is traced.
 make_inputs
-quiet simulate --source chart $small --readouts 400 -o in/a
-quiet dataset plan $tiny -o in/run --per-shard 1
-quiet dataset plan $tiny -o in/pack --per-shard 1 --pack
+quiet simulate --builtin-light chart $small --readouts 400 -o in/a
+quiet dataset plan $tiny -o in/run --sequences-per-shard 1
+quiet dataset plan $tiny -o in/pack --sequences-per-shard 1 --pack
 
 calls=openat,open,creat,rename,renameat,renameat2,unlink,unlinkat,rmdir,mkdir,mkdirat,link,linkat,symlink,symlinkat,truncate,mknod,mknodat,chmod,fchmodat,chown,lchown,fchownat
 failed=0
@@ -71,8 +71,8 @@ PY
     [ $code -eq 0 ] || { failed=1; tail -3 "$work/log"; }
 }
 
-check out/1 simulate --source chart $small --readouts 50 --clean --images-every 10 -o out/1/a
-check out/1 simulate --source chart $small --readouts 50 --clean --images-every 10 -o out/1/a --force
+check out/1 simulate --builtin-light chart $small --readouts 50 --clean --images-every 10 -o out/1/a
+check out/1 simulate --builtin-light chart $small --readouts 50 --clean --images-every 10 -o out/1/a --force
 check out/2 convert in/a.dat out/2/a.npy
 check out/3 reconstruct in/a.dat -o out/3
 check out/4 reconstruct in/a.dat -o out/4/a.png
@@ -81,20 +81,20 @@ check out/none verify in/a.dat
 check out/6 measure in/a.dat --report out/6/a.html
 check out/7 record --width 16 --height 12 --readouts 200 -o out/7
 check out/8 calibrate in/set.toml -o out/8
-check out/9 compare in/set.toml ideal --longest 50 -o out/9
+check out/9 compare in/set.toml ideal --max-readouts 50 -o out/9
 check out/10 diagnose in/set.toml --camera physical --cache out/10/cache -o out/10
 check out/11 scene --width 32 --height 24 -o out/11
 check out/12 dataset $tiny -o out/12
 check out/12 dataset $tiny -o out/12 --resume
-check out/13 dataset plan $tiny -o out/13 --per-shard 1
-check in/run dataset run in/run --shard all
-check in/pack dataset run in/pack --shard all
+check out/13 dataset plan $tiny -o out/13 --sequences-per-shard 1
+check in/run dataset run in/run --shards all
+check in/pack dataset run in/pack --shards all
 check in/merge dataset merge in/merge
 check in/pack dataset merge in/pack
 check out/none dataset status in/run
 check out/14 dataset stats in/whole --report out/14/a.html
 check out/15 preset show physical -o out/15
-check out/16 man --dir out/16
+check out/16 man --output out/16
 check out/none evaluate in/a.dat
 check out/none effects
 check out/none partials out

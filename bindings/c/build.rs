@@ -1,8 +1,8 @@
-//! Gives the shared library the name that programs are linked against: it changes with the ABI and with nothing else.
+//! Sets the name that programs link the shared library by, which changes only with the ABI.
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
-    // Must be `SPL_ABI_VERSION`; a test compares them.
+    // Must equal `SPL_ABI_VERSION`; a test compares them.
     let abi = 1;
     let system = std::env::var("CARGO_CFG_TARGET_OS").unwrap_or_default();
     if system == "linux" {

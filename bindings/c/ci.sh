@@ -31,12 +31,12 @@ else
     missing nm "the check of exported symbols"
 fi
 
-for program in tests/golden tests/misuse examples/push examples/render_loop examples/virtual_camera examples/ring_reader; do
+for program in tests/golden tests/misuse examples/run examples/render_loop examples/virtual_camera examples/ring_reader; do
     $cc $strict "$here/$program.c" $use -o "$out/$(basename $program)"
 done
 "$out/golden" $table
 "$out/misuse" "$out"
-"$out/push"
+"$out/run"
 "$out/render_loop" 100
 "$out/virtual_camera" 0.3 2000 | wc -c
 
@@ -56,9 +56,14 @@ else
     missing "$cxx" "the test from C++"
 fi
 
-# The program of the README, with the line that it gives.
+# The program of the README, compiled with the command of the README.
 awk '/^```c$/ {on = 1; next} /^```$/ {on = 0} on' $here/README.md >"$out/spikes.c"
-diff "$out/spikes.c" $here/examples/push.c || { say "README.md has another program than examples/push.c"; exit 1; }
+diff "$out/spikes.c" $here/examples/run.c || { say "README.md has another program than examples/run.c"; exit 1; }
+# The program of the guide, whose spikes are those of its programs in Rust and Python.
+awk '/^```c$/ {on = 1; next} /^```$/ {on = 0} on' docs/guides/embedding.md >"$out/guide.c"
+$cc $strict "$out/guide.c" $use -o "$out/guide"
+expected=$(sed -n 's/^Each program prints \([0-9,]*\) spikes.*/\1/p' docs/guides/embedding.md | tr -d ,)
+[ "$("$out/guide")" = "$expected spikes" ] || { say "the program of docs/guides/embedding.md prints another number than $expected"; exit 1; }
 if command -v pkg-config >/dev/null; then
     line=$(grep '^cc ' $here/README.md)
     (cd "$out" && eval "$line -Wall -Wextra -Werror" && ./spikes)
@@ -68,7 +73,7 @@ fi
 
 # A virtual camera gives the bytes of the file that simulate writes, whoever reads; Ctrl-C ends it well.
 spikelane=$PWD/target/debug/spikelane
-light=(--source chart --width 80 --height 60 --threads 1)
+light=(--builtin-light chart --width 80 --height 60 --threads 1)
 "$spikelane" simulate "${light[@]}" --readouts 4000 -o "$out/chart.dat" --force 2>/dev/null >/dev/null
 "$spikelane" live "${light[@]}" --readouts 4000 --sink pipe --block | cmp - "$out/chart.dat"
 mkfifo "$out/fifo"
@@ -105,7 +110,7 @@ if command -v valgrind >/dev/null; then
     $grind "$out/golden" $table portable
     $grind "$out/golden" $table avx2
     $grind "$out/misuse" "$out"
-    $grind "$out/push" >/dev/null
+    $grind "$out/run" >/dev/null
     $grind "$out/render_loop" 20
     $grind "$out/virtual_camera" 0.05 2000 | wc -c
     [ ! -x "$out/goldenpp" ] || $grind "$out/goldenpp" $table
@@ -131,8 +136,8 @@ fi
 if [ -n "$cmake" ]; then
     "$cmake" -S $here/tests/cmake -B "$out/cmake" -DCMAKE_PREFIX_PATH="$prefix" -DEXAMPLES="$PWD/$here/examples" >/dev/null
     "$cmake" --build "$out/cmake" >/dev/null
-    "$out/cmake/push"
-    "$out/cmake/push_static"
+    "$out/cmake/run"
+    "$out/cmake/run_static"
 else
     missing cmake "the CMake package"
 fi

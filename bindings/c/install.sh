@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # install.sh PREFIX [FOLDER]: header, libraries, CMake package and pkg-config file into PREFIX.
-# FOLDER has libraries that are built already; without it they are built here, optimised.
+# FOLDER has libraries that are built already; without it they are built here, optimized.
 set -euo pipefail
 prefix=${1:?usage: install.sh PREFIX [FOLDER]}
 here=$(cd "$(dirname "$0")" && pwd)

@@ -1,25 +1,26 @@
-//! Any text as a `dataset.toml`: refused as configuration, or written and read again to the same text.
+//! Uses any text as a `dataset.toml`. The text must be rejected as `Config`, or its written form must read back to the
+//! same text.
 #![no_main]
 
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::Kind;
+use spikelane::ErrorKind;
 use spikelane_dataset::config;
 
-static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::folder("dataset-toml"));
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::temp_folder("dataset-toml"));
 
 fuzz_target!(|data: &[u8]| {
     let Ok(text) = std::str::from_utf8(data) else { return };
-    match config::parse(text, &FOLDER) {
+    match config::from_toml(text, &FOLDER) {
         Ok(options) => {
-            let written = config::write(&options).expect("options that were read").text;
-            let again = config::parse(&written, &FOLDER).expect("the same options");
-            assert_eq!(config::write(&again).expect("the same options").text, written);
+            let written = config::to_toml(&options).expect("options that were read").text;
+            let again = config::from_toml(&written, &FOLDER).expect("the same options");
+            assert_eq!(config::to_toml(&again).expect("the same options").text, written);
         }
         Err(error) => {
-            let kinds = [Kind::Config, Kind::Usage, Kind::Input, Kind::Io];
+            let kinds = [ErrorKind::Config, ErrorKind::Usage, ErrorKind::Input, ErrorKind::Io];
             assert!(kinds.contains(&error.kind()), "{error}");
             assert!(error.to_string().len() > 10);
         }

@@ -1,22 +1,22 @@
-//! Bytes as a NumPy array: what is accepted has exactly the declared frames, and
-//! writing the decoded values again gives the bytes that were read.
+//! Uses any bytes as a NumPy array. An accepted array must have exactly the declared number of frames, and the decoded
+//! values must encode to the bytes of the input.
 #![no_main]
 
 use std::io::Read;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane_io::light::OwnedSamples;
-use spikelane_io::light::npy::{Element, Reader};
+use spikelane_io::light::npy::{ArrayReader, Element};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut input = bytes;
-    let Ok(mut reader) = Reader::new(&mut input as &mut dyn Read, "fuzz") else {
+    let Ok(mut reader) = ArrayReader::new(&mut input as &mut dyn Read, "fuzz") else {
         return;
     };
     let (declared, total) = (reader.frames(), reader.total_bytes());
     let frame_bytes = reader.geometry().pixels() * reader.element().bytes();
-    let big = reader.big_endian();
-    // The other elements come as floats, which do not hold all of their values.
+    let big = reader.is_big_endian();
+    // Other elements are converted to floats, which cannot represent all values of these elements.
     let exact = matches!(reader.element(), Element::U8 | Element::U16 | Element::F32);
     let mut again = Vec::new();
     let mut frames = 0_u64;
@@ -36,7 +36,8 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     }
     assert_eq!(again.len() as u64, frames * frame_bytes as u64);
-    // The frames lie between the header, whose length follows from the total, and what is left.
+    // The frames are after the header. If all bytes were read, the length of the header is the total minus the bytes of
+    // the frames.
     if whole {
         let header = total as usize - again.len();
         assert_eq!(&bytes[header..total as usize], again);

@@ -1,19 +1,19 @@
-//! Any bytes as the journal of a shard: at most as many lines as the bytes have, and a journal that is cut anywhere has no
-//! line that the whole one lacks.
+//! Uses any bytes as the journal of a shard. It must not have more lines than the bytes, and truncation must not add
+//! lines.
 #![no_main]
 
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane_dataset::shards::journal_lines;
+use spikelane_dataset::shards::count_journal_lines;
 
-static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::folder("journal"));
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::temp_folder("journal"));
 
-/// The lines of `data` as a journal; an error has none.
+/// Returns the number of lines that the journal `data` contains, or 0 for an error.
 fn lines(data: &[u8]) -> usize {
     std::fs::write(FOLDER.join("journal.jsonl"), data).expect("a folder of its own");
-    match journal_lines(&FOLDER) {
+    match count_journal_lines(&FOLDER) {
         Ok(lines) => lines,
         Err(error) => {
             spikelane_fuzz::check_error(&error);

@@ -1,22 +1,23 @@
-//! Any bytes as the `manifest.jsonl` of a data set: refused, or read.
+//! Uses any bytes as the `manifest.jsonl` of a data set. The bytes must be rejected or read.
 #![no_main]
 
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::Kind;
+use spikelane::ErrorKind;
 use spikelane_dataset::Manifest;
 
-static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::folder("manifest"));
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::temp_folder("manifest"));
 
 fuzz_target!(|data: &[u8]| {
     std::fs::write(FOLDER.join("manifest.jsonl"), data).expect("a temporary file");
     if let Err(error) = Manifest::read(&FOLDER) {
-        let kinds = [Kind::Config, Kind::Input, Kind::Io, Kind::Corrupt, Kind::Usage];
+        let kinds =
+            [ErrorKind::Config, ErrorKind::Input, ErrorKind::Io, ErrorKind::Corrupt, ErrorKind::Usage];
         assert!(kinds.contains(&error.kind()), "{error}");
         assert!(error.to_string().len() > 10);
     }
-    // Nothing but the file itself is there afterwards.
+    // Reading must not leave other files in the folder.
     assert_eq!(std::fs::read_dir(&*FOLDER).expect("the folder").count(), 1);
 });

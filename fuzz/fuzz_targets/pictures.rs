@@ -1,19 +1,22 @@
-//! Any bytes as a picture of each format that is known by its content: refused, or light of the size that its header
-//! declares, finite and not negative.
+//! Uses any bytes as an image of each format that is detected by content.
+//!
+//! The image must be rejected, or its light must have the size that the header declares. Light must be finite and not
+//! negative.
 #![no_main]
 
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::Kind;
-use spikelane_io::light::picture::{self, Linear};
+use spikelane::ErrorKind;
+use spikelane_io::light::image_file::{self, Linearization};
 
-static LINEAR: LazyLock<Linear> = LazyLock::new(|| Linear::new(None));
+static LINEAR: LazyLock<Linearization> = LazyLock::new(|| Linearization::new(None));
 
-/// The first byte chooses the name, which decides where the content does not.
+/// One file per format, with the usual extension. The first byte of the input selects the file. If the content does not
+/// determine the format, the extension does.
 static FILES: LazyLock<Vec<PathBuf>> = LazyLock::new(|| {
-    let folder = spikelane_fuzz::folder("pictures");
+    let folder = spikelane_fuzz::temp_folder("pictures");
     ["png", "jpg", "tiff", "exr", "bmp", "ppm", "webp"].map(|e| folder.join(format!("a.{e}"))).into()
 });
 
@@ -22,9 +25,9 @@ fuzz_target!(|data: &[u8]| {
     let path = &FILES[usize::from(*which) % FILES.len()];
     std::fs::write(path, bytes).expect("a temporary file");
     let check = |error: &spikelane::Error| {
-        assert!(matches!(error.kind(), Kind::Input | Kind::Usage | Kind::Memory), "{error}");
+        assert!(matches!(error.kind(), ErrorKind::Input | ErrorKind::Usage | ErrorKind::Memory), "{error}");
     };
-    match (picture::header(path), picture::read(path, &LINEAR)) {
+    match (image_file::read_header(path), image_file::read(path, &LINEAR)) {
         (Ok(header), Ok(frame)) => {
             assert_eq!(frame.geometry(), header.size);
             assert!(frame.to_f32().iter().all(|v| v.is_finite() && *v >= 0.0));

@@ -1,23 +1,27 @@
-//! Any bytes as the `record.json` of a sequence: refused, or read; its files are then missing or verified.
+//! Uses any bytes as the `record.json` of a sequence. The bytes must be rejected or read. The files of a record are
+//! missing or verified.
 #![no_main]
 
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::Kind;
-use spikelane_dataset::Record;
+use spikelane::ErrorKind;
+use spikelane_dataset::SequenceRecord;
 use spikelane_io::storage::Digest;
 
-static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::folder("record"));
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::temp_folder("record"));
 
 fuzz_target!(|data: &[u8]| {
     std::fs::write(FOLDER.join("record.json"), data).expect("a temporary file");
-    if let Err(error) = Record::read(&FOLDER).and_then(|_| Record::verify(&FOLDER, &Digest::of(data))) {
-        let kinds = [Kind::Config, Kind::Input, Kind::Io, Kind::Corrupt, Kind::Usage];
+    if let Err(error) =
+        SequenceRecord::read(&FOLDER).and_then(|_| SequenceRecord::verify(&FOLDER, &Digest::hash_bytes(data)))
+    {
+        let kinds =
+            [ErrorKind::Config, ErrorKind::Input, ErrorKind::Io, ErrorKind::Corrupt, ErrorKind::Usage];
         assert!(kinds.contains(&error.kind()), "{error}");
         assert!(error.to_string().len() > 10);
     }
-    // Nothing but the file itself is there afterwards.
+    // Reading must not leave other files in the folder.
     assert_eq!(std::fs::read_dir(&*FOLDER).expect("the folder").count(), 1);
 });

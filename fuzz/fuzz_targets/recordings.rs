@@ -1,8 +1,9 @@
-//! Any text as a set of recordings: refused as configuration, or written and read again to the same set.
+//! Uses any text as a set of recordings. The text must be rejected as `Config`, or its written form must read back to the
+//! same set.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spikelane::Kind;
+use spikelane::ErrorKind;
 use spikelane_calibrate::RecordingSet;
 
 fuzz_target!(|data: &[u8]| {
@@ -14,7 +15,7 @@ fuzz_target!(|data: &[u8]| {
             assert_eq!(again.to_toml().expect("the same set"), written);
         }
         Err(error) => {
-            assert!(matches!(error.kind(), Kind::Config | Kind::Usage), "{error}");
+            assert!(matches!(error.kind(), ErrorKind::Config | ErrorKind::Usage), "{error}");
             assert!(error.to_string().len() > 10);
         }
     }

@@ -1,5 +1,7 @@
-//! Any bytes as the sidecar of a stream: refused, or the reader has the geometry and layout that
-//! a general JSON parser finds in it; written anew from those facts it opens the same.
+//! Uses any bytes as the sidecar of a stream. The bytes must be rejected, or the reader must have the geometry and the
+//! layout that a general JSON parser reads from the bytes.
+//!
+//! A new sidecar with these values must open the same stream.
 #![no_main]
 
 use std::path::PathBuf;
@@ -7,10 +9,10 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use serde_json::{Value, json};
-use spikelane::Kind;
-use spikelane_io::formats::{Layout, Reader};
+use spikelane::ErrorKind;
+use spikelane_io::formats::{Layout, StreamReader};
 
-/// A stream of a length that many geometries divide, and its sidecar beside it.
+/// A stream whose length is a multiple of the frame sizes of many geometries. Its sidecar is in the same folder.
 static STREAM: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = std::env::temp_dir().join(format!("spikelane-fuzz-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a temporary folder");
@@ -20,16 +22,16 @@ static STREAM: LazyLock<PathBuf> = LazyLock::new(|| {
     stream
 });
 
-fn open(sidecar: &[u8]) -> spikelane::Result<Reader> {
+fn open(sidecar: &[u8]) -> spikelane::Result<StreamReader> {
     std::fs::write(STREAM.with_extension("json"), sidecar).expect("a temporary file");
-    Reader::open(&STREAM, None, None)
+    StreamReader::open(&STREAM, None, None)
 }
 
 fuzz_target!(|data: &[u8]| {
     let reader = match open(data) {
         Ok(reader) => reader,
         Err(error) => {
-            let kinds = [Kind::Config, Kind::Input, Kind::Usage];
+            let kinds = [ErrorKind::Config, ErrorKind::Input, ErrorKind::Usage];
             assert!(kinds.contains(&error.kind()), "{error}");
             assert!(error.to_string().len() > 10);
             return;
@@ -37,7 +39,7 @@ fuzz_target!(|data: &[u8]| {
     };
     let g = reader.geometry();
     let value: Value = serde_json::from_slice(data).expect("accepted, so it is JSON");
-    // Layouts that fix the geometry need no numbers.
+    // Layouts with a fixed geometry may omit width and height.
     if let (Some(w), Some(h)) = (value["width"].as_u64(), value["height"].as_u64()) {
         assert_eq!((g.width() as u64, g.height() as u64), (w, h));
     }
@@ -46,7 +48,7 @@ fuzz_target!(|data: &[u8]| {
         None => assert_eq!(reader.layout(), Layout::Dat),
     }
     if let Some(readouts) = value["readouts"].as_u64() {
-        // Fewer are a recording that was cut.
+        // A truncated recording has fewer readouts than its sidecar declares.
         assert!(reader.readouts() as u64 <= readouts);
     }
     let facts = json!({
@@ -54,10 +56,7 @@ fuzz_target!(|data: &[u8]| {
         "layout": reader.layout().name(), "readouts": reader.readouts(),
     });
     let again = open(facts.to_string().as_bytes()).expect("the facts of an accepted sidecar");
-    assert_eq!(
-        (again.geometry(), again.layout(), again.readouts()),
-        (g, reader.layout(), reader.readouts())
-    );
+    assert_eq!((again.geometry(), again.layout(), again.readouts()), (g, reader.layout(), reader.readouts()));
     let mut frames = [vec![0; g.frame_bytes()], vec![0; g.frame_bytes()]];
     for (reader, frame) in [reader, again].iter().zip(&mut frames) {
         let _ = reader.read_frame(0, frame);

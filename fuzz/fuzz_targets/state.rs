@@ -1,40 +1,42 @@
-//! Any bytes as a saved state: refused, or saved again to the same bytes and run on every backend without a panic and without
-//! bits outside of the sensor. Half of the inputs change a state that was saved, and repair its key. Every accepted state has the
-//! same bits and the same next state on every backend.
+//! Uses any bytes as a saved state. The bytes must be rejected, or the state must save to the same bytes and run on every
+//! backend. Running must not panic and must not set bits after the last pixel.
+//!
+//! Half of the inputs modify a saved state and correct its fingerprint. For every accepted state, all backends must
+//! return the same bits and the same next state.
 #![no_main]
 
+use spikelane::SimulatorOptions;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::effects::ALL;
-use spikelane::presets::key;
-use spikelane_io::simulate::FrameRef;
-use spikelane::{Backend, Camera, Geometry, Kind, Plan, Seeds, Sensor, Simulator};
+use spikelane::presets::fingerprint;
+use spikelane::{Backend, Camera, ErrorKind, Geometry, Plan, Seeds, Sensor, Simulator};
 
 const CAMERA: u64 = 7;
-/// Magic, five words, and the key of what follows.
+/// Length of the magic, of five words, and of the fingerprint of the remaining bytes.
 const HEADER: usize = 8 + 5 * 8 + 8;
 
-/// A camera of each group of effects whose pixels remember something.
+/// One plan for each group of effects whose pixels have additional state.
 static PLANS: LazyLock<Vec<Plan>> = LazyLock::new(|| {
     let sensor = Sensor::new(21, 5, 20_000.0).expect("a sensor");
     let with = |names: &[&str]| {
         let typical = |camera: Camera, name: &&str| {
             let definition = ALL.iter().find(|d| d.name == *name).expect("an effect");
             let set = |effect: spikelane::Effect, param: &spikelane::effects::definition::Param| {
-                effect.with(param.key, param.typical).expect("a typical value")
+                effect.with_value(param.key, param.typical).expect("a typical value")
             };
-            camera.with(definition.params.iter().fold(definition.neutral(), set))
+            camera.with_effect(definition.params.iter().fold(definition.neutral(), set))
         };
         names.iter().fold(Camera::ideal(sensor), typical)
     };
     let all: Vec<&str> = ALL.iter().map(|d| d.name).collect();
     let cameras = [with(&[]), with(&all)].into_iter().chain(all.iter().map(|name| with(&[*name])));
-    cameras.filter_map(|camera| Plan::with_light(&camera, Seeds::default(), 1.0).ok()).collect()
+    cameras.filter_map(|camera| Plan::with_max_light(&camera, Seeds::default(), 1.0).ok()).collect()
 });
 
 fn simulator(plan: &Plan, backend: Backend) -> Simulator {
-    Simulator::of_plan(plan.clone()).with_backend(backend).expect("available")
+    SimulatorOptions::new().backend(backend).build_from_plan(plan.clone()).expect("available")
 }
 
 fuzz_target!(|data: &[u8]| {
@@ -49,22 +51,22 @@ fuzz_target!(|data: &[u8]| {
             let at = usize::from(u16::from_le_bytes([change[0], change[1]])) % (bytes.len() - HEADER);
             bytes[HEADER + at] = change[2];
         }
-        let key = key(&bytes[HEADER..]);
+        let key = fingerprint(&bytes[HEADER..]);
         bytes[HEADER - 8..HEADER].copy_from_slice(&key.to_le_bytes());
         bytes
     };
     let light: Vec<f32> = (0..geometry.pixels()).map(|p| p as f32 / geometry.pixels() as f32).collect();
     let mut expected = None;
-    for backend in Backend::ALL.into_iter().filter(|b| b.available()) {
+    for backend in Backend::ALL.into_iter().filter(|b| b.is_available()) {
         let mut simulator = simulator(plan, backend);
         if let Err(error) = simulator.restore(CAMERA, &bytes) {
-            let kinds = [Kind::Usage, Kind::Input, Kind::Corrupt];
+            let kinds = [ErrorKind::Usage, ErrorKind::Input, ErrorKind::Corrupt];
             assert!(kinds.contains(&error.kind()), "{error}");
             return;
         }
         assert_eq!(simulator.save(CAMERA), bytes);
         let mut out = vec![0xa5; 9 * geometry.frame_bytes()];
-        simulator.push(FrameRef::f32(&light, geometry), &mut out).expect("valid light");
+        simulator.fill(&light, &mut out).expect("valid light");
         let found = (out, simulator.save(CAMERA));
         let used = geometry.pixels() % 8;
         let last = found.0.chunks_exact(geometry.frame_bytes()).map(|f| f[f.len() - 1]);

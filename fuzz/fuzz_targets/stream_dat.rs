@@ -1,11 +1,11 @@
-//! `dat` and `dat-top`: any bytes that hold a frame are a stream, unless they are a known container or hold whole
-//! frames of a known camera only.
+//! Tests `dat` and `dat-top`. Any bytes with at least one frame must be a stream. The exceptions are known foreign
+//! formats, and whole frames of a known camera.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spikelane_io::formats::{Layout, Reader};
 use spikelane::spikes::bit;
 use spikelane_fuzz::{check_encoding, check_error, check_pixels, geometry};
+use spikelane_io::formats::{Layout, StreamReader};
 
 fuzz_target!(|data: &[u8]| {
     let Some((g, bytes)) = geometry(data) else {
@@ -13,8 +13,8 @@ fuzz_target!(|data: &[u8]| {
     };
     let frame = (g.width() * g.height()).div_ceil(8);
     for layout in [Layout::Dat, Layout::DatTop] {
-        let opened = Reader::from_bytes("fuzz", bytes.to_vec(), Some(layout), Some(g));
-        // Containers and cameras are told from these by rules with tests of their own.
+        let opened = StreamReader::from_bytes("fuzz", bytes.to_vec(), Some(layout), Some(g));
+        // Other tests cover the rules that distinguish foreign formats and cameras from these layouts.
         assert!(bytes.len() >= frame || opened.is_err());
         let reader = match opened {
             Ok(reader) => reader,
@@ -22,20 +22,12 @@ fuzz_target!(|data: &[u8]| {
         };
         assert_eq!(reader.readouts(), bytes.len() / frame);
         check_pixels(&reader, |t, row, col| {
-            let row = if layout == Layout::Dat {
-                g.height() - 1 - row
-            } else {
-                row
-            };
+            let row = if layout == Layout::Dat { g.height() - 1 - row } else { row };
             bit(&bytes[t * frame..], row * g.width() + col)
         });
         let rest = g.pixels() % 8;
         check_encoding(&reader, layout, bytes, |i| {
-            if i + 1 == frame && rest > 0 {
-                (1 << rest) - 1
-            } else {
-                0xff
-            }
+            if i + 1 == frame && rest > 0 { (1 << rest) - 1 } else { 0xff }
         });
     }
 });

@@ -1,11 +1,11 @@
-//! `.npy`: hostile headers, and well-formed ones in front of any bytes.
+//! Tests `.npy` streams with malicious headers, and with valid headers that are followed by any bytes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spikelane_io::formats::{Layout, Reader};
-use spikelane::unstable::npy::Header;
 use spikelane::spikes::bit;
+use spikelane::unstable::npy::Header;
 use spikelane_fuzz::{check_encoding, check_error, check_pixels, geometry};
+use spikelane_io::formats::{Layout, StreamReader};
 
 fuzz_target!(|data: &[u8]| {
     hostile_header(data);
@@ -14,9 +14,9 @@ fuzz_target!(|data: &[u8]| {
     }
 });
 
-/// Whatever opens keeps its promise on length and can be read.
+/// Checks that a stream that opens has the length that it reports, and that all readouts can be read.
 fn hostile_header(data: &[u8]) {
-    // The input is the text of the header; a mutator would rarely hit its length.
+    // The input is the text of the header without its length, because a fuzzer would rarely find the correct length.
     let Some((&[kind, len], text)) = data.split_first_chunk() else {
         return;
     };
@@ -31,13 +31,14 @@ fn hostile_header(data: &[u8]) {
     let start = bytes.len();
     bytes.extend(body);
     for layout in [None, Some(Layout::NpyBits), Some(Layout::NpyBytes)] {
-        match Reader::from_bytes("fuzz", bytes.clone(), layout, None) {
+        match StreamReader::from_bytes("fuzz", bytes.clone(), layout, None) {
             Ok(reader) => {
                 let frame = reader.layout().frame_bytes(reader.geometry()).unwrap();
                 assert!(reader.readouts() > 0);
                 let header = Header::parse("fuzz", &bytes).unwrap();
-                // Other elements and orders are packed in memory.
-                let as_stored = header.element.bytes() == 1 && !header.fortran;
+                // Arrays with other elements or orders are converted in memory, so the file does not bound the number of
+                // their readouts.
+                let as_stored = header.element.bytes() == 1 && !header.is_fortran_order;
                 if kind % 3 < 2 && as_stored {
                     assert!(reader.readouts() * frame <= bytes.len() - start);
                 }
@@ -53,27 +54,23 @@ fn hostile_header(data: &[u8]) {
     }
 }
 
-/// Behind a header of our own, data opens if and only if its length fits, and reads
-/// if and only if its bytes are bits.
+/// Checks bytes after a valid header. The stream opens if and only if the number of bytes fits the header. The readouts
+/// can be read if and only if every byte is a valid bit.
 fn own_header(layout: Layout, data: &[u8]) {
     let Some((g, body)) = geometry(data) else {
         return;
     };
     let frame = layout.frame_bytes(g).unwrap();
     let readouts = body.len() / frame;
-    // Half of the inputs keep what lies behind the last whole frame.
+    // Half of the inputs keep the bytes after the last whole frame.
     let ragged = data[0] >= 128;
-    let body = if ragged {
-        body
-    } else {
-        &body[..readouts * frame]
-    };
-    // Bits where bytes are wanted, most of the time.
+    let body = if ragged { body } else { &body[..readouts * frame] };
+    // If the layout has one byte per pixel, most inputs are reduced to bytes of 0 and 1.
     let fold = layout == Layout::NpyBytes && data[1] < 192;
     let body: Vec<u8> = body.iter().map(|b| if fold { b & 1 } else { *b }).collect();
     let mut bytes = layout.header(g, readouts as u64).unwrap();
     bytes.extend(&body);
-    let opened = Reader::from_bytes("fuzz", bytes, Some(layout), Some(g));
+    let opened = StreamReader::from_bytes("fuzz", bytes, Some(layout), Some(g));
     let fits = readouts > 0 && body.len() == readouts * frame;
     assert!(fits || readouts == 0 || opened.is_err());
     assert_eq!(opened.is_ok(), fits);
@@ -90,24 +87,16 @@ fn own_header(layout: Layout, data: &[u8]) {
         if let Err(error) = read {
             return check_error(&error);
         }
-        check_pixels(&reader, |t, row, col| {
-            body[t * frame + row * g.width() + col] != 0
-        });
-        // 255 is a spike too, which is written as 1.
+        check_pixels(&reader, |t, row, col| body[t * frame + row * g.width() + col] != 0);
+        // The byte 255 is a spike too. It is written as 1.
         let body: Vec<u8> = body.iter().map(|b| u8::from(*b != 0)).collect();
         check_encoding(&reader, layout, &body, |_| 0xff);
     } else {
         let row_bytes = g.width().div_ceil(8);
-        check_pixels(&reader, |t, row, col| {
-            bit(&body[t * frame + row * row_bytes..], col)
-        });
+        check_pixels(&reader, |t, row, col| bit(&body[t * frame + row * row_bytes..], col));
         let rest = g.width() % 8;
         check_encoding(&reader, layout, &body, |i| {
-            if (i + 1) % row_bytes == 0 && rest > 0 {
-                (1 << rest) - 1
-            } else {
-                0xff
-            }
+            if (i + 1) % row_bytes == 0 && rest > 0 { (1 << rest) - 1 } else { 0xff }
         });
     }
 }

@@ -1,30 +1,28 @@
-//! `.npz`: hostile archives, and stored arrays of our own making, in both axis orders.
+//! Tests `.npz` streams: malicious archives, and archives of this target that store arrays in both axis orders.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spikelane_io::formats::{Layout, Reader};
 use spikelane_fuzz::{check_error, check_pixels, geometry};
+use spikelane_io::formats::{Layout, StreamReader};
 
 fuzz_target!(|data: &[u8]| {
     let mut hostile = b"PK\x03\x04".to_vec();
     hostile.extend(data);
     for bytes in [data, &hostile] {
-        match Reader::from_bytes("fuzz", bytes.to_vec(), Some(Layout::NpyBytes), None) {
+        match StreamReader::from_bytes("fuzz", bytes.to_vec(), Some(Layout::NpyBytes), None) {
             Ok(reader) => {
                 let g = reader.geometry();
                 let mut packed = vec![0; reader.readouts() * g.frame_bytes()];
-                reader
-                    .read_frames(0, &mut packed)
-                    .unwrap_or_else(|e| check_error(&e));
+                reader.read_frames(0, &mut packed).unwrap_or_else(|e| check_error(&e));
             }
             Err(error) => check_error(&error),
         }
     }
-    stored(data);
+    check_stored(data);
 });
 
-/// An archive of one stored array, made by hand: the reader must see its pixels.
-fn stored(data: &[u8]) {
+/// Checks that the reader returns the pixels of an archive that contains one stored array.
+fn check_stored(data: &[u8]) {
     let Some((g, body)) = geometry(data) else {
         return;
     };
@@ -32,10 +30,7 @@ fn stored(data: &[u8]) {
     if readouts == 0 {
         return;
     }
-    let body: Vec<u8> = body[..readouts * g.pixels()]
-        .iter()
-        .map(|b| b & 1)
-        .collect();
+    let body: Vec<u8> = body[..readouts * g.pixels()].iter().map(|b| b & 1).collect();
     for (name, last) in [("spk.npy", false), ("arr_0.npy", true)] {
         let shape = if last {
             format!("({}, {}, {readouts})", g.height(), g.width())
@@ -47,24 +42,20 @@ fn stored(data: &[u8]) {
         array.extend((text.len() as u16).to_le_bytes());
         array.extend(text.as_bytes());
         array.extend(&body);
-        // A cube is both.
+        // If all three axes are equally long, the shape does not determine the axis order.
         if g.height() == g.width() && readouts == g.width() {
             continue;
         }
-        let reader = Reader::from_bytes("fuzz", archive(name, &array), None, Some(g)).unwrap();
+        let reader = StreamReader::from_bytes("fuzz", archive(name, &array), None, Some(g)).unwrap();
         assert_eq!(reader.readouts(), readouts);
         check_pixels(&reader, |t, row, col| {
             let p = row * g.width() + col;
-            body[if last {
-                p * readouts + t
-            } else {
-                t * g.pixels() + p
-            }] == 1
+            body[if last { p * readouts + t } else { t * g.pixels() + p }] == 1
         });
     }
 }
 
-/// The zip format, as small as it gets: local header, bytes, directory, end.
+/// Returns a minimal zip archive: local header, bytes, directory and end record.
 fn archive(name: &str, array: &[u8]) -> Vec<u8> {
     let sizes = (array.len() as u32).to_le_bytes();
     let mut common = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
@@ -92,8 +83,6 @@ fn archive(name: &str, array: &[u8]) -> Vec<u8> {
 
 fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, |crc, &b| {
-        (0..8).fold(crc ^ u32::from(b), |c, _| {
-            c >> 1 ^ 0xedb8_8320 & (c & 1).wrapping_neg()
-        })
+        (0..8).fold(crc ^ u32::from(b), |c, _| c >> 1 ^ 0xedb8_8320 & (c & 1).wrapping_neg())
     })
 }

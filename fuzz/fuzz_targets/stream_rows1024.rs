@@ -1,13 +1,14 @@
-//! `rows1024`: streams cut and damaged anywhere. The input says where a recording starts
-//! and ends, paints its pixels, and overwrites bytes. The oracle reads tags as SpikeCV's
-//! parser does, and looks at every place a frame could begin.
+//! Tests `rows1024` with streams that are truncated and damaged at any position.
+//!
+//! The input determines the start and the end of a recording, its pixels, and the bytes that are overwritten. The oracle
+//! reads tags like SpikeCV's parser and checks every position at which a frame could start.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::Geometry;
-use spikelane_io::formats::{Layout, Reader};
 use spikelane::spikes::bit;
 use spikelane_fuzz::check_error;
+use spikelane_io::formats::{Layout, StreamReader};
 
 const FRAME: usize = 128_000;
 
@@ -27,13 +28,7 @@ fn recording(data: &[u8]) -> Option<Vec<u8>> {
     let (&[a, b, c, d, edits], rest) = data.split_first_chunk()?;
     let (edits, pattern) = rest.split_at_checked(usize::from(edits % 4) * 4)?;
     let g = Geometry::new(1000, 1000).ok()?;
-    let packed: Vec<u8> = pattern
-        .iter()
-        .copied()
-        .chain([0])
-        .cycle()
-        .take(125_000)
-        .collect();
+    let packed: Vec<u8> = pattern.iter().copied().chain([0]).cycle().take(125_000).collect();
     let mut frame = vec![0; FRAME];
     Layout::Rows1024.encode_frame(g, &packed, &mut frame).ok()?;
     let mut bytes = frame.repeat(2);
@@ -42,7 +37,7 @@ fn recording(data: &[u8]) -> Option<Vec<u8>> {
         bytes[at % (2 * FRAME)] = edit[3];
     }
     bytes.truncate(2 * FRAME - usize::from(u16::from_le_bytes([c, d])));
-    // A step of 8: half of the starts lie where no frame can be found.
+    // The start is cut by a multiple of 8 bytes. At half of these positions, no frame can be found.
     bytes.drain(..usize::from(u16::from_le_bytes([a, b])) * 2 / 8 * 8);
     Some(bytes)
 }
@@ -53,10 +48,10 @@ fuzz_target!(|data: &[u8]| {
     };
     let places = 0..bytes.len().saturating_sub(FRAME - 1);
     let frame_at = |at: &usize| is_frame(&bytes[*at..*at + FRAME]);
-    // In steps of the camera's link, else anywhere.
+    // The search first visits positions in steps of the camera link, then all positions.
     let first = places.clone().step_by(16).find(frame_at);
     let first = first.or_else(|| places.clone().find(frame_at));
-    let opened = Reader::from_bytes("fuzz", bytes.clone(), Some(Layout::Rows1024), None);
+    let opened = StreamReader::from_bytes("fuzz", bytes.clone(), Some(Layout::Rows1024), None);
     let reader = match opened {
         Ok(reader) => reader,
         Err(error) => {
@@ -65,7 +60,7 @@ fuzz_target!(|data: &[u8]| {
         }
     };
     let start = first.expect("a frame, since the reader found one");
-    assert_eq!(reader.dropped_bytes().0, start);
+    assert_eq!(reader.partial_frame_bytes().0, start);
     let framed: Vec<usize> = places
         .filter(|&at| {
             line_and_channel(&bytes[at..]) == (500, 0)
@@ -75,9 +70,9 @@ fuzz_target!(|data: &[u8]| {
     let mut packed = vec![0; 125_000];
     for t in 0..reader.readouts() {
         reader.read_frame(t, &mut packed).unwrap();
-        // A stride that meets every column and row; all pixels would take the time of forty runs.
+        // The stride visits every column and every row. All pixels would take 41 times as long.
         let pixels = (t..1_000_000).step_by(41);
-        if reader.lost().contains(&t) {
+        if reader.missing_frames().contains(&t) {
             assert!(pixels.clone().all(|p| !bit(&packed, p)));
             continue;
         }

@@ -1,38 +1,35 @@
-//! What the targets share: a folder of their own, and slow, obvious oracles of the stream formats.
+//! Shared code of the fuzz targets: a temporary folder, and slow but simple oracles of the stream formats.
 
 use std::path::PathBuf;
 
-use spikelane_io::formats::{Layout, Reader};
 use spikelane::spikes::bit;
-use spikelane::{Geometry, Kind};
+use spikelane::{ErrorKind, Geometry};
+use spikelane_io::formats::{Layout, StreamReader};
 
-/// Makes a folder for the files of a target, which is this process's alone.
-pub fn folder(name: &str) -> PathBuf {
+/// Returns the folder for the files of a target. No other process uses this folder.
+pub fn temp_folder(name: &str) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("spikelane-fuzz-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a temporary folder");
     folder
 }
 
-/// Splits off a small geometry, so that frames of many shapes fit a few bytes.
+/// Splits a small geometry off the data. Frames of many shapes then fit in a few bytes.
 pub fn geometry(data: &[u8]) -> Option<(Geometry, &[u8])> {
     let (&[w, h], rest) = data.split_first_chunk()?;
     let geometry = Geometry::new(u32::from(w % 80) + 1, u32::from(h % 16) + 1).ok()?;
     Some((geometry, rest))
 }
 
-/// Every error must be one of those that bytes can cause, and say something.
+/// Checks that an error has a message and that bytes can cause its kind.
 pub fn check_error(error: &spikelane::Error) {
-    assert!(
-        matches!(error.kind(), Kind::Input | Kind::Usage),
-        "{:?}: {error}",
-        error.kind()
-    );
+    assert!(matches!(error.kind(), ErrorKind::Input | ErrorKind::Usage), "{:?}: {error}", error.kind());
     assert!(error.to_string().len() > 10);
 }
 
-/// Decodes every frame and compares each pixel with `pixel(readout, row, col)`, each
-/// padding bit with zero, and the frames read together with those read alone.
-pub fn check_pixels(reader: &Reader, pixel: impl Fn(usize, usize, usize) -> bool) {
+/// Decodes every frame, compares each pixel with `pixel(readout, row, col)`, and checks that padding bits are zero.
+///
+/// It also compares frames that are read together with frames that are read one at a time.
+pub fn check_pixels(reader: &StreamReader, pixel: impl Fn(usize, usize, usize) -> bool) {
     let g = reader.geometry();
     let size = g.frame_bytes();
     let mut all = vec![0xa5; reader.readouts() * size];
@@ -48,9 +45,10 @@ pub fn check_pixels(reader: &Reader, pixel: impl Fn(usize, usize, usize) -> bool
     }
 }
 
-/// What decodes must encode to bytes that decode to the same again, and, where `same`
-/// tells that a byte of the file is all pixels, to that byte.
-pub fn check_encoding(reader: &Reader, layout: Layout, file: &[u8], mask: impl Fn(usize) -> u8) {
+/// Encodes every decoded frame, decodes the result, and compares it with the frame.
+///
+/// The encoded bytes must also equal the bytes of the file in the bits of `mask`.
+pub fn check_encoding(reader: &StreamReader, layout: Layout, file: &[u8], mask: impl Fn(usize) -> u8) {
     let g = reader.geometry();
     let frame_bytes = layout.frame_bytes(g).unwrap();
     let mut packed = vec![0; g.frame_bytes()];

@@ -1,40 +1,50 @@
-//! A unit normal value from 16 random bits.
+//! A standard normal value from 16 random bits.
 //!
-//! The four nibbles select entries of two tables of 16 bytes, one for low and
-//! one for high nibbles; the two bytes' sums are weighted and added. That is
-//! two byte shuffles, one byte addition and one multiply-add in any vector
-//! instruction set. The tables and weights were found by annealing against
-//! the true distribution. What the 65,536 values reach (`docs/why/random.md`,
-//! and the tests below): distance to the normal distribution (Kolmogorov and
-//! Smirnov) 3.2e-4; P(|z| > 3.5) 1.6 % below the true one; largest value
-//! 4.267; kurtosis 3.0013. Tables of equal quantiles reach 2e-3 and 3.7.
+//! The bits are two bytes, and each byte is two nibbles. Each nibble selects an entry of a table of 16 bytes. Low and
+//! high nibbles have separate tables. The sum of the two entries of a byte is multiplied by the weight of that byte, and
+//! both products are added. In every vector instruction set, a draw takes two byte shuffles, one byte addition and one
+//! multiply-add.
+//!
+//! The tables and weights were optimized by simulated annealing. The objective was the distance to the normal
+//! distribution.
+//! `docs/why/random.md` and the tests below document these properties of the 65,536 values:
+//!
+//! | property | value |
+//! |---|--:|
+//! | Kolmogorov-Smirnov distance to the normal distribution | 3.2e-4 |
+//! | P(abs z > 3.5) relative to the normal distribution | -1.6 % |
+//! | largest value | 4.267 standard deviations |
+//! | kurtosis | 3.0013 |
+//!
+//! With tables of equal quantiles, the distance is at least 2e-3 and the largest value is at most 3.7 standard
+//! deviations.
 
-/// For the low nibble of each byte; `LOW[15 - i] = -LOW[i]`.
-pub const LOW: [i8; 16] = [-64, -22, -19, -14, -11, -7, -4, -1, 1, 4, 7, 11, 14, 19, 22, 64];
+/// Entries for the low nibble of a byte; `LOW_NIBBLE_TABLE[15 - i] = -LOW_NIBBLE_TABLE[i]`.
+pub const LOW_NIBBLE_TABLE: [i8; 16] = [-64, -22, -19, -14, -11, -7, -4, -1, 1, 4, 7, 11, 14, 19, 22, 64];
 
-/// For the high nibble of each byte; `HIGH[15 - i] = -HIGH[i]`.
-pub const HIGH: [i8; 16] = [-63, -47, -34, -28, -20, -15, -9, -4, 4, 9, 15, 20, 28, 34, 47, 63];
+/// Entries for the high nibble of a byte; `HIGH_NIBBLE_TABLE[15 - i] = -HIGH_NIBBLE_TABLE[i]`.
+pub const HIGH_NIBBLE_TABLE: [i8; 16] = [-63, -47, -34, -28, -20, -15, -9, -4, 4, 9, 15, 20, 28, 34, 47, 63];
 
-/// Weights of the low and the high byte.
-pub const WEIGHTS: [i16; 2] = [23, 22];
+/// Weights of the low and the high byte of the 16 bits.
+pub const BYTE_WEIGHTS: [i16; 2] = [23, 22];
 
-/// Variance of [`unit()`] over its 65,536 arguments, exactly.
+/// Exact variance of [`draw`] for uniformly distributed arguments.
 pub const VARIANCE: f64 = 1_793_516.5;
 
-/// Standard deviation of [`unit()`]: the square root of [`VARIANCE`].
-pub const SCALE: f64 = 1_339.222_348_977_197;
+/// Standard deviation of [`draw`]: the square root of [`VARIANCE`].
+pub const STD_DEV: f64 = 1_339.222_348_977_197;
 
-/// The largest value of [`unit()`].
-pub const LARGEST: i16 = 5715;
+/// The largest value of [`draw`].
+pub const MAX_DRAW: i16 = 5715;
 
-/// A value of mean 0 and standard deviation [`SCALE`].
+/// Computes a normal value from 16 random bits. Its mean is 0 and its standard deviation is [`STD_DEV`].
 #[must_use]
-pub const fn unit(bits: u16) -> i16 {
-    byte_sum(bits) * WEIGHTS[0] + byte_sum(bits >> 8) * WEIGHTS[1]
+pub const fn draw(bits: u16) -> i16 {
+    byte_sum(bits) * BYTE_WEIGHTS[0] + byte_sum(bits >> 8) * BYTE_WEIGHTS[1]
 }
 
 const fn byte_sum(byte: u16) -> i16 {
-    LOW[(byte & 15) as usize] as i16 + HIGH[(byte >> 4 & 15) as usize] as i16
+    LOW_NIBBLE_TABLE[(byte & 15) as usize] as i16 + HIGH_NIBBLE_TABLE[(byte >> 4 & 15) as usize] as i16
 }
 
 #[cfg(test)]
@@ -42,7 +52,7 @@ mod tests {
     use super::*;
 
     fn all() -> Vec<f64> {
-        let mut z: Vec<_> = (0..=u16::MAX).map(|b| f64::from(unit(b)) / SCALE).collect();
+        let mut z: Vec<_> = (0..=u16::MAX).map(|b| f64::from(draw(b)) / STD_DEV).collect();
         z.sort_by(f64::total_cmp);
         z
     }
@@ -53,12 +63,12 @@ mod tests {
 
     #[test]
     fn variance_and_mean_are_the_stated_ones() {
-        let sum: i64 = (0..=u16::MAX).map(|b| i64::from(unit(b))).sum();
-        let squares: i64 = (0..=u16::MAX).map(|b| i64::from(unit(b)).pow(2)).sum();
+        let sum: i64 = (0..=u16::MAX).map(|b| i64::from(draw(b))).sum();
+        let squares: i64 = (0..=u16::MAX).map(|b| i64::from(draw(b)).pow(2)).sum();
         assert_eq!(sum, 0);
         assert_eq!(squares as f64 / 65_536.0, VARIANCE);
-        assert!((SCALE * SCALE - VARIANCE).abs() < 1e-6);
-        assert_eq!((0..=u16::MAX).map(unit).max(), Some(LARGEST));
+        assert!((STD_DEV * STD_DEV - VARIANCE).abs() < 1e-6);
+        assert_eq!((0..=u16::MAX).map(draw).max(), Some(MAX_DRAW));
     }
 
     #[test]

@@ -1,7 +1,7 @@
-//! One bijection of 64 bits, on which names and hashes stand.
+//! A bijection of 64-bit numbers, used to derive stream numbers and hashes.
 
-/// A bijection of 64 bits in which every input bit moves every output bit
-/// (the finaliser "variant 13" of Stafford, as used by splitmix64).
+/// Returns a bijection of `x` in which every input bit affects every output bit (Stafford's finalizer
+/// "variant 13", as in splitmix64).
 #[must_use]
 #[inline(always)]
 pub const fn mix64(mut x: u64) -> u64 {

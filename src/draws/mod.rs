@@ -1,16 +1,15 @@
-//! Addressed random draws.
+//! Random draws as functions of an address. No generator has a state that draws change.
 //!
-//! Every draw is a pure function of (seed, stream of the effect, pixel,
-//! readout), so tiles, threads, lanes and resume points cannot change it.
-//! There are two kinds: [`pattern`] fills per-pixel tables once, from a
-//! generator that can jump to any pixel; [`hash`] gives the draws of every
-//! readout, with the same value in scalar code and in lanes.
+//! The address consists of the seed, the stream of the effect, the pixel and the readout. Tiles, threads, vector widths
+//! and resume points therefore cannot change a draw. There are two kinds of draws:
+//! * [`pattern_rng`] draws the values of per-pixel tables once per camera. Its generator can jump to any pixel.
+//! * [`hash`] draws the noise of every readout. Scalar and vector code draw equal values.
 
 pub mod gauss;
 pub mod hash;
 mod mix;
-pub mod pattern;
+pub mod pattern_rng;
 pub mod poisson;
-mod stream;
+mod random_stream;
 
-pub use stream::{Seeds, Stream};
+pub use random_stream::{RandomStream, Seeds};

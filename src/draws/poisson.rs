@@ -1,37 +1,41 @@
-//! Poisson counts of small means from 32 random bits, by tables.
+//! Poisson counts of small means from 32 random bits, by table lookup.
 //!
-//! A grid of means, equally spaced in their square root, has an alias table
-//! each (128 columns: one look-up and one comparison a draw). A mean between
-//! two grid points takes one of them at random. That mixture is a little too
-//! wide; with [`DENSITY`] points per unit of the root its total variation
-//! distance from the Poisson distribution is at most `0.5 / DENSITY^2` =
-//! 1.2e-4: the mixture's defect is at most `step^2 / 8` times the second
-//! difference of the distribution, whose half absolute sum is 0.97 / mean for
-//! large means and at most 2 for small ones, and `step = 2 sqrt(mean) / DENSITY`.
-//! A search along the cumulative distribution would be exact but needs up to
-//! a hundred comparisons a draw.
+//! The tables exist for means on a grid. The square roots of these means are equally spaced. Each grid point has an alias
+//! table of 128 columns, so a draw takes one lookup and one comparison. For a mean between two grid points, each draw
+//! selects one of the two tables at random.
+//!
+//! This mixture of two tables is slightly too wide. With [`POINTS_PER_ROOT`] grid points per unit of the square root, its
+//! total variation distance from the Poisson distribution is at most `0.5 / POINTS_PER_ROOT^2 = 1.2e-4`:
+//! * The error of the mixture is at most `step^2 / 8` times the second derivative of the distribution by the mean, where
+//!   `step = 2 sqrt(mean) / POINTS_PER_ROOT` is the distance between two grid points.
+//! * This derivative equals the second difference of the distribution by the count. Half the absolute sum of the second
+//!   difference is `0.97 / mean` for large means and at most 2 for small means.
+//!
+//! A search in the cumulative distribution would be exact, but one draw would take up to a hundred comparisons.
 
-/// Above this mean a normal draw takes over.
-pub const LIMIT: f32 = 64.0;
+/// Smallest mean for which a normal value replaces the Poisson count.
+pub const MAX_MEAN: f32 = 64.0;
 
 /// Grid points per unit of the square root of the mean.
-pub const DENSITY: f32 = 64.0;
+pub const POINTS_PER_ROOT: f32 = 64.0;
 
-/// Columns of an alias table: counts 0 to 127.
+/// Number of columns of an alias table: counts 0 to 127.
 pub const COLUMNS: usize = 128;
 
-/// Grid points, 0 to [`LIMIT`] inclusive.
-const POINTS: usize = 513;
+/// Number of grid points, which include mean 0 and [`MAX_MEAN`].
+const GRID_POINTS: usize = 513;
 
-/// The tables, 460 KB.
+/// The alias tables of all grid points, 460 KB.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tables {
-    /// `threshold << 8 | alias`, [`COLUMNS`] words for every grid point.
+pub struct PoissonTables {
+    /// `threshold << 8 | alias` for each column; [`COLUMNS`] words per grid point.
     pub alias: Vec<u32>,
-    /// The same in bytes, for instruction sets that look bytes up within registers: of every grid
-    /// point first all aliases, then the low and then the high bytes of all thresholds.
+    /// The same tables as bytes, for instruction sets that can look up bytes in registers.
+    ///
+    /// Each grid point has three arrays: all aliases, the low bytes of all thresholds, and the high bytes of all
+    /// thresholds.
     pub bytes: Vec<[[u8; COLUMNS]; 3]>,
-    /// Mean of every grid point's table, exactly as the table has it.
+    /// Exact mean of each grid point's table. The rounded thresholds are taken into account.
     pub mean: Vec<f32>,
     /// `512 / (mean[i + 1] - mean[i])`.
     pub inverse_step: Vec<f32>,
@@ -39,55 +43,55 @@ pub struct Tables {
     pub step: Vec<f32>,
 }
 
-/// A mean, prepared for many draws.
+/// A mean in the form that [`PoissonTables::draw`] uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prepared {
-    /// Lower grid point.
+pub struct PreparedMean {
+    /// Index of the lower grid point.
     pub point: u32,
-    /// Share of the upper grid point, of 512.
+    /// Probability of the upper grid point in units of 1/512.
     pub share: u32,
-    /// The mean that the draws really have.
+    /// Exact mean of the draws.
     pub mean: f32,
 }
 
-impl Default for Tables {
+impl Default for PoissonTables {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Tables {
+impl PoissonTables {
     /// Builds the tables.
     #[must_use]
     pub fn new() -> Self {
-        let mut alias = Vec::with_capacity(POINTS * COLUMNS);
-        let mut mean = Vec::with_capacity(POINTS);
-        for i in 0..POINTS {
-            let root = i as f64 / f64::from(DENSITY);
+        let mut alias = Vec::with_capacity(GRID_POINTS * COLUMNS);
+        let mut mean = Vec::with_capacity(GRID_POINTS);
+        for i in 0..GRID_POINTS {
+            let root = i as f64 / f64::from(POINTS_PER_ROOT);
             let column = alias_table(&probabilities(root * root));
             mean.push(table_mean(&column) as f32);
             alias.extend(column);
         }
-        let bytes = alias.chunks_exact(COLUMNS).map(bytes_of).collect();
+        let bytes = alias.chunks_exact(COLUMNS).map(table_bytes).collect();
         let gaps = || mean.windows(2).map(|m| m[1] - m[0]);
         let inverse_step = gaps().map(|g| 512.0 / g).collect();
         let step = gaps().map(|g| g / 512.0).collect();
         Self { alias, bytes, mean, inverse_step, step }
     }
 
-    /// The grid point, share and true mean for `mean` in `[0, LIMIT)`.
+    /// Returns the grid point, share and exact mean for `mean` in `[0, MAX_MEAN)`.
     #[must_use]
-    pub fn prepare(&self, mean: f32) -> Prepared {
-        let point = ((mean.sqrt() * DENSITY) as u32).min(POINTS as u32 - 2);
+    pub fn prepare(&self, mean: f32) -> PreparedMean {
+        let point = ((mean.sqrt() * POINTS_PER_ROOT) as u32).min(GRID_POINTS as u32 - 2);
         let i = point as usize;
         let share = ((mean - self.mean[i]) * self.inverse_step[i]).clamp(0.0, 512.0);
         let share = share.round_ties_even();
-        Prepared { point, share: share as u32, mean: self.mean[i] + share * self.step[i] }
+        PreparedMean { point, share: share as u32, mean: self.mean[i] + share * self.step[i] }
     }
 
-    /// The count that belongs to 32 random bits.
+    /// Returns the count for 32 random bits.
     #[must_use]
-    pub fn draw(&self, prepared: Prepared, bits: u32) -> u32 {
+    pub fn draw(&self, prepared: PreparedMean, bits: u32) -> u32 {
         let upper = u32::from(bits & 511 < prepared.share);
         let column = bits >> 25;
         let entry = self.alias[((prepared.point + upper) * COLUMNS as u32 + column) as usize];
@@ -96,9 +100,11 @@ impl Tables {
     }
 }
 
-/// A table's aliases and the bytes of its thresholds. A threshold of 65,536, which takes a 17th bit, always
-/// keeps its column: so does an alias that is the column itself.
-fn bytes_of(table: &[u32]) -> [[u8; COLUMNS]; 3] {
+/// Returns the aliases of a table, and the low and high bytes of the thresholds of the table.
+///
+/// A threshold of 65,536 needs a 17th bit and means that every draw returns the column. The byte tables omit this bit.
+/// Instead, the column itself is stored as alias.
+fn table_bytes(table: &[u32]) -> [[u8; COLUMNS]; 3] {
     let mut bytes = [[0; COLUMNS]; 3];
     for (column, entry) in table.iter().enumerate() {
         let always = entry >> 8 > 0xffff;
@@ -109,7 +115,7 @@ fn bytes_of(table: &[u32]) -> [[u8; COLUMNS]; 3] {
     bytes
 }
 
-/// Poisson probabilities of 0 to 127, normalised.
+/// Returns the Poisson probabilities of the counts 0 to 127, scaled to the sum 1.
 fn probabilities(mean: f64) -> [f64; COLUMNS] {
     let mut p = [0.0; COLUMNS];
     p[0] = libm::exp(-mean);
@@ -120,7 +126,7 @@ fn probabilities(mean: f64) -> [f64; COLUMNS] {
     p.map(|v| v / sum)
 }
 
-/// Walker's alias method in Vose's form, with thresholds of 16 bits.
+/// Returns an alias table of 16-bit thresholds, built by Walker's method in Vose's form.
 fn alias_table(p: &[f64; COLUMNS]) -> Vec<u32> {
     let mut rest = p.map(|v| v * COLUMNS as f64);
     let mut table: Vec<u32> = (0..COLUMNS as u32).map(|k| 0xffff << 8 | k).collect();
@@ -148,8 +154,8 @@ fn table_mean(table: &[u32]) -> f64 {
 mod tests {
     use super::*;
 
-    /// The exact distribution of `draw` for a prepared mean.
-    fn distribution(tables: &Tables, prepared: Prepared) -> Vec<f64> {
+    /// Returns the exact distribution of `draw` for a prepared mean.
+    fn distribution(tables: &PoissonTables, prepared: PreparedMean) -> Vec<f64> {
         let mut p = vec![0.0; COLUMNS];
         let upper = f64::from(prepared.share) / 512.0;
         for (point, weight) in [(prepared.point, 1.0 - upper), (prepared.point + 1, upper)] {
@@ -165,10 +171,11 @@ mod tests {
 
     #[test]
     fn the_total_variation_from_poisson_is_below_two_in_ten_thousand() {
-        let tables = Tables::new();
+        let tables = PoissonTables::new();
         let mut worst = 0.0f64;
         for i in 0..4000 {
-            // Means over the whole range, off the grid points, denser for dim light.
+            // The means are spread through the whole range, including values between grid points. Small means are
+            // denser.
             let mean = 64.0 * (f64::from(i) + 0.37).powi(2) / 4000.0f64.powi(2);
             let prepared = tables.prepare(mean as f32);
             let found = distribution(&tables, prepared);
@@ -184,13 +191,13 @@ mod tests {
 
     #[test]
     fn the_bytes_draw_what_the_words_draw() {
-        let tables = Tables::new();
+        let tables = PoissonTables::new();
         let mut with_17_bits = 0;
         for (row, bytes) in tables.alias.chunks_exact(COLUMNS).zip(&tables.bytes) {
             for (column, entry) in row.iter().enumerate() {
                 let bound = u32::from(bytes[2][column]) << 8 | u32::from(bytes[1][column]);
                 with_17_bits += u32::from(entry >> 8 > 0xffff);
-                // Between two thresholds nothing changes: the draws at their borders say it all.
+                // A result changes only at a threshold, so the test draws numbers next to the thresholds.
                 for draw in [0, (entry >> 8).saturating_sub(1), entry >> 8, 0xffff].map(|d| d.min(0xffff)) {
                     let kept = |bound: u32, alias: u32| if draw < bound { column as u32 } else { alias };
                     assert_eq!(kept(bound, bytes[0][column].into()), kept(entry >> 8, entry & 0xff));
@@ -202,7 +209,7 @@ mod tests {
 
     #[test]
     fn every_column_of_bits_draws_what_the_distribution_says() {
-        let tables = Tables::new();
+        let tables = PoissonTables::new();
         let prepared = tables.prepare(3.3);
         let mut histogram = vec![0u32; COLUMNS];
         let draws = 1u32 << 20;
@@ -212,7 +219,7 @@ mod tests {
         }
         let truth = distribution(&tables, prepared);
         for (count, p) in histogram.iter().zip(truth) {
-            // Five standard deviations of a binomial count.
+            // The bound is five standard deviations of a binomial count.
             let expected = p * f64::from(draws);
             assert!((f64::from(*count) - expected).abs() < 5.0 * expected.sqrt() + 3.0);
         }

@@ -1,6 +1,6 @@
-//! A threshold that remembers spikes.
+//! Adaptation: every spike raises the threshold, which then decays.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -8,38 +8,39 @@ use crate::units::Unit;
 /// The effect `adaptation`.
 pub static EFFECT: Definition = Definition::new(
     "adaptation",
-    "Every spike raises the threshold, which then falls back exponentially.",
+    "Every spike raises the threshold of its pixel. The threshold then returns exponentially.",
     "charge trapped at the comparator; spike-frequency adaptation of neuron models",
     &[
         Param::number(
             "rise",
-            Unit::One,
+            Unit::Dimensionless,
             (0.0, 0.02),
             0.0,
             0.001,
             "rise per spike, relative to the threshold",
         )
-        .tried(Tried::amplitude((0.0, 0.02), &[0.002])),
+        .with_search(SearchSpec::amplitude((0.0, 0.02), &[0.002])),
         Param::number(
-            "decay",
-            Unit::One,
+            "retention",
+            Unit::Dimensionless,
             (0.7, 0.9995),
             0.99,
             0.99,
-            "share of the rise that a readout leaves",
+            "share of the rise that remains after one readout",
         )
-        .tried(Tried::kept((0.8, 0.999), &[0.85, 0.95, 0.99, 0.998])),
+        .with_search(SearchSpec::retention((0.8, 0.999), &[0.85, 0.95, 0.99, 0.998])),
     ],
 )
 .with_ops(ops)
 .with_moments(moments);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
-    vec![Op::Adaptation { rise: v[0], decay: v[1] }]
+    vec![Op::Adaptation { rise: v[0], retention: v[1] }]
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    // After n = 1/x readouts a rise r has fallen to r d^(n-1), and those of all spikes before add up.
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
+    // Let r be the threshold rise of a spike, d the retention per readout, and n = 1/x the readouts per interval. At the
+    // next spike the rise is r d^(n-1). The rises of all earlier spikes add up to a geometric series.
     let x = at.increment();
     let raised = v[0] * libm::pow(v[1], 1.0 / x - 1.0) / (1.0 - libm::pow(v[1], 1.0 / x));
     Some(Moments { rate: x / (1.0 + raised) - x, ..Moments::default() })

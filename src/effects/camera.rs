@@ -3,22 +3,22 @@
 use std::hash::{Hash as _, Hasher};
 
 use crate::draws::Seeds;
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::inputs;
 use crate::sensor::{FrontEnd, Sensor};
 use crate::spikes::{Crop, Geometry};
 use crate::threads;
 
-use super::catalogue::clash;
+use super::catalog::name_clash_error;
 use super::circuit::Circuit;
-use super::definition::{Definition, Operating};
+use super::definition::{Definition, OperatingPoint};
 use super::effect::Effect;
 use super::model::Model;
 use super::{bias_voltage, dark_current, prnu, saturation_clamp, start_phase};
 
-/// Measured per-pixel maps that replace what effects would draw.
+/// Measured per-pixel maps. Each map replaces a fixed pattern that effects draw.
 ///
-/// Each holds one value per pixel, row-major, top row first.
+/// Each map has one value per pixel, row-major, top row first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Maps {
     /// Conversion gain relative to the nominal one.
@@ -31,75 +31,79 @@ pub struct Maps {
     pub swing_v: Option<Vec<f64>>,
 }
 
-/// A sensor with everything that makes it imperfect.
+/// A sensor with its effects, measured maps and front end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Name in reports.
     pub name: String,
-    /// Where its numbers come from.
+    /// Source of the camera's values.
     pub source: String,
     /// Geometry, rate and nominal circuit.
     pub sensor: Sensor,
-    /// How it takes stored codes as light.
-    pub light: FrontEnd,
+    /// Conversion from stored codes to light.
+    pub front_end: FrontEnd,
     effects: Vec<Effect>,
     /// Measured maps.
     pub maps: Maps,
-    /// The whole sensor, and which of its pixels this camera is.
+    /// If this camera is a window: the geometry of the whole sensor, and the rectangle that this camera reads out.
     pub(super) window: Option<(Geometry, Crop)>,
 }
 
-/// The most memory that drawing the fixed pattern takes for each pixel, in bytes: six maps, a copy of each for a window, and
-/// four maps of an effect that is being drawn.
-const BYTES_PER_PIXEL: usize = 16 * size_of::<f64>();
+/// Upper bound of the memory needed to draw the fixed pattern, in bytes per pixel.
+///
+/// The 16 values per pixel are six maps, six copies of the maps for a window, and four maps of the effect that is being
+/// drawn.
+const PATTERN_BYTES_PER_PIXEL: usize = 16 * size_of::<f64>();
 
 impl Camera {
-    /// A camera without imperfections that starts with empty pixels.
+    /// Returns a camera without imperfections whose pixels start without charge.
     #[must_use]
     pub fn ideal(sensor: Sensor) -> Self {
         Self {
             name: "ideal".to_owned(),
             source: "no effects".to_owned(),
             sensor,
-            light: FrontEnd::default(),
+            front_end: FrontEnd::default(),
             effects: Vec::new(),
             maps: Maps::default(),
             window: None,
         }
     }
 
-    /// The effects, in canonical order.
+    /// Returns the effects in canonical order.
     #[must_use]
     pub fn effects(&self) -> &[Effect] {
         &self.effects
     }
 
-    /// The effect called `name`, if this camera has it.
+    /// Returns the effect called `name` if this camera has it.
     #[must_use]
     pub fn effect(&self, name: &str) -> Option<&Effect> {
         self.effects.iter().find(|e| e.name() == name)
     }
 
-    /// This camera with `effect` added, or replaced if it has one of that name.
+    /// Returns this camera with `effect`, which replaces an effect of the same name.
     #[must_use]
-    pub fn with(mut self, effect: Effect) -> Self {
+    pub fn with_effect(mut self, effect: Effect) -> Self {
         self.effects.retain(|e| e.name() != effect.name());
         self.effects.push(effect);
-        // Those of other crates come last, by their names, so that the order in which they were added says nothing.
+        // Effects of other crates come after the library's effects, sorted by name. The order of the calls therefore
+        // does not matter.
         let rank =
             |e: &Effect| (super::ALL.iter().position(|d| d.name == e.name()).unwrap_or(usize::MAX), e.name());
         self.effects.sort_by_key(rank);
         self
     }
 
-    /// This camera without the effect called `name`.
+    /// Returns this camera without the effect called `name`. A camera that lacks the effect is unchanged.
     #[must_use]
-    pub fn without(mut self, name: &str) -> Self {
+    pub fn without_effect(mut self, name: &str) -> Self {
         self.effects.retain(|e| e.name() != name);
         self
     }
 
-    /// The camera's noise-free twin: the same sensor, clamp and start phase, no other effect.
+    /// Returns the noise-free twin of this camera. It has the same sensor, saturation clamp and start phase, but no other
+    /// effect.
     #[must_use]
     pub fn clean_twin(&self) -> Self {
         let mut twin = Self::ideal(self.sensor);
@@ -107,20 +111,21 @@ impl Camera {
         twin.source.clone_from(&self.source);
         for kept in [&start_phase::EFFECT, &saturation_clamp::EFFECT] {
             if let Some(effect) = self.effect(kept.name) {
-                twin = twin.with(effect.clone());
+                twin = twin.with_effect(effect.clone());
             }
         }
-        // The mean offset of the comparator belongs to the nominal threshold.
+        // The nominal threshold includes the mean offset of the comparator, so the twin adds this offset to its
+        // threshold.
         if let Some(bias) = self.effect(bias_voltage::EFFECT.name) {
             twin.sensor.swing_v += bias.values()[0];
         }
         twin
     }
 
-    /// Everything that what it records depends on, to the bit. Its name and where its numbers come from are no part of that.
+    /// Hashes the exact value of every property that affects the recorded bits. `name` and `source` are excluded.
     pub fn hash_exactly(&self, into: &mut impl Hasher) {
-        let Self { name: _, source: _, sensor, light, effects, maps, window } = self;
-        // Numbers are written with as many digits as tell them from every other one.
+        let Self { name: _, source: _, sensor, front_end: light, effects, maps, window } = self;
+        // `Debug` writes every float with enough digits to distinguish it from all other floats.
         format!("{sensor:?} {light:?} {window:?}").hash(into);
         let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
         effects.len().hash(into);
@@ -133,17 +138,18 @@ impl Camera {
         }
     }
 
-    /// The operating point of a nominal pixel whose mean increment is
-    /// `increment` nominal thresholds per readout, dark current included.
+    /// Returns the operating point of a nominal pixel.
+    ///
+    /// `increment` is the mean charge per readout in nominal thresholds, including the charge of the dark current.
     #[must_use]
-    pub fn operating(&self, increment: f64) -> Operating {
+    pub fn operating_point(&self, increment: f64) -> OperatingPoint {
         let mut circuit = Circuit::without_maps(&self.sensor);
         let mean = |d: &Definition| self.effect(d.name).map_or(0.0, |e| e.values()[0]);
         circuit.nominal_v += mean(&bias_voltage::EFFECT);
-        let from_dark = circuit.thresholds_of_pa(mean(&dark_current::EFFECT));
+        let from_dark = circuit.thresholds_per_readout(mean(&dark_current::EFFECT));
         let from_light = increment - from_dark;
         let gain = self.effect(prnu::EFFECT.name).map_or(1.0, |e| e.values()[0]);
-        Operating {
+        OperatingPoint {
             light: from_light / (gain * circuit.sensitivity),
             from_light,
             from_dark,
@@ -154,28 +160,32 @@ impl Camera {
         }
     }
 
-    /// Draws the fixed pattern of `seeds.camera` and collects the operations.
+    /// Draws the fixed pattern of `seeds.camera` and collects the operations of all effects.
     ///
     /// # Errors
-    /// When a measured map has another size than the sensor, an effect
-    /// leaves a pixel without a positive threshold, or an effect of another crate has the name of one of this library.
+    /// Returns [`ErrorKind::Config`] if
+    /// * a measured map does not match the sensor in size or contains a value that is not finite,
+    /// * the effects together set the threshold of a pixel to zero or less,
+    /// * an effect of another crate has the name of an effect of this library.
+    ///
+    /// Also returns an error if the sensor is invalid or if the pattern does not fit in memory.
     pub fn model(&self, seeds: Seeds) -> Result<Model> {
-        if let Some((whole, crop)) = self.whole()? {
+        if let Some((whole, crop)) = self.whole_sensor()? {
             return whole.model(seeds).map(|model| model.window(crop));
         }
-        let sensor = self.sensor.validated()?;
+        let sensor = self.sensor.validate()?;
         let geometry = sensor.geometry;
         inputs::check_memory(
             format_args!("camera of {geometry} pixels"),
-            BYTES_PER_PIXEL * geometry.pixels(),
+            PATTERN_BYTES_PER_PIXEL * geometry.pixels(),
         )?;
         let mut circuit = Circuit::nominal(&sensor);
         let mut ops = Vec::new();
         for effect in &self.effects {
             if super::ALL.iter().any(|d| d.name == effect.name() && *d != effect.definition()) {
-                return Err(clash(effect.name()));
+                return Err(name_clash_error(effect.name()));
             }
-            threads::check();
+            threads::check_stop();
             effect.edit(&sensor, &mut circuit, seeds);
             ops.extend(effect.ops(&sensor));
         }
@@ -198,7 +208,7 @@ impl Maps {
         for (what, map, target) in pairs {
             let Some(map) = map else { continue };
             if map.len() != pixels || map.iter().any(|v| !v.is_finite()) {
-                return Err(Error::new(Kind::Config, what)
+                return Err(Error::new(ErrorKind::Config, what)
                     .found(format_args!("{} values", map.len()))
                     .expected(format_args!("{pixels} finite values, one per pixel")));
             }

@@ -1,23 +1,22 @@
-//! Capacitors differ from pixel to pixel.
+//! Differences in capacitance between pixels.
 
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `capacitor_mismatch`.
 pub static EFFECT: Definition = Definition::new(
     "capacitor_mismatch",
-    "The charge node's capacitance spreads over the pixels, and the threshold charge \
-     with it.",
+    "The capacitance of the charge node varies from pixel to pixel, and the threshold charge varies with it.",
     "SCSim, arXiv 2405.16790, Algorithm 1, the map C_S",
-    &[Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian spread")],
+    &[Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian spread over the pixels")],
 )
 .with_edit(edit)
 .with_moments(moments);
 
-fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     if v[0] == 0.0 {
         return;
     }
@@ -26,7 +25,7 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
     }
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
     let variance = (v[0] / at.capacitance_ff).powi(2);
     Some(Moments { rate: at.increment() * variance, phase_variance: 0.0, spatial_variance: variance })
 }

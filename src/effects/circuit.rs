@@ -1,10 +1,10 @@
-//! The circuit of every pixel, which effects edit.
+//! The circuit constants of every pixel, which effects edit.
 
 use crate::sensor::Sensor;
 use crate::spikes::Geometry;
 use crate::units::ELECTRON_FC;
 
-/// Per-pixel constants, row-major, top row first; one entry per pixel.
+/// Circuit constants per pixel, row-major, top row first. Each map has one value per pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Circuit {
     /// Width and height.
@@ -13,27 +13,28 @@ pub struct Circuit {
     pub period_s: f64,
     /// Nominal capacitance in femtofarads.
     pub nominal_ff: f64,
-    /// Nominal threshold voltage in volts; a mean offset of the comparator belongs to it.
+    /// Nominal threshold voltage in volts, including the mean offset of the comparator.
     pub nominal_v: f64,
-    /// Nominal thresholds per readout at full-scale light.
+    /// Charge per readout at full-scale light, in nominal thresholds.
     pub sensitivity: f64,
-    /// `C + C_S` in femtofarads.
+    /// Capacitance `C + C_S` in femtofarads.
     pub capacitance_ff: Vec<f64>,
-    /// `V_d + V_S` in volts.
+    /// Threshold voltage `V_d + V_S` in volts.
     pub swing_v: Vec<f64>,
     /// Conversion gain relative to the nominal one.
     pub gain: Vec<f64>,
     /// Dark current in picoamperes.
     pub dark_pa: Vec<f64>,
-    /// Relative distance of both values of a dark current that switches from their mean, zero
-    /// where it does not; empty when no pixel's does.
+    /// Relative distance of the two values of a switching dark current from their mean.
+    ///
+    /// The value is zero for a pixel whose current does not switch. The map is empty if no pixel's current switches.
     pub telegraph: Vec<f64>,
-    /// Share of the width within which a pixel is undecided at a readout; empty when none is.
-    pub undecided: Vec<f64>,
+    /// Factor by which each pixel multiplies the width of the readout jitter. The map is empty if no pixel has jitter.
+    pub jitter_share: Vec<f64>,
 }
 
 impl Circuit {
-    /// Pixels that are all nominal.
+    /// Returns a circuit in which every pixel is nominal.
     #[must_use]
     pub fn nominal(sensor: &Sensor) -> Self {
         let n = sensor.geometry.pixels();
@@ -46,7 +47,9 @@ impl Circuit {
         }
     }
 
-    /// What all pixels share, and no map: callers that ask pixel by pixel would fill a map each time.
+    /// Returns the constants that all pixels share, with empty maps.
+    ///
+    /// Use this function if you need only these constants. It allocates no maps.
     pub(super) fn without_maps(sensor: &Sensor) -> Self {
         Self {
             geometry: sensor.geometry,
@@ -59,37 +62,40 @@ impl Circuit {
             gain: Vec::new(),
             dark_pa: Vec::new(),
             telegraph: Vec::new(),
-            undecided: Vec::new(),
+            jitter_share: Vec::new(),
         }
     }
 
-    /// Number of pixels.
+    /// Returns the number of pixels.
     #[must_use]
     pub fn pixels(&self) -> usize {
         self.geometry.pixels()
     }
 
-    /// The nominal threshold in femtocoulombs: what full-scale light adds in a
-    /// readout when the sensitivity is one.
+    /// Returns the nominal threshold in femtocoulombs.
+    ///
+    /// Full-scale light adds this charge per readout if the sensitivity is 1.
     #[must_use]
     pub fn threshold_fc(&self) -> f64 {
         self.nominal_ff * self.nominal_v
     }
 
-    /// Electrons in a nominal threshold.
+    /// Returns the number of electrons in a nominal threshold.
     #[must_use]
     pub fn electrons(&self) -> f64 {
         self.threshold_fc() / ELECTRON_FC
     }
 
-    /// Nominal thresholds per readout of a current in picoamperes: `I dt`, and pA times ms is fC.
+    /// Converts a current in picoamperes to nominal thresholds per readout.
+    ///
+    /// The charge is `current_pa * period_s * 1e3` femtocoulombs, because 1 pA during 1 ms is 1 fC.
     #[must_use]
-    pub fn thresholds_of_pa(&self, current_pa: f64) -> f64 {
+    pub fn thresholds_per_readout(&self, current_pa: f64) -> f64 {
         current_pa * self.period_s * 1e3 / self.threshold_fc()
     }
 
-    /// Multiplies `values` of every pixel by one plus `sigma` times a standard normal value.
-    pub fn spread(values: &mut [f64], sigma: f64, normals: &[f64]) {
+    /// Multiplies each of `values` by `1 + sigma z`, where `z` is the standard normal value of its pixel.
+    pub fn apply_spread(values: &mut [f64], sigma: f64, normals: &[f64]) {
         for (value, z) in values.iter_mut().zip(normals) {
             *value *= 1.0 + sigma * z;
         }
@@ -101,14 +107,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_all_pixels_share_needs_no_map() {
+    fn shared_values_need_no_map() {
         let large = Circuit::without_maps(&Sensor::new(1 << 14, 1 << 14, 20_000.0).unwrap());
         let maps = [&large.capacitance_ff, &large.swing_v, &large.gain, &large.dark_pa];
         assert!(maps.iter().all(|map| map.capacity() == 0));
         let one = Circuit::nominal(&Sensor::new(1, 1, 20_000.0).unwrap());
         assert_eq!(
-            (large.electrons(), large.thresholds_of_pa(1.0)),
-            (one.electrons(), one.thresholds_of_pa(1.0))
+            (large.electrons(), large.thresholds_per_readout(1.0)),
+            (one.electrons(), one.thresholds_per_readout(1.0))
         );
     }
 }

@@ -1,32 +1,31 @@
-//! Every column has a threshold offset of its own.
+//! Threshold offset that all pixels of a column share.
 
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `column_pattern`.
 pub static EFFECT: Definition = Definition::new(
     "column_pattern",
-    "All pixels of a column share an offset of the threshold, since they share its \
-     comparator supply.",
+    "All pixels of a column share a threshold offset, because they share one comparator supply.",
     "column and row fixed-pattern noise of EMVA 1288, release 4.0, section 4",
     &[Param::number(
         "sigma",
-        Unit::One,
+        Unit::Dimensionless,
         (0.0, 0.1),
         0.0,
         0.01,
         "Gaussian spread over the columns, relative to the nominal threshold",
     )
-    .tried(Tried::deviation((0.0, 0.1), &[0.006, 0.025]))],
+    .with_search(SearchSpec::deviation((0.0, 0.1), &[0.006, 0.025]))],
 )
 .with_edit(edit)
 .with_moments(moments)
-.part_of_a_scene();
+.scene_like();
 
-fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     if v[0] == 0.0 {
         return;
     }
@@ -38,8 +37,8 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
     }
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    // The mean of 1/(1 + e) is 1 + var(e) to second order.
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
+    // Let e be the relative threshold offset, with mean 0. To second order, the mean of 1/(1 + e) is 1 + var(e).
     let variance = v[0] * v[0];
     Some(Moments { rate: at.increment() * variance, phase_variance: 0.0, spatial_variance: variance })
 }

@@ -1,6 +1,6 @@
-//! Noise of the comparison.
+//! Noise of the comparator.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -8,18 +8,17 @@ use crate::units::Unit;
 /// The effect `comparator_noise`.
 pub static EFFECT: Definition = Definition::new(
     "comparator_noise",
-    "Every comparison has an error of its own that is not subtracted at the reset: a \
-     spike comes early or late, and the next interval makes up for it.",
+    "Every comparison has a random error that the reset does not subtract. An early or late spike changes the next interval by the opposite amount.",
     "input-referred noise of a clocked comparator",
     &[Param::number(
         "sigma",
-        Unit::One,
+        Unit::Dimensionless,
         (0.0, 0.06),
         0.0,
         0.005,
-        "standard deviation relative to the threshold",
+        "standard deviation, relative to the threshold",
     )
-    .tried(Tried::deviation((0.0, 0.05), &[0.004, 0.015]))],
+    .with_search(SearchSpec::deviation((0.0, 0.05), &[0.004, 0.015]))],
 )
 .with_ops(ops)
 .with_moments(moments);
@@ -28,7 +27,7 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::ComparatorNoise { sigma: v[0] }]
 }
 
-fn moments(_: Values<'_>, _: &Operating) -> Option<Moments> {
-    // No charge is gained or lost, so neither rate nor growth of the variance changes.
+fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
+    // The noise changes comparisons but no charge. Neither the rate nor the long-term growth of the variance changes.
     Some(Moments::default())
 }

@@ -1,6 +1,6 @@
-//! Light that reaches the neighbours.
+//! Light that reaches the neighboring pixels.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -8,28 +8,27 @@ use crate::units::Unit;
 /// The effect `crosstalk`.
 pub static EFFECT: Definition = Definition::new(
     "crosstalk",
-    "A pixel gives a share of its light to its four neighbours and gets theirs; at \
-     the border the share stays.",
+    "A pixel passes a share of its light to its four neighbors and receives the same share of theirs. At the border the share stays in the pixel.",
     "optical crosstalk between microlenses; diffusion of carriers",
     &[Param::number(
         "share",
-        Unit::One,
+        Unit::Dimensionless,
         (0.0, 0.12),
         0.0,
         0.02,
-        "share of the light given to the four neighbours together",
+        "share of the light that all four neighbors receive together",
     )
-    .tried(Tried::amplitude((0.0, 0.12), &[0.004, 0.03]))],
+    .with_search(SearchSpec::amplitude((0.0, 0.12), &[0.004, 0.03]))],
 )
 .with_ops(ops)
 .with_moments(moments)
-.part_of_a_scene();
+.scene_like();
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Crosstalk { share: v[0] }]
 }
 
-fn moments(_: Values<'_>, _: &Operating) -> Option<Moments> {
-    // Even light stays as it is.
+fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
+    // Under uniform light a pixel receives as much light from its neighbors as it loses.
     Some(Moments::default())
 }

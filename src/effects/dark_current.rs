@@ -1,26 +1,26 @@
-//! Dark current of the photodiode, with its spread over the pixels.
+//! Dark current of the photodiode. The current differs between pixels.
 
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `dark_current`.
 pub static EFFECT: Definition = Definition::new(
     "dark_current",
-    "Charge leaks into the pixel without light; every pixel has its own current.",
+    "Charge flows into the pixel without light. Every pixel has its own current.",
     "SCSim, arXiv 2405.16790, Algorithm 1",
     &[
         Param::number("mean", Unit::Picoampere, (-1e3, 1e6), 0.0, 0.4442, "mean over the pixels"),
         Param::number("sigma", Unit::Picoampere, (0.0, 1e6), 0.0, 0.1731, "Gaussian spread over the pixels"),
-        Param::choice("negative", &["kept", "zero"], 1, "what becomes of negative currents"),
+        Param::choice("negative", &["kept", "zero"], 1, "treatment of negative currents"),
     ],
 )
 .with_edit(edit)
 .with_moments(moments);
 
-fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     for (dark, z) in circuit.dark_pa.iter_mut().zip(pattern.normals_if(v[1] != 0.0)) {
         *dark += v[0] + v[1] * z;
         if v[2] != 0.0 {
@@ -29,8 +29,9 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
     }
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    // Clipping at zero moves the mean by less than 1e-3 of sigma while sigma stays below 0.4 of the mean.
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
+    // The currents are clipped at zero. If sigma is below 0.4 of the mean, this clipping changes the mean by less than
+    // 1e-3 sigma.
     let thresholds = |pa: f64| pa * at.period_s * 1e3 / (at.capacitance_ff * at.swing_v);
     let relative = thresholds(v[1]) / (at.increment() + thresholds(v[0]));
     Some(Moments { rate: thresholds(v[0]), phase_variance: 0.0, spatial_variance: relative * relative })

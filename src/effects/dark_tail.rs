@@ -1,25 +1,24 @@
-//! A log-normal dark current: what calibration maps of real cameras show instead of a Gaussian.
+//! Log-normal dark current, as in calibration maps of real cameras.
 
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `dark_tail`.
 pub static EFFECT: Definition = Definition::new(
     "dark_tail",
-    "The dark current is multiplied by a log-normal factor of mean one, which gives \
-     it a hot tail and no negatives.",
-    "calibration maps of a 400x250 camera: sigma of the logarithm 0.43, none negative",
-    &[Param::number("log_sigma", Unit::One, (0.0, 3.0), 0.0, 0.43, "standard deviation of the logarithm")
-        .tried(Tried::deviation((0.0, 1.5), &[0.2, 0.5]))],
+    "A log-normal factor with mean 1 multiplies the dark current of each pixel. It adds a tail of hot pixels and no negative currents.",
+    "calibration maps of a 400x250 camera: standard deviation of the logarithm 0.43, no negative currents",
+    &[Param::number("log_sigma", Unit::Dimensionless, (0.0, 3.0), 0.0, 0.43, "standard deviation of the logarithm")
+        .with_search(SearchSpec::deviation((0.0, 1.5), &[0.2, 0.5]))],
 )
 .with_edit(edit)
 .with_moments(moments)
-.part_of_a_scene();
+.scene_like();
 
-fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     if v[0] == 0.0 {
         return;
     }
@@ -28,8 +27,8 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
     }
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    // The variance of a log-normal factor of mean one is exp(sigma^2) - 1.
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
+    // A log-normal factor with mean one has the variance exp(sigma^2) - 1.
     let share = at.from_dark / at.increment();
     Some(Moments { spatial_variance: share * share * libm::expm1(v[0] * v[0]), ..Moments::default() })
 }

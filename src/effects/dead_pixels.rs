@@ -1,25 +1,25 @@
-//! Pixels that never fire on their own.
+//! Pixels that gather no charge.
 
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Events, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `dead_pixels`.
 pub static EFFECT: Definition = Definition::new(
     "dead_pixels",
-    "A share of the pixels gathers no charge at all.",
+    "A share of the pixels collects no charge.",
     "low-light recordings of a real camera",
-    &[Param::number("fraction", Unit::One, (0.0, 1.0), 0.0, 0.003, "share of the pixels")
-        .tried(Tried::amplitude((0.0, 0.05), &[0.005]))],
+    &[Param::number("fraction", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.003, "share of the pixels")
+        .with_search(SearchSpec::amplitude((0.0, 0.05), &[0.005]))],
 )
 .with_edit(edit)
 .with_moments(moments)
-.part_of_a_scene()
-.with_events(Events::Pixels);
+.scene_like()
+.with_event_kind(EventKind::Pixels);
 
-fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     if v[0] == 0.0 {
         return;
     }
@@ -31,6 +31,6 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern)
     }
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
     Some(Moments { rate: -v[0] * at.increment(), phase_variance: 0.0, spatial_variance: v[0] * (1.0 - v[0]) })
 }

@@ -1,6 +1,6 @@
-//! The reset takes time: the first increment after a spike is shortened.
+//! Dead time of the reset: the first increment after a spike is smaller.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -8,22 +8,22 @@ use crate::units::Unit;
 /// The effect `dead_time`.
 pub static EFFECT: Definition = Definition::new(
     "dead_time",
-    "The first increment after a spike, light and dark, loses a share of itself.",
+    "After a spike, the pixel loses a share of its next charge increment, of light and dark current alike.",
     "published code of SCSim: 100 ns of 50 us",
-    &[Param::number("lost_fraction", Unit::One, (0.0, 0.5), 0.0, 0.002, "lost share of one increment")
-        .tried(Tried::amplitude((0.0, 0.15), &[0.012, 0.06]))],
+    &[Param::number("lost_fraction", Unit::Dimensionless, (0.0, 0.5), 0.0, 0.002, "lost share of one increment")
+        .with_search(SearchSpec::amplitude((0.0, 0.15), &[0.012, 0.06]))],
 )
 .with_ops(ops)
 .with_moments(moments)
-.part_of_a_scene()
-.of_the_base_model();
+.scene_like()
+.in_base_model();
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::FirstIncrement { lost: v[0] }]
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    // f = x - r x f while x < 1.
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
+    // Let x be the increment and r the share of it that is lost after a spike. The rate f solves f = x - r x f if x < 1.
     let x = at.increment();
     Some(Moments { rate: x / (1.0 + v[0] * x) - x, ..Moments::default() })
 }

@@ -1,24 +1,23 @@
-//! What an effect is: names, parameters with units and ranges, three functions, and what a diagnosis
-//! knows of it.
+//! The definition of an effect: its names, parameters with units and ranges, three functions, and hints for a diagnosis.
 
-use crate::draws::Stream;
-use crate::draws::pattern::Pattern;
-use crate::error::{Error, Kind, Result};
+use crate::draws::RandomStream;
+use crate::draws::pattern_rng::PatternRng;
+use crate::error::{Error, ErrorKind, Result};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 
 use super::circuit::Circuit;
 
-pub use super::param::{Form, Param};
-pub use super::tried::{Scale, Tried};
+pub use super::param::{Param, ParamKind};
+pub use super::search_spec::{SearchScale, SearchSpec};
 
-/// The values of an effect's parameters, in the order of its definition.
+/// The values of an effect's parameters, in the order of [`Definition::params`].
 pub type Values<'a> = &'a [f64];
 
-/// Where an observer looks: a pixel at a mean increment per readout.
+/// The conditions for which moments are predicted: a nominal pixel with a given mean increment per readout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Operating {
+pub struct OperatingPoint {
     /// Light in full scales.
     pub light: f64,
     /// Charge per readout that light adds, in nominal thresholds.
@@ -35,72 +34,81 @@ pub struct Operating {
     pub period_s: f64,
 }
 
-impl Operating {
-    /// Mean charge per readout in thresholds: the ideal rate below saturation.
+impl OperatingPoint {
+    /// Returns the mean charge per readout in nominal thresholds. Below saturation it equals the ideal rate in spikes per
+    /// readout.
     #[must_use]
     pub fn increment(&self) -> f64 {
         self.from_light + self.from_dark
     }
 }
 
-/// What an effect adds to what an observer sees, to lowest order in its strength.
+/// The changes of the spike statistics that an effect causes, to lowest order in the strength of the effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Moments {
     /// Added mean rate in spikes per readout.
     pub rate: f64,
-    /// Added variance of the charge between two spikes, in thresholds squared:
-    /// the growth of `D(n)` per interval times the squared rate.
+    /// Added variance of the charge between two spikes, in thresholds squared.
+    ///
+    /// Let `D(n)` be the variance of the duration from a spike to the `n`-th next spike, in readouts squared. This value
+    /// is the increase of `D(n)` per interval, multiplied by the squared rate.
     pub phase_variance: f64,
-    /// Added variance over the pixels of the relative rate.
+    /// Added variance of the relative rate between pixels.
     pub spatial_variance: f64,
 }
 
 impl Moments {
-    /// These with another added rate in spikes per readout.
+    /// Returns these moments with `rate` as the added rate, in spikes per readout.
     #[must_use]
     pub fn with_rate(self, rate: f64) -> Self {
         Self { rate, ..self }
     }
 
-    /// These with another added variance of the charge between two spikes, in thresholds squared.
+    /// Returns these moments with `phase_variance` as the added variance of the charge between two spikes, in thresholds
+    /// squared.
     #[must_use]
     pub fn with_phase_variance(self, phase_variance: f64) -> Self {
         Self { phase_variance, ..self }
     }
 
-    /// These with another added variance over the pixels of the relative rate.
+    /// Returns these moments with `spatial_variance` as the added variance of the relative rate between pixels.
     #[must_use]
     pub fn with_spatial_variance(self, spatial_variance: f64) -> Self {
         Self { spatial_variance, ..self }
     }
 }
 
-/// What happens one by one, by a probability or a share for each: a set that holds fewer than a handful says nothing.
+/// The kind of discrete events that an effect causes.
+///
+/// An event has a probability per readout, or the effect applies to a share of the pixels. A recording with only a few
+/// events contains no information about the effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Events {
-    /// Whole readouts are lost; a diagnosis locates them.
-    LostReadouts,
-    /// Whole readouts are repeated; a diagnosis locates them.
+pub enum EventKind {
+    /// Whole readouts are lost. A diagnosis locates the lost readouts.
+    DroppedReadouts,
+    /// Whole readouts are repeated. A diagnosis locates the repeated readouts.
     RepeatedReadouts,
-    /// Some pixels are other than the rest.
+    /// Some pixels differ from the others.
     Pixels,
 }
 
-/// Edits the circuit of every pixel; costs nothing at run time.
-pub type Edit = fn(Values<'_>, &Sensor, &mut Circuit, &mut Pattern);
+/// Edits the circuit of every pixel once. Such an edit adds no work per readout.
+pub type EditFn = fn(Values<'_>, &Sensor, &mut Circuit, &mut PatternRng);
 
-/// Names the operations that every readout carries out.
-pub type Ops = fn(Values<'_>, &Sensor) -> Vec<Op>;
+/// Returns the operations that the simulator executes at every readout.
+pub type OpsFn = fn(Values<'_>, &Sensor) -> Vec<Op>;
 
-/// Predicts what an observer sees, where a closed form exists.
-pub type Predict = fn(Values<'_>, &Operating) -> Option<Moments>;
+/// Predicts the moments of an effect, or returns `None` if there is no closed form.
+pub type MomentsFn = fn(Values<'_>, &OperatingPoint) -> Option<Moments>;
 
-/// An effect: the extension point of the model. One file holds one of these, with all that the rest of the
-/// library knows of it. Made by [`Definition::new`] and the methods after it:
+/// The definition of an effect, which is the extension point of the model.
+///
+/// Each effect has one file with one definition. The library reads all properties of the effect from this definition.
+/// Create a definition with [`Definition::new`] and the builder methods:
 ///
 /// ```
-/// use spikelane::effects::definition::{Definition, Param, Tried, Values};
+/// use spikelane::effects::definition::{Definition, Param, SearchSpec, Values};
 /// use spikelane::pixel::Op;
 /// use spikelane::units::Unit;
 /// use spikelane::{Sensor, effects};
@@ -109,8 +117,8 @@ pub type Predict = fn(Values<'_>, &Operating) -> Option<Moments>;
 ///     "sag",
 ///     "A supply that sags, and leaks what it holds.",
 ///     "an example",
-///     &[Param::number("depth", Unit::One, (0.0, 0.06), 0.0, 0.01, "fall of the threshold when every pixel fired")
-///         .tried(Tried::amplitude((0.0, 0.06), &[0.002, 0.02]))],
+///     &[Param::number("depth", Unit::Dimensionless, (0.0, 0.06), 0.0, 0.01, "fall of the threshold when every pixel fired")
+///         .with_search(SearchSpec::amplitude((0.0, 0.06), &[0.002, 0.02]))],
 /// )
 /// .with_ops(ops);
 ///
@@ -118,8 +126,8 @@ pub type Predict = fn(Values<'_>, &Operating) -> Option<Moments>;
 ///     vec![Op::SupplyDroop { depth: v[0] }, Op::Leak { fraction: 0.01 * v[0] }]
 /// }
 ///
-/// let effects = effects::Catalogue::new().with(&SAG)?;
-/// let camera = spikelane::Camera::ideal(Sensor::new(64, 32, 20_000.0)?).with(effects.find("sag")?.typical());
+/// let effects = effects::Catalog::new().with_definition(&SAG)?;
+/// let camera = spikelane::Camera::ideal(Sensor::new(64, 32, 20_000.0)?).with_effect(effects.find("sag")?.typical());
 /// # let _ = camera;
 /// # Ok::<(), spikelane::Error>(())
 /// ```
@@ -128,41 +136,45 @@ pub type Predict = fn(Values<'_>, &Operating) -> Option<Moments>;
 pub struct Definition {
     /// Canonical name in presets, on the command line and in reports.
     pub name: &'static str,
-    /// One sentence of physics.
+    /// One sentence that describes the physics.
     pub summary: &'static str,
-    /// Where the formula comes from.
+    /// Source of the formula.
     pub source: &'static str,
     /// Parameters, in the order of [`Values`].
     pub params: &'static [Param],
-    /// See [`Edit`].
-    pub edit: Edit,
-    /// See [`Ops`].
-    pub ops: Ops,
-    /// See [`Predict`].
-    pub moments: Predict,
-    /// Whether a still scene of unknown light cannot tell it from the scene, or from more or less light.
-    pub part_of_a_scene: bool,
-    /// Whether nothing of it shows up to some strength, and soon after it much: a slope says little of what lies further on.
-    pub sets_in_late: bool,
-    /// Whether its number belongs to the base model: another value is a misfit of that.
-    pub of_the_base_model: bool,
-    /// Whether the spreads of gain, dark current and threshold move other statistics beside it than without it.
+    /// Edits the circuit; see [`EditFn`].
+    pub edit: EditFn,
+    /// Returns the operations; see [`OpsFn`].
+    pub ops: OpsFn,
+    /// Predicts the moments; see [`MomentsFn`].
+    pub moments: MomentsFn,
+    /// Whether recordings of a static scene under unknown light cannot distinguish the effect from the scene or the light level.
+    pub is_scene_like: bool,
+    /// Whether the effect changes no statistic below an onset strength and grows quickly above the onset strength.
+    ///
+    /// The derivative at one strength then does not predict the change at a larger strength.
+    pub has_onset: bool,
+    /// Whether the parameter of the effect is part of the base model.
+    ///
+    /// If a diagnosis fits another value of such a parameter, it reports a parameter mismatch and not a new effect.
+    pub is_base_model: bool,
+    /// Whether this effect changes how the statistics depend on the spreads of gain, dark current and threshold.
     pub couples_spreads: bool,
-    /// What happens one by one, if it does.
-    pub events: Option<Events>,
+    /// The kind of the effect's events, or `None` if the effect does not consist of discrete events.
+    pub event_kind: Option<EventKind>,
 }
 
-fn no_edit(_: Values<'_>, _: &Sensor, _: &mut Circuit, _: &mut Pattern) {}
+fn no_edit(_: Values<'_>, _: &Sensor, _: &mut Circuit, _: &mut PatternRng) {}
 
 fn no_ops(_: Values<'_>, _: &Sensor) -> Vec<Op> {
     Vec::new()
 }
 
-fn unknown(_: Values<'_>, _: &Operating) -> Option<Moments> {
+fn no_moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
     None
 }
 
-/// A definition is the same as itself only: names may clash, and functions cannot be compared.
+/// Compares addresses, because two definitions may have the same name and functions cannot be compared.
 impl PartialEq for Definition {
     fn eq(&self, other: &Self) -> bool {
         std::ptr::eq(self, other)
@@ -172,8 +184,10 @@ impl PartialEq for Definition {
 impl Eq for Definition {}
 
 impl Definition {
-    /// An effect called `name` that does nothing yet; `summary` is one sentence of physics, `source` where its formula
-    /// comes from. The name has small letters, digits and `_`.
+    /// Returns an effect called `name` without an edit, operations or moments.
+    ///
+    /// `name` consists of lowercase letters, digits and `_`. `summary` is one sentence that describes the physics, and
+    /// `source` is the source of the formula.
     #[must_use]
     pub const fn new(
         name: &'static str,
@@ -188,93 +202,95 @@ impl Definition {
             params,
             edit: no_edit,
             ops: no_ops,
-            moments: unknown,
-            part_of_a_scene: false,
-            sets_in_late: false,
-            of_the_base_model: false,
+            moments: no_moments,
+            is_scene_like: false,
+            has_onset: false,
+            is_base_model: false,
             couples_spreads: false,
-            events: None,
+            event_kind: None,
         }
     }
 
-    /// This effect, which edits the circuit of every pixel.
+    /// Returns this effect with a function that edits the circuit of every pixel.
     #[must_use]
-    pub const fn with_edit(mut self, edit: Edit) -> Self {
+    pub const fn with_edit(mut self, edit: EditFn) -> Self {
         self.edit = edit;
         self
     }
 
-    /// This effect, of which every readout carries out operations.
+    /// Returns this effect with a function that returns the operations of every readout.
     #[must_use]
-    pub const fn with_ops(mut self, ops: Ops) -> Self {
+    pub const fn with_ops(mut self, ops: OpsFn) -> Self {
         self.ops = ops;
         self
     }
 
-    /// This effect with what an observer sees of it.
+    /// Returns this effect with a function that predicts its moments.
     #[must_use]
-    pub const fn with_moments(mut self, moments: Predict) -> Self {
+    pub const fn with_moments(mut self, moments: MomentsFn) -> Self {
         self.moments = moments;
         self
     }
 
-    /// This effect, which a still scene of unknown light cannot tell from the scene, or from more or less light.
+    /// Marks this effect as one that a static scene under unknown light cannot distinguish from the scene or the light level.
     #[must_use]
-    pub const fn part_of_a_scene(mut self) -> Self {
-        self.part_of_a_scene = true;
+    pub const fn scene_like(mut self) -> Self {
+        self.is_scene_like = true;
         self
     }
 
-    /// This effect, of which nothing shows up to some strength, and soon after it much.
+    /// Marks this effect as invisible below an onset strength and fast-growing above the onset strength.
     #[must_use]
-    pub const fn setting_in_late(mut self) -> Self {
-        self.sets_in_late = true;
+    pub const fn with_onset(mut self) -> Self {
+        self.has_onset = true;
         self
     }
 
-    /// This effect, whose number belongs to the base model.
+    /// Marks the parameter of this effect as part of the base model.
     #[must_use]
-    pub const fn of_the_base_model(mut self) -> Self {
-        self.of_the_base_model = true;
+    pub const fn in_base_model(mut self) -> Self {
+        self.is_base_model = true;
         self
     }
 
-    /// This effect, beside which the spreads of gain, dark current and threshold move other statistics than without it.
+    /// Marks this effect as one that changes how statistics depend on the spreads of gain, dark current and threshold.
     #[must_use]
-    pub const fn coupling_the_spreads(mut self) -> Self {
+    pub const fn with_coupled_spreads(mut self) -> Self {
         self.couples_spreads = true;
         self
     }
 
-    /// This effect, which happens to single readouts or pixels.
+    /// Marks this effect as one that consists of discrete events.
     #[must_use]
-    pub const fn with_events(mut self, events: Events) -> Self {
-        self.events = Some(events);
+    pub const fn with_event_kind(mut self, events: EventKind) -> Self {
+        self.event_kind = Some(events);
         self
     }
 
-    /// Parameters that a diagnosis tries, the amplitude first; none for an effect that it never looks for.
-    pub fn tried(&self) -> impl Iterator<Item = (&'static Param, Tried)> + use<> {
-        self.params.iter().filter_map(|p| Some((p, p.tried?)))
+    /// Returns the parameters that a diagnosis searches. The amplitude is the first parameter.
+    ///
+    /// The result is empty for an effect that a diagnosis never searches.
+    pub fn searched_params(&self) -> impl Iterator<Item = (&'static Param, SearchSpec)> + use<> {
+        self.params.iter().filter_map(|p| Some((p, p.search?)))
     }
 
-    /// The stream of this effect's draws.
+    /// Returns the random stream of this effect's fixed pattern.
     #[must_use]
-    pub fn stream(&self) -> Stream {
-        Stream::named(self.name)
+    pub fn stream(&self) -> RandomStream {
+        RandomStream::from_name(self.name)
     }
 
-    /// The place of parameter `key`.
+    /// Returns the index of parameter `key` in [`Definition::params`].
     ///
     /// # Errors
-    /// When there is none; the error lists those there are.
-    pub fn index(&self, key: &str) -> Result<usize> {
+    /// Returns [`ErrorKind::Config`] if there is no such parameter. The error lists the keys of all parameters.
+    pub fn param_index(&self, key: &str) -> Result<usize> {
         self.params.iter().position(|p| p.key == key).ok_or_else(|| {
             let keys: Vec<_> = self.params.iter().map(|p| p.key).collect();
-            Error::new(Kind::Config, format_args!("effect {}", self.name))
+            Error::new(ErrorKind::Config, format_args!("effect {}", self.name))
                 .found(format_args!("parameter \"{key}\""))
                 .expected(format_args!("one of {}", keys.join(", ")))
-                .or_nearest(key, keys)
+                .with_suggestion(key, keys)
         })
     }
 }

@@ -1,36 +1,35 @@
-//! The border of the sensor is brighter than the rest.
+//! A different gain of the pixels at the border of the sensor.
 
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `edge_columns`.
 pub static EFFECT: Definition = Definition::new(
     "edge_columns",
-    "Pixels of the first and last column and row have another gain, since no \
-     neighbour shares their light.",
+    "Pixels of the first and last rows and columns have a different gain, because they have no neighbor that shares their light.",
     "calibration maps of a 400x250 camera: the first column differs",
     &[
         Param::number(
             "factor",
-            Unit::One,
+            Unit::Dimensionless,
             (0.0, 4.0),
             1.0,
             1.1,
-            "gain of the border over that of the other pixels",
+            "gain of the border, relative to the gain of the other pixels",
         )
-        .tried(Tried::amplitude((0.3, 3.0), &[1.02, 1.1, 1.4, 0.9])),
-        Param::choice("border", &["all", "first-column"], 0, "all four sides, or the first column alone")
-            .coming_later(),
+        .with_search(SearchSpec::amplitude((0.3, 3.0), &[1.02, 1.1, 1.4, 0.9])),
+        Param::choice("border", &["all", "first-column"], 0, "all four sides, or only the first column")
+            .omit_if_neutral(),
     ],
 )
 .with_edit(edit)
 .with_moments(moments)
-.part_of_a_scene();
+.scene_like();
 
-fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut Pattern) {
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut PatternRng) {
     let (width, height) = (circuit.geometry.width(), circuit.geometry.height());
     for (p, gain) in circuit.gain.iter_mut().enumerate() {
         let (row, col) = (p / width, p % width);
@@ -41,7 +40,7 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut Pattern) {
     }
 }
 
-fn moments(_: Values<'_>, _: &Operating) -> Option<Moments> {
-    // The share of the pixels that are border depends on the sensor's size.
+fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
+    // The share of border pixels depends on the sensor's size, which `OperatingPoint` does not contain.
     None
 }

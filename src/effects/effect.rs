@@ -1,30 +1,30 @@
-//! An effect with its numbers.
+//! An effect with the values of its parameters.
 
 use crate::draws::Seeds;
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::error::Result;
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 
 use super::circuit::Circuit;
-use super::definition::{Definition, Moments, Operating};
+use super::definition::{Definition, Moments, OperatingPoint};
 use super::param::Param;
 
 impl Definition {
-    /// An effect with neutral parameters.
+    /// Returns this effect with neutral parameters.
     #[must_use]
     pub fn neutral(&'static self) -> Effect {
-        Effect::of(self, |p| p.neutral)
+        Effect::from_definition(self, |p| p.neutral)
     }
 
-    /// An effect with typical parameters.
+    /// Returns this effect with typical parameters.
     #[must_use]
     pub fn typical(&'static self) -> Effect {
-        Effect::of(self, |p| p.typical)
+        Effect::from_definition(self, |p| p.typical)
     }
 }
 
-/// An effect with its parameters' values.
+/// An effect with the values of its parameters.
 #[derive(Clone, Debug)]
 pub struct Effect {
     definition: &'static Definition,
@@ -32,76 +32,78 @@ pub struct Effect {
 }
 
 impl Effect {
-    fn of(definition: &'static Definition, value: fn(&Param) -> f64) -> Self {
+    fn from_definition(definition: &'static Definition, value: fn(&Param) -> f64) -> Self {
         Self { definition, values: definition.params.iter().map(value).collect() }
     }
 
-    /// What this effect is.
+    /// Returns the definition of this effect.
     #[must_use]
     pub fn definition(&self) -> &'static Definition {
         self.definition
     }
 
-    /// Canonical name.
+    /// Returns the canonical name.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.definition.name
     }
 
-    /// Values in the order of [`Definition::params`].
+    /// Returns the values in the order of [`Definition::params`].
     #[must_use]
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// The value of `key`, in the parameter's unit.
+    /// Returns the value of parameter `key` in the unit of the parameter.
     ///
     /// # Errors
-    /// When there is no such parameter.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if there is no such parameter.
     pub fn get(&self, key: &str) -> Result<f64> {
-        Ok(self.values[self.definition.index(key)?])
+        Ok(self.values[self.definition.param_index(key)?])
     }
 
-    /// This effect with `key` set to `value`, in the parameter's unit.
+    /// Returns this effect with parameter `key` set to `value`. The unit of `value` is the unit of the parameter.
     ///
     /// # Errors
-    /// When there is no such parameter, or the value lies outside its range.
-    pub fn with(mut self, key: &str, value: f64) -> Result<Self> {
-        let index = self.definition.index(key)?;
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if there is no such parameter, or if `value` is outside
+    /// the range of the parameter.
+    pub fn with_value(mut self, key: &str, value: f64) -> Result<Self> {
+        let index = self.definition.param_index(key)?;
         let checked = self.definition.params[index].check(value);
-        self.values[index] = checked.map_err(|e| e.within(self.name()))?;
+        self.values[index] = checked.map_err(|e| e.with_context(self.name()))?;
         Ok(self)
     }
 
-    /// This effect with `key` read from `text`, for instance `"6.36 mV"`.
+    /// Returns this effect with parameter `key` parsed from `text`, for example from `"6.36 mV"`.
     ///
     /// # Errors
-    /// When there is no such parameter, or the text has a wrong unit or range.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if there is no such parameter, if `text` has a wrong unit,
+    /// or if the value is outside the range of the parameter.
     pub fn with_text(mut self, key: &str, text: &str) -> Result<Self> {
-        let index = self.definition.index(key)?;
+        let index = self.definition.param_index(key)?;
         let parsed = self.definition.params[index].parse(text);
-        self.values[index] = parsed.map_err(|e| e.within(self.name()))?;
+        self.values[index] = parsed.map_err(|e| e.with_context(self.name()))?;
         Ok(self)
     }
 
-    /// Whether every parameter is neutral.
+    /// Returns whether every parameter is neutral.
     #[must_use]
     pub fn is_neutral(&self) -> bool {
         self.definition.params.iter().zip(&self.values).all(|(p, v)| p.neutral == *v)
     }
 
-    /// What this effect adds for an observer, where a closed form exists.
+    /// Predicts the changes that this effect causes in the spike statistics, or returns `None` if there is no closed form.
     #[must_use]
-    pub fn moments(&self, at: &Operating) -> Option<Moments> {
+    pub fn moments(&self, at: &OperatingPoint) -> Option<Moments> {
         (self.definition.moments)(&self.values, at)
     }
 
     pub(super) fn edit(&self, sensor: &Sensor, circuit: &mut Circuit, seeds: Seeds) {
-        let mut pattern = Pattern::new(seeds, self.definition.stream());
+        let mut pattern = PatternRng::new(seeds, self.definition.stream());
         (self.definition.edit)(&self.values, sensor, circuit, &mut pattern);
     }
 
-    /// Whether it makes pixels differ and names no operation at readouts.
+    /// Returns whether this effect has no operations at readouts. Such an effect only changes the circuits of the pixels.
     #[must_use]
     pub fn is_fixed_pattern(&self, sensor: &Sensor) -> bool {
         self.definition.typical().ops(sensor).is_empty()

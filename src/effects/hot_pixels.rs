@@ -1,8 +1,8 @@
-//! Pixels whose dark current is far above the others'.
+//! Pixels whose dark current is much higher than the mean.
 
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Events, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
@@ -10,45 +10,46 @@ use crate::units::Unit;
 pub static EFFECT: Definition = Definition::new(
     "hot_pixels",
     "A share of the pixels has many times the mean dark current.",
-    "calibration maps: 0.69 % of the pixels above five robust deviations",
+    "calibration maps: 0.69 % of the pixels exceed five robust deviations",
     &[
-        Param::number("fraction", Unit::One, (0.0, 1.0), 0.0, 0.007, "share of the pixels")
-            .tried(Tried::amplitude((0.0, 0.05), &[0.004])),
-        Param::number("factor", Unit::One, (0.0, 1e4), 1.0, 8.0, "their dark current over the mean")
-            .tried(Tried::shape((1.5, 60.0), &[5.0, 12.0])),
+        Param::number("fraction", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.007, "share of the pixels")
+            .with_search(SearchSpec::amplitude((0.0, 0.05), &[0.004])),
+        Param::number("factor", Unit::Dimensionless, (0.0, 1e4), 1.0, 8.0, "dark current of a hot pixel, relative to the mean")
+            .with_search(SearchSpec::shape((1.5, 60.0), &[5.0, 12.0])),
         Param::number(
             "tail",
-            Unit::One,
+            Unit::Dimensionless,
             (0.0, 1.0),
             0.0,
             0.0,
-            "the hottest share q of them has q^-tail times that factor or more (a Pareto law)",
+            "tail of a Pareto law: the hottest share q of the hot pixels has at least q^-tail times the factor",
         )
-        .coming_later(),
+        .omit_if_neutral(),
     ],
 )
 .with_edit(edit)
 .with_moments(moments)
-.part_of_a_scene()
-.with_events(Events::Pixels);
+.scene_like()
+.with_event_kind(EventKind::Pixels);
 
-fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     if v[0] == 0.0 {
         return;
     }
     let mean = circuit.dark_pa.iter().sum::<f64>() / circuit.dark_pa.len() as f64;
     for (dark, u) in circuit.dark_pa.iter_mut().zip(pattern.uniforms()) {
         if u < v[0] {
-            // What is left of the draw is uniform again.
+            // Pixels with u < fraction are hot. For these pixels the value u / fraction is uniform in [0, 1).
             let factor = if v[2] == 0.0 { v[1] } else { v[1] * libm::pow((u / v[0]).max(1e-6), -v[2]) };
             *dark += (factor - 1.0) * mean;
         }
     }
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
     if v[2] > 0.0 {
-        // From a tail of a half on the law has no variance, and a few pixels decide.
+        // A few pixels dominate the moments of a Pareto distribution. If the tail parameter is 1/2 or more, the variance
+        // is infinite.
         return None;
     }
     let extra = (v[1] - 1.0) * at.from_dark / at.increment();

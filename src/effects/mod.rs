@@ -1,28 +1,28 @@
-//! Everything that makes a pixel imperfect: one file per effect.
+//! The imperfections of a camera. Each file defines one effect.
 //!
-//! An effect edits the circuit of the pixels, or names operations that every
-//! readout carries out, predicts what an observer will see, and says where a
-//! diagnosis looks for it. To add one, write its file and its line in the list
-//! below; it then has its keys in presets and on the command line, every
-//! backend, its place in a diagnosis, its row in the docs and its property
-//! tests. A crate that uses this one brings its own: see [`Catalogue`].
+//! An effect edits the circuits of the pixels or lists operations for every readout.
+//! It also predicts its moments and lists the parameter values that a diagnosis tries.
+//!
+//! To add an effect to this library, write its file and add the file's name to the list below. Presets, the command line,
+//! every backend, the diagnosis, the docs and the property tests then include the effect.
+//! Another crate adds its own effects through [`Catalog`].
 
 mod camera;
-mod catalogue;
+mod catalog;
 pub mod circuit;
 pub mod definition;
 mod effect;
 mod model;
 mod param;
-mod tried;
+mod search_spec;
 mod window;
 
 pub use camera::{Camera, Maps};
-pub use catalogue::{Catalogue, find};
+pub use catalog::{Catalog, find};
 pub use circuit::Circuit;
-pub use definition::{Definition, Events, Moments, Operating, Param, Tried};
+pub use definition::{Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec};
 pub use effect::Effect;
-pub use model::{Model, Phases};
+pub use model::{Model, StartPhases};
 
 macro_rules! effects {
     ($($name:ident),* $(,)?) => {

@@ -1,18 +1,21 @@
-//! The model that a camera amounts to: its pixels' circuits, and what happens at readouts.
+//! The model of a camera: the circuits of its pixels and the operations at readouts.
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::pixel::{Adaptation, Lag, Law, Op, Quanta, SlowNoise, Telegraph};
 use crate::spikes::Crop;
 
 use super::circuit::Circuit;
 
-/// Shares of the pixel's own threshold, and charges in nominal thresholds, over which the charge at the
-/// first readout is uniform.
+/// The distribution of the charge at the first readout: a sum of independent uniform terms.
+///
+/// The first number of a term is a width in units of the pixel's own threshold. The second is a width in nominal
+/// thresholds.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Phases(Vec<(f64, f64)>);
+pub struct StartPhases(Vec<(f64, f64)>);
 
-impl Phases {
-    /// The charge of a pixel in nominal thresholds, from two uniform values.
+impl StartPhases {
+    /// Returns the start charge of a pixel in nominal thresholds, computed from the uniform values `first` and `second`
+    /// in [0, 1).
     #[must_use]
     pub fn charge(&self, threshold: f64, first: f64, second: f64) -> f64 {
         let charge = |&(share, charge): &(f64, f64)| share * first * threshold + charge * second;
@@ -20,22 +23,22 @@ impl Phases {
     }
 
     #[cfg(test)]
-    pub(crate) fn of(parts: &[(f64, f64)]) -> Self {
+    pub(crate) fn from_parts(parts: &[(f64, f64)]) -> Self {
         Self(parts.to_vec())
     }
 
-    /// Shares and charges.
+    /// Returns the two widths of every term.
     pub(crate) fn parts(&self) -> &[(f64, f64)] {
         &self.0
     }
 }
 
-/// A camera with its fixed pattern drawn: what a plan is made from.
+/// A camera whose fixed pattern has been drawn. Plans are compiled from a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// Every pixel's circuit.
+    /// The circuit constants of every pixel.
     pub circuit: Circuit,
-    /// What happens at readouts.
+    /// The operations that every readout carries out.
     pub ops: Vec<Op>,
 }
 
@@ -48,16 +51,16 @@ impl Model {
         });
         let Some(p) = bad else { return Ok(()) };
         let width = c.geometry.width();
-        Err(Error::new(Kind::Config, format_args!("pixel at row {}, col {}", p / width, p % width))
+        Err(Error::new(ErrorKind::Config, format_args!("pixel at row {}, col {}", p / width, p % width))
             .found(format_args!(
                 "{:.4} fF, {:.4} V, gain {:.4}, {:.4} pA",
                 c.capacitance_ff[p], c.swing_v[p], c.gain[p], c.dark_pa[p]
             ))
             .expected("a positive threshold and finite numbers")
-            .remedy("lower the spread of capacitor_mismatch or bias_voltage"))
+            .remedy("lower the spread of `capacitor_mismatch` or `bias_voltage`"))
     }
 
-    /// The exact law of pixel `p`.
+    /// Returns the exact law of pixel `p`.
     #[must_use]
     pub fn law(&self, p: usize) -> Law {
         let c = &self.circuit;
@@ -65,7 +68,7 @@ impl Model {
         let mut law = Law {
             threshold: c.capacitance_ff[p] * c.swing_v[p] / nominal_fc,
             gain: c.gain[p] * c.sensitivity,
-            dark: c.thresholds_of_pa(c.dark_pa[p]),
+            dark: c.thresholds_per_readout(c.dark_pa[p]),
             ..Law::IDEAL
         };
         for op in &self.ops {
@@ -79,16 +82,17 @@ impl Model {
         match op {
             Op::LightQuanta { quanta, strength } => self.light_quanta(law, c.gain[p], quanta, strength),
             Op::DarkQuanta { strength } => self.dark_quanta(law, strength),
-            Op::ThresholdNoise { sigma_v, redraw } => {
-                law.noise = law.noise.hypot(c.capacitance_ff[p] * sigma_v / c.threshold_fc());
-                law.redraw = redraw;
+            Op::ThresholdNoise { sigma_v, noise_sampling } => {
+                law.threshold_noise =
+                    law.threshold_noise.hypot(c.capacitance_ff[p] * sigma_v / c.threshold_fc());
+                law.noise_sampling = noise_sampling;
             }
             Op::FirstIncrement { lost } => law.lost_increment = lost,
             Op::Remainder { lost } => law.lost_remainder = lost,
             Op::Ceiling { thresholds } => law.ceiling = thresholds * law.threshold,
-            Op::Flip { missed, spurious } => {
-                law.missed += missed;
-                law.spurious += spurious;
+            Op::Flip { missed_spikes: missed, false_spikes: spurious } => {
+                law.missed_spikes += missed;
+                law.false_spikes += spurious;
             }
             Op::Response { quadratic } => law.quadratic = quadratic,
             Op::Flicker { depth, frequency_hz, phase_turns } => {
@@ -101,31 +105,37 @@ impl Model {
                 law.schedule.readouts = readouts;
             }
             Op::Lag { fraction, time_constant } => {
-                law.lag = Lag { fraction, kept: kept(time_constant) };
+                law.lag = Lag { fraction, retention: retention(time_constant) };
             }
             Op::Crosstalk { share } => law.crosstalk = share,
             Op::Telegraph { rate } => {
                 let share = c.telegraph.get(p).copied().unwrap_or(0.0);
                 law.telegraph = Telegraph { amplitude: share * law.dark, rate };
             }
-            Op::QuantaSettle { time_constant } => law.settling = kept(time_constant),
-            Op::Undecided { width } => law.undecided = width * c.undecided.get(p).copied().unwrap_or(0.0),
+            Op::CorrelatedQuanta { time_constant } => law.quanta_retention = retention(time_constant),
+            Op::ReadoutJitter { width } => {
+                law.jitter_width = width * c.jitter_share.get(p).copied().unwrap_or(0.0)
+            }
             Op::Leak { fraction } => law.leak = fraction,
             Op::SpikeCoupling { charge } => law.coupling = charge,
-            Op::ComparatorNoise { sigma } => law.comparator = sigma,
+            Op::ComparatorNoise { sigma } => law.comparator_noise = sigma,
             Op::RowNoise { sigma } => law.row_noise = sigma,
             Op::SlowThresholdNoise { sigma, time_constant } => {
-                law.slow = SlowNoise { sigma, kept: kept(time_constant) };
+                law.slow_noise = SlowNoise { sigma, retention: retention(time_constant) };
             }
-            Op::Adaptation { rise, decay } => law.adaptation = Adaptation { rise, decay },
+            Op::Adaptation { rise, retention: decay } => {
+                law.adaptation = Adaptation { rise, retention: decay }
+            }
             Op::SupplyDroop { depth } => law.droop = depth,
-            // No law of a pixel at its readouts: `phases`, and the plan's losses.
+            // A pixel's law does not contain these operations. `start_phases` and the plan's readout faults execute them
+            // instead.
             Op::Phase { .. } | Op::DropReadouts { .. } | Op::RepeatReadouts { .. } => {}
         }
     }
 
     fn light_quanta(&self, law: &mut Law, gain: f64, quanta: Quanta, strength: f64) {
-        // Without variance there are no quanta; the dark current's must not find any of light's.
+        // If the strength is 0, light has no quanta. `law.quantum` then stays 0, and `dark_quanta` sets the size of the
+        // quanta.
         if strength == 0.0 {
             return;
         }
@@ -142,9 +152,12 @@ impl Model {
         }
     }
 
-    /// Dark electrons join the light's quanta. Where those are of another size
-    /// (photons, or another strength), as many of them as have the variance of
-    /// the electrons; only the skew then differs.
+    /// Adds the electrons of the dark current to the quanta of the light.
+    ///
+    /// A quantum of the light may differ in size from an electron, because the quanta are photons or have another
+    /// strength.
+    /// In this case the number of dark quanta is scaled so that the variance of the dark charge is unchanged. Only the
+    /// skewness changes.
     fn dark_quanta(&self, law: &mut Law, strength: f64) {
         let electron = 1.0 / self.circuit.electrons();
         let variance = strength * law.dark.max(0.0) * electron;
@@ -156,23 +169,25 @@ impl Model {
         }
     }
 
-    /// Charge at the first readout of a pixel, in nominal thresholds, from two uniform values.
+    /// Returns the charge of a pixel at the first readout in nominal thresholds.
+    ///
+    /// `first` and `second` are uniform values in [0, 1).
     #[must_use]
     pub fn start_charge(&self, threshold: f64, first: f64, second: f64) -> f64 {
-        self.phases().charge(threshold, first, second)
+        self.start_phases().charge(threshold, first, second)
     }
 
-    /// What charges at the first readout are drawn from.
+    /// Returns the distribution of the charge at the first readout.
     #[must_use]
-    pub fn phases(&self) -> Phases {
+    pub fn start_phases(&self) -> StartPhases {
         let of = |op: &Op| match *op {
             Op::Phase { share, charge_fc } => Some((share, charge_fc / self.circuit.threshold_fc())),
             _ => None,
         };
-        Phases(self.ops.iter().filter_map(of).collect())
+        StartPhases(self.ops.iter().filter_map(of).collect())
     }
 
-    /// Electrons in a nominal threshold.
+    /// Returns the number of electrons in a nominal threshold.
     #[must_use]
     pub fn electrons(&self) -> f64 {
         self.circuit.electrons()
@@ -180,7 +195,7 @@ impl Model {
 }
 
 impl Model {
-    /// The pixels of `crop`, which lies within this model's sensor.
+    /// Returns the part of this model for the pixels of `crop`, which must lie within the sensor.
     pub(super) fn window(mut self, crop: Crop) -> Self {
         let Circuit {
             geometry,
@@ -189,8 +204,8 @@ impl Model {
             gain,
             dark_pa,
             telegraph,
-            undecided,
-            // What all pixels share.
+            jitter_share: undecided,
+            // All pixels have the same value of these fields.
             period_s: _,
             nominal_ff: _,
             nominal_v: _,
@@ -208,7 +223,7 @@ impl Model {
     }
 }
 
-/// Share that a decay with this time constant leaves after a readout.
-fn kept(time_constant: f64) -> f64 {
+/// Returns the factor by which an exponential decay with this time constant, in readouts, shrinks during one readout.
+fn retention(time_constant: f64) -> f64 {
     libm::exp(-1.0 / time_constant)
 }

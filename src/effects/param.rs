@@ -1,17 +1,17 @@
-//! A parameter: its key, its unit and range, and where a diagnosis tries it.
+//! A parameter of an effect: its key, unit and range, and the values that a diagnosis tries.
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::units::Unit;
 
-use super::tried::Tried;
+use super::search_spec::SearchSpec;
 
-/// The word for a number without a limit, which no camera file and no table writes as one.
-const UNLIMITED: &str = "unlimited";
+/// The text of an infinite value. Camera files and tables cannot contain infinity as a number.
+const UNLIMITED_WORD: &str = "unlimited";
 
-/// How a parameter's value is written.
+/// The type of a parameter's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Form {
-    /// A number in a unit, within `[low, high]`.
+pub enum ParamKind {
+    /// A number with a unit, in `[low, high]`.
     Number {
         /// Unit in which the value is stored.
         unit: Unit,
@@ -20,34 +20,37 @@ pub enum Form {
         /// Largest value.
         high: f64,
     },
-    /// One of these words; stored as its index.
+    /// One of these words. The stored value is the index of the word.
     Choice(&'static [&'static str]),
 }
 
-/// One parameter of an effect, made by [`Param::number`] or [`Param::choice`].
+/// A parameter of an effect, created with [`Param::number`] or [`Param::choice`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Param {
     /// Key in presets and on the command line.
     pub key: &'static str,
-    /// How it is written.
-    pub form: Form,
-    /// The value at which the effect does nothing (with the others at theirs),
-    /// and the one that a preset need not name.
+    /// Type, unit and range.
+    pub kind: ParamKind,
+    /// The value at which the effect does nothing if its other parameters are neutral too.
+    ///
+    /// A preset may omit a parameter with this value.
     pub neutral: f64,
     /// A realistic value, used by tests and documentation.
     pub typical: f64,
-    /// What it means.
+    /// Description of the parameter.
     pub help: &'static str,
-    /// Where a diagnosis tries it; `None` for what stays neutral there.
-    pub tried: Option<Tried>,
-    /// Whether cameras were written before there was this one: their texts, and what is keyed by them, must not change, so
-    /// it is written only where it is not neutral.
-    pub came_later: bool,
+    /// The values that a diagnosis tries. With `None`, a diagnosis does not change the parameter from its neutral value.
+    pub search: Option<SearchSpec>,
+    /// Whether the parameter is written only if it is not neutral.
+    ///
+    /// Set this field for a parameter that was added to an existing effect. Fingerprints depend on the text of a camera.
+    /// Cameras that were written before the parameter existed therefore must have the same text as before.
+    pub is_omitted_if_neutral: bool,
 }
 
 impl Param {
-    /// A number with its unit, bounds, neutral and typical value.
+    /// Returns a number with its unit, bounds, neutral and typical value.
     #[must_use]
     pub const fn number(
         key: &'static str,
@@ -59,16 +62,16 @@ impl Param {
     ) -> Self {
         Self {
             key,
-            form: Form::Number { unit, low, high },
+            kind: ParamKind::Number { unit, low, high },
             neutral,
             typical,
             help,
-            tried: None,
-            came_later: false,
+            search: None,
+            is_omitted_if_neutral: false,
         }
     }
 
-    /// A word out of `words`; the first is the neutral one.
+    /// Returns a choice of `words`. The first word is the neutral value, and `typical` is the index of a word.
     #[must_use]
     pub const fn choice(
         key: &'static str,
@@ -78,38 +81,40 @@ impl Param {
     ) -> Self {
         Self {
             key,
-            form: Form::Choice(words),
+            kind: ParamKind::Choice(words),
             neutral: 0.0,
             typical: typical as f64,
             help,
-            tried: None,
-            came_later: false,
+            search: None,
+            is_omitted_if_neutral: false,
         }
     }
 
-    /// This number, which a diagnosis tries too.
+    /// Returns this number with the values that a diagnosis tries.
     #[must_use]
-    pub const fn tried(mut self, tried: Tried) -> Self {
-        self.tried = Some(tried);
+    pub const fn with_search(mut self, tried: SearchSpec) -> Self {
+        self.search = Some(tried);
         self
     }
 
-    /// This parameter, which an effect got after cameras with it had been written.
+    /// Marks this parameter as one that is written only if it is not neutral.
     #[must_use]
-    pub const fn coming_later(mut self) -> Self {
-        self.came_later = true;
+    pub const fn omit_if_neutral(mut self) -> Self {
+        self.is_omitted_if_neutral = true;
         self
     }
 
     pub(super) fn check(&self, value: f64) -> Result<f64> {
-        match self.form {
-            Form::Number { unit, low, high } if !(low..=high).contains(&value) => {
-                Err(Error::new(Kind::Config, self.key)
+        match self.kind {
+            ParamKind::Number { unit, low, high } if !(low..=high).contains(&value) => {
+                Err(Error::new(ErrorKind::Config, self.key)
                     .found(self.format(value))
-                    .expected(range(unit, low, high)))
+                    .expected(format_range(unit, low, high)))
             }
-            Form::Choice(words) if value.fract() != 0.0 || value < 0.0 || value >= words.len() as f64 => {
-                Err(Error::new(Kind::Config, self.key)
+            ParamKind::Choice(words)
+                if value.fract() != 0.0 || value < 0.0 || value >= words.len() as f64 =>
+            {
+                Err(Error::new(ErrorKind::Config, self.key)
                     .found(value)
                     .expected(format_args!("one of {}", words.join(", "))))
             }
@@ -117,21 +122,21 @@ impl Param {
         }
     }
 
-    /// Reads the value from its text.
+    /// Parses the text of a value.
     ///
     /// # Errors
-    /// When the unit, the range or the word is wrong.
+    /// Returns [`ErrorKind::Config`] if the number or its unit is invalid, or if the value is outside the range.
     pub fn parse(&self, text: &str) -> Result<f64> {
-        match self.form {
-            Form::Number { .. } if text.trim() == UNLIMITED => self.check(f64::INFINITY),
-            Form::Number { unit, .. } => {
-                let value = unit.parse(text).map_err(|e| e.within(self.key))?;
+        match self.kind {
+            ParamKind::Number { .. } if text.trim() == UNLIMITED_WORD => self.check(f64::INFINITY),
+            ParamKind::Number { unit, .. } => {
+                let value = unit.parse(text).map_err(|e| e.with_context(self.key))?;
                 self.check(value)
             }
-            Form::Choice(words) => {
+            ParamKind::Choice(words) => {
                 let index = words.iter().position(|w| *w == text.trim());
                 index.map(|i| i as f64).ok_or_else(|| {
-                    Error::new(Kind::Config, self.key)
+                    Error::new(ErrorKind::Config, self.key)
                         .found(format_args!("\"{text}\""))
                         .expected(format_args!("one of {}", words.join(", ")))
                 })
@@ -139,30 +144,30 @@ impl Param {
         }
     }
 
-    /// The text of `value`, as [`Param::parse`] reads it.
+    /// Returns the text of `value` in the form that [`Param::parse`] reads.
     #[must_use]
     pub fn format(&self, value: f64) -> String {
-        match self.form {
-            Form::Number { unit, .. } => quantity(unit, value),
-            Form::Choice(words) => words[value as usize].to_owned(),
+        match self.kind {
+            ParamKind::Number { unit, .. } => format_quantity(unit, value),
+            ParamKind::Choice(words) => words[value as usize].to_owned(),
         }
     }
 
-    /// What the parameter may be, in words: a range with its unit, or the words to choose from.
+    /// Returns the allowed values as text: a range with its unit, or the words to choose from.
     #[must_use]
     pub fn range(&self) -> String {
-        match self.form {
-            Form::Number { unit, low, high } => range(unit, low, high),
-            Form::Choice(words) => words.join(" or "),
+        match self.kind {
+            ParamKind::Number { unit, low, high } => format_range(unit, low, high),
+            ParamKind::Choice(words) => words.join(" or "),
         }
     }
 }
 
-/// The text of a quantity, or the word for one without a limit.
-fn quantity(unit: Unit, value: f64) -> String {
-    if value == f64::INFINITY { UNLIMITED.to_owned() } else { unit.format(value) }
+/// Returns the text of a quantity, or [`UNLIMITED_WORD`] if it is infinite.
+fn format_quantity(unit: Unit, value: f64) -> String {
+    if value == f64::INFINITY { UNLIMITED_WORD.to_owned() } else { unit.format(value) }
 }
 
-fn range(unit: Unit, low: f64, high: f64) -> String {
-    format!("{} to {}", quantity(unit, low), quantity(unit, high))
+fn format_range(unit: Unit, low: f64, high: f64) -> String {
+    format!("{} to {}", format_quantity(unit, low), format_quantity(unit, high))
 }

@@ -1,6 +1,6 @@
-//! A reset that does not keep all of the charge above the threshold.
+//! Loss of charge above the threshold at a reset.
 
-use crate::effects::definition::{Definition, Param, Tried, Values};
+use crate::effects::definition::{Definition, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -8,18 +8,17 @@ use crate::units::Unit;
 /// The effect `partial_reset`.
 pub static EFFECT: Definition = Definition::new(
     "partial_reset",
-    "A spike loses a share of the charge that exceeds the threshold: 0 is a soft \
-     reset, 1 a hard one.",
-    "hard reset: SpikeCV's image converter, SpikingSIM",
+    "A spike removes a share of the charge above the threshold: 0 is a soft reset, 1 a hard reset.",
+    "hard reset: image converter of SpikeCV, SpikingSIM",
     &[Param::number(
         "lost_remainder",
-        Unit::One,
+        Unit::Dimensionless,
         (0.0, 1.0),
         0.0,
         0.05,
-        "lost share of the remaining charge",
+        "lost share of the charge above the threshold",
     )
-    .tried(Tried::amplitude((0.0, 1.0), &[0.02, 0.25, 0.8]))],
+    .with_search(SearchSpec::amplitude((0.0, 1.0), &[0.02, 0.25, 0.8]))],
 )
 .with_ops(ops);
 

@@ -1,32 +1,31 @@
-//! Photo-response non-uniformity: the conversion gain differs from pixel to pixel.
+//! Photo-response non-uniformity: a different conversion gain in every pixel.
 
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `prnu`.
 pub static EFFECT: Definition = Definition::new(
     "prnu",
-    "Every pixel turns light into charge with its own gain; the dark current does not \
-     see it.",
+    "Every pixel converts light to charge with its own gain. The gain does not affect the dark current.",
     "SCSim, arXiv 2405.16790, Algorithm 1, the map alpha",
     &[
-        Param::number("mean", Unit::One, (0.0, 100.0), 1.0, 1.0, "mean gain"),
-        Param::number("sigma", Unit::One, (0.0, 1.0), 0.0, 0.02, "Gaussian spread of the gain"),
+        Param::number("mean", Unit::Dimensionless, (0.0, 100.0), 1.0, 1.0, "mean gain"),
+        Param::number("sigma", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.02, "Gaussian spread of the gain"),
     ],
 )
 .with_edit(edit)
 .with_moments(moments);
 
-fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     for (gain, z) in circuit.gain.iter_mut().zip(pattern.normals_if(v[1] != 0.0)) {
         *gain *= v[0] + v[1] * z;
     }
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
     let share = at.from_light / at.increment();
     Some(Moments {
         rate: (v[0] - 1.0) * at.from_light,

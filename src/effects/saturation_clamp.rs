@@ -1,6 +1,6 @@
-//! The charge that a pixel stores is bounded.
+//! Upper limit of the charge that a pixel stores.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -8,29 +8,28 @@ use crate::units::Unit;
 /// The effect `saturation_clamp`.
 pub static EFFECT: Definition = Definition::new(
     "saturation_clamp",
-    "A pixel brighter than full scale does not store its surplus, so it stops firing \
-     when the light goes.",
+    "A pixel brighter than full scale stores only a limited surplus of charge, so it stops firing when the light ends.",
     "bright outdoor recordings saturate without an afterglow",
     &[Param::number(
         "largest_charge",
-        Unit::One,
+        Unit::Dimensionless,
         (1.0, f64::INFINITY),
         f64::INFINITY,
         1.5,
-        "in the pixel's own thresholds",
+        "largest stored charge, in thresholds of the pixel",
     )
-    .tried(Tried::amplitude((1.0, 2.0), &[1.7, 1.3]))],
+    .with_search(SearchSpec::amplitude((1.0, 2.0), &[1.7, 1.3]))],
 )
 .with_ops(ops)
 .with_moments(moments)
-.part_of_a_scene()
-.setting_in_late();
+.scene_like()
+.with_onset();
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Ceiling { thresholds: v[0] }]
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    // No trace below saturation, as long as the largest charge exceeds one threshold by an increment.
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
+    // The clamp removes no charge if the limit exceeds one threshold by more than an increment.
     (at.increment() < v[0] - 1.0).then(Moments::default)
 }

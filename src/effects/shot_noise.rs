@@ -1,6 +1,6 @@
 //! Photon shot noise: light arrives in whole quanta.
 
-use crate::effects::definition::{Definition, Moments, Operating, Param, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, Values};
 use crate::pixel::{Op, Quanta};
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -8,22 +8,22 @@ use crate::units::Unit;
 /// The effect `shot_noise`.
 pub static EFFECT: Definition = Definition::new(
     "shot_noise",
-    "Light arrives in quanta; the number in a readout is Poisson.",
+    "Light arrives as single quanta. Their number in a readout has a Poisson distribution.",
     "SCSim, arXiv 2405.16790, Algorithm 1; Poisson statistics",
     &[
         Param::number(
             "strength",
-            Unit::One,
+            Unit::Dimensionless,
             (0.0, 10_000.0),
             0.0,
             1.0,
-            "factor on the variance; 1 is the physics",
+            "factor on the variance; 1 is Poisson noise",
         ),
         Param::choice(
             "counts",
             &["electrons", "photons"],
             0,
-            "electrons after the gain, as the circuit holds them, or photons before it",
+            "what is counted: electrons after the gain, or photons before it",
         ),
         Param::number(
             "photons_at_full_scale",
@@ -31,7 +31,7 @@ pub static EFFECT: Definition = Definition::new(
             (100.0, 1e9),
             5e4,
             5e4,
-            "photons in a nominal threshold of light, when photons are counted",
+            "photons per nominal threshold, if photons are counted",
         ),
     ],
 )
@@ -43,8 +43,10 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::LightQuanta { quanta, strength: v[0] }]
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
-    // A spike gathers x/f of charge from N = K x_light/f quanta, each 1/K: variance x_light/(f K).
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
+    // Let x = x_light + x_dark be the increment, f the rate in spikes per readout, and K the quanta per threshold.
+    // Below saturation f = x. Between two spikes the light adds N = K x_light/f quanta of 1/K each.
+    // The variance of their charge is N/K^2 = x_light/(f K).
     let per_threshold = if v[1] == 0.0 { at.electrons } else { v[2] };
     let phase_variance = v[0] * at.from_light / at.increment() / per_threshold;
     Some(Moments { phase_variance, ..Moments::default() })

@@ -1,50 +1,50 @@
-//! A gain that neighbours share.
+//! Gain variations that are smooth across the sensor.
 
-use crate::draws::pattern::Pattern;
+use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, Operating, Param, Tried, Values};
+use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
 /// The effect `smooth_prnu`.
 pub static EFFECT: Definition = Definition::new(
     "smooth_prnu",
-    "The gain varies smoothly over the sensor: white noise blurred by a Gaussian, of \
-     variance one before the spread.",
+    "The gain varies smoothly over the sensor: Gaussian-blurred white noise, normalized to variance 1 and scaled by the spread.",
     "doping and thickness gradients of a wafer; low-frequency PRNU of EMVA 1288",
     &[
-        Param::number("sigma", Unit::One, (0.0, 0.1), 0.0, 0.01, "spread of the gain")
-            .tried(Tried::deviation((0.0, 0.1), &[0.02])),
+        Param::number("sigma", Unit::Dimensionless, (0.0, 0.1), 0.0, 0.01, "spread of the gain")
+            .with_search(SearchSpec::deviation((0.0, 0.1), &[0.02])),
         Param::number(
             "length",
             Unit::Pixel,
             (0.5, 64.0),
             3.0,
             3.0,
-            "standard deviation of the blur; the correlation falls to 1/e at twice this \
-     distance",
+            "standard deviation of the blur; the correlation is 1/e at twice this distance",
         )
-        .tried(Tried::shape((0.5, 20.0), &[1.0, 2.0, 4.5])),
+        .with_search(SearchSpec::shape((0.5, 20.0), &[1.0, 2.0, 4.5])),
     ],
 )
 .with_edit(edit)
 .with_moments(moments)
-.part_of_a_scene();
+.scene_like();
 
-fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut Pattern) {
+fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     if v[0] == 0.0 {
         return;
     }
     let (width, height) = (circuit.geometry.width(), circuit.geometry.height());
     let white: Vec<f64> = pattern.normals().take(width * height).collect();
-    let along = blurred(&white, width, 1, v[1]);
-    let field = blurred(&along, height, width, v[1]);
-    Circuit::spread(&mut circuit.gain, v[0], &field);
+    let along = gaussian_blur(&white, width, 1, v[1]);
+    let field = gaussian_blur(&along, height, width, v[1]);
+    Circuit::apply_spread(&mut circuit.gain, v[0], &field);
 }
 
-/// Blurs along an axis of `count` values that lie `step` apart. Weights end at three deviations and
-/// at the border, and their squares sum to one, so that the variance stays the same everywhere.
-fn blurred(values: &[f64], count: usize, step: usize, sigma: f64) -> Vec<f64> {
+/// Blurs white noise along one axis. The axis has `count` values, and successive values are `step` elements apart.
+///
+/// The Gaussian weights are cut at three standard deviations and at the border. The weights of each result are scaled to
+/// a squared sum of one, so the variance is equal everywhere.
+fn gaussian_blur(values: &[f64], count: usize, step: usize, sigma: f64) -> Vec<f64> {
     let reach = (3.0 * sigma) as usize + 1;
     let weight: Vec<f64> = (0..=reach).map(|d| libm::exp(-0.5 * (d as f64 / sigma).powi(2))).collect();
     let mut result = vec![0.0; values.len()];
@@ -62,7 +62,7 @@ fn blurred(values: &[f64], count: usize, step: usize, sigma: f64) -> Vec<f64> {
     result
 }
 
-fn moments(v: Values<'_>, at: &Operating) -> Option<Moments> {
+fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
     let share = at.from_light / at.increment();
     Some(Moments { spatial_variance: (share * v[0]).powi(2), ..Moments::default() })
 }

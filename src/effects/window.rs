@@ -1,20 +1,23 @@
-//! A part of a larger sensor: the pixels, columns and rows of that place.
+//! Windows: cameras that read out only a part of a larger sensor.
 
 use crate::effects::Camera;
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::spikes::{Crop, Geometry};
 
 impl Camera {
-    /// The rectangle `crop` of this camera as a camera of its own: its pixels have the fixed pattern of that
-    /// place, and its plan the fixed point of the whole sensor. Temporal noise and start phases are its own,
-    /// and pixels outside act on none inside. Maps stay those of the whole sensor. A window of a window is one
-    /// of the whole sensor.
+    /// Returns the rectangle `crop` of this camera as a separate camera.
+    ///
+    /// The pixels have the fixed pattern of that rectangle, and the plan has the fixed-point scales of the whole sensor.
+    /// Temporal noise and start phases differ from those of the whole sensor.
+    /// Pixels outside the rectangle do not affect pixels inside the rectangle. `maps` still contains the whole sensor.
+    /// If this camera is a window, the result is a window of the same whole sensor.
     ///
     /// # Errors
-    /// When the rectangle is empty or leaves this camera.
+    /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within this camera.
+    /// Returns the errors of [`Self::whole_sensor`].
     pub fn window(&self, crop: Crop) -> Result<Self> {
         let geometry = crop.geometry(self.sensor.geometry)?;
-        let (whole, outer) = match self.whole()? {
+        let (whole, outer) = match self.whole_sensor()? {
             Some((whole, outer)) => (whole.sensor.geometry, (outer.x, outer.y)),
             None => (self.sensor.geometry, (0, 0)),
         };
@@ -24,17 +27,19 @@ impl Camera {
         Ok(part)
     }
 
-    /// The whole sensor whose window this camera is, and the place of the window; `None` for a whole one.
+    /// Returns the whole sensor of which this camera is a window, and the rectangle of the window.
+    ///
+    /// Returns `None` if this camera is not a window.
     ///
     /// # Errors
-    /// When the size of the sensor was changed after the window was cut.
-    pub fn whole(&self) -> Result<Option<(Self, Crop)>> {
+    /// Returns [`ErrorKind::Config`] if the size of the sensor was changed after the window was cut.
+    pub fn whole_sensor(&self) -> Result<Option<(Self, Crop)>> {
         let Some((geometry, crop)) = self.window else { return Ok(None) };
         if crop.geometry(geometry)? != self.sensor.geometry {
-            return Err(Error::new(Kind::Config, "window")
+            return Err(Error::new(ErrorKind::Config, "window")
                 .found(format_args!("a sensor of {}", self.sensor.geometry))
                 .expected(format_args!("{}x{}, the size of the window", crop.width, crop.height))
-                .remedy("change the size first, then cut the window"));
+                .remedy("resize the camera first, then select the window"));
         }
         let mut whole = self.clone();
         whole.sensor.geometry = geometry;
@@ -42,15 +47,15 @@ impl Camera {
         Ok(Some((whole, crop)))
     }
 
-    /// Width and height of the sensor that maps belong to: the whole one, of a window too.
+    /// Returns the geometry of the sensor to which maps refer. For a window it is the geometry of the whole sensor.
     #[must_use]
-    pub fn whole_geometry(&self) -> Geometry {
+    pub fn sensor_geometry(&self) -> Geometry {
         self.window.map_or(self.sensor.geometry, |(whole, _)| whole)
     }
 
-    /// The place of this window in the whole sensor; `None` for a whole one.
+    /// Returns the rectangle of this window in the whole sensor, or `None` if this camera is not a window.
     #[must_use]
-    pub fn place(&self) -> Option<Crop> {
+    pub fn window_crop(&self) -> Option<Crop> {
         self.window.map(|(_, crop)| crop)
     }
 }

@@ -1,11 +1,12 @@
-//! Suggestions for mistyped names.
+//! Suggestions for misspelled names.
 
 use strsim::osa_distance;
 
-/// The name of `names` with the smallest optimal string alignment distance to `word` (insertions, deletions, substitutions and
-/// swaps of neighbors), if it is at most a third of the letters of `word`, rounded up, and at most 4.
+/// Returns the element of `names` with the smallest optimal string alignment distance to `word`.
 ///
-/// Case is ignored, and spaces and underscores count as hyphens.
+/// The distance counts insertions, deletions, substitutions and swaps of neighbors. The maximum is `min(ceil(letters /
+/// 3), 4)`, where `letters` is the number of letters of `word`. Case is ignored, and spaces and underscores are replaced
+/// by hyphens.
 pub(super) fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace([' ', '_'], "-");
     let word = plain(word);
@@ -20,7 +21,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slip_finds_its_name_and_a_stranger_finds_none() {
+    fn a_typo_finds_its_name_and_another_word_finds_none() {
         let names = ["physical", "scsim-code", "spike-zoo"];
         assert_eq!(nearest("phsyical", names), Some("physical"));
         assert_eq!(nearest("scsim_code", names), Some("scsim-code"));
@@ -30,7 +31,7 @@ mod tests {
 
     #[test]
     fn letters_that_are_missing_wrong_or_swapped_count_one_each() {
-        // A word of four letters allows a distance of 2.
+        // The maximum distance is 2 for a word of four letters.
         for (word, found) in
             [("pnru", Some("prnu")), ("prnuu", Some("prnu")), ("pu", None), ("abnu", Some("prnu"))]
         {

@@ -1,42 +1,42 @@
-//! Memory whose size comes from an input.
+//! Memory allocations whose size depends on an input.
 
 use std::fmt::Display;
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 
-/// Checks that the system has `bytes` of memory now, for work that requires them in many parts.
+/// Checks that the system can allocate `bytes` now.
 ///
-/// Parts of such work are allocated by other crates, or by code that cannot return an error, and end the process where memory
-/// is missing. So the work states an upper bound of its memory before it begins. The bytes are not kept: work on other
-/// threads of the process can take them in between.
+/// Some work allocates in other crates, or in code that cannot return an error. A failed allocation then aborts the
+/// process. Before such work, call this function with an upper bound of the memory. The memory is not reserved: other
+/// threads can allocate it before the work does.
 ///
 /// # Errors
-/// [`Kind::Memory`] when the system does not have them.
+/// Returns [`ErrorKind::Memory`] if the system cannot allocate the bytes.
 pub fn check_memory(subject: impl Display, bytes: usize) -> Result<()> {
-    buffer::<u8>(subject, bytes).map(drop)
+    reserved_vec::<u8>(subject, bytes).map(drop)
 }
 
-/// Returns an empty vector with room for `len` values that `subject` requires.
+/// Returns an empty vector with capacity for `len` values. `subject` names the purpose in errors.
 ///
 /// # Errors
-/// [`Kind::Memory`] when the system has no such room.
-pub fn buffer<T>(subject: impl Display, len: usize) -> Result<Vec<T>> {
+/// Returns [`ErrorKind::Memory`] if the system cannot allocate the memory.
+pub fn reserved_vec<T>(subject: impl Display, len: usize) -> Result<Vec<T>> {
     let mut values = Vec::new();
     match values.try_reserve_exact(len) {
         Ok(()) => Ok(values),
-        Err(_) => Err(Error::new(Kind::Memory, subject)
-            .found(format_args!("no memory for {} bytes", len as u128 * size_of::<T>() as u128))
-            .expected("memory for them")
-            .remedy("give a smaller input, or a machine or a limit with more memory")),
+        Err(_) => Err(Error::new(ErrorKind::Memory, subject)
+            .found(format_args!("not enough memory for {} bytes", len as u128 * size_of::<T>() as u128))
+            .expected("enough free memory")
+            .remedy("use a smaller input, a machine with more memory or a higher memory limit")),
     }
 }
 
-/// Returns `len` zero values that `subject` requires.
+/// Returns a vector of `len` zeros. `subject` names the purpose in errors.
 ///
 /// # Errors
-/// [`Kind::Memory`] when the system has no such room.
-pub fn zeroed<T: Copy + Default>(subject: impl Display, len: usize) -> Result<Vec<T>> {
-    let mut values = buffer(subject, len)?;
+/// Returns [`ErrorKind::Memory`] if the system cannot allocate the memory.
+pub fn zeroed_vec<T: Copy + Default>(subject: impl Display, len: usize) -> Result<Vec<T>> {
+    let mut values = reserved_vec(subject, len)?;
     values.resize(len, T::default());
     Ok(values)
 }
@@ -48,15 +48,15 @@ mod tests {
     #[test]
     fn sizes_that_no_machine_has_are_an_error() {
         for len in [usize::MAX, isize::MAX as usize / 8, 1 << 60] {
-            let error = zeroed::<u64>("a file", len).unwrap_err();
-            assert_eq!(error.kind(), Kind::Memory, "{len}");
+            let error = zeroed_vec::<u64>("a file", len).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Memory, "{len}");
         }
-        assert_eq!(zeroed::<u16>("a file", 3).unwrap(), [0; 3]);
+        assert_eq!(zeroed_vec::<u16>("a file", 3).unwrap(), [0; 3]);
     }
 
     #[test]
     fn work_that_no_machine_has_memory_for_is_refused_before_it_begins() {
-        assert_eq!(check_memory("a plan", usize::MAX / 4).unwrap_err().kind(), Kind::Memory);
+        assert_eq!(check_memory("a plan", usize::MAX / 4).unwrap_err().kind(), ErrorKind::Memory);
         check_memory("a plan", 1 << 20).unwrap();
     }
 }

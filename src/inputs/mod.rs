@@ -1,20 +1,23 @@
-//! What strangers send: names inside files, counts inside files, and the files themselves.
+//! Protection against untrusted inputs: names in files, counts in files, and the files themselves.
 //!
-//! A text from a file becomes a path only as a [`PlainName`] or an [`InnerPath`]. A file is opened only by
-//! [`InputFile`], which accepts regular files and never waits for a pipe. A count becomes memory only by
-//! [`zeroed`] or [`buffer`], or after [`check_memory`], which return an error where an allocation would abort the process.
+//! Text from a file becomes a path only through [`PlainName`] or [`InnerPath`]. Files are opened only through
+//! [`InputFile`], which accepts regular files and never waits for a pipe. An allocation whose size is a count from a file
+//! uses [`zeroed_vec`] or [`reserved_vec`], or follows a call of [`check_memory`]. These functions return an error if the
+//! memory is insufficient. An ordinary allocation would abort the process.
 
-/// The most that one decoded picture, or one frame of an array or a video, may take in memory: 512 MiB.
+/// Largest size in memory of a decoded image, of a frame of an array or of a frame of a video: 512 MiB.
 pub const MAX_PICTURE_BYTES: u64 = 512 << 20;
 
-mod file;
-mod lines;
+mod input_file;
+mod input_lines;
 mod memory;
 #[cfg(feature = "presets")]
 mod names;
 
-pub use file::{Cursor, InputFile, MAX_TEXT_BYTES, if_found, read_bytes, read_text, read_text_up_to};
-pub use lines::Lines;
-pub use memory::{buffer, check_memory, zeroed};
+pub use input_file::{
+    InputFile, InputReader, MAX_TEXT_BYTES, not_found_as_none, read_bytes, read_text, read_text_up_to,
+};
+pub use input_lines::InputLines;
+pub use memory::{check_memory, reserved_vec, zeroed_vec};
 #[cfg(feature = "presets")]
 pub use names::{Access, InnerPath, PlainName, check_link};

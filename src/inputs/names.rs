@@ -1,76 +1,76 @@
-//! Names and paths that were read from a file.
+//! Names and paths that come from a file.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 
-/// The longest name that all file systems in use accept, in bytes.
+/// Length in bytes of the longest name that all common file systems accept.
 const MAX_NAME_BYTES: usize = 255;
 
-/// Names that Windows opens as devices, whatever the ending behind them.
+/// Names that Windows opens as devices, even if an extension follows.
 const DEVICES: [&str; 6] = ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"];
 
-/// One name of a file or folder that a file from elsewhere may choose: `scene-0000`, never `..`, `a/b` or `C:`.
+/// A file or folder name that comes from an untrusted file, for example `scene-0000`. `..`, `a/b` and `C:` are rejected.
 ///
-/// The same names are valid on every system, so that a data set made on one can be read on another.
+/// The rules are equal on all systems, so every system can read a data set that another system created.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct PlainName(String);
 
-/// A path below a folder, of [`PlainName`]s with `/` between them: `train/spike/scene-0000.dat`.
+/// A path inside a folder: [`PlainName`]s separated by `/`, for example `train/spike/scene-0000.dat`.
 ///
-/// It is made of texts that were checked and of words of the program itself, never of an unchecked text.
+/// It is built from checked texts and from constants of the program, never from an unchecked text.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct InnerPath(String);
 
-/// What a path below a folder is used for.
+/// The purpose for which a path inside a folder is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Reading. A link may lead to another place below the folder.
+    /// Reading. A link may point to another position inside the folder.
     Read,
-    /// Reading. A link may lead anywhere, since the user allowed it.
+    /// Reading. A link may point to any position, because the user allowed it.
     ReadThroughLinks,
     /// Writing or deleting. No part of the path may be a link.
     Write,
 }
 
 impl Access {
-    /// Reading, with or without links that leave the folder.
-    pub const fn reading(follow_links: bool) -> Self {
+    /// Returns the access for reading. `follow_links` states whether a link may leave the folder.
+    pub const fn for_reading(follow_links: bool) -> Self {
         if follow_links { Self::ReadThroughLinks } else { Self::Read }
     }
 }
 
 impl PlainName {
-    /// Accepts `text` as a name; `subject` is the file and key that it was read from.
+    /// Accepts `text` as a name. `subject` names the file and the key that contain `text`.
     ///
     /// # Errors
-    /// An error of `kind` that states why `text` is not a plain name.
-    pub fn parse(kind: Kind, subject: impl fmt::Display, text: &str) -> Result<Self> {
-        match fault(text) {
+    /// Returns an error of `kind` with the reason why `text` is not a plain name.
+    pub fn parse(kind: ErrorKind, subject: impl fmt::Display, text: &str) -> Result<Self> {
+        match name_fault(text) {
             None => Ok(Self(text.to_owned())),
             Some(fault) => Err(Error::new(kind, subject)
-                .found(format_args!("{}, which {fault}", shown(text)))
-                .expected("one plain name of a file or folder")),
+                .found(format_args!("{}, which {fault}", quote_shortened(text)))
+                .expected("the name of a file or folder, without a path")),
         }
     }
 
-    /// Returns the digits of `number`, with zeros before them up to `width` digits.
-    pub fn number(number: u64, width: usize) -> Self {
-        Self(format!("{number:0width$}"))
+    /// Returns the decimal digits of `number`, padded with zeros to `width` digits.
+    pub fn from_number(from_number: u64, width: usize) -> Self {
+        Self(format!("{from_number:0width$}"))
     }
 
-    /// Returns the name with an ending of the program's own, such as `.dat`.
-    pub fn with(&self, ending: &'static str) -> Self {
+    /// Returns this name followed by `ending`, such as `.dat`.
+    pub fn with_ending(&self, ending: &'static str) -> Self {
         Self(format!("{}{ending}", self.0))
     }
 
-    /// Returns the hidden name of the same file or folder in the making.
-    pub fn partial(&self) -> Self {
+    /// Returns the hidden name that a file or folder has while the file or folder is incomplete.
+    pub fn partial_name(&self) -> Self {
         Self(format!(".{}.partial", self.0))
     }
 
@@ -82,48 +82,50 @@ impl PlainName {
 }
 
 impl InnerPath {
-    /// Accepts `text` as a path below a folder; `subject` is the file and key that it was read from.
+    /// Accepts `text` as a path inside a folder. `subject` names the file and the key that contain `text`.
     ///
     /// # Errors
-    /// An error of `kind` that states why `text` is not such a path.
-    pub fn parse(kind: Kind, subject: impl fmt::Display, text: &str) -> Result<Self> {
-        match text.split('/').find_map(fault) {
+    /// Returns an error of `kind` with the reason why `text` is not such a path.
+    pub fn parse(kind: ErrorKind, subject: impl fmt::Display, text: &str) -> Result<Self> {
+        match text.split('/').find_map(name_fault) {
             None => Ok(Self(text.to_owned())),
             Some(fault) => Err(Error::new(kind, subject)
-                .found(format_args!("{}, part of which {fault}", shown(text)))
-                .expected("a path of plain names below the folder, such as train/scene.dat")),
+                .found(format_args!("{}, part of which {fault}", quote_shortened(text)))
+                .expected("a relative path inside the folder, such as train/scene.dat")),
         }
     }
 
-    /// Returns the path of `inner` in the folder that this path names.
+    /// Returns the path of `inner` inside the folder at this path.
     pub fn join(&self, inner: impl Into<Self>) -> Self {
         Self(format!("{}/{}", self.0, inner.into().0))
     }
 
-    /// Returns the path as text, with `/` between its names.
+    /// Returns the path as text with `/` as separator.
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
     }
 
-    /// Returns the path in `folder`, after a look at each link on the way.
+    /// Returns the path in `folder`. Every link along the path is checked first.
     ///
-    /// `folder` itself may be a link: the user named it. Parts that do not exist yet are no error.
+    /// `folder` itself may be a link, because the user named this folder. Parts of the path need not exist.
     ///
     /// # Errors
-    /// [`Kind::Input`] when a link leaves the folder, or when `access` is [`Access::Write`] and any part is a link.
-    pub fn below(&self, folder: &Path, access: Access) -> Result<PathBuf> {
+    /// Returns [`ErrorKind::Input`] if a link leaves the folder, or if `access` is [`Access::Write`] and any part is a link.
+    pub fn resolve_in(&self, folder: &Path, access: Access) -> Result<PathBuf> {
         let (mut path, last) = self.checked_parent(folder, access)?;
         path.push(last);
         check_link(folder, &path, access)?;
         Ok(path)
     }
 
-    /// Returns the path in `folder` of something to remove, which may be a link itself: the link is removed.
+    /// Returns the path in `folder` of a file or link to remove.
+    ///
+    /// If the last part is a link, the caller removes the link and not its target.
     ///
     /// # Errors
-    /// [`Kind::Input`] when a part above the last one is a link.
-    pub fn removable_below(&self, folder: &Path) -> Result<PathBuf> {
+    /// Returns [`ErrorKind::Input`] if a part of the path before the last one is a link.
+    pub fn resolve_for_removal(&self, folder: &Path) -> Result<PathBuf> {
         let (mut path, last) = self.checked_parent(folder, Access::Write)?;
         path.push(last);
         Ok(path)
@@ -152,10 +154,10 @@ impl From<&PlainName> for InnerPath {
     }
 }
 
-/// Paths that are words of the program itself.
+/// Accepts a path that is a constant of the program.
 impl From<&'static str> for InnerPath {
     fn from(path: &'static str) -> Self {
-        debug_assert!(path.split('/').find_map(fault).is_none(), "{path}");
+        debug_assert!(path.split('/').find_map(name_fault).is_none(), "{path}");
         Self(path.to_owned())
     }
 }
@@ -164,9 +166,9 @@ impl TryFrom<String> for PlainName {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        match fault(&text) {
+        match name_fault(&text) {
             None => Ok(Self(text)),
-            Some(fault) => Err(format!("the name {}, which {fault},", shown(&text))),
+            Some(fault) => Err(format!("the name {}, which {fault},", quote_shortened(&text))),
         }
     }
 }
@@ -175,9 +177,9 @@ impl TryFrom<String> for InnerPath {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        match text.split('/').find_map(fault) {
+        match text.split('/').find_map(name_fault) {
             None => Ok(Self(text)),
-            Some(fault) => Err(format!("the path {}, part of which {fault},", shown(&text))),
+            Some(fault) => Err(format!("the path {}, part of which {fault},", quote_shortened(&text))),
         }
     }
 }
@@ -206,48 +208,48 @@ impl fmt::Display for InnerPath {
     }
 }
 
-/// Checks that `path`, which lies below `folder`, may be used although it may be a link.
+/// Checks that `path`, which is inside `folder`, is not a link that `access` forbids.
 ///
 /// # Errors
-/// [`Kind::Input`] when it is a link that `access` does not allow.
+/// Returns [`ErrorKind::Input`] if `access` forbids the link.
 pub fn check_link(folder: &Path, path: &Path, access: Access) -> Result<()> {
     let is_link = std::fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink());
-    if is_link && !allowed(folder, path, access) { Err(refused(path, access)) } else { Ok(()) }
+    if is_link && !is_link_allowed(folder, path, access) { Err(link_error(path, access)) } else { Ok(()) }
 }
 
-fn allowed(folder: &Path, link: &Path, access: Access) -> bool {
+fn is_link_allowed(folder: &Path, link: &Path, access: Access) -> bool {
     match access {
         Access::Write => false,
         Access::ReadThroughLinks => true,
-        Access::Read => match (named(folder).canonicalize(), link.canonicalize()) {
+        Access::Read => match (or_current_dir(folder).canonicalize(), link.canonicalize()) {
             (Ok(folder), Ok(target)) => target.starts_with(folder),
-            // A link that leads nowhere shows nothing; opening it reports that.
+            // A broken link exposes no data, and the later attempt to open the link reports the error.
             _ => true,
         },
     }
 }
 
-/// The folder of the process has an empty path.
-fn named(folder: &Path) -> &Path {
+/// Returns `folder`, or `.` if `folder` is the empty path. Both mean the current directory.
+fn or_current_dir(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
-fn refused(link: &Path, access: Access) -> Error {
-    let error = Error::new(Kind::Input, link.display());
+fn link_error(link: &Path, access: Access) -> Error {
+    let error = Error::new(ErrorKind::Input, link.display());
     match access {
         Access::Write => error
             .found("a symbolic link")
-            .expected("a plain file or folder, since writing and deleting never follow links")
-            .remedy("remove the link, or name the folder that it leads to"),
+            .expected("a plain file or folder; links are never followed when files are written or deleted")
+            .remedy("remove the link, or specify the folder that it points to"),
         _ => error
-            .found("a symbolic link that leaves the folder")
-            .expected("a file below the folder")
+            .found("a symbolic link that points outside the folder")
+            .expected("a file inside the folder")
             .remedy("copy the file into the folder, or allow links that leave it if you trust the folder"),
     }
 }
 
-/// Returns `text` in quotes and without control characters, cut where it is long.
-fn shown(text: &str) -> String {
+/// Returns `text` in quotes with control characters escaped, shortened if it is long.
+fn quote_shortened(text: &str) -> String {
     const MAX_CHARS: usize = 80;
     match text.char_indices().nth(MAX_CHARS) {
         None => format!("{text:?}"),
@@ -255,13 +257,13 @@ fn shown(text: &str) -> String {
     }
 }
 
-/// Why `name` is not a plain name, as the end of a sentence.
-fn fault(name: &str) -> Option<&'static str> {
+/// Returns the reason why `name` is not a plain name, in a form that completes the sentence "the name ...".
+fn name_fault(name: &str) -> Option<&'static str> {
     let stem = name.split('.').next().unwrap_or_default().trim_end();
     if name.is_empty() {
         Some("is empty")
     } else if name == "." || name == ".." {
-        Some("names the folder itself or the one above")
+        Some("is the folder itself or its parent")
     } else if name.len() > MAX_NAME_BYTES {
         Some("is longer than 255 bytes")
     } else if name.contains(['/', '\\']) {
@@ -321,8 +323,8 @@ mod tests {
             &long,
         ] {
             assert_eq!(
-                PlainName::parse(Kind::Config, "id", wrong).unwrap_err().kind(),
-                Kind::Config,
+                PlainName::parse(ErrorKind::Config, "id", wrong).unwrap_err().kind(),
+                ErrorKind::Config,
                 "{wrong:?}"
             );
         }
@@ -338,7 +340,7 @@ mod tests {
             "..a",
             "a..b",
         ] {
-            assert_eq!(PlainName::parse(Kind::Input, "id", right).unwrap().as_str(), right);
+            assert_eq!(PlainName::parse(ErrorKind::Input, "id", right).unwrap().as_str(), right);
         }
     }
 
@@ -359,13 +361,13 @@ mod tests {
             "a/nul",
         ] {
             assert_eq!(
-                InnerPath::parse(Kind::Input, "path", wrong).unwrap_err().kind(),
-                Kind::Input,
+                InnerPath::parse(ErrorKind::Input, "path", wrong).unwrap_err().kind(),
+                ErrorKind::Input,
                 "{wrong:?}"
             );
         }
-        let path = InnerPath::parse(Kind::Input, "path", "train/spike/a.dat").unwrap();
-        let joined = path.below(Path::new("set"), Access::Write).unwrap();
+        let path = InnerPath::parse(ErrorKind::Input, "path", "train/spike/a.dat").unwrap();
+        let joined = path.resolve_in(Path::new("set"), Access::Write).unwrap();
         assert_eq!(joined, Path::new("set").join("train").join("spike").join("a.dat"));
     }
 
@@ -392,8 +394,9 @@ mod tests {
         symlink("../out", folder.join("away")).unwrap();
         symlink("real", folder.join("near")).unwrap();
         symlink(&folder, top.path().join("named")).unwrap();
-        let below =
-            |text: &str, access| InnerPath::parse(Kind::Input, "p", text).unwrap().below(&folder, access);
+        let below = |text: &str, access| {
+            InnerPath::parse(ErrorKind::Input, "p", text).unwrap().resolve_in(&folder, access)
+        };
         for (text, read, through, write) in [
             ("real/a", true, true, true),
             ("near/a", true, true, false),
@@ -404,9 +407,9 @@ mod tests {
             assert_eq!(below(text, Access::ReadThroughLinks).is_ok(), through, "{text}");
             assert_eq!(below(text, Access::Write).is_ok(), write, "{text}");
         }
-        let named = InnerPath::parse(Kind::Input, "p", "real/a")
+        let named = InnerPath::parse(ErrorKind::Input, "p", "real/a")
             .unwrap()
-            .below(&top.path().join("named"), Access::Write);
+            .resolve_in(&top.path().join("named"), Access::Write);
         assert!(named.is_ok(), "the folder that the user names may be a link");
     }
 }

@@ -1,28 +1,28 @@
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 
-/// A way to run a plan. All give the same bits; they differ in speed.
+/// An implementation of the kernels. All backends return equal bits, but their speed differs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Backend {
-    /// Plain scalar loops: the oracle of the others.
+    /// Plain scalar loops, used as the reference in tests of the other backends.
     Reference,
-    /// Lanes of the `wide` crate, with the instructions the crate was compiled for.
+    /// Vectors of the `wide` crate. They use the instructions that the crate was compiled for.
     Portable,
     /// 128-bit vectors of x86-64 CPUs from 2008 on.
     Sse41,
     /// 256-bit vectors of x86-64 CPUs from 2013 on.
     Avx2,
-    /// 512-bit vectors (F, BW, VBMI).
+    /// 512-bit vectors (AVX-512 F, BW and VBMI).
     Avx512,
 }
 
-/// Forces a backend, clamped to what the CPU has.
-pub(super) const ENVIRONMENT: &str = "SPIKELANE_BACKEND";
+/// Name of the environment variable that selects a backend. The variable has no effect if the CPU cannot run the backend.
+pub(super) const BACKEND_ENV_VAR: &str = "SPIKELANE_BACKEND";
 
 impl Backend {
-    /// All backends, slowest first.
+    /// All backends, ordered from the slowest to the fastest.
     pub const ALL: [Self; 5] = [Self::Reference, Self::Portable, Self::Sse41, Self::Avx2, Self::Avx512];
 
-    /// Name on the command line.
+    /// Returns the name of the backend on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -34,21 +34,21 @@ impl Backend {
         }
     }
 
-    /// The backend called `name`.
+    /// Returns the backend with this name.
     ///
     /// # Errors
-    /// When there is none of that name.
+    /// Returns [`ErrorKind::Usage`] if no backend has this name.
     pub fn parse(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|b| b.name() == name).ok_or_else(|| {
-            Error::new(Kind::Usage, "backend")
+            Error::new(ErrorKind::Usage, "backend")
                 .found(format_args!("\"{name}\""))
                 .expected("one of reference, portable, sse4.1, avx2, avx512")
         })
     }
 
-    /// Whether this CPU can run it.
+    /// Returns whether this CPU can run the backend.
     #[must_use]
-    pub fn available(self) -> bool {
+    pub fn is_available(self) -> bool {
         match self {
             Self::Reference | Self::Portable => true,
             #[cfg(target_arch = "x86_64")]
@@ -62,22 +62,22 @@ impl Backend {
         }
     }
 
-    /// The backend that the environment variable `SPIKELANE_BACKEND` names, if it is set.
+    /// Returns the backend that the environment variable `SPIKELANE_BACKEND` names, or `None` if the variable is not set.
     ///
     /// # Errors
-    /// When there is none of that name.
+    /// Returns [`ErrorKind::Usage`] if no backend has this name.
     pub fn from_environment() -> Result<Option<Self>> {
-        let Some(name) = std::env::var_os(ENVIRONMENT) else { return Ok(None) };
-        Self::parse(&name.to_string_lossy()).map(Some).map_err(|e| e.within(ENVIRONMENT))
+        let Some(name) = std::env::var_os(BACKEND_ENV_VAR) else { return Ok(None) };
+        Self::parse(&name.to_string_lossy()).map(Some).map_err(|e| e.with_context(BACKEND_ENV_VAR))
     }
 
-    /// The fastest backend of this CPU, or the one that the environment
-    /// variable `SPIKELANE_BACKEND` names, if the CPU has it.
+    /// Returns the backend that the environment variable `SPIKELANE_BACKEND` names, if the CPU can run this backend.
+    /// Otherwise returns the fastest backend of this CPU.
     #[must_use]
     pub fn best() -> Self {
-        let forced = Self::from_environment().ok().flatten().filter(|b| b.available());
+        let forced = Self::from_environment().ok().flatten().filter(|b| b.is_available());
         forced.unwrap_or_else(|| {
-            let fastest = Self::ALL.into_iter().rev().find(|b| b.available());
+            let fastest = Self::ALL.into_iter().rev().find(|b| b.is_available());
             fastest.unwrap_or(Self::Portable)
         })
     }

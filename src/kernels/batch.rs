@@ -1,24 +1,24 @@
-//! What a kernel is given: light for a run of readouts, and the words of their draws.
+//! The input of a kernel: the light of consecutive readouts, and the round keys of the draws at these readouts.
 
 use std::ops::Range;
 
-use crate::draws::hash::{Clock, Round};
+use crate::draws::hash::{CounterRng, RoundKey};
 use crate::kernels::modulation::Modulation;
-use crate::plan::{Plan, State};
+use crate::plan::{Plan, SimulatorState};
 
-/// Linear light of one frame, row-major, top row first, one value per pixel.
+/// The linear light of one frame as one value per pixel, row-major, top row first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Samples<'a> {
     /// 255 is full scale.
     U8(&'a [u8]),
     /// 65535 is full scale.
     U16(&'a [u16]),
-    /// 1.0 is full scale; finite and not negative.
+    /// 1.0 is full scale. Values are finite and not negative.
     F32(&'a [f32]),
 }
 
 impl Samples<'_> {
-    /// Number of pixels.
+    /// Returns the number of pixels.
     #[must_use]
     pub fn len(&self) -> usize {
         match self {
@@ -28,110 +28,110 @@ impl Samples<'_> {
         }
     }
 
-    /// Whether a sample can exceed full scale.
-    pub(crate) fn unbounded(&self) -> bool {
+    /// Returns whether a sample can exceed full scale.
+    pub(crate) fn is_unbounded(&self) -> bool {
         matches!(self, Self::F32(_))
     }
 
-    /// Whether there is no pixel.
+    /// Returns whether there are no pixels.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// Light during a run of readouts.
+/// The light during consecutive readouts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Light<'a> {
-    /// The same frame at every readout.
-    Held(Samples<'a>),
-    /// A way from one frame to the next.
-    Between {
+pub enum SegmentLight<'a> {
+    /// One frame that is the light of every readout.
+    Hold(Samples<'a>),
+    /// Light that is interpolated linearly between two frames.
+    Linear {
         /// Frame at weight 0.
         from: Samples<'a>,
         /// Frame at weight 1.
         to: Samples<'a>,
-        /// The weight of `to`, one for every readout of the segment.
+        /// Weight of `to` at every readout of the segment.
         weights: &'a [f32],
     },
 }
 
-/// Readouts that share a [`Light`].
+/// Consecutive readouts with one [`SegmentLight`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment<'a> {
     /// Number of readouts.
     pub readouts: usize,
-    /// Their light.
-    pub light: Light<'a>,
+    /// Light of these readouts.
+    pub light: SegmentLight<'a>,
 }
 
-/// One readout's hash words for the draws that nearly every noisy plan makes.
+/// The round keys of one readout for the two draws that almost every plan with noise needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct NoiseRound {
-    /// Of [`crate::plan::Clocks::shot`].
-    pub shot: Round,
-    /// Of [`crate::plan::Clocks::thermal`].
-    pub thermal: Round,
+pub struct NoiseRoundKeys {
+    /// Round key of [`crate::plan::NoiseRngs::shot`].
+    pub shot: RoundKey,
+    /// Round key of [`crate::plan::NoiseRngs::thermal`].
+    pub thermal: RoundKey,
 }
 
-/// The hash words of every readout of a batch.
+/// The round keys of every readout of a batch. A vector is empty if the plan does not use it.
 #[derive(Clone, Debug, Default)]
-pub struct Rounds {
-    /// Of the draws of light and of threshold.
-    pub noise: Vec<NoiseRound>,
-    /// Of [`crate::plan::Clocks::counts`].
-    pub counts: Vec<Round>,
-    /// Of [`crate::plan::Clocks::undecided`].
-    pub undecided: Vec<Round>,
-    /// Of [`crate::plan::Clocks::missed`].
-    pub missed: [Vec<Round>; 2],
-    /// Of [`crate::plan::Clocks::spurious`].
-    pub spurious: [Vec<Round>; 2],
+pub struct RoundKeys {
+    /// Round keys of shot noise and threshold noise.
+    pub noise: Vec<NoiseRoundKeys>,
+    /// Round keys of [`crate::plan::NoiseRngs::counts`].
+    pub counts: Vec<RoundKey>,
+    /// Round keys of [`crate::plan::NoiseRngs::jitter`].
+    pub jitter: Vec<RoundKey>,
+    /// Round keys of [`crate::plan::NoiseRngs::missed_spikes`].
+    pub missed_spikes: [Vec<RoundKey>; 2],
+    /// Round keys of [`crate::plan::NoiseRngs::false_spikes`].
+    pub false_spikes: [Vec<RoundKey>; 2],
 }
 
-/// A run of readouts, the same for all tiles.
+/// Consecutive readouts with their light and round keys. All tiles of the sensor use the same batch.
 #[derive(Clone, Debug)]
 pub struct Batch<'a> {
-    segments: Vec<(Range<usize>, Light<'a>)>,
-    rounds: Rounds,
+    segments: Vec<(Range<usize>, SegmentLight<'a>)>,
+    round_keys: RoundKeys,
     modulation: Modulation,
     readouts: usize,
 }
 
 impl<'a> Batch<'a> {
-    /// The readouts that follow `state`, in the light of `segments`.
+    /// Returns the batch of the readouts that follow `state`, under the light of `segments`.
     ///
-    /// Where pixels act on each other ([`Plan::couples`]), a batch of more than one readout runs as one
-    /// tile: [`Job::new`] then wants the whole sensor.
+    /// If pixels affect each other ([`Plan::has_coupled_pixels`]), a batch of more than one readout cannot be split into
+    /// tiles.
+    /// [`Job::new`] then requires the whole sensor.
     ///
     /// # Panics
-    /// When a frame has fewer samples than the plan has pixels, or a segment
-    /// has another number of weights than of readouts.
+    /// If a frame has fewer samples than the plan has pixels, or if the number of weights of a segment differs from its
+    /// number of readouts.
     #[must_use]
-    pub fn after(plan: &Plan, state: &State, segments: &'a [Segment<'a>]) -> Self {
-        let mut batch = Self::uncoupled(plan, state.readout(), segments);
-        batch.modulation.couple(plan, state);
+    pub fn from_state(plan: &Plan, state: &SimulatorState, segments: &'a [Segment<'a>]) -> Self {
+        let mut batch = Self::build(plan, state.readout(), segments);
+        batch.modulation.add_feedback(plan, state);
         batch
     }
 
-    /// The readouts from `first` on, in the light of `segments`.
+    /// Returns the batch of the readouts that start at readout `first`, under the light of `segments`.
     ///
     /// # Panics
-    /// When a frame has fewer samples than the plan has pixels, a segment
-    /// has another number of weights than of readouts, or pixels act on each
-    /// other, which [`Batch::after`] is for.
+    /// If a frame has fewer samples than the plan has pixels, or if the number of weights of a segment differs from its
+    /// number of readouts. Also if pixels affect each other. For such plans, use [`Batch::from_state`].
     #[must_use]
     pub fn new(plan: &Plan, first: u64, segments: &'a [Segment<'a>]) -> Self {
-        assert!(!plan.couples(), "pixels act on each other: use Batch::after");
-        Self::uncoupled(plan, first, segments)
+        assert!(!plan.has_coupled_pixels(), "pixels act on each other: use Batch::after");
+        Self::build(plan, first, segments)
     }
 
-    fn uncoupled(plan: &Plan, first: u64, segments: &'a [Segment<'a>]) -> Self {
+    fn build(plan: &Plan, first: u64, segments: &'a [Segment<'a>]) -> Self {
         let pixels = plan.geometry().pixels();
         for segment in segments {
             let enough = match segment.light {
-                Light::Held(s) => s.len() >= pixels,
-                Light::Between { from, to, weights } => {
+                SegmentLight::Hold(s) => s.len() >= pixels,
+                SegmentLight::Linear { from, to, weights } => {
                     assert_eq!(weights.len(), segment.readouts, "one weight per readout");
                     from.len() >= pixels && to.len() >= pixels
                 }
@@ -139,7 +139,7 @@ impl<'a> Batch<'a> {
             assert!(enough, "a frame has fewer samples than the sensor has pixels");
         }
         let readouts = segments.iter().map(|s| s.readouts).sum();
-        let rounds = Rounds::new(plan, first, readouts);
+        let rounds = RoundKeys::new(plan, first, readouts);
         let mut end = 0;
         let placed = segments.iter().map(|s| {
             let begin = end;
@@ -147,61 +147,63 @@ impl<'a> Batch<'a> {
             (begin..end, s.light)
         });
         let modulation = Modulation::new(plan, first, readouts);
-        Self { segments: placed.collect(), rounds, modulation, readouts }
+        Self { segments: placed.collect(), round_keys: rounds, modulation, readouts }
     }
 
-    /// Number of readouts.
+    /// Returns the number of readouts.
     #[must_use]
     pub fn readouts(&self) -> usize {
         self.readouts
     }
 
-    /// Hash words, one set per readout.
+    /// Returns the round keys. Each vector has one element per readout.
     #[must_use]
     #[inline]
-    pub fn rounds(&self) -> &Rounds {
-        &self.rounds
+    pub fn round_keys(&self) -> &RoundKeys {
+        &self.round_keys
     }
 
-    /// What moves.
+    /// Returns the values that differ between readouts.
     #[must_use]
     #[inline]
     pub fn modulation(&self) -> &Modulation {
         &self.modulation
     }
 
-    /// The segments with the readouts of the batch that each covers.
+    /// Returns the segments. The range of a segment contains the indices of its readouts within the batch.
     #[must_use]
     #[inline]
-    pub fn segments(&self) -> &[(Range<usize>, Light<'a>)] {
+    pub fn segments(&self) -> &[(Range<usize>, SegmentLight<'a>)] {
         &self.segments
     }
 }
 
-impl Rounds {
+impl RoundKeys {
     fn new(plan: &Plan, first: u64, readouts: usize) -> Self {
-        let clocks = plan.clocks();
-        let words = |clock: Clock, wanted: bool| -> Vec<Round> {
+        let clocks = plan.rngs();
+        let words = |clock: CounterRng, wanted: bool| -> Vec<RoundKey> {
             let count = if wanted { readouts as u64 } else { 0 };
-            (0..count).map(|t| clock.round(first.wrapping_add(t))).collect()
+            (0..count).map(|t| clock.round_key(first.wrapping_add(t))).collect()
         };
         let flip = plan.rules().flip;
-        let missed = flip.is_some_and(|f| f.missed != 0);
-        let spurious = flip.is_some_and(|f| f.spurious != 0);
+        let missed = flip.is_some_and(|f| f.missed_spikes != 0);
+        let spurious = flip.is_some_and(|f| f.false_spikes != 0);
         let counted = plan.tables().shot.is_some();
-        // The lanes walk along both, whatever the plan holds, as soon as it holds any noise or bends light.
+        // The vector kernels read both kinds of round keys if the plan has noise, surplus, extra rules or dynamics.
+        // Both vectors of keys are then filled.
         let rules = plan.rules();
         let drawn = counted || plan.tables().noise.is_some();
-        let undecided = !plan.tables().undecided.is_empty();
-        let noisy = drawn || undecided || rules.surplus || rules.extras() || plan.moving().is_some();
+        let undecided = !plan.tables().jitter_width.is_empty();
+        let noisy =
+            drawn || undecided || rules.counts_surplus || rules.has_extras() || plan.dynamics().is_some();
         let shot = words(clocks.shot, noisy).into_iter();
         let thermal = words(clocks.thermal, noisy);
         Self {
-            noise: shot.zip(thermal).map(|(shot, thermal)| NoiseRound { shot, thermal }).collect(),
+            noise: shot.zip(thermal).map(|(shot, thermal)| NoiseRoundKeys { shot, thermal }).collect(),
             counts: words(clocks.counts, counted),
-            undecided: words(clocks.undecided, undecided),
-            missed: clocks.missed.map(|c| words(c, missed)),
-            spurious: clocks.spurious.map(|c| words(c, spurious)),
+            jitter: words(clocks.jitter, undecided),
+            missed_spikes: clocks.missed_spikes.map(|c| words(c, missed)),
+            false_spikes: clocks.false_spikes.map(|c| words(c, spurious)),
         }
     }
 }
@@ -211,54 +213,56 @@ impl Rounds {
 pub struct Job<'a> {
     /// Tables and rules.
     pub plan: &'a Plan,
-    /// Light and words.
+    /// Light and round keys.
     pub batch: &'a Batch<'a>,
     range: Range<usize>,
 }
 
 impl<'a> Job<'a> {
-    /// The tile of `pixels` padded pixels from `first` on, cut at the end of the plan.
+    /// Returns the tile of `pixels` padded pixels that starts at pixel `first`. A tile that exceeds the plan is
+    /// shortened.
     ///
     /// # Panics
-    /// When the bounds are not multiples of [`crate::plan::LANES`], or pixels act on each other
-    /// and the tile is a part of the sensor and the batch more than one readout.
+    /// If the bounds are not multiples of [`crate::plan::PIXEL_ALIGNMENT`]. Also if three conditions hold together:
+    /// pixels affect each other, the tile is only a part of the sensor, and the batch has more than one readout.
     #[must_use]
     pub fn new(plan: &'a Plan, batch: &'a Batch<'a>, first: usize, pixels: usize) -> Self {
-        let range = first..(first + pixels).min(plan.padded());
+        let range = first..(first + pixels).min(plan.padded_pixels());
         assert!(
-            range.start.is_multiple_of(crate::plan::LANES) && range.len().is_multiple_of(crate::plan::LANES)
+            range.start.is_multiple_of(crate::plan::PIXEL_ALIGNMENT)
+                && range.len().is_multiple_of(crate::plan::PIXEL_ALIGNMENT)
         );
         let job = Self { plan, batch, range };
         let frame_by_frame = job.is_whole_sensor() || batch.readouts == 1;
         assert!(
-            frame_by_frame || !plan.couples(),
+            frame_by_frame || !plan.has_coupled_pixels(),
             "pixels act on each other: one tile, or one readout at a time"
         );
         job
     }
 
-    /// Whether the tile is all that there is.
+    /// Returns whether the tile is the whole sensor.
     #[must_use]
     #[inline]
     pub fn is_whole_sensor(&self) -> bool {
-        self.range == (0..self.plan.padded())
+        self.range == (0..self.plan.padded_pixels())
     }
 
-    /// The padded pixels of the tile.
+    /// Returns the padded pixels of the tile.
     #[must_use]
     #[inline]
     pub fn range(&self) -> Range<usize> {
         self.range.clone()
     }
 
-    /// Number of padded pixels.
+    /// Returns the number of padded pixels.
     #[must_use]
     #[inline]
     pub fn pixels(&self) -> usize {
         self.range.len()
     }
 
-    /// Bytes of the tile's bits at one readout.
+    /// Returns the number of bytes that the bits of the tile occupy at one readout.
     #[must_use]
     #[inline]
     pub fn tile_bytes(&self) -> usize {

@@ -1,4 +1,4 @@
-//! One function for each case and instruction set, compiled with its instructions.
+//! One function per case and instruction set, compiled with the instructions of that set.
 
 #![cfg_attr(
     target_arch = "x86_64",
@@ -6,42 +6,44 @@
 )]
 
 use crate::kernels::Job;
-use crate::plan::StateParts;
+use crate::plan::StateTile;
 
-/// A job, the state that it edits and the bits that it writes, for an instruction set.
-struct Work<'a, 'b, 'c, T> {
+/// The arguments of a kernel call, and the token of an instruction set.
+struct JobCall<'a, 'b, 'c, T> {
     token: T,
     job: &'a Job<'a>,
-    state: &'b mut StateParts<'c>,
+    state: &'b mut StateTile<'c>,
     out: &'b mut [u8],
 }
 
-/// An instruction set's entry in a module of its own: the compiler hands what it has to generate to its cores module by module,
-/// and these functions are half of all that this crate has.
+/// Defines the entry of an instruction set in a separate module.
+///
+/// The compiler generates the code of different modules on different CPU cores. These functions are half of this crate's
+/// code, so separate modules shorten the build.
 macro_rules! entry {
-    ($(#[$doc:meta])* $name:ident: $room:ident::$token:ident = $proof:expr, $cases:ident $(, $features:literal)?) => {
+    ($(#[$doc:meta])* $name:ident: $module:ident::$token:ident = $proof:expr, $cases:ident $(, $features:literal)?) => {
         pub(super) use $name::$name;
 
         mod $name {
             use crate::kernels::Job;
             use crate::kernels::body::{self, Entry};
-            use crate::kernels::entry::Work;
-            use crate::kernels::isa::$room::$token;
-            use crate::plan::StateParts;
+            use crate::kernels::entry::JobCall;
+            use crate::kernels::isa::$module::$token;
+            use crate::plan::StateTile;
 
             $(#[$doc])*
-            pub(in crate::kernels) fn $name(job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
-                body::$cases(job, Work { token: $proof, job, state, out });
+            pub(in crate::kernels) fn $name(job: &Job<'_>, state: &mut StateTile<'_>, out: &mut [u8]) {
+                body::$cases(job, JobCall { token: $proof, job, state, out });
             }
 
-            impl Entry for Work<'_, '_, '_, $token> {
+            impl Entry for JobCall<'_, '_, '_, $token> {
                 fn enter<const CASE: u8>(self) {
                     $(#[target_feature(enable = $features)])?
                     #[inline(never)]
                     fn enter<const CASE: u8>(
                         token: $token,
                         job: &Job<'_>,
-                        state: &mut StateParts<'_>,
+                        state: &mut StateTile<'_>,
                         out: &mut [u8],
                     ) {
                         body::run::<_, CASE>(token, job, state, out);
@@ -60,8 +62,8 @@ macro_rules! entry {
     };
 }
 
-// Nearly every x86 has SSE4.1 or more, so the portable vectors need no functions for common cases there. To compile these
-// took a fifth of the time of all kernels.
+// Nearly every x86 CPU has at least SSE4.1, so the portable vectors rarely run on x86. The functions for common cases
+// are omitted, because they would increase the compile time of all kernels by a fifth.
 #[cfg(target_arch = "x86_64")]
 entry! {
     /// Runs the job with the vectors of the `wide` crate.

@@ -1,12 +1,11 @@
-//! Runs a plan over (tile, many readouts).
+//! Kernels that simulate a tile of pixels for many readouts.
 //!
-//! One generic body serves every vector backend; [`reference`](mod@reference)
-//! does the same integers in plain scalar loops. All give the same bits.
+//! The source of the kernels is generic, and every vector backend uses it. [`reference`](mod@reference) computes the same
+//! integers in plain scalar loops. All backends return equal bits.
 //!
-//! A tile is a run of neighbouring pixels. Within it the body keeps one vector
-//! of pixels in registers over all readouts of a batch, because the order of
-//! memory decides the speed: stepping whole frames is 1.7 times slower with
-//! the same instructions.
+//! A tile is a range of neighboring pixels. A kernel keeps one vector of the tile in registers for all readouts of a
+//! batch, because the order of memory accesses determines the speed. A kernel that runs all vectors of a frame before the
+//! next frame is 1.7 times slower with the same instructions.
 
 mod backend;
 mod batch;
@@ -19,24 +18,25 @@ pub mod reference;
 mod start;
 
 pub use backend::Backend;
-pub use batch::{Batch, Job, Light, NoiseRound, Rounds, Samples, Segment};
+pub use batch::{Batch, Job, NoiseRoundKeys, RoundKeys, Samples, Segment, SegmentLight};
 pub use bits::AnyCpu;
 pub use bits::{
-    Bits, Counters, GROUPS, Places, ROOM, SHORTS, SLACK, Shorts, TILE, Tally, Times, WORDS, Work, counting,
-    counting_with, load,
+    BLOCK_WORDS, BitOps, Counters, I16_LANES, I16Lanes, MAX_GROUPS, MAX_SPIKES, OVERRUN, Positions,
+    ROW_WORDS, SpikeTimes, Tally, Task, dispatch, dispatch_task, load_row,
 };
-pub use modulation::{Around, Modulation};
-pub(crate) use start::start;
+pub use modulation::{Modulation, SpikeFeedback};
+pub(crate) use start::initial_state;
 
-use crate::plan::StateParts;
+use crate::plan::StateTile;
 
-/// Runs `job` on `backend`, editing the tile's state and writing its bits:
-/// `out` holds `job.tile_bytes()` bytes for every readout of the batch.
+/// Runs `job` on `backend`, updates the state of the tile and writes the reported bits of the tile.
+///
+/// `out` contains `job.tile_bytes()` bytes for every readout of the batch.
 ///
 /// # Panics
-/// When `out` or the state has another size than the job says, or the CPU
-/// lacks the backend ([`Backend::available`] tells).
-pub fn run(backend: Backend, job: &Job<'_>, state: &mut StateParts<'_>, out: &mut [u8]) {
+/// If the size of `out` or of the state differs from the size that the job requires. Also if the CPU cannot run the
+/// backend ([`Backend::is_available`]).
+pub fn run(backend: Backend, job: &Job<'_>, state: &mut StateTile<'_>, out: &mut [u8]) {
     assert_eq!(out.len(), job.batch.readouts() * job.tile_bytes(), "output size");
     assert_eq!(state.charge.len(), job.pixels(), "state size");
     match backend {

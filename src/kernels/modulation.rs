@@ -1,72 +1,73 @@
-//! What moves from readout to readout, the same for all tiles of a batch.
+//! Values that differ between readouts but are equal for all tiles of a batch.
 
 use crate::draws::gauss;
-use crate::draws::hash::{Clock, Round, bits, half, key};
-use crate::plan::{Moving, Plan, State};
+use crate::draws::hash::{CounterRng, RoundKey, address_key, hash_bits, pixel_half};
+use crate::plan::{Dynamics, Plan, SimulatorState};
 
-/// Factors, offsets and hash words; each is empty unless the plan asks for it.
+/// The factors, offsets and round keys of a batch. A field is empty if the plan does not use it.
 #[derive(Clone, Debug, Default)]
 pub struct Modulation {
-    /// Factor on the light.
-    pub factors: Vec<f32>,
-    /// Offset of every row's thresholds, relative to them; the rows of a readout follow each other.
-    pub rows: Vec<f32>,
-    /// Words behind [`Modulation::rows`], addressed by the row.
-    pub row: Vec<Round>,
-    /// Of [`crate::plan::Clocks::comparator`].
-    pub comparator: Vec<Round>,
-    /// Of [`crate::plan::Clocks::slow`].
-    pub slow: Vec<Round>,
-    /// Of [`crate::plan::Clocks::telegraph`].
-    pub telegraph: [Vec<Round>; 2],
-    /// What the spikes before the first readout do to it.
-    pub around: Around,
+    /// Factor by which the light of each readout is multiplied.
+    pub light_factors: Vec<f32>,
+    /// Offset of the thresholds of each row, relative to the threshold. The vector contains one value per row for each
+    /// readout.
+    pub row_offsets: Vec<f32>,
+    /// Round keys of the draws for [`Modulation::row_offsets`]. The address of such a draw is the row.
+    pub row_noise: Vec<RoundKey>,
+    /// Round keys of [`crate::plan::NoiseRngs::comparator_noise`].
+    pub comparator_noise: Vec<RoundKey>,
+    /// Round keys of [`crate::plan::NoiseRngs::slow_noise`].
+    pub slow_noise: Vec<RoundKey>,
+    /// Round keys of [`crate::plan::NoiseRngs::telegraph`].
+    pub telegraph: [Vec<RoundKey>; 2],
+    /// Influence of the spikes before the first readout on the first readout.
+    pub feedback: SpikeFeedback,
 }
 
-/// What the spikes of one readout do to the next.
+/// The influence of the spikes of one readout on the next readout.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Around {
-    /// Neighbours of every pixel that fired, padded; empty unless the plan asks for it.
-    pub neighbours: Vec<i16>,
-    /// Offset of all thresholds, relative to them.
+pub struct SpikeFeedback {
+    /// Number of fired neighbors of every pixel, padded. The vector is empty if the plan has no spike coupling.
+    pub fired_neighbors: Vec<i16>,
+    /// Offset of all thresholds, relative to the threshold.
     pub droop: f32,
 }
 
 impl Modulation {
     pub(super) fn new(plan: &Plan, first: u64, readouts: usize) -> Self {
-        let Some(moving) = plan.moving() else { return Self::default() };
-        let clocks = plan.clocks();
-        let words = |clock: Clock, wanted: bool| -> Vec<Round> {
+        let Some(moving) = plan.dynamics() else { return Self::default() };
+        let clocks = plan.rngs();
+        let words = |clock: CounterRng, wanted: bool| -> Vec<RoundKey> {
             let count = if wanted { readouts as u64 } else { 0 };
-            (0..count).map(|t| clock.round(first.wrapping_add(t))).collect()
+            (0..count).map(|t| clock.round_key(first.wrapping_add(t))).collect()
         };
-        let row = words(clocks.row, moving.row_noise != 0.0);
+        let row = words(clocks.row_noise, moving.row_noise != 0.0);
         let factors = moving.schedule.map(|schedule| {
             let factor = |t| schedule.factor(first.wrapping_add(t)) as f32;
             (0..readouts as u64).map(factor).collect()
         });
         Self {
-            factors: factors.unwrap_or_default(),
-            rows: row.iter().flat_map(|round| rows(moving, *round)).collect(),
-            row,
-            comparator: words(clocks.comparator, moving.comparator != 0.0),
-            slow: words(clocks.slow, moving.slow.is_some()),
+            light_factors: factors.unwrap_or_default(),
+            row_offsets: row.iter().flat_map(|round| row_offsets(moving, *round)).collect(),
+            row_noise: row,
+            comparator_noise: words(clocks.comparator_noise, moving.comparator_noise != 0.0),
+            slow_noise: words(clocks.slow_noise, moving.slow_noise.is_some()),
             telegraph: clocks.telegraph.map(|clock| words(clock, moving.telegraph.is_some())),
             ..Self::default()
         }
     }
 
-    /// Adds what the spikes of the readout before do to the next.
-    pub(super) fn couple(&mut self, plan: &Plan, state: &State) {
-        let Some(moving) = plan.moving().filter(|f| f.couples()) else { return };
-        self.around.follow(plan, moving, &state.fired);
+    /// Adds the influence of the spikes before the first readout.
+    pub(super) fn add_feedback(&mut self, plan: &Plan, state: &SimulatorState) {
+        let Some(moving) = plan.dynamics().filter(|f| f.has_coupled_pixels()) else { return };
+        self.feedback.update(plan, moving, &state.fired);
     }
 }
 
-impl Around {
-    /// Looks at the spikes of a readout (-1 is one), padded.
+impl SpikeFeedback {
+    /// Computes the influence of the spikes of a readout. `fired` is padded and contains -1 for each spike.
     #[inline(always)]
-    pub(super) fn follow(&mut self, plan: &Plan, moving: &Moving, fired: &[i16]) {
+    pub(super) fn update(&mut self, plan: &Plan, moving: &Dynamics, fired: &[i16]) {
         let geometry = plan.geometry();
         let padded = fired.len();
         let fired = &fired[..geometry.pixels()];
@@ -75,22 +76,23 @@ impl Around {
             self.droop = -(moving.droop * (spikes as f32 / geometry.pixels() as f32));
         }
         if moving.coupling != 0.0 {
-            self.neighbours.resize(padded, 0);
-            count_neighbours(fired, geometry.width(), &mut self.neighbours[..geometry.pixels()]);
+            self.fired_neighbors.resize(padded, 0);
+            count_fired_neighbors(fired, geometry.width(), &mut self.fired_neighbors[..geometry.pixels()]);
         }
     }
 }
 
-fn rows(moving: &Moving, round: Round) -> impl Iterator<Item = f32> {
+fn row_offsets(moving: &Dynamics, round: RoundKey) -> impl Iterator<Item = f32> {
     let offset = move |row: usize| {
-        f32::from(gauss::unit(half(bits(key(row as u32 / 2), round), row))) * moving.row_noise
+        f32::from(gauss::draw(pixel_half(hash_bits(address_key(row as u32 / 2), round), row)))
+            * moving.row_noise
     };
     (0..moving.height()).map(offset)
 }
 
-/// How many of the pixels above, below, left and right have fired (-1 is a spike).
+/// Counts the neighbors above, below, left and right of each pixel that have fired. In `fired`, a spike is -1.
 #[inline(always)]
-fn count_neighbours(fired: &[i16], width: usize, counts: &mut [i16]) {
+fn count_fired_neighbors(fired: &[i16], width: usize, counts: &mut [i16]) {
     counts.fill(0);
     for (p, row) in fired.chunks_exact(width).enumerate().map(|(r, row)| (r * width, row)) {
         let here = &mut counts[p..p + width];
@@ -105,7 +107,9 @@ fn count_neighbours(fired: &[i16], width: usize, counts: &mut [i16]) {
     }
 }
 
-/// One loop for one neighbour: both sides in one loop wait for each other's sums.
+/// Adds the spikes of one neighbor of each pixel.
+///
+/// Each neighbor has a separate loop. In a loop for two neighbors, the second addition would wait for the first.
 #[inline(always)]
 fn add(counts: &mut [i16], fired: &[i16]) {
     counts.iter_mut().zip(fired).for_each(|(count, f)| *count -= f);
@@ -116,16 +120,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn neighbours_are_counted_up_to_the_border() {
-        let neighbours = |fired: &[i16], width: usize| {
+    fn fired_neighbors_are_counted_up_to_the_border() {
+        let neighbors = |fired: &[i16], width: usize| {
             let mut counts = vec![7; fired.len()];
-            count_neighbours(fired, width, &mut counts);
+            count_fired_neighbors(fired, width, &mut counts);
             counts
         };
-        // A spike in the corner of 3x3, and one in the middle.
+        // In a 3x3 sensor, the pixel in a corner and the pixel in the center fire.
         let fired = [-1, 0, 0, 0, -1, 0, 0, 0, 0];
-        assert_eq!(neighbours(&fired, 3), [0, 2, 0, 2, 0, 1, 0, 1, 0]);
-        assert_eq!(neighbours(&[-1, -1, 0], 3), [1, 1, 1]);
-        assert_eq!(neighbours(&[-1, -1, 0], 1), [1, 1, 1]);
+        assert_eq!(neighbors(&fired, 3), [0, 2, 0, 2, 0, 1, 0, 1, 0]);
+        assert_eq!(neighbors(&[-1, -1, 0], 3), [1, 1, 1]);
+        assert_eq!(neighbors(&[-1, -1, 0], 1), [1, 1, 1]);
     }
 }

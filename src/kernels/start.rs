@@ -1,27 +1,29 @@
-//! The state before the first readout, many pixels at a time. A recording of a small sensor is short, and its start was as much work as
-//! half of its readouts. The loops are plain, so that the compiler makes vectors of them; the numbers are those of [`Plan::start`].
+//! The state before the first readout, computed in blocks of pixels.
+//!
+//! In a short recording of a small sensor, drawing this state one pixel at a time takes half as long as all readouts. The
+//! loops are plain, because the compiler then vectorizes them. The results equal the results of [`Plan::initial_state`].
 
-use crate::draws::gauss::{HIGH, LOW, WEIGHTS};
-use crate::draws::hash::{self, Clock, Round, key};
-use crate::effects::Phases;
-use crate::kernels::bits::{Bits, Shorts, Work, doubles_with};
-use crate::plan::{Draws, FLIP, Plain, Plan, State};
+use crate::draws::gauss::{BYTE_WEIGHTS, HIGH_NIBBLE_TABLE, LOW_NIBBLE_TABLE};
+use crate::draws::hash::{self, CounterRng, RoundKey, address_key};
+use crate::effects::StartPhases;
+use crate::kernels::bits::{BitOps, I16Lanes, Task, dispatch_f64_task};
+use crate::plan::{FRACTION_TOP_BIT, Plan, ScalarDraws, SimulatorState, StartDraws};
 
-/// Pixels of a block.
+/// Number of pixels in a block.
 const BLOCK: usize = 64;
 
-/// What [`Plan::start`] gives, in a fraction of the time.
-pub(crate) fn start(plan: &Plan) -> State {
-    plan.start_with(&Blocks)
+/// Returns [`Plan::initial_state`], computed in blocks.
+pub(crate) fn initial_state(plan: &Plan) -> SimulatorState {
+    plan.initial_state_with(&BlockDraws)
 }
 
-struct Blocks;
+struct BlockDraws;
 
-impl Draws for Blocks {
+impl StartDraws for BlockDraws {
     fn charges(
         &self,
-        phases: &Phases,
-        clock: Clock,
+        phases: &StartPhases,
+        clock: CounterRng,
         first: usize,
         (exact, thresholds): (&[f64], &[i16]),
         (wholes, fractions): (&mut [i16], &mut [i16]),
@@ -32,20 +34,20 @@ impl Draws for Blocks {
         let (wholes, last_wholes) = wholes.split_at_mut(whole);
         let (fractions, last_fractions) = fractions.split_at_mut(whole);
         let parts = phases.parts();
-        doubles_with(Charges { parts, clock, first, exact, thresholds, wholes, fractions });
+        dispatch_f64_task(Charges { parts, clock, first, exact, thresholds, wholes, fractions });
         let last = ((last_exact, last_thresholds), (last_wholes, last_fractions));
-        Plain.charges(phases, clock, first + whole, last.0, last.1);
+        ScalarDraws.charges(phases, clock, first + whole, last.0, last.1);
     }
 
-    fn units(&self, round: Round, to: &mut [i16]) {
-        doubles_with(Units { round, to });
+    fn normals(&self, round: RoundKey, to: &mut [i16]) {
+        dispatch_f64_task(Normals { round, to });
     }
 }
 
-/// Charges of whole blocks.
+/// A task that draws the charges of whole blocks.
 struct Charges<'a> {
     parts: &'a [(f64, f64)],
-    clock: Clock,
+    clock: CounterRng,
     first: usize,
     exact: &'a [f64],
     thresholds: &'a [i16],
@@ -53,11 +55,11 @@ struct Charges<'a> {
     fractions: &'a mut [i16],
 }
 
-impl Work for Charges<'_> {
+impl Task for Charges<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, _: S, _: B) {
+    fn run<S: I16Lanes, B: BitOps>(self, _: S, _: B) {
         let exact = self.exact.as_chunks::<BLOCK>().0;
         let thresholds = self.thresholds.as_chunks::<BLOCK>().0;
         let wholes = self.wholes.as_chunks_mut::<BLOCK>().0;
@@ -69,56 +71,60 @@ impl Work for Charges<'_> {
     }
 }
 
-/// A loop for each step, of which the compiler makes vectors. Every product and sum is the one of [`Plain`], in its order.
+/// Draws the charges of a block.
+///
+/// Each step is a loop that the compiler vectorizes. The products and sums equal those of [`ScalarDraws`] and have the
+/// same order, so rounding is equal too.
 #[inline(always)]
 fn charges(
     parts: &[(f64, f64)],
-    clock: Clock,
+    clock: CounterRng,
     first: usize,
     (exact, thresholds): (&[f64; BLOCK], &[i16; BLOCK]),
     (wholes, fractions): (&mut [i16; BLOCK], &mut [i16; BLOCK]),
 ) {
     let mut bits = [0; BLOCK];
     for i in 0..BLOCK {
-        bits[i] = clock.once((first + i) as u32);
+        bits[i] = clock.pixel_bits((first + i) as u32);
     }
-    // What a sum of nothing is.
+    // The scalar code sums an empty iterator of `f64`, which returns -0.0. The initial value is therefore -0.0 and not
+    // 0.0.
     let mut sum = [-0.0; BLOCK];
     for &(share, charge) in parts {
         for i in 0..BLOCK {
             let (high, low) = ((bits[i] >> 32) as u32, bits[i] as u32);
-            sum[i] += share * unit(high) * exact[i] + charge * unit(low);
+            sum[i] += share * uniform(high) * exact[i] + charge * uniform(low);
         }
     }
     for i in 0..BLOCK {
         let fixed = (sum[i] * f64::from(thresholds[i]) / exact[i] * 65_536.0) as i64;
         let above = (fixed >> 16) - i64::from(thresholds[i]);
         wholes[i] = above.clamp(i64::from(i16::MIN), i64::from(i16::MAX)) as i16;
-        fractions[i] = (fixed as u16 ^ FLIP) as i16;
+        fractions[i] = (fixed as u16 ^ FRACTION_TOP_BIT) as i16;
     }
 }
 
 #[inline(always)]
-fn unit(bits: u32) -> f64 {
+fn uniform(bits: u32) -> f64 {
     f64::from(bits) / 4_294_967_296.0
 }
 
-/// Unit normal values of pixels from the first on.
-struct Units<'a> {
-    round: Round,
+/// A task that draws one normal value per pixel, starting with the first pixel.
+struct Normals<'a> {
+    round: RoundKey,
     to: &'a mut [i16],
 }
 
-impl Work for Units<'_> {
+impl Task for Normals<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, _: S, _: B) {
-        // Tables are padded to whole blocks.
+    fn run<S: I16Lanes, B: BitOps>(self, _: S, _: B) {
+        // Tables are padded to whole blocks, so no pixels remain after the last block.
         for (block, to) in self.to.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
             let mut bits = [0; BLOCK / 2];
             for (i, bits) in bits.iter_mut().enumerate() {
-                *bits = hash::bits(key((block * BLOCK / 2 + i) as u32), self.round);
+                *bits = hash::hash_bits(address_key((block * BLOCK / 2 + i) as u32), self.round);
             }
             let (mut even, mut odd) = ([0; BLOCK / 2], [0; BLOCK / 2]);
             for i in 0..BLOCK / 2 {
@@ -132,19 +138,22 @@ impl Work for Units<'_> {
     }
 }
 
-const _: () = assert!(BLOCK.is_multiple_of(2) && crate::plan::LANES.is_multiple_of(BLOCK));
+const _: () = assert!(BLOCK.is_multiple_of(2) && crate::plan::PIXEL_ALIGNMENT.is_multiple_of(BLOCK));
 
-/// [`crate::draws::gauss::unit`] of the lowest 16 bits, without a look into memory, of which no vectors can be made.
+/// Returns [`crate::draws::gauss::draw`] of the lowest 16 bits.
+///
+/// The function does not read tables from memory, because the compiler does not vectorize table lookups.
 #[inline(always)]
 fn normal(bits: u64) -> i16 {
-    const TABLES: [u64; 2] = [upper(&LOW), upper(&HIGH)];
+    const TABLES: [u64; 2] = [pack_upper_half(&LOW_NIBBLE_TABLE), pack_upper_half(&HIGH_NIBBLE_TABLE)];
     let low = entry(TABLES[0], bits) + entry(TABLES[1], bits >> 4);
     let high = entry(TABLES[0], bits >> 8) + entry(TABLES[1], bits >> 12);
-    (low * WEIGHTS[0] as i64 + high * WEIGHTS[1] as i64) as i16
+    (low * BYTE_WEIGHTS[0] as i64 + high * BYTE_WEIGHTS[1] as i64) as i16
 }
 
-/// The upper half of a table as a word: the lower half is its mirror image with the other sign.
-const fn upper(table: &[i8; 16]) -> u64 {
+/// Returns the upper half of a table as one word. The lower half contains the same values in reverse order with the
+/// opposite sign.
+const fn pack_upper_half(table: &[i8; 16]) -> u64 {
     let (mut word, mut i) = (0, 0);
     while i < 8 {
         word |= (table[8 + i] as u64) << (8 * i);
@@ -153,7 +162,7 @@ const fn upper(table: &[i8; 16]) -> u64 {
     word
 }
 
-/// The entry that the lowest four bits name.
+/// Returns the table entry at the index in the lowest four bits.
 #[inline(always)]
 fn entry(upper: u64, bits: u64) -> i64 {
     let lower = (bits >> 3 & 1).wrapping_sub(1);
@@ -172,7 +181,7 @@ mod tests {
     #[test]
     fn normal_values_are_those_of_the_tables() {
         for bits in 0..=u16::MAX {
-            assert_eq!(normal(u64::from(bits) | 0xabc << 16), gauss::unit(bits), "{bits:#x}");
+            assert_eq!(normal(u64::from(bits) | 0xabc << 16), gauss::draw(bits), "{bits:#x}");
         }
     }
 
@@ -180,20 +189,21 @@ mod tests {
         let sensor = Sensor::new(width, height, 20_000.0).unwrap();
         let typical = |name: &str| find(name).unwrap().typical();
         let names = ["start_phase", "saturation_clamp", "capacitor_mismatch", "shot_noise"];
-        names.into_iter().fold(Camera::ideal(sensor), |camera, name| camera.with(typical(name)))
+        names.into_iter().fold(Camera::ideal(sensor), |camera, name| camera.with_effect(typical(name)))
     }
 
     #[test]
-    fn a_start_in_blocks_is_the_start_pixel_by_pixel() {
+    fn initial_state_in_blocks_equals_pixel_by_pixel() {
         for (width, height) in [(1, 1), (8, 8), (13, 5), (96, 96), (67, 31)] {
             let plain = camera(width, height);
             let thermal = find("thermal_noise").unwrap().typical();
-            let frozen = plain.clone().with(thermal.with_text("redraw", "every-reset").unwrap());
+            let frozen =
+                plain.clone().with_effect(thermal.with_text("noise_sampling", "every-reset").unwrap());
             for camera in [Camera::ideal(plain.sensor), plain, frozen] {
                 for sequence in [0, 1, u64::MAX] {
                     let seeds = Seeds { camera: 3, shot: sequence ^ 7, sequence };
                     let plan = Plan::new(&camera, seeds).unwrap();
-                    assert_eq!(start(&plan), plan.start(), "{width}x{height}, {sequence}");
+                    assert_eq!(initial_state(&plan), plan.initial_state(), "{width}x{height}, {sequence}");
                 }
             }
         }
@@ -202,14 +212,16 @@ mod tests {
     #[test]
     fn charges_in_blocks_are_those_of_single_pixels_for_any_cpu() {
         let (exact, thresholds) = ([1.003; BLOCK], [16_369; BLOCK]);
-        // As shares of a threshold, as charges, both, none, and more than any state holds.
+        // The cases: shares of a threshold, absolute charges, both, none, and charges that exceed the range of the
+        // state.
         for parts in [&[(1.0, 0.0)][..], &[(0.0, 0.7)], &[(0.4, 0.3), (0.1, 1.5)], &[], &[(1e9, 1e300)]] {
-            let clock = Clock::new(Seeds::default(), crate::draws::Stream::named("start_phase"));
-            let phases = Phases::of(parts);
+            let clock =
+                CounterRng::new(Seeds::default(), crate::draws::RandomStream::from_name("start_phase"));
+            let phases = StartPhases::from_parts(parts);
             let mut found = [[0; BLOCK]; 4];
             let [whole, fraction, expected_whole, expected_fraction] = &mut found;
             let pixels = (&exact[..], &thresholds[..]);
-            Plain.charges(&phases, clock, 64, pixels, (expected_whole, expected_fraction));
+            ScalarDraws.charges(&phases, clock, 64, pixels, (expected_whole, expected_fraction));
             let (exact, thresholds) = pixels;
             let work =
                 Charges { parts, clock, first: 64, exact, thresholds, wholes: whole, fractions: fraction };

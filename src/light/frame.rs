@@ -1,28 +1,27 @@
-//! One picture of linear light, and whatever yields a row of them.
+//! A frame of linear light, and the trait of its sources.
 
 use super::rate::Rate;
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::kernels;
 use crate::sensor::{FrontEnd, Transfer};
 use crate::spikes::Geometry;
 use crate::spikes::MAX_PIXELS;
 
-/// Linear light of the pixels of a frame, row-major, top row first.
+/// The light of the pixels of a frame as linear samples, row-major, top row first.
 ///
-/// Twice the number is twice the light. Full scale is 255, 65535 or 1.0; only
-/// `F32` can hold light beyond it.
+/// A sample is proportional to the light. Full scale is 255, 65535 or 1.0. Only `F32` can store light above full scale.
 #[derive(Clone, Debug, PartialEq)]
 pub enum OwnedSamples {
     /// Full scale is 255.
     U8(Vec<u8>),
     /// Full scale is 65535.
     U16(Vec<u16>),
-    /// Full scale is 1.0; finite and not negative.
+    /// Full scale is 1.0; the values of a [`Frame`] are finite and not negative.
     F32(Vec<f32>),
 }
 
 impl OwnedSamples {
-    /// Number of samples.
+    /// Returns the number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
         match self {
@@ -32,15 +31,15 @@ impl OwnedSamples {
         }
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no samples.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The samples as kernels take them.
+    /// Borrows the samples in the form that kernels read.
     #[must_use]
-    pub fn borrowed(&self) -> kernels::Samples<'_> {
+    pub fn as_samples(&self) -> kernels::Samples<'_> {
         match self {
             Self::U8(v) => kernels::Samples::U8(v),
             Self::U16(v) => kernels::Samples::U16(v),
@@ -49,7 +48,7 @@ impl OwnedSamples {
     }
 }
 
-/// A frame of linear light whose samples are known to be valid.
+/// A frame of linear light. Its samples have been validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     geometry: Geometry,
@@ -57,7 +56,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame of `geometry` from `samples`.
+    /// Returns a frame of `geometry` with `samples`.
     ///
     /// # Examples
     /// ```
@@ -69,12 +68,11 @@ impl Frame {
     /// ```
     ///
     /// # Errors
-    /// [`Kind::Input`] when the number of samples differs from the number of
-    /// pixels, or a float is negative or not finite; the error names the first
-    /// such pixel.
+    /// Returns [`ErrorKind::Input`] if the number of samples differs from the number of pixels, or if a float is negative
+    /// or not finite. The error names the first such pixel.
     pub fn new(geometry: Geometry, samples: OwnedSamples) -> Result<Self> {
         if samples.len() != geometry.pixels() {
-            return Err(Error::new(Kind::Input, "frame of light")
+            return Err(Error::new(ErrorKind::Input, "frame of light")
                 .found(format_args!("{} samples", samples.len()))
                 .expected(format_args!("{} for {geometry}", geometry.pixels()))
                 .remedy("check width and height"));
@@ -85,34 +83,34 @@ impl Frame {
         Ok(Self { geometry, samples })
     }
 
-    /// A frame without light; the thing to hand to [`Source::next_frame`] first.
+    /// Returns a frame without light, for example as the first argument of [`Source::next_frame`].
     #[must_use]
     pub fn dark(geometry: Geometry) -> Self {
         Self { geometry, samples: OwnedSamples::U8(vec![0; geometry.pixels()]) }
     }
 
-    /// Width and height.
+    /// Returns width and height.
     #[must_use]
     pub const fn geometry(&self) -> Geometry {
         self.geometry
     }
 
-    /// The samples.
+    /// Returns the samples.
     #[must_use]
     pub const fn samples(&self) -> &OwnedSamples {
         &self.samples
     }
 
-    /// The samples, for good.
+    /// Consumes the frame and returns its samples.
     #[must_use]
     pub fn into_samples(self) -> OwnedSamples {
         self.samples
     }
 
-    /// Light of pixel `(row, col)`, 1.0 at full scale.
+    /// Returns the light of pixel `(row, col)`, 1.0 at full scale.
     ///
     /// # Panics
-    /// When the pixel lies outside the frame.
+    /// If `row * width + col` is not the index of a pixel.
     #[must_use]
     pub fn get(&self, row: usize, col: usize) -> f32 {
         let p = row * self.geometry.width() + col;
@@ -123,7 +121,7 @@ impl Frame {
         }
     }
 
-    /// The brightest sample, 1.0 at full scale.
+    /// Returns the brightest sample, 1.0 at full scale.
     #[must_use]
     pub fn max(&self) -> f32 {
         match &self.samples {
@@ -133,7 +131,7 @@ impl Frame {
         }
     }
 
-    /// All samples as floats, 1.0 at full scale.
+    /// Returns all samples as floats, 1.0 at full scale.
     #[must_use]
     pub fn to_f32(&self) -> Vec<f32> {
         match &self.samples {
@@ -143,31 +141,30 @@ impl Frame {
         }
     }
 
-    /// The light between `a` (at `weight` 0) and `b` (at 1): `a + weight (b - a)`.
+    /// Returns the interpolated frame `a + weight (b - a)`. It equals `a` at `weight` 0 and `b` at `weight` 1.
     ///
-    /// Two integer frames give 16 bits (rounded to nearest), anything with a
-    /// float gives floats.
+    /// If both frames have integer samples, the result has 16-bit samples, rounded to nearest. Otherwise it has floats.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when the sizes differ or `weight` is outside 0 to 1.
+    /// Returns [`ErrorKind::Usage`] if the sizes differ or if `weight` is outside 0 to 1.
     pub fn blend(a: &Self, b: &Self, weight: f32) -> Result<Self> {
         if a.geometry != b.geometry || !(0.0..=1.0).contains(&weight) {
-            return Err(Error::new(Kind::Usage, "interpolated frame")
+            return Err(Error::new(ErrorKind::Usage, "interpolated frame")
                 .found(format_args!("{} and {} at weight {weight}", a.geometry, b.geometry))
                 .expected("two frames of one size and a weight from 0 to 1"));
         }
         let mix = |x: f32, y: f32| x + weight * (y - x);
-        let samples = if let (Some(x), Some(y)) = (a.wide(), b.wide()) {
+        let samples = if let (Some(x), Some(y)) = (a.to_u16(), b.to_u16()) {
             OwnedSamples::U16(zip(&x, &y, |x, y| (mix(f32::from(x), f32::from(y)) + 0.5) as u16))
         } else {
-            // Rounding may carry a value of nearly zero below it; light is not negative.
+            // Rounding can make a value near zero negative, but the light of a frame must not be negative.
             OwnedSamples::F32(zip(&a.to_f32(), &b.to_f32(), |x, y| mix(x, y).max(0.0)))
         };
         Ok(Self { geometry: a.geometry, samples })
     }
 
-    /// Integer samples at 16 bits.
-    fn wide(&self) -> Option<Vec<u16>> {
+    /// Returns integer samples scaled to 16 bits, or `None` for floats.
+    fn to_u16(&self) -> Option<Vec<u16>> {
         match &self.samples {
             OwnedSamples::U8(v) => Some(v.iter().map(|&x| u16::from(x) * 257).collect()),
             OwnedSamples::U16(v) => Some(v.clone()),
@@ -176,12 +173,16 @@ impl Frame {
     }
 }
 
-/// The size that a file claims for its pictures; an impossible one is the file's mistake.
-pub fn stored_size(width: u64, height: u64, name: &str) -> Result<Geometry> {
+/// Returns the geometry that a file declares for its images.
+///
+/// # Errors
+/// Returns [`ErrorKind::Input`] if the size is not a valid geometry. The file contains the error, so the kind is not
+/// `Usage`.
+pub fn declared_geometry(width: u64, height: u64, name: &str) -> Result<Geometry> {
     let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
     Geometry::new(side(width), side(height)).map_err(|_| {
-        Error::new(Kind::Input, name)
-            .found(format_args!("pictures of {width}x{height}"))
+        Error::new(ErrorKind::Input, name)
+            .found(format_args!("images of {width}x{height}"))
             .expected(format_args!("1 to {MAX_PIXELS} pixels"))
     })
 }
@@ -195,58 +196,63 @@ fn check_light(geometry: Geometry, values: &[f32]) -> Result<()> {
         return Ok(());
     };
     let (row, col) = (p / geometry.width(), p % geometry.width());
-    Err(Error::new(Kind::Input, format_args!("pixel row {row}, col {col}"))
+    Err(Error::new(ErrorKind::Input, format_args!("pixel row {row}, col {col}"))
         .found(values[p])
         .expected("light that is finite and not negative")
-        .remedy("clean the input before it is simulated"))
+        .remedy("replace the invalid values before you simulate"))
 }
 
-/// Frames of linear light at the camera's size, one after the other.
+/// A sequence of frames of linear light at the camera's size.
 ///
-/// The kind of samples may change from frame to frame where the input's does.
+/// If the sample type of the input changes from frame to frame, the sample type of the frames changes too.
 pub trait Source: Send {
-    /// Width and height of every frame.
+    /// Returns width and height of every frame.
     fn geometry(&self) -> Geometry;
 
-    /// How many frames there are in all; `None` when only the end will tell (a pipe).
+    /// Returns the number of frames, or `None` if the number is unknown before the end of the input (a pipe).
     fn frames(&self) -> Option<u64>;
 
-    /// How many frames there are by the input's own word, which may be off: for a forecast, and for the share that
-    /// is done.
+    /// Returns the number of frames that the input declares. The number may be wrong.
+    ///
+    /// Estimates and progress reports use this number.
     fn announced_frames(&self) -> Option<u64> {
         self.frames()
     }
 
-    /// Replaces `into` by the next frame. `false` after the last one, and then
-    /// `into` is left alone.
+    /// Replaces `into` with the next frame and returns `true`.
+    ///
+    /// After the last frame it returns `false` and does not change `into`.
     ///
     /// # Errors
-    /// What the input says when it is read: see the sources.
+    /// Returns an error if the input cannot be read; each source documents its errors.
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool>;
 
-    /// Frames per second, when the input states it.
+    /// Returns the frames per second, or `None` if the input does not contain a rate.
     fn rate(&self) -> Option<Rate>;
 
-    /// How its numbers became light, with nothing left to the kind of file. What is drawn is linear light, and so
-    /// are floats.
+    /// Returns the conversion from stored values to light. Defaults that depend on the file type are not included.
+    ///
+    /// The default implementation is for drawn frames and floats, because both contain linear light.
     fn front_end(&self) -> FrontEnd {
         FrontEnd { transfer: Some(Transfer::Linear), ..FrontEnd::default() }
     }
 
-    /// One line for people: what is read, its own size, how many frames.
+    /// Returns one line of text with the name, the size and the number of frames of the input.
     fn describe(&self) -> String;
 
-    /// Width and height of the frames as they are stored; `None` when they are drawn at the camera's size.
-    fn stored(&self) -> Option<Geometry> {
+    /// Returns width and height of the stored frames, or `None` if the frames are drawn at the camera's size.
+    fn stored_geometry(&self) -> Option<Geometry> {
         None
     }
 
-    /// Nanoseconds of each frame after the first, when the input says and they come at no one rate.
-    fn times(&self) -> Option<&[u64]> {
+    /// Returns the instant of each frame after the first frame, in nanoseconds.
+    ///
+    /// Returns `None` if the input has a constant rate or contains no instants.
+    fn frame_times(&self) -> Option<&[u64]> {
         None
     }
 
-    /// What the user should know of it, one line each: what was left out, what is missing.
+    /// Returns warnings for the user, one line each, for example about skipped or missing parts of the input.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }

@@ -1,25 +1,24 @@
-//! Light for the simulator: whatever holds pictures becomes frames of linear,
-//! grey light at the camera's size.
+//! Light for the simulator. Sources return frames of linear gray light at the camera's size.
 //!
-//! [`Frame`], [`Transfer`], [`Timeline`] and the built-in [`Chart`] need nothing
-//! but `libm`; reading files needs the `files` feature. `docs/reference/inputs.md` tells
-//! users what is accepted and how it is read.
+//! This crate contains [`Frame`], [`Transfer`], [`Timeline`] and built-in sources such as [`Chart`]. They depend only on
+//! `libm`.
+//! The crate `spikelane-io` reads files. `docs/reference/inputs.md` lists the accepted inputs.
 
+pub(crate) mod builtin;
 pub(crate) mod frame;
-pub(crate) mod moving;
-mod pace;
+mod frame_timing;
 mod rate;
 mod timeline;
 pub(crate) mod transfer;
 
+pub use builtin::chart::Chart;
+pub use builtin::flow_interpolator::FlowInterpolator;
+pub use builtin::objects::Objects;
 pub use frame::{Frame, OwnedSamples, Source};
-pub use moving::between::Between;
-pub use moving::chart::Chart;
-pub use moving::objects::Objects;
-pub use pace::Pace;
-pub use pace::READOUTS_PER_FRAME;
+pub use frame_timing::DEFAULT_READOUTS_PER_FRAME;
+pub use frame_timing::FrameTiming;
 pub use rate::Rate;
-pub use timeline::{Insertion, Moment, Timeline};
-pub use transfer::{Curve, Transfer};
+pub use timeline::{FramePosition, Interpolation, Timeline};
+pub use transfer::{ToneCurve, Transfer};
 
-pub use transfer::{LUMINANCE, luminance, srgb_code};
+pub use transfer::{LUMINANCE_WEIGHTS, luminance, srgb_code};

@@ -1,8 +1,8 @@
-//! Rates as fractions, so that no frame drifts.
+//! Rates as exact fractions. With fractions, the instants of frames do not drift.
 
 use std::str::FromStr;
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// An exact positive number of events per second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -12,32 +12,32 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// `num / den` per second, in lowest terms.
+    /// Returns the rate of `num / den` events per second, in lowest terms.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when either is zero or beyond 10^12.
+    /// Returns [`ErrorKind::Usage`] if either number is zero or greater than 10^12.
     pub fn new(num: u64, den: u64) -> Result<Self> {
-        const MOST: u64 = 1_000_000_000_000;
-        if num == 0 || den == 0 || num > MOST || den > MOST {
+        const MAX_TERM: u64 = 1_000_000_000_000;
+        if num == 0 || den == 0 || num > MAX_TERM || den > MAX_TERM {
             return Err(bad_rate(&format!("{num}/{den}")));
         }
         let g = gcd(num, den);
         Ok(Self { num: num / g, den: den / g })
     }
 
-    /// Numerator and denominator in lowest terms.
+    /// Returns the numerator and the denominator in lowest terms.
     #[must_use]
-    pub const fn parts(self) -> (u64, u64) {
+    pub const fn as_fraction(self) -> (u64, u64) {
         (self.num, self.den)
     }
 
-    /// Seconds from frame 0 to frame `frame`.
+    /// Returns the number of seconds between frame 0 and frame `frame`.
     #[must_use]
     pub fn seconds(self, frame: u64) -> f64 {
         frame as f64 * self.den as f64 / self.num as f64
     }
 
-    /// The rate in hertz, as near as a float comes.
+    /// Returns the rate in hertz, rounded to a float.
     #[must_use]
     pub fn hz(self) -> f64 {
         self.num as f64 / self.den as f64
@@ -49,7 +49,7 @@ fn gcd(a: u64, b: u64) -> u64 {
 }
 
 fn bad_rate(text: &str) -> Error {
-    Error::new(Kind::Usage, "rate")
+    Error::new(ErrorKind::Usage, "rate")
         .found(format_args!("`{text}`"))
         .expected("a positive number per second, such as 25, 29.97 or 30000/1001")
 }
@@ -57,10 +57,9 @@ fn bad_rate(text: &str) -> Error {
 impl FromStr for Rate {
     type Err = Error;
 
-    /// A whole number, a fraction, or a decimal number with up to six places.
+    /// Parses a whole number, a fraction, or a decimal number with up to six decimal places.
     ///
-    /// 23.976, 29.97, 59.94 and 119.88 are read as the NTSC fractions that they
-    /// abbreviate (24000/1001 and so on).
+    /// 23.976, 29.97, 59.94 and 119.88 are parsed as the exact NTSC fractions, for example 23.976 as 24000/1001.
     fn from_str(text: &str) -> Result<Self> {
         let bad = || bad_rate(text);
         let digits = |s: &str| s.parse::<u64>().map_err(|_| bad());

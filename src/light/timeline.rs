@@ -1,46 +1,47 @@
-//! Which frame a readout sees.
+//! The mapping from readouts to frames.
 //!
-//! Frames come at one rate and readouts at another. Readout `i` happens at time
-//! `i / readout_rate` and frame `k` at `k / frame_rate`; both rates are
-//! fractions, so the ratio is one too, and no readout drifts however long the
-//! video is. (Floats go wrong after about a minute of 30000/1001 at 40 kHz.)
+//! Frames and readouts have different rates. Readout `i` is at `i / readout_rate` seconds, and frame `k` at `k /
+//! frame_rate` seconds.
+//! Both rates are fractions, so their ratio is a fraction. The mapping therefore has no drift, regardless of the length
+//! of the video.
+//! (With floats, errors appear after about a minute of 30000/1001 frames per second at 40 kHz.)
 
 use std::str::FromStr;
 use std::sync::Arc;
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::light::rate::Rate;
 
-/// What the light does between two frames.
+/// The method that computes the light between two frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Insertion {
-    /// It stays what the last frame was.
+pub enum Interpolation {
+    /// The light of the previous frame, without change.
     #[default]
     Hold,
-    /// It goes in a straight line to the next frame.
+    /// Linear interpolation to the next frame.
     Linear,
-    /// It moves to the next frame along an estimated motion ([`crate::light::Between`]).
+    /// Interpolation along the estimated motion between the two frames ([`crate::light::FlowInterpolator`]).
     Flow,
 }
 
-impl FromStr for Insertion {
+impl FromStr for Interpolation {
     type Err = Error;
 
-    /// `hold`, `linear` or `flow`.
+    /// Parses `hold`, `linear` or `flow`.
     fn from_str(text: &str) -> Result<Self> {
         match text {
             "hold" => Ok(Self::Hold),
             "linear" => Ok(Self::Linear),
             "flow" => Ok(Self::Flow),
-            _ => Err(Error::new(Kind::Usage, "frame insertion")
+            _ => Err(Error::new(ErrorKind::Usage, "frame interpolation")
                 .found(format_args!("`{text}`"))
                 .expected("hold, linear or flow")),
         }
     }
 }
 
-impl std::fmt::Display for Insertion {
+impl std::fmt::Display for Interpolation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Hold => "hold",
@@ -50,101 +51,109 @@ impl std::fmt::Display for Insertion {
     }
 }
 
-/// The light of one readout: between frame `frame` and the one after it.
+/// The position of a readout between frame `frame` and the next frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Moment {
+pub struct FramePosition {
     /// Index of the frame at or before the readout.
     pub frame: u64,
-    /// How far on towards the next frame, in units of `1 / of`; 0 for [`Insertion::Hold`].
-    pub part: u64,
-    /// The denominator of `part`; at least 1.
-    pub of: u64,
+    /// Numerator of the position between the two frames; 0 for [`Interpolation::Hold`].
+    pub numerator: u64,
+    /// Denominator of the position between the two frames. It is at least 1.
+    pub denominator: u64,
 }
 
-impl Moment {
-    /// Weight of the next frame, 0 up to but not including 1.
+impl FramePosition {
+    /// Returns the weight of the next frame, 0 to 1.
     #[must_use]
     pub fn weight(self) -> f32 {
-        // The largest fractions round up to 1.0; that is a valid weight too.
-        (self.part as f64 / self.of as f64) as f32
+        // The largest fractions are rounded to 1.0, which is a valid weight too.
+        (self.numerator as f64 / self.denominator as f64) as f32
     }
 }
 
-/// Maps readouts to frames: readout `i` is at frame position `i * num / den`, or where the times of the frames say.
+/// The mapping from readouts to frames.
+///
+/// Readout `i` is at frame position `i * num / den`. If the frames have individual start times, these times determine the
+/// position.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Timeline {
     num: u64,
     den: u64,
-    insertion: Insertion,
-    /// Nanoseconds of each frame after the first; readout `i` is then at `i * num / den` nanoseconds.
+    interpolation: Interpolation,
+    /// Start time in nanoseconds of each frame after the first frame. If present, readout `i` is at `i * num / den`
+    /// nanoseconds.
     starts: Option<Arc<[u64]>>,
 }
 
 impl Timeline {
-    /// The first frame for every readout, however many.
+    /// Returns a timeline that shows the first frame at every readout.
     #[must_use]
-    pub const fn still() -> Self {
-        Self { num: 0, den: 1, insertion: Insertion::Hold, starts: None }
+    pub const fn first_frame() -> Self {
+        Self { num: 0, den: 1, interpolation: Interpolation::Hold, starts: None }
     }
 
-    /// Each frame for `readouts` readouts.
+    /// Returns a timeline that shows each frame for `readouts` readouts.
     ///
     /// # Examples
     /// ```
-    /// use spikelane::light::{Insertion, Timeline};
-    /// let timeline = Timeline::per_frame(20, Insertion::Linear)?;
-    /// let moment = timeline.at(30);
+    /// use spikelane::light::{Interpolation, Timeline};
+    /// let timeline = Timeline::from_readouts_per_frame(20, Interpolation::Linear)?;
+    /// let moment = timeline.position(30);
     /// assert_eq!((moment.frame, moment.weight()), (1, 0.5));
     /// # Ok::<(), spikelane::Error>(())
     /// ```
     ///
     /// # Errors
-    /// [`Kind::Usage`] for zero.
-    pub fn per_frame(readouts: u64, insertion: Insertion) -> Result<Self> {
+    /// Returns [`ErrorKind::Usage`] if `readouts` is zero.
+    pub fn from_readouts_per_frame(readouts: u64, interpolation: Interpolation) -> Result<Self> {
         if readouts == 0 {
-            return Err(Error::new(Kind::Usage, "readouts per frame").found(0).expected("at least 1"));
+            return Err(Error::new(ErrorKind::Usage, "readouts per frame").found(0).expected("at least 1"));
         }
-        Ok(Self { num: 1, den: readouts, insertion, starts: None })
+        Ok(Self { num: 1, den: readouts, interpolation, starts: None })
     }
 
-    /// Frames at `source` per second, readouts at `readout` per second. A
-    /// source faster than the readouts has frames that no readout sees.
+    /// Returns the timeline for `source` frames per second and `readout` readouts per second.
+    ///
+    /// If the source has a higher rate than the readouts, some frames are never shown.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when the ratio of the two does not fit 64-bit integers.
-    pub fn rates(source: Rate, readout: Rate, insertion: Insertion) -> Result<Self> {
+    /// Returns [`ErrorKind::Usage`] if the ratio of the two rates does not fit in 64-bit integers.
+    pub fn from_rates(source: Rate, readout: Rate, interpolation: Interpolation) -> Result<Self> {
         let num = u128::from(source.num) * u128::from(readout.den);
         let den = u128::from(source.den) * u128::from(readout.num);
         let g = gcd128(num, den);
         match (u64::try_from(num / g), u64::try_from(den / g)) {
-            (Ok(num), Ok(den)) => Ok(Self { num, den, insertion, starts: None }),
-            _ => Err(Error::new(Kind::Usage, "frame and readout rates")
+            (Ok(num), Ok(den)) => Ok(Self { num, den, interpolation, starts: None }),
+            _ => Err(Error::new(ErrorKind::Usage, "frame and readout rates")
                 .found(format_args!("{source} and {readout} per second"))
                 .expected("a ratio of two 64-bit numbers")
                 .remedy("round one of them")),
         }
     }
 
-    /// Frame `k` at `starts[k]` nanoseconds, readouts at `readout` per second, both from 0 on. The last frame lasts as
-    /// long as the one before it.
+    /// Returns the timeline on which frame `k` starts at `starts[k]` nanoseconds, with `readout` readouts per second.
+    ///
+    /// The first readout is at 0. The duration of the last frame equals the duration of the frame before the last.
     ///
     /// # Errors
-    /// [`Kind::Input`] for fewer than two frames, times that do not begin at 0 and rise, or beyond 11 days.
-    pub fn times(starts: &[u64], readout: Rate, insertion: Insertion) -> Result<Self> {
-        const MOST: u64 = 1_000_000_000_000_000;
+    /// Returns [`ErrorKind::Input`] if there are fewer than two start times, if the first is not 0, if they do not
+    /// increase, or if one exceeds 11 days.
+    pub fn from_times(starts: &[u64], readout: Rate, interpolation: Interpolation) -> Result<Self> {
+        const MAX_NANOSECONDS: u64 = 1_000_000_000_000_000;
         let rises = starts.windows(2).all(|w| w[0] < w[1]);
-        if starts.len() < 2 || starts[0] != 0 || !rises || starts[starts.len() - 1] > MOST {
-            return Err(Error::new(Kind::Input, "times of frames")
+        if starts.len() < 2 || starts[0] != 0 || !rises || starts[starts.len() - 1] > MAX_NANOSECONDS {
+            return Err(Error::new(ErrorKind::Input, "times of frames")
                 .found(format_args!("{} times", starts.len()))
-                .expected("two or more that rise from 0, at most 11 days"));
+                .expected("at least two times that start at 0 and increase, at most 11 days"));
         }
-        let ratio = Self::rates(Rate::new(1_000_000_000, 1)?, readout, insertion)?;
+        let ratio = Self::from_rates(Rate::new(1_000_000_000, 1)?, readout, interpolation)?;
         Ok(Self { starts: Some(starts.into()), ..ratio })
     }
 
-    /// The time of frame `frame` in nanoseconds; frames beyond the last go on as the last two did.
-    fn start(starts: &[u64], frame: u64) -> u128 {
+    /// Returns the start time of frame `frame` in nanoseconds. Frames after the last frame have the duration of the last
+    /// interval.
+    fn frame_start(starts: &[u64], frame: u64) -> u128 {
         let last = starts.len() - 1;
         let index = usize::try_from(frame).unwrap_or(usize::MAX);
         match starts.get(index) {
@@ -156,8 +165,8 @@ impl Timeline {
         }
     }
 
-    /// As [`Timeline::at`], of frames that come when they come.
-    fn at_time(&self, starts: &[u64], readout: u64) -> Moment {
+    /// Implements [`Timeline::position`] for frames with individual start times.
+    fn position_at_time(&self, starts: &[u64], readout: u64) -> FramePosition {
         let (time, den) = (u128::from(readout) * u128::from(self.num), u128::from(self.den));
         let last = starts.len() as u64 - 1;
         let mut frame = starts.partition_point(|&s| u128::from(s) * den <= time) as u64 - 1;
@@ -166,55 +175,61 @@ impl Timeline {
             frame += u64::try_from((time - u128::from(starts[last as usize]) * den) / gap)
                 .unwrap_or(u64::MAX - last);
         }
-        let from = Self::start(starts, frame) * den;
-        let (mut part, mut of) = (time - from, Self::start(starts, frame.saturating_add(1)) * den - from);
+        let from = Self::frame_start(starts, frame) * den;
+        let (mut part, mut of) =
+            (time - from, Self::frame_start(starts, frame.saturating_add(1)) * den - from);
         while of > u128::from(u64::MAX) {
             (part, of) = (part >> 1, of >> 1);
         }
-        let part = if self.insertion == Insertion::Hold { 0 } else { part as u64 };
-        Moment { frame, part, of: (of as u64).max(1) }
+        let part = if self.interpolation == Interpolation::Hold { 0 } else { part as u64 };
+        FramePosition { frame, numerator: part, denominator: (of as u64).max(1) }
     }
 
-    /// How frames are filled in.
+    /// Returns the interpolation between frames.
     #[must_use]
-    pub const fn insertion(&self) -> Insertion {
-        self.insertion
+    pub const fn interpolation(&self) -> Interpolation {
+        self.interpolation
     }
 
-    /// The frame, and the way on to the next, of readout `readout`.
+    /// Returns the frame position of readout `readout`.
     ///
-    /// Where the next frame does not exist, the last one stays: see [`Moment::frame`]
-    /// and [`Timeline::at_end`].
+    /// This function assumes that the frames never end. If the last frame of the source persists, use
+    /// [`Timeline::position_within`].
     #[must_use]
-    pub fn at(&self, readout: u64) -> Moment {
+    pub fn position(&self, readout: u64) -> FramePosition {
         if let Some(starts) = &self.starts {
-            return self.at_time(starts, readout);
+            return self.position_at_time(starts, readout);
         }
         let position = u128::from(readout) * u128::from(self.num);
         let den = u128::from(self.den);
-        // Beyond 2^64 frames the last one stays; nothing is that long.
+        // A position of more than 2^64 frames cannot occur in practice, so the index may saturate.
         let frame = u64::try_from(position / den).unwrap_or(u64::MAX);
-        let part = match self.insertion {
-            Insertion::Hold => 0,
-            Insertion::Linear | Insertion::Flow => (position % den) as u64,
+        let part = match self.interpolation {
+            Interpolation::Hold => 0,
+            Interpolation::Linear | Interpolation::Flow => (position % den) as u64,
         };
-        Moment { frame, part, of: self.den }
+        FramePosition { frame, numerator: part, denominator: self.den }
     }
 
-    /// As [`Timeline::at`], for a source of `frames` frames whose last one stays.
+    /// Returns the frame position of readout `readout` for a source of `frames` frames whose last frame persists.
     ///
     /// # Errors
-    /// [`Kind::Input`] when there are no frames.
-    pub fn at_end(&self, readout: u64, frames: u64) -> Result<Moment> {
+    /// Returns [`ErrorKind::Input`] if `frames` is zero.
+    pub fn position_within(&self, readout: u64, frames: u64) -> Result<FramePosition> {
         let last = frames.checked_sub(1).ok_or_else(|| {
-            Error::new(Kind::Input, "frames of light").found("none").expected("at least one frame")
+            Error::new(ErrorKind::Input, "frames of light").found("none").expected("at least one frame")
         })?;
-        let moment = self.at(readout);
-        Ok(if moment.frame >= last { Moment { frame: last, part: 0, of: moment.of } } else { moment })
+        let moment = self.position(readout);
+        Ok(if moment.frame >= last {
+            FramePosition { frame: last, numerator: 0, denominator: moment.denominator }
+        } else {
+            moment
+        })
     }
 
-    /// The first readout at or after `frame`; `None` when it never comes
-    /// ([`Timeline::still`]) or lies beyond 64 bits.
+    /// Returns the first readout at or after the start of frame `frame`.
+    ///
+    /// Returns `None` if there is no such readout ([`Timeline::first_frame`]) or if its index exceeds 64 bits.
     #[must_use]
     pub fn first_readout(&self, frame: u64) -> Option<u64> {
         if frame == 0 {
@@ -224,15 +239,18 @@ impl Timeline {
             return None;
         }
         if let Some(starts) = &self.starts {
-            let at = (Self::start(starts, frame) * u128::from(self.den)).div_ceil(u128::from(self.num));
+            let at = (Self::frame_start(starts, frame) * u128::from(self.den)).div_ceil(u128::from(self.num));
             return u64::try_from(at).ok();
         }
         let at = (u128::from(frame) * u128::from(self.den)).div_ceil(u128::from(self.num));
         u64::try_from(at).ok()
     }
 
-    /// How many readouts `frames` frames last, the last one as long as any; `None` when
-    /// nothing limits them ([`Timeline::still`]).
+    /// Returns the number of readouts during `frames` frames.
+    ///
+    /// The duration of the last frame equals the duration of the frame before the last.
+    ///
+    /// Returns `None` if the number is unlimited ([`Timeline::first_frame`]).
     #[must_use]
     pub fn readouts(&self, frames: u64) -> Option<u64> {
         self.first_readout(frames)

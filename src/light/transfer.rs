@@ -1,97 +1,98 @@
-//! From stored codes to linear light, and from colour to luminance.
+//! Conversion from stored codes to linear light, and from color to luminance.
 //!
-//! Cameras and files store a picture through a curve that spends more codes on
-//! the dark. A sensor collects photons, so the curve is undone first and colours
-//! are added up afterwards; the other way round a saturated blue would come out
+//! Cameras and files store an image through a tone curve that assigns more codes to dark light. A sensor collects
+//! photons, so the tone curve is inverted before the colors are summed. In the opposite order, a saturated blue would be
 //! more than twice too bright.
 
 use std::sync::OnceLock;
 
 pub use crate::sensor::Transfer;
 
-/// Luminance weights of linear red, green and blue: ITU-R BT.709-6, item 3.2
-/// (the primaries of sRGB).
-pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+/// Luminance weights of linear red, green and blue: ITU-R BT.709-6, item 3.2 (the primaries of sRGB).
+pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// A transfer function with its tables; the large one is made when first asked for.
+/// A transfer function with its lookup tables. The 16-bit table is computed when it is first used.
 #[derive(Debug)]
-pub struct Curve {
+pub struct ToneCurve {
     transfer: Transfer,
     table8: [u16; 256],
     table16: OnceLock<Vec<f32>>,
 }
 
-impl Curve {
-    /// The tables of `transfer`.
+impl ToneCurve {
+    /// Returns the tone curve of `transfer`.
     #[must_use]
     pub fn new(transfer: Transfer) -> Self {
         Self { transfer, table8: transfer.table8(), table16: OnceLock::new() }
     }
 
-    /// The function itself.
+    /// Returns the transfer function.
     #[must_use]
     pub const fn transfer(&self) -> Transfer {
         self.transfer
     }
 
-    /// See [`Transfer::table8`].
+    /// Returns the table of 8-bit codes, see [`Transfer::table8`].
     #[must_use]
     pub const fn table8(&self) -> &[u16; 256] {
         &self.table8
     }
 
-    /// See [`Transfer::table16`].
+    /// Returns the table of 16-bit codes, see [`Transfer::table16`].
     #[must_use]
     pub fn table16(&self) -> &[f32] {
         self.table16.get_or_init(|| self.transfer.table16())
     }
 }
 
-/// The sRGB code in 0 to 1 of light in 0 to 1 (IEC 61966-2-1); light outside is cut.
+/// Returns the sRGB code of `light` (IEC 61966-2-1). Code and light are 0 to 1, and other light is clamped.
 ///
-/// The inverse of [`Transfer::Srgb`].
+/// This function is the inverse of [`Transfer::Srgb`].
 #[must_use]
 pub fn srgb_code(light: f32) -> f32 {
     let x = light.clamp(0.0, 1.0);
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * libm::powf(x, 1.0 / 2.4) - 0.055 }
 }
 
-/// Luminance of linear red, green and blue.
+/// Returns the luminance of linear red, green and blue.
 #[must_use]
 pub fn luminance(rgb: [f32; 3]) -> f32 {
-    LUMINANCE[0] * rgb[0] + LUMINANCE[1] * rgb[1] + LUMINANCE[2] * rgb[2]
+    LUMINANCE_WEIGHTS[0] * rgb[0] + LUMINANCE_WEIGHTS[1] * rgb[1] + LUMINANCE_WEIGHTS[2] * rgb[2]
 }
 
-/// [`srgb_code`] as a byte, 255 for white: the same as computing it, at a fraction of the cost.
+/// Returns [`srgb_code`] as a byte, where 255 is white.
+///
+/// The function reads a table, which is faster than the formula. The result is equal.
 pub fn srgb_byte(light: f32) -> u8 {
-    let table = BYTES.get_or_init(Bytes::new);
-    // A float becomes the nearest integer that there is, and what is no number 0.
-    let mut code = table.starts[((light * STEPS as f32) as usize).min(STEPS)];
-    while light >= table.from[usize::from(code) + 1] {
+    let table = SRGB_BYTE_TABLE.get_or_init(SrgbByteTable::new);
+    // The cast saturates and converts NaN to 0.
+    let mut code = table.starts[((light * SEARCH_STEPS as f32) as usize).min(SEARCH_STEPS)];
+    while light >= table.min_light[usize::from(code) + 1] {
         code += 1;
     }
     code
 }
 
-/// Steps of light from which the search for a code starts.
-const STEPS: usize = 4096;
+/// Number of steps into which the table divides the light. For each step it contains the code at which the search starts.
+const SEARCH_STEPS: usize = 4096;
 
-static BYTES: std::sync::OnceLock<Bytes> = std::sync::OnceLock::new();
+static SRGB_BYTE_TABLE: std::sync::OnceLock<SrgbByteTable> = std::sync::OnceLock::new();
 
-/// The least light of every code, and the code of every step of light.
-struct Bytes {
-    from: [f32; 257],
+/// The smallest light of every code, and the code at the start of every step of light.
+struct SrgbByteTable {
+    min_light: [f32; 257],
     starts: Vec<u8>,
 }
 
-impl Bytes {
+impl SrgbByteTable {
     fn new() -> Self {
         let byte = |light: f32| (srgb_code(light) * 255.0 + 0.5) as u8;
-        // Nothing reaches what is no number: behind the last code there is none.
+        // The entry after code 255 remains NaN. A comparison with NaN is false, so the search ends at code 255.
         let mut from = [f32::NAN; 257];
         from[0] = 0.0;
         for code in 1..=255u8 {
-            // Bits of positive floats rise with them.
+            // The bit patterns of positive floats increase with their values, so a binary search in the bit patterns
+            // finds the smallest light.
             let (mut below, mut least) = (0u32, 1f32.to_bits());
             while least - below > 1 {
                 let middle = below.midpoint(least);
@@ -99,7 +100,10 @@ impl Bytes {
             }
             from[usize::from(code)] = f32::from_bits(least);
         }
-        Self { from, starts: (0..=STEPS).map(|i| byte(i as f32 / STEPS as f32)).collect() }
+        Self {
+            min_light: from,
+            starts: (0..=SEARCH_STEPS).map(|i| byte(i as f32 / SEARCH_STEPS as f32)).collect(),
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Types of elements.
+//! Element types of arrays.
 
 use std::fmt;
 
@@ -47,7 +47,7 @@ impl Element {
         Self::F64,
     ];
 
-    /// Bytes of one element.
+    /// Returns the size of an element in bytes.
     #[must_use]
     pub const fn bytes(self) -> usize {
         match self {
@@ -58,13 +58,13 @@ impl Element {
         }
     }
 
-    /// Whether it has fractions.
+    /// Returns whether the type is a floating-point type.
     #[must_use]
     pub const fn is_float(self) -> bool {
         matches!(self, Self::F16 | Self::F32 | Self::F64)
     }
 
-    /// NumPy's letter and size.
+    /// Returns the type in NumPy's notation: a letter and the size in bytes.
     const fn code(self) -> &'static str {
         match self {
             Self::Bool => "b1",
@@ -82,13 +82,13 @@ impl Element {
         }
     }
 
-    /// NumPy's description of the little-endian type.
+    /// Returns NumPy's type string (`descr`) for this type in little-endian order.
     pub(super) fn descr(self) -> String {
         let order = if self.bytes() == 1 { '|' } else { '<' };
         format!("{order}{}", self.code())
     }
 
-    /// The element of a description and whether its highest byte comes first.
+    /// Parses a type string. Returns the element type and whether it is big-endian.
     pub(super) fn from_descr(descr: &str) -> Option<(Self, bool)> {
         let order = descr.chars().next().filter(|c| "<>|=".contains(*c));
         let code = &descr[order.map_or(0, char::len_utf8)..];
@@ -102,7 +102,7 @@ impl Element {
         Some((element, big && element.bytes() > 1))
     }
 
-    /// Hands every whole element of `bytes` to `take` as a number. Integers beyond 2^53 are rounded.
+    /// Calls `take` with every complete element of `bytes` as an `f64`. Integers above 2^53 are rounded.
     pub fn for_each(self, big_endian: bool, bytes: &[u8], mut take: impl FnMut(f64)) {
         macro_rules! each {
             ($t:ty) => {{
@@ -121,7 +121,7 @@ impl Element {
             Self::I64 => each!(i64),
             Self::F16 => {
                 let order = if big_endian { u16::from_be_bytes } else { u16::from_le_bytes };
-                bytes.as_chunks().0.iter().for_each(|b| take(half(order(*b))));
+                bytes.as_chunks().0.iter().for_each(|b| take(f16_to_f64(order(*b))));
             }
             Self::F32 => each!(f32),
             Self::F64 => each!(f64),
@@ -149,11 +149,11 @@ impl fmt::Display for Element {
     }
 }
 
-/// IEEE 754 half precision: a sign, five bits of exponent, ten of fraction.
-fn half(bits: u16) -> f64 {
+/// Converts IEEE 754 half precision: a sign bit, five exponent bits and ten fraction bits.
+fn f16_to_f64(bits: u16) -> f64 {
     let fraction = f64::from(bits & 0x3ff);
     let size = match bits >> 10 & 0x1f {
-        // 2^-24 is the least of the numbers without a leading one.
+        // Subnormal numbers are multiples of 2^-24, and `fraction` is the multiple.
         0 => fraction / 16_777_216.0,
         31 if fraction == 0.0 => f64::INFINITY,
         31 => f64::NAN,
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn half_precision_is_ieee() {
-        // numpy.float16(x).view('u2') of 1, -2, the largest, the least, 1/3, infinity.
+        // The bits are `numpy.float16(x).view('u2')` of 1, -2, the largest and the smallest number, 1/3 and infinity.
         let pairs = [
             (0x3c00, 1.0),
             (0xc000, -2.0),
@@ -178,9 +178,9 @@ mod tests {
             (0x7c00, f64::INFINITY),
         ];
         for (bits, value) in pairs {
-            assert_eq!(half(bits), value, "{bits:#x}");
+            assert_eq!(f16_to_f64(bits), value, "{bits:#x}");
         }
-        assert!(half(0x7e00).is_nan());
+        assert!(f16_to_f64(0x7e00).is_nan());
     }
 
     #[test]

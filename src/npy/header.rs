@@ -1,107 +1,115 @@
-//! The header: magic, version, length, and a line of text.
+//! The header of an `.npy` file: magic bytes, version, length, and a line of text.
 
 use std::io::Read;
 
-use super::{Element, text};
-use crate::error::{Error, Kind, Result};
+use super::{Element, header_text};
+use crate::error::{Error, ErrorKind, Result};
 
 /// The first bytes of every file.
 pub const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Longest header text; NumPy's own bound.
-const LONGEST: usize = 10_000;
+/// Maximum length of the header text in bytes, which equals NumPy's maximum.
+const MAX_HEADER_BYTES: usize = 10_000;
 
-/// Data begin at a multiple of this, as NumPy has it, so that they can be mapped.
-const ALIGN: usize = 64;
+/// Alignment of the data in bytes, which equals NumPy's alignment. Aligned files can be mapped into memory.
+const DATA_ALIGNMENT_BYTES: usize = 64;
 
-/// What a header says.
+/// The contents of a header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Header {
     /// Type of the elements.
     pub element: Element,
-    /// Whether elements of more than a byte have their highest byte first.
-    pub big_endian: bool,
-    /// Whether the first axis is the fastest, not the last.
-    pub fortran: bool,
+    /// Whether elements are big-endian. It is `false` for elements of one byte.
+    pub is_big_endian: bool,
+    /// Whether the index of the first axis varies fastest in memory. Otherwise the index of the last axis does.
+    pub is_fortran_order: bool,
     /// Length of each axis.
     pub shape: Vec<u64>,
     /// Bytes before the first element.
-    pub start: usize,
+    pub data_offset: usize,
 }
 
 impl Header {
-    /// Reads the header at the start of `bytes`. `name` stands for the file in errors.
+    /// Parses the header at the start of `bytes`. `name` is the file name in errors.
     ///
     /// # Errors
-    /// [`Kind::Input`] when it is damaged, or the elements are no numbers.
+    /// Returns [`ErrorKind::Input`] if the header is damaged or if the elements are not numbers.
     pub fn parse(name: &str, mut bytes: &[u8]) -> Result<Self> {
         Self::read(name, &mut bytes)
     }
 
-    /// Reads a header and leaves `reader` at the first element.
+    /// Reads a header. The next byte that `reader` returns is the first byte of the first element.
+    ///
+    /// `name` is the file name in errors.
     ///
     /// # Errors
-    /// As [`Header::parse`], and [`Kind::Io`] when reading fails.
+    /// Returns the errors of [`Header::parse`]. Returns [`ErrorKind::Io`] if reading fails.
     pub fn read(name: &str, reader: &mut impl Read) -> Result<Self> {
         let mut bytes = Vec::new();
-        fetch(name, reader, &mut bytes, 8)?;
+        read_exactly(name, reader, &mut bytes, 8)?;
         if !bytes.starts_with(MAGIC) {
-            return Err(damaged(name, "no .npy header"));
+            return Err(damaged_error(name, "no .npy header"));
         }
         let field = match bytes[6] {
             1 => 2,
             2 | 3 => 4,
-            other => return Err(damaged(name, format_args!("version {other} of the format"))),
+            other => return Err(damaged_error(name, format_args!("version {other} of the format"))),
         };
-        fetch(name, reader, &mut bytes, field)?;
+        read_exactly(name, reader, &mut bytes, field)?;
         let length = bytes[8..].iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
-        if length > LONGEST {
-            return Err(damaged(name, format_args!("a header of {length} bytes")));
+        if length > MAX_HEADER_BYTES {
+            return Err(damaged_error(name, format_args!("a header of {length} bytes")));
         }
         let start = bytes.len();
-        fetch(name, reader, &mut bytes, length)?;
-        let said = text::parse(&bytes[start..]).map_err(|found| damaged(name, found))?;
+        read_exactly(name, reader, &mut bytes, length)?;
+        let said = header_text::parse(&bytes[start..]).map_err(|found| damaged_error(name, found))?;
         let (element, big_endian) = Element::from_descr(&said.descr).ok_or_else(|| {
-            damaged(name, format_args!("elements of type '{}'", said.descr))
+            damaged_error(name, format_args!("elements of type '{}'", said.descr))
                 .expected("an array of numbers or bool")
         })?;
-        Ok(Self { element, big_endian, fortran: said.fortran, shape: said.shape, start: bytes.len() })
+        Ok(Self {
+            element,
+            is_big_endian: big_endian,
+            is_fortran_order: said.is_fortran_order,
+            shape: said.shape,
+            data_offset: bytes.len(),
+        })
     }
 
-    /// Bytes of all elements; `None` when 64 bits cannot count them.
+    /// Returns the size of all elements in bytes, or `None` if the size exceeds 64 bits.
     #[must_use]
     pub fn data_bytes(&self) -> Option<u64> {
         self.shape.iter().try_fold(self.element.bytes() as u64, |n, &side| n.checked_mul(side))
     }
 }
 
-/// Appends exactly `n` bytes. Memory grows with what comes, not with what a length claims.
-fn fetch(name: &str, reader: &mut impl Read, bytes: &mut Vec<u8>, n: usize) -> Result<()> {
+/// Reads exactly `n` bytes and appends them. The allocated memory depends on the bytes that are read, not on `n`.
+fn read_exactly(name: &str, reader: &mut impl Read, bytes: &mut Vec<u8>, n: usize) -> Result<()> {
     let got = reader.by_ref().take(n as u64).read_to_end(bytes).map_err(|e| match e.kind() {
-        // What a compressed archive says of its own bytes.
-        std::io::ErrorKind::InvalidData => damaged(name, e),
+        // A reader of compressed archives returns this kind if the archive itself is damaged.
+        std::io::ErrorKind::InvalidData => damaged_error(name, e),
         _ => Error::io(name, e),
     })?;
     if got < n {
-        return Err(damaged(name, "no .npy header, or one cut short"));
+        return Err(damaged_error(name, "no .npy header, or an incomplete one"));
     }
     Ok(())
 }
 
-fn damaged(name: &str, found: impl std::fmt::Display) -> Error {
-    Error::new(Kind::Input, name)
+fn damaged_error(name: &str, found: impl std::fmt::Display) -> Error {
+    Error::new(ErrorKind::Input, name)
         .found(found)
         .expected("a NumPy array file (.npy)")
         .remedy("save it again with numpy.save")
 }
 
-/// A header for little-endian elements in C order, byte for byte what NumPy writes.
+/// Returns a header for little-endian elements in C order. Its bytes equal the bytes that NumPy writes.
 ///
-/// NumPy leaves room for the first axis to grow to 21 digits, so a stream of unknown length can
-/// write its header again over the first one.
+/// Like NumPy, the function reserves 21 digits for the first axis. A writer of unknown length can therefore overwrite the
+/// header at the start of the file with the final header.
 #[must_use]
-pub fn header(element: Element, shape: &[u64]) -> Vec<u8> {
+pub fn header_bytes(element: Element, shape: &[u64]) -> Vec<u8> {
     let sides: Vec<String> = shape.iter().map(u64::to_string).collect();
     let tuple = match &sides[..] {
         [one] => format!("({one},)"),
@@ -112,8 +120,9 @@ pub fn header(element: Element, shape: &[u64]) -> Vec<u8> {
     if let Some(first) = sides.first() {
         text.extend(std::iter::repeat_n(' ', 21 - first.len()));
     }
-    // Magic, version and length take ten bytes, the newline one; a full line of padding is NumPy's habit.
-    let padding = ALIGN - (11 + text.len()) % ALIGN;
+    // Magic, version and length have 10 bytes, and the newline has 1 byte. If no padding is needed, the header has 64
+    // bytes of padding, as in NumPy.
+    let padding = DATA_ALIGNMENT_BYTES - (11 + text.len()) % DATA_ALIGNMENT_BYTES;
     let length = text.len() + padding + 1;
     let mut bytes = MAGIC.to_vec();
     bytes.extend([1, 0]);
@@ -128,8 +137,8 @@ pub fn header(element: Element, shape: &[u64]) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// A header of version `version` around any text.
-    fn around(version: u8, text: &str) -> Vec<u8> {
+    /// Returns a header of version `version` that contains the text `text`.
+    fn header_around(version: u8, text: &str) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend([version, 0]);
         match version {
@@ -142,7 +151,8 @@ mod tests {
 
     #[test]
     fn headers_are_what_numpy_2_writes() {
-        // numpy.save of zeros((7, 5, 13), 'u1'), zeros((3,), '<f4') and an array without axes.
+        // The expected headers are from numpy.save of zeros((7, 5, 13), 'u1'), of zeros((3,), '<f4') and of an array
+        // without axes.
         let spaces = |n| " ".repeat(n);
         for (element, shape, text, rest) in [
             (
@@ -154,8 +164,8 @@ mod tests {
             (Element::F32, &[3], "{'descr': '<f4', 'fortran_order': False, 'shape': (3,), }", 61),
             (Element::I64, &[], "{'descr': '<i8', 'fortran_order': False, 'shape': (), }", 63),
         ] {
-            let expected = around(1, &format!("{text}{}\n", spaces(rest - 1)));
-            let found = header(element, shape);
+            let expected = header_around(1, &format!("{text}{}\n", spaces(rest - 1)));
+            let found = header_bytes(element, shape);
             assert_eq!(found.len() % 64, 0);
             assert_eq!(String::from_utf8_lossy(&found[8..]), String::from_utf8_lossy(&expected[8..]));
         }
@@ -163,19 +173,25 @@ mod tests {
 
     #[test]
     fn a_longer_first_axis_keeps_the_length() {
-        let short = header(Element::U8, &[1, 250, 400]).len();
-        assert_eq!(header(Element::U8, &[u64::MAX, 250, 400]).len(), short);
+        let short = header_bytes(Element::U8, &[1, 250, 400]).len();
+        assert_eq!(header_bytes(Element::U8, &[u64::MAX, 250, 400]).len(), short);
     }
 
     #[test]
     fn all_versions_and_orders_are_read() {
         let text = "{'shape': (4L, 2), 'fortran_order': True, 'descr': '>f8'}\n";
         for version in 1..=3 {
-            let bytes = around(version, text);
+            let bytes = header_around(version, text);
             let found = Header::parse("a", &bytes).unwrap();
             let start = bytes.len();
             let shape = vec![4, 2];
-            let expected = Header { element: Element::F64, big_endian: true, fortran: true, shape, start };
+            let expected = Header {
+                element: Element::F64,
+                is_big_endian: true,
+                is_fortran_order: true,
+                shape,
+                data_offset: start,
+            };
             assert_eq!(found, expected);
             assert_eq!(found.data_bytes(), Some(64));
         }
@@ -183,23 +199,27 @@ mod tests {
 
     #[test]
     fn damaged_headers_and_other_elements_are_refused_by_name() {
-        let good = around(1, "{'descr': '|u1', 'fortran_order': False, 'shape': (2,), }");
+        let good = header_around(1, "{'descr': '|u1', 'fortran_order': False, 'shape': (2,), }");
         for (bytes, text) in [
-            (good[..5].to_vec(), "cut short"),
-            (good[..30].to_vec(), "cut short"),
+            (good[..5].to_vec(), "incomplete"),
+            (good[..30].to_vec(), "incomplete"),
             (vec![0; 200], "no .npy header"),
-            (around(4, "{}"), "version 4"),
-            (around(2, &" ".repeat(20_000)), "20000 bytes"),
-            (around(1, "{'descr': '<c8', 'fortran_order': False, 'shape': (2,), }"), "'<c8'"),
-            (around(1, "{'descr': [('x', '<i4')], 'fortran_order': False, 'shape': (2,), }"), "structured"),
-            (around(1, "{'descr': '|u1', 'fortran_order': False, 'shape': (-2,), }"), "shape"),
-            (around(1, "{'descr': '|u1', 'shape': (2,), }"), "fortran_order"),
+            (header_around(4, "{}"), "version 4"),
+            (header_around(2, &" ".repeat(20_000)), "20000 bytes"),
+            (header_around(1, "{'descr': '<c8', 'fortran_order': False, 'shape': (2,), }"), "'<c8'"),
+            (
+                header_around(1, "{'descr': [('x', '<i4')], 'fortran_order': False, 'shape': (2,), }"),
+                "structured",
+            ),
+            (header_around(1, "{'descr': '|u1', 'fortran_order': False, 'shape': (-2,), }"), "shape"),
+            (header_around(1, "{'descr': '|u1', 'shape': (2,), }"), "fortran_order"),
         ] {
             let error = Header::parse("a", &bytes).unwrap_err();
-            assert_eq!(error.kind(), Kind::Input);
+            assert_eq!(error.kind(), ErrorKind::Input);
             assert!(error.to_string().contains(text), "{error}");
         }
-        let many = around(1, "{'descr': '<f8', 'fortran_order': False, 'shape': (4294967296, 4294967296), }");
+        let many =
+            header_around(1, "{'descr': '<f8', 'fortran_order': False, 'shape': (4294967296, 4294967296), }");
         assert_eq!(Header::parse("a", &many).unwrap().data_bytes(), None);
     }
 }

@@ -1,7 +1,9 @@
-use crate::pixel::{Adaptation, Lag, Redraw, Schedule, SlowNoise, Surround, Telegraph};
+use crate::pixel::{Adaptation, Lag, NoiseSampling, Schedule, SlowNoise, Surround, Telegraph};
 
-/// One pixel's constants. Charges are in nominal thresholds of the sensor,
-/// light in full scales.
+/// The constants of one pixel.
+///
+/// Charges are in nominal thresholds of the sensor, and light is in full scales. A value "in own thresholds" is a
+/// multiple of [`Law::threshold`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Law {
     /// The pixel's own threshold, `(C + C_S)(V_d + V_S)`.
@@ -10,93 +12,95 @@ pub struct Law {
     pub gain: f64,
     /// Charge per readout in the dark.
     pub dark: f64,
-    /// Charge of one counted quantum; 0 without shot noise.
+    /// Charge of one counted quantum. It is 0 without shot noise.
     pub quantum: f64,
     /// Mean quanta per readout at full-scale light.
     pub quanta_light: f64,
     /// Mean quanta per readout in the dark.
     pub quanta_dark: f64,
-    /// Share of what the quanta stray by that is still to come after a readout.
-    pub settling: f64,
+    /// Share of the pending noise of the quanta that stays pending at each readout.
+    pub quanta_retention: f64,
     /// Standard deviation of the threshold's noise.
-    pub noise: f64,
-    /// When that noise is drawn.
-    pub redraw: Redraw,
-    /// Share of the first increment after a spike that is lost.
+    pub threshold_noise: f64,
+    /// The instants at which the threshold noise is drawn.
+    pub noise_sampling: NoiseSampling,
+    /// Lost share of the first increment after a spike.
     pub lost_increment: f64,
     /// Share of the remaining charge that a spike loses.
     pub lost_remainder: f64,
-    /// Largest charge that the pixel stores; infinite without a bound.
+    /// Largest charge that the pixel stores. It is infinite if the charge has no upper limit.
     pub ceiling: f64,
     /// Smallest charge that the pixel stores.
     pub floor: f64,
     /// Probability that a spike is not reported.
-    pub missed: f64,
+    pub missed_spikes: f64,
     /// Probability that a silent readout reports a spike.
-    pub spurious: f64,
-    /// Light acts as `light (1 + quadratic light)`, up to where that peaks.
+    pub false_spikes: f64,
+    /// Coefficient `quadratic` of the response `light (1 + quadratic light)`. If the response has a peak, light above the
+    /// peak has the effect of light at the peak.
     pub quadratic: f64,
-    /// Changes of the light with the readouts.
+    /// Changes of the light that depend on the readout only.
     pub schedule: Schedule,
-    /// Share of the light that arrives late.
+    /// Share of the light that becomes charge late.
     pub lag: Lag,
-    /// Switching dark current.
+    /// Dark current that switches between two values.
     pub telegraph: Telegraph,
-    /// Share of the stored charge that a readout loses.
+    /// Share of the stored charge that leaks at each readout.
     pub leak: f64,
-    /// Standard deviation of noise that is compared with and not subtracted, in own thresholds.
-    pub comparator: f64,
-    /// So close to what it is compared with, charge is drawn to it and fires by chance; in own thresholds.
-    pub undecided: f64,
-    /// Standard deviation of the threshold's noise that a row shares, in own thresholds.
+    /// Standard deviation of the comparison noise, in own thresholds. A reset does not subtract this noise.
+    pub comparator_noise: f64,
+    /// Largest distance between charge and comparison level, in own thresholds, at which a pixel fires with probability
+    /// 1/2.
+    pub jitter_width: f64,
+    /// Standard deviation of the threshold noise that all pixels of a row share, in own thresholds.
     pub row_noise: f64,
-    /// Wandering threshold.
-    pub slow: SlowNoise,
-    /// Threshold that spikes raise.
+    /// Slow noise of the threshold.
+    pub slow_noise: SlowNoise,
+    /// Rise of the threshold with each spike.
     pub adaptation: Adaptation,
-    /// Share of the light that goes to the four neighbours.
+    /// Share of the light that the four neighbors receive together.
     pub crosstalk: f64,
-    /// Charge that a spike gives to each neighbour at the next readout, in their own thresholds.
+    /// Charge that a spike adds to each neighbor at the next readout, in the neighbor's own thresholds.
     pub coupling: f64,
-    /// Fall of the threshold when all pixels fired at the readout before, in own thresholds.
+    /// Decrease of the threshold after a readout in which all pixels fired, in own thresholds.
     pub droop: f64,
 }
 
-/// What a pixel remembers from one readout to the next.
+/// The state of a pixel between two readouts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct State {
+pub struct PixelState {
     /// Stored charge in nominal thresholds.
     pub charge: f64,
-    /// What the quanta have strayed by and is still to come, in nominal thresholds.
-    pub waiting: f64,
-    /// Whether the previous readout fired.
+    /// Noise of the quanta that has not yet been added to the charge, in nominal thresholds.
+    pub pending_noise: f64,
+    /// Whether the pixel fired at the previous readout.
     pub fired: bool,
-    /// The frozen value of the threshold noise, for [`Redraw::EveryReset`].
-    pub held: f64,
-    /// The readout that comes next.
+    /// The frozen threshold noise, if the noise is drawn at every reset ([`NoiseSampling::EveryReset`]).
+    pub frozen_noise: f64,
+    /// Index of the next readout.
     pub readout: u64,
-    /// The wandering threshold's deviation, in own thresholds.
-    pub slow: f64,
-    /// What spikes have raised the threshold by, in own thresholds.
-    pub adapted: f64,
-    /// The light that is late; dark before the first readout.
-    pub late: f64,
-    /// Whether the dark current has its lower value.
-    pub low: bool,
+    /// Deviation of the threshold by slow noise, in own thresholds.
+    pub slow_deviation: f64,
+    /// Rise of the threshold by earlier spikes, in own thresholds.
+    pub threshold_rise: f64,
+    /// Low-pass filtered light, which becomes charge late. It is 0 before the first readout.
+    pub lagged_light: f64,
+    /// Whether the switching dark current has its lower value.
+    pub is_dark_low: bool,
 }
 
-/// Where a law takes its randomness from.
-pub trait Noise {
-    /// A standard normal value.
+/// A source of the random values that a law draws.
+pub trait NoiseSource {
+    /// Returns a standard normal value.
     fn normal(&mut self) -> f64;
-    /// A Poisson count of mean `mean`.
+    /// Returns a Poisson count with mean `mean`.
     fn poisson(&mut self, mean: f64) -> f64;
-    /// Uniform in [0, 1).
+    /// Returns a uniform value in [0, 1).
     fn uniform(&mut self) -> f64;
 }
 
 impl Law {
-    /// A pixel without any imperfection: fires once per readout at full scale.
+    /// A pixel without imperfections, which fires once per readout at full scale.
     pub const IDEAL: Self = Self {
         threshold: 1.0,
         gain: 1.0,
@@ -104,15 +108,15 @@ impl Law {
         quantum: 0.0,
         quanta_light: 0.0,
         quanta_dark: 0.0,
-        settling: 0.0,
-        noise: 0.0,
-        redraw: Redraw::EveryReset,
+        quanta_retention: 0.0,
+        threshold_noise: 0.0,
+        noise_sampling: NoiseSampling::EveryReset,
         lost_increment: 0.0,
         lost_remainder: 0.0,
         ceiling: f64::INFINITY,
         floor: f64::NEG_INFINITY,
-        missed: 0.0,
-        spurious: 0.0,
+        missed_spikes: 0.0,
+        false_spikes: 0.0,
         quadratic: 0.0,
         schedule: Schedule {
             depth: 0.0,
@@ -121,46 +125,49 @@ impl Law {
             change: 0.0,
             readouts: 1.0,
         },
-        lag: Lag { fraction: 0.0, kept: 0.0 },
+        lag: Lag { fraction: 0.0, retention: 0.0 },
         telegraph: Telegraph { amplitude: 0.0, rate: 0.0 },
         leak: 0.0,
-        comparator: 0.0,
-        undecided: 0.0,
+        comparator_noise: 0.0,
+        jitter_width: 0.0,
         row_noise: 0.0,
-        slow: SlowNoise { sigma: 0.0, kept: 0.0 },
-        adaptation: Adaptation { rise: 0.0, decay: 0.0 },
+        slow_noise: SlowNoise { sigma: 0.0, retention: 0.0 },
+        adaptation: Adaptation { rise: 0.0, retention: 0.0 },
         crosstalk: 0.0,
         coupling: 0.0,
         droop: 0.0,
     };
 
-    /// The pixel just after it was switched on with `charge`.
-    pub fn start(&self, charge: f64, noise: &mut impl Noise) -> State {
-        let held = self.noise * noise.normal();
-        let mut state = State { charge, held, ..State::default() };
-        if self.slow.sigma > 0.0 {
-            state.slow = self.slow.sigma * noise.normal();
+    /// Returns the state of a pixel that was just switched on and contains `charge`.
+    pub fn initial_state(&self, charge: f64, noise: &mut impl NoiseSource) -> PixelState {
+        let held = self.threshold_noise * noise.normal();
+        let mut state = PixelState { charge, frozen_noise: held, ..PixelState::default() };
+        if self.slow_noise.sigma > 0.0 {
+            state.slow_deviation = self.slow_noise.sigma * noise.normal();
         }
         if self.telegraph.amplitude != 0.0 {
-            state.low = noise.uniform() < 0.5;
+            state.is_dark_low = noise.uniform() < 0.5;
         }
         state
     }
 
-    /// One readout under `light` of a pixel without neighbours; returns the reported bit. Noise
-    /// that a row shares is then its own.
-    pub fn step(&self, state: &mut State, light: f64, noise: &mut impl Noise) -> bool {
+    /// Runs one readout of a single pixel under `light` and returns the reported bit.
+    ///
+    /// The noise that pixels of a row share is drawn for this pixel alone.
+    pub fn step(&self, state: &mut PixelState, light: f64, noise: &mut impl NoiseSource) -> bool {
         let row = if self.row_noise > 0.0 { self.row_noise * noise.normal() } else { 0.0 };
-        self.step_among(state, light, Surround { charge: 0.0, offset: row }, noise)
+        self.step_with_surround(state, light, Surround { charge: 0.0, offset: row }, noise)
     }
 
-    /// One readout under `light`, which has passed the optics, among other pixels.
-    pub fn step_among(
+    /// Runs one readout of a pixel with neighbors and returns the reported bit.
+    ///
+    /// `light` already includes crosstalk.
+    pub fn step_with_surround(
         &self,
-        state: &mut State,
+        state: &mut PixelState,
         light: f64,
         surround: Surround,
-        noise: &mut impl Noise,
+        noise: &mut impl NoiseSource,
     ) -> bool {
         let Self {
             threshold,
@@ -169,42 +176,42 @@ impl Law {
             quantum,
             quanta_light,
             quanta_dark,
-            settling,
+            quanta_retention: settling,
             lost_increment,
             ceiling,
             floor,
-            missed,
-            spurious,
+            missed_spikes: missed,
+            false_spikes: spurious,
             leak,
-            // `seen` has these of the light,
+            // `lagged` uses these fields:
             quadratic: _,
             schedule: _,
             lag: _,
-            // `switched` this of the dark current,
+            // `telegraph_current` uses this field:
             telegraph: _,
-            // `compare` these of the threshold,
-            noise: _,
-            redraw: _,
+            // `compare` uses these fields:
+            threshold_noise: _,
+            noise_sampling: _,
             lost_remainder: _,
-            comparator: _,
-            undecided: _,
-            slow: _,
+            comparator_noise: _,
+            jitter_width: _,
+            slow_noise: _,
             adaptation: _,
-            // and a `Frame` these of pixels side by side.
+            // `PixelArray` uses these fields:
             row_noise: _,
             crosstalk: _,
             coupling: _,
             droop: _,
         } = *self;
-        let light = self.seen(state, light);
-        let mut charge = gain * light + dark + self.switched(state, noise);
+        let light = self.lagged(state, light);
+        let mut charge = gain * light + dark + self.telegraph_current(state, noise);
         let quanta = quanta_light * light + quanta_dark;
         if quantum > 0.0 && quanta > 0.0 {
-            state.waiting += quantum * (noise.poisson(quanta) - quanta);
+            state.pending_noise += quantum * (noise.poisson(quanta) - quanta);
         }
-        // Without settling all of it comes at once.
-        let arrived = (1.0 - settling) * state.waiting;
-        state.waiting -= arrived;
+        // If the retention is 0, all noise of the quanta arrives at the readout at which it is drawn.
+        let arrived = (1.0 - settling) * state.pending_noise;
+        state.pending_noise -= arrived;
         charge += arrived;
         if state.fired {
             charge *= 1.0 - lost_increment;
@@ -217,69 +224,75 @@ impl Law {
         if state.fired { flip >= missed } else { flip < spurious }
     }
 
-    /// The light that acts: the response of the pixel to `light`.
+    /// Returns the effective light for `light` after the nonlinear response.
     fn response(&self, light: f64) -> f64 {
         let peak = if self.quadratic < 0.0 { -0.5 / self.quadratic } else { f64::INFINITY };
         let light = light.min(peak);
         light * (1.0 + self.quadratic * light)
     }
 
-    /// The most that light of at most `light` can act as at any readout.
+    /// Returns the largest effective light at any readout. `light` is the upper limit of the incident light.
     #[must_use]
-    pub fn brightest(&self, light: f64) -> f64 {
-        self.response(light * self.schedule.greatest())
+    pub fn max_effective_light(&self, light: f64) -> f64 {
+        self.response(light * self.schedule.max_factor())
     }
 
-    /// The largest offset of the threshold, in own thresholds, where normal draws end at `reach` deviations.
+    /// Returns the largest offset of the threshold, in own thresholds.
+    ///
+    /// `reach` is the largest absolute value of a normal draw, in standard deviations.
     #[must_use]
-    pub fn sway(&self, reach: f64) -> f64 {
-        let drawn = reach * (self.row_noise + self.comparator);
-        drawn + SlowNoise::REACH * self.slow.sigma + self.adaptation.highest() + self.droop.abs()
+    pub fn max_threshold_offset(&self, reach: f64) -> f64 {
+        let drawn = reach * (self.row_noise + self.comparator_noise);
+        drawn + SlowNoise::MAX_SIGMAS * self.slow_noise.sigma + self.adaptation.max_rise() + self.droop.abs()
     }
 
-    /// The light that turns into charge now.
-    fn seen(&self, state: &mut State, light: f64) -> f64 {
+    /// Returns the light that becomes charge at this readout.
+    fn lagged(&self, state: &mut PixelState, light: f64) -> f64 {
         let light = self.response(light * self.schedule.factor(state.readout));
-        let late = state.late;
-        state.late = late + (1.0 - self.lag.kept) * (light - late);
+        let late = state.lagged_light;
+        state.lagged_light = late + (1.0 - self.lag.retention) * (light - late);
         light + self.lag.fraction * (late - light)
     }
 
-    /// The dark current's distance from its mean.
-    fn switched(&self, state: &mut State, noise: &mut impl Noise) -> f64 {
+    /// Returns the deviation of the dark current from its mean.
+    fn telegraph_current(&self, state: &mut PixelState, noise: &mut impl NoiseSource) -> f64 {
         if self.telegraph.amplitude == 0.0 {
             return 0.0;
         }
-        state.low ^= noise.uniform() < self.telegraph.rate;
-        if state.low { -self.telegraph.amplitude } else { self.telegraph.amplitude }
+        state.is_dark_low ^= noise.uniform() < self.telegraph.rate;
+        if state.is_dark_low { -self.telegraph.amplitude } else { self.telegraph.amplitude }
     }
 
-    /// Compares with the threshold and resets.
-    fn compare(&self, state: &mut State, offset: f64, noise: &mut impl Noise) {
-        if self.slow.sigma > 0.0 {
-            let bound = SlowNoise::REACH * self.slow.sigma;
-            let next = self.slow.kept * state.slow + self.slow.step() * noise.normal();
-            state.slow = next.clamp(-bound, bound);
+    /// Compares the charge with the threshold and resets it after a spike.
+    fn compare(&self, state: &mut PixelState, offset: f64, noise: &mut impl NoiseSource) {
+        if self.slow_noise.sigma > 0.0 {
+            let bound = SlowNoise::MAX_SIGMAS * self.slow_noise.sigma;
+            let next =
+                self.slow_noise.retention * state.slow_deviation + self.slow_noise.step() * noise.normal();
+            state.slow_deviation = next.clamp(-bound, bound);
         }
-        let fresh = self.noise * noise.normal();
-        let threshold = self.threshold * (1.0 + offset + state.slow + state.adapted)
-            + match self.redraw {
-                Redraw::EveryReadout => fresh,
-                Redraw::EveryReset => state.held,
+        let fresh = self.threshold_noise * noise.normal();
+        let threshold = self.threshold * (1.0 + offset + state.slow_deviation + state.threshold_rise)
+            + match self.noise_sampling {
+                NoiseSampling::EveryReadout => fresh,
+                NoiseSampling::EveryReset => state.frozen_noise,
             };
-        let unsubtracted =
-            if self.comparator > 0.0 { self.comparator * self.threshold * noise.normal() } else { 0.0 };
+        let unsubtracted = if self.comparator_noise > 0.0 {
+            self.comparator_noise * self.threshold * noise.normal()
+        } else {
+            0.0
+        };
         let bar = threshold + unsubtracted;
         state.fired = state.charge >= bar;
-        if (state.charge - bar).abs() < self.undecided * self.threshold {
+        if (state.charge - bar).abs() < self.jitter_width * self.threshold {
             state.charge = bar;
             state.fired = noise.uniform() < 0.5;
         }
-        state.adapted *= self.adaptation.decay;
+        state.threshold_rise *= self.adaptation.retention;
         if state.fired {
             state.charge = (state.charge - threshold) * (1.0 - self.lost_remainder);
-            state.held = fresh;
-            state.adapted = (state.adapted + self.adaptation.rise).min(Adaptation::HIGHEST);
+            state.frozen_noise = fresh;
+            state.threshold_rise = (state.threshold_rise + self.adaptation.rise).min(Adaptation::MAX_RISE);
         }
     }
 }
@@ -289,7 +302,7 @@ mod tests {
     use super::*;
 
     struct Silent;
-    impl Noise for Silent {
+    impl NoiseSource for Silent {
         fn normal(&mut self) -> f64 {
             0.0
         }
@@ -302,7 +315,7 @@ mod tests {
     }
 
     fn intervals(law: Law, light: f64, readouts: usize) -> Vec<usize> {
-        let mut state = law.start(0.0, &mut Silent);
+        let mut state = law.initial_state(0.0, &mut Silent);
         let times: Vec<_> = (0..readouts).filter(|_| law.step(&mut state, light, &mut Silent)).collect();
         times.windows(2).map(|w| w[1] - w[0]).collect()
     }

@@ -1,108 +1,110 @@
-//! The law of one pixel in `f64`, and the closed list of operations.
+//! The law of one pixel in `f64`, and the complete list of operations.
 //!
-//! This is the physics oracle: it follows Algorithm 1 of the SCSim paper
-//! (arXiv 2405.16790) line by line, with the choices that the paper leaves
-//! open as explicit data. It shares no code with the kernels, which compute
-//! in integers; tests compare the two by statistics.
+//! The law implements Algorithm 1 of the SCSim paper (arXiv 2405.16790) line by line. Each choice that the paper does not
+//! specify is explicit data. The law is the reference for the physics. It shares no code with the kernels, which compute
+//! in integers. Tests compare the statistics of law and kernels.
 
-mod frame;
 mod law;
-mod parts;
+mod pixel_array;
+mod terms;
 
-pub use frame::Frame;
-pub use law::{Law, Noise, State};
-pub use parts::{Adaptation, Lag, Schedule, SlowNoise, Surround, Telegraph};
+pub use law::{Law, NoiseSource, PixelState};
+pub use pixel_array::PixelArray;
+pub use terms::{Adaptation, Lag, Schedule, SlowNoise, Surround, Telegraph};
 
-/// When threshold noise takes a new value.
+/// The instants at which the threshold noise is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Redraw {
-    /// At every readout, as Algorithm 1 of the paper has it. A pixel then fires at its luckily low
-    /// draws, so noise of zero mean raises the rate of dim pixels.
+pub enum NoiseSampling {
+    /// At every readout, as in Algorithm 1 of the paper. A low draw then makes a pixel fire early, so noise with mean
+    /// zero increases the rate of dim pixels.
     EveryReadout,
-    /// At every reset, and frozen until the next: what kTC noise does.
+    /// At every reset. The value then stays frozen until the next reset, like kTC noise.
     EveryReset,
 }
 
-/// What the shot noise of the light counts.
+/// The unit in which light is counted for shot noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quanta {
-    /// Electrons, after the pixel's gain: as many per threshold as the nominal circuit holds.
+    /// Electrons, which are counted after the pixel's gain. The nominal circuit determines their number per threshold.
     Electrons,
-    /// Photons, before the pixel's gain: this many in a nominal threshold of light.
+    /// Photons, which are counted before the pixel's gain. The value is the number of photons in a nominal threshold of
+    /// light.
     Photons(f64),
 }
 
-/// One operation that a pixel carries out at readouts. The list is closed: a
-/// new kind of arithmetic is a variant here. The compiler then names the places
-/// in the law, the plan, the reference and the lanes, which all take it apart
-/// without `..`.
+/// One operation that a pixel executes at readouts.
+///
+/// The list is complete: a new kind of arithmetic requires a new variant. The law, the plan, the reference kernel and the
+/// vector kernels destructure the operations and their constants without `..`. If a variant is added, the compiler
+/// therefore reports each function that must handle the new variant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Op {
-    /// The light arrives in quanta; the variance is scaled by `strength`.
+    /// The light arrives in quanta.
     LightQuanta {
-        /// What is counted.
+        /// The unit in which the light is counted.
         quanta: Quanta,
-        /// Factor on the variance, 1 for the physics.
+        /// Factor by which the variance is multiplied. The physical value is 1.
         strength: f64,
     },
-    /// The dark current arrives in electrons; the variance is scaled by `strength`.
+    /// The dark current arrives in electrons.
     DarkQuanta {
-        /// Factor on the variance, 1 for the physics.
+        /// Factor by which the variance is multiplied. The physical value is 1.
         strength: f64,
     },
-    /// What the quanta stray by waits in front of the pixel's store and flows into it over some readouts.
-    QuantaSettle {
-        /// Readouts after which 1/e of it is still to come.
+    /// The noise of the quanta is delayed: it becomes charge gradually at several readouts.
+    CorrelatedQuanta {
+        /// Number of readouts after which a share of 1/e of the noise is still pending.
         time_constant: f64,
     },
-    /// The threshold voltage carries noise, compared with and subtracted.
+    /// The threshold voltage has noise. The noisy threshold is compared with the charge and, after a spike, subtracted
+    /// from the charge.
     ThresholdNoise {
         /// Standard deviation in volts.
         sigma_v: f64,
-        /// When a new value is drawn.
-        redraw: Redraw,
+        /// The instants at which the noise is drawn.
+        noise_sampling: NoiseSampling,
     },
-    /// The first increment after a spike loses this share.
+    /// The first increment after a spike is smaller by this share.
     FirstIncrement {
         /// Lost share, 0 to 1.
         lost: f64,
     },
-    /// The charge that remains after a spike loses this share.
+    /// The charge that remains after a spike is smaller by this share.
     Remainder {
-        /// Lost share; 0 is a soft reset, 1 a hard one.
+        /// Lost share. 0 is a soft reset, and 1 is a hard reset.
         lost: f64,
     },
-    /// Stored charge is bounded.
+    /// The stored charge has an upper limit.
     Ceiling {
-        /// Largest charge in the pixel's own thresholds.
+        /// Largest charge, in the pixel's own thresholds.
         thresholds: f64,
     },
-    /// Bits flip on their way out; the charge knows nothing of it.
+    /// The readout circuit flips reported bits without changing the charge.
     Flip {
         /// Probability that a spike is not reported.
-        missed: f64,
+        missed_spikes: f64,
         /// Probability that a silent readout reports a spike.
-        spurious: f64,
+        false_spikes: f64,
     },
-    /// Light acts as `light (1 + quadratic light)`.
+    /// The effective light is `light (1 + quadratic light)`.
     Response {
-        /// Relative change at full scale.
+        /// Relative change of the light at full scale.
         quadratic: f64,
     },
-    /// The light swings with the readouts.
+    /// The light oscillates sinusoidally in time.
     Flicker {
         /// Amplitude relative to the light.
         depth: f64,
-        /// Swings per second.
+        /// Frequency in hertz.
         frequency_hz: f64,
-        /// Phase at the first readout, in turns.
+        /// Phase at the first readout, in turns (1 is a full period).
         phase_turns: f64,
     },
-    /// The gain of the light changes steadily.
+    /// The gain of the light changes linearly over a number of readouts, then stays constant.
     Drift {
-        /// Relative change when it is over.
+        /// Relative change at the end of the drift.
         change: f64,
-        /// Readouts that it takes.
+        /// Number of readouts that the drift takes.
         readouts: f64,
     },
     /// Stored charge loses a share at every readout.
@@ -110,60 +112,62 @@ pub enum Op {
         /// Lost share.
         fraction: f64,
     },
-    /// Noise that is compared with, and not subtracted.
+    /// The comparison has noise that a reset does not subtract.
     ComparatorNoise {
         /// Standard deviation in the pixel's own thresholds.
         sigma: f64,
     },
-    /// A pixel close to its threshold at a readout is drawn to it, and fires by chance; the circuit says which do.
-    Undecided {
-        /// How close, in the pixel's own thresholds, where the circuit's share is one.
+    /// A pixel whose charge is close to its threshold at a readout fires with probability 1/2.
+    ///
+    /// The circuit contains a factor per pixel by which `width` is multiplied.
+    ReadoutJitter {
+        /// Largest distance between charge and threshold, in the pixel's own thresholds, if the circuit's factor is 1.
         width: f64,
     },
-    /// Noise of the threshold that the pixels of a row share.
+    /// The threshold has noise that all pixels of a row share.
     RowNoise {
         /// Standard deviation in the pixel's own thresholds.
         sigma: f64,
     },
-    /// The threshold wanders: an Ornstein-Uhlenbeck process.
+    /// The threshold drifts as an Ornstein-Uhlenbeck process.
     SlowThresholdNoise {
         /// Standard deviation in the pixel's own thresholds.
         sigma: f64,
-        /// Readouts after which the correlation has fallen to 1/e.
+        /// Number of readouts after which the correlation is 1/e.
         time_constant: f64,
     },
-    /// A spike raises the threshold, which then falls back.
+    /// A spike raises the threshold. The rise then decays.
     Adaptation {
         /// Rise per spike in the pixel's own thresholds.
         rise: f64,
-        /// Share of the rise that a readout leaves.
-        decay: f64,
+        /// Share of the rise that remains after a readout.
+        retention: f64,
     },
-    /// The dark current of the pixels that the circuit marks switches between two values.
+    /// The dark current switches between two values. The circuit contains the amplitude of each pixel.
     Telegraph {
         /// Probability of switching per readout.
         rate: f64,
     },
-    /// Part of the light arrives late.
+    /// A part of the light becomes charge late.
     Lag {
-        /// Late share.
+        /// Share of the light that becomes charge late.
         fraction: f64,
-        /// Readouts after which 1/e of it is still to come.
+        /// Number of readouts after which a share of 1/e of the late light has not become charge.
         time_constant: f64,
     },
-    /// Light is shared with the four neighbours.
+    /// Each pixel exchanges light with its four neighbors.
     Crosstalk {
-        /// Share given away, to the four together.
+        /// Share of the pixel's light that the four neighbors receive together.
         share: f64,
     },
-    /// A spike adds charge to its four neighbours at the next readout.
+    /// A spike adds charge to the four neighbors at the next readout.
     SpikeCoupling {
-        /// Charge in the neighbour's own thresholds.
+        /// Charge in the neighbor's own thresholds.
         charge: f64,
     },
-    /// Thresholds fall with the spikes of the previous readout.
+    /// The thresholds decrease in proportion to the number of spikes at the previous readout.
     SupplyDroop {
-        /// Fall when every pixel fired, in the pixel's own thresholds.
+        /// Decrease of the thresholds after a readout in which every pixel fired, in the pixel's own thresholds.
         depth: f64,
     },
     /// Whole readouts are lost.
@@ -171,16 +175,16 @@ pub enum Op {
         /// Probability per readout.
         probability: f64,
     },
-    /// Whole readouts are reported with the bits of the one before.
+    /// Whole readouts are reported with the bits of the previous readout.
     RepeatReadouts {
         /// Probability per readout.
         probability: f64,
     },
-    /// The charge at the first readout.
+    /// The charge at the first readout is random.
     Phase {
-        /// Uniform over this share of the pixel's own threshold.
+        /// Width of a uniform distribution, as a share of the pixel's own threshold.
         share: f64,
-        /// Uniform over this charge in femtocoulombs, added to the former.
+        /// Width of a second uniform distribution in femtocoulombs. The charge is the sum of both draws.
         charge_fc: f64,
     },
 }

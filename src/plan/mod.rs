@@ -1,191 +1,202 @@
-//! A camera's model as integer tables, made once; everything that can be
-//! wrong is wrong here.
+//! A camera model as integer tables. Planning reports every error, so running a plan cannot fail.
 //!
-//! **Fixed point.** A pixel's charge is held relative to its own threshold, in
-//! steps of about 1/16,320 of the nominal one: sixteen bits of whole steps and
-//! sixteen of fraction, so increments add up without loss. The threshold is
-//! rounded to a whole number of steps, and gain, dark current, quanta and
-//! noise are expressed in units of *that* rounded threshold, so that its
-//! rounding costs no rate. `docs/why/fixed-point.md` has the proof of headroom
-//! and of the bounds in [`Bounds`].
+//! **Fixed point.** A pixel's charge is stored relative to the pixel's own threshold, in steps of about 1/16,320 of the
+//! nominal threshold. It has 16 bits of whole steps and 16 bits of fraction, so sums of increments are exact. The
+//! threshold is rounded to a whole number of steps. Gain, dark current, quanta and noise are expressed in units of *that*
+//! rounded threshold, so rounding the threshold does not change the rate. `docs/why/fixed-point.md` proves that no sum
+//! overflows, and derives the bounds in [`ErrorBounds`].
 
-mod bounds;
-mod losses;
-mod moving;
-mod scale;
-mod start;
+mod dynamics;
+mod error_bounds;
+mod initial_state;
+mod readout_faults;
+mod rounded_law;
 mod state;
 mod state_ranges;
-mod steps;
+mod step_scale;
 mod tables;
 mod window;
 
-pub use bounds::Bounds;
-pub use losses::Losses;
-pub use moving::{Adaptation, Lag, Moving, SlowNoise, Telegraph};
-pub(crate) use start::{Draws, Plain};
-pub(crate) use state::OTHER_PLAN;
-pub(crate) use state::{ADAPTED, FLIP, LATE, LOW, SLOW};
-pub use state::{State, StateParts};
-pub use tables::{Flip, NoiseTable, Rules, Shot, Tables};
+pub use dynamics::{AdaptationRule, Dynamics, LagRule, SlowNoiseRule, TelegraphRule};
+pub use error_bounds::ErrorBounds;
+pub(crate) use initial_state::{ScalarDraws, StartDraws};
+pub use readout_faults::ReadoutFaults;
+pub(crate) use state::FOREIGN_STATE;
+pub(crate) use state::{
+    ADAPTATION_COLUMN, FRACTION_TOP_BIT, LAG_COLUMN, SLOW_NOISE_COLUMN, TELEGRAPH_COLUMN,
+};
+pub use state::{SimulatorState, StateTile};
+pub use tables::{Flip, NoiseTable, PixelTables, Rules, ShotTables};
 
 use std::sync::{Arc, LazyLock};
 
-use crate::draws::hash::Clock;
-use crate::draws::{Seeds, Stream, poisson};
+use crate::draws::hash::CounterRng;
+use crate::draws::{RandomStream, Seeds, poisson};
 use crate::effects::{Camera, Model};
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::inputs;
 use crate::pixel::Law;
 use crate::spikes::Geometry;
 use crate::threads;
-use start::Origin;
+use initial_state::StartDistribution;
 
-/// Tables are padded to a multiple of this many pixels.
-pub const LANES: usize = 64;
+/// Number of pixels to which tables are padded: the length of each table is a multiple of this number.
+pub const PIXEL_ALIGNMENT: usize = 64;
 
-/// Full-scale light of 8-bit frames in thresholds' numerator: 255 x 64 steps,
-/// so that every 8-bit grey level is a whole number of steps of an ideal pixel.
-pub const STEPS: u32 = 16_320;
+/// Largest number of steps in a nominal threshold: 255 x 64. With this number, the increment of an ideal pixel is a whole
+/// number of steps for every 8-bit gray level.
+pub const MAX_THRESHOLD_STEPS: u32 = 16_320;
 
-/// The most memory that planning takes for each pixel, in bytes: its law, the law in steps, and 104 bytes of tables and keys.
-/// A simulator of the plan takes less, and only when the laws are gone.
-const BYTES_PER_PIXEL: usize = size_of::<Law>() + size_of::<steps::Rounded<'_>>() + 104;
+/// Upper bound on the memory for planning, in bytes per pixel: the law, the rounded law, and 104 bytes of tables and
+/// keys.
+///
+/// A simulator of the plan needs less memory. The laws are dropped before the simulator is created.
+const PLAN_BYTES_PER_PIXEL: usize = size_of::<Law>() + size_of::<rounded_law::RoundedLaw<'_>>() + 104;
 
-/// The clocks of the per-readout draws.
+/// The generators of the draws at readouts, one generator per stream.
+///
+/// A comparison with a probability needs 32 bits. A pair of generators draws the upper 16 bits and the lower 16 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Clocks {
-    /// Normal draw of the light's and the dark current's quanta.
-    pub shot: Clock,
-    /// 32 bits a pixel for Poisson counts.
-    pub counts: Clock,
+pub struct NoiseRngs {
+    /// Normal draw for the shot noise of the light and the dark current.
+    pub shot: CounterRng,
+    /// 32 bits per pixel for Poisson counts.
+    pub counts: CounterRng,
     /// Threshold noise.
-    pub thermal: Clock,
-    /// Missed spikes, coarse and fine.
-    pub missed: [Clock; 2],
-    /// False spikes, coarse and fine.
-    pub spurious: [Clock; 2],
-    /// Noise of the comparison.
-    pub comparator: Clock,
-    /// Noise of rows, addressed by the row.
-    pub row: Clock,
-    /// Chance of the undecided.
-    pub undecided: Clock,
-    /// Steps of the wandering threshold.
-    pub slow: Clock,
-    /// Switching of the dark current, coarse and fine.
-    pub telegraph: [Clock; 2],
-    /// Lost readouts.
-    pub dropped: Clock,
+    pub thermal: CounterRng,
+    /// Missed spikes: upper bits and lower bits.
+    pub missed_spikes: [CounterRng; 2],
+    /// False spikes: upper bits and lower bits.
+    pub false_spikes: [CounterRng; 2],
+    /// Noise of the comparator.
+    pub comparator_noise: CounterRng,
+    /// Noise of rows. The address of a draw is the index of the row.
+    pub row_noise: CounterRng,
+    /// Decisions of pixels within the jitter width.
+    pub jitter: CounterRng,
+    /// Increments of the slow threshold noise.
+    pub slow_noise: CounterRng,
+    /// Switching of the dark current: upper bits and lower bits.
+    pub telegraph: [CounterRng; 2],
+    /// Dropped readouts.
+    pub dropped_readouts: CounterRng,
     /// Repeated readouts.
-    pub repeated: Clock,
+    pub repeated_readouts: CounterRng,
 }
 
-impl Clocks {
+impl NoiseRngs {
     fn new(seeds: Seeds) -> Self {
-        let clock = |name| Clock::new(seeds, Stream::named(name));
+        let clock = |name| CounterRng::new(seeds, RandomStream::from_name(name));
         Self {
             shot: clock("shot_noise"),
             counts: clock("shot_noise/counts"),
             thermal: clock("thermal_noise"),
-            missed: [clock("missed_spikes"), clock("missed_spikes/fine")],
-            spurious: [clock("false_spikes"), clock("false_spikes/fine")],
-            comparator: clock("comparator_noise"),
-            row: clock("row_noise"),
-            undecided: clock("readout_jitter"),
-            slow: clock("slow_threshold_noise"),
+            missed_spikes: [clock("missed_spikes"), clock("missed_spikes/fine")],
+            false_spikes: [clock("false_spikes"), clock("false_spikes/fine")],
+            comparator_noise: clock("comparator_noise"),
+            row_noise: clock("row_noise"),
+            jitter: clock("readout_jitter"),
+            slow_noise: clock("slow_threshold_noise"),
             telegraph: [clock("telegraph_dark"), clock("telegraph_dark/fine")],
-            dropped: clock("dropped_readouts"),
-            repeated: clock("repeated_readouts"),
+            dropped_readouts: clock("dropped_readouts"),
+            repeated_readouts: clock("repeated_readouts"),
         }
     }
 }
 
-/// The same for every plan, and slower to build than a small sensor's own tables.
-static COUNTS: LazyLock<poisson::Tables> = LazyLock::new(poisson::Tables::new);
+/// The count tables, which are equal for every plan. Building them takes longer than building the tables of a small
+/// sensor.
+static COUNT_TABLES: LazyLock<poisson::PoissonTables> = LazyLock::new(poisson::PoissonTables::new);
 
-/// A validated plan: tables, rules and clocks. Running one cannot fail.
+/// A validated plan: tables, rules and random generators. Running a plan cannot fail.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     geometry: Geometry,
     seeds: Seeds,
-    greatest_light: f64,
-    steps: u32,
-    tables: Arc<Tables>,
+    max_light: f64,
+    threshold_steps: u32,
+    tables: Arc<PixelTables>,
     rules: Rules,
-    moving: Option<Arc<Moving>>,
-    origin: Arc<Origin>,
-    losses: Losses,
-    clocks: Clocks,
-    counts: Option<&'static poisson::Tables>,
-    bounds: Bounds,
+    dynamics: Option<Arc<Dynamics>>,
+    start_distribution: Arc<StartDistribution>,
+    faults: ReadoutFaults,
+    rngs: NoiseRngs,
+    count_tables: Option<&'static poisson::PoissonTables>,
+    bounds: ErrorBounds,
 }
 
 impl Plan {
-    /// Plans `camera` for light of at most one full scale.
+    /// Plans `camera` for light of at most full scale (1.0).
     ///
     /// # Errors
-    /// See [`Plan::with_light`].
+    /// Returns the errors of [`Plan::with_max_light`].
     pub fn new(camera: &Camera, seeds: Seeds) -> Result<Self> {
-        Self::with_light(camera, seeds, 1.0)
+        Self::with_max_light(camera, seeds, 1.0)
     }
 
-    /// Plans `camera` for light of at most `greatest_light` full scales;
-    /// brighter light is taken as that.
+    /// Plans `camera` for light of at most `max_light`, in full scales. Brighter light is clamped to `max_light`.
     ///
     /// # Errors
-    /// When the camera's parameters contradict each other, or the fixed point
-    /// cannot hold them within `Bounds`.
-    pub fn with_light(camera: &Camera, seeds: Seeds, greatest_light: f64) -> Result<Self> {
-        if !(greatest_light.is_finite() && greatest_light >= 0.0) {
-            return Err(Error::new(Kind::Usage, "greatest light")
-                .found(greatest_light)
-                .expected("a finite number of full scales, zero or more"));
+    /// * [`ErrorKind::Usage`] if `max_light` is negative or not finite, or if a window is not within the sensor.
+    /// * [`ErrorKind::Config`] if parameters of the camera contradict each other, or if a value exceeds the range of the
+    ///   fixed-point arithmetic.
+    /// * [`ErrorKind::Memory`] if the system cannot allocate the memory for the plan.
+    pub fn with_max_light(camera: &Camera, seeds: Seeds, max_light: f64) -> Result<Self> {
+        if !(max_light.is_finite() && max_light >= 0.0) {
+            return Err(Error::new(ErrorKind::Usage, "max light")
+                .found(max_light)
+                .expected("a finite multiple of full scale, zero or more"));
         }
-        if let Some((whole, crop)) = camera.whole()? {
-            return Self::with_light(&whole, seeds, greatest_light)?.window(crop);
+        if let Some((whole, crop)) = camera.whole_sensor()? {
+            return Self::with_max_light(&whole, seeds, max_light)?.window(crop);
         }
-        Self::of_model(&camera.model(seeds)?, seeds, greatest_light)
+        Self::from_model(&camera.model(seeds)?, seeds, max_light)
     }
 
-    /// Plans a model whose fixed pattern is drawn already.
+    /// Plans a model. The fixed pattern of a model is already drawn.
     ///
     /// # Errors
-    /// See [`Plan::with_light`].
-    pub fn of_model(model: &Model, seeds: Seeds, greatest_light: f64) -> Result<Self> {
+    /// Returns the errors of [`Plan::with_max_light`].
+    pub fn from_model(model: &Model, seeds: Seeds, max_light: f64) -> Result<Self> {
         let geometry = model.circuit.geometry;
-        inputs::check_memory(format_args!("plan of {geometry} pixels"), BYTES_PER_PIXEL * geometry.pixels())?;
-        threads::check();
+        inputs::check_memory(
+            format_args!("plan of {geometry} pixels"),
+            PLAN_BYTES_PER_PIXEL * geometry.pixels(),
+        )?;
+        threads::check_stop();
         let laws: Vec<Law> = (0..model.circuit.pixels()).map(|p| model.law(p)).collect();
-        threads::check();
-        let scale = scale::choose(model, &laws, greatest_light)?;
-        threads::check();
-        let (tables, rules, moving) = tables::build(model, &laws, &scale, greatest_light);
-        let losses = Losses::of(model);
-        threads::check();
-        let origin = Origin::of(model, &laws);
-        let counts = tables.shot.as_ref().map(|_| &*COUNTS);
+        threads::check_stop();
+        let scale = step_scale::choose_scale(model, &laws, max_light)?;
+        threads::check_stop();
+        let (tables, rules, moving) = tables::build(model, &laws, &scale, max_light);
+        let losses = ReadoutFaults::from_model(model);
+        threads::check_stop();
+        let origin = StartDistribution::from_model(model, &laws);
+        let counts = tables.shot.as_ref().map(|_| &*COUNT_TABLES);
         Ok(Self {
             geometry,
             seeds,
-            greatest_light,
-            steps: scale.steps,
-            bounds: bounds::of(&scale),
-            clocks: Clocks::new(seeds),
+            max_light,
+            threshold_steps: scale.steps,
+            bounds: error_bounds::error_bounds(&scale),
+            rngs: NoiseRngs::new(seeds),
             tables: Arc::new(tables),
             rules,
-            moving: moving.map(Arc::new),
-            origin: Arc::new(origin),
-            losses,
-            counts,
+            dynamics: moving.map(Arc::new),
+            start_distribution: Arc::new(origin),
+            faults: losses,
+            count_tables: counts,
         })
     }
 
-    /// This plan for another recording of the same camera: the tables stay, clocks and start state are
-    /// others. The same as a new plan with these seeds, in a small part of the time; the tables are shared.
+    /// Returns this plan with other seeds, for another recording of the same camera.
+    ///
+    /// The result equals a new plan with these seeds. It shares the tables of this plan, so the call is much faster than
+    /// planning.
     ///
     /// # Errors
-    /// When `seeds.camera` is another than this plan's: that camera has another fixed pattern.
+    /// Returns [`ErrorKind::Usage`] if `seeds.camera` differs from the seed of this plan. Another camera seed would
+    /// require another fixed pattern.
     pub fn with_seeds(&self, seeds: Seeds) -> Result<Self> {
         let mut plan = self.clone();
         plan.reseed(seeds)?;
@@ -194,110 +205,112 @@ impl Plan {
 
     pub(crate) fn reseed(&mut self, seeds: Seeds) -> Result<()> {
         if seeds.camera != self.seeds.camera {
-            return Err(Error::new(Kind::Usage, "camera seed")
+            return Err(Error::new(ErrorKind::Usage, "camera seed")
                 .found(seeds.camera)
-                .expected(format_args!("{}, whose fixed pattern this plan has", self.seeds.camera))
-                .remedy("plan the other camera anew"));
+                .expected(format_args!("{}, the seed of the fixed pattern in this plan", self.seeds.camera))
+                .remedy("make a new plan for the other camera"));
         }
         self.seeds = seeds;
-        self.clocks = Clocks::new(seeds);
+        self.rngs = NoiseRngs::new(seeds);
         Ok(())
     }
 
-    /// Width and height.
+    /// Returns the width and height of the sensor.
     #[must_use]
     #[inline]
     pub fn geometry(&self) -> Geometry {
         self.geometry
     }
 
-    /// The seeds that fix this plan's randomness.
+    /// Returns the seeds, which determine all random draws of this plan.
     #[must_use]
     pub fn seeds(&self) -> Seeds {
         self.seeds
     }
 
-    /// The brightest light that the plan holds, in full scales.
+    /// Returns the maximum light of the plan, in full scales.
     #[must_use]
-    pub fn greatest_light(&self) -> f64 {
-        self.greatest_light
+    pub fn max_light(&self) -> f64 {
+        self.max_light
     }
 
-    /// Steps of a nominal threshold.
+    /// Returns the number of steps in a nominal threshold.
     #[must_use]
-    pub fn steps(&self) -> u32 {
-        self.steps
+    pub fn threshold_steps(&self) -> u32 {
+        self.threshold_steps
     }
 
-    /// Per-pixel tables.
+    /// Returns the per-pixel tables.
     #[must_use]
     #[inline]
-    pub fn tables(&self) -> &Tables {
+    pub fn tables(&self) -> &PixelTables {
         &self.tables
     }
 
-    /// What every readout does.
+    /// Returns the rules that apply at every readout.
     #[must_use]
     #[inline]
     pub fn rules(&self) -> &Rules {
         &self.rules
     }
 
-    /// Rules and tables of what moves, if anything does.
+    /// Returns the rules and tables of operations that differ between readouts, or `None` if the plan has no such
+    /// operations.
     #[must_use]
     #[inline]
-    pub fn moving(&self) -> Option<&Moving> {
-        self.moving.as_deref()
+    pub fn dynamics(&self) -> Option<&Dynamics> {
+        self.dynamics.as_deref()
     }
 
-    /// Whether pixels act on each other, so that a batch is one tile or one readout.
+    /// Returns whether pixels affect each other. A batch must then be one tile or one readout.
     #[must_use]
     #[inline]
-    pub fn couples(&self) -> bool {
-        self.moving().is_some_and(Moving::couples)
+    pub fn has_coupled_pixels(&self) -> bool {
+        self.dynamics().is_some_and(Dynamics::has_coupled_pixels)
     }
 
-    /// Whole readouts that go wrong.
+    /// Returns the probabilities of dropped and repeated readouts.
     #[must_use]
-    pub fn losses(&self) -> Losses {
-        self.losses
+    pub fn readout_faults(&self) -> ReadoutFaults {
+        self.faults
     }
 
-    /// Whether `readout` is lost.
+    /// Returns whether `readout` is dropped.
     #[must_use]
     pub fn is_dropped(&self, readout: u64) -> bool {
-        self.losses.dropped != 0 && self.clocks.dropped.bits(0, readout) < self.losses.dropped
+        self.faults.drop_probability != 0
+            && self.rngs.dropped_readouts.hash_bits(0, readout) < self.faults.drop_probability
     }
 
-    /// Whether `readout` is reported with the bits of the one before; the first never is.
+    /// Returns whether `readout` is reported with the bits of the previous readout. The first readout is never repeated.
     #[must_use]
     pub fn is_repeated(&self, readout: u64) -> bool {
-        let drawn = || self.clocks.repeated.bits(0, readout) < self.losses.repeated;
-        self.losses.repeated != 0 && readout != 0 && drawn()
+        let drawn = || self.rngs.repeated_readouts.hash_bits(0, readout) < self.faults.repeat_probability;
+        self.faults.repeat_probability != 0 && readout != 0 && drawn()
     }
 
-    /// The clocks of the draws.
+    /// Returns the generators of the draws at readouts.
     #[must_use]
-    pub fn clocks(&self) -> &Clocks {
-        &self.clocks
+    pub fn rngs(&self) -> &NoiseRngs {
+        &self.rngs
     }
 
-    /// Tables for counts of few quanta, if the plan counts quanta.
+    /// Returns the tables for Poisson counts, or `None` if the plan counts no quanta.
     #[must_use]
     #[inline]
-    pub fn counts(&self) -> Option<&poisson::Tables> {
-        self.counts
+    pub fn count_tables(&self) -> Option<&poisson::PoissonTables> {
+        self.count_tables
     }
 
-    /// What fixed point adds to the law.
+    /// Returns upper bounds on the error of the fixed-point arithmetic.
     #[must_use]
-    pub fn bounds(&self) -> &Bounds {
+    pub fn error_bounds(&self) -> &ErrorBounds {
         &self.bounds
     }
 
-    /// Pixels, padded to whole lanes.
+    /// Returns the number of pixels after padding to a multiple of [`PIXEL_ALIGNMENT`].
     #[must_use]
-    pub fn padded(&self) -> usize {
+    pub fn padded_pixels(&self) -> usize {
         self.tables.threshold.len()
     }
 }

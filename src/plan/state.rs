@@ -1,75 +1,75 @@
-//! What the pixels remember between readouts; it can be cloned, saved and resumed.
+//! The state of the pixels between readouts, which can be cloned, saved and resumed.
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 
-/// The pixels' state, one entry a pixel, padded like the tables.
+/// The state of the pixels. Each column has one entry per pixel and is padded like the tables.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct State {
-    /// The next readout.
+pub struct SimulatorState {
+    /// Index of the next readout.
     pub(crate) readout: u64,
-    /// Whole steps above the threshold.
+    /// Whole steps relative to the threshold. The value is negative below the threshold.
     pub(crate) charge: Vec<i16>,
-    /// Fraction of a step, with its top bit inverted so that signed comparison orders it.
+    /// Fraction of a step. The top bit is inverted, because signed comparisons then order fractions correctly.
     pub(crate) fraction: Vec<i16>,
-    /// Whole thresholds of surplus charge; empty where charge is clamped.
+    /// Whole thresholds of surplus charge. The column is empty if the plan does not count surplus.
     pub(crate) surplus: Vec<i16>,
-    /// -1 after a spike; empty where nothing asks.
+    /// -1 after a spike, otherwise 0. The column is empty if the plan does not use it.
     pub(crate) fired: Vec<i16>,
-    /// Frozen threshold noise in steps; empty unless frozen.
-    pub(crate) held: Vec<i16>,
-    /// Its fraction; empty unless frozen and fine.
-    pub(crate) held_fraction: Vec<i16>,
-    /// Noise of quanta that is still to come, in whole steps; empty unless it waits.
-    pub(crate) waiting: Vec<i16>,
-    /// Its fraction, with the top bit inverted.
-    pub(crate) waiting_fraction: Vec<i16>,
-    /// What lingers, see [`SLOW`] and those after it; each empty unless there is such a thing.
-    pub(crate) lingering: [Vec<i16>; LINGERING],
-    /// The bits of the last readout, two bytes each; empty unless readouts are repeated.
-    pub(crate) last: Vec<i16>,
+    /// Frozen threshold noise in whole steps. The column is empty if the plan does not freeze noise.
+    pub(crate) frozen_noise: Vec<i16>,
+    /// Fraction of the frozen noise. The column is empty if the frozen noise has no fraction.
+    pub(crate) frozen_noise_fraction: Vec<i16>,
+    /// Pending noise of the quanta, in whole steps. The column is empty if quanta are not correlated.
+    pub(crate) pending_noise: Vec<i16>,
+    /// Fraction of the pending noise, with its top bit inverted.
+    pub(crate) pending_noise_fraction: Vec<i16>,
+    /// Columns of the slow state, starting with [`SLOW_NOISE_COLUMN`]. A column is empty if the plan lacks the operation.
+    pub(crate) slow_state: [Vec<i16>; SLOW_STATE_COLUMNS],
+    /// The bits of the last readout, two bytes per entry. The column is empty if readouts are never repeated.
+    pub(crate) last_frame: Vec<i16>,
 }
 
-/// High and low half of an `f32`: the wandering threshold's deviation.
-pub(crate) const SLOW: usize = 0;
-/// High and low half of an `f32`: the rise of the threshold.
-pub(crate) const ADAPTED: usize = 2;
-/// High and low half of an `f32`: light that is late, in 1/255 of full scale.
-pub(crate) const LATE: usize = 4;
-/// -1 where the dark current has its lower value.
-pub(crate) const LOW: usize = 6;
-/// Columns of what lingers.
-const LINGERING: usize = 7;
+/// First of two columns that contain the high and the low half of an `f32`: the deviation of the slow threshold noise.
+pub(crate) const SLOW_NOISE_COLUMN: usize = 0;
+/// First of two columns that contain the high and the low half of an `f32`: the rise of the threshold.
+pub(crate) const ADAPTATION_COLUMN: usize = 2;
+/// First of two columns that contain the high and the low half of an `f32`: the late light, in 1/255 of full scale.
+pub(crate) const LAG_COLUMN: usize = 4;
+/// Column that contains -1 if the dark current has its lower value, otherwise 0.
+pub(crate) const TELEGRAPH_COLUMN: usize = 6;
+/// Number of columns of the slow state.
+const SLOW_STATE_COLUMNS: usize = 7;
 
-/// A tile's share of the state, as the kernels edit it.
+/// The part of the state that belongs to one tile. The kernels update it.
 #[derive(Debug)]
-pub struct StateParts<'a> {
-    /// See [`State`].
+pub struct StateTile<'a> {
+    /// See [`SimulatorState`].
     pub charge: &'a mut [i16],
-    /// See [`State`].
+    /// See [`SimulatorState`].
     pub fraction: &'a mut [i16],
-    /// See [`State`].
+    /// See [`SimulatorState`].
     pub surplus: &'a mut [i16],
-    /// See [`State`].
+    /// See [`SimulatorState`].
     pub fired: &'a mut [i16],
-    /// See [`State`].
-    pub held: &'a mut [i16],
-    /// See [`State`].
-    pub held_fraction: &'a mut [i16],
-    /// See [`State`].
-    pub waiting: &'a mut [i16],
-    /// See [`State`].
-    pub waiting_fraction: &'a mut [i16],
-    /// See [`State`].
-    pub lingering: [&'a mut [i16]; LINGERING],
+    /// See [`SimulatorState`].
+    pub frozen_noise: &'a mut [i16],
+    /// See [`SimulatorState`].
+    pub frozen_noise_fraction: &'a mut [i16],
+    /// See [`SimulatorState`].
+    pub pending_noise: &'a mut [i16],
+    /// See [`SimulatorState`].
+    pub pending_noise_fraction: &'a mut [i16],
+    /// See [`SimulatorState`].
+    pub slow_state: [&'a mut [i16]; SLOW_STATE_COLUMNS],
 }
 
-/// What a state is that [`State::fits`] refuses.
-pub(crate) const OTHER_PLAN: &str = "a state of another size or of other effects";
+/// Description of a state that [`SimulatorState::fits`] rejects.
+pub(crate) const FOREIGN_STATE: &str = "a state of another size or with other effects";
 
 const MAGIC: [u8; 8] = *b"spkstat1";
 
-impl State {
-    /// The readout that comes next.
+impl SimulatorState {
+    /// Returns the index of the next readout.
     #[must_use]
     pub fn readout(&self) -> u64 {
         self.readout
@@ -79,12 +79,13 @@ impl State {
         self.readout += readouts as u64;
     }
 
-    /// Remembers the bits of a readout or, where it is `repeated`, replaces them by the last ones.
-    pub(crate) fn repeat(&mut self, repeated: bool, frame: &mut [u8]) {
-        // An odd byte at the end is taken for itself: pairs of unknown length would be copied byte by byte.
+    /// Stores the bits of a readout in the state. If the readout is `repeated`, copies the stored bits to the readout
+    /// instead.
+    pub(crate) fn record_or_repeat(&mut self, repeated: bool, frame: &mut [u8]) {
+        // The odd last byte is a separate case. A loop that also handled shorter pairs would copy byte by byte.
         let (pairs, odd) = frame.as_chunks_mut::<2>();
-        let whole = pairs.len().min(self.last.len());
-        let (last, end) = self.last.split_at_mut(whole);
+        let whole = pairs.len().min(self.last_frame.len());
+        let (last, end) = self.last_frame.split_at_mut(whole);
         let ends = odd.iter_mut().zip(end);
         if repeated {
             pairs.iter_mut().zip(last).for_each(|(pair, last)| *pair = last.to_le_bytes());
@@ -95,29 +96,29 @@ impl State {
         }
     }
 
-    /// Cuts the state into tiles of `pixels` (the last may be shorter).
-    pub fn tiles(&mut self, pixels: usize) -> Vec<StateParts<'_>> {
+    /// Splits the state into tiles of `pixels` pixels. The last tile may be shorter.
+    pub fn tiles(&mut self, pixels: usize) -> Vec<StateTile<'_>> {
         let count = self.charge.len().div_ceil(pixels);
         let mut charge = self.charge.chunks_mut(pixels);
         let mut fraction = self.fraction.chunks_mut(pixels);
         let mut surplus = self.surplus.chunks_mut(pixels);
         let mut fired = self.fired.chunks_mut(pixels);
-        let mut held = self.held.chunks_mut(pixels);
-        let mut held_fraction = self.held_fraction.chunks_mut(pixels);
-        let mut waiting = self.waiting.chunks_mut(pixels);
-        let mut waiting_fraction = self.waiting_fraction.chunks_mut(pixels);
-        let mut lingering = self.lingering.each_mut().map(|column| column.chunks_mut(pixels));
+        let mut held = self.frozen_noise.chunks_mut(pixels);
+        let mut held_fraction = self.frozen_noise_fraction.chunks_mut(pixels);
+        let mut waiting = self.pending_noise.chunks_mut(pixels);
+        let mut waiting_fraction = self.pending_noise_fraction.chunks_mut(pixels);
+        let mut lingering = self.slow_state.each_mut().map(|column| column.chunks_mut(pixels));
         (0..count)
-            .map(|_| StateParts {
+            .map(|_| StateTile {
                 charge: charge.next().unwrap_or_default(),
                 fraction: fraction.next().unwrap_or_default(),
                 surplus: surplus.next().unwrap_or_default(),
                 fired: fired.next().unwrap_or_default(),
-                held: held.next().unwrap_or_default(),
-                held_fraction: held_fraction.next().unwrap_or_default(),
-                waiting: waiting.next().unwrap_or_default(),
-                waiting_fraction: waiting_fraction.next().unwrap_or_default(),
-                lingering: lingering.each_mut().map(|column| column.next().unwrap_or_default()),
+                frozen_noise: held.next().unwrap_or_default(),
+                frozen_noise_fraction: held_fraction.next().unwrap_or_default(),
+                pending_noise: waiting.next().unwrap_or_default(),
+                pending_noise_fraction: waiting_fraction.next().unwrap_or_default(),
+                slow_state: lingering.each_mut().map(|column| column.next().unwrap_or_default()),
             })
             .collect()
     }
@@ -128,37 +129,46 @@ impl State {
             fraction,
             surplus,
             fired,
-            held,
-            held_fraction,
-            // `further` has these.
-            lingering: _,
-            last: _,
-            waiting: _,
-            waiting_fraction: _,
+            frozen_noise: held,
+            frozen_noise_fraction: held_fraction,
+            // `optional_blocks` returns these columns. `readout` is in the header.
+            slow_state: _,
+            last_frame: _,
+            pending_noise: _,
+            pending_noise_fraction: _,
             readout: _,
         } = self;
         [charge, fraction, surplus, fired, held, held_fraction]
     }
 
-    /// What few plans have, in two blocks: what lingers and the bits that may be repeated; then what waits. A block of which
-    /// nothing is there is not written, so that a state keeps its bytes when another block comes behind.
-    fn further(&self) -> [Vec<&Vec<i16>>; 2] {
-        let lingering = self.lingering.iter().chain([&self.last]).collect();
-        [lingering, vec![&self.waiting, &self.waiting_fraction]]
+    /// Returns the columns that few plans use, as two blocks. The first block is the slow state and the last frame. The
+    /// second block is the pending noise.
+    ///
+    /// If all columns of a block are empty, the block is not saved. A version that adds a block therefore writes equal
+    /// bytes for states without the new block.
+    fn optional_blocks(&self) -> [Vec<&Vec<i16>>; 2] {
+        let lingering = self.slow_state.iter().chain([&self.last_frame]).collect();
+        [lingering, vec![&self.pending_noise, &self.pending_noise_fraction]]
     }
 
-    fn further_mut(&mut self) -> [Vec<&mut Vec<i16>>; 2] {
-        let lingering = self.lingering.iter_mut().chain([&mut self.last]).collect();
-        [lingering, vec![&mut self.waiting, &mut self.waiting_fraction]]
+    fn optional_blocks_mut(&mut self) -> [Vec<&mut Vec<i16>>; 2] {
+        let lingering = self.slow_state.iter_mut().chain([&mut self.last_frame]).collect();
+        [lingering, vec![&mut self.pending_noise, &mut self.pending_noise_fraction]]
     }
 
-    /// Whether this could be a state of the plan whose fresh state is `like`.
+    /// Returns whether the columns of this state match a plan whose initial state is `like`.
     pub(crate) fn fits(&self, like: &Self) -> bool {
         let common = self.columns().map(Vec::len) == like.columns().map(Vec::len);
-        common && self.further().concat().iter().zip(like.further().concat()).all(|(a, b)| a.len() == b.len())
+        common
+            && self
+                .optional_blocks()
+                .concat()
+                .iter()
+                .zip(like.optional_blocks().concat())
+                .all(|(a, b)| a.len() == b.len())
     }
 
-    /// The state as bytes, little-endian, with a header that says which parts there are.
+    /// Returns the state as little-endian bytes, with a header that lists the lengths of the columns.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
@@ -169,7 +179,9 @@ impl State {
         for column in self.columns() {
             bytes.extend(column.iter().flat_map(|v| v.to_le_bytes()));
         }
-        for block in self.further().iter().filter(|block| block.iter().any(|column| !column.is_empty())) {
+        for block in
+            self.optional_blocks().iter().filter(|block| block.iter().any(|column| !column.is_empty()))
+        {
             for column in block {
                 bytes.extend((column.len() as u64).to_le_bytes());
             }
@@ -180,10 +192,10 @@ impl State {
         bytes
     }
 
-    /// Reads the blocks of [`State::further`] from the end of the bytes.
-    fn read_further(&mut self, bytes: &[u8], like: &Self) -> Result<()> {
+    /// Reads the blocks of [`SimulatorState::optional_blocks`] from `bytes`, the last part of a saved state.
+    fn read_optional_blocks(&mut self, bytes: &[u8], like: &Self) -> Result<()> {
         let mut rest = bytes;
-        for (block, like) in self.further_mut().into_iter().zip(like.further()) {
+        for (block, like) in self.optional_blocks_mut().into_iter().zip(like.optional_blocks()) {
             let lengths: Vec<u64> = like.iter().map(|column| column.len() as u64).collect();
             let total = lengths.iter().sum::<u64>();
             if total == 0 {
@@ -192,7 +204,7 @@ impl State {
             let expected: Vec<u8> = lengths.iter().flat_map(|n| n.to_le_bytes()).collect();
             let (header, values) = rest.split_at(rest.len().min(expected.len()));
             if header != expected || (values.len() as u64) < 2 * total {
-                return Err(Self::foreign(OTHER_PLAN));
+                return Err(Self::foreign_error(FOREIGN_STATE));
             }
             let (values, behind) = values.split_at(2 * total as usize);
             let (words, _) = values.as_chunks::<2>();
@@ -202,28 +214,30 @@ impl State {
             }
             rest = behind;
         }
-        if rest.is_empty() { Ok(()) } else { Err(Self::foreign(OTHER_PLAN)) }
+        if rest.is_empty() { Ok(()) } else { Err(Self::foreign_error(FOREIGN_STATE)) }
     }
 
-    pub(crate) fn foreign(found: &str) -> Error {
-        Error::new(Kind::Input, "saved state").found(found).expected("the state of a run of this plan")
+    pub(crate) fn foreign_error(found: &str) -> Error {
+        Error::new(ErrorKind::Input, "saved state")
+            .found(found)
+            .expected("a state saved by a run of this plan")
     }
 
-    /// Reads back [`State::to_bytes`] for a plan whose fresh state is `like`.
+    /// Parses the result of [`SimulatorState::to_bytes`] for a plan whose initial state is `like`.
     ///
     /// # Errors
-    /// When the bytes are no state, or one of another plan.
+    /// Returns [`ErrorKind::Input`] if the bytes are not a saved state or if they are the state of another plan.
     pub fn from_bytes(bytes: &[u8], like: &Self) -> Result<Self> {
         let header = MAGIC.len() + 8 + 6 * 8;
         if bytes.len() < header || bytes[..8] != MAGIC {
-            return Err(Self::foreign("other bytes"));
+            return Err(Self::foreign_error("other data"));
         }
         let word = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
         let lengths: [u64; 6] = std::array::from_fn(|i| word(16 + 8 * i));
         let expected = like.columns().map(|c| c.len() as u64);
         let total = header as u64 + 2 * expected.iter().sum::<u64>();
         if lengths != expected || (bytes.len() as u64) < total {
-            return Err(Self::foreign(OTHER_PLAN));
+            return Err(Self::foreign_error(FOREIGN_STATE));
         }
         let (common, rest) = bytes.split_at(total as usize);
         let (words, _) = common[header..].as_chunks::<2>();
@@ -235,14 +249,14 @@ impl State {
             fraction: column(1),
             surplus: column(2),
             fired: column(3),
-            held: column(4),
-            held_fraction: column(5),
+            frozen_noise: column(4),
+            frozen_noise_fraction: column(5),
             ..Self::default()
         };
-        state.read_further(rest, like)?;
+        state.read_optional_blocks(rest, like)?;
         Ok(state)
     }
 }
 
-/// The top bit of a fraction is stored inverted.
-pub(crate) const FLIP: u16 = 0x8000;
+/// The top bit of a fraction. It is stored inverted, because signed comparisons then order fractions correctly.
+pub(crate) const FRACTION_TOP_BIT: u16 = 0x8000;

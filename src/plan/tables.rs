@@ -1,156 +1,166 @@
-//! Per-pixel tables and the rules that every readout follows.
+//! Per-pixel tables, and the rules that apply at every readout.
 
 use crate::draws::{hash, poisson};
 use crate::effects::Model;
-use crate::pixel::{Law, Op, Redraw};
-use crate::plan::LANES;
-use crate::plan::moving::{self, Moving};
-use crate::plan::scale::{Scale, Storage, WHOLE_STEPS, multiplier_per_step};
-use crate::plan::steps::{FRACTION, FULL_SCALE, Rounded, pad, probability};
+use crate::pixel::{Law, NoiseSampling, Op};
+use crate::plan::PIXEL_ALIGNMENT;
+use crate::plan::dynamics::{self, Dynamics};
+use crate::plan::rounded_law::{
+    FRACTION_UNITS_PER_STEP, LIGHT_UNITS_AT_FULL_SCALE, RoundedLaw, pad, probability,
+};
+use crate::plan::step_scale::{MIN_WHOLE_DEVIATION_STEPS, StepScale, Storage, multiplier_per_step};
 
-/// By how much increments that are rounded up are raised: the half ulps of the light as it was stored, its product with 255, the
-/// gain, their product and its sum with the dark current, and a little for the squares of these. `docs/why/fixed-point.md`, "Ties of the charge".
-pub(super) const RAISED: f64 = 5.0 / 16_777_216.0 + 1e-12;
+/// Relative amount by which increments are raised when they are rounded up.
+///
+/// It exceeds five roundings of half an ulp and the squares of these roundings. The rounded values are: the stored light,
+/// its product with 255, the gain, the product of light and gain, and the sum with the dark current. See
+/// `docs/why/fixed-point.md`, "Ties of the charge".
+pub(super) const ROUND_UP_MARGIN: f64 = 5.0 / 16_777_216.0 + 1e-12;
 
 /// Per-pixel constants in row-major order, padded with pixels that never fire.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tables {
+pub struct PixelTables {
     /// Threshold in steps.
     pub threshold: Vec<i16>,
-    /// Keys of the pairs of pixels, half as many.
+    /// Keys of the pairs of pixels. The vector is half as long as the other tables.
     pub pair_keys: Vec<u32>,
-    /// Increment of 1/255 of full-scale light, in steps x 65,536: with 8-bit
-    /// light the product of grey level and gain is then exact for an ideal pixel.
+    /// Increment for 1/255 of full-scale light, in steps x 65,536. For an ideal pixel, the product of an 8-bit gray level
+    /// and the gain is exact.
     pub gain: Vec<f32>,
-    /// The same in whole steps, where every pixel's gain is one and nothing
-    /// else adds charge, so that 8-bit light needs no fraction; else empty.
+    /// Gain in whole steps. With this gain, increments for 8-bit light have no fraction.
+    ///
+    /// The table is empty unless all gains are whole steps, all dark currents are 0, and the maximum light is at least
+    /// full scale.
     pub whole_gain: Vec<i16>,
     /// Increment of the dark current, in steps x 65,536.
     pub dark: Vec<f32>,
-    /// Charge above the threshold at which storage ends, in steps; empty without a bound.
+    /// Largest stored charge relative to the threshold, in steps. The table is empty if the charge is not clamped.
     pub ceiling: Vec<i16>,
-    /// Steps from what it is compared with within which charge is drawn to it and fires by chance; empty where no pixel is so.
-    pub undecided: Vec<i16>,
-    /// Quanta, if any.
-    pub shot: Option<Shot>,
-    /// Threshold noise, if any.
+    /// Largest distance between charge and comparison level, in steps, at which a pixel fires with probability 1/2. The
+    /// table is empty if no pixel has jitter.
+    pub jitter_width: Vec<i16>,
+    /// Tables of shot noise, or `None` without shot noise.
+    pub shot: Option<ShotTables>,
+    /// Table of threshold noise, or `None` without threshold noise.
     pub noise: Option<NoiseTable>,
 }
 
-/// Tables of the light's and the dark current's quanta.
+/// Tables of the shot noise of the light and the dark current.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shot {
+pub struct ShotTables {
     /// Keys of the pixels.
     pub keys: Vec<u32>,
-    /// Mean quanta of 1/255 of full-scale light per readout.
+    /// Mean number of quanta per readout for 1/255 of full-scale light.
     pub light: Vec<f32>,
-    /// Mean quanta of the dark current per readout.
+    /// Mean number of quanta of the dark current per readout.
     pub dark: Vec<f32>,
     /// Charge of a quantum in steps x 65,536.
     pub quantum: Vec<f32>,
-    /// Light, in 1/255 of full scale, from which on the noise is a normal draw
-    /// in whole steps; below it has a fraction, or counts quanta.
-    pub whole_from: Vec<f32>,
-    /// Square of the noise's multiplier that 1/255 of full-scale light adds.
+    /// Smallest light, in 1/255 of full scale, at which the noise is a normal draw in whole steps. At smaller light, the
+    /// noise is fractional or counted in quanta.
+    pub whole_noise_min_light: Vec<f32>,
+    /// Increase of the squared noise multiplier per 1/255 of full-scale light.
     pub slope: Vec<f32>,
-    /// The same without light, less what rounding to whole steps adds.
+    /// Squared noise multiplier in the dark, minus the variance that rounding to whole steps adds.
     pub offset: Vec<f32>,
 }
 
-/// Deviation of the threshold noise.
+/// Standard deviations of the threshold noise.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NoiseTable {
-    /// Multipliers for noise in whole steps.
+    /// Multipliers of noise in whole steps.
     Whole(Vec<i16>),
-    /// Steps x 65,536 per unit of the normal draw, for noise below a few steps.
+    /// Steps x 65,536 per unit of the normal draw, for fractional noise.
     Fine(Vec<f32>),
 }
 
-/// Probabilities in units of 2^-32.
+/// Probabilities of flipped bits, in units of 2^-32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Flip {
-    /// Of losing a spike.
-    pub missed: u32,
-    /// Of inventing one.
-    pub spurious: u32,
+    /// Probability that a spike is not reported.
+    pub missed_spikes: u32,
+    /// Probability that a silent readout reports a spike.
+    pub false_spikes: u32,
 }
 
-/// What every readout does, the same for all pixels.
+/// The rules that apply at every readout and to all pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
-    /// When threshold noise is drawn.
-    pub redraw: Redraw,
-    /// Charge beyond a threshold is counted in whole thresholds.
-    pub surplus: bool,
-    /// Whole thresholds that one increment may leave beyond the first.
+    /// The instants at which threshold noise is drawn.
+    pub noise_sampling: NoiseSampling,
+    /// Whether charge above one threshold is counted in whole thresholds.
+    pub counts_surplus: bool,
+    /// Number of whole thresholds that one increment may leave in addition to the first threshold.
     pub extra_thresholds: u32,
-    /// Share of the quanta's noise that waits which flows into the store at a readout, of 32,768; 0 where none waits.
-    pub released: i16,
-    /// Share of the first increment after a spike that is lost.
+    /// Share of the pending noise of the quanta that is added to the charge at each readout, in units of 1/32,768. The
+    /// value is 0 if no noise can be pending.
+    pub release_share: i16,
+    /// Lost share of the first increment after a spike.
     pub lost_increment: f32,
-    /// Share of the remaining charge that is kept at a spike.
-    pub kept_remainder: f32,
-    /// The rest of it; a small share is known to more digits than what it leaves.
+    /// Share of the remaining charge that a reset does not lose.
+    pub retained_remainder: f32,
+    /// Share of the remaining charge that a reset loses. For a small share, `1 - retained_remainder` would have too few
+    /// digits.
     pub lost_remainder: f32,
-    /// Flipped bits, if any.
+    /// Probabilities of flipped bits, or `None` if bits are never flipped.
     pub flip: Option<Flip>,
-    /// Whether some increment or noise could leave the range of the state and
-    /// has to be clipped; where it is false, clipping changes nothing.
-    pub clip: bool,
+    /// Whether some increment or noise can exceed the range of the state and must be clipped. If false, clipping would
+    /// not change any value.
+    pub needs_clip: bool,
     /// Brightest light in 1/255 of full scale.
-    pub greatest_light: f32,
+    pub max_light: f32,
 }
 
 impl Rules {
-    /// Whether any rule beyond quanta, threshold noise, clamp and surplus applies.
+    /// Returns whether the plan has any rule other than quanta, threshold noise, clamp and surplus.
     #[must_use]
-    pub fn extras(&self) -> bool {
+    pub fn has_extras(&self) -> bool {
         self.lost_increment != 0.0 || !self.keeps_remainder() || self.flip.is_some()
     }
 
-    /// Whether resets leave what is beyond the threshold as it is.
+    /// Returns whether a reset loses no charge above the threshold.
     #[must_use]
     pub fn keeps_remainder(&self) -> bool {
-        self.kept_remainder == 1.0
+        self.retained_remainder == 1.0
     }
 }
 
 pub(super) fn build(
     model: &Model,
     laws: &[Law],
-    scale: &Scale,
-    greatest_light: f64,
-) -> (Tables, Rules, Option<Moving>) {
-    let laws: Vec<Rounded<'_>> = laws.iter().map(|law| Rounded::new(law, scale)).collect();
-    // All pixels share what is taken by name; the tables hold what is their own.
+    scale: &StepScale,
+    max_light: f64,
+) -> (PixelTables, Rules, Option<Dynamics>) {
+    let laws: Vec<RoundedLaw<'_>> = laws.iter().map(|law| RoundedLaw::new(law, scale)).collect();
+    // All pixels have equal values of the fields that this pattern binds. The tables contain the other fields.
     let Law {
-        settling,
+        quanta_retention: settling,
         lost_increment,
         lost_remainder,
-        missed,
-        spurious,
+        missed_spikes: missed,
+        false_spikes: spurious,
         threshold: _,
         gain: _,
         dark: _,
         quantum: _,
         quanta_light: _,
         quanta_dark: _,
-        noise: _,
-        undecided: _,
+        threshold_noise: _,
+        jitter_width: _,
         ceiling: _,
-        // A law without noise does not say when that is drawn: the operations do.
-        redraw: _,
-        // No operation sets it; the state ends at its own.
+        // Without noise, the field of the law is a placeholder. `noise_sampling(model)` therefore reads the operations.
+        noise_sampling: _,
+        // No operation sets the floor. The kernels saturate at the smallest value of the state.
         floor: _,
-        // What moves.
+        // `Dynamics` contains these fields:
         quadratic: _,
         schedule: _,
         lag: _,
         telegraph: _,
         leak: _,
-        comparator: _,
+        comparator_noise: _,
         row_noise: _,
-        slow: _,
+        slow_noise: _,
         adaptation: _,
         crosstalk: _,
         coupling: _,
@@ -158,127 +168,137 @@ pub(super) fn build(
     } = *laws[0].law;
     let flips = missed != 0.0 || spurious != 0.0;
     let rules = Rules {
-        redraw: redraw(model),
-        surplus: scale.storage == Storage::Surplus,
+        noise_sampling: noise_sampling(model),
+        counts_surplus: scale.storage == Storage::Surplus,
         extra_thresholds: scale.extra_thresholds,
-        released: if laws.iter().any(|r| r.law.quantum > 0.0) { released(settling) } else { 0 },
+        release_share: if laws.iter().any(|r| r.law.quantum > 0.0) { release_share(settling) } else { 0 },
         lost_increment: lost_increment as f32,
-        kept_remainder: (1.0 - lost_remainder) as f32,
+        retained_remainder: (1.0 - lost_remainder) as f32,
         lost_remainder: lost_remainder as f32,
-        flip: flips.then(|| Flip { missed: probability(missed), spurious: probability(spurious) }),
-        clip: laws.iter().any(|r| clips(r, greatest_light)),
-        greatest_light: (greatest_light * FULL_SCALE) as f32,
+        flip: flips.then(|| Flip { missed_spikes: probability(missed), false_spikes: probability(spurious) }),
+        needs_clip: laws.iter().any(|r| needs_clip(r, max_light)),
+        max_light: (max_light * LIGHT_UNITS_AT_FULL_SCALE) as f32,
     };
     let mut tables = tables(&laws, scale);
-    if rules.greatest_light < FULL_SCALE as f32 {
-        // Light has to be cut off first.
+    if rules.max_light < LIGHT_UNITS_AT_FULL_SCALE as f32 {
+        // The whole-step kernel does not clamp light, so it must not run if the maximum light is below full scale.
         tables.whole_gain.clear();
     }
-    let moving = moving::build(&laws, model.circuit.geometry.width());
+    let moving = dynamics::build(&laws, model.circuit.geometry.width());
     (tables, rules, moving)
 }
 
-/// All at once is no settling.
-fn released(settling: f64) -> i16 {
+/// Returns `1 - settling` in units of 1/32,768. Returns 0 if all noise arrives at the readout at which it is drawn.
+fn release_share(settling: f64) -> i16 {
     if settling == 0.0 { 0 } else { ((1.0 - settling) * 32_768.0).round().clamp(1.0, 32_767.0) as i16 }
 }
 
-/// A margin below the 32,767 steps of the state.
-const SAFE: f64 = 16_000.0;
+/// Number of steps that is well below the maximum of the state, 32,767 steps.
+const SAFE_STEPS: f64 = 16_000.0;
 
-fn clips(rounded: &Rounded<'_>, greatest_light: f64) -> bool {
-    let (law, unit) = (rounded.law, rounded.unit);
+fn needs_clip(rounded: &RoundedLaw<'_>, max_light: f64) -> bool {
+    let (law, unit) = (rounded.law, rounded.steps_per_charge);
     let switched = law.telegraph.amplitude.abs();
-    let most = (law.gain.abs() * law.brightest(greatest_light) + law.dark.abs() + switched) * unit;
-    most > 2.0 * SAFE
-        || (law.dark - switched) * unit < -SAFE
-        || law.quantum * unit * poisson::COLUMNS as f64 > SAFE
+    let most = (law.gain.abs() * law.max_effective_light(max_light) + law.dark.abs() + switched) * unit;
+    most > 2.0 * SAFE_STEPS
+        || (law.dark - switched) * unit < -SAFE_STEPS
+        || law.quantum * unit * poisson::COLUMNS as f64 > SAFE_STEPS
 }
 
-fn redraw(model: &Model) -> Redraw {
+fn noise_sampling(model: &Model) -> NoiseSampling {
     let mut rules = model.ops.iter().filter_map(|op| match op {
-        Op::ThresholdNoise { redraw, .. } => Some(*redraw),
+        Op::ThresholdNoise { noise_sampling, .. } => Some(*noise_sampling),
         _ => None,
     });
-    rules.next_back().unwrap_or(Redraw::EveryReset)
+    rules.next_back().unwrap_or(NoiseSampling::EveryReset)
 }
 
-fn tables(laws: &[Rounded<'_>], scale: &Scale) -> Tables {
-    let fixed = |f: fn(&Law) -> f64| pad(laws, 0.0, |r| (f(r.law) * r.unit * FRACTION) as f32);
-    let (up, half) = if scale.rounds_up { (RAISED, 0.5) } else { (0.0, 0.0) };
+fn tables(laws: &[RoundedLaw<'_>], scale: &StepScale) -> PixelTables {
+    let fixed = |f: fn(&Law) -> f64| {
+        pad(laws, 0.0, |r| (f(r.law) * r.steps_per_charge * FRACTION_UNITS_PER_STEP) as f32)
+    };
+    let (up, half) = if scale.rounds_increments_up { (ROUND_UP_MARGIN, 0.5) } else { (0.0, 0.0) };
     let raised = |f: fn(&Law) -> f64| {
-        move |r: &Rounded<'_>| {
-            let exact = f(r.law) * r.unit * FRACTION;
+        move |r: &RoundedLaw<'_>| {
+            let exact = f(r.law) * r.steps_per_charge * FRACTION_UNITS_PER_STEP;
             exact + exact.abs() * up
         }
     };
     let plain = |f: fn(&Law) -> f64| pad(laws, 0.0, |r| f(r.law) as f32);
-    let ceiling = |r: &Rounded<'_>| {
+    let ceiling = |r: &RoundedLaw<'_>| {
         let bound = r.law.ceiling / r.law.threshold;
-        let thresholds = if bound.is_finite() { bound } else { scale.unreached };
-        ((thresholds - 1.0) * r.whole).round() as i16
+        let thresholds = if bound.is_finite() { bound } else { scale.unreachable_charge };
+        ((thresholds - 1.0) * r.threshold_steps).round() as i16
     };
-    let padded = laws.len().next_multiple_of(LANES);
-    let keys = |count: usize| (0..count as u32).map(hash::key).collect();
-    let gain = pad(laws, 0.0, |r| raised(|law| law.gain / FULL_SCALE)(r) as f32);
-    let whole_gains =
-        gain.iter().all(|g| g % FRACTION as f32 == 0.0) && laws.iter().all(|r| r.law.dark == 0.0);
-    Tables {
-        // A threshold far above a charge that never grows.
-        threshold: pad(laws, 16_000, |r| r.whole as i16),
+    let padded = laws.len().next_multiple_of(PIXEL_ALIGNMENT);
+    let keys = |count: usize| (0..count as u32).map(hash::address_key).collect();
+    let gain = pad(laws, 0.0, |r| raised(|law| law.gain / LIGHT_UNITS_AT_FULL_SCALE)(r) as f32);
+    let whole_gains = gain.iter().all(|g| g % FRACTION_UNITS_PER_STEP as f32 == 0.0)
+        && laws.iter().all(|r| r.law.dark == 0.0);
+    PixelTables {
+        // Padding pixels never fire: they start below the threshold, and their increments are 0.
+        threshold: pad(laws, 16_000, |r| r.threshold_steps as i16),
         pair_keys: keys(padded / 2),
         whole_gain: if whole_gains {
-            gain.iter().map(|g| (g / FRACTION as f32) as i16).collect()
+            gain.iter().map(|g| (g / FRACTION_UNITS_PER_STEP as f32) as i16).collect()
         } else {
             Vec::new()
         },
         gain,
         dark: pad(laws, 0.0, |r| (raised(|law| law.dark)(r) + half) as f32),
-        undecided: if laws.iter().any(|r| r.law.undecided > 0.0) {
-            pad(laws, 0, |r| (r.law.undecided * r.whole).round() as i16)
+        jitter_width: if laws.iter().any(|r| r.law.jitter_width > 0.0) {
+            pad(laws, 0, |r| (r.law.jitter_width * r.threshold_steps).round() as i16)
         } else {
             Vec::new()
         },
         ceiling: if scale.storage == Storage::Clamped { pad(laws, 0, ceiling) } else { Vec::new() },
-        shot: laws.iter().any(|r| r.law.quantum > 0.0).then(|| Shot {
+        shot: laws.iter().any(|r| r.law.quantum > 0.0).then(|| ShotTables {
             keys: keys(padded),
-            light: plain(|law| law.quanta_light / FULL_SCALE),
+            light: plain(|law| law.quanta_light / LIGHT_UNITS_AT_FULL_SCALE),
             dark: plain(|law| law.quanta_dark),
             quantum: fixed(|law| law.quantum),
-            whole_from: pad(laws, f32::INFINITY, |r| whole_from(r.law, r.unit)),
-            slope: pad(laws, 0.0, |r| (r.law.quanta_light / FULL_SCALE * variance(r.law, r.unit)) as f32),
+            whole_noise_min_light: pad(laws, f32::INFINITY, |r| {
+                whole_noise_min_light(r.law, r.steps_per_charge)
+            }),
+            slope: pad(laws, 0.0, |r| {
+                (r.law.quanta_light / LIGHT_UNITS_AT_FULL_SCALE * quantum_variance(r.law, r.steps_per_charge))
+                    as f32
+            }),
             offset: pad(laws, 0.0, |r| {
                 let rounding = multiplier_per_step().powi(2) / 12.0;
-                (r.law.quanta_dark * variance(r.law, r.unit) - rounding) as f32
+                (r.law.quanta_dark * quantum_variance(r.law, r.steps_per_charge) - rounding) as f32
             }),
         }),
-        noise: noise_table(laws, |r| r.law.noise * r.unit),
+        noise: noise_table(laws, |r| r.law.threshold_noise * r.steps_per_charge),
     }
 }
 
-/// Square of the multiplier for the noise of one quantum: the kernels take the root of a sum of these.
-fn variance(law: &Law, unit: f64) -> f64 {
+/// Returns the squared multiplier for the noise of one quantum. The kernels add such squares and compute the square root.
+fn quantum_variance(law: &Law, unit: f64) -> f64 {
     (law.quantum * unit * multiplier_per_step()).powi(2)
 }
 
-/// Where there are quanta enough for a normal draw, and steps enough for whole ones.
-fn whole_from(law: &Law, unit: f64) -> f32 {
-    let steps = WHOLE_STEPS / (law.quantum * unit);
-    let quanta = f64::from(poisson::LIMIT).max(steps * steps);
-    let light = (quanta - law.quanta_dark) / (law.quanta_light / FULL_SCALE);
+/// Returns the smallest light at which the noise is a normal draw in whole steps. Both the number of quanta and the
+/// deviation in steps must be large enough.
+fn whole_noise_min_light(law: &Law, unit: f64) -> f32 {
+    let steps = MIN_WHOLE_DEVIATION_STEPS / (law.quantum * unit);
+    let quanta = f64::from(poisson::MAX_MEAN).max(steps * steps);
+    let light = (quanta - law.quanta_dark) / (law.quanta_light / LIGHT_UNITS_AT_FULL_SCALE);
     if law.quantum == 0.0 || light.is_nan() { f32::INFINITY } else { light as f32 }
 }
 
-/// Rounding to whole steps adds a variance of 1/12, which is taken off beforehand (Sheppard).
-fn noise_table(laws: &[Rounded<'_>], deviation: impl Fn(&Rounded<'_>) -> f64) -> Option<NoiseTable> {
+/// Returns the noise table for these standard deviations in steps, or `None` if all are 0.
+///
+/// Rounding to whole steps adds a variance of 1/12. This variance is subtracted in advance (Sheppard's correction).
+fn noise_table(laws: &[RoundedLaw<'_>], deviation: impl Fn(&RoundedLaw<'_>) -> f64) -> Option<NoiseTable> {
     let deviations = || laws.iter().map(&deviation);
     if deviations().all(|d| d == 0.0) {
         return None;
     }
-    if deviations().all(|d| d == 0.0 || d >= WHOLE_STEPS) {
+    if deviations().all(|d| d == 0.0 || d >= MIN_WHOLE_DEVIATION_STEPS) {
         let multiplier = |d: f64| ((d * d - 1.0 / 12.0).max(0.0).sqrt() * multiplier_per_step()).round();
         return Some(NoiseTable::Whole(pad(laws, 0, |r| multiplier(deviation(r)) as i16)));
     }
-    let per_unit = FRACTION / crate::draws::gauss::SCALE;
+    let per_unit = FRACTION_UNITS_PER_STEP / crate::draws::gauss::STD_DEV;
     Some(NoiseTable::Fine(pad(laws, 0.0, |r| (deviation(r) * per_unit) as f32)))
 }

@@ -1,94 +1,102 @@
-//! A part of a planned sensor.
+//! The plan of a window, derived from the plan of the whole sensor.
 
 use std::sync::Arc;
 
 use crate::draws::hash;
 use crate::error::Result;
-use crate::plan::moving::{Moving, Telegraph};
-use crate::plan::tables::{NoiseTable, Shot, Tables};
-use crate::plan::{LANES, Plan};
+use crate::plan::dynamics::{Dynamics, TelegraphRule};
+use crate::plan::tables::{NoiseTable, PixelTables, ShotTables};
+use crate::plan::{PIXEL_ALIGNMENT, Plan};
 use crate::spikes::{Crop, Geometry};
 
 impl Plan {
-    /// The plan of [`crate::Camera::window`] without planning anew: the tables of these pixels, with clocks and
-    /// seeds as they are and a start state of its own.
+    /// Returns the plan of [`crate::Camera::window`] without planning again.
+    ///
+    /// It contains the tables and the start distribution of the window's pixels. Its seeds and generators equal those of
+    /// this plan.
     ///
     /// # Errors
-    /// When the rectangle is empty or leaves the sensor.
+    /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within the sensor.
     pub fn window(&self, crop: Crop) -> Result<Self> {
         let geometry = crop.geometry(self.geometry)?;
-        let cut = Cut { crop, of: self.geometry, padded: geometry.pixels().next_multiple_of(LANES) };
+        let cut = WindowCutter {
+            crop,
+            whole: self.geometry,
+            padded: geometry.pixels().next_multiple_of(PIXEL_ALIGNMENT),
+        };
         let tables = cut.tables(&self.tables);
-        let moving = self.moving().map(|moving| cut.moving(moving, geometry));
-        let origin = self.origin.window(crop, geometry);
+        let moving = self.dynamics().map(|moving| cut.moving(moving, geometry));
+        let origin = self.start_distribution.window(crop, geometry);
         Ok(Self {
             geometry,
             tables: Arc::new(tables),
-            moving: moving.map(Arc::new),
-            origin: Arc::new(origin),
-            // What all pixels share.
+            dynamics: moving.map(Arc::new),
+            start_distribution: Arc::new(origin),
+            // All pixels have equal values of these fields.
             seeds: self.seeds,
-            greatest_light: self.greatest_light,
-            steps: self.steps,
+            max_light: self.max_light,
+            threshold_steps: self.threshold_steps,
             rules: self.rules,
-            losses: self.losses,
-            clocks: self.clocks,
-            counts: self.counts,
+            faults: self.faults,
+            rngs: self.rngs,
+            count_tables: self.count_tables,
             bounds: self.bounds,
         })
     }
 }
 
-struct Cut {
+struct WindowCutter {
     crop: Crop,
-    of: Geometry,
+    whole: Geometry,
     padded: usize,
 }
 
-impl Cut {
-    /// The window of a table, padded with what [`Tables`] are padded with; nothing of an empty one.
-    fn of<T: Copy>(&self, table: &[T], filler: T) -> Vec<T> {
+impl WindowCutter {
+    /// Returns the part of a table that belongs to the window, padded like [`PixelTables`]. For an empty table, the
+    /// result is empty.
+    fn cut<T: Copy>(&self, table: &[T], filler: T) -> Vec<T> {
         if table.is_empty() {
             return Vec::new();
         }
-        let mut part = self.crop.pick(self.of, table);
+        let mut part = self.crop.pick(self.whole, table);
         part.resize(self.padded, filler);
         part
     }
 
-    fn tables(&self, whole: &Tables) -> Tables {
-        // The end of a padded table holds the fillers, but not every table is padded.
-        Tables {
-            threshold: self.of(&whole.threshold, 16_000),
+    fn tables(&self, whole: &PixelTables) -> PixelTables {
+        // The filler values are repeated here, because a table of the sensor may end without padding from which they
+        // could be copied.
+        PixelTables {
+            threshold: self.cut(&whole.threshold, 16_000),
             pair_keys: self.keys(self.padded / 2),
-            gain: self.of(&whole.gain, 0.0),
-            whole_gain: self.of(&whole.whole_gain, 0),
-            dark: self.of(&whole.dark, 0.0),
-            ceiling: self.of(&whole.ceiling, 0),
-            undecided: self.of(&whole.undecided, 0),
-            shot: whole.shot.as_ref().map(|shot| Shot {
+            gain: self.cut(&whole.gain, 0.0),
+            whole_gain: self.cut(&whole.whole_gain, 0),
+            dark: self.cut(&whole.dark, 0.0),
+            ceiling: self.cut(&whole.ceiling, 0),
+            jitter_width: self.cut(&whole.jitter_width, 0),
+            shot: whole.shot.as_ref().map(|shot| ShotTables {
                 keys: self.keys(self.padded),
-                light: self.of(&shot.light, 0.0),
-                dark: self.of(&shot.dark, 0.0),
-                quantum: self.of(&shot.quantum, 0.0),
-                whole_from: self.of(&shot.whole_from, f32::INFINITY),
-                slope: self.of(&shot.slope, 0.0),
-                offset: self.of(&shot.offset, 0.0),
+                light: self.cut(&shot.light, 0.0),
+                dark: self.cut(&shot.dark, 0.0),
+                quantum: self.cut(&shot.quantum, 0.0),
+                whole_noise_min_light: self.cut(&shot.whole_noise_min_light, f32::INFINITY),
+                slope: self.cut(&shot.slope, 0.0),
+                offset: self.cut(&shot.offset, 0.0),
             }),
             noise: whole.noise.as_ref().map(|noise| match noise {
-                NoiseTable::Whole(table) => NoiseTable::Whole(self.of(table, 0)),
-                NoiseTable::Fine(table) => NoiseTable::Fine(self.of(table, 0.0)),
+                NoiseTable::Whole(table) => NoiseTable::Whole(self.cut(table, 0)),
+                NoiseTable::Fine(table) => NoiseTable::Fine(self.cut(table, 0.0)),
             }),
         }
     }
 
     fn keys(&self, count: usize) -> Vec<u32> {
-        (0..count as u32).map(hash::key).collect()
+        (0..count as u32).map(hash::address_key).collect()
     }
 
-    fn moving(&self, whole: &Moving, geometry: Geometry) -> Moving {
+    fn moving(&self, whole: &Dynamics, geometry: Geometry) -> Dynamics {
         let last = geometry.height() - 1;
-        let Moving {
+        let Dynamics {
             schedule,
             quadratic,
             peak,
@@ -97,22 +105,22 @@ impl Cut {
             telegraph,
             leak,
             coupling,
-            comparator,
+            comparator_noise: comparator,
             row_noise,
-            slow,
+            slow_noise: slow,
             adaptation,
             droop,
             threshold,
-            sway,
-            rows: _,
+            max_offset: sway,
+            pixel_rows: _,
         } = whole;
-        Moving {
+        Dynamics {
             telegraph: telegraph
                 .as_ref()
-                .map(|t| Telegraph { amplitude: self.of(&t.amplitude, 0.0), rate: t.rate }),
-            threshold: self.of(threshold, 0.0),
-            sway: self.of(sway, 0),
-            rows: (0..self.padded).map(|p| (p / geometry.width()).min(last) as u32).collect(),
+                .map(|t| TelegraphRule { amplitude: self.cut(&t.amplitude, 0.0), rate: t.rate }),
+            threshold: self.cut(threshold, 0.0),
+            max_offset: self.cut(sway, 0),
+            pixel_rows: (0..self.padded).map(|p| (p / geometry.width()).min(last) as u32).collect(),
             schedule: *schedule,
             quadratic: *quadratic,
             peak: *peak,
@@ -120,9 +128,9 @@ impl Cut {
             lag: *lag,
             leak: *leak,
             coupling: *coupling,
-            comparator: *comparator,
+            comparator_noise: *comparator,
             row_noise: *row_noise,
-            slow: *slow,
+            slow_noise: *slow,
             adaptation: *adaptation,
             droop: *droop,
         }

@@ -1,23 +1,23 @@
-//! A camera as one block of bytes: its file with the maps inside, for pickles and messages.
+//! A camera and its maps as one block of bytes, for pickles and messages.
 
 use std::borrow::Cow;
 
-use crate::effects::{Camera, Catalogue};
-use crate::error::{Error, Kind, Result};
-use crate::presets::file::parse_maps;
-use crate::presets::maps::Files;
+use crate::effects::{Camera, Catalog};
+use crate::error::{Error, ErrorKind, Result};
+use crate::presets::file::from_toml_and_maps;
+use crate::presets::maps::MapSource;
 use crate::presets::to_toml;
 
-/// The beginning of the bytes; the number is the version of what follows.
+/// The first bytes of the block. The number in the text is the version of the format.
 const MAGIC: &[u8; 8] = b"spkcam01";
 
-/// The camera file of `camera` with its maps; [`from_bytes`] reads it back. Equal cameras give equal bytes.
+/// Returns the camera file of `camera` and its maps as bytes, which [`from_bytes`] reads. Equal cameras have equal bytes.
 ///
-/// After eight bytes of magic come blocks, each its length (64 bits, little-endian) and its bytes: the text, then
-/// for each map its name and its file.
+/// The bytes start with eight magic bytes. Each following block has a length (64 bits, little-endian) and contents. The
+/// first block contains the text. The other blocks contain the name and the file of each map.
 ///
 /// # Errors
-/// As [`to_toml`].
+/// Returns the errors of [`to_toml`].
 pub fn to_bytes(camera: &Camera) -> Result<Vec<u8>> {
     let saved = to_toml(camera)?;
     let mut bytes = MAGIC.to_vec();
@@ -33,59 +33,63 @@ pub fn to_bytes(camera: &Camera) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// FNV-1a over `bytes`, those of [`to_bytes`] or of a text: tells cameras apart, the same on every machine and in
-/// every version.
+/// Returns the FNV-1a hash of `bytes`, which are the result of [`to_bytes`] or a text.
+///
+/// The hash identifies a camera. It does not depend on the machine or the version.
 #[must_use]
-pub fn key(bytes: &[u8]) -> u64 {
+pub fn fingerprint(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
-/// The camera that [`to_bytes`] wrote.
+/// Parses the result of [`to_bytes`]. The camera may have the effects of this library.
 ///
 /// # Errors
-/// [`Kind::Input`] when the bytes are none of this version, or were cut short; otherwise as [`super::parse`].
+/// Returns [`ErrorKind::Input`] if another version wrote the bytes or if bytes are missing. Also returns the errors of
+/// [`super::from_toml`].
 pub fn from_bytes(bytes: &[u8]) -> Result<Camera> {
-    from_bytes_with(bytes, &Catalogue::new())
+    Catalog::new().camera_from_bytes(bytes)
 }
 
-/// The same for a camera that may have any of `effects`.
-///
-/// # Errors
-/// As [`from_bytes`].
-pub fn from_bytes_with(bytes: &[u8], effects: &Catalogue) -> Result<Camera> {
-    let bad = |found: &str| {
-        Error::new(Kind::Input, "camera bytes")
-            .found(found)
-            .expected("a camera that this version of the library wrote")
-            .remedy("write it anew, or keep cameras as .toml files, which every version reads")
-    };
-    let mut rest = bytes.strip_prefix(MAGIC).ok_or_else(|| match bytes {
-        [b's', b'p', b'k', b'c', b'a', b'm', ..] => bad("bytes of another version"),
-        _ => bad("other bytes"),
-    })?;
-    let mut blocks = Vec::new();
-    while !rest.is_empty() {
-        let (length, after) = rest.split_first_chunk::<8>().ok_or_else(|| bad("bytes that end too early"))?;
-        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-        let (block, after) = after.split_at_checked(length).ok_or_else(|| bad("bytes that end too early"))?;
-        blocks.push(block);
-        rest = after;
+impl Catalog {
+    /// Parses the result of [`to_bytes`]. The camera may have any effect of this catalog.
+    ///
+    /// # Errors
+    /// Returns the errors of [`from_bytes`].
+    pub fn camera_from_bytes(&self, bytes: &[u8]) -> Result<Camera> {
+        let bad = |found: &str| {
+            Error::new(ErrorKind::Input, "camera bytes")
+                .found(found)
+                .expected("a camera written by this version of the library")
+                .remedy("write it again, or store cameras as .toml files, which every version reads")
+        };
+        let mut rest = bytes.strip_prefix(MAGIC).ok_or_else(|| match bytes {
+            [b's', b'p', b'k', b'c', b'a', b'm', ..] => bad("data of another version"),
+            _ => bad("other data"),
+        })?;
+        let mut blocks = Vec::new();
+        while !rest.is_empty() {
+            let (length, after) = rest.split_first_chunk::<8>().ok_or_else(|| bad("truncated data"))?;
+            let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+            let (block, after) = after.split_at_checked(length).ok_or_else(|| bad("truncated data"))?;
+            blocks.push(block);
+            rest = after;
+        }
+        let Some((text, maps)) = blocks.split_first() else { return Err(bad("truncated data")) };
+        let text = std::str::from_utf8(text).map_err(|_| bad("text that is not UTF-8"))?;
+        from_toml_and_maps(text, &EmbeddedMaps(maps), self)
     }
-    let Some((text, maps)) = blocks.split_first() else { return Err(bad("bytes that end too early")) };
-    let text = std::str::from_utf8(text).map_err(|_| bad("text that is no UTF-8"))?;
-    parse_maps(text, &Inside(maps), effects)
 }
 
-/// Names and files in turn.
-struct Inside<'a>(&'a [&'a [u8]]);
+/// The names and the files of maps in alternation.
+struct EmbeddedMaps<'a>(&'a [&'a [u8]]);
 
-impl Files for Inside<'_> {
+impl MapSource for EmbeddedMaps<'_> {
     fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)> {
         let (pairs, _) = self.0.as_chunks::<2>();
         let found = pairs.iter().find(|[name, _]| *name == file.as_bytes());
         found.map(|[_, bytes]| (Cow::Borrowed(*bytes), file.to_owned())).ok_or_else(|| {
-            Error::new(Kind::Input, file)
-                .found("no such map in the bytes")
+            Error::new(ErrorKind::Input, file)
+                .found("a reference to a map that the data does not contain")
                 .expected("every map of the camera")
         })
     }
@@ -127,6 +131,6 @@ mod tests {
         let last = bytes.len() - 1;
         let mut changed = bytes;
         changed[last] ^= 1;
-        assert_eq!(from_bytes(&changed).unwrap_err().kind(), Kind::Corrupt);
+        assert_eq!(from_bytes(&changed).unwrap_err().kind(), ErrorKind::Corrupt);
     }
 }

@@ -1,35 +1,35 @@
-//! Cameras drawn at random: a camera file whose numbers may be ranges.
+//! Random cameras: camera files that contain ranges instead of some numbers.
 
 use std::path::Path;
 
 use toml::{Table, Value};
 
-use crate::draws::pattern::Pattern;
-use crate::draws::{Seeds, Stream};
-use crate::effects::definition::Form;
-use crate::effects::{Camera, Catalogue};
-use crate::error::{Error, Kind, Result};
+use crate::draws::pattern_rng::PatternRng;
+use crate::draws::{RandomStream, Seeds};
+use crate::effects::definition::ParamKind;
+use crate::effects::{Camera, Catalog};
+use crate::error::{Error, ErrorKind, Result};
 use crate::inputs;
-use crate::presets::file::{number_unit, parse_with, text_of};
+use crate::presets::file::{number_unit, value_text};
 use crate::units::Unit;
 
-/// Cameras of which some numbers are drawn from ranges, each independent of the others.
+/// A distribution of cameras. Some numbers of a camera are drawn independently from ranges.
 ///
-/// The text is a camera file in which a number of `[sensor]` or of an effect may be a table instead:
-/// `{ uniform = [low, high] }` or `{ log_uniform = [low, high] }`, with units where the number has one.
+/// The text of a distribution is a camera file. Each number of `[sensor]` or of an effect may be a table: `{ uniform =
+/// [low, high] }` or `{ log_uniform = [low, high] }`. If the number has a unit, the bounds have this unit too.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Distribution {
+pub struct CameraDistribution {
     text: String,
     table: Table,
-    ranges: Vec<Range>,
-    effects: Catalogue,
+    ranges: Vec<ParamRange>,
+    effects: Catalog,
 }
 
-/// A number and what it is drawn from.
+/// A number of the camera file and the range from which it is drawn.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Range {
-    /// Where it stands in the file: `sensor.swing`, `effects.prnu.sigma`.
+pub struct ParamRange {
+    /// Path of the number in the file: `sensor.swing`, `effects.prnu.sigma`.
     pub key: String,
     /// Unit of the bounds.
     pub unit: Unit,
@@ -37,120 +37,135 @@ pub struct Range {
     pub low: f64,
     /// Upper bound.
     pub high: f64,
-    /// Whether its logarithm is uniform, not the number itself.
-    pub logarithmic: bool,
+    /// Whether the logarithm of the number has a uniform distribution. Otherwise the number itself has a uniform
+    /// distribution.
+    pub is_logarithmic: bool,
 }
 
-impl Default for Distribution {
-    /// Cameras to train networks on; see the comments of its text.
+impl Default for CameraDistribution {
+    /// Returns a distribution of cameras for training networks. Comments in its text explain the ranges.
     fn default() -> Self {
         let text = include_str!("distribution.toml");
-        // The text is part of the program, and a test reads it.
+        // The text is part of the program and a test parses it, so the fallback is never used.
         Self::parse(text).unwrap_or(Self {
             text: text.to_owned(),
             table: Table::new(),
             ranges: Vec::new(),
-            effects: Catalogue::new(),
+            effects: Catalog::new(),
         })
     }
 }
 
-impl Distribution {
-    /// Reads the text of a distribution; a camera file without maps is one that always gives this camera.
+impl Catalog {
+    /// Parses the text of a distribution. The cameras may have any effect of this catalog.
     ///
     /// # Errors
-    /// As [`crate::presets::parse`]; when a range is no pair of numbers in rising order, or a logarithmic one does not begin above zero;
-    /// when the text refers to maps, which are one camera's.
+    /// Returns the errors of [`CameraDistribution::parse`].
+    pub fn camera_distribution(&self, text: &str) -> Result<CameraDistribution> {
+        CameraDistribution::read(text, self)
+    }
+}
+
+impl CameraDistribution {
+    /// Parses the text of a distribution.
+    ///
+    /// A camera file without ranges and maps is a distribution that always returns the same camera.
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::Config`] if the text refers to maps, because maps belong to one camera. Returns
+    /// [`ErrorKind::Config`] if the bounds of a range are not two increasing numbers, or if the bounds of a logarithmic
+    /// range are not positive. Also returns the errors of [`crate::presets::from_toml`].
     pub fn parse(text: &str) -> Result<Self> {
-        Self::parse_with(text, &Catalogue::new())
+        Self::read(text, &Catalog::new())
     }
 
-    /// The same for cameras that may have any of `effects`.
-    ///
-    /// # Errors
-    /// As [`Distribution::parse`].
-    pub fn parse_with(text: &str, effects: &Catalogue) -> Result<Self> {
-        let table: Table = toml::from_str(text)
-            .map_err(|e| Error::new(Kind::Config, "camera distribution").found(e.to_string().trim_end()))?;
-        // The camera files that are written here have the table also where there is no map.
+    fn read(text: &str, effects: &Catalog) -> Result<Self> {
+        let table: Table = toml::from_str(text).map_err(|e| {
+            Error::new(ErrorKind::Config, "camera distribution").found(e.to_string().trim_end())
+        })?;
+        // Camera files that this crate writes contain this table even if the camera has no maps.
         if table.get("maps").is_some_and(|maps| maps.as_table().is_none_or(|maps| !maps.is_empty())) {
-            return Err(Error::new(Kind::Config, "maps")
+            return Err(Error::new(ErrorKind::Config, "maps")
                 .found("maps in a distribution")
                 .expected("numbers and ranges")
-                .remedy("maps belong to one camera; use its file"));
+                .remedy("remove the maps, or use the camera file of an individual camera"));
         }
         let mut ranges = Vec::new();
         for_each_number(&table, &mut |key, value| {
             if let Value::Table(range) = value {
-                ranges.push(Range::read(key, range, effects).map_err(|e| e.within(key))?);
+                ranges.push(ParamRange::read(key, range, effects).map_err(|e| e.with_context(key))?);
             }
             Ok(())
         })?;
         let whole = Self { text: text.to_owned(), table, ranges, effects: effects.clone() };
-        // Both ends are cameras, so that no draw fails for its range.
+        // The cameras at both ends of all ranges must be valid, so no single number makes a drawn camera invalid.
         whole.camera(&|range| range.low)?;
         whole.camera(&|range| range.high)?;
         Ok(whole)
     }
 
-    /// Reads the file at `path`.
+    /// Reads the distribution in the file at `path`.
     ///
     /// # Errors
-    /// As [`Distribution::parse`]; when it cannot be read, is no regular file, or is larger than 16 MiB.
-    pub fn open(path: &Path) -> Result<Self> {
+    /// Returns an error if the file cannot be read, is not a regular file or is larger than 16 MiB.
+    /// Also returns the errors of [`Self::parse`].
+    pub fn load(path: &Path) -> Result<Self> {
         let text = inputs::read_text(path, "a camera distribution")?;
-        Self::parse(&text).map_err(|e| e.within(path.display()))
+        Self::parse(&text).map_err(|e| e.with_context(path.display()))
     }
 
-    /// The numbers that are drawn, in the order of their keys.
+    /// Returns the ranges, sorted by key.
     #[must_use]
-    pub fn ranges(&self) -> &[Range] {
+    pub fn ranges(&self) -> &[ParamRange] {
         &self.ranges
     }
 
-    /// The text that it was read from.
+    /// Returns the text from which the distribution was parsed.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// The camera number `seed`: the same camera for the same seed and text. Each number is a function of the seed
-    /// and its own key, so another range more changes no other number.
+    /// Returns the camera of `seed`. Equal seeds and equal texts give equal cameras.
+    ///
+    /// Each number depends only on the seed and on its own key. An additional range therefore does not change other
+    /// numbers.
     ///
     /// # Errors
-    /// When the numbers drawn make no camera together.
+    /// Returns an error if the combination of the drawn numbers is not a valid camera.
     pub fn draw(&self, seed: u64) -> Result<Camera> {
         let mut camera = self.camera(&|range| {
-            let stream = Stream::named(&format!("camera distribution/{}", range.key));
-            let u = Pattern::new(Seeds { camera: seed, ..Seeds::default() }, stream).at(0).uniform();
+            let stream = RandomStream::from_name(&format!("camera distribution/{}", range.key));
+            let u = PatternRng::new(Seeds { camera: seed, ..Seeds::default() }, stream).pixel(0).uniform();
             range.at(u)
         })?;
         camera.name = format!("{} {seed}", camera.name);
         Ok(camera)
     }
 
-    fn camera(&self, choose: &dyn Fn(&Range) -> f64) -> Result<Camera> {
+    fn camera(&self, choose: &dyn Fn(&ParamRange) -> f64) -> Result<Camera> {
         let mut table = self.table.clone();
         for range in &self.ranges {
             let value = choose(range);
             let value = match range.unit {
-                Unit::One => Value::Float(value),
+                Unit::Dimensionless => Value::Float(value),
                 unit => Value::String(unit.format(value)),
             };
-            put(&mut table, &range.key, value);
+            set_value(&mut table, &range.key, value);
         }
-        let text = toml::to_string(&table).map_err(|e| Error::new(Kind::Config, "camera file").found(e))?;
-        parse_with(&text, None, &self.effects)
+        let text =
+            toml::to_string(&table).map_err(|e| Error::new(ErrorKind::Config, "camera file").found(e))?;
+        self.effects.camera_from_toml(&text, None)
     }
 }
 
-impl Range {
-    fn read(key: &str, table: &Table, effects: &Catalogue) -> Result<Self> {
-        let unit = unit_of(key, effects)?;
+impl ParamRange {
+    fn read(key: &str, table: &Table, effects: &Catalog) -> Result<Self> {
+        let unit = key_unit(key, effects)?;
         let bad = |found: &dyn std::fmt::Display| {
-            Error::new(Kind::Config, "range")
+            Error::new(ErrorKind::Config, "range")
                 .found(found)
-                .expected("{ uniform = [low, high] } or { log_uniform = [low, high] }, low below high")
+                .expected("{ uniform = [low, high] } or { log_uniform = [low, high] } with low < high")
         };
         let (law, bounds) = match table.iter().next() {
             Some((law, Value::Array(bounds))) if table.len() == 1 => (law, bounds),
@@ -162,18 +177,18 @@ impl Range {
             _ => return Err(bad(law)),
         };
         let [low, high] = &bounds[..] else { return Err(bad(table)) };
-        let (low, high) = (unit.parse(&text_of(low))?, unit.parse(&text_of(high))?);
+        let (low, high) = (unit.parse(&value_text(low))?, unit.parse(&value_text(high))?);
         if low >= high || (logarithmic && low <= 0.0) {
             return Err(bad(&format_args!("{} to {}", unit.format(low), unit.format(high)))
-                .remedy("a logarithmic range begins above zero; a single number needs no range"));
+                .remedy("a log_uniform range must start above zero; replace an empty range by a number"));
         }
-        Ok(Self { key: key.to_owned(), unit, low, high, logarithmic })
+        Ok(Self { key: key.to_owned(), unit, low, high, is_logarithmic: logarithmic })
     }
 
-    /// The number at share `u` of the range, 0 to 1.
+    /// Returns the number at position `u` of the range. `u` is 0 to 1.
     #[must_use]
     pub fn at(&self, u: f64) -> f64 {
-        let value = if self.logarithmic {
+        let value = if self.is_logarithmic {
             self.low * libm::exp(u * libm::log(self.high / self.low))
         } else {
             self.low + u * (self.high - self.low)
@@ -182,7 +197,7 @@ impl Range {
     }
 }
 
-/// Calls `tell` with the keys of `[sensor]` and of every effect.
+/// Calls `tell` with the key and the value of every entry of `[sensor]` and of every effect.
 fn for_each_number(table: &Table, tell: &mut dyn FnMut(&str, &Value) -> Result<()>) -> Result<()> {
     if let Some(Value::Table(sensor)) = table.get("sensor") {
         sensor.iter().try_for_each(|(key, value)| tell(&format!("sensor.{key}"), value))?;
@@ -195,33 +210,33 @@ fn for_each_number(table: &Table, tell: &mut dyn FnMut(&str, &Value) -> Result<(
     Ok(())
 }
 
-fn unit_of(key: &str, effects: &Catalogue) -> Result<Unit> {
+fn key_unit(key: &str, effects: &Catalog) -> Result<Unit> {
     let parts: Vec<&str> = key.split('.').collect();
     let refused = |found: &str| {
-        Error::new(Kind::Config, "range").found(found).expected("a number of the sensor or of an effect")
+        Error::new(ErrorKind::Config, "range").found(found).expected("a number of the sensor or of an effect")
     };
     match parts[..] {
-        ["sensor", key] => number_unit(key).ok_or_else(|| refused("a number of pixels")),
+        ["sensor", key] => number_unit(key).ok_or_else(|| refused("a range for a number of pixels")),
         ["effects", name, key] => {
             let definition = effects.find(name)?;
-            match definition.params[definition.index(key)?].form {
-                Form::Number { unit, .. } => Ok(unit),
-                Form::Choice(_) => Err(refused("a choice of words")),
+            match definition.params[definition.param_index(key)?].kind {
+                ParamKind::Number { unit, .. } => Ok(unit),
+                ParamKind::Choice(_) => Err(refused("a range for a choice of words")),
             }
         }
-        _ => Err(refused("another key")),
+        _ => Err(refused("a range for another key")),
     }
 }
 
-/// Replaces the value at `key`, a path that is there.
-fn put(table: &mut Table, key: &str, value: Value) {
+/// Replaces the value at `key`. The path `key` must exist.
+fn set_value(table: &mut Table, key: &str, value: Value) {
     match key.split_once('.') {
         None => {
             table.insert(key.to_owned(), value);
         }
         Some((first, rest)) => {
             if let Some(Value::Table(inner)) = table.get_mut(first) {
-                put(inner, rest, value);
+                set_value(inner, rest, value);
             }
         }
     }
@@ -236,7 +251,7 @@ mod tests {
 
     #[test]
     fn the_default_is_read_and_draws_cameras_that_can_be_planned() {
-        let cameras = Distribution::default();
+        let cameras = CameraDistribution::default();
         assert!(cameras.ranges().len() >= 8);
         for seed in 0..50 {
             let mut camera = cameras.draw(seed).unwrap();
@@ -247,7 +262,7 @@ mod tests {
 
     #[test]
     fn draws_follow_their_law_and_the_seed() {
-        let cameras = Distribution::parse(TEXT).unwrap();
+        let cameras = CameraDistribution::parse(TEXT).unwrap();
         let n = 4000;
         let (mut light, mut dark) = (Vec::new(), Vec::new());
         for seed in 0..n {
@@ -255,8 +270,8 @@ mod tests {
             light.push((camera.sensor.thresholds_at_full_scale / 0.02).ln() / 30f64.ln());
             dark.push(camera.effect("dark_current").unwrap().get("mean").unwrap() / 0.5);
         }
-        // A uniform share has mean 1/2 and variance 1/12; the standard error of the mean is 0.0046, the
-        // correlation's 0.016: five of each.
+        // A uniform share has mean 1/2 and variance 1/12. The standard error is 0.0046 for the mean and 0.016 for the
+        // correlation. The tolerance is five standard errors.
         for values in [&light, &dark] {
             let mean = values.iter().sum::<f64>() / n as f64;
             let second = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n as f64;
@@ -270,7 +285,8 @@ mod tests {
     #[test]
     fn another_range_changes_no_other_number() {
         let more = format!("{TEXT}\n[effects.prnu]\nsigma = {{ uniform = [0, 0.07] }}");
-        let (few, more) = (Distribution::parse(TEXT).unwrap(), Distribution::parse(&more).unwrap());
+        let (few, more) =
+            (CameraDistribution::parse(TEXT).unwrap(), CameraDistribution::parse(&more).unwrap());
         let (a, b) = (few.draw(9).unwrap(), more.draw(9).unwrap());
         assert_eq!(a.sensor, b.sensor);
         assert_eq!(a.effect("dark_current"), b.effect("dark_current"));
@@ -278,7 +294,8 @@ mod tests {
 
     #[test]
     fn a_camera_file_is_a_distribution_of_one() {
-        let cameras = Distribution::parse("name = \"x\"\n[effects.prnu]\nsigma = 0.02\n[maps]").unwrap();
+        let cameras =
+            CameraDistribution::parse("name = \"x\"\n[effects.prnu]\nsigma = 0.02\n[maps]").unwrap();
         assert!(cameras.ranges().is_empty());
         assert_eq!(cameras.draw(1).unwrap().effects(), cameras.draw(2).unwrap().effects());
     }
@@ -301,7 +318,7 @@ mod tests {
             "not toml",
         ];
         for text in wrong {
-            assert_eq!(Distribution::parse(text).unwrap_err().kind(), Kind::Config, "{text}");
+            assert_eq!(CameraDistribution::parse(text).unwrap_err().kind(), ErrorKind::Config, "{text}");
         }
     }
 }

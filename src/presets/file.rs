@@ -1,4 +1,4 @@
-//! Reading a camera file.
+//! Parsing of camera files.
 
 use std::path::Path;
 
@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 use toml::Table;
 use toml::Value;
 
-use crate::effects::{Camera, Catalogue, Effect};
-use crate::error::{Error, Kind, Result};
-use crate::presets::maps::{Files, Folder};
+use crate::effects::{Camera, Catalog, Effect};
+use crate::error::{Error, ErrorKind, Result};
+use crate::presets::maps::{MapFolder, MapSource};
 use crate::presets::{default_sensor, light, maps};
 use crate::sensor::Sensor;
 use crate::spikes::{Crop, Geometry};
@@ -32,7 +32,7 @@ struct File {
     window: Option<WindowTable>,
 }
 
-/// The part of the sensor that the camera is, in pixels.
+/// The rectangle of the sensor that the window contains, in pixels.
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WindowTable {
@@ -43,7 +43,7 @@ pub(super) struct WindowTable {
 }
 
 impl WindowTable {
-    pub(crate) fn of(crop: Crop) -> Self {
+    pub(crate) fn from_crop(crop: Crop) -> Self {
         Self { row: crop.y, col: crop.x, height: crop.height, width: crop.width }
     }
 
@@ -63,43 +63,52 @@ struct SensorTable {
     thresholds_at_full_scale: Option<Value>,
 }
 
-/// Reads the text of a camera file; maps are looked for in `folder`.
+/// Parses the text of a camera file. `folder` contains the map files.
 ///
 /// # Errors
-/// When the text is no TOML, a key is unknown, a unit wrong or missing, a
-/// value out of range, a map missing or changed, or the window outside the sensor.
-pub fn parse(text: &str, folder: Option<&Path>) -> Result<Camera> {
-    parse_with(text, folder, &Catalogue::new())
-}
-
-/// The same for a camera file that may have any of `effects`.
+/// Returns [`ErrorKind::Config`] if
+/// * the text is not TOML,
+/// * a key is unknown,
+/// * a unit is wrong or missing,
+/// * a value is out of range,
+/// * the window is outside the sensor.
 ///
-/// # Errors
-/// As [`parse`].
-pub fn parse_with(text: &str, folder: Option<&Path>, effects: &Catalogue) -> Result<Camera> {
-    parse_maps(text, &Folder(folder), effects)
+/// Returns [`ErrorKind::Input`], [`ErrorKind::Io`] or [`ErrorKind::Corrupt`] if a map is invalid, missing or changed.
+pub fn from_toml(text: &str, folder: Option<&Path>) -> Result<Camera> {
+    Catalog::new().camera_from_toml(text, folder)
 }
 
-pub(super) fn parse_maps(text: &str, maps: &dyn Files, effects: &Catalogue) -> Result<Camera> {
+impl Catalog {
+    /// Parses the text of a camera file. The camera may have any effect of this catalog. `folder` contains the map files.
+    ///
+    /// # Errors
+    /// Returns the errors of [`from_toml`].
+    pub fn camera_from_toml(&self, text: &str, folder: Option<&Path>) -> Result<Camera> {
+        from_toml_and_maps(text, &MapFolder(folder), self)
+    }
+}
+
+pub(super) fn from_toml_and_maps(text: &str, maps: &dyn MapSource, effects: &Catalog) -> Result<Camera> {
     let file: File = toml::from_str(text).map_err(|e| {
-        Error::new(Kind::Config, "camera file")
+        Error::new(ErrorKind::Config, "camera file")
             .found(e.to_string().trim_end())
-            .remedy("compare with 'spikelane preset show physical'")
+            .remedy("compare it with the preset `physical`")
     })?;
-    let mut camera = Camera::ideal(sensor(&file.sensor).map_err(|e| e.within("sensor"))?);
+    let mut camera = Camera::ideal(sensor(&file.sensor).map_err(|e| e.with_context("sensor"))?);
     camera.name = file.name;
     camera.source = file.source;
-    camera.light = file.light.front_end().map_err(|e| e.within("light"))?;
+    camera.front_end = file.light.front_end().map_err(|e| e.with_context("light"))?;
     for (name, table) in &file.effects {
-        camera =
-            camera.with(effect(name, table, effects).map_err(|e| e.within(format_args!("effects.{name}")))?);
+        camera = camera.with_effect(
+            effect(name, table, effects).map_err(|e| e.with_context(format_args!("effects.{name}")))?,
+        );
     }
     camera.maps = file.maps.load(maps, camera.sensor.geometry)?;
     match &file.window {
         None => Ok(camera),
-        Some(window) => camera
-            .window(window.crop())
-            .map_err(|e| Error::new(Kind::Config, "window").found(e).expected("a rectangle of the sensor")),
+        Some(window) => camera.window(window.crop()).map_err(|e| {
+            Error::new(ErrorKind::Config, "window").found(e).expected("a rectangle of the sensor")
+        }),
     }
 }
 
@@ -110,47 +119,47 @@ fn sensor(table: &SensorTable) -> Result<Sensor> {
         table.width.unwrap_or(geometry.width() as u32),
         table.height.unwrap_or(geometry.height() as u32),
     )
-    .map_err(|e| Error::new(Kind::Config, e.to_string()))?;
+    .map_err(|e| Error::new(ErrorKind::Config, e.to_string()))?;
     let quantities = [
         (&table.readout_rate, &mut sensor.readout_hz),
         (&table.capacitance, &mut sensor.capacitance_ff),
         (&table.swing, &mut sensor.swing_v),
         (&table.thresholds_at_full_scale, &mut sensor.thresholds_at_full_scale),
     ];
-    for ((key, unit), (value, target)) in QUANTITIES.into_iter().zip(quantities) {
+    for ((key, unit), (value, target)) in SENSOR_UNITS.into_iter().zip(quantities) {
         if let Some(value) = value {
-            *target = unit.parse(&text_of(value)).map_err(|e| e.within(key))?;
+            *target = unit.parse(&value_text(value)).map_err(|e| e.with_context(key))?;
         }
     }
-    sensor.validated()
+    sensor.validate()
 }
 
-/// The numbers of `[sensor]` that have a unit or none, but are no pixels.
-const QUANTITIES: [(&str, Unit); 4] = [
+/// The keys of `[sensor]` that have units. The numbers of pixels are not included.
+const SENSOR_UNITS: [(&str, Unit); 4] = [
     ("readout_rate", Unit::Hertz),
     ("capacitance", Unit::Femtofarad),
     ("swing", Unit::Volt),
-    ("thresholds_at_full_scale", Unit::One),
+    ("thresholds_at_full_scale", Unit::Dimensionless),
 ];
 
-/// The unit of a number of `[sensor]`; `None` for another key.
+/// Returns the unit of a key of `[sensor]`, or `None` if the key has no unit.
 pub(super) fn number_unit(key: &str) -> Option<Unit> {
-    QUANTITIES.iter().find(|q| q.0 == key).map(|q| q.1)
+    SENSOR_UNITS.iter().find(|q| q.0 == key).map(|q| q.1)
 }
 
-fn effect(name: &str, table: &Value, effects: &Catalogue) -> Result<Effect> {
+fn effect(name: &str, table: &Value, effects: &Catalog) -> Result<Effect> {
     let mut effect = effects.find(name)?.neutral();
     let Value::Table(table) = table else {
-        return Err(Error::new(Kind::Config, name).found(table).expected("a table of parameters"));
+        return Err(Error::new(ErrorKind::Config, name).found(table).expected("a table of parameters"));
     };
     for (key, value) in table {
-        effect = effect.with_text(key, &text_of(value))?;
+        effect = effect.with_text(key, &value_text(value))?;
     }
     Ok(effect)
 }
 
-/// A value as the text that [`Unit::parse`] reads: bare numbers keep no unit.
-pub(super) fn text_of(value: &Value) -> String {
+/// Returns a value as text that [`Unit::parse`] parses. A bare number becomes a text without a unit.
+pub(super) fn value_text(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Float(number) => number.to_string(),

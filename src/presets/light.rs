@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::sensor::{FrontEnd, FullScale, Transfer};
 
-/// A [`FrontEnd`] as the file has it; keys left out are the default's.
+/// A [`FrontEnd`] in the form of the camera file. Missing keys have default values.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Table {
@@ -15,21 +15,21 @@ pub(super) struct Table {
     #[serde(skip_serializing_if = "Option::is_none")]
     luminance: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    grey_codes: Option<bool>,
+    gray_codes: Option<bool>,
     #[serde(skip_serializing_if = "Option::is_none")]
     full_scale: Option<Value>,
 }
 
 impl Table {
-    /// The table of a front end; none of the default one.
-    pub(crate) fn of(light: &FrontEnd) -> Option<Self> {
+    /// Returns the table for a front end, or `None` if the front end equals the default.
+    pub(crate) fn from_front_end(light: &FrontEnd) -> Option<Self> {
         (*light != FrontEnd::default()).then(|| Self {
             transfer: light.transfer.map(|t| match t {
                 Transfer::Gamma(exponent) => Value::Float(exponent),
                 named => Value::String(named.to_string()),
             }),
             luminance: Some(light.luminance),
-            grey_codes: Some(light.grey_codes),
+            gray_codes: Some(light.gray_codes),
             full_scale: Some(match light.full_scale {
                 FullScale::Code(code) => Value::Float(code),
                 FullScale::Peak => Value::String("peak".to_owned()),
@@ -42,10 +42,10 @@ impl Table {
         let light = FrontEnd {
             transfer: self.transfer.as_ref().map(transfer).transpose()?,
             luminance: self.luminance.unwrap_or(default.luminance),
-            grey_codes: self.grey_codes.unwrap_or(default.grey_codes),
+            gray_codes: self.gray_codes.unwrap_or(default.gray_codes),
             full_scale: self.full_scale.as_ref().map_or(Ok(default.full_scale), full_scale)?,
         };
-        light.validated()
+        light.validate()
     }
 }
 
@@ -54,8 +54,8 @@ fn transfer(value: &Value) -> Result<Transfer> {
         Value::String(text) => text.clone(),
         other => other.to_string(),
     };
-    // The same words as on the command line, but here a file is at fault.
-    text.parse().map_err(|e: Error| Error::new(Kind::Config, "transfer").found(e))
+    // The accepted words are those of the command line. The kind is changed to `Config`, because the error is in a file.
+    text.parse().map_err(|e: Error| Error::new(ErrorKind::Config, "transfer").found(e))
 }
 
 fn full_scale(value: &Value) -> Result<FullScale> {
@@ -63,7 +63,7 @@ fn full_scale(value: &Value) -> Result<FullScale> {
         Value::Float(code) => Ok(FullScale::Code(*code)),
         Value::Integer(code) => Ok(FullScale::Code(*code as f64)),
         Value::String(word) if word == "peak" => Ok(FullScale::Peak),
-        other => Err(Error::new(Kind::Config, "full_scale")
+        other => Err(Error::new(ErrorKind::Config, "full_scale")
             .found(other)
             .expected("the 8-bit code that is light 1.0, such as 255, or \"peak\"")),
     }

@@ -1,4 +1,4 @@
-//! Per-pixel maps beside a camera file: `.npy` by relative path and digest.
+//! Per-pixel maps of a camera file. The camera file refers to `.npy` files by relative path and digest.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -6,18 +6,18 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::effects::Maps;
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::inputs::{Access, InnerPath, read_bytes};
 use crate::npy;
 use crate::spikes::Geometry;
 
-/// The most that a map may hold, in bytes: 8 for each of 2^28 pixels, the most of a sensor, and a header.
-const MAX_BYTES: u64 = (8 << 28) + (1 << 16);
+/// Largest size of a map file in bytes. The largest sensor has 2^28 pixels of 8 bytes each, and a header is added.
+const MAX_MAP_BYTES: u64 = (8 << 28) + (1 << 16);
 
-/// One map: its file, relative to the camera file, and the digest of its bytes.
+/// A map: the path of its file relative to the camera file, and the digest of its bytes.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Entry {
+pub(super) struct MapEntry {
     pub file: String,
     pub digest: String,
 }
@@ -26,44 +26,44 @@ pub(super) struct Entry {
 #[serde(deny_unknown_fields)]
 pub(super) struct Table {
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub gain: Option<Entry>,
+    pub gain: Option<MapEntry>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub dark_pa: Option<Entry>,
+    pub dark_pa: Option<MapEntry>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub capacitance_ff: Option<Entry>,
+    pub capacitance_ff: Option<MapEntry>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub swing_v: Option<Entry>,
+    pub swing_v: Option<MapEntry>,
 }
 
-/// Where the maps of a camera file lie.
-pub(super) trait Files {
-    /// The bytes of `file`, and what to call it in errors.
+/// The storage from which the maps of a camera file are read.
+pub(super) trait MapSource {
+    /// Returns the bytes of `file`, and the name of the file for errors.
     fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)>;
 }
 
-/// Files in a folder, if there is one.
-pub(super) struct Folder<'a>(pub Option<&'a Path>);
+/// Map files in a folder. With `None`, there is no folder and no map can be read.
+pub(super) struct MapFolder<'a>(pub Option<&'a Path>);
 
-impl Files for Folder<'_> {
+impl MapSource for MapFolder<'_> {
     fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)> {
-        let inner = InnerPath::parse(Kind::Config, "file", file)
+        let inner = InnerPath::parse(ErrorKind::Config, "file", file)
             .map_err(|e| e.expected("a path relative to the camera file, inside its folder"))?;
         let folder = self.0.ok_or_else(|| {
-            Error::new(Kind::Config, file).expected("a camera file, whose folder has its maps")
+            Error::new(ErrorKind::Config, file).expected("a camera file in the folder of its maps")
         })?;
-        let path = inner.below(folder, Access::Read)?;
-        let bytes = read_bytes(&path, "a map", MAX_BYTES)?;
+        let path = inner.resolve_in(folder, Access::Read)?;
+        let bytes = read_bytes(&path, "a map", MAX_MAP_BYTES)?;
         Ok((Cow::Owned(bytes), path.display().to_string()))
     }
 }
 
 impl Table {
-    pub(crate) fn load(&self, files: &dyn Files, geometry: Geometry) -> Result<Maps> {
-        let load = |key: &str, entry: &Option<Entry>| match entry {
+    pub(crate) fn load(&self, files: &dyn MapSource, geometry: Geometry) -> Result<Maps> {
+        let load = |key: &str, entry: &Option<MapEntry>| match entry {
             None => Ok(None),
             Some(entry) => {
                 let map = entry.load(files, geometry);
-                map.map(Some).map_err(|e| e.within(format_args!("maps.{key}")))
+                map.map(Some).map_err(|e| e.with_context(format_args!("maps.{key}")))
             }
         };
         Ok(Maps {
@@ -75,10 +75,12 @@ impl Table {
     }
 }
 
+/// Returns the digest of a map file.
+///
 /// # Errors
-/// [`Kind::Usage`] in a build without the feature `files`, which brings the hash.
+/// Returns [`ErrorKind::Usage`] in a build without the feature `maps`, which provides the hash function.
 pub(super) fn digest(bytes: &[u8]) -> Result<String> {
-    Error::require("maps of a camera file, which have digests", "maps", cfg!(feature = "maps"))?;
+    Error::require_feature("the digests of maps in a camera file", "maps", cfg!(feature = "maps"))?;
     Ok(format!("blake3:{}", hash(bytes)))
 }
 
@@ -92,24 +94,24 @@ fn hash(_: &[u8]) -> String {
     String::new()
 }
 
-impl Entry {
-    fn load(&self, files: &dyn Files, geometry: Geometry) -> Result<Vec<f64>> {
+impl MapEntry {
+    fn load(&self, files: &dyn MapSource, geometry: Geometry) -> Result<Vec<f64>> {
         let (bytes, name) = files.read(&self.file)?;
         let found = digest(&bytes)?;
         if found != self.digest {
-            return Err(Error::new(Kind::Corrupt, name)
+            return Err(Error::new(ErrorKind::Corrupt, name)
                 .found(found)
                 .expected(&self.digest)
                 .remedy("restore the map that belongs to this camera file"));
         }
-        read(&bytes, geometry).map_err(|e| e.within(name))
+        read(&bytes, geometry).map_err(|e| e.with_context(name))
     }
 }
 
 fn read(bytes: &[u8], geometry: Geometry) -> Result<Vec<f64>> {
     let wrong = |found: &dyn std::fmt::Display| {
-        Error::new(Kind::Input, "map").found(found).expected(format_args!(
-            "an .npy array of {} rows and {} columns of f64",
+        Error::new(ErrorKind::Input, "map").found(found).expected(format_args!(
+            "an .npy array with {} rows and {} columns of f64",
             geometry.height(),
             geometry.width()
         ))
@@ -122,7 +124,7 @@ fn read(bytes: &[u8], geometry: Geometry) -> Result<Vec<f64>> {
     Ok(values)
 }
 
-/// The bytes of a map as `.npy`.
+/// Returns a map as the bytes of an `.npy` file.
 pub(super) fn write(map: &[f64], geometry: Geometry) -> Result<Vec<u8>> {
     npy::map_to_bytes(map, geometry.width())
 }

@@ -1,4 +1,4 @@
-//! Cited cameras and models, and camera files: TOML with units.
+//! Built-in camera models with their sources, and camera files: TOML with units.
 
 mod bytes;
 mod distribution;
@@ -7,16 +7,16 @@ mod light;
 mod maps;
 mod write;
 
-pub use bytes::{from_bytes, from_bytes_with, key, to_bytes};
-pub use distribution::Distribution;
-pub use distribution::Range;
-pub use file::{parse, parse_with};
-pub use write::{Saved, to_toml};
+pub use bytes::{fingerprint, from_bytes, to_bytes};
+pub use distribution::CameraDistribution;
+pub use distribution::ParamRange;
+pub use file::from_toml;
+pub use write::{CameraFiles, to_toml};
 
 use std::path::Path;
 
-use crate::effects::{Camera, Catalogue};
-use crate::error::{Error, Kind, Result};
+use crate::effects::{Camera, Catalog};
+use crate::error::{Error, ErrorKind, Result};
 use crate::inputs;
 use crate::sensor::Sensor;
 
@@ -26,7 +26,7 @@ use crate::sensor::Sensor;
 pub struct Preset {
     /// Name on the command line.
     pub name: &'static str,
-    /// The file, as `spikelane preset show` prints it.
+    /// The camera file, as `spikelane preset show` prints it.
     pub text: &'static str,
 }
 
@@ -54,10 +54,10 @@ presets![
     "spike-zoo",
 ];
 
-/// A known camera's geometry and readout rate.
+/// The geometry and readout rate of a known camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Format {
+pub struct SensorFormat {
     /// Name on the command line.
     pub name: &'static str,
     /// Width and height in pixels.
@@ -66,22 +66,22 @@ pub struct Format {
     pub readout_hz: f64,
 }
 
-/// Known cameras.
-pub const FORMATS: &[Format] = &[
-    Format { name: "400x250-20k", size: (400, 250), readout_hz: 20_000.0 },
-    Format { name: "400x250-40k", size: (400, 250), readout_hz: 40_000.0 },
-    Format { name: "1000x1000-20k", size: (1000, 1000), readout_hz: 20_000.0 },
+/// Formats of known cameras.
+pub const SENSOR_FORMATS: &[SensorFormat] = &[
+    SensorFormat { name: "400x250-20k", size: (400, 250), readout_hz: 20_000.0 },
+    SensorFormat { name: "400x250-40k", size: (400, 250), readout_hz: 40_000.0 },
+    SensorFormat { name: "1000x1000-20k", size: (1000, 1000), readout_hz: 20_000.0 },
 ];
 
-/// The 400x250 camera at 20 kHz.
+/// Returns a sensor of 400x250 pixels at 20 kHz.
 ///
 /// # Errors
-/// Never, in practice: the numbers are valid.
+/// The numbers are valid, so no error occurs.
 pub(crate) fn default_sensor() -> Result<Sensor> {
-    Sensor::new(FORMATS[0].size.0, FORMATS[0].size.1, FORMATS[0].readout_hz)
+    Sensor::new(SENSOR_FORMATS[0].size.0, SENSOR_FORMATS[0].size.1, SENSOR_FORMATS[0].readout_hz)
 }
 
-/// The built-in model called `name`, at 400x250 and 20 kHz.
+/// Returns the built-in model called `name`, for a sensor of 400x250 pixels at 20 kHz.
 ///
 /// # Examples
 /// ```
@@ -91,47 +91,58 @@ pub(crate) fn default_sensor() -> Result<Sensor> {
 /// ```
 ///
 /// # Errors
-/// When there is none; the error lists those there are.
+/// Returns [`ErrorKind::Config`] if there is no such model. The error lists all models.
 pub fn builtin(name: &str) -> Result<Camera> {
     let preset = ALL.iter().find(|p| p.name == name).ok_or_else(|| {
         let names: Vec<_> = ALL.iter().map(|p| p.name).collect();
-        Error::new(Kind::Config, "preset")
+        Error::new(ErrorKind::Config, "preset")
             .found(format_args!("\"{name}\""))
             .expected(format_args!("one of {}, or a .toml file", names.join(", ")))
-            .or_nearest(name, names)
+            .with_suggestion(name, names)
     })?;
-    parse(preset.text, None).map_err(|e| e.within(format_args!("preset {name}")))
+    from_toml(preset.text, None).map_err(|e| e.with_context(format_args!("preset {name}")))
 }
 
-/// A built-in model by name, or a camera file by path.
+/// Returns the built-in model with this name, or reads the camera file at this path. The camera may have the effects of
+/// this library.
+///
+/// # Examples
+/// ```
+/// let camera = spikelane::presets::load("scsim-paper")?;
+/// assert!(camera.effect("thermal_noise").is_some());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
-/// When there is neither, or the file describes no camera.
+/// Returns [`ErrorKind::Config`] if there is neither a model nor a file with this name, or if the file does not describe
+/// a valid camera.
 pub fn load(name_or_path: &str) -> Result<Camera> {
-    load_with(name_or_path, &Catalogue::new())
+    Catalog::new().load(name_or_path)
 }
 
-/// The same for a camera file that may have any of `effects`.
-///
-/// # Errors
-/// As [`load`].
-pub fn load_with(name_or_path: &str, effects: &Catalogue) -> Result<Camera> {
-    let path = Path::new(name_or_path);
-    if !name_or_path.ends_with(".toml") && !path.is_file() {
-        return builtin(name_or_path);
-    }
-    effects.open(path)
-}
-
-impl Catalogue {
-    /// Reads the camera file at `path`, which may have any of these effects, with the maps beside it.
+impl Catalog {
+    /// Returns the built-in model with this name, or reads the camera file at this path. The camera may have any effect
+    /// of this catalog.
     ///
     /// # Errors
-    /// When it cannot be read, is no regular file or larger than 16 MiB, or describes no camera.
-    pub fn open(&self, path: &Path) -> Result<Camera> {
+    /// Returns the errors of [`load`].
+    pub fn load(&self, name_or_path: &str) -> Result<Camera> {
+        let path = Path::new(name_or_path);
+        if !name_or_path.ends_with(".toml") && !path.is_file() {
+            return builtin(name_or_path);
+        }
+        self.load_camera(path)
+    }
+
+    /// Reads the camera file at `path`. Its maps are in the folder of this file.
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::Io`] if the file cannot be read or is not a regular file. Returns [`ErrorKind::Config`] if
+    /// the file is larger than 16 MiB or does not describe a valid camera.
+    pub fn load_camera(&self, path: &Path) -> Result<Camera> {
         let text = inputs::read_text(path, "a camera file")?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        parse_with(&text, Some(folder), self).map_err(|e| e.within(path.display()))
+        self.camera_from_toml(&text, Some(folder)).map_err(|e| e.with_context(path.display()))
     }
 }
 
@@ -144,24 +155,24 @@ mod tests {
         for preset in ALL {
             let camera = builtin(preset.name).unwrap();
             assert_eq!(camera.name, preset.name);
-            let again = parse(&to_toml(&camera).unwrap().text, None).unwrap();
+            let again = from_toml(&to_toml(&camera).unwrap().text, None).unwrap();
             assert_eq!(again, camera, "{}", preset.name);
             camera.model(crate::draws::Seeds::default()).unwrap();
         }
     }
 
     #[test]
-    fn a_light_table_reads_back_from_what_is_written_of_it() {
+    fn a_written_light_table_reads_back() {
         let texts = [
             "[light]\ntransfer = 2.2\nfull_scale = \"peak\"",
-            "[light]\ntransfer = \"srgb\"\ngrey_codes = true\nluminance = [0.25, 0.5, 0.25]",
+            "[light]\ntransfer = \"srgb\"\ngray_codes = true\nluminance = [0.25, 0.5, 0.25]",
             "[light]\ntransfer = \"linear\"\nfull_scale = 256",
             "",
         ];
         for text in texts {
-            let camera = parse(text, None).unwrap();
-            let again = parse(&to_toml(&camera).unwrap().text, None).unwrap();
-            assert_eq!(again.light, camera.light, "{text}");
+            let camera = from_toml(text, None).unwrap();
+            let again = from_toml(&to_toml(&camera).unwrap().text, None).unwrap();
+            assert_eq!(again.front_end, camera.front_end, "{text}");
         }
     }
 
@@ -186,7 +197,7 @@ mod tests {
             "[light]\nluminance = [0.3, 0.6, 0.2]",
             "[light]\nluminance = [0.6, 0.6, -0.2]",
             "[light]\nluminance = [nan, 0.5, 0.5]",
-            "[light]\ngrey_codes = 1",
+            "[light]\ngray_codes = 1",
             "[light]\nfull_scale = 0",
             "[light]\nfull_scale = inf",
             "[light]\nfull_scale = \"half\"",
@@ -194,8 +205,8 @@ mod tests {
             "not toml",
         ];
         for text in wrong {
-            let error = parse(text, None).unwrap_err();
-            assert_eq!(error.kind(), Kind::Config, "{text}: {error}");
+            let error = from_toml(text, None).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Config, "{text}: {error}");
         }
     }
 }

@@ -1,12 +1,12 @@
-//! Writing a camera file.
+//! Serialization of camera files.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
 use crate::effects::Camera;
-use crate::effects::definition::{Form, Param};
-use crate::error::{Error, Kind, Result};
+use crate::effects::definition::{Param, ParamKind};
+use crate::error::{Error, ErrorKind, Result};
 use crate::presets::file::WindowTable;
 use crate::presets::{light, maps};
 use crate::units::Unit;
@@ -42,35 +42,36 @@ enum Value {
 }
 
 impl Value {
-    fn of(param: &Param, value: f64) -> Self {
-        match param.form {
-            Form::Number { unit: Unit::One, .. } if value.is_finite() => Self::Number(value),
+    fn from_param(param: &Param, value: f64) -> Self {
+        match param.kind {
+            ParamKind::Number { unit: Unit::Dimensionless, .. } if value.is_finite() => Self::Number(value),
             _ => Self::Text(param.format(value)),
         }
     }
 }
 
-/// A camera file's text and the map files that belong beside it.
+/// The text of a camera file, and the map files of the camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Saved {
-    /// The TOML.
+pub struct CameraFiles {
+    /// Text of the camera file, in TOML.
     pub text: String,
-    /// Names, relative to the camera file, and bytes.
+    /// Name and bytes of each map file. Names are relative to the camera file.
     pub maps: Vec<(String, Vec<u8>)>,
 }
 
-/// The camera file of `camera`; [`super::parse`] reads it back.
+/// Returns the camera file of `camera`. [`super::from_toml`] parses this file.
 ///
 /// # Errors
-/// When the camera's maps have another size than its sensor, or that was changed after a window was cut.
-pub fn to_toml(camera: &Camera) -> Result<Saved> {
-    camera.whole()?;
+/// Returns [`ErrorKind::Config`] if the size of a map differs from the sensor, or if the sensor's size was changed after
+/// a window was cut. Returns [`ErrorKind::Usage`] if the camera has maps and the build lacks the feature `maps`.
+pub fn to_toml(camera: &Camera) -> Result<CameraFiles> {
+    camera.whole_sensor()?;
     let mut saved = Vec::new();
     let effects = camera.effects().iter().map(|effect| {
         let params = effect.definition().params.iter().zip(effect.values());
-        let written = params.filter(|(p, v)| !p.came_later || **v != p.neutral);
-        let table = written.map(|(p, v)| (p.key, Value::of(p, *v))).collect();
+        let written = params.filter(|(p, v)| !p.is_omitted_if_neutral || **v != p.neutral);
+        let table = written.map(|(p, v)| (p.key, Value::from_param(p, *v))).collect();
         (effect.name(), table)
     });
     let sensor = &camera.sensor;
@@ -78,33 +79,33 @@ pub fn to_toml(camera: &Camera) -> Result<Saved> {
         name: &camera.name,
         source: &camera.source,
         sensor: SensorTable {
-            width: camera.whole_geometry().width(),
-            height: camera.whole_geometry().height(),
+            width: camera.sensor_geometry().width(),
+            height: camera.sensor_geometry().height(),
             readout_rate: Unit::Hertz.format(sensor.readout_hz),
             capacitance: Unit::Femtofarad.format(sensor.capacitance_ff),
             swing: Unit::Volt.format(sensor.swing_v),
             thresholds_at_full_scale: sensor.thresholds_at_full_scale,
         },
-        light: light::Table::of(&camera.light),
+        light: light::Table::from_front_end(&camera.front_end),
         effects: effects.collect(),
         maps: map_table(camera, &mut saved)?,
-        window: camera.place().map(WindowTable::of),
+        window: camera.window_crop().map(WindowTable::from_crop),
     };
-    let text = toml::to_string(&file).map_err(|e| Error::new(Kind::Config, "camera file").found(e))?;
-    Ok(Saved { text, maps: saved })
+    let text = toml::to_string(&file).map_err(|e| Error::new(ErrorKind::Config, "camera file").found(e))?;
+    Ok(CameraFiles { text, maps: saved })
 }
 
 fn map_table(camera: &Camera, saved: &mut Vec<(String, Vec<u8>)>) -> Result<maps::Table> {
-    let geometry = camera.whole_geometry();
-    let mut entry = |name: &str, map: &Option<Vec<f64>>| -> Result<Option<maps::Entry>> {
+    let geometry = camera.sensor_geometry();
+    let mut entry = |name: &str, map: &Option<Vec<f64>>| -> Result<Option<maps::MapEntry>> {
         let Some(map) = map else { return Ok(None) };
         if map.len() != geometry.pixels() {
-            return Err(Error::new(Kind::Config, name)
+            return Err(Error::new(ErrorKind::Config, name)
                 .found(format_args!("{} values", map.len()))
                 .expected(format_args!("{}, one per pixel of {geometry}", geometry.pixels())));
         }
         let bytes = maps::write(map, geometry)?;
-        let entry = maps::Entry { file: format!("{name}.npy"), digest: maps::digest(&bytes)? };
+        let entry = maps::MapEntry { file: format!("{name}.npy"), digest: maps::digest(&bytes)? };
         saved.push((entry.file.clone(), bytes));
         Ok(Some(entry))
     };

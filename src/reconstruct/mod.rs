@@ -1,42 +1,47 @@
-//! Pictures back from spikes.
+//! Reconstruction of images from spikes.
 //!
-//! A stream tells how bright a pixel is in three ways: how many spikes fall into a
-//! window ([`tfp`], steady but blurred by motion), how long the interval around a
-//! moment is ([`tfi`], sharp but coarse), and how long a window's spikes
-//! span ([`span`], as steady as the light, blurred like TFP). Rates are in spikes per
-//! readout, so 1.0 is one nominal threshold per readout whatever the camera.
+//! A stream contains the brightness of a pixel in three forms:
+//!
+//! * the number of spikes in a window ([`tfp()`]) has low noise, but motion blurs the image;
+//! * the length of the interval that contains a readout ([`tfi()`]) gives a sharp image with coarse values;
+//! * the span from the first to the last spike of a window ([`span_rates()`]) is most accurate for steady light, but
+//!   motion blurs the image.
+//!
+//! Rates are in spikes per readout. For every camera, light of one nominal threshold per readout has the rate 1.0.
 
 mod detail;
-mod intervals;
 mod quality;
-mod span;
-mod window;
+mod span_rates;
+mod tfi;
+mod tfp;
 
-pub use detail::{Detail, Reference, aligned_psnr, blurred, detail};
-pub use intervals::isi_map;
-pub use intervals::{Tfi, tfi, tfi_at};
+pub use detail::{DetailReference, DetailScores, aligned_psnr, gaussian_blur, score_detail};
 pub use quality::{psnr, ssim};
-pub use span::span;
-pub use window::TfpSequence;
-pub use window::tfp;
+pub use span_rates::span_rates;
+pub use tfi::isi_map;
+pub use tfi::{Tfi, tfi, tfi_with_open_pixels};
+pub use tfp::TfpSequence;
+pub use tfp::tfp;
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::inputs;
-use crate::spikes::Packed;
+use crate::spikes::SpikeFramesRef;
 
-/// The most memory that a picture takes for each pixel, in bytes: distances to two spikes, of 8 bytes each, and a rate
-/// of 4. Counting takes less.
-const BYTES_PER_PIXEL: usize = 24;
+/// Upper bound of the memory for an image, in bytes per pixel: two distances to spikes of 8 bytes each, and a rate of 4
+/// bytes.
+///
+/// Counting spikes needs less memory.
+const RATE_BYTES_PER_PIXEL: usize = 24;
 
-fn check_readout(packed: Packed, readout: usize) -> Result<()> {
+fn check_readout(packed: SpikeFramesRef, readout: usize) -> Result<()> {
     if readout < packed.readouts() {
         let geometry = packed.geometry();
         return inputs::check_memory(
-            format_args!("picture of {geometry} pixels"),
-            BYTES_PER_PIXEL * geometry.pixels(),
+            format_args!("image of {geometry} pixels"),
+            RATE_BYTES_PER_PIXEL * geometry.pixels(),
         );
     }
-    Err(Error::new(Kind::Usage, "readout to reconstruct at")
+    Err(Error::new(ErrorKind::Usage, "readout to reconstruct at")
         .found(readout)
-        .expected(format_args!("less than the stream's {} readouts", packed.readouts())))
+        .expected(format_args!("less than {}, the number of readouts", packed.readouts())))
 }

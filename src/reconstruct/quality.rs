@@ -1,18 +1,18 @@
-//! How near a picture is to its clear original.
+//! Measures of the similarity between an image and the original image.
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::spikes::Geometry;
 
-/// Side of the window of [`ssim`] and the standard deviation of its Gaussian, in pixels.
-const SIDE: usize = 11;
-const SIGMA: f64 = 1.5;
+/// Side of the window of [`ssim`], in pixels.
+const SSIM_WINDOW_PX: usize = 11;
+const SSIM_SIGMA_PX: f64 = 1.5;
 
-/// Peak signal-to-noise ratio in decibels; infinite for equal pictures.
+/// Returns the peak signal-to-noise ratio in decibels, which is infinite for equal images.
 ///
 /// `peak` is the value of full scale.
 ///
 /// # Errors
-/// [`Kind::Usage`] when the pictures differ in size or are empty, or `peak` is not positive.
+/// Returns [`ErrorKind::Usage`] if the images differ in size or are empty, or if `peak` is not positive.
 pub fn psnr(a: &[f32], b: &[f32], peak: f64) -> Result<f64> {
     check(a.len(), b.len(), a.len(), peak)?;
     let squares = a.iter().zip(b).map(|(&x, &y)| {
@@ -23,19 +23,19 @@ pub fn psnr(a: &[f32], b: &[f32], peak: f64) -> Result<f64> {
     Ok(10.0 * libm::log10(peak * peak / mean))
 }
 
-/// Structural similarity, at most 1, which only equal pictures reach.
+/// Returns the structural similarity, which is at most 1 and equals 1 only for equal images.
 ///
-/// Wang, Bovik, Sheikh and Simoncelli 2004: Gaussian window of 11x11 and sigma 1.5, K1 = 0.01,
-/// K2 = 0.03, population variances, averaged over the windows that lie wholly inside.
-/// `peak` is the value of full scale.
+/// The definition is from Wang, Bovik, Sheikh and Simoncelli (2004), with K1 = 0.01, K2 = 0.03 and population variances.
+/// The window is a Gaussian of 11x11 pixels with sigma 1.5. The result is the mean of all windows that are entirely
+/// inside the image. `peak` is the value of full scale.
 ///
 /// # Errors
-/// [`Kind::Usage`] when the pictures do not have the size of `geometry`, a side is shorter than 11
-/// pixels, or `peak` is not positive.
+/// Returns [`ErrorKind::Usage`] if the images do not have the size of `geometry`, if a side is shorter than 11 pixels,
+/// or if `peak` is not positive.
 pub fn ssim(a: &[f32], b: &[f32], geometry: Geometry, peak: f64) -> Result<f64> {
     check(a.len(), b.len(), geometry.pixels(), peak)?;
-    if geometry.width() < SIDE || geometry.height() < SIDE {
-        return Err(Error::new(Kind::Usage, "structural similarity")
+    if geometry.width() < SSIM_WINDOW_PX || geometry.height() < SSIM_WINDOW_PX {
+        return Err(Error::new(ErrorKind::Usage, "structural similarity")
             .found(geometry)
             .expected("at least 11x11 pixels"));
     }
@@ -60,39 +60,40 @@ pub fn ssim(a: &[f32], b: &[f32], geometry: Geometry, peak: f64) -> Result<f64> 
 
 fn check(a: usize, b: usize, wanted: usize, peak: f64) -> Result<()> {
     if a != wanted || b != wanted || wanted == 0 {
-        return Err(Error::new(Kind::Usage, "pictures to compare")
+        return Err(Error::new(ErrorKind::Usage, "images to compare")
             .found(format_args!("{a} and {b} pixels"))
             .expected(format_args!("{} each", wanted.max(1))));
     }
     if !(peak.is_finite() && peak > 0.0) {
-        return Err(Error::new(Kind::Usage, "peak of the pictures")
+        return Err(Error::new(ErrorKind::Usage, "peak value of the images")
             .found(peak)
             .expected("a positive number"));
     }
     Ok(())
 }
 
-/// Gaussian weights that sum to 1.
-fn weights() -> [f64; SIDE] {
-    let raw: [f64; SIDE] = std::array::from_fn(|i| {
-        let d = i as f64 - (SIDE / 2) as f64;
-        libm::exp(-d * d / (2.0 * SIGMA * SIGMA))
+/// Returns Gaussian weights that sum to 1.
+fn weights() -> [f64; SSIM_WINDOW_PX] {
+    let raw: [f64; SSIM_WINDOW_PX] = std::array::from_fn(|i| {
+        let d = i as f64 - (SSIM_WINDOW_PX / 2) as f64;
+        libm::exp(-d * d / (2.0 * SSIM_SIGMA_PX * SSIM_SIGMA_PX))
     });
     let sum: f64 = raw.iter().sum();
     raw.map(|w| w / sum)
 }
 
-/// The windows' weighted means, where a window lies wholly inside: smaller by 10 on each axis.
+/// Returns the weighted mean of every window that is entirely inside the image. The result is 10 pixels smaller on each
+/// axis.
 fn blur(picture: Vec<f64>, geometry: Geometry) -> Vec<f64> {
     let weights = weights();
     let (w, h) = (geometry.width(), geometry.height());
-    let narrow = w - (SIDE - 1);
+    let narrow = w - (SSIM_WINDOW_PX - 1);
     let rows: Vec<f64> = picture
         .chunks_exact(w)
-        .flat_map(|row| row.windows(SIDE))
+        .flat_map(|row| row.windows(SSIM_WINDOW_PX))
         .map(|s| s.iter().zip(&weights).map(|(x, k)| x * k).sum())
         .collect();
-    let mut out = vec![0.0; narrow * (h - (SIDE - 1))];
+    let mut out = vec![0.0; narrow * (h - (SSIM_WINDOW_PX - 1))];
     for (top, line) in out.chunks_exact_mut(narrow).enumerate() {
         for (k, weight) in weights.iter().enumerate() {
             let row = &rows[(top + k) * narrow..][..narrow];

@@ -1,20 +1,20 @@
-//! How a camera model takes the stored codes of pictures as light.
+//! The conversion from the stored codes of an image to light, as a part of the camera model.
 
 use super::Transfer;
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 
-/// What counts as light 1.0.
+/// The stored value that corresponds to light 1.0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FullScale {
-    /// This code of an 8-bit picture, 255 for all codes of any depth used up.
+    /// This code of an 8-bit image. 255 means the largest code at any bit depth.
     Code(f64),
-    /// The brightest pixel of each frame at the camera's size. A frame without light stays dark.
+    /// The brightest pixel of each frame at the camera's size. A frame without light remains dark.
     Peak,
 }
 
 impl FullScale {
-    /// All codes used up.
-    pub const WHOLE: Self = Self::Code(255.0);
+    /// Full scale at the largest code.
+    pub const MAX_CODE: Self = Self::Code(255.0);
 }
 
 impl std::fmt::Display for FullScale {
@@ -26,21 +26,24 @@ impl std::fmt::Display for FullScale {
     }
 }
 
-/// How stored codes become light; the `[light]` table of a camera file.
+/// The conversion from stored codes to light. It is the `[light]` table of a camera file.
 ///
-/// The default is a real camera's: nothing is known of codes, so each kind of file is
-/// read in its own way, and colours are added up as linear light.
+/// The default describes a real camera, whose pixels respond to light and not to codes. Each type of file is then
+/// converted by its own convention, and colors are summed as linear light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrontEnd {
-    /// Curve of integer codes; `None` for the one of the kind of file (sRGB in images and video, linear in
-    /// arrays). Floats are linear light whatever stands here.
+    /// Tone curve of integer codes. `None` selects the curve of the file type: sRGB for images and video, linear for arrays.
+    ///
+    /// Floats are always linear light.
     pub transfer: Option<Transfer>,
-    /// Weights of red, green and blue; they add up to 1.
+    /// Weights of red, green and blue, which sum to 1.
     pub luminance: [f64; 3],
-    /// Whether colour becomes a grey code, rounded to a whole code of the picture's depth, before the curve.
-    /// Otherwise linear colours are added up.
-    pub grey_codes: bool,
-    /// What integer codes count as light 1.0.
+    /// Whether a color image is first converted to a gray code, rounded to an integer of the image's bit depth. The tone
+    /// curve of the gray code is then inverted.
+    ///
+    /// Otherwise the tone curve of each color is inverted, and the linear colors are summed.
+    pub gray_codes: bool,
+    /// The definition of light 1.0.
     pub full_scale: FullScale,
 }
 
@@ -49,29 +52,29 @@ impl Default for FrontEnd {
         Self {
             transfer: None,
             luminance: [0.2126, 0.7152, 0.0722],
-            grey_codes: false,
-            full_scale: FullScale::WHOLE,
+            gray_codes: false,
+            full_scale: FullScale::MAX_CODE,
         }
     }
 }
 
 impl FrontEnd {
-    /// This front end, if its numbers can describe one.
+    /// Returns this front end if its values are valid.
     ///
     /// # Errors
-    /// [`Kind::Config`] for weights that are negative or do not add up to 1 within 0.001, and for a full scale
+    /// Returns [`ErrorKind::Config`] if a weight is negative, if the weights do not sum to 1 within 0.001, or if full scale is
     /// outside 1 to 65535.
-    pub fn validated(self) -> Result<Self> {
+    pub fn validate(self) -> Result<Self> {
         let sum: f64 = self.luminance.iter().sum();
         let whole = (0.999..=1.001).contains(&sum);
         if !whole || self.luminance.iter().any(|w| *w < 0.0) {
-            return Err(Error::new(Kind::Config, "luminance")
+            return Err(Error::new(ErrorKind::Config, "luminance")
                 .found(self.luminance.map(|w| w.to_string()).join(", "))
-                .expected("weights of red, green and blue, zero or more, that add up to 1"));
+                .expected("weights of red, green and blue that are not negative and sum to 1"));
         }
         match self.full_scale {
             FullScale::Code(code) if !(1.0..=65535.0).contains(&code) => {
-                Err(Error::new(Kind::Config, "full_scale")
+                Err(Error::new(ErrorKind::Config, "full_scale")
                     .found(code)
                     .expected("an 8-bit code from 1 to 65535, such as 255, or \"peak\""))
             }
@@ -80,17 +83,17 @@ impl FrontEnd {
     }
 }
 
-/// A front end with nothing left to the kind of file: how an input was in fact read.
+/// Formats a front end as a description of the conversion that was applied to an input.
 impl std::fmt::Display for FrontEnd {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.transfer {
-            Some(Transfer::Linear) => f.write_str("codes taken as light (linear)")?,
-            Some(Transfer::Srgb) => f.write_str("sRGB curve undone")?,
-            Some(Transfer::Gamma(g)) => write!(f, "exponent {g} undone")?,
-            None => f.write_str("curve by the kind of file")?,
+            Some(Transfer::Linear) => f.write_str("linear codes")?,
+            Some(Transfer::Srgb) => f.write_str("sRGB curve inverted")?,
+            Some(Transfer::Gamma(g)) => write!(f, "exponent {g} inverted")?,
+            None => f.write_str("curve of the file type")?,
         }
         let [r, g, b] = self.luminance;
-        let how = if self.grey_codes { "grey codes" } else { "luminance" };
+        let how = if self.gray_codes { "gray codes" } else { "luminance" };
         write!(f, ", {how} {r:.4} {g:.4} {b:.4}")?;
         match self.full_scale {
             FullScale::Code(code) => write!(f, ", full scale {code}"),

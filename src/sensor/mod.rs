@@ -1,4 +1,4 @@
-//! Which camera: geometry, readout rate, nominal circuit, and how stored codes become its light.
+//! The sensor: geometry, readout rate, nominal circuit, and the conversion from stored codes to light.
 
 mod front_end;
 mod transfer;
@@ -6,14 +6,14 @@ mod transfer;
 pub use front_end::{FrontEnd, FullScale};
 pub use transfer::Transfer;
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::spikes::Geometry;
 use crate::units::ELECTRON_FC;
 
-/// A sensor whose pixels are all alike; effects make them differ.
+/// A sensor with identical pixels. Effects make the pixels differ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
-    /// Pixels.
+    /// Width and height in pixels.
     pub geometry: Geometry,
     /// Readouts per second.
     pub readout_hz: f64,
@@ -21,13 +21,14 @@ pub struct Sensor {
     pub capacitance_ff: f64,
     /// Voltage swing between reset and comparison (`V_rst - V_ref`) in volts.
     pub swing_v: f64,
-    /// Nominal thresholds that full-scale light (255, 65535, 1.0) adds per readout.
+    /// Charge in nominal thresholds that full-scale light (255, 65535, 1.0) adds per readout.
     pub thresholds_at_full_scale: f64,
 }
 
 impl Sensor {
-    /// A sensor with the circuit of the SCSim paper: 4.348 fF, 3.3 V - 2.2 V,
-    /// and one threshold per readout at full scale.
+    /// Returns a sensor with the circuit of the SCSim paper.
+    ///
+    /// The capacitance is 4.348 fF and the swing is 3.3 V - 2.2 V. Full-scale light adds one threshold per readout.
     ///
     /// # Examples
     /// ```
@@ -37,7 +38,7 @@ impl Sensor {
     /// ```
     ///
     /// # Errors
-    /// See [`Geometry::new`]; the readout rate must be positive and finite.
+    /// Returns the errors of [`Geometry::new`], and [`ErrorKind::Config`] if the readout rate is not positive and finite.
     pub fn new(width: u32, height: u32, readout_hz: f64) -> Result<Self> {
         let sensor = Self {
             geometry: Geometry::new(width, height)?,
@@ -46,15 +47,15 @@ impl Sensor {
             swing_v: 1.1,
             thresholds_at_full_scale: 1.0,
         };
-        sensor.validated()
+        sensor.validate()
     }
 
-    /// This sensor, if its numbers can describe one.
+    /// Returns this sensor if its values are valid.
     ///
     /// # Errors
-    /// When the rate, the capacitance or the swing is not positive and
-    /// finite, or the sensitivity is negative or not finite.
-    pub fn validated(self) -> Result<Self> {
+    /// Returns [`ErrorKind::Config`] if the rate, the capacitance or the swing is not positive and finite,
+    /// or if the sensitivity is negative or not finite.
+    pub fn validate(self) -> Result<Self> {
         let positive = [
             ("readout rate (Hz)", self.readout_hz),
             ("capacitance (fF)", self.capacitance_ff),
@@ -62,27 +63,27 @@ impl Sensor {
         ];
         for (what, value) in positive {
             if !(value.is_finite() && value > 0.0) {
-                return Err(Error::new(Kind::Config, what).found(value).expected("a positive number"));
+                return Err(Error::new(ErrorKind::Config, what).found(value).expected("a positive number"));
             }
         }
         let sensitivity = self.thresholds_at_full_scale;
         if !(sensitivity.is_finite() && sensitivity >= 0.0) {
-            return Err(Error::new(Kind::Config, "thresholds at full scale")
+            return Err(Error::new(ErrorKind::Config, "thresholds at full scale")
                 .found(sensitivity)
                 .expected("zero or more"));
         }
         Ok(self)
     }
 
-    /// Duration of a readout in seconds.
+    /// Returns the duration of a readout in seconds.
     #[must_use]
     pub fn period_s(&self) -> f64 {
         1.0 / self.readout_hz
     }
 
-    /// Electrons in a charge of `charge_fc` femtocoulombs.
+    /// Returns the number of electrons in a charge of `charge_fc` femtocoulombs.
     #[must_use]
-    pub fn electrons(charge_fc: f64) -> f64 {
+    pub fn electrons_from_fc(charge_fc: f64) -> f64 {
         charge_fc / ELECTRON_FC
     }
 }

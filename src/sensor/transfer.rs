@@ -1,23 +1,25 @@
-//! The curve by which codes stand for light.
+//! The tone curve between stored codes and light.
 
 use std::str::FromStr;
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 
-/// How codes in 0 to 1 stand for light in 0 to 1.
+/// The function that converts codes, 0 to 1, to light, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Transfer {
-    /// Codes are light.
+    /// Light equals the code.
     Linear,
-    /// The curve of IEC 61966-2-1: linear below 0.04045, then a power of 2.4.
+    /// The curve of IEC 61966-2-1. It is linear for codes up to 0.04045 and a power function with exponent 2.4 above.
     Srgb,
-    /// Light is the code to this power; positive and finite.
+    /// Light is the code to the power of this exponent, which is positive and finite.
     Gamma(f64),
 }
 
 impl Transfer {
-    /// The light of a code. Codes above 1 go on along the curve, negative codes
-    /// keep their sign (so that a check for negative light still sees them).
+    /// Returns the light of a code.
+    ///
+    /// The curve is also defined for codes above 1. A negative code has negative light, so a later check can detect the
+    /// error.
     #[must_use]
     pub fn light(self, code: f64) -> f64 {
         let x = code.abs();
@@ -30,15 +32,16 @@ impl Transfer {
         if code < 0.0 { -y } else { y }
     }
 
-    /// 8-bit codes to light at 16 bits, rounded to nearest.
+    /// Returns the light of every 8-bit code as 16-bit values, rounded to nearest.
     #[must_use]
     pub fn table8(self) -> [u16; 256] {
         std::array::from_fn(|i| (self.light(i as f64 / 255.0) * 65535.0 + 0.5) as u16)
     }
 
-    /// 16-bit codes to light, 1.0 at code 65535.
+    /// Returns the light of every 16-bit code. Code 65535 has light 1.0.
     ///
-    /// Floats, because sRGB's darkest 16-bit codes are a thirteenth of a linear step apart.
+    /// The values are floats, because adjacent dark 16-bit codes of sRGB differ by only a thirteenth of a linear 16-bit
+    /// step.
     #[must_use]
     pub fn table16(self) -> Vec<f32> {
         (0..=u16::MAX).map(|i| self.light(f64::from(i) / 65535.0) as f32).collect()
@@ -48,7 +51,7 @@ impl Transfer {
 impl FromStr for Transfer {
     type Err = Error;
 
-    /// `linear`, `srgb`, or the exponent as a number.
+    /// Parses `linear`, `srgb`, or the exponent as a number.
     fn from_str(text: &str) -> Result<Self> {
         match text {
             "linear" => return Ok(Self::Linear),
@@ -57,7 +60,7 @@ impl FromStr for Transfer {
         }
         match text.parse::<f64>() {
             Ok(g) if (0.1..=10.0).contains(&g) => Ok(Self::Gamma(g)),
-            _ => Err(Error::new(Kind::Usage, "transfer function")
+            _ => Err(Error::new(ErrorKind::Usage, "transfer function")
                 .found(format_args!("`{text}`"))
                 .expected("linear, srgb, or an exponent from 0.1 to 10 such as 2.2")),
         }

@@ -1,9 +1,11 @@
-//! Light in, spikes out: plans run over tiles, on one thread or several.
+//! The simulator. It runs the kernels of a plan on the tiles of the sensor, on one thread or several threads.
 
-mod frame;
-mod frames;
+mod frame_ref;
+mod frame_sequence;
+mod light;
+mod options;
 #[cfg(feature = "presets")]
-mod saved;
+mod save;
 pub(crate) mod segments;
 mod simulator;
 mod tiles;
@@ -11,5 +13,7 @@ mod tiles;
 pub use crate::kernels::Samples;
 #[cfg(feature = "threads")]
 pub use crate::threads::Pool;
-pub use frame::FrameRef;
+pub use frame_ref::FrameRef;
+pub use light::Light;
+pub use options::SimulatorOptions;
 pub use simulator::Simulator;

@@ -1,44 +1,46 @@
 use crate::draws::Seeds;
 use crate::effects::Camera;
-use crate::error::{Error, Kind, Result};
-use crate::kernels::{self, Backend, Batch, Job, Light, Segment};
-use crate::plan::{OTHER_PLAN, Plan, State, StateParts};
-use crate::simulate::FrameRef;
-use crate::simulate::segments::{batches, between, split};
-use crate::simulate::tiles::{gather, tile_of};
+use crate::error::{Error, ErrorKind, Result};
+use crate::kernels::{self, Backend, Batch, Job, Segment, SegmentLight};
+use crate::plan::{FOREIGN_STATE, Plan, SimulatorState, StateTile};
+use crate::simulate::light::{Light, ValidLight};
+use crate::simulate::segments::batches;
+use crate::simulate::tiles::{gather_frame, tile_pixels};
+use crate::spikes::SpikeFrames;
 use crate::threads;
 #[cfg(feature = "threads")]
 use crate::threads::Pool;
 
-/// Readouts of a batch: long enough that loading a vector's tables costs
-/// nothing, short enough that a tile's bits stay in cache.
-pub(super) const BATCH: usize = 128;
+/// Maximum number of readouts of a batch. In a batch of this length, loading the tables of a vector takes a negligible
+/// time. The bits of a tile still fit in the cache.
+pub(super) const MAX_BATCH_READOUTS: usize = 128;
 
-/// Readouts that one thread collects at a time.
+/// Number of readouts whose bits one thread collects at a time.
 #[cfg(feature = "threads")]
-const GATHERED: usize = 8;
+const READOUTS_PER_GATHER: usize = 8;
 
-/// A camera at work: push light, receive packed readouts.
+/// A simulated camera. It converts light to packed readouts.
 ///
-/// The state is the camera's only memory. It can be cloned with the
-/// simulator, saved with [`State::to_bytes`] and put back at any readout.
+/// Results depend only on the plan, the light and the state. The state can be cloned with the simulator, saved with
+/// [`SimulatorState::to_bytes`], and restored at any readout.
 #[derive(Clone, Debug)]
 pub struct Simulator {
     plan: Plan,
-    state: State,
+    state: SimulatorState,
     backend: Backend,
-    /// Pixels of a tile.
-    tile: usize,
+    /// Number of pixels in a tile.
+    tile_pixels: usize,
     bits: Vec<Vec<u8>>,
-    /// Whether the last batch went through the tiles backwards. Every second one of a single frame does: it finds in the caches
-    /// what the batch before it used last.
-    turned: bool,
+    /// Whether the last batch visited the tiles in reverse order. For batches with a single segment, the order
+    /// alternates. The first tiles of a batch are then the last tiles of the previous batch, which are still in the
+    /// caches.
+    is_reversed: bool,
     #[cfg(feature = "threads")]
     pool: Option<Pool>,
 }
 
 impl Simulator {
-    /// The camera before its first readout, on the fastest backend of this CPU, with one thread.
+    /// Returns a simulator of `camera` before the first readout. It uses the fastest backend of this CPU and one thread.
     ///
     /// # Examples
     /// ```
@@ -50,284 +52,275 @@ impl Simulator {
     /// ```
     ///
     /// # Errors
-    /// See [`Plan::new`].
+    /// Returns the errors of [`Plan::new`].
     pub fn new(camera: &Camera, seeds: Seeds) -> Result<Self> {
-        Ok(Self::of_plan(Plan::new(camera, seeds)?))
+        Ok(Self::from_plan(Plan::new(camera, seeds)?))
     }
 
-    /// A plan before its first readout.
+    /// Returns a simulator of `plan` before the first readout.
     #[must_use]
-    pub fn of_plan(plan: Plan) -> Self {
-        let tile = tile_of(&plan, 1);
+    pub fn from_plan(plan: Plan) -> Self {
+        let tile = tile_pixels(&plan, 1);
         Self {
-            state: kernels::start(&plan),
+            state: kernels::initial_state(&plan),
             backend: Backend::best(),
-            bits: vec![Vec::new(); plan.padded().div_ceil(tile)],
-            turned: false,
-            tile,
+            bits: vec![Vec::new(); plan.padded_pixels().div_ceil(tile)],
+            is_reversed: false,
+            tile_pixels: tile,
             plan,
             #[cfg(feature = "threads")]
             pool: None,
         }
     }
 
-    /// This simulator on another backend; the bits stay the same.
+    /// Makes this simulator run on the threads of `pool`.
+    #[cfg(feature = "threads")]
+    pub(super) fn set_pool(&mut self, pool: &Pool) {
+        self.tile_pixels = tile_pixels(&self.plan, pool.threads());
+        self.bits.resize(self.plan.padded_pixels().div_ceil(self.tile_pixels), Vec::new());
+        self.pool = (pool.threads() > 1).then(|| pool.clone());
+    }
+
+    /// Sets the instruction set of the kernels. The simulated bits do not depend on the instruction set.
     ///
     /// # Errors
-    /// When this CPU lacks it.
-    pub fn with_backend(mut self, backend: Backend) -> Result<Self> {
-        if !backend.available() {
-            return Err(Error::new(Kind::Usage, "backend")
+    /// Returns [`ErrorKind::Usage`] if this CPU cannot run the backend.
+    pub fn set_backend(&mut self, backend: Backend) -> Result<()> {
+        if !backend.is_available() {
+            return Err(Error::new(ErrorKind::Usage, "backend")
                 .found(backend)
-                .expected("one that this CPU has")
-                .remedy("use auto"));
+                .expected("a backend that this CPU supports")
+                .remedy("use `Backend::best()`"));
         }
         self.backend = backend;
-        Ok(self)
+        Ok(())
     }
 
-    /// This simulator on `threads` threads of its own; the bits stay the same.
+    /// Returns to the state before the first readout, for another recording of the same camera.
     ///
-    /// # Errors
-    /// When the system gives no threads.
-    #[cfg(feature = "threads")]
-    pub fn with_threads(self, threads: usize) -> Result<Self> {
-        Ok(self.with_pool(&Pool::new(threads)?))
-    }
-
-    /// This simulator on the threads of `pool`, which others may share; the bits stay the same.
-    #[cfg(feature = "threads")]
-    #[must_use]
-    pub fn with_pool(mut self, pool: &Pool) -> Self {
-        self.tile = tile_of(&self.plan, pool.threads());
-        self.bits.resize(self.plan.padded().div_ceil(self.tile), Vec::new());
-        self.pool = (pool.threads() > 1).then(|| pool.clone());
-        self
-    }
-
-    /// Starts anew as another recording of the same camera: the simulator of
-    /// [`Plan::with_seeds`], which keeps its tables, backend and threads.
+    /// The result equals a new simulator of [`Plan::with_seeds`]. Tables, backend and threads are reused.
     ///
     /// # Examples
     /// ```
-    /// # use spikelane::{Camera, Seeds, Sensor, Simulator, simulate::FrameRef};
-    /// # let sensor = Sensor::new(32, 24, 20_000.0)?;
-    /// # let (geometry, light) = (sensor.geometry, vec![51u8; 32 * 24]);
-    /// let mut simulator = Simulator::new(&Camera::ideal(sensor), Seeds::default())?;
-    /// let (mut first, mut again) = (vec![0; 96], vec![0; 96]);
-    /// simulator.push(FrameRef::u8(&light, geometry), &mut first)?;
+    /// # use spikelane::{Camera, Seeds, Sensor, Simulator};
+    /// # let light = vec![51u8; 32 * 24];
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(32, 24, 20_000.0)?), Seeds::default())?;
+    /// let first = simulator.run(&light, 4)?;
     /// simulator.restart(Seeds::default())?;
-    /// simulator.push(FrameRef::u8(&light, geometry), &mut again)?;
-    /// assert_eq!(first, again);
+    /// assert_eq!(simulator.run(&light, 4)?, first);
     /// # Ok::<(), spikelane::Error>(())
     /// ```
     ///
     /// # Errors
-    /// When `seeds.camera` is another than the plan's.
+    /// Returns [`ErrorKind::Usage`] if `seeds.camera` differs from the camera seed of the plan.
     pub fn restart(&mut self, seeds: Seeds) -> Result<()> {
         self.plan.reseed(seeds)?;
-        self.state = kernels::start(&self.plan);
+        self.state = kernels::initial_state(&self.plan);
         Ok(())
     }
 
-    /// The plan.
+    /// Returns the plan.
     #[must_use]
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// The backend.
+    /// Returns the backend.
     #[must_use]
     pub fn backend(&self) -> Backend {
         self.backend
     }
 
-    /// The state after the last readout.
+    /// Returns the state after the last readout.
     #[must_use]
-    pub fn state(&self) -> &State {
+    pub fn state(&self) -> &SimulatorState {
         &self.state
     }
 
-    /// Continues from `state`, for instance one read by [`State::from_bytes`]
-    /// with [`Plan::start`] as its pattern.
+    /// Replaces the state, for example by a state that [`SimulatorState::from_bytes`] returned for
+    /// [`Plan::initial_state`].
     ///
     /// # Examples
     /// ```
-    /// # use spikelane::{Camera, Seeds, Sensor, Simulator, simulate::FrameRef};
-    /// # let sensor = Sensor::new(32, 24, 20_000.0)?;
-    /// # let (geometry, light) = (sensor.geometry, vec![51u8; 32 * 24]);
-    /// let mut simulator = Simulator::new(&Camera::ideal(sensor), Seeds::default())?;
-    /// let (mut first, mut again) = (vec![0; 96], vec![0; 96]);
+    /// # use spikelane::{Camera, Seeds, Sensor, Simulator};
+    /// # let light = vec![51u8; 32 * 24];
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(32, 24, 20_000.0)?), Seeds::default())?;
     /// let before = simulator.state().clone();
-    /// simulator.push(FrameRef::u8(&light, geometry), &mut first)?;
-    /// simulator.resume(before)?;
-    /// simulator.push(FrameRef::u8(&light, geometry), &mut again)?;
-    /// assert_eq!(first, again);
+    /// let first = simulator.run(&light, 4)?;
+    /// simulator.set_state(before)?;
+    /// assert_eq!(simulator.run(&light, 4)?, first);
     /// # Ok::<(), spikelane::Error>(())
     /// ```
     ///
     /// # Errors
-    /// When the state belongs to another plan, or holds what no run leaves behind.
-    pub fn resume(&mut self, state: State) -> Result<()> {
+    /// Returns an error if the state belongs to another plan, or if no run can produce a value of the state.
+    pub fn set_state(&mut self, state: SimulatorState) -> Result<()> {
         if !state.fits(&self.state) {
-            return Err(State::foreign(OTHER_PLAN));
+            return Err(SimulatorState::foreign_error(FOREIGN_STATE));
         }
         if let Some(found) = state.fault(&self.plan) {
-            return Err(State::foreign(found));
+            return Err(SimulatorState::foreign_error(found));
         }
         self.state = state;
         Ok(())
     }
 
-    /// Holds `frame` for as many readouts as `out` has packed frames
-    /// ([`crate::Geometry::frame_bytes`] each, whatever they held before).
-    /// A camera that drops readouts holds it until `out` is full; to let the
-    /// scene go on instead see [`Simulator::expose`].
+    /// Simulates `readouts` readouts of `light` and returns the spikes.
+    ///
+    /// The result always has `readouts` frames. If the camera drops readouts, the last light continues until this number
+    /// is complete. [`Simulator::advance`] returns fewer frames instead.
     ///
     /// # Examples
     /// ```
-    /// # use spikelane::{Camera, Seeds, Sensor, Simulator, simulate::FrameRef};
-    /// # let sensor = Sensor::new(32, 24, 20_000.0)?;
-    /// # let (geometry, light) = (sensor.geometry, vec![51u8; 32 * 24]);
-    /// let mut simulator = Simulator::new(&Camera::ideal(sensor), Seeds::default())?;
-    /// // Five readouts of a fifth of full scale: every pixel fires once.
-    /// let mut packed = vec![0; 5 * geometry.frame_bytes()];
-    /// simulator.push(FrameRef::u8(&light, geometry), &mut packed)?;
-    /// assert_eq!(spikelane::spikes::count(&packed), 32 * 24);
+    /// use spikelane::{Camera, Seeds, Sensor, Simulator};
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(32, 24, 20_000.0)?), Seeds::default())?;
+    /// // A fifth of full scale: every pixel fires once in five readouts.
+    /// let light = vec![51u8; 32 * 24];
+    /// let spikes = simulator.run(&light, 5)?;
+    /// assert_eq!(spikes.spikes(), 32 * 24);
     /// # Ok::<(), spikelane::Error>(())
     /// ```
     ///
     /// # Errors
-    /// When the frame has another size than the sensor, holds light that is
-    /// negative or not a number, or `out` is no whole number of frames.
-    pub fn push(&mut self, frame: FrameRef<'_>, out: &mut [u8]) -> Result<()> {
-        let dense = frame.checked(self.plan.geometry())?;
-        let readouts = self.readouts(out)?;
-        let light = Light::Held(dense.samples());
-        self.fill(Segment { readouts, light }, out);
-        Ok(())
+    /// Returns the errors of [`Simulator::fill`]. Returns [`ErrorKind::Memory`] if the system cannot allocate memory for
+    /// the spikes.
+    pub fn run<'a>(&mut self, light: impl Into<Light<'a>>, readouts: usize) -> Result<SpikeFrames> {
+        let mut frames = SpikeFrames::zeros(self.plan.geometry(), readouts)?;
+        self.fill(light, frames.as_bytes_mut())?;
+        Ok(frames)
     }
 
-    /// Holds `frame` for `readouts` readouts and returns how many frames of `out` they filled: all
-    /// but those that the camera dropped.
+    /// Simulates readouts of `light` until `out` is full of packed frames of [`crate::Geometry::frame_bytes`] bytes.
     ///
-    /// # Errors
-    /// See [`Simulator::push`]; `out` must have room for every readout.
-    pub fn expose(&mut self, frame: FrameRef<'_>, readouts: usize, out: &mut [u8]) -> Result<usize> {
-        let dense = frame.checked(self.plan.geometry())?;
-        self.has_room(readouts, out)?;
-        let light = Light::Held(dense.samples());
-        Ok(self.run(&[Segment { readouts, light }], out))
-    }
-
-    /// Goes from one frame to the next: readout `i` sees
-    /// `from + (to - from) * weights[i]`, and `out` has a packed frame for each weight.
-    /// A camera that drops readouts holds the last light until `out` is full; to let the
-    /// scene go on instead see [`Simulator::expose_between`].
+    /// If the camera drops readouts, the last light continues until `out` is full. [`Simulator::advance`] writes fewer
+    /// frames instead.
     ///
     /// # Examples
     /// ```
-    /// # use spikelane::{Camera, Seeds, Sensor, Simulator, simulate::FrameRef};
-    /// # let sensor = Sensor::new(32, 24, 20_000.0)?;
-    /// # let (geometry, light) = (sensor.geometry, vec![51u8; 32 * 24]);
+    /// use spikelane::{Camera, Light, Seeds, Sensor, Simulator};
+    /// let sensor = Sensor::new(32, 24, 20_000.0)?;
     /// let mut simulator = Simulator::new(&Camera::ideal(sensor), Seeds::default())?;
-    /// let dark = vec![0u8; light.len()];
-    /// let (from, to) = (FrameRef::u8(&dark, geometry), FrameRef::u8(&light, geometry));
-    /// let mut packed = vec![0; 4 * geometry.frame_bytes()];
-    /// simulator.push_between(from, to, &[0.0, 0.25, 0.5, 0.75], &mut packed)?;
+    /// let (dark, light) = (vec![0u8; 32 * 24], vec![51u8; 32 * 24]);
+    /// let mut packed = vec![0; 4 * sensor.geometry.frame_bytes()];
+    /// simulator.fill(Light::linear(&dark, &light, &[0.0, 0.25, 0.5, 0.75]), &mut packed)?;
     /// # Ok::<(), spikelane::Error>(())
     /// ```
     ///
     /// # Errors
-    /// See [`Simulator::push`]; weights must lie within 0 to 1.
-    pub fn push_between(
+    /// If the call fails, the state is unchanged. Returns [`ErrorKind::Input`] if the size of a frame differs from the
+    /// sensor, or if a sample is negative or not finite. Returns [`ErrorKind::Usage`] if
+    /// * the length of `out` is not a multiple of a frame,
+    /// * the number of weights differs from the number of readouts,
+    /// * a weight is outside 0 to 1,
+    /// * or a sequence has too few frames.
+    pub fn fill<'a>(&mut self, light: impl Into<Light<'a>>, out: &mut [u8]) -> Result<()> {
+        self.fill_observed(light, out, &mut |_| Ok(()))
+    }
+
+    /// Does the same as [`Simulator::fill`] and reports progress to `observe`.
+    ///
+    /// For a sequence, `observe` is called after each batch. For other light it is called once. The argument is the
+    /// number of readouts that are complete.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Simulator::fill`]. If `observe` returns an error, the call ends and returns this error.
+    /// `out` and the state then contain all complete readouts.
+    pub fn fill_observed<'a>(
         &mut self,
-        from: FrameRef<'_>,
-        to: FrameRef<'_>,
-        weights: &[f32],
+        light: impl Into<Light<'a>>,
         out: &mut [u8],
+        observe: &mut dyn FnMut(usize) -> Result<()>,
     ) -> Result<()> {
-        self.on_the_way(from, to, weights, |simulator, segment| {
-            if simulator.readouts(out)? != weights.len() {
-                return Err(Error::new(Kind::Usage, "weights")
-                    .found(format_args!("{} weights", weights.len()))
-                    .expected("one for every packed frame of the output"));
-            }
-            simulator.fill(segment, out);
-            Ok(())
-        })
-    }
-
-    /// As [`Simulator::push_between`], but returns how many frames of `out` the readouts filled: all
-    /// but those that the camera dropped.
-    ///
-    /// # Errors
-    /// See [`Simulator::push_between`]; `out` must have room for every readout.
-    pub fn expose_between(
-        &mut self,
-        from: FrameRef<'_>,
-        to: FrameRef<'_>,
-        weights: &[f32],
-        out: &mut [u8],
-    ) -> Result<usize> {
-        self.on_the_way(from, to, weights, |simulator, segment| {
-            simulator.has_room(weights.len(), out)?;
-            Ok(simulator.run(&[segment], out))
-        })
-    }
-
-    /// Does `work` with the segment of a way between two frames, once these are checked.
-    fn on_the_way<T>(
-        &mut self,
-        from: FrameRef<'_>,
-        to: FrameRef<'_>,
-        weights: &[f32],
-        work: impl FnOnce(&mut Self, Segment<'_>) -> Result<T>,
-    ) -> Result<T> {
-        let geometry = self.plan.geometry();
-        let (from, to) = (from.checked(geometry)?, to.checked(geometry)?);
-        work(self, between(&from, &to, weights)?)
-    }
-
-    pub(super) fn has_room(&self, readouts: usize, out: &[u8]) -> Result<()> {
-        let room = self.readouts(out)?;
-        if room < readouts {
-            return Err(Error::new(Kind::Usage, "output buffer")
-                .found(format_args!("room for {room} packed frames"))
-                .expected(format_args!("room for {readouts}")));
+        let readouts = self.frames_in(out)?;
+        let mut light = ValidLight::new(light.into(), self.plan.geometry(), readouts)?;
+        let mut filled = self.run_light(&mut light, readouts, out, observe)?;
+        let bytes = self.plan.geometry().frame_bytes();
+        while filled < readouts {
+            filled += self.run_segments(&[light.last()], &mut out[filled * bytes..]);
         }
         Ok(())
     }
 
-    pub(super) fn readouts(&self, out: &[u8]) -> Result<usize> {
+    /// Simulates exactly `readouts` readouts of `light` and returns the number of frames written to `out`.
+    ///
+    /// Readouts that the camera drops are not written. The light also advances during a dropped readout.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Simulator::fill`]. `out` must have space for all `readouts` readouts.
+    pub fn advance<'a>(
+        &mut self,
+        light: impl Into<Light<'a>>,
+        readouts: usize,
+        out: &mut [u8],
+    ) -> Result<usize> {
+        let room = self.frames_in(out)?;
+        if room < readouts {
+            return Err(Error::new(ErrorKind::Usage, "output buffer")
+                .found(format_args!("space for {room} packed frames"))
+                .expected(format_args!("space for {readouts}")));
+        }
+        let mut light = ValidLight::new(light.into(), self.plan.geometry(), readouts)?;
+        self.run_light(&mut light, readouts, out, &mut |_| Ok(()))
+    }
+
+    fn frames_in(&self, out: &[u8]) -> Result<usize> {
         let bytes = self.plan.geometry().frame_bytes();
         if !out.len().is_multiple_of(bytes) {
-            return Err(Error::new(Kind::Usage, "output buffer")
+            return Err(Error::new(ErrorKind::Usage, "output buffer")
                 .found(format_args!("{} bytes", out.len()))
                 .expected(format_args!("a multiple of {bytes}, one packed frame")));
         }
         Ok(out.len() / bytes)
     }
 
-    /// Runs a segment, and holds its last light until `out` is full.
-    fn fill(&mut self, segment: Segment<'_>, out: &mut [u8]) {
+    /// Simulates `readouts` readouts and returns the number of frames written to `out`.
+    fn run_light(
+        &mut self,
+        light: &mut ValidLight<'_>,
+        readouts: usize,
+        out: &mut [u8],
+        observe: &mut dyn FnMut(usize) -> Result<()>,
+    ) -> Result<usize> {
+        let frames = match light {
+            ValidLight::Hold(frame) => {
+                let light = SegmentLight::Hold(frame.samples());
+                let filled = self.run_segments(&[Segment { readouts, light }], out);
+                observe(readouts)?;
+                return Ok(filled);
+            }
+            ValidLight::Linear { from, to, weights } => {
+                let light = SegmentLight::Linear { from: from.samples(), to: to.samples(), weights };
+                let filled = self.run_segments(&[Segment { readouts, light }], out);
+                observe(readouts)?;
+                return Ok(filled);
+            }
+            ValidLight::Sequence(frames) => frames,
+        };
         let bytes = self.plan.geometry().frame_bytes();
-        let mut filled = self.run(&[segment], out);
-        let last = split(segment, segment.readouts.saturating_sub(1)).1;
-        while filled * bytes < out.len() {
-            filled += self.run(&[last], &mut out[filled * bytes..]);
+        let (mut done, mut filled) = (0, 0);
+        while done < readouts {
+            let pieces = frames.pieces(done, MAX_BATCH_READOUTS.min(readouts - done))?;
+            let segments: Vec<Segment<'_>> = pieces.iter().map(|piece| frames.segment(piece)).collect();
+            filled += self.run_segments(&segments, &mut out[filled * bytes..]);
+            done += segments.iter().map(|s| s.readouts).sum::<usize>();
+            observe(done)?;
         }
+        Ok(filled)
     }
 
-    /// Runs whole segments, cut into batches, and returns how many frames were kept; the light
-    /// has been checked, and `out` has room for every readout.
-    pub fn run(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
+    /// Simulates segments of light and returns the number of frames written to `out`.
+    ///
+    /// This function is for callers of [`crate::unstable::kernels`] and checks nothing. The light must be valid, and
+    /// `out` must have space for every readout.
+    pub fn run_segments(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
         let bytes = self.plan.geometry().frame_bytes();
-        let alone = self.plan.couples() && self.tile < self.plan.padded();
-        let most = if alone { 1 } else { BATCH };
+        // If coupled pixels are in several tiles, each tile needs the spikes of the other tiles after every readout. A
+        // batch then has one readout.
+        let alone = self.plan.has_coupled_pixels() && self.tile_pixels < self.plan.padded_pixels();
+        let most = if alone { 1 } else { MAX_BATCH_READOUTS };
         let mut kept = 0;
         for batch in batches(segments, most) {
-            threads::check();
+            threads::check_stop();
             let readouts: usize = batch.iter().map(|s| s.readouts).sum();
             kept += self.run_batch(&batch, &mut out[kept * bytes..][..readouts * bytes]);
         }
@@ -335,18 +328,18 @@ impl Simulator {
     }
 
     fn run_batch(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
-        let batch = Batch::after(&self.plan, &self.state, segments);
+        let batch = Batch::from_state(&self.plan, &self.state, segments);
         let readouts = batch.readouts();
-        let (plan, backend, pixels) = (&self.plan, self.backend, self.tile);
-        let tile = |(i, (part, bits)): (usize, (&mut StateParts<'_>, &mut Vec<u8>))| {
+        let (plan, backend, pixels) = (&self.plan, self.backend, self.tile_pixels);
+        let tile = |(i, (part, bits)): (usize, (&mut StateTile<'_>, &mut Vec<u8>))| {
             let job = Job::new(plan, &batch, i * pixels, pixels);
             bits.resize(readouts * job.tile_bytes(), 0);
             kernels::run(backend, &job, part, bits);
         };
         let mut parts = self.state.tiles(pixels);
-        // The bits of a single tile without padding are frames already.
+        // If there is a single tile without padding, the bits of the tile already are packed frames.
         if let ([part], true) =
-            (&mut parts[..], plan.padded() == plan.geometry().pixels() && !plan.losses().any())
+            (&mut parts[..], plan.padded_pixels() == plan.geometry().pixels() && !plan.readout_faults().any())
         {
             kernels::run(backend, &Job::new(plan, &batch, 0, pixels), part, out);
             self.state.advance(readouts);
@@ -355,22 +348,22 @@ impl Simulator {
         #[cfg(feature = "threads")]
         if let Some(pool) = &self.pool {
             pool.for_each(parts.iter_mut().zip(&mut self.bits).enumerate().collect(), tile);
-            if !plan.losses().any() {
+            if !plan.readout_faults().any() {
                 let bytes = plan.geometry().frame_bytes();
                 let gather = |(part, frames): (usize, &mut [u8])| {
                     for (i, frame) in frames.chunks_exact_mut(bytes).enumerate() {
-                        gather(&self.bits, pixels, part * GATHERED + i, plan, frame);
+                        gather_frame(&self.bits, pixels, part * READOUTS_PER_GATHER + i, plan, frame);
                     }
                 };
-                pool.for_each(out.chunks_mut(GATHERED * bytes).enumerate().collect(), gather);
+                pool.for_each(out.chunks_mut(READOUTS_PER_GATHER * bytes).enumerate().collect(), gather);
                 self.state.advance(readouts);
                 return readouts;
             }
             return self.collect(readouts, out);
         }
         let all = parts.iter_mut().zip(&mut self.bits).enumerate();
-        self.turned = segments.len() == 1 && !self.turned;
-        if self.turned {
+        self.is_reversed = segments.len() == 1 && !self.is_reversed;
+        if self.is_reversed {
             all.rev().for_each(tile);
         } else {
             all.for_each(tile);
@@ -378,7 +371,7 @@ impl Simulator {
         self.collect(readouts, out)
     }
 
-    /// Collects the tiles' bits into packed frames, without the readouts that are lost; returns how many.
+    /// Collects the bits of the tiles in packed frames and returns the number of frames. Dropped readouts are skipped.
     fn collect(&mut self, readouts: usize, out: &mut [u8]) -> usize {
         let first = self.state.readout();
         let mut frames = out.chunks_exact_mut(self.plan.geometry().frame_bytes());
@@ -392,8 +385,8 @@ impl Simulator {
                 kept += 1;
                 frames.next().unwrap_or_default()
             };
-            gather(&self.bits, self.tile, t, &self.plan, frame);
-            self.state.repeat(self.plan.is_repeated(readout), frame);
+            gather_frame(&self.bits, self.tile_pixels, t, &self.plan, frame);
+            self.state.record_or_repeat(self.plan.is_repeated(readout), frame);
         }
         self.state.advance(readouts);
         kept

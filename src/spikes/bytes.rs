@@ -1,10 +1,11 @@
-//! Bits as bytes: one byte, 0 or 1, for every pixel.
+//! Conversion between packed bits and bytes. The byte of a pixel is 0 or 1.
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::spikes::Geometry;
 
-/// Unpacks packed frames of `geometry`, one after the other, into `bits`: a byte of 0 or 1 for
-/// every pixel and readout, row-major, top row first.
+/// Unpacks consecutive packed frames of `geometry` into `bits`.
+///
+/// `bits` receives one byte, 0 or 1, for every pixel and readout, row-major, top row first.
 ///
 /// # Examples
 /// ```
@@ -16,7 +17,7 @@ use crate::spikes::Geometry;
 /// ```
 ///
 /// # Errors
-/// [`Kind::Usage`] when the slices do not hold the same number of whole frames.
+/// Returns [`ErrorKind::Usage`] if the slices do not contain equal numbers of whole frames.
 pub fn unpack(geometry: Geometry, packed: &[u8], bits: &mut [u8]) -> Result<()> {
     check(geometry, packed.len(), bits.len())?;
     let frames = packed.chunks_exact(geometry.frame_bytes());
@@ -26,7 +27,7 @@ pub fn unpack(geometry: Geometry, packed: &[u8], bits: &mut [u8]) -> Result<()> 
     Ok(())
 }
 
-/// Packs bytes of 0 and 1, or of 0 and 255, one for every pixel and readout, into packed frames of `geometry`.
+/// Packs one byte for every pixel and readout into packed frames of `geometry`. The bytes are 0 and 1, or 0 and 255.
 ///
 /// # Examples
 /// ```
@@ -38,15 +39,15 @@ pub fn unpack(geometry: Geometry, packed: &[u8], bits: &mut [u8]) -> Result<()> 
 /// ```
 ///
 /// # Errors
-/// [`Kind::Usage`] when the slices do not hold the same number of whole frames;
-/// [`Kind::Input`] when a byte is neither, with its place.
+/// Returns [`ErrorKind::Usage`] if the slices do not contain equal numbers of whole frames.
+/// Returns [`ErrorKind::Input`] if a byte has another value. The error contains the position of the byte.
 pub fn pack(geometry: Geometry, bits: &[u8], packed: &mut [u8]) -> Result<()> {
     check(geometry, packed.len(), bits.len())?;
     let frames = packed.chunks_exact_mut(geometry.frame_bytes());
     for (readout, (packed, bits)) in frames.zip(bits.chunks_exact(geometry.pixels())).enumerate() {
         pack_frame(bits, packed).map_err(|p| {
             let (row, col) = (p / geometry.width(), p % geometry.width());
-            Error::new(Kind::Input, format_args!("readout {readout}, row {row}, col {col}"))
+            Error::new(ErrorKind::Input, format_args!("readout {readout}, row {row}, col {col}"))
                 .found(bits[p])
                 .expected("0 and 1, or 0 and 255")
         })?;
@@ -60,32 +61,32 @@ fn check(geometry: Geometry, packed: usize, bits: usize) -> Result<()> {
     if whole && packed / frame == bits / pixels {
         return Ok(());
     }
-    Err(Error::new(Kind::Usage, "frames")
-        .found(format_args!("{packed} packed bytes for {bits} bytes of bits"))
+    Err(Error::new(ErrorKind::Usage, "frames")
+        .found(format_args!("{packed} packed bytes for {bits} bits"))
         .expected(format_args!("{frame} for every {pixels}, one {geometry} frame")))
 }
 
-/// One frame of [`unpack`].
+/// Unpacks one frame, like [`unpack`].
 pub fn unpack_frame(packed: &[u8], bits: &mut [u8]) {
     let (words, rest) = bits.as_chunks_mut::<8>();
     for (word, &byte) in words.iter_mut().zip(packed) {
-        *word = spread(byte).to_le_bytes();
+        *word = unpack_byte(byte).to_le_bytes();
     }
     if let Some(&last) = packed.get(words.len()) {
-        rest.copy_from_slice(&spread(last).to_le_bytes()[..rest.len()]);
+        rest.copy_from_slice(&unpack_byte(last).to_le_bytes()[..rest.len()]);
     }
 }
 
-/// One frame of [`pack`]; `Err` holds the first pixel that is neither.
+/// Packs one frame, like [`pack`]. Returns the index of the first pixel with an invalid byte as `Err`.
 pub fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
     const LOW: u64 = 0x0101_0101_0101_0101;
     let (words, rest) = bits.as_chunks::<8>();
-    // Bits that no byte of 0 and 1 has, and those that no byte of 0 and 255 lacks or has.
+    // `beyond_one` is 0 if all bytes are 0 or 1. `uneven` is 0 if all bytes are 0 or 255.
     let (mut beyond_one, mut uneven) = (0, 0);
     let mut take = |word: u64| {
         beyond_one |= word & !LOW;
         uneven |= word ^ ((word & LOW) * 0xff);
-        gather(word)
+        pack_word(word)
     };
     for (word, byte) in words.iter().zip(packed.iter_mut()) {
         *byte = take(u64::from_le_bytes(*word));
@@ -98,20 +99,23 @@ pub fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
     if beyond_one == 0 || uneven == 0 {
         return Ok(());
     }
-    // A spike is what the first one is.
+    // The first nonzero byte determines the value of a spike.
     let top = bits.iter().copied().find(|&b| b != 0).filter(|&b| b == 255).unwrap_or(1);
     Err(bits.iter().position(|&b| b != 0 && b != top).unwrap_or_default())
 }
 
-/// Eight bits as eight bytes, the lowest first: keep bit k in byte k, then carry any bit into bit 7.
-pub fn spread(byte: u8) -> u64 {
+/// Returns eight bits as eight bytes, lowest bit first. The mask leaves bit k in byte k. The addition carries each bit to
+/// bit 7.
+pub fn unpack_byte(byte: u8) -> u64 {
     let kept = (u64::from(byte) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
     (kept + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101
 }
 
-/// Eight bytes of 0 or 1 as bits: the product moves bit 8k to bit 56 + k, and no two
-/// partial products meet (8a - 7b = 8c - 7d has no other solution below 8).
-fn gather(word: u64) -> u8 {
+/// Returns eight bytes of 0 or 1 as eight bits.
+///
+/// The product moves bit 8k to bit 56 + k. No two partial products have equal positions, because 8a - 7b = 8c - 7d has no
+/// solution below 8 other than a = c, b = d.
+fn pack_word(word: u64) -> u8 {
     ((word & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
 }
 

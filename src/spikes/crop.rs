@@ -1,42 +1,44 @@
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::spikes::Geometry;
 
-/// A rectangle of pixels, `x` from the left and `y` from the top.
+/// A rectangle of pixels. `x` is counted from the left, and `y` from the top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Crop {
     /// First column.
     pub x: usize,
     /// First row.
     pub y: usize,
-    /// Columns.
+    /// Number of columns.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
 }
 
 impl Crop {
-    /// The geometry of the rectangle, if it lies within `of`.
+    /// Returns the geometry of the rectangle.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when the rectangle is empty or leaves the frame.
-    pub fn geometry(&self, of: Geometry) -> Result<Geometry> {
+    /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within `whole`.
+    pub fn geometry(&self, whole: Geometry) -> Result<Geometry> {
         let inside =
             |start: usize, len, whole| len > 0 && start.checked_add(len).is_some_and(|end| end <= whole);
         let side = |n| u32::try_from(n).unwrap_or(u32::MAX);
-        if inside(self.x, self.width, of.width()) && inside(self.y, self.height, of.height()) {
+        if inside(self.x, self.width, whole.width()) && inside(self.y, self.height, whole.height()) {
             return Geometry::new(side(self.width), side(self.height));
         }
-        Err(Error::new(Kind::Usage, "crop")
+        Err(Error::new(ErrorKind::Usage, "crop")
             .found(format_args!("{}x{} at x {}, y {}", self.width, self.height, self.x, self.y))
-            .expected(format_args!("a rectangle of pixels within {of}")))
+            .expected(format_args!("a rectangle of pixels within {whole}")))
     }
 
-    /// The values of its pixels out of `values` of a sensor of geometry `of`, row by row.
+    /// Returns the values of the pixels in the rectangle, row by row. `values` contains one value per pixel of a sensor
+    /// of geometry `whole`.
     ///
     /// # Panics
-    /// When the rectangle leaves the sensor, or there is not a value for every pixel of it.
-    pub fn pick<T: Copy>(&self, of: Geometry, values: &[T]) -> Vec<T> {
-        let rows = (self.y..self.y + self.height).map(|row| row * of.width() + self.x);
+    /// If the rectangle is not within the sensor, or if `values` lacks the value of a pixel in the rectangle.
+    pub fn pick<T: Copy>(&self, whole: Geometry, values: &[T]) -> Vec<T> {
+        let rows = (self.y..self.y + self.height).map(|row| row * whole.width() + self.x);
         rows.flat_map(|start| &values[start..start + self.width]).copied().collect()
     }
 }

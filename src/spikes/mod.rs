@@ -1,25 +1,27 @@
-//! What a bit-packed spike stream is, in memory.
+//! The form of a bit-packed spike stream in memory.
 //!
-//! A **packed frame** holds one readout: pixel `p = row * width + col`, row 0
-//! on top, is bit `p % 8` (least significant first) of byte `p / 8`. A frame
-//! whose pixel count is no multiple of 8 ends in zero bits, so that every
-//! frame starts at a whole byte. A stream is its frames, one after the other.
-//! Files may order things differently; the stream formats translate.
+//! A **packed frame** contains one readout. Pixel `p = row * width + col` is bit `p % 8` (least significant bit first) of
+//! byte `p / 8`. Row 0 is the top row. If the number of pixels is not a multiple of 8, a frame ends with zero bits, so
+//! every frame starts at a byte. A stream is a sequence of frames without gaps. Files may use another order, which the
+//! stream formats convert.
 
 mod bytes;
 mod crop;
+mod spike_frames;
 
 pub use bytes::{pack, unpack};
-pub use bytes::{pack_frame, spread, unpack_frame};
+pub use bytes::{pack_frame, unpack_byte, unpack_frame};
 pub use crop::Crop;
+pub use spike_frames::{Frames, Spike, SpikeFrame, SpikeFrames, SpikeFramesRef};
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result, Setting};
 
-/// The largest number of pixels of a sensor: addresses of draws are 32 bits
-/// per pair of pixels, and 2^28 pixels are already sixty times the largest camera.
+/// Largest number of pixels of a sensor.
+///
+/// The random draws address pairs of pixels with 32 bits. 2^28 pixels are sixty times the pixels of the largest camera.
 pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
-/// Width and height of a sensor in pixels, `width x height` in all texts.
+/// Width and height of a sensor in pixels. The text form is `width x height`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Geometry {
     width: u32,
@@ -27,7 +29,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// A sensor of `width` x `height` pixels.
+    /// Returns the geometry of a sensor with `width` columns and `height` rows.
     ///
     /// # Examples
     /// ```
@@ -37,37 +39,37 @@ impl Geometry {
     /// ```
     ///
     /// # Errors
-    /// When a side is zero, or the sensor has more than 2^28 pixels.
+    /// Returns [`ErrorKind::Usage`] if a side is zero or if the sensor has more than 2^28 pixels.
     pub fn new(width: u32, height: u32) -> Result<Self> {
         let pixels = u64::from(width) * u64::from(height);
         if pixels == 0 || pixels > MAX_PIXELS as u64 {
-            return Err(Error::new(Kind::Usage, "sensor size")
+            return Err(Error::new(ErrorKind::Usage, "sensor size")
                 .found(format_args!("{width}x{height}"))
                 .expected(format_args!("1 to {MAX_PIXELS} pixels"))
-                .remedy("give width and height in pixels"));
+                .remedy(format_args!("set {} and {} in pixels", Setting("width"), Setting("height"))));
         }
         Ok(Self { width, height })
     }
 
-    /// Pixels in a row.
+    /// Returns the number of pixels in a row.
     #[must_use]
     pub const fn width(self) -> usize {
         self.width as usize
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     #[must_use]
     pub const fn height(self) -> usize {
         self.height as usize
     }
 
-    /// Pixels in a frame.
+    /// Returns the number of pixels in a frame.
     #[must_use]
     pub const fn pixels(self) -> usize {
         self.width() * self.height()
     }
 
-    /// Bytes of one packed frame, the padding of the last byte included.
+    /// Returns the number of bytes of one packed frame, including the padding of the last byte.
     #[must_use]
     pub const fn frame_bytes(self) -> usize {
         self.pixels().div_ceil(8)
@@ -80,92 +82,7 @@ impl std::fmt::Display for Geometry {
     }
 }
 
-/// A borrowed stream of packed frames.
-#[derive(Clone, Copy, Debug)]
-pub struct Packed<'a> {
-    geometry: Geometry,
-    bytes: &'a [u8],
-}
-
-impl<'a> Packed<'a> {
-    /// A view of `bytes` as whole frames.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::{Geometry, Packed};
-    /// // Two readouts of 4x2 pixels, a byte each: pixel 0 is the lowest bit.
-    /// let stream = Packed::new(Geometry::new(4, 2)?, &[0b0000_0001, 0b0001_0000])?;
-    /// assert!(stream.get(0, 0, 0) && stream.get(1, 1, 0));
-    /// assert_eq!(stream.readouts(), 2);
-    /// # Ok::<(), spikelane::Error>(())
-    /// ```
-    ///
-    /// # Errors
-    /// When the length is no multiple of [`Geometry::frame_bytes`].
-    pub fn new(geometry: Geometry, bytes: &'a [u8]) -> Result<Self> {
-        if !bytes.len().is_multiple_of(geometry.frame_bytes()) {
-            return Err(Error::new(Kind::Input, "packed stream")
-                .found(format_args!("{} bytes", bytes.len()))
-                .expected(format_args!(
-                    "a multiple of {} bytes, one {geometry} frame",
-                    geometry.frame_bytes()
-                ))
-                .remedy("check width and height"));
-        }
-        Ok(Self { geometry, bytes })
-    }
-
-    /// Width and height.
-    #[must_use]
-    pub const fn geometry(self) -> Geometry {
-        self.geometry
-    }
-
-    /// Number of readouts.
-    #[must_use]
-    pub const fn readouts(self) -> usize {
-        self.bytes.len() / self.geometry.frame_bytes()
-    }
-
-    /// All bytes.
-    #[must_use]
-    pub const fn bytes(self) -> &'a [u8] {
-        self.bytes
-    }
-
-    /// Some of its readouts.
-    ///
-    /// # Panics
-    /// When they lie beyond the end.
-    #[must_use]
-    pub(crate) fn part(self, readouts: std::ops::Range<usize>) -> Self {
-        let frame = self.geometry.frame_bytes();
-        Self { bytes: &self.bytes[readouts.start * frame..readouts.end * frame], ..self }
-    }
-
-    /// The packed frame of one readout.
-    ///
-    /// # Panics
-    /// When `readout` lies beyond the end.
-    #[must_use]
-    pub fn frame(self, readout: usize) -> &'a [u8] {
-        let n = self.geometry.frame_bytes();
-        &self.bytes[readout * n..(readout + 1) * n]
-    }
-
-    /// The frames in order.
-    pub fn frames(self) -> impl ExactSizeIterator<Item = &'a [u8]> + Clone {
-        self.bytes.chunks_exact(self.geometry.frame_bytes())
-    }
-
-    /// Whether pixel `(row, col)` fired at `readout`.
-    #[must_use]
-    pub fn get(self, readout: usize, row: usize, col: usize) -> bool {
-        bit(self.frame(readout), row * self.geometry.width() + col)
-    }
-}
-
-/// Bit `p` of a packed frame.
+/// Returns bit `p` of a packed frame.
 ///
 /// # Examples
 /// ```
@@ -181,7 +98,7 @@ pub fn set_bit(frame: &mut [u8], p: usize) {
     frame[p / 8] |= 1 << (p % 8);
 }
 
-/// The positions of the set bits of `word`, counted from bit 0, in ascending order.
+/// Returns the positions of the set bits of `word` in ascending order. Bit 0 is the lowest bit.
 #[inline(always)]
 pub fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
@@ -191,7 +108,7 @@ pub fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
     })
 }
 
-/// The pixels that fire in a packed frame, in ascending order.
+/// Returns the indices of the pixels that fire in a packed frame, in ascending order.
 #[inline]
 pub fn firing_pixels(frame: &[u8]) -> impl Iterator<Item = usize> {
     frame.chunks(8).enumerate().flat_map(|(w, bytes)| {
@@ -201,25 +118,25 @@ pub fn firing_pixels(frame: &[u8]) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The rate between a pixel's first and last spike, `(N - 1) / (t_last - t_first)` in spikes per readout, of `spikes`
-/// spikes from readout `first` to `last`; `None` below two spikes, which span no time.
+/// Returns the rate of a pixel from its first and last spike, in spikes per readout: `(spikes - 1) / (last - first)`.
 ///
-/// In `(0, 1]` for any pixel, since no two of its spikes share a readout.
+/// `first` and `last` are the readouts of the first and the last spike. Returns `None` if there are fewer than two
+/// spikes. A pixel has at most one spike per readout, so the rate is in `(0, 1]`.
 #[must_use]
 #[inline]
 pub fn span_rate(spikes: u32, first: u32, last: u32) -> Option<f64> {
     (spikes > 1 && last > first).then(|| f64::from(spikes - 1) / f64::from(last - first))
 }
 
-/// The number of spikes in packed bytes.
+/// Returns the number of spikes in packed bytes.
 ///
 /// # Examples
 /// ```
-/// assert_eq!(spikelane::spikes::count(&[0b0000_0111, 0b1000_0000]), 4);
+/// assert_eq!(spikelane::spikes::count_spikes(&[0b0000_0111, 0b1000_0000]), 4);
 /// ```
 #[must_use]
 #[inline]
-pub fn count(bytes: &[u8]) -> u64 {
+pub fn count_spikes(bytes: &[u8]) -> u64 {
     let (words, tail) = bytes.as_chunks::<8>();
     let whole: u64 = words.iter().map(|w| u64::from(u64::from_le_bytes(*w).count_ones())).sum();
     whole + tail.iter().map(|b| u64::from(b.count_ones())).sum::<u64>()

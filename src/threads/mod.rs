@@ -1,11 +1,13 @@
-//! Parallel work, and requests to stop it.
+//! Parallel work, and requests to stop work.
 //!
-//! All parallel work of the library goes through this module: `map` and `join` run it in a thread pool that belongs to
-//! this process alone. A child process of `fork` has none of its parent's threads, so it makes a pool anew. Where the
-//! system limits threads, work runs on as many as there are, at last on the calling thread.
+//! All parallel work of the library uses this module. `map` and `join` run work in a thread pool that belongs to this
+//! process alone. After `fork`, a child process does not have the threads of its parent, so it starts a new pool. If the
+//! system limits the number of threads, work runs on the threads that start. If no thread starts, work runs on the
+//! calling thread.
 //!
-//! [`until`] stops work early. The work calls `check`, which does not return once a stop is requested: it unwinds to
-//! [`until`], and values on the way are dropped as after an error. `map` checks before each item.
+//! [`run_until`] can stop work early. The work calls [`check_stop`] from time to time. If a stop was requested,
+//! [`check_stop`] unwinds the stack to [`run_until`] and drops all values on the stack. `map` calls [`check_stop`] before
+//! each item.
 
 #[cfg(feature = "threads")]
 mod parallel;
@@ -15,18 +17,17 @@ mod spawn;
 mod stop;
 
 #[cfg(feature = "threads")]
-pub use parallel::{count, map, run_observed, try_map};
+pub use parallel::{map, run_observed, thread_count, try_map};
 #[cfg(feature = "threads")]
 pub use pool::Pool;
-pub use spawn::{indexed, no_thread, spawn, spawn_scoped};
-pub use stop::check;
-pub use stop::until;
+pub use spawn::{map_indexed, no_thread_error, spawn, spawn_scoped};
+pub use stop::check_stop;
+pub use stop::run_until;
 
-/// Runs both, in parallel where threads are enabled, and returns both results.
 #[cfg(feature = "threads")]
 pub use parallel::join;
 
-/// Runs both, one after the other, and returns both results.
+/// Runs both closures in sequence and returns both results.
 #[cfg(not(feature = "threads"))]
 pub fn join<A, B>(one: impl FnOnce() -> A, other: impl FnOnce() -> B) -> (A, B) {
     (one(), other())

@@ -1,4 +1,4 @@
-//! Parallel work in the pool of this process.
+//! Parallel work in the thread pool of this process.
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -6,74 +6,77 @@ use std::time::Duration;
 use rayon::iter::{IntoParallelIterator, ParallelIterator as _};
 
 use super::pool::Pool;
-use super::stop::{self, checked, entered};
+use super::stop::{self, with_request, with_stop_check};
 use crate::error::Result;
 
-/// Time between two calls of an observer, and between two looks at a request to stop.
-const PERIOD: Duration = Duration::from_millis(50);
+/// Interval between two calls of an observer. Stop requests are checked at the same interval.
+const OBSERVE_PERIOD: Duration = Duration::from_millis(50);
 
-/// Calls `work` with each item, in parallel, and collects the results in the items' order.
+/// Calls `work` with each item in parallel. The results have the order of the items.
 pub fn map<I, T>(items: I, work: impl Fn(I::Item) -> T + Sync + Send) -> Vec<T>
 where
     I: IntoParallelIterator + Send,
     T: Send,
 {
-    run(|| items.into_par_iter().map(checked(work)).collect())
+    run(|| items.into_par_iter().map(with_stop_check(work)).collect())
 }
 
-/// As [`map`], for work that may fail. An error ends the work early.
+/// Like [`map`], for work that may fail. The first error ends the work early.
 pub fn try_map<I, T>(items: I, work: impl Fn(I::Item) -> Result<T> + Sync + Send) -> Result<Vec<T>>
 where
     I: IntoParallelIterator + Send,
     T: Send,
 {
-    run(|| items.into_par_iter().map(checked(work)).collect())
+    run(|| items.into_par_iter().map(with_stop_check(work)).collect())
 }
 
-/// Runs both in parallel and returns both results.
+/// Runs both closures in parallel and returns both results.
 pub fn join<A: Send, B: Send>(one: impl FnOnce() -> A + Send, other: impl FnOnce() -> B + Send) -> (A, B) {
-    run(|| rayon::join(entered(one), entered(other)))
+    run(|| rayon::join(with_request(one), with_request(other)))
 }
 
-/// The number of threads that share parallel work.
-pub fn count() -> usize {
+/// Returns the number of threads that execute parallel work.
+pub fn thread_count() -> usize {
     match rayon::current_thread_index() {
         Some(_) => rayon::current_num_threads(),
-        None => Pool::of_process().started().map_or(1, |pool| pool.current_num_threads()),
+        None => Pool::global().thread_pool().map_or(1, |pool| pool.current_num_threads()),
     }
 }
 
-/// Runs `work` on a thread of the pool, where there is one.
+/// Runs `work` on a thread of the pool. If there is no pool, runs `work` on the calling thread.
 fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     if rayon::current_thread_index().is_some() {
         return work();
     }
-    if stop::current().is_some() {
+    if stop::current_request().is_some() {
         return run_observed(&mut || {}, work);
     }
-    Pool::of_process().run(work)
+    Pool::global().run(work)
 }
 
-/// As `run`; meanwhile this thread calls `observe` about every 50 ms. On a thread of the pool it is not called, since a thread
-/// that waits would be missing there.
+/// Runs `work` on the pool while the calling thread calls `observe` about every 50 ms.
+///
+/// If the calling thread belongs to the pool, `work` runs directly and `observe` is not called. If this thread waited
+/// instead, the pool would have one thread less. If there is no pool, `work` runs directly too.
 pub fn run_observed<T: Send>(observe: &mut dyn FnMut(), work: impl FnOnce() -> T + Send) -> T {
     if rayon::current_thread_index().is_some() {
         return work();
     }
-    let Some(pool) = Pool::of_process().started() else { return work() };
-    let request = stop::current();
-    let (work, mut out) = (entered(work), None);
+    let Some(pool) = Pool::global().thread_pool() else { return work() };
+    let request = stop::current_request();
+    let (work, mut out) = (with_request(work), None);
     let (end, ended) = channel::<()>();
     pool.in_place_scope(|scope| {
         let out = &mut out;
         scope.spawn(move |_| {
-            // Dropped in a panic too, which the scope passes on.
+            // If `work` panics, `_end` is dropped too, which ends the loop below. The scope then resumes the panic.
             let _end = end;
             *out = Some(work());
         });
-        while ended.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
+        while ended.recv_timeout(OBSERVE_PERIOD) == Err(RecvTimeoutError::Timeout) {
             observe();
-            // The work sees that the request is raised, and ends.
+            // On the owner's thread, `is_raised` calls `should_stop`. If the request is raised, the work ends at its
+            // next check.
             let _ = request.as_ref().is_some_and(|r| r.is_raised());
         }
     });

@@ -1,4 +1,4 @@
-//! A thread pool that a child process makes anew.
+//! A thread pool that a child process starts again after `fork`.
 
 use std::fmt;
 use std::io;
@@ -9,31 +9,33 @@ use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, Paral
 use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder};
 
 use super::spawn::STACK_BYTES;
-use super::stop::{checked, entered};
-use crate::error::{Error, Kind, Result};
+use super::stop::{with_request, with_stop_check};
+use crate::error::{Error, ErrorKind, Result};
 
-/// The most threads of a pool.
+/// Largest number of threads of a pool.
 const MAX_THREADS: usize = 4096;
 
-/// Threads that simulators share. A clone has the same threads.
+/// Threads that simulators share. A clone uses the same threads.
 ///
-/// Threads do not survive a `fork`: a child process makes its own at the next use. Where the system has fewer threads left
-/// than the pool is for, work runs on those, at last on the calling thread.
+/// Threads do not survive a `fork`, so a child process starts new threads at the next use. If the system starts fewer
+/// threads than requested, work runs on the started threads. If no thread starts, work runs on the calling thread.
+/// grants fewer threads than requested, work runs on those, or on the calling thread if it grants none.
 #[derive(Clone)]
 pub struct Pool {
     threads: usize,
-    made: Arc<Mutex<Option<Made>>>,
+    process_threads: Arc<Mutex<Option<ProcessThreads>>>,
 }
 
 /// The threads of one process.
-struct Made {
+struct ProcessThreads {
     process: u32,
     threads: Option<Arc<ThreadPool>>,
 }
 
-impl Drop for Made {
+impl Drop for ProcessThreads {
     fn drop(&mut self) {
-        // A child process cannot end the parent's threads, and a lock of theirs may be held for good.
+        // A child process has no threads of its parent, and locks of these threads stay locked forever. Ending the pool
+        // could therefore block, so the pool is leaked instead.
         if self.process != std::process::id() {
             std::mem::forget(self.threads.take());
         }
@@ -41,37 +43,40 @@ impl Drop for Made {
 }
 
 impl Pool {
-    /// A pool for `threads` threads, which start at the first use. For 0 and 1 the caller's thread does the work.
+    /// Returns a pool of `threads` threads, which start at the first use. With 0 or 1, the calling thread does the work.
     ///
     /// # Errors
-    /// When `threads` exceeds 4096.
+    /// Returns [`ErrorKind::Usage`] if `threads` exceeds 4096.
     pub fn new(threads: usize) -> Result<Self> {
         if threads > MAX_THREADS {
-            return Err(Error::new(Kind::Usage, "threads")
+            return Err(Error::new(ErrorKind::Usage, "threads")
                 .found(threads)
                 .expected(format_args!("at most {MAX_THREADS}"))
-                .remedy("give the number of cores"));
+                .remedy("use the number of cores"));
         }
-        Ok(Self::of(threads.max(1)))
+        Ok(Self::with_threads(threads.max(1)))
     }
 
-    fn of(threads: usize) -> Self {
-        Self { threads, made: Arc::default() }
+    fn with_threads(threads: usize) -> Self {
+        Self { threads, process_threads: Arc::default() }
     }
 
-    /// The pool that the library's own parallel work uses: a thread for each CPU, or as many as `RAYON_NUM_THREADS` says.
-    pub(super) fn of_process() -> &'static Self {
+    /// Returns the pool for the parallel work of the library itself.
+    ///
+    /// The environment variable `RAYON_NUM_THREADS` sets the number of threads. Without the variable, the pool has one
+    /// thread per CPU.
+    pub(super) fn global() -> &'static Self {
         static POOL: OnceLock<Pool> = OnceLock::new();
         if let Some(pool) = POOL.get() {
             return pool;
         }
         let named = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse().ok());
         let cpus = || std::thread::available_parallelism().map_or(1, usize::from);
-        let pool = Self::of(named.filter(|n| *n > 0).unwrap_or_else(cpus).min(MAX_THREADS));
+        let pool = Self::with_threads(named.filter(|n| *n > 0).unwrap_or_else(cpus).min(MAX_THREADS));
         POOL.get_or_init(|| pool)
     }
 
-    /// The number of threads that the pool is for.
+    /// Returns the number of threads that the pool was created for.
     #[must_use]
     pub fn threads(&self) -> usize {
         self.threads
@@ -82,29 +87,32 @@ impl Pool {
         if self.threads == 1 {
             return items.into_iter().for_each(work);
         }
-        self.run(|| items.into_par_iter().with_max_len(1).for_each(checked(work)));
+        self.run(|| items.into_par_iter().with_max_len(1).for_each(with_stop_check(work)));
     }
 
-    /// Runs `work` with this pool as the one that rayon's functions use.
+    /// Runs `work` on this pool. Functions of rayon that `work` calls then use the threads of this pool.
     pub(super) fn run<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
-        match self.started() {
-            Some(pool) => pool.install(entered(work)),
+        match self.thread_pool() {
+            Some(pool) => pool.install(with_request(work)),
             None => work(),
         }
     }
 
-    /// The threads of this process. Without any, the calling thread becomes a pool of its own.
-    pub(super) fn started(&self) -> Option<Arc<ThreadPool>> {
+    /// Returns the threads of this process. They start at the first use.
+    ///
+    /// If no thread starts, the calling thread becomes a pool of one thread, and the result is `None`.
+    pub(super) fn thread_pool(&self) -> Option<Arc<ThreadPool>> {
         let process = std::process::id();
-        let known = |slot: &Option<Made>| {
+        let known = |slot: &Option<ProcessThreads>| {
             slot.as_ref().filter(|made| made.process == process).and_then(|made| made.threads.clone())
         };
         if let Some(pool) = known(&self.lock()) {
             return Some(pool);
         }
-        // Not under the lock: a fork meanwhile would leave it locked in the child.
+        // The lock is released while threads start. Otherwise, a concurrent `fork` would copy a locked lock to the
+        // child.
         let Some(pool) = start(self.threads, spawn) else {
-            alone();
+            use_current_thread();
             return None;
         };
         let mut slot = self.lock();
@@ -112,12 +120,12 @@ impl Pool {
             return Some(earlier);
         }
         let pool = Arc::new(pool);
-        *slot = Some(Made { process, threads: Some(Arc::clone(&pool)) });
+        *slot = Some(ProcessThreads { process, threads: Some(Arc::clone(&pool)) });
         Some(pool)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Option<Made>> {
-        self.made.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Option<ProcessThreads>> {
+        self.process_threads.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -132,7 +140,7 @@ fn spawn(thread: ThreadBuilder) -> io::Result<JoinHandle<()>> {
     Builder::new().name("work".into()).stack_size(STACK_BYTES).spawn(|| thread.run())
 }
 
-/// As many threads as `spawn` starts, up to `wanted`.
+/// Starts as many threads as `spawn` can start, at most `wanted`.
 fn start(
     mut wanted: usize,
     spawn: impl Fn(ThreadBuilder) -> io::Result<JoinHandle<()>>,
@@ -149,15 +157,16 @@ fn start(
         if let Ok(pool) = built {
             return Some(pool);
         }
-        // Those that started have been told to end. The next try needs their places.
+        // rayon has already requested the end of the started threads. The system can start other threads only after
+        // these threads exit.
         wanted = started.len().min(wanted - 1);
         started.into_iter().for_each(|thread| drop(thread.join()));
     }
     None
 }
 
-/// Makes this thread the only one of a pool, for as long as it lives.
-fn alone() {
+/// Makes the calling thread the only thread of a pool until this thread ends.
+fn use_current_thread() {
     if rayon::current_thread_index().is_none()
         && let Ok(pool) = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build()
     {
@@ -171,8 +180,8 @@ mod tests {
 
     use super::*;
 
-    /// A system that starts `limit` threads at a time.
-    fn limited(limit: usize) -> impl Fn(ThreadBuilder) -> io::Result<JoinHandle<()>> {
+    /// Returns a function that starts threads like a system with at most `limit` running threads.
+    fn limited_spawner(limit: usize) -> impl Fn(ThreadBuilder) -> io::Result<JoinHandle<()>> {
         let running = Arc::new(AtomicUsize::new(0));
         move |thread| {
             if running.fetch_add(1, Ordering::SeqCst) >= limit {
@@ -189,14 +198,14 @@ mod tests {
 
     #[test]
     fn a_pool_has_as_many_threads_as_the_system() {
-        let threads = |limit| start(4, limited(limit)).map(|pool| pool.current_num_threads());
+        let threads = |limit| start(4, limited_spawner(limit)).map(|pool| pool.current_num_threads());
         assert_eq!([9, 4, 3, 1, 0].map(threads), [Some(4), Some(4), Some(3), Some(1), None]);
     }
 
     #[test]
     fn a_thread_without_others_does_the_work_alone() {
         let sum = std::thread::spawn(|| {
-            alone();
+            use_current_thread();
             let own = std::thread::current().id();
             (0..100).into_par_iter().map(|i| (i, std::thread::current().id() == own)).collect::<Vec<_>>()
         });
@@ -205,7 +214,7 @@ mod tests {
 
     #[test]
     fn more_threads_than_a_pool_may_have_are_refused() {
-        assert_eq!(Pool::new(MAX_THREADS + 1).unwrap_err().kind(), Kind::Usage);
+        assert_eq!(Pool::new(MAX_THREADS + 1).unwrap_err().kind(), ErrorKind::Usage);
         assert_eq!(Pool::new(MAX_THREADS).unwrap().threads(), MAX_THREADS);
         assert_eq!(Pool::new(0).unwrap().threads(), 1);
     }

@@ -1,30 +1,32 @@
-//! Threads of their own, where the system has one left.
+//! Dedicated threads. The caller can fall back to other means if the system cannot start a thread.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 
-use super::stop::{self, Entered};
-use crate::error::{Error, Kind};
+use super::stop::{self, RequestScope};
+use crate::error::{Error, ErrorKind};
 
-/// Stack of a thread in bytes. Without optimization the kernels' frames overflow the usual 2 MiB. Only the pages that are
-/// used take memory.
+/// Stack size of a thread in bytes.
+///
+/// Without optimization, the stack frames of the kernels overflow the usual 2 MiB. The system allocates only pages that
+/// are used.
 pub(super) const STACK_BYTES: usize = 16 << 20;
 
-/// Starts `work(input)` on a new thread. Returns `input` if the system has no thread left.
+/// Starts `work(input)` on a new thread. Returns `input` if the system cannot start a thread.
 pub fn spawn<I: Send + 'static>(
     name: &str,
     input: I,
     work: impl FnOnce(I) + Send + 'static,
 ) -> std::result::Result<(), I> {
     let (give, take) = sync_channel(1);
-    match Builder::new().name(name.into()).spawn(move || work(received(&take))) {
-        Ok(_) => sent(&give, input),
+    match Builder::new().name(name.into()).spawn(move || work(receive_input(&take))) {
+        Ok(_) => send_input(&give, input),
         Err(_) => Err(input),
     }
 }
 
-/// Starts `work(input)` on a new thread of `scope`. Returns `input` if the system has no thread left.
+/// Starts `work(input)` on a new thread of `scope`. Returns `input` if the system cannot start a thread.
 pub fn spawn_scoped<'scope, I: Send + 'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     name: &str,
@@ -32,26 +34,27 @@ pub fn spawn_scoped<'scope, I: Send + 'scope, T: Send + 'scope>(
     work: impl FnOnce(I) -> T + Send + 'scope,
 ) -> std::result::Result<ScopedJoinHandle<'scope, T>, I> {
     let (give, take) = sync_channel(1);
-    match Builder::new().name(name.into()).spawn_scoped(scope, move || work(received(&take))) {
-        Ok(thread) => sent(&give, input).map(|()| thread),
+    match Builder::new().name(name.into()).spawn_scoped(scope, move || work(receive_input(&take))) {
+        Ok(thread) => send_input(&give, input).map(|()| thread),
         Err(_) => Err(input),
     }
 }
 
-/// Calls `work` with 0 to `count - 1` on up to `threads` threads, this one among them, and returns the results in the order of
-/// their indices.
-pub fn indexed<T: Send>(threads: usize, count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+/// Calls `work` with each of 0 to `count - 1` on up to `threads` threads, including the calling thread.
+///
+/// The results are in the order of the arguments.
+pub fn map_indexed<T: Send>(threads: usize, count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let threads = threads.min(count);
     let step = |i| {
-        stop::check();
+        stop::check_stop();
         work(i)
     };
     if threads <= 1 {
         return (0..count).map(step).collect();
     }
-    let (next, request) = (AtomicUsize::new(0), stop::current());
+    let (next, request) = (AtomicUsize::new(0), stop::current_request());
     let take = || {
-        let _entered = Entered::new(request.clone());
+        let _entered = RequestScope::new(request.clone());
         let mut done = Vec::new();
         loop {
             let i = next.fetch_add(1, Ordering::Relaxed);
@@ -78,19 +81,22 @@ pub fn indexed<T: Send>(threads: usize, count: usize, work: impl Fn(usize) -> T 
     done.into_iter().map(|(_, t)| t).collect()
 }
 
-/// The error of work that cannot do without a thread of its own; `work` completes "a thread to".
-pub fn no_thread(work: &str) -> Error {
-    Error::new(Kind::Io, format_args!("a thread to {work}"))
+/// Returns the error for work that requires a separate thread. `work` completes the phrase "a thread to".
+pub fn no_thread_error(work: &str) -> Error {
+    Error::new(ErrorKind::Io, format_args!("a thread to {work}"))
         .found("the system's limit on threads")
         .remedy("raise the limit (ulimit -u; docker run --pids-limit)")
 }
 
-/// A closure that no thread runs is lost, and its input with it. So the input follows once there is a thread.
-fn sent<I>(give: &SyncSender<I>, input: I) -> std::result::Result<(), I> {
+/// Sends the input to a thread that has started.
+///
+/// If a thread does not start, its closure is dropped. The input is therefore not part of the closure but sent after the
+/// start. If the thread does not start, the caller still has the input.
+fn send_input<I>(give: &SyncSender<I>, input: I) -> std::result::Result<(), I> {
     give.send(input).map_err(|e| e.0)
 }
 
-fn received<I>(take: &Receiver<I>) -> I {
+fn receive_input<I>(take: &Receiver<I>) -> I {
     take.recv().unwrap_or_else(|_| unreachable!("the input is sent once there is a thread"))
 }
 
@@ -100,6 +106,6 @@ mod tests {
 
     #[test]
     fn indexed_results_keep_their_order() {
-        assert_eq!(indexed(3, 100, |i| i * i), (0..100).map(|i| i * i).collect::<Vec<_>>());
+        assert_eq!(map_indexed(3, 100, |i| i * i), (0..100).map(|i| i * i).collect::<Vec<_>>());
     }
 }

@@ -1,4 +1,4 @@
-//! Requests to stop.
+//! Requests to stop work.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -6,31 +6,31 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::ThreadId;
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 thread_local! {
-    /// The request that the work of this thread obeys.
-    static CURRENT: RefCell<Option<Arc<Request>>> = const { RefCell::new(None) };
+    /// The request that applies to the work of this thread.
+    static CURRENT_REQUEST: RefCell<Option<Arc<StopRequest>>> = const { RefCell::new(None) };
 }
 
-/// Whether some work is to stop.
-pub(super) struct Request {
-    asked: Box<dyn Fn() -> bool + Send + Sync>,
-    /// The thread that called [`until`]; only this one calls `asked`.
+/// A request to stop some work.
+pub(super) struct StopRequest {
+    should_stop: Box<dyn Fn() -> bool + Send + Sync>,
+    /// The thread that called [`run_until`]. Only this thread calls `should_stop`.
     owner: ThreadId,
-    raised: AtomicBool,
+    is_raised: AtomicBool,
 }
 
-/// The panic payload that unwinds from [`check`] to [`until`]. The panic hook does not run for it.
-struct Stopped;
+/// The panic payload that unwinds from [`check_stop`] to [`run_until`]. The panic hook does not run for this payload.
+struct StopPayload;
 
-impl Request {
-    /// Whether to stop. On the owner's thread this calls `asked`.
+impl StopRequest {
+    /// Returns whether a stop is requested. On the owner's thread, this function calls `should_stop`.
     pub(super) fn is_raised(&self) -> bool {
-        if !self.raised.load(Ordering::Relaxed) && self.is_own() && (self.asked)() {
-            self.raised.store(true, Ordering::Relaxed);
+        if !self.is_raised.load(Ordering::Relaxed) && self.is_own() && (self.should_stop)() {
+            self.is_raised.store(true, Ordering::Relaxed);
         }
-        self.raised.load(Ordering::Relaxed)
+        self.is_raised.load(Ordering::Relaxed)
     }
 
     fn is_own(&self) -> bool {
@@ -38,79 +38,83 @@ impl Request {
     }
 }
 
-/// Runs `work` until it ends or `asked` returns true.
+/// Runs `work` until it ends or `should_stop` returns true.
 ///
-/// This thread calls `asked` whenever the work checks for a stop, and about every 50 ms while other threads work for it.
-/// Each function of the library checks at least once per block of 128 readouts, per row of a rendered picture, and per
-/// item of parallel work.
+/// The calling thread calls `should_stop` whenever its work checks for a stop. While other threads work for the calling
+/// thread, it calls `should_stop` about every 50 ms. Each function of the library checks at least once per block of 128
+/// readouts, per row of a rendered picture and per item of parallel work.
 ///
 /// A stop unwinds the stack from such a check to this function, without the panic hook. A program that is built with
-/// `panic = "abort"` cannot unwind: there a stop ends the process with an abort, and unfinished files stay under their hidden
-/// names. Such a program stops between calls instead.
+/// `panic = "abort"` cannot unwind. In such a program, a stop aborts the process, and unfinished files keep their hidden
+/// names. Such a program should stop between calls instead.
 ///
 /// # Errors
-/// [`Kind::Interrupted`] after a stop; else those of `work`.
-pub fn until<T>(
-    asked: impl Fn() -> bool + Send + Sync + 'static,
+/// Returns [`ErrorKind::Interrupted`] after a stop. Otherwise returns the error of `work`.
+pub fn run_until<T>(
+    should_stop: impl Fn() -> bool + Send + Sync + 'static,
     work: impl FnOnce() -> Result<T>,
 ) -> Result<T> {
     let owner = std::thread::current().id();
-    let request = Request { asked: Box::new(asked), owner, raised: AtomicBool::new(false) };
-    let _entered = Entered::new(Some(Arc::new(request)));
+    let request =
+        StopRequest { should_stop: Box::new(should_stop), owner, is_raised: AtomicBool::new(false) };
+    let _entered = RequestScope::new(Some(Arc::new(request)));
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(result) => result,
-        Err(reason) if reason.is::<Stopped>() => Err(Error::new(Kind::Interrupted, "stopped on request")),
+        Err(reason) if reason.is::<StopPayload>() => {
+            Err(Error::new(ErrorKind::Interrupted, "stopped on request"))
+        }
         Err(reason) => resume_unwind(reason),
     }
 }
 
-/// Returns if the work of this thread may go on; unwinds to [`until`] if not.
-pub fn check() {
-    let stop = CURRENT.with_borrow(|request| request.as_ref().is_some_and(|r| r.is_raised()));
-    // A check while values are dropped must not end the process.
+/// Returns if no stop is requested. Otherwise unwinds to [`run_until`].
+pub fn check_stop() {
+    let stop = CURRENT_REQUEST.with_borrow(|request| request.as_ref().is_some_and(|r| r.is_raised()));
+    // During a panic, values are being dropped, and a second unwind would abort the process.
     if stop && !std::thread::panicking() {
-        resume_unwind(Box::new(Stopped));
+        resume_unwind(Box::new(StopPayload));
     }
 }
 
-/// The request of this thread.
-pub(super) fn current() -> Option<Arc<Request>> {
-    CURRENT.with_borrow(Clone::clone)
+/// Returns the request that applies to this thread.
+pub(super) fn current_request() -> Option<Arc<StopRequest>> {
+    CURRENT_REQUEST.with_borrow(Clone::clone)
 }
 
-/// `work` on another thread, under the request to stop of this one.
+/// Wraps `work` for another thread. The stop request of this thread then applies to the other thread.
 #[cfg(feature = "threads")]
-pub(super) fn entered<T>(work: impl FnOnce() -> T + Send) -> impl FnOnce() -> T + Send {
-    let request = current();
+pub(super) fn with_request<T>(work: impl FnOnce() -> T + Send) -> impl FnOnce() -> T + Send {
+    let request = current_request();
     || {
-        let _entered = Entered::new(request);
+        let _entered = RequestScope::new(request);
         work()
     }
 }
 
-/// `work` on whichever thread, under the request to stop of this one, which it checks before each item.
+/// Wraps `work` for any thread. The stop request of this thread then applies to that thread, with a check before each
+/// item.
 #[cfg(feature = "threads")]
-pub(super) fn checked<I, T>(work: impl Fn(I) -> T + Sync + Send) -> impl Fn(I) -> T + Sync + Send {
-    let request = current();
+pub(super) fn with_stop_check<I, T>(work: impl Fn(I) -> T + Sync + Send) -> impl Fn(I) -> T + Sync + Send {
+    let request = current_request();
     move |item| {
-        let _entered = Entered::new(request.clone());
-        check();
+        let _entered = RequestScope::new(request.clone());
+        check_stop();
         work(item)
     }
 }
 
-/// This thread obeys another request for as long as this value lives.
-pub(super) struct Entered(Option<Arc<Request>>);
+/// Replaces the request that applies to this thread until this value is dropped.
+pub(super) struct RequestScope(Option<Arc<StopRequest>>);
 
-impl Entered {
-    pub(super) fn new(request: Option<Arc<Request>>) -> Self {
-        Self(CURRENT.replace(request))
+impl RequestScope {
+    pub(super) fn new(request: Option<Arc<StopRequest>>) -> Self {
+        Self(CURRENT_REQUEST.replace(request))
     }
 }
 
-impl Drop for Entered {
+impl Drop for RequestScope {
     fn drop(&mut self) {
-        CURRENT.set(self.0.take());
+        CURRENT_REQUEST.set(self.0.take());
     }
 }
 
@@ -118,7 +122,8 @@ impl Drop for Entered {
 mod tests {
     use super::*;
 
-    /// Asks for a stop at the call number `at`, from 1 on; counts the calls.
+    /// Returns a counter of calls, and a closure that returns true from call number `at` onward. The first call has
+    /// number 1.
     fn nth(at: usize) -> (Arc<std::sync::atomic::AtomicUsize>, impl Fn() -> bool + Send + Sync + 'static) {
         let calls = Arc::new(std::sync::atomic::AtomicUsize::new(0));
         let counted = Arc::clone(&calls);
@@ -127,15 +132,15 @@ mod tests {
 
     #[test]
     fn work_that_is_not_stopped_returns_its_result() {
-        until(
+        run_until(
             || false,
             || {
-                check();
+                check_stop();
                 Ok(())
             },
         )
         .unwrap();
-        check();
+        check_stop();
     }
 
     #[test]
@@ -143,38 +148,39 @@ mod tests {
         let (calls, asked) = nth(3);
         let dropped = Arc::new(());
         let held = Arc::clone(&dropped);
-        let stopped = until(asked, || -> Result<()> {
+        let stopped = run_until(asked, || -> Result<()> {
             let _held = held;
             loop {
-                check();
+                check_stop();
             }
         });
-        assert_eq!(stopped.unwrap_err().kind(), Kind::Interrupted);
+        assert_eq!(stopped.unwrap_err().kind(), ErrorKind::Interrupted);
         assert_eq!((calls.load(Ordering::SeqCst), Arc::strong_count(&dropped)), (3, 1));
-        // Nothing is stopped any more.
-        check();
+        // Outside of `run_until` there is no request, so `check_stop` returns.
+        check_stop();
     }
 
     #[test]
     fn other_panics_pass_through() {
-        let panic = catch_unwind(|| until(|| false, || -> Result<()> { resume_unwind(Box::new("other")) }));
+        let panic =
+            catch_unwind(|| run_until(|| false, || -> Result<()> { resume_unwind(Box::new("other")) }));
         assert_eq!(panic.unwrap_err().downcast_ref(), Some(&"other"));
     }
 
     #[test]
     fn inner_work_obeys_its_own_request() {
-        let outer = until(
+        let outer = run_until(
             || false,
             || {
-                let inner = until(
+                let inner = run_until(
                     || true,
                     || {
-                        check();
+                        check_stop();
                         Ok(())
                     },
                 );
-                assert_eq!(inner.unwrap_err().kind(), Kind::Interrupted);
-                check();
+                assert_eq!(inner.unwrap_err().kind(), ErrorKind::Interrupted);
+                check_stop();
                 Ok(1)
             },
         );
@@ -185,30 +191,30 @@ mod tests {
     #[test]
     fn a_stop_reaches_parallel_work_on_other_threads() {
         let (_, asked) = nth(2);
-        let stopped = until(asked, || {
+        let stopped = run_until(asked, || {
             crate::threads::map(0..4, |_| {
                 loop {
-                    check();
+                    check_stop();
                     std::thread::yield_now();
                 }
             });
             Ok(())
         });
-        assert_eq!(stopped.unwrap_err().kind(), Kind::Interrupted);
+        assert_eq!(stopped.unwrap_err().kind(), ErrorKind::Interrupted);
     }
 
     #[test]
     fn a_stop_reaches_the_threads_of_indexed_work() {
         let (_, asked) = nth(2);
-        let stopped = until(asked, || {
-            crate::threads::indexed(3, 3, |_| {
+        let stopped = run_until(asked, || {
+            crate::threads::map_indexed(3, 3, |_| {
                 loop {
-                    check();
+                    check_stop();
                     std::thread::yield_now();
                 }
             });
             Ok(())
         });
-        assert_eq!(stopped.unwrap_err().kind(), Kind::Interrupted);
+        assert_eq!(stopped.unwrap_err().kind(), ErrorKind::Interrupted);
     }
 }

@@ -1,3 +1,3 @@
-//! What several studies share.
+//! Code that several studies use.
 
 pub mod lines;

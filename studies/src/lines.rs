@@ -1,4 +1,4 @@
-//! Records of studies, a line of JSON each, in files compressed with gzip.
+//! Reads and writes the records of studies. A record is a line of JSON in a gzip file.
 
 use std::fs::{self, File};
 use std::io::{Read as _, Write as _};
@@ -8,12 +8,12 @@ use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 
-/// What was judged in the study of diagnoses.
+/// Returns the records of the diagnosis study, one per line.
 ///
 /// # Panics
-/// Never: the file is part of the program.
+/// Never, because the file is compiled into the program.
 #[must_use]
-pub fn diagnosis() -> String {
+pub fn diagnosis_records() -> String {
     text(include_bytes!("../data/diagnosis.jsonl.gz"))
 }
 
@@ -23,10 +23,10 @@ fn text(bytes: &[u8]) -> String {
     text
 }
 
-/// The lines of a file; none where there is no file.
+/// Returns the text of a file of records, or an empty string if the file does not exist.
 ///
 /// # Panics
-/// When the file cannot be read, or is not what [`append`] and [`write`] make: it would be overwritten at the end.
+/// If the file cannot be read, or if [`append`] or [`write`] did not create it. The caller must not overwrite such a file.
 #[must_use]
 pub fn read(path: &Path) -> String {
     if !path.exists() {
@@ -35,22 +35,22 @@ pub fn read(path: &Path) -> String {
     text(&fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display())))
 }
 
-/// Writes a file of these lines.
+/// Writes `text` as a file of records.
 ///
 /// # Panics
-/// When the system refuses.
+/// If writing fails.
 pub fn write(path: &Path, text: &str) {
     let mut encoder = GzEncoder::new(File::create(path).unwrap(), Compression::best());
     encoder.write_all(text.as_bytes()).unwrap();
     encoder.finish().unwrap();
 }
 
-/// Adds a line to a file, which stays readable if the process is killed between two lines.
+/// Appends a line to a file. If the process is killed between two lines, the file is still readable.
 ///
 /// # Panics
-/// When the system refuses.
+/// If writing fails.
 pub fn append(path: &Path, line: &str) {
-    // Members of gzip, one after the other, are the texts one after the other.
+    // A gzip file may consist of several members. The decoder returns the concatenation of their texts.
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
     writeln!(encoder, "{line}").unwrap();
     let member = encoder.finish().unwrap();

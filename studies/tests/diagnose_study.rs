@@ -1,29 +1,30 @@
-//! Sensors of the blind study, judged again.
+//! Tests that the diagnoses of some sensors of the blind study are reproduced.
 
-#[path = "../src/diagnose/again.rs"]
-#[allow(dead_code, reason = "the study judges a list of them")]
-mod again;
+#[path = "../src/diagnose/diagnose_sensor.rs"]
+mod diagnose_sensor;
 #[allow(unreachable_pub, reason = "shared by several test binaries")]
 #[path = "../../crates/calibrate/tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;
 #[path = "../src/diagnose/jobs.rs"]
 #[allow(dead_code, reason = "the study makes its list with it")]
 mod jobs;
-#[path = "../src/diagnose/judge.rs"]
-mod judge;
 #[path = "../src/diagnose/phases.rs"]
 mod phases;
 #[path = "../src/diagnose/records.rs"]
 #[allow(dead_code, reason = "the study reads and writes with it")]
 mod records;
+#[path = "../src/diagnose/rejudge.rs"]
+#[allow(dead_code, reason = "the study judges a list of them")]
+mod rejudge;
 #[path = "../src/diagnose/score.rs"]
 mod score;
 #[path = "../src/diagnose/version.rs"]
 mod version;
 
-/// The quickest of each class in which something was named where something is hidden. Forty more are in
-/// `studies/data/diagnosis-again.txt`: `docs/why/diagnosis.md` has the command.
-const QUICKEST: [&str; 5] = [
+/// A clean sensor, and for each other class the quickest sensor whose hidden effects were identified.
+///
+/// `studies/data/diagnosis-again.txt` lists forty more sensors. `docs/why/diagnosis.md` contains the command to test them.
+const QUICKEST_SENSORS: [&str; 5] = [
     "null--261",
     "single-dead_pixels-018",
     "outside-diagonal_banding-007",
@@ -31,14 +32,15 @@ const QUICKEST: [&str; 5] = [
     "triple-dead_time+response_nonlinearity+vignetting-009",
 ];
 
-/// If it fails, what `diagnose` says has changed: either by mistake, or a number of `version.rs` is to be raised.
+/// If this test fails, the result of `diagnose` has changed. If the change is intended, increase a number in `version.rs`.
 #[test]
-fn recorded_sensors_are_judged_as_they_were_in_every_digit() {
-    let lines = spikelane_studies::lines::diagnosis();
-    let reference = judge::reference(hidden_sensor::SMALL, &mut phases::Phases::new(false));
-    for id in QUICKEST {
-        let recorded = again::find(&lines, id).expect("a record of the study");
-        let differences = again::differences(&recorded, &reference);
+fn recorded_diagnoses_are_reproduced_exactly() {
+    let lines = spikelane_studies::lines::diagnosis_records();
+    let reference =
+        diagnose_sensor::shared_null_model(hidden_sensor::SMALL_SIZE, &mut phases::PhaseTimer::new(false));
+    for id in QUICKEST_SENSORS {
+        let recorded = rejudge::find_record(&lines, id).expect("a record of the study");
+        let differences = rejudge::differences(&recorded, &reference);
         assert!(differences.is_empty(), "{id}: {differences:#?}");
     }
 }

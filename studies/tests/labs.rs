@@ -1,56 +1,64 @@
-//! A part of the study of `calibrate` in random laboratories: what is said there is right, or nothing is said.
+//! A part of the study of `calibrate` in random laboratories. Every result must be right, or `calibrate` must reject the set.
 
-#[path = "../../crates/calibrate/tests/calibrate_support/best.rs"]
-mod best;
+#[path = "../../crates/calibrate/tests/calibrate_support/assessment.rs"]
+#[allow(dead_code, reason = "the study makes tables of it")]
+mod assessment;
 #[path = "../../crates/calibrate/tests/calibrate_support/mod.rs"]
 mod calibrate_support;
-#[path = "../../crates/calibrate/tests/calibrate_support/judge.rs"]
-#[allow(dead_code, reason = "the study makes tables of it")]
-mod judge;
+#[path = "../../crates/calibrate/tests/calibrate_support/error_bounds.rs"]
+mod error_bounds;
 #[path = "../../crates/calibrate/tests/calibrate_support/lab.rs"]
 #[allow(dead_code, reason = "the study makes tables of it")]
 mod lab;
 
 use std::path::Path;
 
-use crate::judge::{Verdict, judge, judge_program};
-use crate::lab::Lab;
+use crate::assessment::{AssessmentOutcome, assess, assess_program};
+use crate::lab::Laboratory;
 use rayon::prelude::*;
 
-/// One laboratory or two of each kind, three of them through files and the command line. A wrong value lies five of its errors from the
-/// truth: of some 300 values with normal errors chance puts none there in 99.98 % of all suites.
+/// Tests one or two laboratories of each kind. Three laboratories are tested with files and the command line.
+///
+/// A value counts as wrong if its error exceeds five standard errors. Each run has about 300 values. If the errors are
+/// normally distributed, 99.98 % of all runs have no wrong value.
 #[test]
-fn what_is_said_of_a_random_laboratory_is_right_or_nothing_is_said() {
+fn calibration_of_random_laboratories_is_right_or_refused() {
     (0..20_u64).into_par_iter().for_each(|index| {
-        let lab = Lab::new(index);
+        let lab = Laboratory::new(index);
         let verdict = if index % 7 == 5 {
             let folder = tempfile::TempDir::new().unwrap();
-            judge_program(&lab, Path::new(env!("CARGO_BIN_EXE_study-program-under-test")), folder.path())
+            assess_program(&lab, Path::new(env!("CARGO_BIN_EXE_study-program-under-test")), folder.path())
         } else {
-            judge(&lab)
+            assess(&lab)
         };
-        let wrong: Vec<_> =
-            verdict.wrong().iter().map(|c| (crate::judge::QUANTITIES[c.quantity], c.z)).collect();
+        let wrong: Vec<_> = verdict
+            .wrong_quantities()
+            .iter()
+            .map(|c| (crate::assessment::QUANTITIES[c.quantity], c.z))
+            .collect();
         assert!(wrong.is_empty(), "laboratory {index}, {}: {wrong:?}", lab.fault);
-        if let Verdict::Refused(why) = verdict {
+        if let AssessmentOutcome::Refused(why) = verdict {
             panic!("laboratory {index}, {}: {why}", lab.fault);
         }
     });
 }
 
-/// The same laboratory, counted in memory and read from its files: nothing that is said differs.
+/// Compares the results for one laboratory whose spikes are counted in memory and for the same laboratory read from files.
+/// The results must be equal.
 #[test]
 fn files_and_counts_of_a_laboratory_say_the_same() {
-    let lab = Lab::new(13);
+    let lab = Laboratory::new(13);
     let folder = tempfile::TempDir::new().unwrap();
     let through_files =
-        judge_program(&lab, Path::new(env!("CARGO_BIN_EXE_study-program-under-test")), folder.path());
-    let (Verdict::Said(counted), Verdict::Said(read)) = (judge(&lab), through_files) else {
+        assess_program(&lab, Path::new(env!("CARGO_BIN_EXE_study-program-under-test")), folder.path());
+    let (AssessmentOutcome::Assessed(counted), AssessmentOutcome::Assessed(read)) =
+        (assess(&lab), through_files)
+    else {
         panic!("refused");
     };
-    assert!(counted.named && read.named, "a drift of 1 % was not told");
-    // Intervals are measured by other spans in the two; rates are the same.
-    for (a, b) in counted.compared.iter().zip(&read.compared).filter(|(a, _)| a.quantity < 2) {
-        assert!((a.z - b.z).abs() < 0.1, "{} {} {}", crate::judge::QUANTITIES[a.quantity], a.z, b.z);
+    assert!(counted.has_named_fault && read.has_named_fault, "a drift of 1 % was not told");
+    // Only the rates must be equal. The intervals are measured over different spans in the two cases.
+    for (a, b) in counted.quantity_errors.iter().zip(&read.quantity_errors).filter(|(a, _)| a.quantity < 2) {
+        assert!((a.z - b.z).abs() < 0.1, "{} {} {}", crate::assessment::QUANTITIES[a.quantity], a.z, b.z);
     }
 }

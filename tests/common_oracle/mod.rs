@@ -1,29 +1,30 @@
-//! What the physics tests share: the exact law under an independent generator, streams as
-//! spike times, and the statistics that both sides are compared by.
+//! Shared code of the physics tests: the exact law with an independent random generator, streams as lists of spike times,
+//! and statistics for comparing the plan with the law.
 #![allow(dead_code, reason = "every test file uses its own part")]
 
 use rand_distr::{Distribution, Poisson, StandardNormal};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng, SeedableRng};
+use spikelane::FrameRef;
 use spikelane::effects::{Camera, Model};
-use spikelane::pixel::{Law, Noise};
-use spikelane::simulate::FrameRef;
+use spikelane::pixel::{Law, NoiseSource};
 use spikelane::{Geometry, Plan, Seeds, Sensor, Simulator};
 
-/// Draws for the exact law that share no code with the crate's.
-pub(crate) struct Independent {
+/// Random draws for the exact law. They use no code of this crate.
+pub(crate) struct IndependentNoise {
     rng: Pcg64,
-    /// Building a distribution costs more than drawing from it, and light is constant here.
+    /// The last distribution. It is stored because creating a distribution is slower than a draw and the light is
+    /// constant.
     poisson: (f64, Option<Poisson<f64>>),
 }
 
-impl Independent {
+impl IndependentNoise {
     pub(crate) fn new(seed: u64) -> Self {
         Self { rng: Pcg64::seed_from_u64(seed), poisson: (f64::NAN, None) }
     }
 }
 
-impl Noise for Independent {
+impl NoiseSource for IndependentNoise {
     fn normal(&mut self) -> f64 {
         StandardNormal.sample(&mut self.rng)
     }
@@ -41,49 +42,50 @@ impl Noise for Independent {
 }
 
 /// Spike times of every pixel, in readouts.
-pub(crate) struct Times {
+pub(crate) struct SpikeTimes {
     pub readouts: usize,
     pub pixels: Vec<Vec<u32>>,
 }
 
-/// A sensor with the circuit of the presets.
+/// Returns a sensor with the circuit of the presets.
 pub(crate) fn sensor(width: u32, height: u32) -> Sensor {
     Sensor::new(width, height, 20_000.0).unwrap()
 }
 
-/// `camera` cut to `width` x `height`.
-pub(crate) fn sized(mut camera: Camera, width: u32, height: u32) -> Camera {
+/// Returns `camera` with a sensor of `width` x `height` pixels.
+pub(crate) fn with_size(mut camera: Camera, width: u32, height: u32) -> Camera {
     camera.sensor.geometry = Geometry::new(width, height).unwrap();
     camera
 }
 
 pub(crate) fn preset(name: &str, width: u32, height: u32) -> Camera {
-    sized(spikelane::presets::builtin(name).unwrap(), width, height)
+    with_size(spikelane::presets::builtin(name).unwrap(), width, height)
 }
 
 pub(crate) fn seeds(shot: u64) -> Seeds {
     Seeds { camera: 5, shot, sequence: 0 }
 }
 
-/// The exact law of every pixel, `light` full scales each, after `warm` readouts that are not kept.
-pub(crate) fn oracle(model: &Model, light: &[f32], warm: usize, readouts: usize, seed: u64) -> Times {
+/// Simulates every pixel with the exact law under constant `light` in full scales. The first `warm` readouts are
+/// discarded.
+pub(crate) fn oracle(model: &Model, light: &[f32], warm: usize, readouts: usize, seed: u64) -> SpikeTimes {
     let pixels = (0..model.circuit.pixels()).map(|p| {
-        let mut noise = Independent::new(seed.wrapping_mul(1_000_003).wrapping_add(p as u64));
-        one(model, &model.law(p), f64::from(light[p]), warm, readouts, &mut noise)
+        let mut noise = IndependentNoise::new(seed.wrapping_mul(1_000_003).wrapping_add(p as u64));
+        oracle_pixel(model, &model.law(p), f64::from(light[p]), warm, readouts, &mut noise)
     });
-    Times { readouts, pixels: pixels.collect() }
+    SpikeTimes { readouts, pixels: pixels.collect() }
 }
 
-fn one(
+fn oracle_pixel(
     model: &Model,
     law: &Law,
     light: f64,
     warm: usize,
     readouts: usize,
-    noise: &mut Independent,
+    noise: &mut IndependentNoise,
 ) -> Vec<u32> {
     let (first, second) = (noise.uniform(), noise.uniform());
-    let mut state = law.start(model.start_charge(law.threshold, first, second), noise);
+    let mut state = law.initial_state(model.start_charge(law.threshold, first, second), noise);
     for _ in 0..warm {
         law.step(&mut state, light, noise);
     }
@@ -96,24 +98,30 @@ fn one(
     times
 }
 
-/// The plan on the fastest backend, under the same conditions.
-pub(crate) fn planned(camera: &Camera, seeds: Seeds, light: &[f32], warm: usize, readouts: usize) -> Times {
-    let bytes = packed(camera, seeds, light, warm + readouts);
+/// Simulates `camera` with its plan on the fastest backend. The other arguments have the same meaning as in [`oracle`].
+pub(crate) fn simulate_times(
+    camera: &Camera,
+    seeds: Seeds,
+    light: &[f32],
+    warm: usize,
+    readouts: usize,
+) -> SpikeTimes {
+    let bytes = simulate_packed(camera, seeds, light, warm + readouts);
     let frame = camera.sensor.geometry.frame_bytes();
     unpack(&bytes[warm * frame..], camera.sensor.geometry)
 }
 
-/// The plan's packed stream.
-pub(crate) fn packed(camera: &Camera, seeds: Seeds, light: &[f32], readouts: usize) -> Vec<u8> {
+/// Returns the packed stream that the plan of `camera` produces.
+pub(crate) fn simulate_packed(camera: &Camera, seeds: Seeds, light: &[f32], readouts: usize) -> Vec<u8> {
     let greatest = light.iter().fold(1.0f32, |a, &b| a.max(b));
-    let plan = Plan::with_light(camera, seeds, f64::from(greatest)).unwrap();
+    let plan = Plan::with_max_light(camera, seeds, f64::from(greatest)).unwrap();
     let mut bytes = vec![0; readouts * camera.sensor.geometry.frame_bytes()];
-    let mut simulator = Simulator::of_plan(plan);
-    simulator.push(FrameRef::f32(light, camera.sensor.geometry), &mut bytes).unwrap();
+    let mut simulator = Simulator::from_plan(plan);
+    simulator.fill(FrameRef::new(light), &mut bytes).unwrap();
     bytes
 }
 
-pub(crate) fn unpack(bytes: &[u8], geometry: Geometry) -> Times {
+pub(crate) fn unpack(bytes: &[u8], geometry: Geometry) -> SpikeTimes {
     let mut pixels = vec![Vec::new(); geometry.pixels()];
     let frames = bytes.chunks_exact(geometry.frame_bytes());
     let readouts = frames.len();
@@ -126,10 +134,11 @@ pub(crate) fn unpack(bytes: &[u8], geometry: Geometry) -> Times {
             }
         }
     }
-    Times { readouts, pixels }
+    SpikeTimes { readouts, pixels }
 }
 
-/// A mean over pixels and its standard error from their scatter.
+/// A mean of the values of all pixels, and its standard error. The standard error is computed from the scatter between
+/// pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Estimate {
     pub mean: f64,
@@ -138,7 +147,7 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    pub(crate) fn of(values: impl Iterator<Item = f64>) -> Self {
+    pub(crate) fn from_values(values: impl Iterator<Item = f64>) -> Self {
         let values: Vec<f64> = values.collect();
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
@@ -146,7 +155,7 @@ impl Estimate {
         Self { mean, error: (variance / n).sqrt(), pixels: values.len() }
     }
 
-    /// The difference in units of the joint standard error, which is at least `floor`.
+    /// Returns the difference divided by the joint standard error. The divisor is at least `floor`.
     pub(crate) fn sigmas(self, other: Self, floor: f64) -> f64 {
         (self.mean - other.mean) / self.error.hypot(other.error).max(floor)
     }
@@ -158,34 +167,38 @@ impl std::fmt::Display for Estimate {
     }
 }
 
-impl Times {
-    /// Spikes per readout of every pixel.
+impl SpikeTimes {
+    /// Returns the spikes per readout of every pixel.
     pub(crate) fn rates(&self) -> impl Iterator<Item = f64> + '_ {
         self.pixels.iter().map(|t| t.len() as f64 / self.readouts as f64)
     }
 
     pub(crate) fn rate(&self) -> Estimate {
-        Estimate::of(self.rates())
+        Estimate::from_values(self.rates())
     }
 
-    /// Standard deviation over the pixels of the rate, over its mean.
+    /// Returns the standard deviation of the pixels' rates, divided by the mean rate.
     pub(crate) fn spread(&self) -> f64 {
         let rate = self.rate();
         rate.error * (rate.pixels as f64).sqrt() / rate.mean
     }
 
-    /// `D(n)`: per pixel the mean square of `t[k+n] - t[k]` about `n` times the pixel's own
-    /// mean interval (last minus first spike, over their number less one), then the mean over
-    /// the pixels that hold more than `1.5 n` spikes.
-    pub(crate) fn d(&self, n: usize) -> Estimate {
-        Estimate::of(self.pixels.iter().filter(|t| 2 * t.len() > 3 * n && t.len() > n + 1).map(|t| {
-            let mean = mean_interval(t);
-            let square = |(a, b): (&u32, &u32)| (f64::from(b - a) - n as f64 * mean).powi(2);
-            t.iter().zip(&t[n..]).map(square).sum::<f64>() / (t.len() - n) as f64
-        }))
+    /// Returns `D(n)`, the mean of all pixels' mean squares of `t[k+n] - t[k] - n m`.
+    ///
+    /// `m` is the mean interval of the pixel: the duration from its first to its last spike, divided by the number of
+    /// intervals. Pixels with at most `1.5 n` spikes are excluded.
+    pub(crate) fn interval_sum_variance(&self, n: usize) -> Estimate {
+        Estimate::from_values(self.pixels.iter().filter(|t| 2 * t.len() > 3 * n && t.len() > n + 1).map(
+            |t| {
+                let mean = mean_interval(t);
+                let square = |(a, b): (&u32, &u32)| (f64::from(b - a) - n as f64 * mean).powi(2);
+                t.iter().zip(&t[n..]).map(square).sum::<f64>() / (t.len() - n) as f64
+            },
+        ))
     }
 
-    /// Share of the intervals that are neither floor nor ceiling of their pixel's mean.
+    /// Returns the share of outliers. An outlier is an interval that is neither the floor nor the ceiling of its pixel's
+    /// mean interval.
     pub(crate) fn outliers(&self) -> f64 {
         let (mut outside, mut all) = (0, 0);
         for t in self.pixels.iter().filter(|t| t.len() > 1) {
@@ -205,13 +218,14 @@ pub(crate) fn mean_interval(times: &[u32]) -> f64 {
     f64::from(times[times.len() - 1] - times[0]) / (times.len() - 1) as f64
 }
 
-/// One value of light per pixel, Gaussian about `mean` with the relative spread `spread`.
+/// Returns one light value per pixel. The values are Gaussian with the mean `mean` and the relative standard deviation
+/// `spread`.
 pub(crate) fn spread_light(mean: f64, spread: f64, pixels: usize, seed: u64) -> Vec<f32> {
-    let mut noise = Independent::new(seed);
+    let mut noise = IndependentNoise::new(seed);
     (0..pixels).map(|_| (mean * (1.0 + spread * noise.normal())).max(0.0) as f32).collect()
 }
 
-/// Correlation coefficient of two series.
+/// Returns the correlation coefficient of two series.
 pub(crate) fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len() as f64;
     let (ma, mb) = (a.iter().sum::<f64>() / n, b.iter().sum::<f64>() / n);
@@ -221,11 +235,11 @@ pub(crate) fn correlation(a: &[f64], b: &[f64]) -> f64 {
     dot(a, ma, b, mb) / (dot(a, ma, a, ma) * dot(b, mb, b, mb)).sqrt()
 }
 
-/// Every pixel's stored charge in its own thresholds, read from the saved state.
-pub(crate) fn charges(plan: &Plan, state: &spikelane::unstable::plan::State) -> Vec<f64> {
+/// Returns the stored charge of every pixel in the pixel's own thresholds, read from the saved state.
+pub(crate) fn charges(plan: &Plan, state: &spikelane::unstable::plan::SimulatorState) -> Vec<f64> {
     let bytes = state.to_bytes();
     let word = |i: usize| i16::from_le_bytes([bytes[64 + 2 * i], bytes[65 + 2 * i]]);
-    let padded = plan.padded();
+    let padded = plan.padded_pixels();
     (0..plan.geometry().pixels())
         .map(|p| {
             let threshold = f64::from(plan.tables().threshold[p]);
@@ -235,10 +249,11 @@ pub(crate) fn charges(plan: &Plan, state: &spikelane::unstable::plan::State) -> 
         .collect()
 }
 
-/// Pixels of `camera` alike: `effects` by name, key and value on an ideal camera.
+/// Returns an ideal camera with `effects`. Each entry contains the name of an effect, and the keys and values of
+/// parameters.
 pub(crate) fn camera_with(width: u32, height: u32, effects: &[(&str, &[(&str, f64)])]) -> Camera {
     effects.iter().fold(Camera::ideal(sensor(width, height)), |camera, (name, values)| {
         let effect = spikelane::effects::find(name).unwrap().neutral();
-        camera.with(values.iter().fold(effect, |e, (key, v)| e.with(key, *v).unwrap()))
+        camera.with_effect(values.iter().fold(effect, |e, (key, v)| e.with_value(key, *v).unwrap()))
     })
 }

@@ -1,8 +1,10 @@
-//! What fixed point adds to the exact law stays within the plan's own bounds, and those within
-//! 1e-6 spikes per readout plus 2e-6 of the rate, and 1 % of the phase variance.
+//! The errors of the fixed-point arithmetic are within the bounds of the plan.
+//!
+//! The bounds are at most 1e-6 spikes per readout plus 2e-6 of the rate. The bound of the phase variance is 1 %.
 
 use crate::common_oracle::{camera_with, charges, preset, seeds};
-use spikelane::simulate::FrameRef;
+use spikelane::FrameRef;
+use spikelane::SimulatorOptions;
 use spikelane::spikes::{Geometry, bit};
 use spikelane::unstable::draws::gauss;
 use spikelane::{Backend, Camera, Plan, Simulator};
@@ -13,38 +15,39 @@ const LIGHTS: [f32; 6] = [0.0, 0.003, 0.05, 0.31, 0.77, 0.9];
 fn every_presets_bounds_are_the_designs() {
     for preset in spikelane::presets::ALL {
         let plan = Plan::new(&crate::common_oracle::preset(preset.name, 64, 2), seeds(0)).unwrap();
-        let b = plan.bounds();
+        let b = plan.error_bounds();
         assert!(b.rate_absolute <= 1e-6 && b.rate_relative <= 2e-6, "{}: {b:?}", preset.name);
         assert!(b.phase_variance_relative <= 0.01, "{}: {b:?}", preset.name);
     }
 }
 
-/// The fixed pattern of a preset without its noise; negative dark current, which would drain, is cut.
-fn quiet(name: &str) -> Camera {
+/// Returns a preset with its fixed pattern but without noise. Negative dark currents are set to zero, because they drain
+/// charge.
+fn noiseless_preset(name: &str) -> Camera {
     let camera = preset(name, 256, 1);
     let camera = ["shot_noise", "dark_shot_noise", "thermal_noise", "dead_time", "start_phase"]
         .iter()
-        .fold(camera, |c, effect| c.without(effect));
-    let dark = camera.effect("dark_current").unwrap().clone().with("negative", 1.0).unwrap();
-    camera.with(dark)
+        .fold(camera, |c, effect| c.without_effect(effect));
+    let dark = camera.effect("dark_current").unwrap().clone().with_value("negative", 1.0).unwrap();
+    camera.with_effect(dark)
 }
 
-/// All charge that a pixel gathered in 2^17 readouts is its spikes and what it still holds, known
-/// to 2^-16 step, so its mean increment is known to 1e-14: far finer than the bound.
+/// The charge that a pixel collects in 2^17 readouts equals its spikes plus its stored charge. The stored charge is known
+/// to 2^-16 steps. The mean increment is therefore known to 1e-14 thresholds, which is far below the bound.
 #[test]
 fn the_mean_increment_is_within_the_plans_bounds_of_the_exact_one() {
     let readouts = 1 << 17;
     for name in ["physical", "scsim-code"] {
-        let camera = quiet(name);
+        let camera = noiseless_preset(name);
         let geometry = camera.sensor.geometry;
         let model = camera.model(seeds(0)).unwrap();
         let (mut worst, mut allowed) = (0.0f64, 0.0);
         for light in LIGHTS {
             let plan = Plan::new(&camera, seeds(0)).unwrap();
-            let bounds = *plan.bounds();
-            let mut simulator = Simulator::of_plan(plan.clone());
+            let bounds = *plan.error_bounds();
+            let mut simulator = Simulator::from_plan(plan.clone());
             let mut bytes = vec![0; readouts * geometry.frame_bytes()];
-            simulator.push(FrameRef::f32(&[light; 256], geometry), &mut bytes).unwrap();
+            simulator.fill(FrameRef::new(&[light; 256]), &mut bytes).unwrap();
             let counts = counts(&bytes, geometry);
             for (p, charge) in charges(&plan, simulator.state()).iter().enumerate() {
                 let law = model.law(p);
@@ -53,7 +56,7 @@ fn the_mean_increment_is_within_the_plans_bounds_of_the_exact_one() {
                     continue;
                 }
                 let mean = (f64::from(counts[p]) + charge) / readouts as f64;
-                // The pixel's own smaller threshold has fewer steps than the nominal one.
+                // A pixel whose threshold is below the nominal threshold has fewer steps, so its bound is larger.
                 let bound = bounds.rate_absolute / law.threshold + bounds.rate_relative * exact;
                 let error = (mean - exact).abs();
                 assert!(
@@ -78,25 +81,27 @@ fn counts(bytes: &[u8], geometry: Geometry) -> Vec<u32> {
     counts
 }
 
-/// A pixel with a negative dark current that comes out of a long stretch above full scale fires its
-/// surplus in the dark while its charge drains. Without noise the exact law says how often, up to
-/// one spike at the last readout; losing a threshold at the floor of the state, or firing
-/// what has drained away, would show as tens.
+/// A pixel with a negative dark current is above full scale for a long time, then in the dark. In the dark it fires its
+/// surplus while its charge drains.
+///
+/// Without noise, the exact law predicts the number of spikes with an error of at most one spike at the last readout. If
+/// a threshold were lost at the smallest value of the state, or if the pixel fired drained charge, tens of spikes would
+/// differ.
 #[test]
-fn surplus_pays_for_what_a_negative_current_drains() {
+fn surplus_refills_charge_that_a_negative_current_drains() {
     let camera = preset("scsim-code", 4096, 1);
     let camera = ["shot_noise", "dark_shot_noise", "thermal_noise", "dead_time", "start_phase"]
         .iter()
-        .fold(camera, |c, effect| c.without(effect));
+        .fold(camera, |c, effect| c.without_effect(effect));
     let model = camera.model(seeds(0)).unwrap();
     let geometry = camera.sensor.geometry;
-    let plan = Plan::with_light(&camera, seeds(0), 1.6).unwrap();
-    let mut simulator = Simulator::of_plan(plan);
+    let plan = Plan::with_max_light(&camera, seeds(0), 1.6).unwrap();
+    let mut simulator = Simulator::from_plan(plan);
     let (bright, dark) = (3300, 4000);
     let mut bytes = vec![0; dark * geometry.frame_bytes()];
     let before = &mut bytes[..bright * geometry.frame_bytes()];
-    simulator.push(FrameRef::f32(&[1.6; 4096], geometry), before).unwrap();
-    simulator.push(FrameRef::f32(&[0.0; 4096], geometry), &mut bytes).unwrap();
+    simulator.fill(FrameRef::new(&[1.6; 4096]), before).unwrap();
+    simulator.fill(FrameRef::new(&[0.0; 4096]), &mut bytes).unwrap();
     let counts = counts(&bytes, geometry);
     let mut draining = 0;
     for p in (0..4096).filter(|&p| model.law(p).dark < 0.0) {
@@ -115,24 +120,27 @@ fn surplus_pays_for_what_a_negative_current_drains() {
     assert!(draining >= 10, "{draining} pixels with a negative current");
 }
 
-/// Bits that the exact law of a loss of `by_law` at every reset and a plan of a loss of `lost` have apart, on 1,024
-/// pixels without noise: 600 readouts above full scale, where the store grows until resets lose what comes
-/// in, 300 below it, which empty it, and 300 above again.
-fn bits_apart(lost: f64, by_law: f64) -> (usize, usize) {
+/// Compares the exact law with a plan. Resets lose the share `by_law` in the law and the share `lost` in the plan.
+/// Returns the number of different bits and the number of spikes.
+///
+/// 1,024 pixels without noise run for 600 readouts above full scale. Their charge grows until resets lose as much as the
+/// light adds. The pixels then run for 300 readouts below full scale, which empty the pixels, and for 300 readouts above
+/// full scale.
+fn differing_bits(lost: f64, by_law: f64) -> (usize, usize) {
     let loses =
-        |v: f64| spikelane::effects::find("partial_reset").unwrap().neutral().with("lost_remainder", v);
-    let mut camera = quiet("scsim-code");
+        |v: f64| spikelane::effects::find("partial_reset").unwrap().neutral().with_value("lost_remainder", v);
+    let mut camera = noiseless_preset("scsim-code");
     camera.sensor = spikelane::Sensor::new(1024, 1, 20_000.0).unwrap();
-    let camera = camera.with(loses(lost).unwrap());
+    let camera = camera.with_effect(loses(lost).unwrap());
     let (geometry, model) = (camera.sensor.geometry, camera.model(seeds(0)).unwrap());
     let stretches = [(600, 1.6f32), (300, 0.11), (300, 1.3)];
-    let plan = Plan::with_light(&camera, seeds(0), 1.6).unwrap();
-    assert!(plan.rules().surplus && plan.tables().ceiling.is_empty());
-    let mut simulator = Simulator::of_plan(plan);
+    let plan = Plan::with_max_light(&camera, seeds(0), 1.6).unwrap();
+    assert!(plan.rules().counts_surplus && plan.tables().ceiling.is_empty());
+    let mut simulator = Simulator::from_plan(plan);
     let mut bytes = Vec::new();
     for (readouts, light) in stretches {
         let mut part = vec![0; readouts * geometry.frame_bytes()];
-        simulator.push(FrameRef::f32(&[light; 1024], geometry), &mut part).unwrap();
+        simulator.fill(FrameRef::new(&[light; 1024]), &mut part).unwrap();
         bytes.extend(part);
     }
     let mut apart = 0;
@@ -148,26 +156,30 @@ fn bits_apart(lost: f64, by_law: f64) -> (usize, usize) {
             }
         }
     }
-    (apart, spikelane::spikes::count(&bytes) as usize)
+    (apart, spikelane::spikes::count_spikes(&bytes) as usize)
 }
 
-/// Fixed point moves a charge by some 1e-6 of a threshold in 1,200 readouts, so about one spike in 10^6 may come a readout
-/// late: of a million spikes a few bits. A loss that is a thousandth larger moves hundreds of them.
+/// In 1,200 readouts, fixed-point arithmetic changes a charge by about 1e-6 thresholds. About one in 10^6 spikes may
+/// therefore be one readout late.
+///
+/// With a million spikes, a few bits differ. If the lost share is 0.1 % too large, hundreds of bits differ.
 #[test]
 fn a_reset_loses_its_share_of_the_charge_above_full_scale_too() {
     for lost in [0.0053, 0.05, 0.37] {
-        let (apart, spikes) = bits_apart(lost, lost);
-        let (seen, _) = bits_apart(lost, lost * 1.001);
+        let (apart, spikes) = differing_bits(lost, lost);
+        let (seen, _) = differing_bits(lost, lost * 1.001);
         eprintln!("loss of {lost}: {apart} bits of {spikes} spikes apart, {seen} with a thousandth more");
         assert!(apart <= 10 && seen > 400, "loss of {lost}: {apart} of {spikes}, {seen}");
     }
-    let (apart, _) = bits_apart(1.0, 1.0);
+    let (apart, _) = differing_bits(1.0, 1.0);
     assert!(apart <= 10, "a hard reset: {apart} bits apart");
 }
 
-/// Charge after one readout of 2^20 empty pixels: its variance over the pixels is known to
-/// 0.14 % from one readout, 0.07 % from four, so 4.5 errors see 0.3 % of the 1 % that is allowed.
-/// The lights lie on either side of 64 quanta and of the 5 steps where whole steps take over.
+/// Compares the variance of the charges of 2^20 empty pixels after one readout.
+///
+/// The standard error of the variance is 0.14 % for one simulator and 0.07 % for the four simulators here. Then 4.5
+/// standard errors are 0.3 %. The test allows 1 % in addition. The light levels are below and above 64 quanta. They are
+/// also below and above a deviation of 5 steps, above which noise is drawn in whole steps.
 #[test]
 fn shot_noise_has_its_phase_variance_to_one_per_cent_at_any_light() {
     let shot: &[(&str, f64)] = &[("strength", 1.0)];
@@ -178,10 +190,10 @@ fn shot_noise_has_its_phase_variance_to_one_per_cent_at_any_light() {
         let (mut sum, mut square, mut n) = (0.0, 0.0, 0.0);
         for shot in 0..4 {
             let plan = Plan::new(&camera, seeds(shot)).unwrap();
-            let mut simulator = Simulator::of_plan(plan.clone());
+            let mut simulator = Simulator::from_plan(plan.clone());
             let mut bytes = vec![0; geometry.frame_bytes()];
             let frame = vec![light as f32; geometry.pixels()];
-            simulator.push(FrameRef::f32(&frame, geometry), &mut bytes).unwrap();
+            simulator.fill(&frame, &mut bytes).unwrap();
             for charge in charges(&plan, simulator.state()) {
                 let deviation = charge - light;
                 sum += deviation;
@@ -194,19 +206,22 @@ fn shot_noise_has_its_phase_variance_to_one_per_cent_at_any_light() {
         let off = variance / exact - 1.0;
         eprintln!("light {light}: variance off by {off:+.5}, mean by {:+.1e} of a threshold", bias);
         assert!(off.abs() < 0.01 + 4.5 * (2.0f64 / n).sqrt(), "light {light}: {off}");
-        // The mean is known to the deviation over 2,048; beyond that only the stated bound is allowed.
+        // The standard error of the mean is the standard deviation divided by 2,048. The test also allows the error of
+        // the plan's bounds.
         assert!(bias.abs() < 4.5 * (exact / n).sqrt() + 1e-6 + 2e-6 * light, "light {light}: {bias}");
     }
 }
 
-/// The frozen noise of 2^20 fresh pixels, read from the state, in steps: deviations from a
-/// fraction of a step, across the change to whole steps at 5, to 5 % of the threshold.
+/// Compares the frozen noise of 2^20 new pixels, read from the state in steps.
+///
+/// The standard deviations are between a fraction of a step and 5 % of the threshold. The transition to whole steps is at
+/// 5 steps.
 #[test]
 fn threshold_noise_has_its_variance_to_one_per_cent_at_any_strength() {
     for sigma in [2e-5, 1e-4, 3.3e-4, 3.45e-4, 9.64e-4, 6.36e-3, 55e-3] {
         let camera = camera_with(1024, 1024, &[("thermal_noise", &[("sigma", sigma)])]);
         let plan = Plan::new(&camera, seeds(3)).unwrap();
-        let bytes = plan.start().to_bytes();
+        let bytes = plan.initial_state().to_bytes();
         let column = |i: usize| u64::from_le_bytes(std::array::from_fn(|b| bytes[16 + 8 * i + b])) as usize;
         let lengths: Vec<usize> = (0..6).map(column).collect();
         let held = 64 + 2 * lengths[..4].iter().sum::<usize>();
@@ -219,7 +234,7 @@ fn threshold_noise_has_its_variance_to_one_per_cent_at_any_strength() {
         let n = 1024 * 1024;
         let mean = (0..n).map(value).sum::<f64>() / n as f64;
         let variance = (0..n).map(|p| value(p).powi(2)).sum::<f64>() / n as f64;
-        let exact = (sigma / 1.1 * f64::from(plan.steps())).powi(2);
+        let exact = (sigma / 1.1 * f64::from(plan.threshold_steps())).powi(2);
         let off = variance / exact - 1.0;
         eprintln!(
             "{sigma} V ({} columns): variance off by {off:+.5}, mean {mean:+.2e} steps",
@@ -230,11 +245,13 @@ fn threshold_noise_has_its_variance_to_one_per_cent_at_any_strength() {
     }
 }
 
-/// The rounding multiply `(z m + 2^14) >> 15` rounds halves up. Summed over all 65,536 draws its
-/// mean is 0 for most multipliers, and at most 2^(k-16) steps for a multiple of 2^k.
+/// The rounded product `(z m + 2^14) >> 15` rounds halves up.
+///
+/// The mean rounding error of all 65,536 draws is 0 for most multipliers. For a multiple of 2^k it is at most 2^(k-16)
+/// steps.
 #[test]
 fn the_rounding_multiply_is_biased_only_by_its_ties() {
-    let draws: Vec<i64> = (0..=u16::MAX).map(|b| i64::from(gauss::unit(b))).collect();
+    let draws: Vec<i64> = (0..=u16::MAX).map(|b| i64::from(gauss::draw(b))).collect();
     for m in (122..4096i64).step_by(37).chain((7..15).map(|k| 1 << k)) {
         let sum: i64 = draws.iter().map(|z| (z * m + (1 << 14)) >> 15).sum();
         let bias = sum as f64 / 65_536.0;
@@ -243,19 +260,20 @@ fn the_rounding_multiply_is_biased_only_by_its_ties() {
     }
 }
 
-/// A pixel that starts with several thresholds of charge (uniform over twelve of them) fires once a readout until they
-/// are gone, and never again in the dark; on every backend.
+/// A pixel starts with a charge of up to twelve thresholds and fires at every readout until no whole threshold remains.
+///
+/// It never fires again in the dark. The test runs on every backend.
 #[test]
 fn a_start_of_many_thresholds_fires_them_one_by_one() {
     let model = camera_with(256, 1, &[]).model(seeds(0)).unwrap();
     let charge = 12.0 * model.circuit.threshold_fc();
     let camera = camera_with(256, 1, &[("start_phase", &[("share", 0.0), ("charge", charge)])]);
     let geometry = camera.sensor.geometry;
-    for backend in Backend::ALL.into_iter().filter(|b| b.available()) {
+    for backend in Backend::ALL.into_iter().filter(|b| b.is_available()) {
         let plan = Plan::new(&camera, seeds(0)).unwrap();
-        let mut simulator = Simulator::of_plan(plan).with_backend(backend).unwrap();
+        let mut simulator = SimulatorOptions::new().backend(backend).build_from_plan(plan).unwrap();
         let mut bytes = vec![0; 40 * geometry.frame_bytes()];
-        simulator.push(FrameRef::u8(&[0; 256], geometry), &mut bytes).unwrap();
+        simulator.fill(&[0u8; 256], &mut bytes).unwrap();
         let frames: Vec<&[u8]> = bytes.chunks_exact(geometry.frame_bytes()).collect();
         let mut spread = [0; 12];
         for p in 0..256 {
@@ -263,7 +281,8 @@ fn a_start_of_many_thresholds_fires_them_one_by_one() {
             assert!(frames[..spikes].iter().all(|frame| bit(frame, p)), "{backend}, pixel {p}: a gap");
             spread[spikes] += 1;
         }
-        // 256 pixels over twelve counts: 21 each, give or take 4.4.
+        // 256 pixels are distributed between twelve counts. The expected number per count is 21, with a standard
+        // deviation of 4.4.
         assert!(spread.iter().all(|n| (4..=43).contains(n)), "{backend}: {spread:?}");
     }
 }

@@ -1,47 +1,52 @@
-//! Interval statistics of the plan against the exact law, and against a real camera's flat wall.
+//! Interval statistics of the plan. They are compared with the exact law and with a real camera's recording of a flat
+//! wall.
 
-use crate::common_oracle::{Estimate, Times, oracle, planned, preset, seeds, spread_light};
+use crate::common_oracle::{Estimate, SpikeTimes, oracle, preset, seeds, simulate_times, spread_light};
 use spikelane::Camera;
 
 const LAGS: [usize; 3] = [1, 8, 32];
 
-/// Light that gives a nominal pixel of `camera` this rate, dark current included.
+/// Returns the light at which a nominal pixel of `camera` has the rate `rate`. The dark current contributes to this rate.
 fn light_for(camera: &Camera, rate: f64) -> f64 {
-    camera.operating(rate).light.max(0.0)
+    camera.operating_point(rate).light.max(0.0)
 }
 
-/// The mean over `chosen` pixels of the difference of their `D(n)`; pairs share fixed pattern and light.
-fn paired(a: &Times, b: &Times, n: usize, chosen: impl Fn(usize) -> bool) -> Estimate {
-    let one = |t: &[u32]| Times { readouts: 0, pixels: vec![t.to_vec()] }.d(n).mean;
+/// Returns the mean difference of `D(n)` for the `chosen` pixels. Corresponding pixels have equal fixed pattern and
+/// light.
+fn paired(a: &SpikeTimes, b: &SpikeTimes, n: usize, chosen: impl Fn(usize) -> bool) -> Estimate {
+    let one = |t: &[u32]| SpikeTimes { readouts: 0, pixels: vec![t.to_vec()] }.interval_sum_variance(n).mean;
     let pairs = a.pixels.iter().zip(&b.pixels).enumerate().filter(|(p, _)| chosen(*p));
-    Estimate::of(pairs.map(|(_, (a, b))| one(a) - one(b)).filter(|d| d.is_finite()))
+    Estimate::from_values(pairs.map(|(_, (a, b))| one(a) - one(b)).filter(|d| d.is_finite()))
 }
 
-/// Both sides see the same 240 pixels under the same light (5 % spread) for 20,000 readouts,
-/// with independent noise. Pixels whose exact law expects fewer than 2.4 n spikes are left
-/// out on both sides. The standard error comes from the scatter over pixels of the paired
-/// difference, 4.5 of them are allowed (30 comparisons: one false alarm in 5,000 runs). What
-/// it sees: at rate 0.195 about 0.002 in D(1), 0.004 in D(8) and 0.01 in D(32), so 1 % of the
-/// phase variance at dim light and a fifth of it at bright light; the errors are printed.
-fn agree(name: &str) {
+/// Compares the plan with the exact law for 240 pixels under equal light (5 % spread) for 20,000 readouts.
+///
+/// The noise of plan and law is independent. Pixels with fewer than 2.4 n spikes by the exact law are excluded from both.
+/// The standard error is computed from the scatter of the paired differences between pixels. The test allows 4.5 standard
+/// errors. With 30 comparisons, one false alarm in 5,000 runs is expected.
+///
+/// At rate 0.195 the test detects differences of about 0.002 in D(1), 0.004 in D(8) and 0.01 in D(32). This is 1 % of the
+/// phase variance in dim light and a fifth of the phase variance in bright light. The test prints the errors.
+fn check_preset(name: &str) {
     let camera = preset(name, 240, 1);
     let readouts = 20_000;
     let model = camera.model(seeds(0)).unwrap();
     for (i, rate) in [0.005, 0.05, 0.195, 0.45, 0.95].into_iter().enumerate() {
         let light = spread_light(light_for(&camera, rate), 0.05, 240, 77);
         let truth = oracle(&model, &light, 500, readouts, 10 + i as u64);
-        let found = planned(&camera, seeds(20 + i as u64), &light, 500, readouts);
-        let rates = Estimate::of(found.rates().zip(truth.rates()).map(|(a, b)| a - b));
+        let found = simulate_times(&camera, seeds(20 + i as u64), &light, 500, readouts);
+        let rates = Estimate::from_values(found.rates().zip(truth.rates()).map(|(a, b)| a - b));
         let expected = |p: usize| {
             let law = model.law(p);
             (law.gain * f64::from(light[p]) + law.dark) / law.threshold * readouts as f64
         };
         eprintln!("{name} {rate}: oracle's rate {}, difference {rates}", truth.rate());
-        // Counts of the same mean differ by less than a spike; 4.5 errors of the mean.
+        // With equal mean increments, the spike counts of plan and law differ by less than one spike. The test allows
+        // 4.5 standard errors of the mean.
         assert!(rates.mean.abs() < 4.5 * rates.error.max(1e-7), "{name} at {rate}: {rates}");
         for n in LAGS {
             let difference = paired(&found, &truth, n, |p| expected(p) > 2.4 * n as f64);
-            eprintln!("  D({n}) oracle {}, plan - oracle {difference}", truth.d(n));
+            eprintln!("  D({n}) oracle {}, plan - oracle {difference}", truth.interval_sum_variance(n));
             assert!(difference.pixels >= 60, "{name} at {rate}, D({n}): {} pixels", difference.pixels);
             let bound = 4.5 * difference.error.max(1e-6);
             assert!(difference.mean.abs() < bound, "{name} at {rate}, D({n}): {difference}");
@@ -51,31 +56,34 @@ fn agree(name: &str) {
 
 #[test]
 fn physical_has_the_interval_statistics_of_its_exact_law() {
-    agree("physical");
+    check_preset("physical");
 }
 
 #[test]
 fn scsim_code_has_the_interval_statistics_of_its_exact_law() {
-    agree("scsim-code");
+    check_preset("scsim-code");
 }
 
-/// Published for a real 400x250 camera's flat wall at rate 0.195.
-const WALL: [(usize, f64); 4] = [(8, 0.1742), (16, 0.1823), (24, 0.1879), (32, 0.1912)];
+/// Values of `D(n)` published for the flat wall of a real 400x250 camera, at rate 0.195.
+const WALL_GROWTH: [(usize, f64); 4] = [(8, 0.1742), (16, 0.1823), (24, 0.1879), (32, 0.1912)];
 
-/// A wall of rate 0.195 whose rates spread by 5 %, of which 2 % are the camera's own gain.
-fn wall(camera: &Camera, pixels: usize, seed: u64) -> Vec<f32> {
+/// Returns the light of a wall with rate 0.195. The rates have a spread of 5 %, because sqrt(4.58^2 + 2^2) = 5. The light
+/// contributes 4.58 %, and the gain of the camera contributes 2 %.
+fn wall_light(camera: &Camera, pixels: usize, seed: u64) -> Vec<f32> {
     spread_light(light_for(camera, 0.195), 0.0458, pixels, seed)
 }
 
-/// Over long streams, where the pixel's mean interval is known, D(n) is 1/6 (quantisation at
-/// uniform phase) plus n (1/K + kT/(C V^2)) / f^2, K = 29,852 electrons: .1740, .1812, .1884,
-/// .1957. 20,000 pixels x 3,000 readouts give each to 0.0005; the bound is 0.006.
+/// Compares `D(n)` in long streams, in which the mean interval of each pixel is well known.
+///
+/// `D(n)` is then 1/6 (quantization at uniform phase) plus n (1/K + kT/(C V^2)) / f^2, with the rate f = 0.195 and K =
+/// 29,852 electrons. For the four lags this is 0.1740, 0.1812, 0.1884 and 0.1957. With 20,000 pixels and 3,000 readouts
+/// the standard error is 0.0005. The bound is 0.006.
 #[test]
 fn physical_has_the_lags_of_a_real_wall() {
     let camera = preset("physical", 200, 100);
-    let found = planned(&camera, seeds(3), &wall(&camera, 20_000, 5), 500, 3000);
-    for (n, real) in WALL {
-        let d = found.d(n);
+    let found = simulate_times(&camera, seeds(3), &wall_light(&camera, 20_000, 5), 500, 3000);
+    for (n, real) in WALL_GROWTH {
+        let d = found.interval_sum_variance(n);
         let derived = 1.0 / 6.0 + n as f64 * (1.0 / 29_852.0 + 7.69e-7) / 0.195f64.powi(2);
         eprintln!("D({n}): physical {d}, derived {derived:.4}, real {real}");
         assert!(d.error < 0.001, "the test would not see 0.006: {d}");
@@ -84,29 +92,34 @@ fn physical_has_the_lags_of_a_real_wall() {
     }
 }
 
-/// A recording of 300 readouts knows the mean interval of a pixel from 58 spikes only; that
-/// alone lifts D(32) to 0.22 for the real recording, the exact law and the plan alike, so
-/// such a short stream is compared with another of its length.
+/// Compares streams of 300 readouts, in which the mean interval of each pixel is estimated from only 58 spikes.
+///
+/// The error of this estimate increases D(32) to 0.22 in the real recording, in the exact law and in the plan. A short
+/// stream must therefore be compared with another stream of equal length.
 #[test]
 fn physical_has_the_lags_and_outliers_of_its_law_over_three_hundred_readouts() {
     let camera = preset("physical", 200, 50);
-    let light = wall(&camera, 10_000, 5);
-    let found = planned(&camera, seeds(4), &light, 500, 300);
+    let light = wall_light(&camera, 10_000, 5);
+    let found = simulate_times(&camera, seeds(4), &light, 500, 300);
     let truth = oracle(&camera.model(seeds(0)).unwrap(), &light, 500, 300, 6);
-    for (n, _) in WALL {
+    for (n, _) in WALL_GROWTH {
         let difference = paired(&found, &truth, n, |_| true);
-        eprintln!("D({n}) over 300 readouts: oracle {}, plan - oracle {difference}", truth.d(n));
+        eprintln!(
+            "D({n}) over 300 readouts: oracle {}, plan - oracle {difference}",
+            truth.interval_sum_variance(n)
+        );
         assert!(difference.error < 0.002, "the test would not see 0.01: {difference}");
         assert!(difference.mean.abs() < 4.5 * difference.error, "D({n}): {difference}");
     }
     let (plan, law) = (found.outliers(), truth.outliers());
     eprintln!("outliers: plan {plan:.2e}, oracle {law:.2e}, real 5e-4 to 7e-4");
-    // 570,000 intervals hold about 430 outliers, known to 5 %; 4.5 joint errors are 30 %.
+    // 570,000 intervals contain about 430 outliers, with a standard error of 5 %. 4.5 joint standard errors of plan and
+    // law are 30 %.
     assert!((plan / law - 1.0).abs() < 0.3);
     assert!((5e-4 * 2.0 / 3.0..7e-4 * 4.0 / 3.0).contains(&plan), "{plan}");
 }
 
-/// The real recording and `physical` under the same statistic, length and choice of pixels.
+/// Compares the real recording with `physical`. Statistic, length and selection of pixels are equal.
 #[test]
 fn physical_has_the_lags_of_the_recording_itself() {
     let Ok(folder) = std::env::var("SPIKELANE_REAL_DATA") else {
@@ -117,29 +130,31 @@ fn physical_has_the_lags_of_the_recording_itself() {
     let path =
         if path.is_file() { path } else { path.with_file_name("real").join(path.file_name().unwrap()) };
     let g = spikelane::Geometry::new(400, 250).unwrap();
-    // The rows of a `.dat` file lie from the bottom to the top, 50 whole bytes each.
+    // A `.dat` file stores the rows from bottom to top. Each row has 50 bytes.
     let file = std::fs::read(&path).unwrap();
     let bytes: Vec<u8> =
         file.chunks_exact(g.frame_bytes()).flat_map(|f| f.rchunks_exact(50)).flatten().copied().collect();
     let all = crate::common_oracle::unpack(&bytes, g);
-    // The wall, right of its middle: rows 120 to 159, columns 260 to 339, rates within 15 % of 0.195.
+    // The selected pixels show the wall to the right of the center: rows 120 to 159 and columns 260 to 339. Their rates
+    // are within 15 % of 0.195.
     let chosen = |p: usize| {
         let rate = all.pixels[p].len() as f64 / all.readouts as f64;
         (120..160).contains(&(p / 400)) && (260..340).contains(&(p % 400)) && (0.166..0.224).contains(&rate)
     };
-    let real = Times {
+    let real = SpikeTimes {
         readouts: all.readouts,
         pixels: (0..g.pixels()).filter(|&p| chosen(p)).map(|p| all.pixels[p].clone()).collect(),
     };
-    // `physical` in the light that gives every pixel the rate it was recorded with; its own
-    // gain would widen the spread a second time.
-    let camera = preset("physical", real.pixels.len() as u32, 1).without("prnu").without("hot_pixels");
+    // Each pixel of `physical` receives the light that gives its recorded rate. The recorded rates already contain the
+    // camera's gain spread, so the preset's gain spread is removed.
+    let camera =
+        preset("physical", real.pixels.len() as u32, 1).without_effect("prnu").without_effect("hot_pixels");
     let rates = real.pixels.iter().map(|t| 1.0 / crate::common_oracle::mean_interval(t));
     let light: Vec<f32> = rates.map(|r| light_for(&camera, r) as f32).collect();
-    let found = planned(&camera, seeds(8), &light, 500, real.readouts);
+    let found = simulate_times(&camera, seeds(8), &light, 500, real.readouts);
     eprintln!("{} pixels, rate {}, spread {:.3}", real.pixels.len(), real.rate(), real.spread());
     for n in [1, 8, 16, 24, 32] {
-        let (a, b) = (real.d(n), found.d(n));
+        let (a, b) = (real.interval_sum_variance(n), found.interval_sum_variance(n));
         eprintln!("D({n}): real {a}, physical {b}");
         assert!(n < 8 || (a.mean - b.mean).abs() < 0.006, "D({n}): real {a}, physical {b}");
     }

@@ -1,12 +1,12 @@
-//! What pixels do, beside independent loops and closed forms.
+//! Comparisons of simulated pixels with independent loops and closed forms.
 
 #[path = "../common_oracle/mod.rs"]
 mod common_oracle;
 
+mod correlated_quanta;
 mod fixed_point;
 mod ideal;
 mod intervals;
-mod late;
 mod moments;
 mod poisson;
 mod scsim;

@@ -1,10 +1,12 @@
-//! Every effect: nothing at its neutral value, and what it predicts for an observer otherwise.
+//! At its neutral value, no effect changes a bit. At other values, every effect has the moments that it predicts.
 
-use crate::common_oracle::{Estimate, Times, charges, oracle, packed, planned, preset, seeds, sensor};
+use crate::common_oracle::{
+    Estimate, SpikeTimes, charges, oracle, preset, seeds, sensor, simulate_packed, simulate_times,
+};
 use spikelane::effects::{self, Definition, Effect, Moments};
 use spikelane::{Camera, Plan, Simulator};
 
-/// Light of 130 pixels: dark, dim, middle, full scale and beyond.
+/// Returns the light of 130 pixels: dark, dim, medium, full scale and brighter.
 fn mixed_light() -> Vec<f32> {
     (0..130).map(|p| [0.0, 0.002, 0.05, 0.3, 0.95, 1.0, 1.4][p % 7] * (1.0 + p as f32 / 2000.0)).collect()
 }
@@ -14,20 +16,21 @@ fn every_effect_at_its_neutral_value_equals_its_absence_bit_for_bit() {
     let ideal = Camera::ideal(sensor(26, 5));
     let mut cameras = vec![ideal.clone()];
     cameras.extend(["physical", "scsim-code", "scsim-paper", "spikecv-image"].map(|n| preset(n, 26, 5)));
-    // Each effect alone at its typical value: pairs of effects that share a rule meet here.
+    // Each effect is also tested alone with a clamp, so every pair of effects that use the same rule occurs.
     let clamp = || effects::find("saturation_clamp").unwrap().typical();
-    cameras.extend(effects::ALL.iter().map(|d| ideal.clone().with(clamp()).with(d.typical())));
+    cameras.extend(effects::ALL.iter().map(|d| ideal.clone().with_effect(clamp()).with_effect(d.typical())));
     for camera in cameras {
         for definition in effects::ALL {
-            let without = camera.clone().without(definition.name);
-            let neutral = camera.clone().with(definition.neutral());
+            let without = camera.clone().without_effect(definition.name);
+            let neutral = camera.clone().with_effect(definition.neutral());
             let light = mixed_light();
-            // Hard reset without a clamp has no plan beyond full scale, with or without the effect.
+            // With a hard reset and without a clamp, planning fails for light above full scale. It must fail with and
+            // without the effect.
             let most = f64::from(light.iter().copied().fold(0.0, f32::max));
-            let plans = [&without, &neutral].map(|c| Plan::with_light(c, seeds(1), most).is_ok());
+            let plans = [&without, &neutral].map(|c| Plan::with_max_light(c, seeds(1), most).is_ok());
             assert_eq!(plans[0], plans[1], "{} on {}", definition.name, camera.name);
             if plans[0] {
-                let [a, b] = [&without, &neutral].map(|c| packed(c, seeds(1), &light, 150));
+                let [a, b] = [&without, &neutral].map(|c| simulate_packed(c, seeds(1), &light, 150));
                 let names: Vec<_> = without.effects().iter().map(Effect::name).collect();
                 assert!(a == b, "{} beside {names:?}", definition.name);
             }
@@ -35,51 +38,59 @@ fn every_effect_at_its_neutral_value_equals_its_absence_bit_for_bit() {
     }
 }
 
-/// Pixels of the fixed-pattern measurements: of the shape that vignetting's closed form is for.
+/// Width and height of the sensor for measurements of a fixed pattern. The closed form of `vignetting` assumes their
+/// ratio.
 const WIDTH: u32 = 200;
 const HEIGHT: u32 = 125;
 
-/// Half of the charge is light, half dark current, so that effects of either show.
+/// Returns a camera at the rate `rate`. Light and dark current each add half of the charge, so effects on either are
+/// visible.
 fn base(rate: f64) -> Camera {
     let camera = Camera::ideal(sensor(WIDTH, HEIGHT));
     let circuit = effects::Circuit::nominal(&camera.sensor);
-    let dark = rate / 2.0 / circuit.thresholds_of_pa(1.0);
-    let dark = effects::find("dark_current").unwrap().neutral().with("mean", dark).unwrap();
-    camera.with(effects::find("start_phase").unwrap().typical()).with(dark)
+    let dark = rate / 2.0 / circuit.thresholds_per_readout(1.0);
+    let dark = effects::find("dark_current").unwrap().neutral().with_value("mean", dark).unwrap();
+    camera.with_effect(effects::find("start_phase").unwrap().typical()).with_effect(dark)
 }
 
-/// Readouts of the measurement of a drift, which is that long.
-const DRIFT: f64 = 1000.0;
+/// Number of readouts of a drift. The measurement of a drift has the same number of readouts.
+const DRIFT_READOUTS: f64 = 1000.0;
 
-/// `definition` at `strength` times its typical distance from neutral; choices stay neutral.
+/// Returns `definition` with parameters that differ from neutral by `strength` times the typical difference. Choices stay
+/// neutral.
 fn at_strength(definition: &'static Definition, strength: f64) -> Effect {
-    definition.params.iter().fold(definition.neutral(), |effect, param| match param.form {
-        effects::definition::Form::Number { low, high, .. } if param.neutral.is_finite() => {
-            // A rare pixel's factor stays; its share is the strength.
+    definition.params.iter().fold(definition.neutral(), |effect, param| match param.kind {
+        effects::definition::ParamKind::Number { low, high, .. } if param.neutral.is_finite() => {
+            // For rare pixels, the strength scales the share of the pixels and not the factor.
             let scale = if param.key == "factor" { 1.0 } else { strength };
-            let typical = if param.key == "duration" { DRIFT } else { param.typical };
-            let neutral = if param.key == "duration" { DRIFT } else { param.neutral };
+            let typical = if param.key == "duration" { DRIFT_READOUTS } else { param.typical };
+            let neutral = if param.key == "duration" { DRIFT_READOUTS } else { param.neutral };
             let value = neutral + scale * (typical - neutral);
-            effect.with(param.key, value.clamp(low, high)).unwrap()
+            effect.with_value(param.key, value.clamp(low, high)).unwrap()
         }
-        effects::definition::Form::Number { .. } => effect.with(param.key, param.typical + 0.5).unwrap(),
-        effects::definition::Form::Choice(_) => effect,
+        effects::definition::ParamKind::Number { .. } => {
+            effect.with_value(param.key, param.typical + 0.5).unwrap()
+        }
+        effects::definition::ParamKind::Choice(_) => effect,
     })
 }
 
-/// The base camera in the light that makes `rate`, with and without the effect.
+/// Returns the base camera without the effect, the base camera with the effect, and the light at which the base camera
+/// has `rate`.
 fn pair(definition: &'static Definition, strength: f64, rate: f64) -> (Camera, Camera, f64) {
     let without = match definition.name {
-        // The effect replaces the base's own; its light then makes the whole rate.
-        "dark_current" => base(rate).without("dark_current"),
-        "start_phase" => base(rate).without("start_phase"),
+        // This effect would replace the dark current of the base camera. The base camera therefore has none, and light
+        // alone gives `rate`.
+        "dark_current" => base(rate).without_effect("dark_current"),
+        "start_phase" => base(rate).without_effect("start_phase"),
         _ => base(rate),
     };
-    let light = without.operating(rate).light;
-    (without.clone(), without.with(at_strength(definition, strength)), light)
+    let light = without.operating_point(rate).light;
+    (without.clone(), without.with_effect(at_strength(definition, strength)), light)
 }
 
-/// Mean charge per readout of every pixel over its threshold, by the exact law, at most one.
+/// Returns the mean charge per readout of every pixel by the exact law, divided by the pixel's threshold and limited to 0
+/// to 1.
 fn exact_rates(camera: &Camera, light: f64) -> Vec<f64> {
     let model = camera.model(seeds(0)).unwrap();
     let law = |p: usize| model.law(p);
@@ -87,20 +98,22 @@ fn exact_rates(camera: &Camera, light: f64) -> Vec<f64> {
     (0..model.circuit.pixels()).map(ideal).collect()
 }
 
-/// Rate of every pixel by the plan: spikes plus the change of stored charge, per readout, so that
-/// no spike is cut in half; effects that lose charge or flip bits count spikes alone.
+/// Returns the rate of every pixel of the plan: spikes plus change of the stored charge, per readout.
+///
+/// The stored charge adds fractions of a spike. For effects that lose charge or flip bits, set `whole_spikes` to count
+/// only spikes.
 fn plan_rates(camera: &Camera, light: f64, [warm, readouts]: [usize; 2], whole_spikes: bool) -> Vec<f64> {
     let plan = Plan::new(camera, seeds(0)).unwrap();
     let geometry = camera.sensor.geometry;
-    let mut simulator = Simulator::of_plan(plan.clone());
+    let mut simulator = Simulator::from_plan(plan.clone());
     let mut bytes = vec![0; readouts.max(warm) * geometry.frame_bytes()];
     let frame = vec![light as f32; geometry.pixels()];
     let frame_bytes = geometry.frame_bytes();
     let first = &mut bytes[..warm * frame_bytes];
-    simulator.push(spikelane::simulate::FrameRef::f32(&frame, geometry), first).unwrap();
+    simulator.fill(spikelane::FrameRef::new(&frame), first).unwrap();
     let before = charges(&plan, simulator.state());
     bytes.truncate(readouts * frame_bytes);
-    simulator.push(spikelane::simulate::FrameRef::f32(&frame, geometry), &mut bytes).unwrap();
+    simulator.fill(spikelane::FrameRef::new(&frame), &mut bytes).unwrap();
     let after = charges(&plan, simulator.state());
     let times = crate::common_oracle::unpack(&bytes, geometry);
     let counts = times.pixels.iter().map(|t| t.len() as f64);
@@ -117,28 +130,30 @@ fn relative_variance(v: &[f64]) -> f64 {
     v.iter().map(|x| (x / m - 1.0).powi(2)).sum::<f64>() / v.len() as f64
 }
 
-/// Mean rates of cameras without the effect that were measured already.
-type Known = std::collections::BTreeMap<String, f64>;
+/// Mean rates of cameras without the effect. They are stored because several effects use the same camera.
+type KnownRates = std::collections::BTreeMap<String, f64>;
 
-/// The fixed pattern of 25,000 pixels: the mean of a spread `s` is known to `s / 158`, its variance to
-/// 0.9 % (Gaussian; a rare fraction `f` of pixels to `1/sqrt(25,000 f)`, a log-normal to 4 %).
-/// Predictions are of lowest order, so a relative error of twice the predicted relative spread
-/// is allowed on top; at rate 0.95 only weak strengths stay below saturation.
-fn check_pattern(known: &mut Known, definition: &'static Definition, strength: f64, rate: f64) {
+/// Compares the fixed pattern of 25,000 pixels with the prediction.
+///
+/// For a spread `s`, the standard error of the mean is `s / 158`. The standard error of a variance is 0.9 % for a
+/// Gaussian pattern and 4 % for a log-normal pattern. If a fraction `f` of the pixels is affected, the relative error is
+/// `1/sqrt(25,000 f)`. Predictions have lowest order only. The test therefore also allows a relative error of twice the
+/// predicted relative spread. At rate 0.95, only weak strengths stay below saturation.
+fn check_pattern(known: &mut KnownRates, definition: &'static Definition, strength: f64, rate: f64) {
     let (without, with, light) = pair(definition, strength, rate);
     let effect = with.effect(definition.name).unwrap();
-    let predicted = effect.moments(&without.operating(rate)).unwrap();
+    let predicted = effect.moments(&without.operating_point(rate)).unwrap();
     let spread = predicted.spatial_variance.max(0.0).sqrt();
     let flips = match definition.name {
         "missed_spikes" | "false_spikes" | "dead_time" | "saturation_clamp" => true,
-        // The charge of a spike is no longer one threshold.
+        // With these effects, a spike does not subtract exactly one threshold of charge.
         "leak" | "adaptation" | "supply_droop" | "spike_coupling" => true,
         _ => false,
     };
-    // Whole swings of the typical flicker, 200 readouts each.
+    // A typical flicker has a period of 200 readouts, so the number of readouts is a multiple of 200.
     let readouts = ((10.0 / rate) as usize + 200).next_multiple_of(200);
     let spans = match definition.name {
-        "gain_drift" => [0, DRIFT as usize],
+        "gain_drift" => [0, DRIFT_READOUTS as usize],
         "adaptation" | "image_lag" => [1000, readouts],
         _ => [0, readouts],
     };
@@ -154,10 +169,10 @@ fn check_pattern(known: &mut Known, definition: &'static Definition, strength: f
         "column_pattern" | "row_pattern" | "smooth_prnu" => 5.0 * (2.0 / cells(definition)).sqrt(),
         _ => 0.05,
     };
-    // Independent flips scatter the count by its own root.
+    // Independent flips of bits have a Poisson scatter.
     let scatter = (predicted.rate.abs() / (25_000.0 * readouts as f64)).sqrt();
     let second_order = 2.0 * spread + 2.0 * predicted.rate.abs() / rate;
-    // Noise of the pixels' own: the relative variance of a count, over all pixels.
+    // Standard error of the mean rate of all pixels due to temporal noise.
     let own = (predicted.phase_variance / (rate * readouts as f64 * 25_000.0)).sqrt() * rate;
     let pattern = spread * rate / cells(definition).sqrt();
     let tolerance = predicted.rate.abs() * (rare + second_order) + 5.0 * (pattern + scatter + own) + 4e-6;
@@ -172,7 +187,7 @@ fn check_pattern(known: &mut Known, definition: &'static Definition, strength: f
     }
     let exact = exact_rates(&with, light);
     let bound = predicted.spatial_variance * (rare + second_order) + 1e-7;
-    // The plan's rates also hold the temporal noise of a finite run.
+    // The rates of the plan also contain temporal noise, because the run is finite.
     let temporal = 1.5 * predicted.phase_variance / (rate * readouts as f64);
     for (side, rates, noise) in [("plan", &found, temporal), ("oracle", &exact, 0.0)] {
         let variance = relative_variance(rates);
@@ -186,7 +201,8 @@ fn check_pattern(known: &mut Known, definition: &'static Definition, strength: f
     }
 }
 
-/// Independent values of the pattern over the sensor; a blur of deviation `s` correlates `4 pi s^2` pixels.
+/// Returns the number of independent values in the pattern. A blur with standard deviation `s` correlates about `4 pi
+/// s^2` pixels.
 fn cells(definition: &Definition) -> f64 {
     match definition.name {
         "column_pattern" => f64::from(WIDTH),
@@ -196,18 +212,18 @@ fn cells(definition: &Definition) -> f64 {
     }
 }
 
-/// Whether plans with this effect leave the common bodies; dark current is what telegraph noise needs to show.
-fn is_further(definition: &'static Definition) -> bool {
+/// Returns whether plans with this effect have dynamics. The test camera has a dark current, which telegraph noise needs.
+fn has_dynamics(definition: &'static Definition) -> bool {
     let dark = effects::find("dark_current").unwrap().typical();
-    let camera = Camera::ideal(sensor(4, 4)).with(dark).with(definition.typical());
-    Plan::with_light(&camera, seeds(0), 0.5).unwrap().moving().is_some()
+    let camera = Camera::ideal(sensor(4, 4)).with_effect(dark).with_effect(definition.typical());
+    Plan::with_max_light(&camera, seeds(0), 0.5).unwrap().dynamics().is_some()
 }
 
-/// Strengths that keep the brightest pixels of 25,000 below saturation.
+/// Returns strengths at which even the brightest of 25,000 pixels stays below saturation.
 fn strengths(definition: &'static Definition, rate: f64) -> &'static [f64] {
     match (definition.name, rate > 0.9) {
-        // One strength of those that `effects_further.rs` compares bit by bit or with the exact law.
-        (_, bright) if is_further(definition) => {
+        // `effects_dynamics.rs` compares these effects in more detail, so one strength is sufficient here.
+        (_, bright) if has_dynamics(definition) => {
             if bright {
                 &[0.5]
             } else {
@@ -225,9 +241,9 @@ fn strengths(definition: &'static Definition, rate: f64) -> &'static [f64] {
 
 #[test]
 fn rates_and_spreads_are_the_predicted_ones_at_dim_middle_and_bright_light() {
-    let mut known = Known::new();
+    let mut known = KnownRates::new();
     for definition in effects::ALL {
-        // Whole readouts that go wrong are compared bit by bit in `effects_further.rs`.
+        // `effects_dynamics.rs` compares dropped and repeated readouts bit by bit.
         if matches!(definition.name, "dropped_readouts" | "repeated_readouts") {
             continue;
         }
@@ -235,7 +251,7 @@ fn rates_and_spreads_are_the_predicted_ones_at_dim_middle_and_bright_light() {
             for &strength in strengths(definition, rate) {
                 let (without, with, _) = pair(definition, strength, rate);
                 let effect = with.effect(definition.name).unwrap();
-                if effect.moments(&without.operating(rate)).is_some() {
+                if effect.moments(&without.operating_point(rate)).is_some() {
                     check_pattern(&mut known, definition, strength, rate);
                 }
             }
@@ -243,22 +259,24 @@ fn rates_and_spreads_are_the_predicted_ones_at_dim_middle_and_bright_light() {
     }
 }
 
-/// Growth of `D` per interval between `low` and `high`, times the squared rate, of 300 pixels alike but for
-/// 5 % of light, on both sides.
-fn growth(times: &Times, lags: [usize; 2]) -> Estimate {
+/// Returns the increase of `D` per interval between two lags, multiplied by the squared rate.
+fn growth(times: &SpikeTimes, lags: [usize; 2]) -> Estimate {
     let rate = times.rate().mean;
     let scale = rate * rate / (lags[1] - lags[0]) as f64;
-    let (low, high) = (times.d(lags[0]), times.d(lags[1]));
+    let (low, high) = (times.interval_sum_variance(lags[0]), times.interval_sum_variance(lags[1]));
     Estimate { mean: (high.mean - low.mean) * scale, error: high.error.hypot(low.error) * scale, ..high }
 }
 
-/// The phase variance as the growth of `D(n)`. Strengths are raised so that it stands out of the
-/// quantisation; D is linear in them. 300 pixels x 20,000 readouts. 4.5 standard errors over the
-/// pixels and 5 % for the missing higher orders; printed errors are 2 to 5 % of the value.
+/// Compares the predicted phase variance with the growth of `D(n)`.
+///
+/// The strengths are increased until the phase variance exceeds the quantization. `D` is linear in the phase variance.
+/// The measurement uses 300 pixels whose light differs by 5 %, for 20,000 readouts. The test allows 4.5 standard errors
+/// (from the scatter between pixels), and 5 % for the missing higher orders. The printed errors are 2 to 5 % of the
+/// value.
 #[test]
 fn phase_variances_are_the_predicted_ones() {
     let cases: [(&str, &[(&str, f64)]); 7] = [
-        ("telegraph_dark", &[("amplitude", 0.1), ("pixels", 1.0), ("rate", 0.05)]),
+        ("telegraph_dark", &[("amplitude", 0.1), ("fraction", 1.0), ("rate", 0.05)]),
         ("shot_noise", &[("strength", 20.0)]),
         ("shot_noise", &[("strength", 1.0), ("counts", 1.0), ("photons_at_full_scale", 1000.0)]),
         ("dark_shot_noise", &[("strength", 40.0)]),
@@ -269,20 +287,21 @@ fn phase_variances_are_the_predicted_ones() {
     for (name, values) in cases {
         for rate in [0.01, 0.3, 0.9] {
             let effect = effects::find(name).unwrap().neutral();
-            let effect = values.iter().fold(effect, |e, (k, v)| e.with(k, *v).unwrap());
-            let without = crate::common_oracle::sized(base(rate), 300, 1);
-            let predicted: Moments = effect.moments(&without.operating(rate)).unwrap();
-            let camera = without.clone().with(effect);
-            let light = crate::common_oracle::spread_light(without.operating(rate).light, 0.05, 300, 3);
+            let effect = values.iter().fold(effect, |e, (k, v)| e.with_value(k, *v).unwrap());
+            let without = crate::common_oracle::with_size(base(rate), 300, 1);
+            let predicted: Moments = effect.moments(&without.operating_point(rate)).unwrap();
+            let camera = without.clone().with_effect(effect);
+            let light = crate::common_oracle::spread_light(without.operating_point(rate).light, 0.05, 300, 3);
             let lags = if rate < 0.1 { [4, 40] } else { [40, 400] };
-            let found = growth(&planned(&camera, seeds(1), &light, 100, 20_000), lags);
+            let found = growth(&simulate_times(&camera, seeds(1), &light, 100, 20_000), lags);
             let truth = growth(&oracle(&camera.model(seeds(1)).unwrap(), &light, 100, 20_000, 2), lags);
             eprintln!(
                 "{name} at {rate}: predicted {:.3e}, plan {:.3e} +- {:.0e}, oracle {:.3e}",
                 predicted.phase_variance, found.mean, found.error, truth.mean
             );
-            // The mean interval is the stream's own, so the sum of n intervals out of N keeps
-            // 1 - n/N of its variance, and the growth between two lags 1 - (low + high)/N.
+            // The mean interval is estimated from the same stream, which reduces variances. The variance of the sum of n
+            // of N intervals is reduced to 1 - n/N of its value. The growth between two lags is reduced to 1 - (low +
+            // high)/N.
             let kept = 1.0 - (lags[0] + lags[1]) as f64 / (20_000.0 * rate);
             let pinned = predicted.phase_variance * kept;
             for side in [found, truth] {
@@ -293,29 +312,34 @@ fn phase_variances_are_the_predicted_ones() {
     }
 }
 
-/// Where no closed form exists the exact law is the prediction.
+/// If there is no closed form, the exact law is the prediction.
 #[test]
 fn effects_without_a_closed_form_follow_the_exact_law() {
-    let partial =
-        |share: f64| effects::find("partial_reset").unwrap().neutral().with("lost_remainder", share).unwrap();
+    let partial = |share: f64| {
+        effects::find("partial_reset").unwrap().neutral().with_value("lost_remainder", share).unwrap()
+    };
     let redrawn = |sigma: f64| {
         let noise = effects::find("thermal_noise").unwrap().neutral();
-        noise.with("sigma", sigma).unwrap().with("redraw", 1.0).unwrap()
+        noise.with_value("sigma", sigma).unwrap().with_value("noise_sampling", 1.0).unwrap()
     };
     for effect in [partial(0.05), partial(0.5), partial(1.0), redrawn(0.001), redrawn(0.01), redrawn(0.04)] {
         for rate in [0.01, 0.3, 0.95] {
-            let without = crate::common_oracle::sized(base(rate), 200, 1);
-            assert!(effect.moments(&without.operating(rate)).is_none());
-            let light = crate::common_oracle::spread_light(without.operating(rate).light, 0.03, 200, 3);
+            let without = crate::common_oracle::with_size(base(rate), 200, 1);
+            assert!(effect.moments(&without.operating_point(rate)).is_none());
+            let light = crate::common_oracle::spread_light(without.operating_point(rate).light, 0.03, 200, 3);
             let light: Vec<f32> = light.into_iter().map(|l| l.min(0.52)).collect();
-            // A bound that is never reached lets the plan take light up to full scale.
-            let clamp =
-                effects::find("saturation_clamp").unwrap().neutral().with("largest_charge", 3.0).unwrap();
-            let camera = without.with(effect.clone()).with(clamp);
-            let found = planned(&camera, seeds(1), &light, 200, 10_000).rate();
+            // With a clamp, the plan accepts light up to full scale. The charge never reaches this clamp.
+            let clamp = effects::find("saturation_clamp")
+                .unwrap()
+                .neutral()
+                .with_value("largest_charge", 3.0)
+                .unwrap();
+            let camera = without.with_effect(effect.clone()).with_effect(clamp);
+            let found = simulate_times(&camera, seeds(1), &light, 200, 10_000).rate();
             let truth = oracle(&camera.model(seeds(1)).unwrap(), &light, 200, 10_000, 2).rate();
-            // The same light on both sides: per pixel less than a spike of 10,000 readouts, over 200
-            // pixels 1e-5; noise that moves the rate adds its own scatter, below 2e-5.
+            // The light of plan and law is equal. Each pixel's counts differ by less than one spike in 10,000 readouts.
+            // For 200 pixels, this is a difference of 1e-5 in the mean rate. Noise that changes the rate adds a scatter
+            // below 2e-5.
             eprintln!(
                 "{} {:?} at {rate}: plan {:.6}, oracle {:.6}",
                 effect.name(),

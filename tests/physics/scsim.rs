@@ -1,11 +1,10 @@
-//! What the published code of SCSim shows: its dark rate, its spreads, its synchronised start,
-//! and threshold noise that raises the rate of dim pixels.
+//! Properties of SCSim's published code: its dark rate, its spreads, its synchronized start, and the higher rate of dim
+//! pixels because of threshold noise.
 
-use crate::common_oracle::{Estimate, camera_with, oracle, planned, preset, seeds};
-use spikelane::simulate::FrameRef;
+use crate::common_oracle::{Estimate, camera_with, oracle, preset, seeds, simulate_times};
 use spikelane::{Camera, Simulator, effects};
 
-/// Spikes per readout of every pixel in uniform light, without keeping the stream.
+/// Returns the spikes per readout of every pixel in uniform light. The stream is not stored.
 fn rates(camera: &Camera, light: f32, warm: usize, readouts: usize) -> Vec<f64> {
     let geometry = camera.sensor.geometry;
     let frame = vec![light; geometry.pixels()];
@@ -13,7 +12,7 @@ fn rates(camera: &Camera, light: f32, warm: usize, readouts: usize) -> Vec<f64> 
     let mut bytes = vec![0; 100 * geometry.frame_bytes()];
     let mut counts = vec![0u32; geometry.pixels()];
     for block in 0..(warm + readouts) / 100 {
-        simulator.push(FrameRef::f32(&frame, geometry), &mut bytes).unwrap();
+        simulator.fill(&frame, &mut bytes).unwrap();
         if block < warm / 100 {
             continue;
         }
@@ -27,18 +26,21 @@ fn rates(camera: &Camera, light: f32, warm: usize, readouts: usize) -> Vec<f64> 
 }
 
 fn mean_and_cv(values: &[f64]) -> (f64, f64) {
-    let e = Estimate::of(values.iter().copied());
+    let e = Estimate::from_values(values.iter().copied());
     (e.mean, e.error * (e.pixels as f64).sqrt() / e.mean)
 }
 
-/// The nominal dark interval is threshold over mean dark current, 213.9 readouts. The mean rate
-/// is higher for three reasons: the mean of 1/threshold exceeds 1/mean by the threshold's
-/// relative variance (0.21 %); negative currents do not fire less than never (0.06 %); and
-/// noise redrawn at every readout fires early (the oracle says how much).
+/// The nominal dark interval is the threshold divided by the mean dark current, which is 213.9 readouts.
 ///
-/// 100,000 pixels x 4,000 readouts know the mean rate to 4e-5 of itself given the fixed
-/// pattern; the oracle's factor is known to 0.05 % from 400 pixels x 20,000 readouts paired
-/// with their mean increments. 0.25 % is allowed and the nominal value is 0.6 % away.
+/// The mean rate is higher than the nominal rate for three reasons:
+///
+/// * The mean of 1/threshold exceeds 1/mean by the relative variance of the threshold (0.21 %).
+/// * A pixel with a negative current has the rate zero, not a negative rate (0.06 %).
+/// * With noise that is redrawn at every readout, pixels fire early. The exact law provides the factor.
+///
+/// With 100,000 pixels and 4,000 readouts, the standard error of the mean rate is 4e-5 for a given fixed pattern. The
+/// standard error of the factor is 0.05 % for 400 pixels and 20,000 readouts, paired with the mean increments of the
+/// pixels. The test allows 0.25 %. The nominal value differs by 0.6 %.
 #[test]
 fn the_dark_interval_is_the_exact_laws_and_not_the_nominal_one() {
     let camera = preset("scsim-code", 400, 250);
@@ -48,7 +50,7 @@ fn the_dark_interval_is_the_exact_laws_and_not_the_nominal_one() {
 
     let small = preset("scsim-code", 400, 1);
     let few = oracle(&small.model(seeds(2)).unwrap(), &[0.0; 400], 10_000, 20_000, 1);
-    let raised = few.rate().mean / Estimate::of(expected[..400].iter().copied()).mean;
+    let raised = few.rate().mean / Estimate::from_values(expected[..400].iter().copied()).mean;
 
     let (mean, cv) = mean_and_cv(&rates(&camera, 0.0, 4000, 4000));
     let (ideal_mean, ideal_cv) = mean_and_cv(&expected);
@@ -62,12 +64,14 @@ fn the_dark_interval_is_the_exact_laws_and_not_the_nominal_one() {
     );
     assert!((mean / predicted - 1.0).abs() < 0.0025, "{mean} {predicted}");
     assert!((1.0 / mean - 212.6).abs() < 0.8, "{}", 1.0 / mean);
-    // The spread over 100,000 pixels is known to 0.22 % of itself; counting adds 0.001.
+    // With 100,000 pixels, the standard error of the spread is 0.22 %. The randomness of counts adds 0.001 to the
+    // spread.
     assert!((cv - ideal_cv).abs() < 0.005 && (cv - 0.39).abs() < 0.01, "{cv} {ideal_cv}");
 }
 
-/// Capacitor 0.29 %, bias 4.55 % and gain 5.77 % add up to 7.35 % of the rate that light makes; the
-/// dark current dilutes it. 100,000 pixels know the spread to 0.22 % of itself.
+/// Capacitor (0.29 %), bias (4.55 %) and gain (5.77 %) together give a spread of 7.35 % of the rate from light.
+///
+/// The dark current reduces this spread. With 100,000 pixels, the standard error of the spread is 0.22 %.
 #[test]
 fn light_spreads_by_seven_per_cent() {
     let camera = preset("scsim-code", 400, 250);
@@ -80,19 +84,21 @@ fn light_spreads_by_seven_per_cent() {
     assert!((cv - expected).abs() < 0.001 && (cv - 0.073).abs() < 0.002, "{cv} {expected}");
 }
 
-/// In light of 0.19 thresholds, charge that starts within a fifth of a threshold arrives together.
-/// Shares of 100,000 pixels are known to 0.0016; the oracle's of 20,000 to 0.0035.
+/// If all pixels start within a fifth of a threshold, they fire together under light of 0.19 thresholds per readout.
+///
+/// The standard error of a share is 0.0016 for the plan's 100,000 pixels and 0.0035 for the law's 20,000 pixels.
 #[test]
 fn its_own_start_phase_fires_in_a_burst_and_a_uniform_one_does_not() {
     let own = preset("scsim-code", 400, 50);
-    let uniform =
-        own.clone().with(effects::find("start_phase").unwrap().neutral().with("share", 1.0).unwrap());
+    let uniform = own
+        .clone()
+        .with_effect(effects::find("start_phase").unwrap().neutral().with_value("share", 1.0).unwrap());
     let light = vec![0.19f32; 20_000];
     let shares = |camera: &Camera| -> (Vec<f64>, Vec<f64>) {
-        let at = |times: &crate::common_oracle::Times, t: u32| {
+        let at = |times: &crate::common_oracle::SpikeTimes, t: u32| {
             times.pixels.iter().filter(|p| p.contains(&t)).count() as f64 / 20_000.0
         };
-        let found = planned(camera, seeds(2), &light, 0, 20);
+        let found = simulate_times(camera, seeds(2), &light, 0, 20);
         let truth = oracle(&camera.model(seeds(2)).unwrap(), &light, 0, 20, 3);
         (0..20).map(|t| (at(&found, t), at(&truth, t))).unzip()
     };
@@ -102,7 +108,8 @@ fn its_own_start_phase_fires_in_a_burst_and_a_uniform_one_does_not() {
     assert!(found[..3].iter().all(|&s| s < 0.001), "{found:?}");
     assert!((found[4] / mean - 3.7).abs() < 0.25, "{}", found[4] / mean);
     for (a, b) in found.iter().zip(&truth) {
-        // The same pixels with another phase: 4.5 errors of two shares of 20,000, at most 0.0225.
+        // The pixels are equal but their start phases differ. 4.5 standard errors of the difference of two shares of
+        // 20,000 pixels are at most 0.0225.
         assert!((a - b).abs() < 0.0225, "{found:?} {truth:?}");
     }
     let (found, truth) = shares(&uniform);
@@ -111,25 +118,28 @@ fn its_own_start_phase_fires_in_a_burst_and_a_uniform_one_does_not() {
     }
 }
 
-/// 400 pixels x 20,000 readouts at rate 0.021: a count is wrong by less than a spike of 420, so
-/// the mean rate is known to 0.01 % and the plan's excess over the oracle's to 0.015 %; 0.05 %
-/// is allowed. Without noise the rate is exactly the light.
+/// 400 pixels run for 20,000 readouts at rate 0.021. Each count of 420 spikes has an error of less than one spike.
+///
+/// The mean rate is therefore known to 0.01 %. The difference between plan and exact law is known to 0.015 %, and the
+/// test allows 0.05 %. Without noise, the rate equals the light exactly.
 #[test]
 fn threshold_noise_redrawn_at_every_readout_raises_dim_rates_and_frozen_noise_does_not() {
     for (sigma, tabled) in [(6.36e-3, 0.0015), (20e-3, 0.012), (50e-3, 0.05)] {
-        for redraw in [0.0, 1.0] {
-            let noise: &[(&str, f64)] = &[("sigma", sigma), ("redraw", redraw)];
+        for noise_sampling in [0.0, 1.0] {
+            let noise: &[(&str, f64)] = &[("sigma", sigma), ("noise_sampling", noise_sampling)];
             let camera = camera_with(400, 1, &[("thermal_noise", noise), ("start_phase", &[("share", 1.0)])]);
             let light = vec![0.021f32; 400];
-            let found = planned(&camera, seeds(9), &light, 200, 20_000).rate().mean / 0.021 - 1.0;
+            let found = simulate_times(&camera, seeds(9), &light, 200, 20_000).rate().mean / 0.021 - 1.0;
             let model = camera.model(seeds(9)).unwrap();
             let truth = oracle(&model, &light, 200, 20_000, 4).rate().mean / 0.021 - 1.0;
-            eprintln!("{sigma} V, redraw {redraw}: plan {found:+.5}, oracle {truth:+.5}, tabled {tabled}");
-            assert!((found - truth).abs() < 5e-4, "{sigma} {redraw}: {found} {truth}");
-            if redraw == 0.0 {
+            eprintln!(
+                "{sigma} V, noise_sampling {noise_sampling}: plan {found:+.5}, oracle {truth:+.5}, tabled {tabled}"
+            );
+            assert!((found - truth).abs() < 5e-4, "{sigma} {noise_sampling}: {found} {truth}");
+            if noise_sampling == 0.0 {
                 assert!(found.abs() < 5e-4, "{sigma}: frozen noise moves the rate by {found}");
             } else {
-                // The table holds two digits, measured with the code's other noise present.
+                // The values in the table have two digits. They were measured together with the other noise of the code.
                 assert!((found / tabled - 1.0).abs() < 0.35, "{sigma}: {found}, tabled {tabled}");
             }
         }

@@ -8,7 +8,7 @@ core=${3:-0}
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
-# A grey ramp, 400x250.
+# A gray ramp, 400x250.
 { printf 'P5\n400 250\n255\n'; for _ in $(seq 250); do printf '%b' "$(for c in $(seq 0 399); do printf '\\x%02x' $((c * 255 / 399)); done)"; done; } >ramp.pgm
 
 # row WHAT HZ BACKEND ARGUMENTS...
@@ -35,7 +35,7 @@ for hz in 20000 40000; do
     for backend in avx512 avx2 sse4.1 portable; do
         [ "$hz" = 40000 ] || [ "$backend" = avx512 ] || continue
         row held "$hz" "$backend" ramp.pgm --transfer linear --sink "$ring"
-        row "new frame every 20 readouts" "$hz" "$backend" --source chart --readouts-per-frame 20 --sink "$ring"
+        row "new frame every 20 readouts" "$hz" "$backend" --builtin-light chart --readouts-per-frame 20 --sink "$ring"
     done
 done
 # A consumer that takes 100 MB of 250 MB a second.

@@ -1,17 +1,18 @@
-//! Throughput through the shared library against the call in Rust, in turn, in one process.
+//! Compares the throughput of the shared library with that of the Rust calls, alternately in one process.
 //!
-//! `cargo run -p spikelane-c --example c-throughput -- target/debug/libspikelane_c.so` prints a table: pixel-readouts a
-//! second of processor time in the best of several rounds each, and their ratio. Linux, whose clock of a thread it reads.
+//! `cargo run -p spikelane-c --example c-throughput -- target/debug/libspikelane_c.so` prints a table with the pixel-readouts per
+//! second of processor time, for the best of several rounds, and the ratio of both. It runs on Linux only, because it
+//! reads the processor time of a thread.
 
 use std::error::Error;
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::time::Duration;
 
 use spikelane::{Geometry, Seeds, Simulator, presets};
-use spikelane_io::light::{Insertion, Timeline};
+use spikelane_io::light::{Interpolation, Timeline};
 use spikelane_io::simulate::FrameRef;
 
-const ROUNDS: usize = 25;
+const MEASUREMENTS: usize = 25;
 const READOUTS: usize = 1280;
 
 unsafe extern "C" {
@@ -20,10 +21,10 @@ unsafe extern "C" {
     fn clock_gettime(clock: c_int, time: *mut [i64; 2]) -> c_int;
 }
 
-/// Time that this thread has had a processor: what others on the machine do stays out of it.
+/// Returns the processor time of this thread, which other work on the machine does not affect.
 fn processor_time() -> Duration {
     let mut time = [0; 2];
-    // SAFETY: 3 is CLOCK_THREAD_CPUTIME_ID; seconds and nanoseconds are two words on 64-bit Linux.
+    // SAFETY: 3 is CLOCK_THREAD_CPUTIME_ID, and the time is two words on 64-bit Linux: seconds and nanoseconds.
     unsafe { clock_gettime(3, &raw mut time) };
     Duration::new(time[0] as u64, time[1] as u32)
 }
@@ -37,21 +38,28 @@ struct Frame {
     sample_type: u32,
 }
 
+#[repr(C)]
+struct Light {
+    frames: *const Frame,
+    count: usize,
+    readouts_per_frame: u32,
+    interpolation: u32,
+}
+
 type Preset = unsafe extern "C" fn(*const c_char, *mut *mut c_void) -> i32;
 type New = unsafe extern "C" fn(*const c_void, *const c_void, f64, u32, *mut *mut c_void) -> i32;
-type PushFrames =
-    unsafe extern "C" fn(*mut c_void, *const Frame, usize, u64, u32, usize, *mut u8, usize) -> i32;
+type Run = unsafe extern "C" fn(*mut c_void, *const Light, usize, *mut u8, usize) -> i32;
 
-/// The library's functions and a simulator of `physical` made by them.
+/// The functions of the library, and a simulator of `physical` that they created.
 struct Library {
-    push_frames: PushFrames,
+    run: Run,
     simulator: *mut c_void,
 }
 
 impl Library {
     fn open(path: &str) -> Result<Self, Box<dyn Error>> {
         let path = CString::new(path)?;
-        // SAFETY: a path that ends in NUL; 2 is RTLD_NOW.
+        // SAFETY: the path ends in NUL; 2 is RTLD_NOW.
         let library = unsafe { dlopen(path.as_ptr(), 2) };
         if library.is_null() {
             return Err(
@@ -60,22 +68,22 @@ impl Library {
         }
         let find = |name: &str| -> Result<*mut c_void, Box<dyn Error>> {
             let name = CString::new(name)?;
-            // SAFETY: an open library and a name that ends in NUL.
+            // SAFETY: the library is open and the name ends in NUL.
             let symbol = unsafe { dlsym(library, name.as_ptr()) };
             if symbol.is_null() { Err(format!("no symbol {name:?}").into()) } else { Ok(symbol) }
         };
-        let (preset, new, push) =
-            (find("spl_camera_preset")?, find("spl_simulator_new")?, find("spl_push_frames")?);
-        // SAFETY: these are the types that the header gives the functions.
-        let (preset, new, push_frames) = unsafe {
+        let (preset, new, run) =
+            (find("spl_camera_preset")?, find("spl_simulator_new")?, find("spl_simulator_run")?);
+        // SAFETY: these are the types of the functions in the header.
+        let (preset, new, run) = unsafe {
             (
                 std::mem::transmute::<*mut c_void, Preset>(preset),
                 std::mem::transmute::<*mut c_void, New>(new),
-                std::mem::transmute::<*mut c_void, PushFrames>(push),
+                std::mem::transmute::<*mut c_void, Run>(run),
             )
         };
         let (mut camera, mut simulator) = (std::ptr::null_mut(), std::ptr::null_mut());
-        // SAFETY: a string that ends in NUL, places that can be written, and the handle that the first call made.
+        // SAFETY: the string ends in NUL, the pointers can be written to, and the handle comes from the first call.
         let status = unsafe {
             preset(c"physical".as_ptr(), &raw mut camera)
                 + new(camera, std::ptr::null(), 1.0, 1, &raw mut simulator)
@@ -83,29 +91,25 @@ impl Library {
         if status != 0 {
             return Err(format!("status {status}").into());
         }
-        Ok(Self { push_frames, simulator })
+        Ok(Self { run, simulator })
     }
 
-    fn push(&self, frames: &[&[u8]], per_frame: u64, out: &mut [u8]) {
+    fn run(&self, frames: &[&[u8]], per_frame: u32, out: &mut [u8]) {
         let frames: Vec<Frame> = frames
             .iter()
             .map(|f| Frame { samples: f.as_ptr().cast(), samples_bytes: f.len(), stride: 0, sample_type: 0 })
             .collect();
         let readouts = per_frame as usize * frames.len();
-        // SAFETY: a live handle, frames and a buffer of the sizes that are said.
-        let status = unsafe {
-            (self.push_frames)(
-                self.simulator,
-                frames.as_ptr(),
-                frames.len(),
-                per_frame,
-                0,
-                readouts,
-                out.as_mut_ptr(),
-                out.len(),
-            )
+        let light = Light {
+            frames: frames.as_ptr(),
+            count: frames.len(),
+            readouts_per_frame: per_frame,
+            interpolation: 0,
         };
-        assert_eq!(status, 0, "spl_push_frames");
+        // SAFETY: the handle is live, and the frames and the buffer have the given sizes.
+        let status =
+            unsafe { (self.run)(self.simulator, &raw const light, readouts, out.as_mut_ptr(), out.len()) };
+        assert_eq!(status, 0, "spl_simulator_run");
     }
 }
 
@@ -122,35 +126,35 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (count, per_frame) in [(1, 128), (1, 20), (64, 2), (1, 1)] {
         let frames: Vec<&[u8]> = pictures[..count].iter().map(Vec::as_slice).collect();
         let best = compare(&library, &mut rust, &frames, per_frame, geometry)?;
-        let readouts = count as u64 * per_frame;
+        let readouts = count as u32 * per_frame;
         let ratio = best[1] / best[0];
         println!("{readouts:>4}, {per_frame:>3} | {:.3} | {:.3} | {ratio:.3}", best[0], best[1]);
     }
     Ok(())
 }
 
-/// The best rates of Rust and C in Gpx/s, measured in turn; both make the same bits.
+/// Returns the best rates of Rust and C in Gpx/s, measured alternately. Both must give the same bits.
 fn compare(
     library: &Library,
     rust: &mut Simulator,
     frames: &[&[u8]],
-    per_frame: u64,
+    per_frame: u32,
     geometry: Geometry,
 ) -> Result<[f64; 2], Box<dyn Error>> {
     let readouts = per_frame as usize * frames.len();
     let calls = (READOUTS / readouts).max(1);
     let mut out = [0, 1].map(|_| vec![0u8; readouts * geometry.frame_bytes()]);
     let mut best = [0.0f64; 2];
-    let timeline = Timeline::per_frame(per_frame, Insertion::Hold)?;
-    let borrowed: Vec<FrameRef<'_>> = frames.iter().map(|f| FrameRef::u8(f, geometry)).collect();
-    for _ in 0..ROUNDS {
+    let timeline = Timeline::from_readouts_per_frame(per_frame.into(), Interpolation::Hold)?;
+    let borrowed: Vec<FrameRef<'_>> = frames.iter().map(|f| FrameRef::new(*f)).collect();
+    for _ in 0..MEASUREMENTS {
         for (way, rate) in best.iter_mut().enumerate() {
             let start = processor_time();
             for _ in 0..calls {
                 if way == 0 {
-                    rust.push_frames(&borrowed, &timeline, &mut out[0])?;
+                    rust.fill(spikelane::Light::sequence(&borrowed, &timeline), &mut out[0])?;
                 } else {
-                    library.push(frames, per_frame, &mut out[1]);
+                    library.run(frames, per_frame, &mut out[1]);
                 }
             }
             let work = (calls * readouts * geometry.pixels()) as f64;

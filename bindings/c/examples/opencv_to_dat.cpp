@@ -19,16 +19,16 @@ cv::Mat linear() {
     return table;
 }
 
-// The luminance of the next picture in the camera's size; false at the end. Colours are weighed and pixels averaged as
-// light, not as codes: a grey of codes is far too dark where colours are strong.
+// Reads the luminance of the next picture in the camera's size; returns false at the end. Colors are weighted and pixels
+// averaged in linear light. A weighted sum of codes would be too dark for strong colors.
 bool read(cv::VideoCapture &video, const spikelane::Camera &camera, std::vector<float> &light) {
     static const cv::Mat table = linear();
     static const cv::Matx13f weights(0.0722f, 0.7152f, 0.2126f); // blue, green, red
-    cv::Mat picture, colours, grey, small;
+    cv::Mat picture, colors, gray, small;
     if (!video.read(picture)) return false;
-    cv::LUT(picture, table, colours);
-    cv::transform(colours, grey, weights);
-    cv::resize(grey, small, cv::Size(int(camera.width()), int(camera.height())), 0, 0, cv::INTER_AREA);
+    cv::LUT(picture, table, colors);
+    cv::transform(colors, gray, weights);
+    cv::resize(gray, small, cv::Size(int(camera.width()), int(camera.height())), 0, 0, cv::INTER_AREA);
     light.assign(small.begin<float>(), small.end<float>());
     return true;
 }
@@ -37,7 +37,7 @@ bool read(cv::VideoCapture &video, const spikelane::Camera &camera, std::vector<
 
 int main(int argc, char **argv) try {
     if (argc < 3) return std::cerr << "usage: opencv_to_dat VIDEO OUT.dat [READOUTS_A_FRAME]\n", 2;
-    const std::size_t readouts = argc > 3 ? std::stoul(argv[3]) : 20;
+    const auto readouts = std::uint32_t(argc > 3 ? std::stoul(argv[3]) : 20);
     cv::VideoCapture video(argv[1]);
     const auto camera = spikelane::Camera::preset("physical");
     spikelane::Simulator simulator(camera);
@@ -46,12 +46,12 @@ int main(int argc, char **argv) try {
     std::vector<float> from, to;
     if (!read(video, camera, from)) return std::cerr << argv[1] << ": no picture that OpenCV can read\n", 4;
     while (read(video, camera, to)) {
-        simulator.push_between(spikelane::frame(from), spikelane::frame(to), packed);
+        simulator.fill(spikelane::Light::linear(spikelane::frame(from), spikelane::frame(to), readouts), packed);
         writer.write(packed);
         from.swap(to);
     }
-    // The last picture stays.
-    simulator.push(spikelane::frame(from), packed);
+    // The light of the last picture is held.
+    simulator.fill(spikelane::frame(from), packed);
     writer.write(packed);
     writer.finish();
     std::cout << argv[2] << ": " << simulator.readout() << " readouts of " << camera.width() << "x" << camera.height() << "\n";

@@ -1,5 +1,5 @@
-/* render_loop [FRAMES [READOUTS_A_FRAME]]: a renderer whose every frame goes to the camera, 10,000 frames of 20 readouts
- * unless told otherwise. Prints frames a second and readouts a frame. */
+/* render_loop [FRAMES [READOUTS_A_FRAME]]: a renderer that passes every frame to the camera; 10,000 frames of 20 readouts by
+ * default. Prints frames and readouts per second. */
 #include <math.h>
 #include <spikelane.h>
 #include <stdio.h>
@@ -10,7 +10,7 @@ enum { WIDTH = 400, HEIGHT = 250 };
 
 static void check(spl_status status) {
     if (status == SPL_OK) return;
-    fprintf(stderr, "%s\n", spl_last_error(SPL_MESSAGE));
+    fprintf(stderr, "%s\n", spl_last_error(SPL_ERROR_MESSAGE));
     exit(status);
 }
 
@@ -20,7 +20,7 @@ static double now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* Waves that run to the right, in linear light; here your renderer draws. */
+/* Waves that run to the right, in linear light. Replace this with your renderer. */
 static void render(long frame, float light[HEIGHT][WIDTH]) {
     float wave[WIDTH];
     for (int col = 0; col < WIDTH; col++) wave[col] = 0.25f + 0.2f * sinf(0.05f * (float)(col - frame));
@@ -49,11 +49,12 @@ int main(int argc, char **argv) {
         const double before = now();
         render(k + 1, light[(k + 1) % 2]);
         drawing += now() - before;
-        /* From this frame to the next in a straight line: pixels that move do not jump all at once. */
-        const spl_frame from = {light[k % 2], sizeof light[0], 0, SPL_F32};
-        const spl_frame to = {light[(k + 1) % 2], sizeof light[0], 0, SPL_F32};
-        check(spl_push_between(simulator, &from, &to, readouts, packed, readouts * bytes));
-        for (size_t i = 0; i < readouts * bytes; i++) spikes += packed[i] & 1; /* here your consumer works */
+        /* The light changes linearly from this frame to the next, so moving edges do not jump. */
+        const spl_frame both[] = {{light[k % 2], sizeof light[0], 0, SPL_F32},
+                                  {light[(k + 1) % 2], sizeof light[0], 0, SPL_F32}};
+        const spl_light linear = {both, 2, (uint32_t)readouts, SPL_INTERPOLATION_LINEAR};
+        check(spl_simulator_run(simulator, &linear, readouts, packed, readouts * bytes));
+        for (size_t i = 0; i < readouts * bytes; i++) spikes += packed[i] & 1; /* replace this with your consumer */
     }
     const double seconds = now() - start;
     printf("%ld frames of %zu readouts in %.2f s: %.0f frames/s, %.0f readouts/s, of which %.2f s were drawing\n", frames,

@@ -1,6 +1,6 @@
-/* virtual_camera SECONDS [READOUT_HZ]: writes readouts to standard output, a pipe, at the pace of a camera, and says at the end how late
- * they were. A consumer that is too slow makes it wait. `spikelane live` is this with shared memory, sockets and a choice
- * what is lost. */
+/* virtual_camera SECONDS [READOUT_HZ]: writes readouts to standard output, a pipe, at the rate of a camera, and prints at the
+ * end how late they were. It waits for a slow consumer. `spikelane live` adds shared memory, sockets and a choice of which
+ * readouts are lost. */
 #define _POSIX_C_SOURCE 200809L
 #include <errno.h>
 #include <signal.h>
@@ -21,7 +21,7 @@ static void stop(int signal) {
 
 static void check(spl_status status) {
     if (status == SPL_OK) return;
-    fprintf(stderr, "%s\n", spl_last_error(SPL_MESSAGE));
+    fprintf(stderr, "%s\n", spl_last_error(SPL_ERROR_MESSAGE));
     exit(status);
 }
 
@@ -36,7 +36,7 @@ static void wait_until(double moment) {
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
 }
 
-/* 0 when the reader has left. */
+/* Returns 0 if the reader has closed the pipe. */
 static int put(const uint8_t *bytes, size_t count) {
     while (count > 0) {
         const ssize_t written = write(STDOUT_FILENO, bytes, count);
@@ -72,7 +72,8 @@ int main(int argc, char **argv) {
         for (int row = 0; row < HEIGHT; row++)
             for (int col = 0; col < WIDTH; col++) light[row][col] = (uint8_t)((col + bursts) / 25 * 16);
         const spl_frame frame = {light, sizeof light, 0, SPL_U8};
-        check(spl_push(simulator, &frame, BURST, packed, BURST * bytes));
+        const spl_light held = {&frame, 1, 0, SPL_INTERPOLATION_HOLD};
+        check(spl_simulator_run(simulator, &held, BURST, packed, BURST * bytes));
         const double due = start + (double)(bursts + 1) * BURST / hz;
         wait_until(due);
         if (!put(packed, BURST * bytes)) break;

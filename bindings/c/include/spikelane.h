@@ -3,41 +3,42 @@
  *
  * Made by cbindgen from bindings/c/src; do not edit.
  *
- * A spike camera's pixel gathers charge and raises a flag when it passes a threshold; all flags are read out 20,000
- * to 40,000 times a second, one bit a pixel.
+ * A pixel of a spike camera integrates light and fires when its charge reaches a threshold. The camera reads all pixels
+ * 20,000 to 40,000 times per second, one bit each.
  *
- *     spl_camera *camera;                                       // what the noise is
- *     spl_simulator *simulator;                                 // a camera at work
+ *     spl_camera *camera;                                       // sensor and noise
+ *     spl_simulator *simulator;                                 // a running camera
  *     size_t bytes;                                             // of one packed readout
  *     if (spl_camera_preset("physical", &camera) != SPL_OK ||   // 400x250 pixels at 20 kHz
  *         spl_simulator_new(camera, NULL, 1.0, 1, &simulator) != SPL_OK ||
  *         spl_simulator_frame_bytes(simulator, &bytes) != SPL_OK)
- *         fprintf(stderr, "%s\n", spl_last_error(SPL_MESSAGE));
- *     spl_frame frame = {grey, sizeof grey, 0, SPL_U8};         // uint8_t grey[250 * 400]
- *     spl_push(simulator, &frame, 64, packed, 64 * bytes);      // 64 readouts of it
+ *         fprintf(stderr, "%s\n", spl_last_error(SPL_ERROR_MESSAGE));
+ *     spl_frame frame = {gray, sizeof gray, 0, SPL_U8};         // uint8_t gray[250 * 400]
+ *     spl_light light = {&frame, 1, 0, SPL_INTERPOLATION_HOLD}; // the same frame for all readouts
+ *     spl_simulator_run(simulator, &light, 64, packed, 64 * bytes);
  *     spl_simulator_free(simulator);
  *     spl_camera_free(camera);
  *
- * Light is linear: the number of photons, not the code of a picture file. Rows run from top to bottom.
+ * Light is linear: proportional to the number of photons, not the code of an image file. Rows run from top to bottom.
  *
  * Packed readouts: bit p % 8 of byte p / 8, least significant first, is pixel p = row * width + col. A readout has
- * (width * height + 7) / 8 bytes; bits behind the last pixel are 0.
+ * (width * height + 7) / 8 bytes; the bits after the last pixel are 0.
  *
  * Sizes and places are given as width before height and col before row.
  *
- * Errors. Every function that can fail returns an spl_status; SPL_OK is 0. After another value spl_last_error()
- * says for this thread what was wrong, what was found, what was expected and what to do. A function that failed has
- * changed nothing, unless it says otherwise; a handle that it would have made is set to NULL.
+ * Errors. Every function that can fail returns an spl_status; SPL_OK is 0. After another value, spl_last_error()
+ * returns for this thread the subject, what was found, what was expected and the remedy. A function that fails changes
+ * nothing, unless its description differs; it sets a handle that it would have created to NULL.
  *
  * Handles. Free every handle once, with the function of its name that ends in _free, and do not use it afterwards, as
- * with free() of C. Functions return SPL_USAGE for NULL and for a handle of another kind. Several threads may read a
- * camera at a time. A simulator or writer may go from thread to thread; a call while another thread's call works on
- * it returns SPL_USAGE and changes nothing.
+ * with free() of C. Functions return SPL_USAGE for NULL and for a handle of another type. Several threads may read a
+ * camera at the same time. Different threads may use a simulator or writer in turn; a call during a call of another thread
+ * returns SPL_USAGE and changes nothing.
  *
  * Strings are UTF-8 and end in NUL. Buffers come with their size in bytes, and a wrong size is an error.
  *
- * The library calls nothing back, prints nothing (but the words of a panic of its own), reads the environment variable
- * SPIKELANE_BACKEND and no other, and starts threads only when asked to. The same camera, seeds and light give the same
+ * The library calls no function of the program, prints nothing except the message of a panic, reads only the environment
+ * variable SPIKELANE_BACKEND, and starts threads only if `threads` is above 1. The same camera, seeds and light give the same
  * bits on every machine, backend and number of threads, in C, C++, Rust, Python and from the program `spikelane`.
  */
 
@@ -49,67 +50,67 @@
 #include <stdint.h>
 
 /**
- * Changes when a program that was compiled with an older header could go wrong.
+ * Version of the ABI. It changes if a program that was compiled with an earlier header could fail.
  */
 #define SPL_ABI_VERSION 1
 
 /**
- * Part of an error: all of it in one line.
+ * Part of an error: the whole message in one line.
  */
-#define SPL_MESSAGE 0
+#define SPL_ERROR_MESSAGE 0
 
 /**
- * Part of an error: the thing that it is about, such as an argument, a key or a file.
+ * Part of an error: its subject, such as an argument, a key or a file.
  */
-#define SPL_SUBJECT 1
+#define SPL_ERROR_SUBJECT 1
 
 /**
- * Part of an error: what was found there.
+ * Part of an error: what was found.
  */
-#define SPL_FOUND 2
+#define SPL_ERROR_FOUND 2
 
 /**
  * Part of an error: what was expected instead.
  */
-#define SPL_EXPECTED 3
+#define SPL_ERROR_EXPECTED 3
 
 /**
- * Part of an error: what to do about it.
+ * Part of an error: the action that solves the problem.
  */
-#define SPL_REMEDY 4
+#define SPL_ERROR_REMEDY 4
 
 /**
- * Samples of uint8_t; full scale is 255.
+ * Samples of uint8_t. Full scale is 255.
  */
 #define SPL_U8 0
 
 /**
- * Samples of uint16_t in the machine's byte order; full scale is 65535.
+ * Samples of uint16_t in the byte order of the machine. Full scale is 65535.
  */
 #define SPL_U16 1
 
 /**
- * Samples of float, finite and not negative; full scale is 1.0.
+ * Samples of float, finite and not negative. Full scale is 1.0.
  */
 #define SPL_F32 2
 
 /**
- * Between two frames the light stays what the first was.
+ * Between two frames, the light equals the light of the first frame.
  */
-#define SPL_HOLD 0
+#define SPL_INTERPOLATION_HOLD 0
 
 /**
- * Between two frames the light goes in a straight line.
+ * Between two frames, the light is interpolated linearly.
  */
-#define SPL_LINEAR 1
+#define SPL_INTERPOLATION_LINEAR 1
 
 /**
- * Between two frames the light moves along an estimated motion.
+ * Between two frames, the light is interpolated along the estimated motion.
  */
-#define SPL_FLOW 2
+#define SPL_INTERPOLATION_FLOW 2
 
 /**
- * What came of a call. The numbers are the exit codes of the program `spikelane`.
+ * The status of a call. The numbers are the exit codes of the program `spikelane`.
  */
 enum spl_status
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -117,11 +118,11 @@ enum spl_status
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
   /**
-   * Done.
+   * Success.
    */
   SPL_OK = 0,
   /**
-   * An argument, or a combination of arguments, makes no sense.
+   * An argument or a combination of arguments is invalid.
    */
   SPL_USAGE = 2,
   /**
@@ -129,43 +130,43 @@ enum spl_status
    */
   SPL_CONFIG = 3,
   /**
-   * The bytes of an input are not what they claim to be.
+   * The bytes of an input do not have the declared format.
    */
   SPL_INPUT = 4,
   /**
-   * The system refused to read or write.
+   * The operating system cannot read or write.
    */
   SPL_IO = 5,
   /**
-   * The disk cannot hold the result.
+   * The result does not fit on the disk.
    */
   SPL_SPACE = 6,
   /**
-   * The output exists and nobody allowed overwriting it.
+   * The output exists and overwriting is not allowed.
    */
   SPL_EXISTS = 7,
   /**
-   * A program that is needed is missing or failed.
+   * A required program is missing or failed.
    */
   SPL_TOOL = 8,
   /**
-   * Bytes do not match their digest.
+   * Bytes do not match their stored digest.
    */
   SPL_CORRUPT = 9,
   /**
-   * Another process writes this output.
+   * Another process is writing this output.
    */
   SPL_BUSY = 10,
   /**
-   * The system has no memory for a size that an input or an argument requires.
+   * The system cannot allocate an amount of memory that an input or an argument requires.
    */
   SPL_MEMORY = 11,
   /**
-   * A fault of the library. The handles of the call answer nothing more but their _free; please report it.
+   * A defect of the library; please report it. Afterward, the handles of the call can only be freed.
    */
   SPL_PANIC = 101,
   /**
-   * The user asked to stop.
+   * The user requested a stop.
    */
   SPL_INTERRUPTED = 130,
 };
@@ -178,52 +179,52 @@ typedef int32_t spl_status;
 #endif // __cplusplus
 
 /**
- * A camera: sensor, imperfections, measured maps.
+ * A camera: a sensor with its effects and measured maps.
  */
 typedef struct spl_camera spl_camera;
 
 /**
- * A camera at work: it remembers its charge from call to call.
+ * A simulated camera. Its pixels keep their charge between calls.
  */
 typedef struct spl_simulator spl_simulator;
 
 /**
- * A stream of readouts on its way into a file.
+ * A stream of readouts that is being written to a file.
  */
 typedef struct spl_writer spl_writer;
 
 /**
- * What fixes the noise.
+ * The seeds of the noise.
  */
 typedef struct {
   /**
-   * Which camera of its kind: the fixed pattern.
+   * Seed of the fixed pattern. It identifies an individual camera.
    */
   uint64_t camera;
   /**
-   * Temporal noise and start charge.
+   * Seed of the temporal noise and the start charge.
    */
   uint64_t shot;
   /**
-   * Which recording; sequences of one seed share no noise.
+   * Number of the recording. Recordings with equal seeds and different numbers have independent noise.
    */
   uint64_t sequence;
 } spl_seeds;
 
 /**
- * A frame of linear light that is read during a call, and not kept.
+ * A frame of linear light. A call reads the frame and keeps no pointer to it.
  */
 typedef struct {
   /**
-   * The first sample of the top row, aligned as its type asks.
+   * Pointer to the first sample of the top row, aligned for the sample type.
    */
   const void *samples;
   /**
-   * Bytes from there on that may be read.
+   * Number of readable bytes at `samples`.
    */
   uintptr_t samples_bytes;
   /**
-   * Samples from the start of a row to the start of the next; 0 for rows without a gap.
+   * Distance in samples between the starts of two rows. 0 means that rows have no gaps.
    */
   uintptr_t stride;
   /**
@@ -232,92 +233,126 @@ typedef struct {
   uint32_t sample_type;
 } spl_frame;
 
+/**
+ * The light that the readouts of a call see. The call reads it and does not keep it.
+ */
+typedef struct {
+  /**
+   * The first of `count` frames.
+   */
+  const spl_frame *frames;
+  /**
+   * Number of frames, at least 1.
+   */
+  uintptr_t count;
+  /**
+   * Readouts that each frame lasts. A call runs at most `count` times as many readouts. With 0, which needs `count` 1, the
+   * frame is held for all readouts of the call.
+   */
+  uint32_t readouts_per_frame;
+  /**
+   * Light between two frames: SPL_INTERPOLATION_HOLD, SPL_INTERPOLATION_LINEAR or SPL_INTERPOLATION_FLOW. The last frame is
+   * held. To continue a scene, pass the last frame of a call as the first frame of the next one.
+   */
+  uint32_t interpolation;
+} spl_light;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
 
 /**
- * The ABI of the library: SPL_ABI_VERSION of the header that it was made with. Another number than the one of the header that a
- * program was compiled with means another library.
+ * Returns the ABI version of the library. It equals SPL_ABI_VERSION of the library's own header.
+ *
+ * A program must not use the library if this value differs from SPL_ABI_VERSION of the header that the program was
+ * compiled with.
  */
 uint32_t spl_abi_version(void);
 
 /**
- * The version of the library, such as "0.1.0".
+ * Returns the version of the library, such as "0.1.0".
  */
 const char *spl_version(void);
 
 /**
- * The status of the last call of this thread that failed; SPL_OK when none has. A call that succeeds leaves it.
+ * Returns the status of the last failed call of this thread, or SPL_OK if no call failed. A successful call does not
+ * change this status.
  */
 spl_status spl_last_status(void);
 
 /**
- * What the last call of this thread that failed had to say: SPL_MESSAGE is all of it, SPL_SUBJECT, SPL_FOUND, SPL_EXPECTED
- * and SPL_REMEDY are its parts. Empty for what it did not say; never NULL. Valid until the next call of this
- * thread that fails, or its end.
+ * Returns a part of the message of the last failed call of this thread.
+ *
+ * SPL_ERROR_MESSAGE is the whole message. SPL_ERROR_SUBJECT, SPL_ERROR_FOUND, SPL_ERROR_EXPECTED and SPL_ERROR_REMEDY
+ * are parts of the message. A missing part is an empty string, never NULL. The string is valid until the next failed
+ * call of this thread or until the end of this thread.
  */
 const char *spl_last_error(uint32_t part);
 
 /**
- * Makes the built-in camera `name` ("physical", "scsim-code", ...; `spikelane preset list` shows them): 400x250 pixels at 20 kHz.
+ * Creates the built-in camera `name` ("physical", "scsim-code", ...) with 400x250 pixels at 20 kHz. `spikelane preset list`
+ * lists the names.
  *
  * # Safety
- * `name` is NULL or a string; `camera` is NULL or can be written.
+ * `name` is NULL or a string; `camera` is NULL or points to writable memory.
  */
 spl_status spl_camera_preset(const char *name,
                              spl_camera **camera);
 
 /**
- * Makes the camera that `toml`, the text of a camera file, describes. Maps that it names are looked for in `folder`;
- * NULL for a camera without maps.
+ * Creates a camera from `toml`, the text of a camera file.
+ *
+ * The maps of the camera are read from `folder`. For a camera without maps, `folder` may be NULL.
  *
  * # Safety
- * `toml` and `folder` are NULL or strings; `camera` is NULL or can be written.
+ * `toml` and `folder` are NULL or strings; `camera` is NULL or points to writable memory.
  */
-spl_status spl_camera_parse(const char *toml,
-                            const char *folder,
-                            spl_camera **camera);
+spl_status spl_camera_from_toml(const char *toml, const char *folder, spl_camera **camera);
 
 /**
- * Makes the camera of the file `path` (.toml), with the maps beside it.
+ * Creates the camera that the file `path` (.toml) describes. Maps are read from the folder of the file.
  *
  * # Safety
- * `path` is NULL or a string; `camera` is NULL or can be written.
+ * `path` is NULL or a string; `camera` is NULL or points to writable memory.
  */
 spl_status spl_camera_load(const char *path, spl_camera **camera);
 
 /**
- * Makes a camera without imperfections that starts with empty pixels: `width` x `height` pixels, `readout_hz`
- * readouts per second.
+ * Creates a camera without imperfections. Its pixels start without charge.
+ *
+ * The camera has `width` x `height` pixels and `readout_hz` readouts per second.
  *
  * # Safety
- * `camera` is NULL or can be written.
+ * `camera` is NULL or points to writable memory.
  */
 spl_status spl_camera_ideal(uint32_t width, uint32_t height, double readout_hz, spl_camera **camera);
 
 /**
- * Makes a copy of a camera.
+ * Creates a copy of a camera.
  *
  * # Safety
- * `camera` is NULL or a handle; `copy` is NULL or can be written.
+ * `camera` is NULL or a handle; `copy` is NULL or points to writable memory.
  */
 spl_status spl_camera_copy(const spl_camera *camera, spl_camera **copy);
 
 /**
- * Makes the noise-free twin of a camera: the same sensor, clamp and start phase, and no other effect.
+ * Creates the noise-free twin of a camera. It has the same sensor, saturation clamp and start phase, but no other
+ * effect.
  *
  * # Safety
- * `camera` is NULL or a handle; `twin` is NULL or can be written.
+ * `camera` is NULL or a handle; `twin` is NULL or points to writable memory.
  */
-spl_status spl_camera_clean_twin(const spl_camera *camera, spl_camera **twin);
+spl_status spl_camera_clean_twin(const spl_camera *camera,
+                                 spl_camera **twin);
 
 /**
- * Makes the camera that is a rectangle of another, `width` x `height` pixels from column `col` and row `row` on, with the
- * pixels, columns and rows of that place.
+ * Creates a camera for a rectangle of another camera. The rectangle has `width` x `height` pixels and starts at column
+ * `col` and row `row`.
+ *
+ * The fixed pattern of the new camera equals the fixed pattern of the rectangle.
  *
  * # Safety
- * `camera` is NULL or a handle; `window` is NULL or can be written.
+ * `camera` is NULL or a handle; `window` is NULL or points to writable memory.
  */
 spl_status spl_camera_window(const spl_camera *camera,
                              uint32_t col,
@@ -327,19 +362,20 @@ spl_status spl_camera_window(const spl_camera *camera,
                              spl_camera **window);
 
 /**
- * Gives a camera another number of pixels; its fixed pattern is drawn anew. Refused for a window and for a camera with
- * maps.
+ * Changes the number of pixels of a camera. The fixed pattern is drawn again.
+ *
+ * The call fails for a window and for a camera with maps.
  *
  * # Safety
  * `camera` is NULL or a handle.
  */
-spl_status spl_camera_resize(spl_camera *camera,
-                             uint32_t width,
-                             uint32_t height);
+spl_status spl_camera_resize(spl_camera *camera, uint32_t width, uint32_t height);
 
 /**
- * Sets the parameter `key` of the effect `effect` to `value`, a text as in camera files: "0.02", "6.36 mV". An effect that
- * the camera lacks is added, its other parameters neutral. `spikelane effects` lists names, keys and units.
+ * Sets parameter `key` of effect `effect` to `value`. The value is text as in camera files, such as "0.02" or "6.36 mV".
+ *
+ * If the camera lacks the effect, the effect is added with neutral values of its other parameters. `spikelane effects`
+ * lists names, keys and units.
  *
  * # Safety
  * `camera` is NULL or a handle; `effect`, `key` and `value` are NULL or strings.
@@ -350,7 +386,7 @@ spl_status spl_camera_set_effect(spl_camera *camera,
                                  const char *value);
 
 /**
- * As spl_camera_set_effect, with a number in the parameter's own unit.
+ * Does the same as spl_camera_set_effect, but `value` is a number in the unit of the parameter.
  *
  * # Safety
  * `camera` is NULL or a handle; `effect` and `key` are NULL or strings.
@@ -361,16 +397,18 @@ spl_status spl_camera_set_effect_number(spl_camera *camera,
                                         double value);
 
 /**
- * Takes an effect from a camera; one that it lacks changes nothing.
+ * Removes an effect from a camera. If the camera lacks the effect, nothing changes.
  *
  * # Safety
  * `camera` is NULL or a handle; `effect` is NULL or a string.
  */
-spl_status spl_camera_without(spl_camera *camera, const char *effect);
+spl_status spl_camera_remove_effect(spl_camera *camera, const char *effect);
 
 /**
- * Sets a number of the circuit: "readout_hz" (readouts per second), "capacitance_ff" (fF), "swing_v" (V), or
- * "thresholds_at_full_scale" (nominal thresholds that full-scale light adds per readout: the exposure).
+ * Sets a property of the sensor.
+ *
+ * `key` is one of these: "readout_hz" (readouts per second), "capacitance_ff" (fF), "swing_v" (V), or
+ * "thresholds_at_full_scale" (the exposure: nominal thresholds that full-scale light adds per readout).
  *
  * # Safety
  * `camera` is NULL or a handle; `key` is NULL or a string.
@@ -378,11 +416,13 @@ spl_status spl_camera_without(spl_camera *camera, const char *effect);
 spl_status spl_camera_set_sensor(spl_camera *camera, const char *key, double value);
 
 /**
- * Gives a camera a measured map in place of what effects would draw: "gain" (relative to the nominal one), "dark_pa" (pA),
- * "capacitance_ff" (fF) or "swing_v" (V); `count` values, one per pixel of the whole sensor, row by row.
+ * Sets a measured map of a camera. The map replaces a fixed pattern that effects draw.
+ *
+ * `map` is "gain" (relative to the nominal gain), "dark_pa" (pA), "capacitance_ff" (fF) or "swing_v" (V). `values`
+ * contains `count` values, one per pixel of the whole sensor in row-major order.
  *
  * # Safety
- * `camera` is NULL or a handle; `map` is NULL or a string; `values` is NULL or has `count` values.
+ * `camera` is NULL or a handle; `map` is NULL or a string; `values` is NULL or points to `count` readable values.
  */
 spl_status spl_camera_set_map(spl_camera *camera,
                               const char *map,
@@ -390,15 +430,20 @@ spl_status spl_camera_set_map(spl_camera *camera,
                               uintptr_t count);
 
 /**
- * Says how many pixels a camera has, and how many readouts per second; NULL for what nobody asks.
+ * Gets the width, the height and the readouts per second of a camera. Each of the three pointers for results may be
+ * NULL.
  *
  * # Safety
- * `camera` is NULL or a handle; `width`, `height` and `readout_hz` are NULL or can be written.
+ * `camera` is NULL or a handle; `width`, `height` and `readout_hz` are NULL or point to writable memory.
  */
-spl_status spl_camera_size(const spl_camera *camera, uint32_t *width, uint32_t *height, double *readout_hz);
+spl_status spl_camera_size(const spl_camera *camera,
+                           uint32_t *width,
+                           uint32_t *height,
+                           double *readout_hz);
 
 /**
- * Frees a camera; simulators made from it go on. NULL is SPL_OK.
+ * Frees a camera. Simulators that were created from the camera remain valid. For NULL, the call does nothing and returns
+ * SPL_OK.
  *
  * # Safety
  * `camera` is NULL or a handle.
@@ -406,73 +451,78 @@ spl_status spl_camera_size(const spl_camera *camera, uint32_t *width, uint32_t *
 spl_status spl_camera_free(spl_camera *camera);
 
 /**
- * Makes a simulator of a camera: all that cannot be simulated is refused here. `seeds` fix the noise; NULL for zeros.
- * Light beyond `greatest_light` full scales, which only SPL_F32 holds, is cut; 1.0 is usual. `threads` of its own share the
- * work, from 1 (the caller's) to 4096.
+ * Creates a simulator of a camera. The call fails if the camera cannot be simulated.
+ *
+ * `seeds` determines the noise, and NULL means that all seeds are 0. Light is clamped to `max_light` full scales. The
+ * usual value is 1.0, and only SPL_F32 samples can exceed 1.0. `threads` is the number of threads, 1 to 4096. With 1,
+ * the calling thread does all work.
  *
  * # Safety
- * `camera` is NULL or a handle; `seeds` is NULL or can be read; `simulator` is NULL or can be written.
+ * `camera` is NULL or a handle; `seeds` is NULL or points to readable memory; `simulator` is NULL or points to writable memory.
  */
 spl_status spl_simulator_new(const spl_camera *camera,
                              const spl_seeds *seeds,
-                             double greatest_light,
+                             double max_light,
                              uint32_t threads,
                              spl_simulator **simulator);
 
 /**
- * Makes a copy of a simulator that goes on from the same readout on its own; its threads are shared.
+ * Creates a copy of a simulator. The copy continues independently from the next readout. The copy and the original share
+ * threads.
  *
  * # Safety
- * `simulator` is NULL or a handle; `copy` is NULL or can be written.
+ * `simulator` is NULL or a handle; `copy` is NULL or points to writable memory.
  */
-spl_status spl_simulator_copy(const spl_simulator *simulator, spl_simulator **copy);
+spl_status spl_simulator_copy(const spl_simulator *simulator,
+                              spl_simulator **copy);
 
 /**
- * Asks for an instruction set: "reference", "portable", "sse4.1", "avx2", "avx512", or "auto" for the fastest. The bits stay the same.
+ * Selects an instruction set: "reference", "portable", "sse4.1", "avx2", "avx512", or "auto" for the fastest.
+ *
+ * The simulated bits do not depend on the instruction set.
  *
  * # Safety
  * `simulator` is NULL or a handle; `backend` is NULL or a string.
  */
-spl_status spl_simulator_set_backend(spl_simulator *simulator,
-                                     const char *backend);
+spl_status spl_simulator_set_backend(spl_simulator *simulator, const char *backend);
 
 /**
- * Says which instruction set is used: one of the names of spl_simulator_set_backend, a string that is never freed.
+ * Gets the name of the instruction set, as a static string. The names are those of spl_simulator_set_backend.
  *
  * # Safety
- * `simulator` is NULL or a handle; `backend` is NULL or can be written.
+ * `simulator` is NULL or a handle; `backend` is NULL or points to writable memory.
  */
-spl_status spl_simulator_backend(const spl_simulator *simulator,
-                                 const char **backend);
+spl_status spl_simulator_backend(const spl_simulator *simulator, const char **backend);
 
 /**
- * Says how many bytes a packed readout has.
+ * Gets the number of bytes of a packed readout.
  *
  * # Safety
- * `simulator` is NULL or a handle; `bytes` is NULL or can be written.
+ * `simulator` is NULL or a handle; `bytes` is NULL or points to writable memory.
  */
 spl_status spl_simulator_frame_bytes(const spl_simulator *simulator, uintptr_t *bytes);
 
 /**
- * Says which readout comes next, counted from 0.
+ * Gets the index of the next readout. The first readout has index 0.
  *
  * # Safety
- * `simulator` is NULL or a handle; `readout` is NULL or can be written.
+ * `simulator` is NULL or a handle; `readout` is NULL or points to writable memory.
  */
 spl_status spl_simulator_readout(const spl_simulator *simulator, uint64_t *readout);
 
 /**
- * Begins another recording of the same camera at readout 0: far quicker than a new simulator. `seeds->camera` has to
- * be that of spl_simulator_new; NULL for zeros.
+ * Starts another recording of the same camera at readout 0. This is much faster than creating another simulator.
+ *
+ * `seeds->camera` must equal the camera seed that was passed to spl_simulator_new. NULL means that all seeds are 0.
  *
  * # Safety
- * `simulator` is NULL or a handle; `seeds` is NULL or can be read.
+ * `simulator` is NULL or a handle; `seeds` is NULL or points to readable memory.
  */
 spl_status spl_simulator_restart(spl_simulator *simulator,
                                  const spl_seeds *seeds);
 
 /**
- * Frees a simulator. NULL is SPL_OK.
+ * Frees a simulator. For NULL, the call does nothing and returns SPL_OK.
  *
  * # Safety
  * `simulator` is NULL or a handle.
@@ -480,103 +530,73 @@ spl_status spl_simulator_restart(spl_simulator *simulator,
 spl_status spl_simulator_free(spl_simulator *simulator);
 
 /**
- * Holds `frame` for `readouts` readouts and writes them, packed, to `out`: `out_bytes` is `readouts` times
- * spl_simulator_frame_bytes. Many readouts a call are faster than one: 128 make a batch. A camera that drops readouts holds
- * the light until `out` is full; spl_expose_frames lets the scene go on instead.
+ * Simulates `readouts` readouts of the constant light `frame` and writes the packed readouts to `out`.
+ *
+ * `out_bytes` is `readouts` times spl_simulator_frame_bytes. One call with many readouts is faster than many calls with
+ * one readout. Internally, a batch has 128 readouts. If the camera drops readouts, the light is constant until `out` is
+ * full. With spl_expose_frames, the light continues to change during dropped readouts.
  *
  * # Safety
- * `simulator` is NULL or a handle; `frame` is NULL or says the truth; `out` is NULL or has `out_bytes` bytes that can be
- * written. Memory of the frame that overlaps `out` is refused. No other thread changes either during the call.
+ * `simulator` is NULL or a handle. `frame` is NULL or points to a readable frame. `samples` of this frame is NULL or
+ * points to `samples_bytes` readable bytes. `out` is NULL or points to `out_bytes` writable bytes. The call rejects a
+ * frame that overlaps `out`. During the call, no other thread may change the frame, the samples of the frame or `out`.
  */
-spl_status spl_push(spl_simulator *simulator,
-                    const spl_frame *frame,
-                    uintptr_t readouts,
-                    uint8_t *out,
-                    uintptr_t out_bytes);
-
-/**
- * Goes from one frame to another in a straight line: readout i of `readouts` sees `from` + (`to` - `from`) * i /
- * `readouts`. To go on, the next call's `from` is this call's `to`. Otherwise as spl_push.
- *
- * # Safety
- * As spl_push, for both frames.
- */
-spl_status spl_push_between(spl_simulator *simulator,
-                            const spl_frame *from,
-                            const spl_frame *to,
-                            uintptr_t readouts,
-                            uint8_t *out,
-                            uintptr_t out_bytes);
-
-/**
- * Runs `count` frames, each of which lasts `readouts_per_frame` readouts, for `readouts` readouts, at most as many as
- * they last. `insertion` says what the light does between two of them: SPL_HOLD, SPL_LINEAR or SPL_FLOW; the last frame stays. With a
- * new frame at every readout this is several times faster than a call for each. Otherwise as spl_push.
- *
- * # Safety
- * As spl_push; `frames` is NULL or has `count` frames that say the truth.
- */
-spl_status spl_push_frames(spl_simulator *simulator,
-                           const spl_frame *frames,
-                           uintptr_t count,
-                           uint64_t readouts_per_frame,
-                           uint32_t insertion,
-                           uintptr_t readouts,
-                           uint8_t *out,
-                           uintptr_t out_bytes);
-
-/**
- * As spl_push_frames, but readouts that the camera drops (effect "dropped_readouts") are missing: `*written` says how many
- * readouts at the start of `out` are filled.
- *
- * # Safety
- * As spl_push_frames; `written` is NULL or can be written.
- */
-spl_status spl_expose_frames(spl_simulator *simulator,
-                             const spl_frame *frames,
-                             uintptr_t count,
-                             uint64_t readouts_per_frame,
-                             uint32_t insertion,
+spl_status spl_simulator_run(spl_simulator *simulator,
+                             const spl_light *light,
                              uintptr_t readouts,
-                             uint8_t *out,
-                             uintptr_t out_bytes,
-                             uintptr_t *written);
+                             uint8_t *packed,
+                             uintptr_t packed_bytes);
 
 /**
- * Says how many bytes spl_state_save writes.
+ * Does the same as spl_push_frames, but does not write the readouts that the camera drops (effect "dropped_readouts").
+ *
+ * `*written` is the number of readouts that were written. The written readouts are at the start of `out`.
  *
  * # Safety
- * `simulator` is NULL or a handle; `bytes` is NULL or can be written.
+ * The conditions are those of spl_push_frames. In addition, `written` is NULL or points to writable memory.
  */
-spl_status spl_state_bytes(const spl_simulator *simulator, uintptr_t *bytes);
+spl_status spl_simulator_advance(spl_simulator *simulator,
+                                 const spl_light *light,
+                                 uintptr_t readouts,
+                                 uint8_t *packed,
+                                 uintptr_t packed_bytes,
+                                 uintptr_t *written);
 
 /**
- * Writes all that a camera remembers, and what it belongs to, to `state`; `state_bytes` is what spl_state_bytes says.
- * Python's `Simulator.restore` reads it too.
+ * Gets the number of bytes that spl_state_save requires.
  *
  * # Safety
- * `simulator` is NULL or a handle; `state` is NULL or has `state_bytes` bytes that can be written.
+ * `simulator` is NULL or a handle; `bytes` is NULL or points to writable memory.
  */
-spl_status spl_state_save(const spl_simulator *simulator,
-                          uint8_t *state,
-                          uintptr_t state_bytes);
+spl_status spl_simulator_state_bytes(const spl_simulator *simulator, uintptr_t *bytes);
 
 /**
- * Goes on from a saved state with the same bits. The simulator has to be of the same camera, seeds and greatest light.
+ * Writes the state of all pixels and a fingerprint of the camera to `state`.
+ *
+ * `state_bytes` is the number from spl_state_bytes. Python's `Simulator.restore` reads this format too.
  *
  * # Safety
- * `simulator` is NULL or a handle; `state` is NULL or has `state_bytes` bytes.
+ * `simulator` is NULL or a handle; `state` is NULL or points to `state_bytes` writable bytes.
  */
-spl_status spl_state_restore(spl_simulator *simulator,
-                             const uint8_t *state,
-                             uintptr_t state_bytes);
+spl_status spl_simulator_state_save(const spl_simulator *simulator, uint8_t *state, uintptr_t state_bytes);
 
 /**
- * Makes of every bit of packed readouts of `width` x `height` pixels a byte of 0 or 1: `bits_bytes` is `width` * `height`
- * for each readout.
+ * Restores a saved state. The following readouts have the bits that the saved simulator would have produced.
+ *
+ * The camera, the seeds and `max_light` of this simulator must equal those of the saved simulator.
  *
  * # Safety
- * `packed` is NULL or has `packed_bytes` bytes; `bits` is NULL or has `bits_bytes` bytes that can be written.
+ * `simulator` is NULL or a handle; `state` is NULL or points to `state_bytes` readable bytes.
+ */
+spl_status spl_simulator_state_restore(spl_simulator *simulator, const uint8_t *state, uintptr_t state_bytes);
+
+/**
+ * Unpacks packed readouts of `width` x `height` pixels. Each bit becomes a byte of 0 or 1.
+ *
+ * `bits_bytes` is `width` * `height` times the number of readouts.
+ *
+ * # Safety
+ * `packed` is NULL or points to `packed_bytes` readable bytes; `bits` is NULL or points to `bits_bytes` writable bytes.
  */
 spl_status spl_unpack(uint32_t width,
                       uint32_t height,
@@ -586,12 +606,13 @@ spl_status spl_unpack(uint32_t width,
                       uintptr_t bits_bytes);
 
 /**
- * Begins a stream of readouts of `width` x `height` pixels that will be the file `path`. `layout` is NULL for "dat", or
- * another of the names that `spikelane convert --help` lists. A file of that name is replaced if `force` is not 0, and otherwise
- * refused with SPL_EXISTS. The file gets its name from spl_writer_finish.
+ * Creates a writer for a stream of readouts of `width` x `height` pixels.
  *
+ * `path` is the file of the stream. `layout` is NULL for "dat", or another name that `spikelane convert --help` lists.
+ * If the file exists, a nonzero `force` replaces the file. With `force` = 0, the call fails with SPL_EXISTS. The file
+ * appears at `path` only after spl_writer_finish.
  * # Safety
- * `path` and `layout` are NULL or strings; `writer` is NULL or can be written.
+ * `path` and `layout` are NULL or strings; `writer` is NULL or points to writable memory.
  */
 spl_status spl_writer_create(const char *path,
                              uint32_t width,
@@ -601,16 +622,18 @@ spl_status spl_writer_create(const char *path,
                              spl_writer **writer);
 
 /**
- * Appends packed readouts.
+ * Appends packed readouts to a stream.
  *
  * # Safety
- * `writer` is NULL or a handle; `packed` is NULL or has `packed_bytes` bytes.
+ * `writer` is NULL or a handle; `packed` is NULL or points to `packed_bytes` readable bytes.
  */
 spl_status spl_writer_write(spl_writer *writer, const uint8_t *packed, uintptr_t packed_bytes);
 
 /**
- * Brings the stream to the disk and gives the file its name. A stream without readouts, or one that fails here, leaves no file.
- * Nothing can be written any more; the handle is still to be freed.
+ * Flushes the stream to the disk and renames the file to its final path.
+ *
+ * If the stream has no readouts, or if this call fails, no file remains. After this call, the handle accepts no
+ * readouts, but it must still be freed.
  *
  * # Safety
  * `writer` is NULL or a handle.
@@ -618,7 +641,7 @@ spl_status spl_writer_write(spl_writer *writer, const uint8_t *packed, uintptr_t
 spl_status spl_writer_finish(spl_writer *writer);
 
 /**
- * Frees a writer; a stream that was not finished leaves no file. NULL is SPL_OK.
+ * Frees a writer. The file of an unfinished stream is deleted. For NULL, the call does nothing and returns SPL_OK.
  *
  * # Safety
  * `writer` is NULL or a handle.

@@ -1,4 +1,4 @@
-// spikelane for C++17: spikelane.h with owners, views and exceptions. What functions do is said there.
+// spikelane for C++17: owners, views and exceptions for the functions of spikelane.h, which describes them.
 #ifndef SPIKELANE_HPP
 #define SPIKELANE_HPP
 
@@ -15,13 +15,13 @@
 
 namespace spikelane {
 
-// A failed call: what() is all of it.
+// A failed call; what() is the whole message.
 class Error : public std::runtime_error {
 public:
     Error()
-        : std::runtime_error(spl_last_error(SPL_MESSAGE)), status(spl_last_status()),
-          subject(spl_last_error(SPL_SUBJECT)), found(spl_last_error(SPL_FOUND)),
-          expected(spl_last_error(SPL_EXPECTED)), remedy(spl_last_error(SPL_REMEDY)) {}
+        : std::runtime_error(spl_last_error(SPL_ERROR_MESSAGE)), status(spl_last_status()),
+          subject(spl_last_error(SPL_ERROR_SUBJECT)), found(spl_last_error(SPL_ERROR_FOUND)),
+          expected(spl_last_error(SPL_ERROR_EXPECTED)), remedy(spl_last_error(SPL_ERROR_REMEDY)) {}
     spl_status status;
     std::string subject, found, expected, remedy;
 };
@@ -30,7 +30,7 @@ inline void check(spl_status status) {
     if (status != SPL_OK) throw Error();
 }
 
-// Values that somebody else owns, as std::span of C++20.
+// A borrowed array, like std::span of C++20.
 template <class T> class View {
 public:
     View() = default;
@@ -67,6 +67,31 @@ template <class Handle, spl_status (*Free)(Handle *)> struct Deleter {
     void operator()(Handle *handle) const { Free(handle); }
 };
 
+// The light of a call. It owns its list of frames, but not their samples.
+class Light {
+public:
+    // The same frame for every readout; a frame converts.
+    Light(const spl_frame &frame) : frames_{frame} {}
+    static Light hold(const spl_frame &frame) { return Light(frame); }
+    // A straight line: readout i of `readouts` sees `from` + (`to` - `from`) * i / `readouts`.
+    static Light linear(const spl_frame &from, const spl_frame &to, std::uint32_t readouts) {
+        return Light({from, to}, readouts, SPL_INTERPOLATION_LINEAR);
+    }
+    // Frames that each last `readouts_per_frame` readouts.
+    static Light sequence(std::vector<spl_frame> frames, std::uint32_t readouts_per_frame,
+                          std::uint32_t interpolation = SPL_INTERPOLATION_HOLD) {
+        return Light(std::move(frames), readouts_per_frame, interpolation);
+    }
+    // Valid while this object lives.
+    spl_light get() const { return spl_light{frames_.data(), frames_.size(), readouts_per_frame_, interpolation_}; }
+
+private:
+    Light(std::vector<spl_frame> frames, std::uint32_t readouts_per_frame, std::uint32_t interpolation)
+        : frames_(std::move(frames)), readouts_per_frame_(readouts_per_frame), interpolation_(interpolation) {}
+    std::vector<spl_frame> frames_;
+    std::uint32_t readouts_per_frame_ = 0, interpolation_ = SPL_INTERPOLATION_HOLD;
+};
+
 class Camera {
 public:
     Camera(Camera &&) = default;
@@ -79,8 +104,8 @@ public:
     static Camera load(const std::string &path) {
         return make([&](spl_camera **to) { return spl_camera_load(path.c_str(), to); });
     }
-    static Camera parse(const std::string &toml, const char *folder = nullptr) {
-        return make([&](spl_camera **to) { return spl_camera_parse(toml.c_str(), folder, to); });
+    static Camera from_toml(const std::string &toml, const char *folder = nullptr) {
+        return make([&](spl_camera **to) { return spl_camera_from_toml(toml.c_str(), folder, to); });
     }
     static Camera ideal(std::uint32_t width, std::uint32_t height, double readout_hz = 20000.0) {
         return make([&](spl_camera **to) { return spl_camera_ideal(width, height, readout_hz, to); });
@@ -100,8 +125,8 @@ public:
     Camera &set_effect(const std::string &effect, const std::string &key, double value) {
         return check(spl_camera_set_effect_number(get(), effect.c_str(), key.c_str(), value)), *this;
     }
-    Camera &without(const std::string &effect) {
-        return check(spl_camera_without(get(), effect.c_str())), *this;
+    Camera &remove_effect(const std::string &effect) {
+        return check(spl_camera_remove_effect(get(), effect.c_str())), *this;
     }
     Camera &set_sensor(const std::string &key, double value) {
         return check(spl_camera_set_sensor(get(), key.c_str(), value)), *this;
@@ -135,9 +160,9 @@ private:
 
 class Simulator {
 public:
-    explicit Simulator(const Camera &camera, spl_seeds seeds = {}, double greatest_light = 1.0, std::uint32_t threads = 1) {
+    explicit Simulator(const Camera &camera, spl_seeds seeds = {}, double max_light = 1.0, std::uint32_t threads = 1) {
         spl_simulator *handle = nullptr;
-        check(spl_simulator_new(camera.get(), &seeds, greatest_light, threads, &handle));
+        check(spl_simulator_new(camera.get(), &seeds, max_light, threads, &handle));
         handle_.reset(handle);
         check(spl_simulator_frame_bytes(handle, &frame_bytes_));
     }
@@ -154,26 +179,34 @@ public:
         return readout;
     }
     void restart(spl_seeds seeds) { check(spl_simulator_restart(get(), &seeds)); }
-    // As many readouts as `out` has packed ones.
-    void push(const spl_frame &light, View<std::uint8_t> out) {
-        check(spl_push(get(), &light, out.size() / frame_bytes_, out.data(), out.size()));
+    // Returns `readouts` packed readouts.
+    std::vector<std::uint8_t> run(const Light &light, std::size_t readouts) {
+        std::vector<std::uint8_t> packed(readouts * frame_bytes_);
+        fill(light, packed);
+        return packed;
     }
-    void push_between(const spl_frame &from, const spl_frame &to, View<std::uint8_t> out) {
-        check(spl_push_between(get(), &from, &to, out.size() / frame_bytes_, out.data(), out.size()));
+    // Writes packed readouts to `out`, whose size sets their number.
+    void fill(const Light &light, View<std::uint8_t> out) {
+        const spl_light given = light.get();
+        check(spl_simulator_run(get(), &given, out.size() / frame_bytes_, out.data(), out.size()));
     }
-    void push_frames(View<const spl_frame> frames, std::uint64_t readouts_per_frame, std::uint32_t insertion,
-                     View<std::uint8_t> out) {
-        check(spl_push_frames(get(), frames.data(), frames.size(), readouts_per_frame, insertion,
-                              out.size() / frame_bytes_, out.data(), out.size()));
+    // Runs `readouts` readouts and returns the number of those written to `out`: all but the dropped ones.
+    std::size_t advance(const Light &light, std::size_t readouts, View<std::uint8_t> out) {
+        const spl_light given = light.get();
+        std::size_t written = 0;
+        check(spl_simulator_advance(get(), &given, readouts, out.data(), out.size(), &written));
+        return written;
     }
     std::vector<std::uint8_t> state() const {
         std::size_t bytes = 0;
-        check(spl_state_bytes(get(), &bytes));
+        check(spl_simulator_state_bytes(get(), &bytes));
         std::vector<std::uint8_t> state(bytes);
-        check(spl_state_save(get(), state.data(), state.size()));
+        check(spl_simulator_state_save(get(), state.data(), state.size()));
         return state;
     }
-    void restore(View<const std::uint8_t> state) { check(spl_state_restore(get(), state.data(), state.size())); }
+    void restore(View<const std::uint8_t> state) {
+        check(spl_simulator_state_restore(get(), state.data(), state.size()));
+    }
     spl_simulator *get() const { return handle_.get(); }
 
 private:
@@ -181,7 +214,7 @@ private:
     std::size_t frame_bytes_ = 0;
 };
 
-// A file that appears under its name at finish(); a writer that ends before that leaves none.
+// A stream for a file, which appears under its name at finish(). A writer that ends before finish() leaves no file.
 class Writer {
 public:
     Writer(const std::string &path, std::uint32_t width, std::uint32_t height, const char *layout = nullptr,

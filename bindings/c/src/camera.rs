@@ -1,4 +1,4 @@
-//! Cameras, without pointers.
+//! Camera handles. This module uses no pointers.
 #![forbid(unsafe_code)]
 
 use std::path::Path;
@@ -8,20 +8,20 @@ use spikelane::{Geometry, Result, Sensor, effects};
 
 use crate::error::usage;
 
-/// What a camera handle holds.
+/// The content of a camera handle.
 #[derive(Clone)]
 pub struct Camera(pub spikelane::Camera);
 
 impl Camera {
     pub fn load(path: &str) -> Result<Self> {
-        effects::Catalogue::new().open(Path::new(path)).map(Self)
+        effects::Catalog::new().load_camera(Path::new(path)).map(Self)
     }
 
     pub fn ideal(width: u32, height: u32, readout_hz: f64) -> Result<Self> {
         Ok(Self(spikelane::Camera::ideal(Sensor::new(width, height, readout_hz)?)))
     }
 
-    /// Changes the camera by `change`, or leaves it as it was.
+    /// Replaces the camera by the result of `change`. If `change` fails, the camera is unchanged.
     fn change(&mut self, change: impl FnOnce(spikelane::Camera) -> Result<spikelane::Camera>) -> Result<()> {
         self.0 = change(self.0.clone())?;
         Ok(())
@@ -33,15 +33,15 @@ impl Camera {
         set: impl FnOnce(effects::Effect) -> Result<effects::Effect>,
     ) -> Result<()> {
         let definition = effects::find(name)?;
-        // An effect that is not there starts from neutral, as those of camera files do.
+        // If the camera lacks the effect, the parameters start with neutral values, as in camera files.
         let effect = self.0.effect(name).cloned().unwrap_or_else(|| definition.neutral());
         let effect = set(effect)?;
-        self.change(|camera| Ok(camera.with(effect)))
+        self.change(|camera| Ok(camera.with_effect(effect)))
     }
 
-    pub fn without(&mut self, name: &str) -> Result<()> {
+    pub fn remove_effect(&mut self, name: &str) -> Result<()> {
         effects::find(name)?;
-        self.change(|camera| Ok(camera.without(name)))
+        self.change(|camera| Ok(camera.without_effect(name)))
     }
 
     pub fn set_sensor(&mut self, key: &str, value: f64) -> Result<()> {
@@ -55,16 +55,16 @@ impl Camera {
                 "thresholds_at_full_scale" => &mut sensor.thresholds_at_full_scale,
                 _ => {
                     let error = usage("key", key, names.join(", "), "give one of them");
-                    return Err(error.or_nearest(key, names));
+                    return Err(error.with_suggestion(key, names));
                 }
             } = value;
-            camera.sensor = camera.sensor.validated()?;
+            camera.sensor = camera.sensor.validate()?;
             Ok(camera)
         })
     }
 
     pub fn set_map(&mut self, name: &str, values: &[f64]) -> Result<()> {
-        let geometry = self.0.whole_geometry();
+        let geometry = self.0.sensor_geometry();
         if values.len() != geometry.pixels() || values.iter().any(|v| !v.is_finite()) {
             return Err(usage(
                 "values",
@@ -82,14 +82,14 @@ impl Camera {
             "swing_v" => &mut maps.swing_v,
             _ => {
                 let error = usage("map", name, names.join(", "), "give one of them");
-                return Err(error.or_nearest(name, names));
+                return Err(error.with_suggestion(name, names));
             }
         } = Some(values.to_vec());
         Ok(())
     }
 
     pub fn resize(&mut self, width: u32, height: u32) -> Result<()> {
-        if self.0.place().is_some() || self.0.maps != effects::Maps::default() {
+        if self.0.window_crop().is_some() || self.0.maps != effects::Maps::default() {
             return Err(usage(
                 "camera",
                 "a window, or a camera with maps",

@@ -1,57 +1,57 @@
 //! The memory behind a handle.
 //!
-//! All handles point at one type, `Shell`, which detects a handle of another kind. A handle must not be used after it is
-//! freed: valgrind and AddressSanitizer find such a use.
+//! All handles point to the type [`Handle`], which detects a handle of another kind. A freed handle must not be used.
+//! valgrind and AddressSanitizer detect the use of a freed handle.
 #![forbid(unsafe_code)]
 
 use std::sync::{RwLock, TryLockError};
 
-use spikelane::{Error, Kind, Result};
+use spikelane::{Error, ErrorKind, Result};
 
 use crate::camera::Camera;
 use crate::error::usage;
 use crate::simulator::Simulator;
 use crate::writer::Writer;
 
-/// The first word of a shell.
+/// The first word of a handle.
 pub const MAGIC: u64 = 0x5350_4b4c_414e_4501;
 
-/// What a handle points at.
+/// The object to which a handle points.
 #[repr(C)]
-pub struct Shell {
-    /// Tells a shell from other memory; read before anything else is.
+pub struct Handle {
+    /// Identifies a handle. It is read before all other fields, because the memory may not be a handle.
     magic: u64,
     content: RwLock<Content>,
 }
 
-/// What a shell holds.
+/// The content of a handle.
 pub enum Content {
     Camera(Box<Camera>),
     Simulator(Box<Simulator>),
     Writer(Box<Writer>),
 }
 
-/// What a shell can hold.
-pub trait Held: Sized {
-    /// In errors.
+/// A type that can be the content of a handle.
+pub trait HandleContent: Sized {
+    /// Name in errors.
     const NAME: &'static str;
-    fn of(content: &Content) -> Option<&Self>;
-    fn of_mut(content: &mut Content) -> Option<&mut Self>;
+    fn from_content(content: &Content) -> Option<&Self>;
+    fn from_content_mut(content: &mut Content) -> Option<&mut Self>;
 }
 
-macro_rules! held {
+macro_rules! impl_handle_content {
     ($($type:ident, $name:literal);*) => {
-        $(impl Held for $type {
+        $(impl HandleContent for $type {
             const NAME: &'static str = $name;
 
-            fn of(content: &Content) -> Option<&Self> {
+            fn from_content(content: &Content) -> Option<&Self> {
                 match content {
                     Content::$type(it) => Some(it),
                     _ => None,
                 }
             }
 
-            fn of_mut(content: &mut Content) -> Option<&mut Self> {
+            fn from_content_mut(content: &mut Content) -> Option<&mut Self> {
                 match content {
                     Content::$type(it) => Some(it),
                     _ => None,
@@ -61,40 +61,40 @@ macro_rules! held {
     };
 }
 
-held!(Camera, "a camera"; Simulator, "a simulator"; Writer, "a writer");
+impl_handle_content!(Camera, "a camera"; Simulator, "a simulator"; Writer, "a writer");
 
-impl Shell {
+impl Handle {
     pub fn new(content: Content) -> Box<Self> {
         Box::new(Self { magic: MAGIC, content: RwLock::new(content) })
     }
 
-    /// Reads what it holds.
-    pub fn read<T: Held, R>(&self, work: impl FnOnce(&T) -> Result<R>) -> Result<R> {
-        let content = self.content.try_read().map_err(|e| locked::<T, _>(&e))?;
-        work(T::of(&content).ok_or_else(|| other::<T>(&content))?)
+    /// Calls `work` with shared access to the content.
+    pub fn read<T: HandleContent, R>(&self, work: impl FnOnce(&T) -> Result<R>) -> Result<R> {
+        let content = self.content.try_read().map_err(|e| locked_error::<T, _>(&e))?;
+        work(T::from_content(&content).ok_or_else(|| wrong_handle_error::<T>(&content))?)
     }
 
-    /// Changes what it holds.
-    pub fn write<T: Held, R>(&self, work: impl FnOnce(&mut T) -> Result<R>) -> Result<R> {
-        let mut content = self.content.try_write().map_err(|e| locked::<T, _>(&e))?;
-        match T::of_mut(&mut content) {
+    /// Calls `work` with exclusive access to the content.
+    pub fn write<T: HandleContent, R>(&self, work: impl FnOnce(&mut T) -> Result<R>) -> Result<R> {
+        let mut content = self.content.try_write().map_err(|e| locked_error::<T, _>(&e))?;
+        match T::from_content_mut(&mut content) {
             Some(it) => work(it),
-            None => Err(other::<T>(&content)),
+            None => Err(wrong_handle_error::<T>(&content)),
         }
     }
 
-    /// Returns an error unless it contains a `T` that no other call works on.
-    pub fn check_idle<T: Held>(&self) -> Result<()> {
+    /// Returns an error if the content is not a `T` or if another call is using the content.
+    pub fn check_idle<T: HandleContent>(&self) -> Result<()> {
         let content = match self.content.try_write() {
-            // After a panic nothing else is left to do.
+            // After a panic, the only allowed operation is to free the handle.
             Err(TryLockError::Poisoned(content)) => content.into_inner(),
-            content => content.map_err(|e| locked::<T, _>(&e))?,
+            content => content.map_err(|e| locked_error::<T, _>(&e))?,
         };
-        T::of(&content).map(drop).ok_or_else(|| other::<T>(&content))
+        T::from_content(&content).map(drop).ok_or_else(|| wrong_handle_error::<T>(&content))
     }
 }
 
-fn locked<T: Held, G>(error: &TryLockError<G>) -> Error {
+fn locked_error<T: HandleContent, G>(error: &TryLockError<G>) -> Error {
     match error {
         TryLockError::WouldBlock => usage(
             T::NAME,
@@ -108,11 +108,11 @@ fn locked<T: Held, G>(error: &TryLockError<G>) -> Error {
     }
 }
 
-fn other<T: Held>(content: &Content) -> Error {
+fn wrong_handle_error<T: HandleContent>(content: &Content) -> Error {
     let found = match content {
         Content::Camera(_) => Camera::NAME,
         Content::Simulator(_) => Simulator::NAME,
         Content::Writer(_) => Writer::NAME,
     };
-    Error::new(Kind::Usage, "handle").found(found).expected(T::NAME).remedy("look where it was made")
+    Error::new(ErrorKind::Usage, "handle").found(found).expected(T::NAME).remedy("look where it was made")
 }

@@ -1,11 +1,11 @@
-//! The C library of spikelane: `include/spikelane.h` as Rust.
+//! The C library of spikelane: the Rust side of `include/spikelane.h`.
 //!
-//! This file holds all that is unsafe. A door checks pointers, hands slices and references to the safe files beside
-//! it, and turns errors and panics into a status.
+//! This file contains all unsafe code. Each C function checks its pointers, calls the safe modules with slices and
+//! references, and converts errors and panics to a status.
 #![allow(
     unsafe_op_in_unsafe_fn,
-    reason = "a door passes its caller's obligations on to the helpers at the end of this file; a block around each call \
-              would say so a hundred times"
+    reason = "each function passes the obligations of its caller on to the helpers at the end of this file; a block around \
+              each call would repeat that"
 )]
 
 mod camera;
@@ -22,82 +22,96 @@ use spikelane::{Geometry, Result, Seeds, presets, spikes};
 use spikelane_io::simulate::{FrameRef, Samples};
 
 use camera::Camera;
-use error::{door, usage, utf8};
-use handle::{Content, Held, MAGIC, Shell};
-use simulator::{Simulator, seeds};
+use error::{ffi_guard, usage, utf8};
+use handle::{Content, Handle, HandleContent, MAGIC};
+use simulator::{LightSequence, Simulator, to_seeds};
 pub use types::*;
 use writer::Writer;
 
-/// The ABI of the library: SPL_ABI_VERSION of the header that it was made with. Another number than the one of the header that a
-/// program was compiled with means another library.
+/// Returns the ABI version of the library. It equals SPL_ABI_VERSION of the library's own header.
+///
+/// A program must not use the library if this value differs from SPL_ABI_VERSION of the header that the program was
+/// compiled with.
 #[unsafe(no_mangle)]
 pub extern "C" fn spl_abi_version() -> u32 {
     SPL_ABI_VERSION
 }
 
-/// The version of the library, such as "0.1.0".
+/// Returns the version of the library, such as "0.1.0".
 #[unsafe(no_mangle)]
 pub extern "C" fn spl_version() -> *const c_char {
     const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");
     VERSION.as_ptr().cast()
 }
 
-/// The status of the last call of this thread that failed; SPL_OK when none has. A call that succeeds leaves it.
+/// Returns the status of the last failed call of this thread, or SPL_OK if no call failed. A successful call does not
+/// change this status.
 #[unsafe(no_mangle)]
 pub extern "C" fn spl_last_status() -> spl_status {
     error::last_status()
 }
 
-/// What the last call of this thread that failed had to say: SPL_MESSAGE is all of it, SPL_SUBJECT, SPL_FOUND, SPL_EXPECTED
-/// and SPL_REMEDY are its parts. Empty for what it did not say; never NULL. Valid until the next call of this
-/// thread that fails, or its end.
+/// Returns a part of the message of the last failed call of this thread.
+///
+/// SPL_ERROR_MESSAGE is the whole message. SPL_ERROR_SUBJECT, SPL_ERROR_FOUND, SPL_ERROR_EXPECTED and SPL_ERROR_REMEDY
+/// are parts of the message. A missing part is an empty string, never NULL. The string is valid until the next failed
+/// call of this thread or until the end of this thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn spl_last_error(part: u32) -> *const c_char {
-    error::last_text(part)
+    error::last_error_part(part)
 }
 
-/// Makes the built-in camera `name` ("physical", "scsim-code", ...; `spikelane preset list` shows them): 400x250 pixels at 20 kHz.
+/// Creates the built-in camera `name` ("physical", "scsim-code", ...) with 400x250 pixels at 20 kHz. `spikelane preset list`
+/// lists the names.
 ///
 /// # Safety
-/// `name` is NULL or a string; `camera` is NULL or can be written.
+/// `name` is NULL or a string; `camera` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_camera_preset(name: *const c_char, camera: *mut *mut spl_camera) -> spl_status {
-    door(|| make(camera, || Ok(Content::Camera(Box::new(Camera(presets::builtin(text(name, "name")?)?))))))
-}
-
-/// Makes the camera that `toml`, the text of a camera file, describes. Maps that it names are looked for in `folder`;
-/// NULL for a camera without maps.
-///
-/// # Safety
-/// `toml` and `folder` are NULL or strings; `camera` is NULL or can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_camera_parse(
-    toml: *const c_char,
-    folder: *const c_char,
-    camera: *mut *mut spl_camera,
-) -> spl_status {
-    door(|| {
-        make(camera, || {
-            let folder = if folder.is_null() { None } else { Some(Path::new(text(folder, "folder")?)) };
-            presets::parse(text(toml, "toml")?, folder).map(|c| Content::Camera(Box::new(Camera(c))))
+    ffi_guard(|| {
+        make_handle(camera, || {
+            Ok(Content::Camera(Box::new(Camera(presets::builtin(read_text(name, "name")?)?))))
         })
     })
 }
 
-/// Makes the camera of the file `path` (.toml), with the maps beside it.
+/// Creates a camera from `toml`, the text of a camera file.
+///
+/// The maps of the camera are read from `folder`. For a camera without maps, `folder` may be NULL.
 ///
 /// # Safety
-/// `path` is NULL or a string; `camera` is NULL or can be written.
+/// `toml` and `folder` are NULL or strings; `camera` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_camera_load(path: *const c_char, camera: *mut *mut spl_camera) -> spl_status {
-    door(|| make(camera, || Ok(Content::Camera(Box::new(Camera::load(text(path, "path")?)?)))))
+pub unsafe extern "C" fn spl_camera_from_toml(
+    toml: *const c_char,
+    folder: *const c_char,
+    camera: *mut *mut spl_camera,
+) -> spl_status {
+    ffi_guard(|| {
+        make_handle(camera, || {
+            let folder = if folder.is_null() { None } else { Some(Path::new(read_text(folder, "folder")?)) };
+            presets::from_toml(read_text(toml, "toml")?, folder).map(|c| Content::Camera(Box::new(Camera(c))))
+        })
+    })
 }
 
-/// Makes a camera without imperfections that starts with empty pixels: `width` x `height` pixels, `readout_hz`
-/// readouts per second.
+/// Creates the camera that the file `path` (.toml) describes. Maps are read from the folder of the file.
 ///
 /// # Safety
-/// `camera` is NULL or can be written.
+/// `path` is NULL or a string; `camera` is NULL or points to writable memory.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn spl_camera_load(path: *const c_char, camera: *mut *mut spl_camera) -> spl_status {
+    ffi_guard(|| {
+        make_handle(camera, || Ok(Content::Camera(Box::new(Camera::load(read_text(path, "path")?)?))))
+    })
+}
+
+/// Creates a camera without imperfections. Its pixels start without charge.
+///
+/// The camera has `width` x `height` pixels and `readout_hz` readouts per second.
+///
+/// # Safety
+/// `camera` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_camera_ideal(
     width: u32,
@@ -105,38 +119,47 @@ pub unsafe extern "C" fn spl_camera_ideal(
     readout_hz: f64,
     camera: *mut *mut spl_camera,
 ) -> spl_status {
-    door(|| make(camera, || Ok(Content::Camera(Box::new(Camera::ideal(width, height, readout_hz)?)))))
+    ffi_guard(|| {
+        make_handle(camera, || Ok(Content::Camera(Box::new(Camera::ideal(width, height, readout_hz)?))))
+    })
 }
 
-/// Makes a copy of a camera.
+/// Creates a copy of a camera.
 ///
 /// # Safety
-/// `camera` is NULL or a handle; `copy` is NULL or can be written.
+/// `camera` is NULL or a handle; `copy` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_camera_copy(
     camera: *const spl_camera,
     copy: *mut *mut spl_camera,
 ) -> spl_status {
-    door(|| make(copy, || read(camera, |c: &Camera| Ok(Content::Camera(Box::new(c.clone()))))))
+    ffi_guard(|| make_handle(copy, || read(camera, |c: &Camera| Ok(Content::Camera(Box::new(c.clone()))))))
 }
 
-/// Makes the noise-free twin of a camera: the same sensor, clamp and start phase, and no other effect.
+/// Creates the noise-free twin of a camera. It has the same sensor, saturation clamp and start phase, but no other
+/// effect.
 ///
 /// # Safety
-/// `camera` is NULL or a handle; `twin` is NULL or can be written.
+/// `camera` is NULL or a handle; `twin` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_camera_clean_twin(
     camera: *const spl_camera,
     twin: *mut *mut spl_camera,
 ) -> spl_status {
-    door(|| make(twin, || read(camera, |c: &Camera| Ok(Content::Camera(Box::new(Camera(c.0.clean_twin())))))))
+    ffi_guard(|| {
+        make_handle(twin, || {
+            read(camera, |c: &Camera| Ok(Content::Camera(Box::new(Camera(c.0.clean_twin())))))
+        })
+    })
 }
 
-/// Makes the camera that is a rectangle of another, `width` x `height` pixels from column `col` and row `row` on, with the
-/// pixels, columns and rows of that place.
+/// Creates a camera for a rectangle of another camera. The rectangle has `width` x `height` pixels and starts at column
+/// `col` and row `row`.
+///
+/// The fixed pattern of the new camera equals the fixed pattern of the rectangle.
 ///
 /// # Safety
-/// `camera` is NULL or a handle; `window` is NULL or can be written.
+/// `camera` is NULL or a handle; `window` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_camera_window(
     camera: *const spl_camera,
@@ -147,21 +170,24 @@ pub unsafe extern "C" fn spl_camera_window(
     window: *mut *mut spl_camera,
 ) -> spl_status {
     let part = |c: &Camera| Ok(Content::Camera(Box::new(c.window(col, row, width, height)?)));
-    door(|| make(window, || read(camera, part)))
+    ffi_guard(|| make_handle(window, || read(camera, part)))
 }
 
-/// Gives a camera another number of pixels; its fixed pattern is drawn anew. Refused for a window and for a camera with
-/// maps.
+/// Changes the number of pixels of a camera. The fixed pattern is drawn again.
+///
+/// The call fails for a window and for a camera with maps.
 ///
 /// # Safety
 /// `camera` is NULL or a handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_camera_resize(camera: *mut spl_camera, width: u32, height: u32) -> spl_status {
-    door(|| write(camera, |c: &mut Camera| c.resize(width, height)))
+    ffi_guard(|| write(camera, |c: &mut Camera| c.resize(width, height)))
 }
 
-/// Sets the parameter `key` of the effect `effect` to `value`, a text as in camera files: "0.02", "6.36 mV". An effect that
-/// the camera lacks is added, its other parameters neutral. `spikelane effects` lists names, keys and units.
+/// Sets parameter `key` of effect `effect` to `value`. The value is text as in camera files, such as "0.02" or "6.36 mV".
+///
+/// If the camera lacks the effect, the effect is added with neutral values of its other parameters. `spikelane effects`
+/// lists names, keys and units.
 ///
 /// # Safety
 /// `camera` is NULL or a handle; `effect`, `key` and `value` are NULL or strings.
@@ -172,13 +198,14 @@ pub unsafe extern "C" fn spl_camera_set_effect(
     key: *const c_char,
     value: *const c_char,
 ) -> spl_status {
-    door(|| {
-        let (effect, key, value) = (text(effect, "effect")?, text(key, "key")?, text(value, "value")?);
+    ffi_guard(|| {
+        let (effect, key, value) =
+            (read_text(effect, "effect")?, read_text(key, "key")?, read_text(value, "value")?);
         write(camera, |c: &mut Camera| c.set_effect(effect, |e| e.with_text(key, value)))
     })
 }
 
-/// As spl_camera_set_effect, with a number in the parameter's own unit.
+/// Does the same as spl_camera_set_effect, but `value` is a number in the unit of the parameter.
 ///
 /// # Safety
 /// `camera` is NULL or a handle; `effect` and `key` are NULL or strings.
@@ -189,26 +216,31 @@ pub unsafe extern "C" fn spl_camera_set_effect_number(
     key: *const c_char,
     value: f64,
 ) -> spl_status {
-    door(|| {
-        let (effect, key) = (text(effect, "effect")?, text(key, "key")?);
-        write(camera, |c: &mut Camera| c.set_effect(effect, |e| e.with(key, value)))
+    ffi_guard(|| {
+        let (effect, key) = (read_text(effect, "effect")?, read_text(key, "key")?);
+        write(camera, |c: &mut Camera| c.set_effect(effect, |e| e.with_value(key, value)))
     })
 }
 
-/// Takes an effect from a camera; one that it lacks changes nothing.
+/// Removes an effect from a camera. If the camera lacks the effect, nothing changes.
 ///
 /// # Safety
 /// `camera` is NULL or a handle; `effect` is NULL or a string.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_camera_without(camera: *mut spl_camera, effect: *const c_char) -> spl_status {
-    door(|| {
-        let effect = text(effect, "effect")?;
-        write(camera, |c: &mut Camera| c.without(effect))
+pub unsafe extern "C" fn spl_camera_remove_effect(
+    camera: *mut spl_camera,
+    effect: *const c_char,
+) -> spl_status {
+    ffi_guard(|| {
+        let effect = read_text(effect, "effect")?;
+        write(camera, |c: &mut Camera| c.remove_effect(effect))
     })
 }
 
-/// Sets a number of the circuit: "readout_hz" (readouts per second), "capacitance_ff" (fF), "swing_v" (V), or
-/// "thresholds_at_full_scale" (nominal thresholds that full-scale light adds per readout: the exposure).
+/// Sets a property of the sensor.
+///
+/// `key` is one of these: "readout_hz" (readouts per second), "capacitance_ff" (fF), "swing_v" (V), or
+/// "thresholds_at_full_scale" (the exposure: nominal thresholds that full-scale light adds per readout).
 ///
 /// # Safety
 /// `camera` is NULL or a handle; `key` is NULL or a string.
@@ -218,17 +250,19 @@ pub unsafe extern "C" fn spl_camera_set_sensor(
     key: *const c_char,
     value: f64,
 ) -> spl_status {
-    door(|| {
-        let key = text(key, "key")?;
+    ffi_guard(|| {
+        let key = read_text(key, "key")?;
         write(camera, |c: &mut Camera| c.set_sensor(key, value))
     })
 }
 
-/// Gives a camera a measured map in place of what effects would draw: "gain" (relative to the nominal one), "dark_pa" (pA),
-/// "capacitance_ff" (fF) or "swing_v" (V); `count` values, one per pixel of the whole sensor, row by row.
+/// Sets a measured map of a camera. The map replaces a fixed pattern that effects draw.
+///
+/// `map` is "gain" (relative to the nominal gain), "dark_pa" (pA), "capacitance_ff" (fF) or "swing_v" (V). `values`
+/// contains `count` values, one per pixel of the whole sensor in row-major order.
 ///
 /// # Safety
-/// `camera` is NULL or a handle; `map` is NULL or a string; `values` is NULL or has `count` values.
+/// `camera` is NULL or a handle; `map` is NULL or a string; `values` is NULL or points to `count` readable values.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_camera_set_map(
     camera: *mut spl_camera,
@@ -236,16 +270,17 @@ pub unsafe extern "C" fn spl_camera_set_map(
     values: *const f64,
     count: usize,
 ) -> spl_status {
-    door(|| {
-        let (map, values) = (text(map, "map")?, slice(values, count, "values")?);
+    ffi_guard(|| {
+        let (map, values) = (read_text(map, "map")?, slice(values, count, "values")?);
         write(camera, |c: &mut Camera| c.set_map(map, values))
     })
 }
 
-/// Says how many pixels a camera has, and how many readouts per second; NULL for what nobody asks.
+/// Gets the width, the height and the readouts per second of a camera. Each of the three pointers for results may be
+/// NULL.
 ///
 /// # Safety
-/// `camera` is NULL or a handle; `width`, `height` and `readout_hz` are NULL or can be written.
+/// `camera` is NULL or a handle; `width`, `height` and `readout_hz` are NULL or point to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_camera_size(
     camera: *const spl_camera,
@@ -253,69 +288,77 @@ pub unsafe extern "C" fn spl_camera_size(
     height: *mut u32,
     readout_hz: *mut f64,
 ) -> spl_status {
-    door(|| {
+    ffi_guard(|| {
         let sensor = read(camera, |c: &Camera| Ok(c.0.sensor))?;
         let (w, h) = (sensor.geometry.width() as u32, sensor.geometry.height() as u32);
         if !width.is_null() {
-            *place(width, "width")? = w;
+            *out_ref(width, "width")? = w;
         }
         if !height.is_null() {
-            *place(height, "height")? = h;
+            *out_ref(height, "height")? = h;
         }
         if !readout_hz.is_null() {
-            *place(readout_hz, "readout_hz")? = sensor.readout_hz;
+            *out_ref(readout_hz, "readout_hz")? = sensor.readout_hz;
         }
         Ok(())
     })
 }
 
-/// Frees a camera; simulators made from it go on. NULL is SPL_OK.
+/// Frees a camera. Simulators that were created from the camera remain valid. For NULL, the call does nothing and returns
+/// SPL_OK.
 ///
 /// # Safety
 /// `camera` is NULL or a handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_camera_free(camera: *mut spl_camera) -> spl_status {
-    door(|| free::<Camera, _>(camera))
+    ffi_guard(|| free_handle::<Camera, _>(camera))
 }
 
-/// Makes a simulator of a camera: all that cannot be simulated is refused here. `seeds` fix the noise; NULL for zeros.
-/// Light beyond `greatest_light` full scales, which only SPL_F32 holds, is cut; 1.0 is usual. `threads` of its own share the
-/// work, from 1 (the caller's) to 4096.
+/// Creates a simulator of a camera. The call fails if the camera cannot be simulated.
+///
+/// `seeds` determines the noise, and NULL means that all seeds are 0. Light is clamped to `max_light` full scales. The
+/// usual value is 1.0, and only SPL_F32 samples can exceed 1.0. `threads` is the number of threads, 1 to 4096. With 1,
+/// the calling thread does all work.
 ///
 /// # Safety
-/// `camera` is NULL or a handle; `seeds` is NULL or can be read; `simulator` is NULL or can be written.
+/// `camera` is NULL or a handle; `seeds` is NULL or points to readable memory; `simulator` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_new(
     camera: *const spl_camera,
     seeds: *const spl_seeds,
-    greatest_light: f64,
+    max_light: f64,
     threads: u32,
     simulator: *mut *mut spl_simulator,
 ) -> spl_status {
-    door(|| {
-        make(simulator, || {
-            let seeds = seeds_of(seeds)?;
+    ffi_guard(|| {
+        make_handle(simulator, || {
+            let seeds = read_seeds(seeds)?;
             read(camera, |c: &Camera| {
-                let made = Simulator::new(c, seeds, greatest_light, threads)?;
+                let made = Simulator::new(c, seeds, max_light, threads)?;
                 Ok(Content::Simulator(Box::new(made)))
             })
         })
     })
 }
 
-/// Makes a copy of a simulator that goes on from the same readout on its own; its threads are shared.
+/// Creates a copy of a simulator. The copy continues independently from the next readout. The copy and the original share
+/// threads.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle; `copy` is NULL or can be written.
+/// `simulator` is NULL or a handle; `copy` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_copy(
     simulator: *const spl_simulator,
     copy: *mut *mut spl_simulator,
 ) -> spl_status {
-    door(|| make(copy, || read(simulator, |s: &Simulator| Ok(Content::Simulator(Box::new(s.clone()))))))
+    ffi_guard(|| {
+        make_handle(copy, || read(simulator, |s: &Simulator| Ok(Content::Simulator(Box::new(s.clone())))))
+    })
 }
 
-/// Asks for an instruction set: "reference", "portable", "sse4.1", "avx2", "avx512", or "auto" for the fastest. The bits stay the same.
+/// Selects an instruction set: "reference", "portable", "sse4.1", "avx2", "avx512", or "auto" for the fastest.
+///
+/// The simulated bits do not depend on the instruction set.
 ///
 /// # Safety
 /// `simulator` is NULL or a handle; `backend` is NULL or a string.
@@ -324,23 +367,23 @@ pub unsafe extern "C" fn spl_simulator_set_backend(
     simulator: *mut spl_simulator,
     backend: *const c_char,
 ) -> spl_status {
-    door(|| {
-        let backend = text(backend, "backend")?;
+    ffi_guard(|| {
+        let backend = read_text(backend, "backend")?;
         write(simulator, |s: &mut Simulator| s.set_backend(backend))
     })
 }
 
-/// Says which instruction set is used: one of the names of spl_simulator_set_backend, a string that is never freed.
+/// Gets the name of the instruction set, as a static string. The names are those of spl_simulator_set_backend.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle; `backend` is NULL or can be written.
+/// `simulator` is NULL or a handle; `backend` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_backend(
     simulator: *const spl_simulator,
     backend: *mut *const c_char,
 ) -> spl_status {
-    door(|| {
-        let place = place(backend, "backend")?;
+    ffi_guard(|| {
+        let place = out_ref(backend, "backend")?;
         let name = read(simulator, |s: &Simulator| Ok(s.backend()))?;
         let names = [c"reference", c"portable", c"sse4.1", c"avx2", c"avx512"];
         let found = names.into_iter().find(|n| n.to_bytes() == name.as_bytes());
@@ -349,222 +392,182 @@ pub unsafe extern "C" fn spl_simulator_backend(
     })
 }
 
-/// Says how many bytes a packed readout has.
+/// Gets the number of bytes of a packed readout.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle; `bytes` is NULL or can be written.
+/// `simulator` is NULL or a handle; `bytes` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_frame_bytes(
     simulator: *const spl_simulator,
     bytes: *mut usize,
 ) -> spl_status {
-    door(|| {
-        let place = place(bytes, "bytes")?;
+    ffi_guard(|| {
+        let place = out_ref(bytes, "bytes")?;
         *place = read(simulator, |s: &Simulator| Ok(s.geometry().frame_bytes()))?;
         Ok(())
     })
 }
 
-/// Says which readout comes next, counted from 0.
+/// Gets the index of the next readout. The first readout has index 0.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle; `readout` is NULL or can be written.
+/// `simulator` is NULL or a handle; `readout` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_readout(
     simulator: *const spl_simulator,
     readout: *mut u64,
 ) -> spl_status {
-    door(|| {
-        let place = place(readout, "readout")?;
+    ffi_guard(|| {
+        let place = out_ref(readout, "readout")?;
         *place = read(simulator, |s: &Simulator| Ok(s.readout()))?;
         Ok(())
     })
 }
 
-/// Begins another recording of the same camera at readout 0: far quicker than a new simulator. `seeds->camera` has to
-/// be that of spl_simulator_new; NULL for zeros.
+/// Starts another recording of the same camera at readout 0. This is much faster than creating another simulator.
+///
+/// `seeds->camera` must equal the camera seed that was passed to spl_simulator_new. NULL means that all seeds are 0.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle; `seeds` is NULL or can be read.
+/// `simulator` is NULL or a handle; `seeds` is NULL or points to readable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_restart(
     simulator: *mut spl_simulator,
     seeds: *const spl_seeds,
 ) -> spl_status {
-    door(|| {
-        let seeds = seeds_of(seeds)?;
+    ffi_guard(|| {
+        let seeds = read_seeds(seeds)?;
         write(simulator, |s: &mut Simulator| s.restart(seeds))
     })
 }
 
-/// Frees a simulator. NULL is SPL_OK.
+/// Frees a simulator. For NULL, the call does nothing and returns SPL_OK.
 ///
 /// # Safety
 /// `simulator` is NULL or a handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_free(simulator: *mut spl_simulator) -> spl_status {
-    door(|| free::<Simulator, _>(simulator))
+    ffi_guard(|| free_handle::<Simulator, _>(simulator))
 }
 
-/// Holds `frame` for `readouts` readouts and writes them, packed, to `out`: `out_bytes` is `readouts` times
-/// spl_simulator_frame_bytes. Many readouts a call are faster than one: 128 make a batch. A camera that drops readouts holds
-/// the light until `out` is full; spl_expose_frames lets the scene go on instead.
+/// Simulates `readouts` readouts of the constant light `frame` and writes the packed readouts to `out`.
+///
+/// `out_bytes` is `readouts` times spl_simulator_frame_bytes. One call with many readouts is faster than many calls with
+/// one readout. Internally, a batch has 128 readouts. If the camera drops readouts, the light is constant until `out` is
+/// full. With spl_expose_frames, the light continues to change during dropped readouts.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle; `frame` is NULL or says the truth; `out` is NULL or has `out_bytes` bytes that can be
-/// written. Memory of the frame that overlaps `out` is refused. No other thread changes either during the call.
+/// `simulator` is NULL or a handle. `frame` is NULL or points to a readable frame. `samples` of this frame is NULL or
+/// points to `samples_bytes` readable bytes. `out` is NULL or points to `out_bytes` writable bytes. The call rejects a
+/// frame that overlaps `out`. During the call, no other thread may change the frame, the samples of the frame or `out`.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_push(
+pub unsafe extern "C" fn spl_simulator_run(
     simulator: *mut spl_simulator,
-    frame: *const spl_frame,
+    light: *const spl_light,
     readouts: usize,
-    out: *mut u8,
-    out_bytes: usize,
+    packed: *mut u8,
+    packed_bytes: usize,
 ) -> spl_status {
-    door(|| {
-        let out = slice_mut(out, out_bytes, "out")?;
+    ffi_guard(|| {
+        let packed = slice_mut(packed, packed_bytes, "packed")?;
         write(simulator, |s: &mut Simulator| {
-            let frame = light(frame, "frame", s.geometry(), out)?;
-            s.push(frame, readouts, out)
+            let light = read_light(light, s.geometry(), packed)?;
+            s.run(&light, readouts, packed)
         })
     })
 }
 
-/// Goes from one frame to another in a straight line: readout i of `readouts` sees `from` + (`to` - `from`) * i /
-/// `readouts`. To go on, the next call's `from` is this call's `to`. Otherwise as spl_push.
+/// Does the same as spl_push_frames, but does not write the readouts that the camera drops (effect "dropped_readouts").
+///
+/// `*written` is the number of readouts that were written. The written readouts are at the start of `out`.
 ///
 /// # Safety
-/// As spl_push, for both frames.
+/// The conditions are those of spl_push_frames. In addition, `written` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_push_between(
+pub unsafe extern "C" fn spl_simulator_advance(
     simulator: *mut spl_simulator,
-    from: *const spl_frame,
-    to: *const spl_frame,
+    light: *const spl_light,
     readouts: usize,
-    out: *mut u8,
-    out_bytes: usize,
-) -> spl_status {
-    door(|| {
-        let out = slice_mut(out, out_bytes, "out")?;
-        write(simulator, |s: &mut Simulator| {
-            let frames = [light(from, "from", s.geometry(), out)?, light(to, "to", s.geometry(), out)?];
-            s.push_frames(&frames, readouts as u64, SPL_LINEAR, readouts, out)
-        })
-    })
-}
-
-/// Runs `count` frames, each of which lasts `readouts_per_frame` readouts, for `readouts` readouts, at most as many as
-/// they last. `insertion` says what the light does between two of them: SPL_HOLD, SPL_LINEAR or SPL_FLOW; the last frame stays. With a
-/// new frame at every readout this is several times faster than a call for each. Otherwise as spl_push.
-///
-/// # Safety
-/// As spl_push; `frames` is NULL or has `count` frames that say the truth.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_push_frames(
-    simulator: *mut spl_simulator,
-    frames: *const spl_frame,
-    count: usize,
-    readouts_per_frame: u64,
-    insertion: u32,
-    readouts: usize,
-    out: *mut u8,
-    out_bytes: usize,
-) -> spl_status {
-    door(|| {
-        let out = slice_mut(out, out_bytes, "out")?;
-        write(simulator, |s: &mut Simulator| {
-            let frames = lights(frames, count, s.geometry(), out)?;
-            s.push_frames(&frames, readouts_per_frame, insertion, readouts, out)
-        })
-    })
-}
-
-/// As spl_push_frames, but readouts that the camera drops (effect "dropped_readouts") are missing: `*written` says how many
-/// readouts at the start of `out` are filled.
-///
-/// # Safety
-/// As spl_push_frames; `written` is NULL or can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_expose_frames(
-    simulator: *mut spl_simulator,
-    frames: *const spl_frame,
-    count: usize,
-    readouts_per_frame: u64,
-    insertion: u32,
-    readouts: usize,
-    out: *mut u8,
-    out_bytes: usize,
+    packed: *mut u8,
+    packed_bytes: usize,
     written: *mut usize,
 ) -> spl_status {
-    door(|| {
-        let out = slice_mut(out, out_bytes, "out")?;
-        apart(written, 1, "written", out, "out")?;
-        let written = place(written, "written")?;
+    ffi_guard(|| {
+        let packed = slice_mut(packed, packed_bytes, "packed")?;
+        check_no_overlap(written, 1, "written", packed, "packed")?;
+        let written = out_ref(written, "written")?;
         *written = write(simulator, |s: &mut Simulator| {
-            let frames = lights(frames, count, s.geometry(), out)?;
-            s.expose_frames(&frames, readouts_per_frame, insertion, readouts, out)
+            let light = read_light(light, s.geometry(), packed)?;
+            s.advance(&light, readouts, packed)
         })?;
         Ok(())
     })
 }
 
-/// Says how many bytes spl_state_save writes.
+/// Gets the number of bytes that spl_state_save requires.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle; `bytes` is NULL or can be written.
+/// `simulator` is NULL or a handle; `bytes` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_state_bytes(simulator: *const spl_simulator, bytes: *mut usize) -> spl_status {
-    door(|| {
-        let place = place(bytes, "bytes")?;
+pub unsafe extern "C" fn spl_simulator_state_bytes(
+    simulator: *const spl_simulator,
+    bytes: *mut usize,
+) -> spl_status {
+    ffi_guard(|| {
+        let place = out_ref(bytes, "bytes")?;
         *place = read(simulator, |s: &Simulator| Ok(s.state().len()))?;
         Ok(())
     })
 }
 
-/// Writes all that a camera remembers, and what it belongs to, to `state`; `state_bytes` is what spl_state_bytes says.
-/// Python's `Simulator.restore` reads it too.
+/// Writes the state of all pixels and a fingerprint of the camera to `state`.
+///
+/// `state_bytes` is the number from spl_state_bytes. Python's `Simulator.restore` reads this format too.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle; `state` is NULL or has `state_bytes` bytes that can be written.
+/// `simulator` is NULL or a handle; `state` is NULL or points to `state_bytes` writable bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_state_save(
+pub unsafe extern "C" fn spl_simulator_state_save(
     simulator: *const spl_simulator,
     state: *mut u8,
     state_bytes: usize,
 ) -> spl_status {
-    door(|| {
+    ffi_guard(|| {
         let out = slice_mut(state, state_bytes, "state")?;
         let saved = read(simulator, |s: &Simulator| Ok(s.state()))?;
         if saved.len() != out.len() {
             let expected = format!("{} bytes", saved.len());
-            return Err(usage("state_bytes", out.len(), expected, "ask spl_state_bytes"));
+            return Err(usage("state_bytes", out.len(), expected, "ask spl_simulator_state_bytes"));
         }
         out.copy_from_slice(&saved);
         Ok(())
     })
 }
 
-/// Goes on from a saved state with the same bits. The simulator has to be of the same camera, seeds and greatest light.
+/// Restores a saved state. The following readouts have the bits that the saved simulator would have produced.
+///
+/// The camera, the seeds and `max_light` of this simulator must equal those of the saved simulator.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle; `state` is NULL or has `state_bytes` bytes.
+/// `simulator` is NULL or a handle; `state` is NULL or points to `state_bytes` readable bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn spl_state_restore(
+pub unsafe extern "C" fn spl_simulator_state_restore(
     simulator: *mut spl_simulator,
     state: *const u8,
     state_bytes: usize,
 ) -> spl_status {
-    door(|| {
+    ffi_guard(|| {
         let state = slice(state, state_bytes, "state")?;
         write(simulator, |s: &mut Simulator| s.restore(state))
     })
 }
 
-/// Makes of every bit of packed readouts of `width` x `height` pixels a byte of 0 or 1: `bits_bytes` is `width` * `height`
-/// for each readout.
+/// Unpacks packed readouts of `width` x `height` pixels. Each bit becomes a byte of 0 or 1.
+///
+/// `bits_bytes` is `width` * `height` times the number of readouts.
 ///
 /// # Safety
-/// `packed` is NULL or has `packed_bytes` bytes; `bits` is NULL or has `bits_bytes` bytes that can be written.
+/// `packed` is NULL or points to `packed_bytes` readable bytes; `bits` is NULL or points to `bits_bytes` writable bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_unpack(
     width: u32,
@@ -574,20 +577,21 @@ pub unsafe extern "C" fn spl_unpack(
     bits: *mut u8,
     bits_bytes: usize,
 ) -> spl_status {
-    door(|| {
+    ffi_guard(|| {
         let bits = slice_mut(bits, bits_bytes, "bits")?;
-        apart(packed, packed_bytes, "packed", bits, "bits")?;
+        check_no_overlap(packed, packed_bytes, "packed", bits, "bits")?;
         let packed = slice(packed, packed_bytes, "packed")?;
         spikes::unpack(Geometry::new(width, height)?, packed, bits)
     })
 }
 
-/// Begins a stream of readouts of `width` x `height` pixels that will be the file `path`. `layout` is NULL for "dat", or
-/// another of the names that `spikelane convert --help` lists. A file of that name is replaced if `force` is not 0, and otherwise
-/// refused with SPL_EXISTS. The file gets its name from spl_writer_finish.
+/// Creates a writer for a stream of readouts of `width` x `height` pixels.
 ///
+/// `path` is the file of the stream. `layout` is NULL for "dat", or another name that `spikelane convert --help` lists.
+/// If the file exists, a nonzero `force` replaces the file. With `force` = 0, the call fails with SPL_EXISTS. The file
+/// appears at `path` only after spl_writer_finish.
 /// # Safety
-/// `path` and `layout` are NULL or strings; `writer` is NULL or can be written.
+/// `path` and `layout` are NULL or strings; `writer` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_writer_create(
     path: *const c_char,
@@ -597,102 +601,105 @@ pub unsafe extern "C" fn spl_writer_create(
     force: i32,
     writer: *mut *mut spl_writer,
 ) -> spl_status {
-    door(|| {
-        make(writer, || {
-            let layout = if layout.is_null() { "dat" } else { text(layout, "layout")? };
-            let made = Writer::create(text(path, "path")?, width, height, layout, force != 0)?;
+    ffi_guard(|| {
+        make_handle(writer, || {
+            let layout = if layout.is_null() { "dat" } else { read_text(layout, "layout")? };
+            let made = Writer::create(read_text(path, "path")?, width, height, layout, force != 0)?;
             Ok(Content::Writer(Box::new(made)))
         })
     })
 }
 
-/// Appends packed readouts.
+/// Appends packed readouts to a stream.
 ///
 /// # Safety
-/// `writer` is NULL or a handle; `packed` is NULL or has `packed_bytes` bytes.
+/// `writer` is NULL or a handle; `packed` is NULL or points to `packed_bytes` readable bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_writer_write(
     writer: *mut spl_writer,
     packed: *const u8,
     packed_bytes: usize,
 ) -> spl_status {
-    door(|| {
+    ffi_guard(|| {
         let packed = slice(packed, packed_bytes, "packed")?;
         write(writer, |w: &mut Writer| w.write(packed))
     })
 }
 
-/// Brings the stream to the disk and gives the file its name. A stream without readouts, or one that fails here, leaves no file.
-/// Nothing can be written any more; the handle is still to be freed.
+/// Flushes the stream to the disk and renames the file to its final path.
+///
+/// If the stream has no readouts, or if this call fails, no file remains. After this call, the handle accepts no
+/// readouts, but it must still be freed.
 ///
 /// # Safety
 /// `writer` is NULL or a handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_writer_finish(writer: *mut spl_writer) -> spl_status {
-    door(|| write(writer, Writer::finish))
+    ffi_guard(|| write(writer, Writer::finish))
 }
 
-/// Frees a writer; a stream that was not finished leaves no file. NULL is SPL_OK.
+/// Frees a writer. The file of an unfinished stream is deleted. For NULL, the call does nothing and returns SPL_OK.
 ///
 /// # Safety
 /// `writer` is NULL or a handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_writer_free(writer: *mut spl_writer) -> spl_status {
-    door(|| free::<Writer, _>(writer))
+    ffi_guard(|| free_handle::<Writer, _>(writer))
 }
 
-/// The shell that a handle points at; `T` is an opaque type of the header.
-unsafe fn shell<'a, T>(handle: *const T) -> Result<&'a Shell> {
+/// Returns the object to which a handle points. `T` is one of the opaque types of the header.
+unsafe fn handle_ref<'a, T>(handle: *const T) -> Result<&'a Handle> {
     let found = if handle.is_null() {
         "NULL"
-    } else if !handle.cast::<Shell>().is_aligned() || handle.cast::<u64>().read() != MAGIC {
-        // A shell starts with the magic; what else a caller may point at has a word there at least.
+    } else if !handle.cast::<Handle>().is_aligned() || handle.cast::<u64>().read() != MAGIC {
+        // A handle starts with the magic. Any other object that a caller may pass has at least one readable word at its
+        // address.
         "a pointer that is no handle"
     } else {
-        return Ok(&*handle.cast::<Shell>());
+        return Ok(&*handle.cast::<Handle>());
     };
     Err(usage("handle", found, "one that a function of this library made", "look where it was made"))
 }
 
-unsafe fn read<T, H: Held, R>(handle: *const T, work: impl FnOnce(&H) -> Result<R>) -> Result<R> {
-    shell(handle)?.read(work)
+unsafe fn read<T, H: HandleContent, R>(handle: *const T, work: impl FnOnce(&H) -> Result<R>) -> Result<R> {
+    handle_ref(handle)?.read(work)
 }
 
-unsafe fn write<T, H: Held, R>(handle: *mut T, work: impl FnOnce(&mut H) -> Result<R>) -> Result<R> {
-    shell(handle.cast_const())?.write(work)
+unsafe fn write<T, H: HandleContent, R>(handle: *mut T, work: impl FnOnce(&mut H) -> Result<R>) -> Result<R> {
+    handle_ref(handle.cast_const())?.write(work)
 }
 
-/// Puts a handle to what `content` makes at `place`, or NULL.
-unsafe fn make<T>(place: *mut *mut T, content: impl FnOnce() -> Result<Content>) -> Result<()> {
-    let place = self::place(place, "place for the handle")?;
+/// Writes a handle for the result of `content` to `place`. If `content` fails, writes NULL.
+unsafe fn make_handle<T>(place: *mut *mut T, content: impl FnOnce() -> Result<Content>) -> Result<()> {
+    let place = self::out_ref(place, "place for the handle")?;
     *place = std::ptr::null_mut();
-    *place = Box::into_raw(Shell::new(content()?)).cast();
+    *place = Box::into_raw(Handle::new(content()?)).cast();
     Ok(())
 }
 
-unsafe fn free<H: Held, T>(handle: *mut T) -> Result<()> {
+unsafe fn free_handle<H: HandleContent, T>(handle: *mut T) -> Result<()> {
     if handle.is_null() {
         return Ok(());
     }
-    shell(handle.cast_const())?.check_idle::<H>()?;
-    // `make` gave this box away, and the caller frees each handle once.
-    drop(Box::from_raw(handle.cast::<Shell>()));
+    handle_ref(handle.cast_const())?.check_idle::<H>()?;
+    // `make_handle` leaked this box, and the caller must free each handle only once.
+    drop(Box::from_raw(handle.cast::<Handle>()));
     Ok(())
 }
 
-unsafe fn text<'a>(text: *const c_char, name: &str) -> Result<&'a str> {
+unsafe fn read_text<'a>(text: *const c_char, name: &str) -> Result<&'a str> {
     if text.is_null() {
-        return Err(null(name, "a string"));
+        return Err(null_error(name, "a string"));
     }
     utf8(CStr::from_ptr(text), name)
 }
 
-/// A place to write to.
-unsafe fn place<'a, T>(place: *mut T, name: &str) -> Result<&'a mut T> {
+/// Returns a reference to the memory in which the caller expects a result.
+unsafe fn out_ref<'a, T>(place: *mut T, name: &str) -> Result<&'a mut T> {
     if place.is_null() {
-        return Err(null(name, "a place to write to"));
+        return Err(null_error(name, "a place to write to"));
     }
-    check(place.cast_const(), 1, name)?;
+    check_memory_range(place.cast_const(), 1, name)?;
     Ok(&mut *place)
 }
 
@@ -700,7 +707,7 @@ unsafe fn slice<'a, T>(values: *const T, count: usize, name: &str) -> Result<&'a
     if count == 0 {
         return Ok(&[]);
     }
-    check(values, count, name)?;
+    check_memory_range(values, count, name)?;
     Ok(std::slice::from_raw_parts(values, count))
 }
 
@@ -708,12 +715,19 @@ unsafe fn slice_mut<'a, T>(values: *mut T, count: usize, name: &str) -> Result<&
     if count == 0 {
         return Ok(&mut []);
     }
-    check(values.cast_const(), count, name)?;
+    check_memory_range(values.cast_const(), count, name)?;
     Ok(std::slice::from_raw_parts_mut(values, count))
 }
 
-/// Refuses `count` values that overlap the bytes that a call writes. Comes before a slice of them is made.
-fn apart<T>(values: *const T, count: usize, name: &str, written: &[u8], its_name: &str) -> Result<()> {
+/// Rejects `count` values that overlap the bytes that a call writes. Call this function before you create a slice of the
+/// values.
+fn check_no_overlap<T>(
+    values: *const T,
+    count: usize,
+    name: &str,
+    written: &[u8],
+    its_name: &str,
+) -> Result<()> {
     let (start, bytes) = (values as usize, count.saturating_mul(size_of::<T>()));
     let other = written.as_ptr() as usize;
     let is_apart = start.saturating_add(bytes) <= other || other.saturating_add(written.len()) <= start;
@@ -724,10 +738,10 @@ fn apart<T>(values: *const T, count: usize, name: &str, written: &[u8], its_name
     Err(usage(name, format_args!("memory that overlaps {its_name}"), expected, "give another buffer"))
 }
 
-/// Checks that `count` values can lie there.
-fn check<T>(values: *const T, count: usize, name: &str) -> Result<()> {
+/// Checks that the address and the size are valid for `count` values.
+fn check_memory_range<T>(values: *const T, count: usize, name: &str) -> Result<()> {
     if values.is_null() {
-        return Err(null(name, "a buffer"));
+        return Err(null_error(name, "a buffer"));
     }
     if !values.is_aligned() {
         let expected = format!("an address that is a multiple of {}", align_of::<T>());
@@ -740,32 +754,46 @@ fn check<T>(values: *const T, count: usize, name: &str) -> Result<()> {
     Ok(())
 }
 
-fn null(name: &str, expected: &str) -> spikelane::Error {
+fn null_error(name: &str, expected: &str) -> spikelane::Error {
     usage(name, "NULL", expected, "give one")
 }
 
-unsafe fn seeds_of(given: *const spl_seeds) -> Result<Seeds> {
+unsafe fn read_seeds(given: *const spl_seeds) -> Result<Seeds> {
     if given.is_null() {
         return Ok(Seeds::default());
     }
-    check(given, 1, "seeds")?;
-    Ok(seeds(*given))
+    check_memory_range(given, 1, "seeds")?;
+    Ok(to_seeds(*given))
 }
 
-/// A frame of the caller's for a call that writes `out`.
-unsafe fn light<'a>(
-    frame: *const spl_frame,
+/// Returns a light of the caller for a call that writes `packed`.
+unsafe fn read_light<'a>(
+    light: *const spl_light,
+    geometry: Geometry,
+    packed: &[u8],
+) -> Result<LightSequence<'a>> {
+    if light.is_null() {
+        return Err(null_error("light", "a light"));
+    }
+    check_memory_range(light, 1, "light")?;
+    check_no_overlap(light, 1, "light", packed, "packed")?;
+    let spl_light { frames, count, readouts_per_frame, interpolation } = *light;
+    check_no_overlap(frames, count, "frames", packed, "packed")?;
+    let frames = slice(frames, count, "frames")?;
+    let read = |(i, frame): (usize, &spl_frame)| read_frame(frame, &format!("frame {i}"), geometry, packed);
+    let frames = frames.iter().enumerate().map(read).collect::<Result<_>>()?;
+    LightSequence::new(frames, readouts_per_frame, interpolation)
+}
+
+/// Returns the caller's frame for a call that writes to `out`.
+unsafe fn read_frame<'a>(
+    frame: &spl_frame,
     name: &str,
     geometry: Geometry,
-    out: &[u8],
+    packed: &[u8],
 ) -> Result<FrameRef<'a>> {
-    if frame.is_null() {
-        return Err(null(name, "a frame"));
-    }
-    check(frame, 1, name)?;
-    apart(frame, 1, name, out, "out")?;
     let spl_frame { samples, samples_bytes: bytes, stride, sample_type } = *frame;
-    apart(samples.cast::<u8>(), bytes, name, out, "out")?;
+    check_no_overlap(samples.cast::<u8>(), bytes, name, packed, "packed")?;
     let samples = match sample_type {
         SPL_U8 => Samples::U8(slice(samples.cast(), bytes, name)?),
         SPL_U16 => Samples::U16(slice(samples.cast(), bytes / 2, name)?),
@@ -776,17 +804,5 @@ unsafe fn light<'a>(
         }
     };
     let stride = if stride == 0 { geometry.width() } else { stride };
-    Ok(FrameRef::strided(samples, stride))
-}
-
-unsafe fn lights<'a>(
-    frames: *const spl_frame,
-    count: usize,
-    geometry: Geometry,
-    out: &[u8],
-) -> Result<Vec<FrameRef<'a>>> {
-    apart(frames, count, "frames", out, "out")?;
-    let frames = slice(frames, count, "frames")?;
-    let one = |(i, frame): (usize, &spl_frame)| light(frame, &format!("frame {i}"), geometry, out);
-    frames.iter().enumerate().map(one).collect()
+    Ok(FrameRef::with_stride(samples, stride))
 }

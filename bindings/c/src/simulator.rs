@@ -1,42 +1,42 @@
-//! Cameras at work, without pointers.
+//! Simulator handles. This module uses no pointers.
 #![forbid(unsafe_code)]
 
-use spikelane::{Backend, Geometry, Plan, Result, Seeds, presets};
-use spikelane_io::light::{Insertion, Timeline};
+use spikelane::{Backend, Geometry, Light, Plan, Result, Seeds, presets};
+use spikelane_io::light::{Interpolation, Timeline};
 use spikelane_io::simulate::FrameRef;
 
 use crate::camera::Camera;
 use crate::error::usage;
-use crate::types::{SPL_FLOW, SPL_HOLD, SPL_LINEAR, spl_seeds};
+use crate::types::{SPL_INTERPOLATION_FLOW, SPL_INTERPOLATION_HOLD, SPL_INTERPOLATION_LINEAR, spl_seeds};
 
-/// What a simulator handle holds.
+/// The content of a simulator handle.
 #[derive(Clone)]
 pub struct Simulator {
     inner: spikelane::Simulator,
-    /// The key of its camera, for saved states.
+    /// Fingerprint of the camera, for saved states.
     camera: u64,
 }
 
-/// Seeds as the library has them.
-pub fn seeds(seeds: spl_seeds) -> Seeds {
+/// Converts the seeds of the caller.
+pub fn to_seeds(seeds: spl_seeds) -> Seeds {
     Seeds { camera: seeds.camera, shot: seeds.shot, sequence: seeds.sequence }
 }
 
 impl Simulator {
-    pub fn new(camera: &Camera, seeds: Seeds, greatest_light: f64, threads: u32) -> Result<Self> {
+    pub fn new(camera: &Camera, seeds: Seeds, max_light: f64, threads: u32) -> Result<Self> {
         if !(1..=4096).contains(&threads) {
             return Err(usage("threads", threads, "1 to 4096", "give the number of cores"));
         }
-        let plan = Plan::with_light(&camera.0, seeds, greatest_light)?;
+        let plan = Plan::with_max_light(&camera.0, seeds, max_light)?;
         Ok(Self {
-            inner: spikelane::Simulator::of_plan(plan).with_threads(threads as usize)?,
-            camera: presets::key(&presets::to_bytes(&camera.0)?),
+            inner: spikelane::SimulatorOptions::new().threads(threads as usize).build_from_plan(plan)?,
+            camera: presets::fingerprint(&presets::to_bytes(&camera.0)?),
         })
     }
 
     pub fn set_backend(&mut self, name: &str) -> Result<()> {
         let backend = if name == "auto" { Backend::best() } else { Backend::parse(name)? };
-        self.inner = self.inner.clone().with_backend(backend)?;
+        self.inner.set_backend(backend)?;
         Ok(())
     }
 
@@ -64,60 +64,75 @@ impl Simulator {
         self.inner.restore(self.camera, bytes)
     }
 
-    fn check_room(&self, readouts: usize, out: &[u8]) -> Result<()> {
+    fn check_room(&self, readouts: usize, packed: &[u8]) -> Result<()> {
         let bytes = self.geometry().frame_bytes();
-        if readouts.checked_mul(bytes) == Some(out.len()) {
+        if readouts.checked_mul(bytes) == Some(packed.len()) {
             return Ok(());
         }
         Err(usage(
-            "out_bytes",
-            out.len(),
+            "packed_bytes",
+            packed.len(),
             format_args!("{readouts} readouts of {bytes} bytes"),
-            "give a buffer for whole readouts, as many as are asked for",
+            "pass a buffer for exactly these readouts",
         ))
     }
 
-    /// Holds a frame for `readouts` readouts.
-    pub fn push(&mut self, frame: FrameRef<'_>, readouts: usize, out: &mut [u8]) -> Result<()> {
-        self.check_room(readouts, out)?;
-        self.inner.push(frame, out)
+    /// Simulates `readouts` readouts of one constant frame.
+    pub fn run(&mut self, light: &LightSequence<'_>, readouts: usize, packed: &mut [u8]) -> Result<()> {
+        self.check_room(readouts, packed)?;
+        self.inner.fill(light.light(), packed)
     }
 
-    /// Frames along a timeline on which each lasts `per_frame` readouts.
-    pub fn push_frames(
+    /// Simulates frames on a timeline. Each frame lasts `per_frame` readouts.
+    pub fn advance(
         &mut self,
-        frames: &[FrameRef<'_>],
-        per_frame: u64,
-        insertion: u32,
+        light: &LightSequence<'_>,
         readouts: usize,
-        out: &mut [u8],
-    ) -> Result<()> {
-        self.check_room(readouts, out)?;
-        self.inner.push_frames(frames, &timeline(per_frame, insertion)?, out)
-    }
-
-    /// As [`Simulator::push_frames`], but what the camera drops is missing; returns how many readouts came out.
-    pub fn expose_frames(
-        &mut self,
-        frames: &[FrameRef<'_>],
-        per_frame: u64,
-        insertion: u32,
-        readouts: usize,
-        out: &mut [u8],
+        packed: &mut [u8],
     ) -> Result<usize> {
-        self.check_room(readouts, out)?;
-        self.inner.expose_frames(frames, &timeline(per_frame, insertion)?, readouts, out)
+        self.check_room(readouts, packed)?;
+        self.inner.advance(light.light(), readouts, packed)
     }
 }
 
-fn timeline(per_frame: u64, insertion: u32) -> Result<Timeline> {
-    let insertion = match insertion {
-        SPL_HOLD => Insertion::Hold,
-        SPL_LINEAR => Insertion::Linear,
-        SPL_FLOW => Insertion::Flow,
-        other => {
-            return Err(usage("insertion", other, "SPL_HOLD, SPL_LINEAR or SPL_FLOW", "give one of them"));
+/// The light of a call.
+pub struct LightSequence<'a> {
+    frames: Vec<FrameRef<'a>>,
+    /// `None` if the only frame is held for the whole call.
+    timeline: Option<Timeline>,
+}
+
+impl<'a> LightSequence<'a> {
+    pub fn new(frames: Vec<FrameRef<'a>>, readouts_per_frame: u32, interpolation: u32) -> Result<Self> {
+        let interpolation = match interpolation {
+            SPL_INTERPOLATION_HOLD => Interpolation::Hold,
+            SPL_INTERPOLATION_LINEAR => Interpolation::Linear,
+            SPL_INTERPOLATION_FLOW => Interpolation::Flow,
+            other => {
+                return Err(usage(
+                    "interpolation",
+                    other,
+                    "SPL_INTERPOLATION_HOLD, SPL_INTERPOLATION_LINEAR or SPL_INTERPOLATION_FLOW",
+                    "set it to one of them",
+                ));
+            }
+        };
+        let timeline = match (frames.len(), readouts_per_frame) {
+            (0, _) => return Err(usage("count", 0, "at least 1 frame", "pass a frame of light")),
+            (1, 0) => None,
+            (_, 0) => {
+                let remedy = "set it to the readouts that each frame lasts";
+                return Err(usage("readouts_per_frame", 0, "at least 1 for several frames", remedy));
+            }
+            (_, number) => Some(Timeline::from_readouts_per_frame(number.into(), interpolation)?),
+        };
+        Ok(Self { frames, timeline })
+    }
+
+    fn light(&self) -> Light<'_> {
+        match &self.timeline {
+            None => Light::hold(self.frames[0]),
+            Some(timeline) => Light::sequence(&self.frames, timeline),
         }
-    };
-    Timeline::per_frame(per_frame, insertion)
+    }
 }

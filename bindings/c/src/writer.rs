@@ -1,4 +1,4 @@
-//! Streams on their way into files, without pointers.
+//! Writer handles. This module uses no pointers.
 #![forbid(unsafe_code)]
 
 use std::path::Path;
@@ -8,7 +8,7 @@ use spikelane_io::formats::{Layout, StreamWriter};
 
 use crate::error::usage;
 
-/// What a writer handle holds: nothing more once the file has its name.
+/// The content of a writer handle: a stream, or `None` after the stream is finished.
 pub struct Writer(Option<StreamWriter>);
 
 impl Writer {
@@ -19,16 +19,16 @@ impl Writer {
     }
 
     pub fn write(&mut self, packed: &[u8]) -> Result<()> {
-        let Some(stream) = &mut self.0 else { return Err(finished()) };
+        let Some(stream) = &mut self.0 else { return Err(finished_error()) };
         stream.write_frames(stream.written(), packed)
     }
 
     pub fn finish(&mut self) -> Result<()> {
-        let stream = self.0.take().ok_or_else(finished)?;
+        let stream = self.0.take().ok_or_else(finished_error)?;
         stream.finish().map(drop)
     }
 }
 
-fn finished() -> spikelane::Error {
+fn finished_error() -> spikelane::Error {
     usage("writer", "a stream that was finished", "one that is being written", "make another writer")
 }

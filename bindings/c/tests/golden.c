@@ -6,7 +6,7 @@
 #define OK(call)                                                                                       \
     do {                                                                                               \
         if ((call) != SPL_OK) {                                                                        \
-            fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, spl_last_error(SPL_MESSAGE));           \
+            fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, spl_last_error(SPL_ERROR_MESSAGE));           \
             exit(1);                                                                                   \
         }                                                                                              \
     } while (0)
@@ -33,19 +33,25 @@ static void make_light(const golden_row *row, light *l) {
     l->frames[1] = (spl_frame){b, n * size, 0, type};
 }
 
-/* Readouts `from` to `to` of the row's light; the second frame of "bright" is dark and comes after 150. */
+static void pass(spl_simulator *s, spl_light light, size_t readouts, uint8_t *out, size_t frame_bytes) {
+    OK(spl_simulator_run(s, &light, readouts, out, readouts * frame_bytes));
+}
+
+/* Runs readouts `from` to `to` of the row's light; the second frame of "bright" is dark and comes after 150. */
 static void run(spl_simulator *s, const golden_row *row, light *l, size_t from, size_t to, uint8_t *out) {
     size_t cut = strcmp(row->light, "bright") ? GOLDEN_READOUTS : 150;
     if (!strcmp(row->light, "between")) {
         if (from == 0 && to == GOLDEN_READOUTS)
-            OK(spl_push_between(s, &l->frames[0], &l->frames[1], to, out, to * l->bytes));
+            pass(s, (spl_light){l->frames, 2, (uint32_t)to, SPL_INTERPOLATION_LINEAR}, to, out, l->bytes);
         else exit(2);
         return;
     }
     size_t middle = to < cut ? to : cut;
-    if (from < middle) OK(spl_push(s, &l->frames[0], middle - from, out, (middle - from) * l->bytes));
+    const spl_light held[] = {{&l->frames[0], 1, 0, SPL_INTERPOLATION_HOLD},
+                              {&l->frames[1], 1, 0, SPL_INTERPOLATION_HOLD}};
+    if (from < middle) pass(s, held[0], middle - from, out, l->bytes);
     size_t start = from > cut ? from : cut;
-    if (start < to) OK(spl_push(s, &l->frames[1], to - start, out + (start - from) * l->bytes, (to - start) * l->bytes));
+    if (start < to) pass(s, held[1], to - start, out + (start - from) * l->bytes, l->bytes);
 }
 
 static spl_simulator *simulator(const spl_camera *camera, const char *backend) {
@@ -74,10 +80,10 @@ static void resumed(const spl_camera *camera, const golden_row *row, light *l, c
     spl_simulator *one = simulator(camera, backend), *two = simulator(camera, "portable");
     run(one, row, l, 0, at, out);
     size_t bytes;
-    OK(spl_state_bytes(one, &bytes));
+    OK(spl_simulator_state_bytes(one, &bytes));
     uint8_t *state = malloc(bytes);
-    OK(spl_state_save(one, state, bytes));
-    OK(spl_state_restore(two, state, bytes));
+    OK(spl_simulator_state_save(one, state, bytes));
+    OK(spl_simulator_state_restore(two, state, bytes));
     uint64_t readout;
     OK(spl_simulator_readout(two, &readout));
     /* A camera that drops readouts is further on in time than in what came out. */
@@ -91,7 +97,7 @@ static void resumed(const spl_camera *camera, const golden_row *row, light *l, c
 /* 1 if the row ran. */
 static int check(const golden_row *row, const char *backend) {
     spl_camera *camera;
-    OK(spl_camera_parse(row->camera, NULL, &camera));
+    OK(spl_camera_from_toml(row->camera, NULL, &camera));
     spl_simulator *s = simulator(camera, backend);
     if (!s) {
         OK(spl_camera_free(camera));
@@ -133,7 +139,7 @@ int main(int argc, char **argv) {
         size_t ran = 0;
         for (size_t i = 0; i < table.count; i++) ran += (size_t)check(&table.rows[i], backends[b]);
         if (ran) printf("golden.c: %zu rows on %s\n", ran, backends[b]);
-        else printf("golden.c: skipped %s: %s\n", backends[b], spl_last_error(SPL_MESSAGE));
+        else printf("golden.c: skipped %s: %s\n", backends[b], spl_last_error(SPL_ERROR_MESSAGE));
     }
     free(table.text);
     return 0;

@@ -1,4 +1,4 @@
-// golden TABLE: every row of the golden table through the C++ wrapper, in one piece and resumed half-way.
+// golden TABLE: runs every row of the golden table through the C++ wrapper, in one piece and resumed half-way.
 #include <iostream>
 
 #include "golden.h"
@@ -8,11 +8,11 @@ using namespace spikelane;
 
 namespace {
 
-struct Light {
+struct Samples {
     std::vector<std::uint8_t> narrow, back;
     std::vector<std::uint16_t> wide;
     std::vector<float> bright, dark;
-    explicit Light(std::size_t n) : dark(n, 0.0f) {
+    explicit Samples(std::size_t n) : dark(n, 0.0f) {
         for (std::size_t p = 0; p < n; p++) {
             narrow.push_back(golden_ramp(p, n));
             wide.push_back(golden_wide(p, n));
@@ -22,22 +22,23 @@ struct Light {
     }
 };
 
-void run(Simulator &simulator, const std::string &kind, const Light &light, View<std::uint8_t> out) {
-    if (kind == "between") return simulator.push_between(frame(light.narrow), frame(light.back), out);
+void run(Simulator &simulator, const std::string &kind, const Samples &light, View<std::uint8_t> out) {
+    if (kind == "between")
+        return simulator.fill(Light::linear(frame(light.narrow), frame(light.back), GOLDEN_READOUTS), out);
     if (kind == "bright") {
         const std::size_t lit = 150 * simulator.frame_bytes();
-        simulator.push(frame(light.bright), {out.data(), lit});
-        return simulator.push(frame(light.dark), {out.data() + lit, out.size() - lit});
+        simulator.fill(frame(light.bright), {out.data(), lit});
+        return simulator.fill(frame(light.dark), {out.data() + lit, out.size() - lit});
     }
     // Half of it in another simulator, which goes on from the state of this one.
     const std::size_t half = 100 * simulator.frame_bytes();
     const spl_frame held = kind == "u16" ? frame(light.wide) : frame(light.narrow);
-    simulator.push(held, {out.data(), half});
+    simulator.fill(held, {out.data(), half});
     const auto state = simulator.state();
     simulator.restart({11, 1, 2});
     simulator.restart({11, 22, 33});
     simulator.restore(state);
-    simulator.push(held, {out.data() + half, out.size() - half});
+    simulator.fill(held, {out.data() + half, out.size() - half});
 }
 
 std::string digest(const std::vector<std::uint8_t> &bytes) {
@@ -60,6 +61,27 @@ void errors() {
     throw std::logic_error("no exception for a preset that there is not");
 }
 
+// `run`, `fill` and `advance` give the same readouts; `advance` leaves the dropped ones out.
+void runs() {
+    Camera camera = Camera::ideal(40, 30).set_effect("shot_noise", "photons_at_full_scale", 500.0);
+    std::vector<std::uint8_t> bright(40 * 30, 90), dark(40 * 30, 20);
+    const Light lights[] = {frame(bright), Light::linear(frame(bright), frame(dark), 60),
+                            Light::sequence({frame(bright), frame(dark), frame(bright)}, 20)};
+    for (const Light &light : lights) {
+        Simulator one(camera), two(camera), three(camera);
+        const auto packed = one.run(light, 60);
+        std::vector<std::uint8_t> filled(packed.size()), advanced(packed.size());
+        two.fill(light, filled);
+        expect(three.advance(light, 60, advanced) == 60, "a camera that drops no readout");
+        expect(packed == filled && packed == advanced, "the ways to run");
+    }
+    camera.set_effect("dropped_readouts", "probability", 0.3);
+    Simulator dropping(camera);
+    std::vector<std::uint8_t> out(60 * dropping.frame_bytes());
+    const std::size_t written = dropping.advance(lights[0], 60, out);
+    expect(written > 10 && written < 60 && dropping.readout() == 60, "a camera that drops readouts");
+}
+
 void moves() {
     Camera camera = Camera::ideal(40, 30).set_effect("prnu", "sigma", 0.02).set_effect("dark_current", "mean", "0.5 pA");
     Camera moved = std::move(camera);
@@ -70,8 +92,8 @@ void moves() {
     expect(moved.window(1, 2, 8, 4).width() == 8 && moved.clean_twin().height() == 30, "a part of it");
     Simulator one(moved);
     Simulator two = std::move(one);
-    std::vector<std::uint8_t> light(40 * 30, 51), out(10 * two.frame_bytes());
-    two.push(frame(light), out);
+    std::vector<std::uint8_t> light(40 * 30, 51);
+    expect(two.run(frame(light), 10).size() == 10 * two.frame_bytes(), "the size of packed readouts");
     expect(two.readout() == 10, "a simulator that was moved");
     try {
         camera.resize(1, 1);
@@ -90,15 +112,16 @@ int main(int argc, char **argv) try {
     golden_read(argv[1], &table);
     for (std::size_t i = 0; i < table.count; i++) {
         const golden_row &row = table.rows[i];
-        const Camera camera = Camera::parse(row.camera);
+        const Camera camera = Camera::from_toml(row.camera);
         Simulator simulator(camera, {11, 22, 33}, 1.6);
         std::vector<std::uint8_t> out(GOLDEN_READOUTS * simulator.frame_bytes());
-        run(simulator, row.light, Light(std::size_t(camera.width()) * camera.height()), out);
+        run(simulator, row.light, Samples(std::size_t(camera.width()) * camera.height()), out);
         if (digest(out) != row.fnv1a) throw std::logic_error(std::string(row.name) + ": " + digest(out));
     }
     std::free(table.text);
     errors();
     moves();
+    runs();
     std::cout << "golden.cpp: " << table.count << " rows\n";
     return 0;
 } catch (const std::exception &e) {

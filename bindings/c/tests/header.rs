@@ -1,6 +1,6 @@
-//! The committed header and the list of symbols are those of the sources.
+//! The committed header and the list of symbols must match the sources.
 //!
-//! `WRITE=1 cargo test -p spikelane-c --test header` writes both anew.
+//! `WRITE=1 cargo test -p spikelane-c --test header` regenerates both.
 
 use std::path::PathBuf;
 
@@ -17,7 +17,7 @@ fn generated() -> String {
     String::from_utf8(bytes).unwrap()
 }
 
-/// Names of the functions of a header, sorted.
+/// Returns the sorted names of the functions of a header.
 fn functions(header: &str) -> Vec<&str> {
     let mut names: Vec<&str> = header
         .lines()
@@ -43,7 +43,7 @@ fn compare(path: &str, found: &str) {
 }
 
 #[test]
-fn the_committed_header_is_what_cbindgen_writes() {
+fn committed_header_equals_cbindgen_output() {
     compare("include/spikelane.h", &generated());
 }
 

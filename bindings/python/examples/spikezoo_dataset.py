@@ -64,13 +64,13 @@ class ZooClips(BaseDataset):  # type: ignore[misc, valid-type]
         return {
             "spike": item["spikes"].to(torch.float32),
             "gt_img": item["light"].clamp(max=1.0),
-            "rate": float(item["exposure"]),
+            "rate": float(item["thresholds_at_full_scale"]),
         }
 
 
 if __name__ == "__main__":
     clips = torch.randint(0, 256, (6, 4, 40, 48), dtype=torch.uint8).numpy()
-    config = ZooConfig(clips=clips, camera=sl.Camera.preset("physical").resized(40, 48), readouts_per_frame=10)
+    config = ZooConfig(clips=clips, camera=sl.Camera.preset("physical").with_shape(40, 48), readouts_per_frame=10)
     data = ZooClips(config)
     data.build_source("train")
     batch = next(iter(torch.utils.data.DataLoader(data, batch_size=2)))

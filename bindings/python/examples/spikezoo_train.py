@@ -47,8 +47,8 @@ def main() -> None:
     network = sys.argv[1] if len(sys.argv) > 1 else "spk2imgnet"
     epochs = int(sys.argv[2]) if len(sys.argv) > 2 else 2
     clips = drifting_clips(4, 5, 32)
-    camera = sl.Camera.preset("physical").resized(32, 32)
-    data = ZooConfig(clips=clips, camera=camera, readouts_per_frame=9)
+    camera = sl.Camera.preset("physical").with_shape(32, 32)
+    data = ZooConfig(clips=clips, camera=camera, readouts_per_frame=9, options={"interpolation": "linear"})
     loop = TrainPipelineConfig(
         epochs=epochs, use_tensorboard=False, bs_train=2, nw_train=0, bs_test=1, nw_test=0, pin_memory=False
     )

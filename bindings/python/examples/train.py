@@ -48,7 +48,7 @@ class Net(nn.Module):
 
 def batch_of(batch: dict) -> tuple[torch.Tensor, torch.Tensor]:
     """Spikes, and the rate that an ideal camera of that exposure would have."""
-    exposure = batch["exposure"].float()[:, None, None, None]
+    exposure = batch["thresholds_at_full_scale"].float()[:, None, None, None]
     return batch["spikes"].float(), batch["light"] * exposure
 
 
@@ -57,11 +57,12 @@ def loader(seeds: range, seed: int, workers: int) -> tuple[SpikeClips, DataLoade
         clips(seeds),
         sl.CameraDistribution(),
         10,
+        interpolation="linear",
         crop=(CROP, CROP),
         seed=seed,
         readouts=READOUTS,
-        targets=[READOUTS // 2],
-        cameras=32,
+        target_readouts=[READOUTS // 2],
+        camera_count=32,
     )
     return data, DataLoader(data, batch_size=8, num_workers=workers)
 
@@ -84,7 +85,7 @@ def train(seconds: float, workers: int = 0) -> tuple[float, float]:
     data, batches = loader(range(6), 1, workers)
     _, unseen = loader(range(100, 102), 2, workers)
     net = Net()
-    optimiser = torch.optim.Adam(net.parameters(), lr=2e-3)
+    optimizer = torch.optim.Adam(net.parameters(), lr=2e-3)
     start, epoch, steps = time.monotonic(), 0, 0
     while time.monotonic() - start < seconds:
         data.set_epoch(epoch)
@@ -92,9 +93,9 @@ def train(seconds: float, workers: int = 0) -> tuple[float, float]:
             spikes, rate = batch_of(batch)
             scale = rate.mean(dim=(1, 2, 3), keepdim=True)
             loss = ((net(spikes) - rate) / scale).abs().mean()
-            optimiser.zero_grad()
+            optimizer.zero_grad()
             loss.backward()
-            optimiser.step()
+            optimizer.step()
             steps += 1
         epoch += 1
     print(f"{epoch} epochs, {steps} steps")

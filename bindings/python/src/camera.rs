@@ -1,4 +1,4 @@
-//! Cameras: what a stream's noise is.
+//! Cameras. They determine the noise of a stream.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
@@ -6,30 +6,31 @@ use std::sync::{Arc, Mutex};
 use numpy::{PyArrayDyn, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
-use spikelane::effects::definition::{Form, Param};
+use spikelane::effects::definition::{Param, ParamKind};
 use spikelane::spikes::Crop;
 use spikelane::{Effect, Plan, Seeds, Sensor};
 use spikelane_io::formats::OutputSet;
 
 use crate::arrays;
-use crate::error::{Raise as _, usage, wrong_type};
+use crate::error::{OrRaise as _, type_error, usage_error};
 
-/// Plans that are kept: those of the last cameras, of 256 MB together at most.
-const KEPT: usize = 64;
-const KEPT_PIXELS: usize = 4 << 20;
+/// Limits of the cache of plans: the number of plans, and the total number of pixels, which corresponds to about 256 MB.
+const MAX_CACHED_PLANS: usize = 64;
+const MAX_CACHED_PIXELS: usize = 4 << 20;
 
-/// A spike camera: sensor, imperfections, measured maps. Immutable, hashable, comparable, picklable.
+/// A spike camera: a sensor with its effects and measured maps. Immutable, hashable, comparable and picklable.
 ///
-/// Make one with `Camera.preset`, `Camera.load`, `Camera.from_toml` or `Camera.ideal`; methods return a changed
-/// copy. Which individual camera it is (its fixed pattern) follows from `camera_seed` where it is used.
+/// Create a camera with `Camera.preset`, `Camera.load`, `Camera.from_toml` or `Camera.ideal`. Methods return a changed
+/// copy. Functions with the argument `camera_seed` use it to select the individual camera, which determines the fixed
+/// pattern.
 #[pyclass(frozen, module = "spikelane", eq, hash)]
 #[derive(Clone)]
 pub struct Camera {
-    pub inner: Arc<Inner>,
+    pub inner: Arc<KeyedCamera>,
 }
 
-/// A camera and the digest of its bytes.
-pub struct Inner {
+/// A camera and the fingerprint of its bytes.
+pub struct KeyedCamera {
     pub camera: spikelane::Camera,
     pub key: u64,
 }
@@ -48,22 +49,22 @@ impl std::hash::Hash for Camera {
 }
 
 impl Camera {
-    pub fn of(camera: spikelane::Camera) -> PyResult<Self> {
-        let key = spikelane::presets::key(&spikelane::presets::to_bytes(&camera).or_raise()?);
-        Ok(Self { inner: Arc::new(Inner { camera, key }) })
+    pub fn new(camera: spikelane::Camera) -> PyResult<Self> {
+        let key = spikelane::presets::fingerprint(&spikelane::presets::to_bytes(&camera).or_raise()?);
+        Ok(Self { inner: Arc::new(KeyedCamera { camera, key }) })
     }
 
     pub fn camera(&self) -> &spikelane::Camera {
         &self.inner.camera
     }
 
-    /// The plan of this camera, with any shot seed and sequence; planned once and kept.
-    pub fn plan(&self, camera_seed: u64, greatest_light: f64) -> spikelane::Result<Arc<Plan>> {
-        let same = |kept: &Kept| {
-            let fits = kept.seed == camera_seed && kept.light == greatest_light.to_bits();
+    /// Returns the plan of this camera from a cache. The plan can be used with any shot seed and sequence.
+    pub fn plan(&self, camera_seed: u64, max_light: f64) -> spikelane::Result<Arc<Plan>> {
+        let same = |kept: &CachedPlan| {
+            let fits = kept.seed == camera_seed && kept.light == max_light.to_bits();
             fits && *self == kept.camera
         };
-        // A lock that another thread holds, or held when this process was forked off, is not waited for.
+        // `try_lock` does not wait. Another thread may hold the lock, or may have held it when this process was forked.
         if let Ok(mut all) = PLANS.try_lock()
             && let Some(at) = all.iter().position(same)
         {
@@ -73,16 +74,16 @@ impl Camera {
             return Ok(plan);
         }
         let seeds = Seeds { camera: camera_seed, ..Seeds::default() };
-        let plan = Arc::new(Plan::with_light(self.camera(), seeds, greatest_light)?);
+        let plan = Arc::new(Plan::with_max_light(self.camera(), seeds, max_light)?);
         if let Ok(mut all) = PLANS.try_lock() {
-            all.push(Kept {
+            all.push(CachedPlan {
                 camera: self.clone(),
                 seed: camera_seed,
-                light: greatest_light.to_bits(),
+                light: max_light.to_bits(),
                 plan: Arc::clone(&plan),
             });
-            let pixels = |all: &[Kept]| all.iter().map(|k| k.plan.padded()).sum::<usize>();
-            while all.len() > KEPT || (all.len() > 1 && pixels(&all) > KEPT_PIXELS) {
+            let pixels = |all: &[CachedPlan]| all.iter().map(|k| k.plan.padded_pixels()).sum::<usize>();
+            while all.len() > MAX_CACHED_PLANS || (all.len() > 1 && pixels(&all) > MAX_CACHED_PIXELS) {
                 all.remove(0);
             }
         }
@@ -90,65 +91,68 @@ impl Camera {
     }
 }
 
-/// A plan that is kept.
-struct Kept {
+/// A plan in the cache, and its key.
+struct CachedPlan {
     camera: Camera,
     seed: u64,
     light: u64,
     plan: Arc<Plan>,
 }
 
-static PLANS: Mutex<Vec<Kept>> = Mutex::new(Vec::new());
+static PLANS: Mutex<Vec<CachedPlan>> = Mutex::new(Vec::new());
 
 #[pymethods]
 impl Camera {
-    /// The built-in camera called `name` ("physical", "scsim-code", ...; `spikelane.presets()` lists them), 400x250
-    /// at 20 kHz.
+    /// Returns the built-in camera called `name` ("physical", "scsim-code", ...), with 400x250 pixels at 20 kHz.
     ///
-    /// Raises SpikelaneError when there is none of that name.
+    /// `spikelane.presets()` lists the names. Raises SpikelaneError if there is no such camera.
     #[classmethod]
     fn preset(_: &Bound<'_, PyType>, name: &str) -> PyResult<Self> {
-        Self::of(spikelane::presets::builtin(name).or_raise()?)
+        Self::new(spikelane::presets::builtin(name).or_raise()?)
     }
 
-    /// The camera of a .toml file, with the maps beside it.
+    /// Reads the camera of a .toml file. Maps are read from the folder of the file.
     ///
-    /// Raises FileNotFoundError, or SpikelaneError when the file describes no camera.
+    /// Raises FileNotFoundError, or SpikelaneError if the file is not a valid camera.
     #[classmethod]
     fn load(_: &Bound<'_, PyType>, path: PathBuf) -> PyResult<Self> {
-        Self::of(spikelane::effects::Catalogue::new().open(&path).or_raise()?)
+        Self::new(spikelane::effects::Catalog::new().load_camera(&path).or_raise()?)
     }
 
-    /// The camera that the text of a camera file describes; maps it names are looked for in `folder`.
+    /// Parses the text of a camera file. Maps are read from `folder`.
     #[classmethod]
     #[pyo3(signature = (text, folder=None))]
     fn from_toml(_: &Bound<'_, PyType>, text: &str, folder: Option<PathBuf>) -> PyResult<Self> {
-        Self::of(spikelane::presets::parse(text, folder.as_deref()).or_raise()?)
+        Self::new(spikelane::presets::from_toml(text, folder.as_deref()).or_raise()?)
     }
 
-    /// The camera that `to_bytes` wrote, maps included.
+    /// Returns the camera from the result of `to_bytes`, including maps.
     ///
-    /// Raises SpikelaneError for bytes of another version.
+    /// Raises SpikelaneError if another version wrote the bytes.
     #[classmethod]
     fn from_bytes(_: &Bound<'_, PyType>, data: &[u8]) -> PyResult<Self> {
-        Self::of(spikelane::presets::from_bytes(data).or_raise()?)
+        Self::new(spikelane::presets::from_bytes(data).or_raise()?)
     }
 
-    /// A camera without imperfections that starts with empty pixels: `height` x `width` pixels, `readout_hz`
-    /// readouts per second.
+    /// Returns a camera without imperfections. Its pixels start without charge.
+    ///
+    /// The camera has `height` x `width` pixels and `readout_hz` readouts per second.
     #[classmethod]
     #[pyo3(signature = (height, width, readout_hz=20_000.0))]
     fn ideal(_: &Bound<'_, PyType>, height: usize, width: usize, readout_hz: f64) -> PyResult<Self> {
         let geometry = arrays::geometry(height, width)?;
         let sensor = Sensor::new(geometry.width() as u32, geometry.height() as u32, readout_hz);
-        Self::of(spikelane::Camera::ideal(sensor.or_raise()?))
+        Self::new(spikelane::Camera::ideal(sensor.or_raise()?))
     }
 
-    /// This camera with the effect `name` (`spikelane.effects()` lists them): its numbers as keywords, in the
-    /// parameter's unit, or as text with a unit ("6.36 mV"). Numbers left out stay what they are; those of an
-    /// effect that the camera lacks are neutral.
+    /// Returns this camera with the effect `name`. `spikelane.effects()` lists the effects.
     ///
-    /// Raises SpikelaneError for an unknown effect or parameter, a wrong unit, or a value out of its range.
+    /// The keyword arguments are parameters of the effect. Values are numbers in the unit of the parameter, or text with
+    /// a unit ("6.36 mV"). A parameter that is not passed keeps its value. If the camera lacks the effect, such a
+    /// parameter is neutral.
+    ///
+    /// Raises SpikelaneError if the effect, a parameter or a unit is wrong, or if a value is outside the range of the
+    /// parameter.
     #[pyo3(signature = (name, /, **values))]
     fn with_effect(&self, name: &str, values: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let camera = self.camera();
@@ -159,10 +163,10 @@ impl Camera {
             effect = if let Ok(text) = value.extract::<String>() {
                 effect.with_text(&key, &text)
             } else if let Ok(number) = value.extract::<f64>() {
-                effect.with(&key, number)
+                effect.with_value(&key, number)
             } else {
                 let found = value.get_type().name()?;
-                return Err(wrong_type(
+                return Err(type_error(
                     key,
                     found,
                     "a number, or text with a unit",
@@ -171,19 +175,22 @@ impl Camera {
             }
             .or_raise()?;
         }
-        Self::of(camera.clone().with(effect))
+        Self::new(camera.clone().with_effect(effect))
     }
 
-    /// This camera without the effect `name`.
+    /// Returns this camera without the effect `name`. A camera that lacks the effect is unchanged.
     ///
-    /// Raises SpikelaneError when no effect has that name; a camera that lacks it stays the same.
-    fn without(&self, name: &str) -> PyResult<Self> {
+    /// Raises SpikelaneError if there is no effect of this name.
+    fn without_effect(&self, name: &str) -> PyResult<Self> {
         spikelane::effects::find(name).or_raise()?;
-        Self::of(self.camera().clone().without(name))
+        Self::new(self.camera().clone().without_effect(name))
     }
 
-    /// This camera with another circuit: readouts per second, capacitance in fF, voltage swing in V, and nominal
-    /// thresholds that full-scale light adds per readout (the exposure: 0.2 makes white fire at every fifth readout).
+    /// Returns this camera with other properties of the sensor.
+    ///
+    /// The properties are the readouts per second, the capacitance in fF, the voltage swing in V, and the exposure: the
+    /// nominal thresholds that full-scale light adds per readout. With an exposure of 0.2, full-scale light fires at
+    /// every fifth readout.
     #[pyo3(signature = (*, readout_hz=None, capacitance_ff=None, swing_v=None, thresholds_at_full_scale=None))]
     fn with_sensor(
         &self,
@@ -198,12 +205,15 @@ impl Camera {
         sensor.capacitance_ff = capacitance_ff.unwrap_or(sensor.capacitance_ff);
         sensor.swing_v = swing_v.unwrap_or(sensor.swing_v);
         sensor.thresholds_at_full_scale = thresholds_at_full_scale.unwrap_or(sensor.thresholds_at_full_scale);
-        camera.sensor.validated().or_raise()?;
-        Self::of(camera)
+        camera.sensor.validate().or_raise()?;
+        Self::new(camera)
     }
 
-    /// This camera with measured maps, float64 of shape (H, W), in place of what effects would draw: `gain` relative to
-    /// the nominal one, `dark_pa` in pA, `capacitance_ff` in fF, `swing_v` in V. Maps left out stay what they are.
+    /// Returns this camera with measured maps. Each map is float64 of shape (H, W) and replaces a fixed pattern that
+    /// effects draw.
+    ///
+    /// `gain` is relative to the nominal gain, `dark_pa` is in pA, `capacitance_ff` is in fF, and `swing_v` is in V. Maps
+    /// that are not passed are unchanged.
     #[pyo3(signature = (*, gain=None, dark_pa=None, capacitance_ff=None, swing_v=None))]
     fn with_maps(
         &self,
@@ -213,7 +223,7 @@ impl Camera {
         swing_v: Option<PyReadonlyArray2<'_, f64>>,
     ) -> PyResult<Self> {
         let mut camera = self.camera().clone();
-        let geometry = camera.whole_geometry();
+        let geometry = camera.sensor_geometry();
         let maps = &mut camera.maps;
         let all = [
             ("gain", gain, &mut maps.gain),
@@ -229,21 +239,27 @@ impl Camera {
                 let found =
                     format!("an array of shape {:?}, or one with values that are not finite", map.dim());
                 let remedy = "give the map of the whole sensor";
-                return Err(usage(name, found, format_args!("finite numbers of shape {shape:?}"), remedy));
+                return Err(usage_error(
+                    name,
+                    found,
+                    format_args!("finite numbers of shape {shape:?}"),
+                    remedy,
+                ));
             }
             *target = Some(map.iter().copied().collect());
         }
-        Self::of(camera)
+        Self::new(camera)
     }
 
-    /// This camera with another number of pixels, its fixed pattern drawn anew. For a part of the same camera see
-    /// `window`.
+    /// Returns this camera with another number of pixels. The fixed pattern is drawn again.
     ///
-    /// Raises SpikelaneError for a window, a camera with maps, or an impossible size.
-    fn resized(&self, height: usize, width: usize) -> PyResult<Self> {
+    /// `window` returns a part of the same camera instead.
+    ///
+    /// Raises SpikelaneError for a window, for a camera with maps, and for an invalid size.
+    fn with_shape(&self, height: usize, width: usize) -> PyResult<Self> {
         let mut camera = self.camera().clone();
-        if camera.place().is_some() || camera.maps != spikelane::effects::Maps::default() {
-            return Err(usage(
+        if camera.window_crop().is_some() || camera.maps != spikelane::effects::Maps::default() {
+            return Err(usage_error(
                 "camera",
                 "a window, or a camera with maps",
                 "a whole sensor without maps",
@@ -251,22 +267,24 @@ impl Camera {
             ));
         }
         camera.sensor.geometry = arrays::geometry(height, width)?;
-        Self::of(camera)
+        Self::new(camera)
     }
 
-    /// `height` x `width` pixels of this camera from (`row`, `col`) on, as a camera of its own: with the fixed pattern
-    /// of that place. Temporal noise is its own.
+    /// Returns the rectangle of `height` x `width` pixels at (`row`, `col`) as a separate camera.
     ///
-    /// Raises SpikelaneError when the rectangle is empty or leaves the sensor.
+    /// The fixed pattern equals the fixed pattern of the rectangle. The temporal noise is independent of this camera.
+    ///
+    /// Raises SpikelaneError if the rectangle is empty or not within the sensor.
     fn window(&self, row: usize, col: usize, height: usize, width: usize) -> PyResult<Self> {
         let crop = Crop { x: col, y: row, width, height };
-        Self::of(self.camera().window(crop).or_raise()?)
+        Self::new(self.camera().window(crop).or_raise()?)
     }
 
-    /// The noise-free twin: the same sensor, clamp and start phase. With the same seeds its stream starts in the
-    /// same phase.
+    /// Returns the noise-free twin. It has the same sensor, saturation clamp and start phase, but no other effect.
+    ///
+    /// With equal seeds, the streams of camera and twin start at equal phases.
     fn clean_twin(&self) -> PyResult<Self> {
-        Self::of(self.camera().clean_twin())
+        Self::new(self.camera().clean_twin())
     }
 
     /// (height, width) in pixels.
@@ -294,33 +312,35 @@ impl Camera {
         &self.camera().name
     }
 
-    /// Where its numbers come from.
+    /// Source of the camera's values.
     #[getter]
     fn source(&self) -> &str {
         &self.camera().source
     }
 
-    /// (row, col, height, width) of a window in the whole sensor; None for a whole one.
+    /// (row, col, height, width) of this window in the whole sensor, or None if this camera is not a window.
     #[getter]
-    fn place(&self) -> Option<(usize, usize, usize, usize)> {
-        self.camera().place().map(|c| (c.y, c.x, c.height, c.width))
+    fn window_crop(&self) -> Option<(usize, usize, usize, usize)> {
+        self.camera().window_crop().map(|c| (c.y, c.x, c.height, c.width))
     }
 
-    /// Effects by name, each a dict of its numbers (in the parameter's unit) and words.
+    /// Effects by name. Each effect is a dict of its parameters. Values are numbers in the unit of the parameter, or
+    /// words.
     #[getter]
     fn effects<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for effect in self.camera().effects() {
-            all.set_item(effect.name(), numbers(py, effect)?)?;
+            all.set_item(effect.name(), effect_numbers(py, effect)?)?;
         }
         Ok(all)
     }
 
-    /// Measured maps by name, float64 of shape (H, W) of the whole sensor; empty without any.
+    /// Measured maps by name. Each map is float64 with the shape of the whole sensor. The dict is empty if there are no
+    /// maps.
     #[getter]
     fn maps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let camera = self.camera();
-        let geometry = camera.whole_geometry();
+        let geometry = camera.sensor_geometry();
         let shape = [geometry.height(), geometry.width()];
         let maps = &camera.maps;
         let all = [
@@ -332,29 +352,29 @@ impl Camera {
         let dict = PyDict::new(py);
         for (name, map) in all {
             if let Some(map) = map {
-                let array: Bound<'_, PyArrayDyn<f64>> = arrays::picture(py, map.clone(), &shape)?;
+                let array: Bound<'_, PyArrayDyn<f64>> = arrays::array_from_vec(py, map.clone(), &shape)?;
                 dict.set_item(name, array)?;
             }
         }
         Ok(dict)
     }
 
-    /// The camera file, as `from_toml` reads it. Of a camera with maps it names their files, which `save` writes.
+    /// Returns the text of the camera file, which `from_toml` parses. The text refers to map files, which `save` writes.
     fn to_toml(&self) -> PyResult<String> {
         Ok(spikelane::presets::to_toml(self.camera()).or_raise()?.text)
     }
 
-    /// The camera with its maps as bytes, as `from_bytes` reads them. Equal cameras give equal bytes.
+    /// Returns the camera and its maps as bytes, which `from_bytes` parses. Equal cameras have equal bytes.
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         Ok(PyBytes::new(py, &spikelane::presets::to_bytes(self.camera()).or_raise()?))
     }
 
-    /// Writes camera.toml and its maps into `folder`, which is made if missing; returns the file's path.
+    /// Writes camera.toml and the map files to `folder` and returns the path of camera.toml. A missing folder is created.
     ///
-    /// Raises FileExistsError unless `force`.
+    /// Raises FileExistsError if a file exists and `force` is false.
     #[pyo3(signature = (folder, force=false))]
     fn save(&self, folder: PathBuf, force: bool) -> PyResult<PathBuf> {
-        // Held until the last file has its name.
+        // The claim must last until the last file has its final name.
         let _claim = OutputSet::claim([folder.join("camera.toml")], force).or_raise()?;
         spikelane_io::simulate::save_camera(self.camera(), &folder, force).or_raise()
     }
@@ -365,21 +385,42 @@ impl Camera {
 
     fn __repr__(&self) -> String {
         let (height, width) = self.shape();
-        let part = if self.camera().place().is_some() { ", a window" } else { "" };
-        format!(
-            "<spikelane.Camera {:?}, {height} x {width} pixels, {} Hz{part}>",
+        let mut text = format!(
+            "<spikelane.Camera {:?}: {height} x {width} pixels, {} readouts/s, thresholds_at_full_scale={}",
             self.name(),
-            self.readout_hz()
-        )
+            self.readout_hz(),
+            self.thresholds_at_full_scale()
+        );
+        let camera = self.camera();
+        if let Some(crop) = camera.window_crop() {
+            text += &format!("; window at row {}, col {}", crop.y, crop.x);
+        }
+        let effects: Vec<&str> = camera.effects().iter().map(Effect::name).collect();
+        text += &match &effects[..] {
+            [] => "; no effects".to_owned(),
+            names => format!("; effects: {}", names.join(", ")),
+        };
+        let maps = &camera.maps;
+        let maps = [
+            ("gain", &maps.gain),
+            ("dark_pa", &maps.dark_pa),
+            ("capacitance_ff", &maps.capacitance_ff),
+            ("swing_v", &maps.swing_v),
+        ];
+        let maps: Vec<&str> = maps.iter().filter(|(_, map)| map.is_some()).map(|(name, _)| *name).collect();
+        if !maps.is_empty() {
+            text += &format!("; maps: {}", maps.join(", "));
+        }
+        text + ">"
     }
 }
 
-fn numbers<'py>(py: Python<'py>, effect: &Effect) -> PyResult<Bound<'py, PyDict>> {
+fn effect_numbers<'py>(py: Python<'py>, effect: &Effect) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     for (param, &value) in effect.definition().params.iter().zip(effect.values()) {
-        match param.form {
-            Form::Number { .. } => dict.set_item(param.key, value)?,
-            Form::Choice(_) => dict.set_item(param.key, param.format(value))?,
+        match param.kind {
+            ParamKind::Number { .. } => dict.set_item(param.key, value)?,
+            ParamKind::Choice(_) => dict.set_item(param.key, param.format(value))?,
         }
     }
     Ok(dict)
@@ -391,15 +432,17 @@ pub fn presets() -> Vec<&'static str> {
     spikelane::presets::ALL.iter().map(|p| p.name).collect()
 }
 
-/// Every effect by name: "summary", "source", and "parameters" by key with "help", "unit", "low", "high", "neutral",
-/// "typical" (or "words" of a choice).
+/// All effects by name. Each effect is a dict with "summary", "source" and "parameters".
+///
+/// "parameters" contains a dict per key, with "help", "unit", "low", "high", "neutral" and "typical". For a choice, the
+/// dict contains "words" instead of "unit", "low" and "high".
 #[pyfunction]
 pub fn effects(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let all = PyDict::new(py);
     for effect in spikelane::effects::ALL {
         let parameters = PyDict::new(py);
         for param in effect.params {
-            parameters.set_item(param.key, parameter(py, param)?)?;
+            parameters.set_item(param.key, parameter_dict(py, param)?)?;
         }
         let dict = PyDict::new(py);
         dict.set_item("summary", effect.summary)?;
@@ -410,19 +453,19 @@ pub fn effects(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(all)
 }
 
-fn parameter<'py>(py: Python<'py>, param: &Param) -> PyResult<Bound<'py, PyDict>> {
+fn parameter_dict<'py>(py: Python<'py>, param: &Param) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("help", param.help)?;
-    match param.form {
-        Form::Number { unit, low, high } => {
+    match param.kind {
+        ParamKind::Number { unit, low, high } => {
             dict.set_item("unit", unit.symbol())?;
             dict.set_item("low", low)?;
             dict.set_item("high", high)?;
             dict.set_item("neutral", param.neutral)?;
             dict.set_item("typical", param.typical)?;
         }
-        Form::Choice(words) => {
-            dict.set_item("words", words.to_vec())?;
+        ParamKind::Choice(words) => {
+            dict.set_item("choices", words.to_vec())?;
             dict.set_item("neutral", param.format(param.neutral))?;
             dict.set_item("typical", param.format(param.typical))?;
         }

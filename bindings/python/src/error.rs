@@ -1,22 +1,32 @@
-//! Errors of the library as Python's.
+//! Conversion of the library's errors to Python exceptions.
 
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use spikelane::{Error, Kind};
+use spikelane::error::printable;
+use spikelane::{Error, ErrorKind};
 
-/// The function of the package that makes an exception of the fitting class.
-static MAKE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+/// The Python function of the package that creates an exception of the matching class.
+static MAKE_ERROR: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
 
-/// The exception for `error`: of the fitting class, with its parts as fields.
-pub fn raise(error: &Error) -> PyErr {
+/// Returns the parameter of a setting that a message of the library names.
+fn parameter(key: &str) -> String {
+    format!("{key}=")
+}
+
+fn message(error: &Error) -> String {
+    printable(&error.render(&parameter)).into_owned()
+}
+
+/// Converts `error` to an exception of the matching class. The fields of the exception are the parts of the error.
+pub fn to_exception(error: &Error) -> PyErr {
     Python::attach(|py| {
-        let parts = error.parts();
+        let parts = error.render_parts(&parameter);
         let io = error.io_error();
         let errno = io.and_then(std::io::Error::raw_os_error);
         let missing = io.is_some_and(|e| e.kind() == std::io::ErrorKind::NotFound);
-        let made = make(py).and_then(|make| {
+        let made = make_error(py).and_then(|make| {
             let fields = (parts.kind.name(), parts.subject, parts.found, parts.expected, parts.remedy);
-            make.call1((error.to_string(), fields, errno, missing))
+            make.call1((message(error), fields, errno, missing))
         });
         match made {
             Ok(exception) => PyErr::from_value(exception),
@@ -25,46 +35,46 @@ pub fn raise(error: &Error) -> PyErr {
     })
 }
 
-fn make(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
-    let make =
-        MAKE.get_or_try_init(py, || py.import("spikelane._errors")?.getattr("make").map(Bound::unbind))?;
+fn make_error(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+    let make = MAKE_ERROR
+        .get_or_try_init(py, || py.import("spikelane._errors")?.getattr("make_error").map(Bound::unbind))?;
     Ok(make.bind(py).clone())
 }
 
-/// An error of the caller's: a wrong argument.
-pub fn usage(
+/// Returns the exception for an invalid argument.
+pub fn usage_error(
     subject: impl std::fmt::Display,
     found: impl std::fmt::Display,
     expected: impl std::fmt::Display,
     remedy: impl std::fmt::Display,
 ) -> PyErr {
-    raise(&Error::new(Kind::Usage, subject).found(found).expected(expected).remedy(remedy))
+    to_exception(&Error::new(ErrorKind::Usage, subject).found(found).expected(expected).remedy(remedy))
 }
 
-/// An argument of another type or dtype.
-pub fn wrong_type(
+/// Returns the exception for an argument of a wrong type or dtype.
+pub fn type_error(
     subject: impl std::fmt::Display,
     found: impl std::fmt::Display,
     expected: impl std::fmt::Display,
     remedy: impl std::fmt::Display,
 ) -> PyErr {
     Python::attach(|py| {
-        let error = Error::new(Kind::Usage, subject).found(found).expected(expected).remedy(remedy);
-        let parts = error.parts();
+        let error = Error::new(ErrorKind::Usage, subject).found(found).expected(expected).remedy(remedy);
+        let parts = error.render_parts(&parameter);
         let fields = ("type", parts.subject, parts.found, parts.expected, parts.remedy);
-        let made = make(py).and_then(|make| make.call1((error.to_string(), fields, None::<i32>, false)));
+        let made = make_error(py).and_then(|make| make.call1((message(&error), fields, None::<i32>, false)));
         made.map_or_else(|failed| failed, PyErr::from_value)
     })
 }
 
-/// Results of the library as Python's.
-pub trait Raise<T> {
-    /// The value, or the exception.
+/// Conversion of results of the library to Python results.
+pub trait OrRaise<T> {
+    /// Returns the value, or raises the exception.
     fn or_raise(self) -> PyResult<T>;
 }
 
-impl<T> Raise<T> for spikelane::Result<T> {
+impl<T> OrRaise<T> for spikelane::Result<T> {
     fn or_raise(self) -> PyResult<T> {
-        self.map_err(|error| raise(&error))
+        self.map_err(|error| to_exception(&error))
     }
 }

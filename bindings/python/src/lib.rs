@@ -1,6 +1,7 @@
-//! The native half of the Python package `spikelane`: arrays in, arrays out, one door a file.
+//! The native part of the Python package `spikelane`. Each part of the interface is in a separate file.
 //!
-//! Docstrings of what users see are in the stubs' words; the package's Python files hold what needs no speed.
+//! The docstrings of public functions agree with the stubs. Code that need not be fast is in the Python files of the
+//! package.
 
 mod arrays;
 mod batch;
@@ -10,13 +11,14 @@ mod error;
 mod report;
 mod scene;
 mod simulator;
+mod spike_frames;
 mod spikes;
 mod stream;
 mod watch;
 
 use pyo3::prelude::*;
 
-/// Native half of the package; use the names that `spikelane` has.
+/// Native part of the package; use the names in `spikelane`.
 #[pymodule(gil_used = false)]
 mod _native {
     #[pymodule_export]
@@ -34,7 +36,9 @@ mod _native {
     #[pymodule_export]
     use super::simulator::Simulator;
     #[pymodule_export]
-    use super::spikes::{pack, span_rate, tfi, tfp, unpack};
+    use super::spike_frames::SpikeFrames;
+    #[pymodule_export]
+    use super::spikes::{pack, span_rates, tfi, tfp, unpack};
     #[pymodule_export]
     use super::stream::{Stream, open_stream, write_stream};
 
@@ -50,7 +54,7 @@ mod _native {
 ///
 /// Runs the `spikelane` program in this process and returns its exit code.
 ///
-/// `args` are its arguments, the program's name first.
+/// `args` contains the arguments of the program. The first argument is the name of the program.
 #[pyfunction]
 fn command(py: Python<'_>, args: Vec<String>) -> u8 {
     py.detach(|| spikelane_cli::main(args))

@@ -1,22 +1,23 @@
-//! Random driving scenes with their labels.
+//! Random driving scenes with labels.
 
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use spikelane_scene::{Labels, Lighting, SamplesPerPixel, SceneOptions, Semantic};
 
-use crate::arrays::picture;
-use crate::error::{Raise as _, usage};
+use crate::arrays::array_from_vec;
+use crate::error::{OrRaise as _, usage_error};
 use crate::simulator::check_threads;
-use crate::watch::{Watch, stoppable};
+use crate::watch::{WorkMonitor, run_interruptible};
 
 type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;
 
-/// A random city with its traffic and its light, all from `seed`, and a camera that drives through: a function of time.
+/// A random driving scene: a city with traffic and lighting, and a camera in a moving car. It is a function of time.
 ///
-/// `height` and `width` in pixels; `fov_deg` 5 to 150 degrees; `lighting` one of "noon", "low-sun", "overcast", "rain",
-/// "tunnel", "dusk", "night"; `duration_s` up to 120 s; `speed_kmh` 1 to 300; `vehicles` besides the camera's; lamps
-/// flicker with `flicker_hz`. What is left out follows from the seed.
+/// The scene is determined by `seed` and the options. `height` and `width` are in pixels, and `fov_deg` is 5 to 150
+/// degrees. `lighting` is one of "noon", "low-sun", "overcast", "rain", "tunnel", "dusk", "night". `duration_s` is up to
+/// 120 s, and `speed_kmh` is 1 to 300. `vehicles` is the number of other vehicles. Lamps flicker with the frequency
+/// `flicker_hz`. Options that are not passed are drawn from the seed.
 #[pyclass(frozen, module = "spikelane._native")]
 pub struct Scene {
     scene: spikelane_scene::Scene,
@@ -42,8 +43,9 @@ impl Scene {
     ) -> PyResult<Self> {
         let named = |name: &str| {
             let names: Vec<_> = Lighting::ALL.iter().map(|l| l.name()).collect();
-            let wrong =
-                || usage("lighting", format_args!("{name:?}"), names.join(", "), "leave it to the seed");
+            let wrong = || {
+                usage_error("lighting", format_args!("{name:?}"), names.join(", "), "leave it to the seed")
+            };
             Lighting::from_name(name).ok_or_else(wrong)
         };
         let lighting = lighting.map(named).transpose()?;
@@ -56,7 +58,7 @@ impl Scene {
             .with_speed_kmh(speed_kmh)
             .with_vehicles(vehicles)
             .with_flicker_hz(flicker_hz);
-        let scene = py.detach(|| spikelane_scene::Scene::random(seed, &options)).or_raise()?;
+        let scene = py.detach(|| spikelane_scene::Scene::from_seed(seed, &options)).or_raise()?;
         Ok(Self { scene, options })
     }
 
@@ -66,25 +68,26 @@ impl Scene {
         self.scene.seed()
     }
 
-    /// The light, asked for or drawn.
+    /// The lighting, which was passed or drawn.
     #[getter]
     fn lighting(&self) -> &'static str {
         self.scene.lighting().name()
     }
 
-    /// Instants from 0 to this many seconds exist.
+    /// Duration in seconds. The scene exists from 0 seconds to this instant.
     #[getter]
     fn duration_s(&self) -> f64 {
         self.scene.duration_s()
     }
 
-    /// Vehicles besides the camera's; instance numbers run from 1 to this.
+    /// Number of other vehicles. The instance numbers of these vehicles are 1 to this number.
     #[getter]
     fn vehicles(&self) -> u32 {
         self.scene.vehicles()
     }
 
-    /// Light and labels at `t` seconds, as a dict; `spikelane.Scene.render` makes a Rendered of it.
+    /// Returns the light and the labels at `t` seconds as a dict. `spikelane.Scene.render` converts this dict to a
+    /// Rendered.
     #[pyo3(signature = (t, samples=4, threads=1))]
     fn _render<'py>(
         &self,
@@ -97,9 +100,9 @@ impl Scene {
         let samples = match samples {
             4 => SamplesPerPixel::Four,
             16 => SamplesPerPixel::Sixteen,
-            other => return Err(usage("samples", other, "4 or 16 colour samples a pixel", "give 4")),
+            other => return Err(usage_error("samples", other, "4 or 16 color samples a pixel", "give 4")),
         };
-        let (mut drawn, boxes) = stoppable(py, Watch::new(py, None, "")?, |_| {
+        let (mut drawn, boxes) = run_interruptible(py, WorkMonitor::new(py, None, "")?, |_| {
             let drawn = self.scene.render(t, samples, threads)?;
             let boxes = self.scene.boxes(&drawn.labels)?;
             Ok((drawn, boxes))
@@ -110,22 +113,22 @@ impl Scene {
         let rgb: Vec<f32> = drawn.rgb.iter().flatten().copied().collect();
         let dict = PyDict::new(py);
         dict.set_item("t", t)?;
-        dict.set_item("light", picture(py, drawn.light, &shape)?)?;
-        dict.set_item("rgb", picture(py, rgb, &[shape[0], shape[1], 3])?)?;
-        dict.set_item("depth", picture(py, drawn.labels.depth_m, &shape)?)?;
-        dict.set_item("instances", picture(py, drawn.labels.instance, &shape)?)?;
-        dict.set_item("semantic", picture(py, drawn.labels.semantic, &shape)?)?;
+        dict.set_item("light", array_from_vec(py, drawn.light, &shape)?)?;
+        dict.set_item("rgb", array_from_vec(py, rgb, &[shape[0], shape[1], 3])?)?;
+        dict.set_item("depth", array_from_vec(py, drawn.labels.depth_m, &shape)?)?;
+        dict.set_item("instances", array_from_vec(py, drawn.labels.instance, &shape)?)?;
+        dict.set_item("semantic", array_from_vec(py, drawn.labels.semantic, &shape)?)?;
         let all = PyList::empty(py);
         for b in boxes {
             let one = PyDict::new(py);
             one.set_item("track_id", b.track_id)?;
-            one.set_item("category", format!("{:?}", b.class).to_lowercase())?;
-            one.set_item("visible", b.visible.map(|v| (v[0], v[1], v[2], v[3])))?;
-            one.set_item("amodal", (b.amodal[0], b.amodal[1], b.amodal[2], b.amodal[3]))?;
+            one.set_item("vehicle_class", format!("{:?}", b.class).to_lowercase())?;
+            one.set_item("visible_box", b.visible_box.map(|v| (v[0], v[1], v[2], v[3])))?;
+            one.set_item("amodal_box", (b.amodal_box[0], b.amodal_box[1], b.amodal_box[2], b.amodal_box[3]))?;
             one.set_item("visible_pixels", b.visible_pixels)?;
             one.set_item("occlusion", b.occlusion)?;
             one.set_item("truncation", b.truncation)?;
-            one.set_item("centre_m", (b.centre_m[0], b.centre_m[1], b.centre_m[2]))?;
+            one.set_item("center_m", (b.center_m[0], b.center_m[1], b.center_m[2]))?;
             one.set_item("size_m", (b.size_m[0], b.size_m[1], b.size_m[2]))?;
             one.set_item("rotation_y", b.rotation_y)?;
             one.set_item("speed_mps", b.speed_mps)?;
@@ -135,8 +138,11 @@ impl Scene {
         Ok(dict)
     }
 
-    /// Where the pixels of instant `t` are at instant `to` (seconds, earlier or later): float32 (2, H, W), columns to
-    /// the right and rows down in pixels, and where they are hidden then, bool (H, W).
+    /// Returns the displacement of the pixels between the instants `t` and `to` (in seconds), and the occlusion. `to` may
+    /// be earlier than `t`.
+    ///
+    /// The displacement is float32 (2, H, W) in pixels. The first component is to the right, and the second component is
+    /// downwards. The occlusion is bool (H, W). It is true for pixels that are hidden at `to`.
     #[pyo3(signature = (t, to, threads=1))]
     fn flow<'py>(
         &self,
@@ -146,56 +152,63 @@ impl Scene {
         threads: usize,
     ) -> PyResult<(Array<'py, f32>, Array<'py, bool>)> {
         check_threads(threads)?;
-        let flow = stoppable(py, Watch::new(py, None, "")?, |_| {
+        let flow = run_interruptible(py, WorkMonitor::new(py, None, "")?, |_| {
             let labels = |t| -> spikelane::Result<Labels> { self.scene.labels(t, threads) };
             self.scene.flow(&labels(t)?, &labels(to)?, threads)
         })?;
         let both: Vec<f32> = flow.dx.into_iter().chain(flow.dy).collect();
         let shape = [flow.height, flow.width];
-        Ok((picture(py, both, &[2, shape[0], shape[1]])?, picture(py, flow.occluded, &shape)?))
+        Ok((
+            array_from_vec(py, both, &[2, shape[0], shape[1]])?,
+            array_from_vec(py, flow.is_occluded, &shape)?,
+        ))
     }
 
-    /// Light of `frames` instants from `t` on, `hz` a second: float32 (frames, H, W), 1.0 at white; highlights and lamps lie
-    /// above. What `Simulator.push` and `simulate_batch` take.
+    /// Returns the light of `frames` frames as float32 (frames, H, W), where 1.0 is white. Highlights and lamps exceed
+    /// 1.0.
     ///
-    /// Raises SpikelaneError when an instant lies outside the drive. `progress(done, total)` hears about frames.
-    #[pyo3(signature = (t, frames, hz, *, samples=4, threads=1, progress=None))]
+    /// The first frame is at `t` seconds, and `fps` is the number of frames per second. `Simulator.push` and
+    /// `simulate_batch` accept the returned array.
+    ///
+    /// Raises SpikelaneError if a frame is before the start or after the end of the drive. `progress(done, total)` is
+    /// called with numbers of frames.
+    #[pyo3(signature = (t, frames, fps, *, samples=4, threads=1, progress=None))]
     fn clip<'py>(
         &self,
         py: Python<'py>,
         t: f64,
         frames: usize,
-        hz: f64,
+        fps: f64,
         samples: u8,
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         check_threads(threads)?;
-        if !(hz.is_finite() && hz > 0.0) || frames == 0 {
-            return Err(usage(
+        if !(fps.is_finite() && fps > 0.0) || frames == 0 {
+            return Err(usage_error(
                 "clip",
-                format_args!("{frames} frames at {hz} Hz"),
+                format_args!("{frames} frames at {fps} Hz"),
                 "at least one at a positive rate",
                 "",
             ));
         }
         let samples = if samples == 16 { SamplesPerPixel::Sixteen } else { SamplesPerPixel::Four };
-        let watch = Watch::new(py, progress, "frames")?;
+        let watch = WorkMonitor::new(py, progress, "frames")?;
         let white = self.scene.white_cd_m2();
-        let (light, size) = stoppable(py, watch, |tell| {
+        let (light, size) = run_interruptible(py, watch, |tell| {
             let (mut light, mut size) = (Vec::new(), (0, 0));
             for i in 0..frames {
-                let drawn = self.scene.render(t + i as f64 / hz, samples, threads)?;
+                let drawn = self.scene.render(t + i as f64 / fps, samples, threads)?;
                 size = (drawn.labels.height, drawn.labels.width);
                 light.extend(drawn.light.iter().map(|l| l / white));
                 tell((i as f64 + 1.0) / frames as f64);
             }
             Ok((light, size))
         })?;
-        picture(py, light, &[frames, size.0, size.1])
+        array_from_vec(py, light, &[frames, size.0, size.1])
     }
 
-    /// Names of the values of `semantic` pictures, by value.
+    /// Returns the names of the values in `semantic` images. The keys of the dict are the values.
     #[staticmethod]
     fn semantic_names(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         let names = PyDict::new(py);

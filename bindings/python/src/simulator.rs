@@ -1,49 +1,51 @@
-//! A camera at work.
+//! Simulators of cameras.
 
 use std::sync::{Mutex, MutexGuard};
 
-use numpy::{PyArrayDyn, PyArrayMethods as _};
+use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict as _, PyBytes, PyDict};
-use spikelane::{Backend, Seeds, spikes};
-use spikelane_io::light::{Insertion, Timeline};
+use spikelane::{Backend, Geometry, Light, Seeds, spikes};
+use spikelane_io::light::{Interpolation, Timeline};
 
-use crate::arrays::{Copies, Light, buffer, zeros};
+use crate::arrays::{CopyPolicy, LightArray, check_buffer, check_frame_buffer, zeros};
 use crate::camera::Camera;
-use crate::error::{Raise as _, raise, usage};
-use crate::watch::Watch;
+use crate::error::{OrRaise as _, usage_error};
+use crate::spike_frames::SpikeFrames;
+use crate::watch::WorkMonitor;
 
-/// Packed bytes between two unpackings: they stay in the second-level cache.
-const PIECE: usize = 256 << 10;
+/// Number of packed bytes that are unpacked at a time. A piece of this size stays in the second-level cache.
+const PIECE_BYTES: usize = 256 << 10;
 
-/// A camera at work: push light, receive spikes. It remembers its charge from call to call.
+/// A simulated camera. It converts light to spikes, and its pixels keep their charge between calls.
 ///
-/// `camera_seed` fixes the fixed pattern (which camera it is), `seed` and `sequence` the temporal noise (which
-/// recording): integers from 0 to 2**64 - 1. `threads` share the sensor's tiles, `backend` names an instruction set
-/// ("reference", "portable", "sse4.1", "avx2", "avx512"); neither changes a bit. Light beyond `greatest_light` full scales, which only
-/// float32 holds, is cut.
+/// `camera_seed` determines the fixed pattern of the camera. `seed` and `sequence` determine the temporal noise of the
+/// recording. All three are integers from 0 to 2**64 - 1. `threads` is the number of threads. `backend` selects an
+/// instruction set ("reference", "portable", "sse4.1", "avx2", "avx512"). The bits depend neither on the threads nor on
+/// the instruction set. Light is clamped to `max_light` full scales. Only float32 light can exceed 1.0.
 ///
-/// One thread at a time may push; others work meanwhile, since the interpreter's lock is released. A child process of a
-/// fork may go on with its copy, and a pickled simulator goes on where it was.
+/// Only one thread at a time may call `push`. Other Python threads run during the call, because the interpreter's lock is
+/// released. After a fork, the child process may continue with its copy of the simulator. A pickled simulator continues
+/// at its next readout.
 #[pyclass(frozen, module = "spikelane")]
 pub struct Simulator {
     camera: Camera,
     threads: usize,
     backend: Option<String>,
-    greatest_light: f64,
-    inner: Mutex<Inner>,
+    max_light: f64,
+    inner: Mutex<SimulatorState>,
 }
 
-struct Inner {
+struct SimulatorState {
     simulator: spikelane::Simulator,
     scratch: Vec<u8>,
 }
 
 #[pymethods]
 impl Simulator {
-    /// Plans the camera: what cannot be simulated is refused here.
+    /// Plans the camera. Raises SpikelaneError if the camera cannot be simulated.
     #[new]
-    #[pyo3(signature = (camera, *, seed=0, sequence=0, camera_seed=0, threads=1, backend=None, greatest_light=1.0))]
+    #[pyo3(signature = (camera, *, seed=0, sequence=0, camera_seed=0, threads=1, backend=None, max_light=1.0))]
     fn new(
         py: Python<'_>,
         camera: &Camera,
@@ -52,119 +54,113 @@ impl Simulator {
         camera_seed: u64,
         threads: usize,
         backend: Option<&str>,
-        greatest_light: f64,
+        max_light: f64,
     ) -> PyResult<Self> {
         check_threads(threads)?;
         let seeds = Seeds { camera: camera_seed, shot: seed, sequence };
         let named = backend.map(Backend::parse).transpose().or_raise()?;
         let simulator = py.detach(|| {
-            let plan = camera.plan(camera_seed, greatest_light)?.with_seeds(seeds)?;
-            let simulator = spikelane::Simulator::of_plan(plan).with_threads(threads)?;
-            match named {
-                Some(backend) => simulator.with_backend(backend),
-                None => Ok(simulator),
-            }
+            let plan = camera.plan(camera_seed, max_light)?.with_seeds(seeds)?;
+            let options = spikelane::SimulatorOptions::new().threads(threads);
+            named.map_or(options.clone(), |backend| options.backend(backend)).build_from_plan(plan)
         });
-        let inner = Inner { simulator: simulator.or_raise()?, scratch: Vec::new() };
+        let inner = SimulatorState { simulator: simulator.or_raise()?, scratch: Vec::new() };
         Ok(Self {
             camera: camera.clone(),
             threads,
             backend: backend.map(str::to_owned),
-            greatest_light,
+            max_light,
             inner: Mutex::new(inner),
         })
     }
 
-    /// Pushes linear light and returns the spikes, bit-packed: uint8 of shape (T, ceil(H * W / 8)).
+    /// Simulates linear light and returns bit-packed spikes: uint8 of shape (T, ceil(H * W / 8)).
     ///
-    /// `frames` is one frame (H, W) or several (N, H, W) of uint8 (255 is full scale), uint16 (65535) or float32 (1.0;
-    /// finite, not negative). Each lasts `readouts_per_frame` readouts, so T is N times that, or `readouts` if fewer are
-    /// asked for. Between frames the light is held ("hold"), goes in a straight line ("linear") or moves along an estimated
-    /// motion ("flow"); the last frame stays. To go on with the next frames, begin them with the last of these.
+    /// `frames` is one frame (H, W) or several frames (N, H, W). The type is uint8 (full scale is 255), uint16 (65535),
+    /// or float32 (1.0, finite and not negative). Each frame lasts `readouts_per_frame` readouts, so T = N *
+    /// readouts_per_frame. If `readouts` is passed and is smaller, T = readouts. Between frames the light is constant
+    /// ("hold"), interpolated linearly ("linear"), or interpolated along the estimated motion ("flow"). After the start
+    /// of the last frame, the light is constant. To continue in another call, the first frame of the next call must be
+    /// the last frame of this call.
     ///
-    /// Bit p % 8 of byte p // 8 is pixel p = row * W + col, least significant first. `out` receives the spikes, if
-    /// given: uint8, C-contiguous, of that shape. `progress(done, total)` hears about readouts; True
-    /// shows a bar where tqdm is installed.
+    /// Pixel p = row * W + col is bit p % 8 (least significant bit first) of byte p // 8. `out` is an optional array that
+    /// receives the spikes: uint8, C-contiguous, with the shape of the result. `progress(done, total)` is called with
+    /// numbers of readouts. True shows a bar if tqdm is installed.
     ///
-    /// The frames are copied first, so that other threads may change them meanwhile; with copy=False, frames in one block are
-    /// read in place, and no thread may write into them during the call. Nor into `out`. Ctrl-C ends the call between two
-    /// readouts, and those done stay done.
+    /// By default the frames are copied before the simulation, so other threads may change the frames during the call.
+    /// With copy=False, contiguous frames are not copied, and no thread may write to the frames during the call. No
+    /// thread may write to `out` during the call. Ctrl-C stops the call between two readouts. The simulator then
+    /// continues after the last completed readout.
     ///
-    /// Raises SpikelaneError for wrong sizes or light, SpikelaneTypeError (a TypeError) for other dtypes; nothing has
-    /// changed then.
-    #[pyo3(signature = (frames, readouts_per_frame=1, *, insertion="linear", readouts=None, out=None, progress=None,
-        copy=true))]
-    fn push<'py>(
+    /// Raises SpikelaneError for wrong sizes or light, and SpikelaneTypeError (a TypeError) for other dtypes. The simulator is
+    /// then unchanged.
+    #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="hold", progress=None))]
+    fn run<'py>(
         &self,
         py: Python<'py>,
-        frames: &Bound<'py, PyAny>,
-        readouts_per_frame: u64,
-        insertion: &str,
-        readouts: Option<usize>,
-        out: Option<&Bound<'py, PyAny>>,
+        light: &Bound<'py, PyAny>,
+        readouts: Option<i64>,
+        readouts_per_frame: Option<i64>,
+        interpolation: &str,
         progress: Option<Py<PyAny>>,
-        copy: bool,
-    ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-        let (light, timeline) = self.light(frames, readouts_per_frame, insertion, copy)?;
-        let (mut inner, frame) = (self.lock()?, self.camera.camera().sensor.geometry.frame_bytes());
-        let out = output(py, out, &light, &timeline, readouts, &[frame])?;
-        let mut target = out.clone().try_readwrite().map_err(|e| busy(&e))?;
-        let bytes = target.as_slice_mut().map_err(|e| busy(&e))?;
-        let total = bytes.len() / frame.max(1);
-        let mut watch = Watch::new(py, progress, "readouts")?;
-        let (geometry, inner) = (inner.simulator.plan().geometry(), &mut *inner);
-        let frames = light.frames(geometry)?;
-        let result = quick(py, total * geometry.pixels(), || {
-            inner.simulator.push_frames_watched(&frames, &timeline, bytes, &mut |done| {
-                watch.step(done as f64, total as f64)
-            })
-        });
-        watch.outcome(result)?;
-        drop(target);
-        Ok(out)
+    ) -> PyResult<SpikeFrames> {
+        let light = LightSequence::new(light, self.geometry(), readouts_per_frame, interpolation)?;
+        let readouts = light.readouts(readouts)?;
+        let mut inner = self.lock()?;
+        let packed = zeros(py, &[readouts, self.geometry().frame_bytes()])?;
+        inner.fill(py, &light, &packed, progress)?;
+        Ok(SpikeFrames::new(packed, self.geometry()))
     }
 
-    /// As `push`, but a byte of 0 or 1 for every pixel: uint8 of shape (T, H, W).
-    #[pyo3(signature = (frames, readouts_per_frame=1, *, insertion="linear", readouts=None, out=None, progress=None,
-        copy=true))]
-    fn push_bits<'py>(
+    /// Does the same as `run`, but writes the packed frames to `out`, whose first axis is the number of readouts.
+    ///
+    /// `out` is uint8 of shape (readouts, ceil(H * W / 8)), C-contiguous and writable. No thread may access it during the call.
+    /// The format is that of `SpikeFrames.packed`.
+    #[pyo3(signature = (light, out, *, readouts_per_frame=None, interpolation="hold", progress=None))]
+    fn fill<'py>(
         &self,
         py: Python<'py>,
-        frames: &Bound<'py, PyAny>,
-        readouts_per_frame: u64,
-        insertion: &str,
-        readouts: Option<usize>,
-        out: Option<&Bound<'py, PyAny>>,
+        light: &Bound<'py, PyAny>,
+        out: &Bound<'py, PyAny>,
+        readouts_per_frame: Option<i64>,
+        interpolation: &str,
         progress: Option<Py<PyAny>>,
-        copy: bool,
-    ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-        let (light, timeline) = self.light(frames, readouts_per_frame, insertion, copy)?;
+    ) -> PyResult<()> {
+        let light = LightSequence::new(light, self.geometry(), readouts_per_frame, interpolation)?;
         let mut inner = self.lock()?;
-        let geometry = self.camera.camera().sensor.geometry;
-        let out = output(py, out, &light, &timeline, readouts, &[geometry.height(), geometry.width()])?;
-        let mut target = out.clone().try_readwrite().map_err(|e| busy(&e))?;
-        let bits = target.as_slice_mut().map_err(|e| busy(&e))?;
-        let total = bits.len() / geometry.pixels();
-        let mut watch = Watch::new(py, progress, "readouts")?;
-        let frames = light.frames(geometry)?;
-        let inner = &mut *inner;
-        let result = quick(py, bits.len(), || {
-            inner.scratch.resize(total * geometry.frame_bytes(), 0);
-            inner.simulator.push_frames_watched(&frames, &timeline, &mut inner.scratch, &mut |done| {
-                watch.step(done as f64, total as f64)
-            })?;
-            let piece = (PIECE / geometry.frame_bytes()).max(1);
-            let packed = inner.scratch.chunks(piece * geometry.frame_bytes());
-            for (packed, bits) in packed.zip(bits.chunks_mut(piece * geometry.pixels())) {
-                spikes::unpack(geometry, packed, bits)?;
+        let readouts = check_frame_buffer(out, self.geometry().frame_bytes())?.shape()[0];
+        light.check_duration("out", format_args!("room for {readouts} readouts"), readouts)?;
+        inner.fill(py, &light, out.cast::<PyArrayDyn<u8>>()?, progress)
+    }
+
+    /// Does the same as `run`, but returns a byte of 0 or 1 for every pixel: uint8 of shape (readouts, H, W).
+    ///
+    /// `out` receives the result, if given: uint8, C-contiguous and writable, of that shape. No thread may access it during the
+    /// call.
+    #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="hold", progress=None, out=None))]
+    fn run_dense<'py>(
+        &self,
+        py: Python<'py>,
+        light: &Bound<'py, PyAny>,
+        readouts: Option<i64>,
+        readouts_per_frame: Option<i64>,
+        interpolation: &str,
+        progress: Option<Py<PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        let light = LightSequence::new(light, self.geometry(), readouts_per_frame, interpolation)?;
+        let readouts = light.readouts(readouts)?;
+        let mut inner = self.lock()?;
+        let geometry = self.geometry();
+        let shape = [readouts, geometry.height(), geometry.width()];
+        let out = match out {
+            None => zeros(py, &shape)?,
+            Some(out) => {
+                drop(check_buffer(out, &shape)?);
+                out.cast::<PyArrayDyn<u8>>()?.clone()
             }
-            Ok(())
-        });
-        if inner.scratch.len() > 4 * PIECE {
-            inner.scratch = Vec::new();
-        }
-        watch.outcome(result)?;
-        drop(target);
+        };
+        inner.fill_dense(py, &light, &out, progress)?;
         Ok(out)
     }
 
@@ -177,17 +173,16 @@ impl Simulator {
     /// (height, width) in pixels.
     #[getter]
     fn shape(&self) -> (usize, usize) {
-        let geometry = self.camera.camera().sensor.geometry;
-        (geometry.height(), geometry.width())
+        (self.geometry().height(), self.geometry().width())
     }
 
-    /// The next readout, counted from 0.
+    /// Index of the next readout. The first readout has index 0.
     #[getter]
-    fn readout(&self) -> PyResult<u64> {
+    fn next_readout(&self) -> PyResult<u64> {
         Ok(self.lock()?.simulator.state().readout())
     }
 
-    /// The instruction set that is used.
+    /// Name of the instruction set.
     #[getter]
     fn backend(&self) -> PyResult<String> {
         Ok(self.lock()?.simulator.backend().to_string())
@@ -200,23 +195,26 @@ impl Simulator {
         Ok((seeds.camera, seeds.shot, seeds.sequence))
     }
 
-    /// All that the camera remembers, and what it belongs to, as bytes for `restore`.
+    /// Returns the state of all pixels and a fingerprint of the camera as bytes for `restore`.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let inner = self.lock()?;
         let bytes = inner.simulator.save(self.camera.inner.key);
         Ok(PyBytes::new(py, &bytes))
     }
 
-    /// Goes on from a saved `state` of a simulator with the same camera and seeds, with the same bits.
+    /// Restores a state that `state` returned for a simulator with the same camera and seeds. The following bits are then
+    /// equal.
     ///
-    /// Raises SpikelaneError for bytes of another version, camera, seeds or greatest light; nothing has changed then.
+    /// Raises SpikelaneError if the version, the camera, the seeds or `max_light` differ. The simulator is then
+    /// unchanged.
     fn restore(&self, state: &[u8]) -> PyResult<()> {
         let mut inner = self.lock()?;
         inner.simulator.restore(self.camera.inner.key, state).or_raise()
     }
 
-    /// Begins another recording of the same camera, at readout 0: far quicker than a new simulator. `sequence` and
-    /// `seed` that are left out stay what they are.
+    /// Starts another recording of the same camera at readout 0. This is much faster than creating another simulator.
+    ///
+    /// If `sequence` or `seed` is not passed, the simulator keeps its value.
     #[pyo3(signature = (sequence=None, seed=None))]
     fn restart(&self, sequence: Option<u64>, seed: Option<u64>) -> PyResult<()> {
         let mut inner = self.lock()?;
@@ -232,7 +230,7 @@ impl Simulator {
             [("seed", seed), ("sequence", sequence), ("camera_seed", camera_seed)].into_py_dict(py)?;
         named.set_item("threads", self.threads)?;
         named.set_item("backend", &self.backend)?;
-        named.set_item("greatest_light", self.greatest_light)?;
+        named.set_item("max_light", self.max_light)?;
         Ok(((self.camera.clone(),), named))
     }
 
@@ -251,24 +249,14 @@ impl Simulator {
 }
 
 impl Simulator {
-    fn light<'py>(
-        &self,
-        frames: &Bound<'py, PyAny>,
-        readouts_per_frame: u64,
-        insertion: &str,
-        copy: bool,
-    ) -> PyResult<(Light<'py>, Timeline)> {
-        let timeline = timeline(readouts_per_frame, insertion)?;
-        let copies = if copy { Copies::All } else { Copies::Needed };
-        let light = Light::of(frames, "frames", copies)?;
-        light.check_size(self.camera.camera().sensor.geometry, "frames")?;
-        Ok((light, timeline))
+    fn geometry(&self) -> Geometry {
+        self.camera.camera().sensor.geometry
     }
 
-    /// The simulator, if no other thread is at it.
-    fn lock(&self) -> PyResult<MutexGuard<'_, Inner>> {
+    /// Returns the simulator if no other thread is using it.
+    fn lock(&self) -> PyResult<MutexGuard<'_, SimulatorState>> {
         self.inner.try_lock().map_err(|_| {
-            usage(
+            usage_error(
                 "simulator",
                 "a call of another thread at work, or one that was when this process was forked",
                 "one call at a time",
@@ -278,64 +266,197 @@ impl Simulator {
     }
 }
 
-/// Work of fewer pixel-readouts than this is over before another thread could take the interpreter's lock.
-const QUICK: usize = 1 << 13;
+/// Maximum number of pixel-readouts for which the interpreter's lock is held. Another thread could not acquire the lock
+/// in this time.
+const MAX_LOCKED_WORK: usize = 1 << 13;
 
-/// Does `work` without the interpreter's lock, unless that costs more than the work.
-fn quick<T: Send>(py: Python<'_>, pixel_readouts: usize, work: impl FnOnce() -> T + Send) -> T {
-    if pixel_readouts < QUICK { work() } else { py.detach(work) }
+/// Runs `work` without the interpreter's lock. If releasing the lock would take longer than `work`, the lock is held.
+fn run_unlocked<T: Send>(py: Python<'_>, pixel_readouts: usize, work: impl FnOnce() -> T + Send) -> T {
+    if pixel_readouts < MAX_LOCKED_WORK { work() } else { py.detach(work) }
 }
 
-fn busy(error: &dyn std::fmt::Display) -> PyErr {
-    usage("out", error, "an array of its own in one block", "give another array")
+impl SimulatorState {
+    /// Fills `out`, an array of packed frames.
+    fn fill(
+        &mut self,
+        py: Python<'_>,
+        light: &LightSequence<'_>,
+        out: &Bound<'_, PyArrayDyn<u8>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let mut target = out.try_readwrite().map_err(|e| busy_error(&e))?;
+        let packed = target.as_slice_mut().map_err(|e| busy_error(&e))?;
+        let geometry = self.simulator.plan().geometry();
+        let readouts = packed.len() / geometry.frame_bytes();
+        let mut watch = WorkMonitor::new(py, progress, "readouts")?;
+        let (frames, timeline) = (light.array.frames(geometry)?, light.timeline(readouts)?);
+        let result = run_unlocked(py, readouts * geometry.pixels(), || {
+            self.simulator.fill_observed(Light::sequence(&frames, &timeline), packed, &mut |done| {
+                watch.update(done as f64, readouts as f64)
+            })
+        });
+        watch.into_result(result)
+    }
+
+    /// Fills `out`, an array with a byte per pixel and readout.
+    fn fill_dense(
+        &mut self,
+        py: Python<'_>,
+        light: &LightSequence<'_>,
+        out: &Bound<'_, PyArrayDyn<u8>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let mut target = out.try_readwrite().map_err(|e| busy_error(&e))?;
+        let dense = target.as_slice_mut().map_err(|e| busy_error(&e))?;
+        let geometry = self.simulator.plan().geometry();
+        let readouts = dense.len() / geometry.pixels();
+        let mut watch = WorkMonitor::new(py, progress, "readouts")?;
+        let (frames, timeline) = (light.array.frames(geometry)?, light.timeline(readouts)?);
+        let result = run_unlocked(py, dense.len(), || {
+            self.scratch.resize(readouts * geometry.frame_bytes(), 0);
+            let light = Light::sequence(&frames, &timeline);
+            self.simulator.fill_observed(light, &mut self.scratch, &mut |done| {
+                watch.update(done as f64, readouts as f64)
+            })?;
+            let piece = (PIECE_BYTES / geometry.frame_bytes()).max(1);
+            let packed = self.scratch.chunks(piece * geometry.frame_bytes());
+            for (packed, dense) in packed.zip(dense.chunks_mut(piece * geometry.pixels())) {
+                spikes::unpack(geometry, packed, dense)?;
+            }
+            Ok(())
+        });
+        if self.scratch.len() > 4 * PIECE_BYTES {
+            self.scratch = Vec::new();
+        }
+        watch.into_result(result)
+    }
 }
 
-/// The caller's buffer, or a new array, of (readouts, *tail).
-fn output<'py>(
-    py: Python<'py>,
-    out: Option<&Bound<'py, PyAny>>,
-    light: &Light<'_>,
-    timeline: &Timeline,
-    readouts: Option<usize>,
-    tail: &[usize],
-) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-    let lasts = timeline.readouts(light.count() as u64).unwrap_or(u64::MAX);
-    let readouts = wanted(readouts, lasts)?;
-    let shape: Vec<usize> = std::iter::once(readouts).chain(tail.iter().copied()).collect();
-    match out {
-        None => zeros(py, &shape),
-        Some(out) => {
-            drop(buffer(out, &shape, false)?);
-            Ok(out.cast::<PyArrayDyn<u8>>()?.clone())
+/// The light of a call: one frame that is held, or frames that each last `readouts_per_frame` readouts.
+struct LightSequence<'py> {
+    array: LightArray<'py>,
+    interpolation: Interpolation,
+    /// `None` for one frame.
+    readouts_per_frame: Option<u64>,
+}
+
+impl<'py> LightSequence<'py> {
+    fn new(
+        light: &Bound<'py, PyAny>,
+        geometry: Geometry,
+        readouts_per_frame: Option<i64>,
+        interpolation: &str,
+    ) -> PyResult<Self> {
+        let array = LightArray::from_array(light, "light", CopyPolicy::All)?;
+        array.check_size(geometry, "light")?;
+        let interpolation = parse_interpolation(interpolation)?;
+        let readouts_per_frame = match (array.is_single(), readouts_per_frame) {
+            (true, None) => None,
+            (true, Some(found)) => {
+                return Err(usage_error(
+                    "readouts_per_frame",
+                    found,
+                    "none for one frame of light (H, W), which is held",
+                    "leave it out, or pass frames of light (N, H, W)",
+                ));
+            }
+            (false, None) => {
+                return Err(usage_error(
+                    "readouts_per_frame",
+                    "none",
+                    "a number for frames of light (N, H, W)",
+                    "pass the readouts that each frame lasts, for example readouts_per_frame=20",
+                ));
+            }
+            (false, Some(found)) => match u64::try_from(found) {
+                Ok(number @ 1..) => Some(number),
+                _ => {
+                    let remedy = "pass the readouts that each frame lasts";
+                    return Err(usage_error("readouts_per_frame", found, "at least 1", remedy));
+                }
+            },
+        };
+        if array.count() == 0 {
+            return Err(usage_error("light", "no frame", "at least one", "pass frames (N, H, W)"));
+        }
+        Ok(Self { array, interpolation, readouts_per_frame })
+    }
+
+    /// Returns the number of readouts that the frames last; `None` for one frame, which lasts as long as the call.
+    fn duration(&self) -> Option<usize> {
+        let count = self.array.count() as u64;
+        self.readouts_per_frame.map(|n| usize::try_from(n.saturating_mul(count)).unwrap_or(usize::MAX))
+    }
+
+    /// Returns the number of readouts of a call.
+    fn readouts(&self, readouts: Option<i64>) -> PyResult<usize> {
+        let Some(found) = readouts else {
+            let expected = "a number for one frame of light (H, W)";
+            let remedy = "pass readouts, for example run(light, 1000)";
+            return self.duration().ok_or_else(|| usage_error("readouts", "none", expected, remedy));
+        };
+        let Ok(readouts) = usize::try_from(found) else {
+            return Err(usage_error("readouts", found, "0 or more", "pass a number of readouts"));
+        };
+        self.check_duration("readouts", found, readouts)?;
+        Ok(readouts)
+    }
+
+    fn check_duration(&self, name: &str, found: impl std::fmt::Display, readouts: usize) -> PyResult<()> {
+        match self.duration() {
+            Some(duration) if duration < readouts => Err(duration_error(name, found, duration)),
+            _ => Ok(()),
         }
     }
-}
 
-/// How many readouts of the `lasts` that the frames last.
-pub fn wanted(readouts: Option<usize>, lasts: u64) -> PyResult<usize> {
-    let all = usize::try_from(lasts).unwrap_or(usize::MAX);
-    match readouts {
-        None => Ok(all),
-        Some(n) if n <= all => Ok(n),
-        Some(n) => Err(usage(
-            "readouts",
-            n,
-            format_args!("at most {all}, which the frames last"),
-            "give more frames, or more readouts per frame",
-        )),
+    fn timeline(&self, readouts: usize) -> PyResult<Timeline> {
+        let per_frame = self.readouts_per_frame.unwrap_or((readouts as u64).max(1));
+        Timeline::from_readouts_per_frame(per_frame, self.interpolation).or_raise()
     }
 }
 
-/// A timeline of frames that last as long as each other.
-pub fn timeline(readouts_per_frame: u64, insertion: &str) -> PyResult<Timeline> {
-    let insertion: Insertion = insertion.parse().map_err(|e| raise(&e))?;
-    Timeline::per_frame(readouts_per_frame, insertion).or_raise()
+fn busy_error(error: &dyn std::fmt::Display) -> PyErr {
+    usage_error("out", error, "an array of its own in one block", "pass another array")
 }
 
-/// Refuses numbers of threads that no machine has.
+fn duration_error(name: &str, found: impl std::fmt::Display, duration: usize) -> PyErr {
+    let expected = format!("at most {duration}, which the frames last");
+    usage_error(name, found, expected, "pass more frames, or more readouts per frame")
+}
+
+fn parse_interpolation(text: &str) -> PyResult<Interpolation> {
+    text.parse().map_err(|_| {
+        let expected = "\"hold\", \"linear\" or \"flow\"";
+        usage_error("interpolation", format_args!("{text:?}"), expected, "pass one of them")
+    })
+}
+
+/// Returns the number of readouts to simulate. It is `readouts` if given, otherwise the total duration of the frames.
+pub fn readout_count(readouts: Option<usize>, available: u64) -> PyResult<usize> {
+    let all = usize::try_from(available).unwrap_or(usize::MAX);
+    match readouts {
+        Some(found) if found > all => Err(duration_error("readouts", found, all)),
+        given => Ok(given.unwrap_or(all)),
+    }
+}
+
+/// Returns a timeline of frames with equal duration.
+pub fn timeline(readouts_per_frame: u64, interpolation: &str) -> PyResult<Timeline> {
+    if readouts_per_frame == 0 {
+        return Err(usage_error(
+            "readouts_per_frame",
+            0,
+            "at least 1",
+            "pass the readouts that each frame lasts",
+        ));
+    }
+    Timeline::from_readouts_per_frame(readouts_per_frame, parse_interpolation(interpolation)?).or_raise()
+}
+
+/// Rejects a number of threads outside 1 to 4096.
 pub fn check_threads(threads: usize) -> PyResult<()> {
     if (1..=4096).contains(&threads) {
         return Ok(());
     }
-    Err(usage("threads", threads, "1 to 4096", "give the number of cores"))
+    Err(usage_error("threads", threads, "1 to 4096", "give the number of cores"))
 }

@@ -1,70 +1,71 @@
-//! Packed spikes in memory: unpacking, packing, pictures.
+//! Packed spikes in memory: unpacking, packing and reconstruction.
 
-use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
+use numpy::{PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
-use spikelane::spikes::Packed;
+use spikelane::spikes::SpikeFramesRef;
 use spikelane::{Geometry, reconstruct};
 
-use crate::arrays::{buffer, bytes, copied, geometry, picture, zeros};
-use crate::error::{Raise as _, usage};
+use crate::arrays::{
+    array_from_vec, borrow_bytes, check_buffer, copy_contiguous, geometry, shape_text, zeros,
+};
+use crate::error::{OrRaise as _, usage_error};
+use crate::spike_frames::SpikeFrames;
 
-/// The readouts of packed bytes of shape (..., frame bytes), checked.
-fn frames(shape: &[usize], geometry: Geometry) -> PyResult<Vec<usize>> {
-    match shape.split_last() {
-        Some((&last, rest)) if last == geometry.frame_bytes() && !rest.is_empty() => Ok(rest.to_vec()),
-        _ => Err(usage(
-            "packed",
-            format_args!("shape {shape:?}"),
-            format_args!("(..., T, {}) for {geometry} pixels (W x H)", geometry.frame_bytes()),
-            "check height and width",
-        )),
-    }
-}
-
-/// A byte of 0 or 1 for every pixel: uint8 of shape (..., T, H, W) from bit-packed uint8 (..., T, ceil(H * W / 8)).
+/// Unpacks bit-packed uint8 of shape (..., T, ceil(H * W / 8)). Returns one byte, 0 or 1, per pixel: uint8 of shape (...,
+/// T, H, W).
 ///
-/// `out` receives it, if given: uint8, C-contiguous, of that shape.
-/// Raises SpikelaneError for another shape, SpikelaneTypeError for another dtype.
+/// `out` is an optional array that receives the result: uint8, C-contiguous, with the shape of the result.
+/// Raises SpikelaneError for another shape, and SpikelaneTypeError for another dtype.
 #[pyfunction]
-#[pyo3(signature = (packed, height, width, *, out=None))]
+#[pyo3(signature = (spikes, height=None, width=None, *, out=None))]
 pub fn unpack<'py>(
     py: Python<'py>,
-    packed: &Bound<'py, PyAny>,
-    height: usize,
-    width: usize,
+    spikes: &Bound<'py, PyAny>,
+    height: Option<usize>,
+    width: Option<usize>,
     out: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-    let geometry = geometry(height, width)?;
-    let packed = bytes(packed, "packed")?;
-    let mut shape = frames(packed.shape(), geometry)?;
-    shape.extend([height, width]);
+    let (packed, geometry) = SpikeFrames::borrow_argument(spikes, (height, width))?;
+    let rest = packed.shape().split_last().map_or(&[][..], |(_, rest)| rest);
+    let shape: Vec<usize> = rest.iter().copied().chain([geometry.height(), geometry.width()]).collect();
     let out = match out {
         None => zeros(py, &shape)?,
         Some(out) => {
-            drop(buffer(out, &shape, false)?);
+            drop(check_buffer(out, &shape)?);
             out.cast::<PyArrayDyn<u8>>()?.clone()
         }
     };
-    let mut target =
-        out.clone().try_readwrite().map_err(|e| usage("out", e, "another array than packed", "give none"))?;
-    let packed = copied(&packed)?;
-    let (from, to) = (packed.as_slice()?, target.as_slice_mut()?);
-    py.detach(|| spikelane::spikes::unpack(geometry, from, to)).or_raise()?;
-    drop(target);
+    unpack_into(py, &packed, geometry, &out)?;
     Ok(out)
 }
 
-/// Bit-packed uint8 of shape (..., ceil(H * W / 8)) from bytes of 0 and 1, uint8 (..., H, W).
+/// Unpacks a copy of `packed` to `out` without the interpreter's lock.
+pub fn unpack_into(
+    py: Python<'_>,
+    packed: &PyReadonlyArrayDyn<'_, u8>,
+    geometry: Geometry,
+    out: &Bound<'_, PyArrayDyn<u8>>,
+) -> PyResult<()> {
+    let mut target = out
+        .try_readwrite()
+        .map_err(|e| usage_error("out", e, "another array than the packed spikes", "leave it out"))?;
+    let packed = copy_contiguous(packed)?;
+    let (from, to) = (packed.as_slice()?, target.as_slice_mut()?);
+    py.detach(|| spikelane::spikes::unpack(geometry, from, to)).or_raise()
+}
+
+/// Packs bytes of 0 and 1, uint8 of shape (..., H, W). Returns bit-packed uint8 of shape (..., ceil(H * W / 8)).
 ///
-/// Raises SpikelaneError when a byte is neither 0 nor 1, with its place; SpikelaneTypeError for another dtype.
+/// Raises SpikelaneError if a byte is neither 0 nor 1. The message contains the position of this byte. Raises
+/// SpikelaneTypeError for another dtype.
 #[pyfunction]
 pub fn pack<'py>(py: Python<'py>, bits: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-    let bits = bytes(bits, "bits")?;
+    let bits = borrow_bytes(bits, "bits")?;
     let (rest, geometry) = match *bits.shape() {
         [ref rest @ .., height, width] => (rest.to_vec(), geometry(height, width)?),
         ref other => {
-            let found = format!("shape {other:?}");
-            return Err(usage(
+            let found = format!("shape {}", shape_text(other));
+            return Err(usage_error(
                 "bits",
                 found,
                 "(..., H, W)",
@@ -76,78 +77,86 @@ pub fn pack<'py>(py: Python<'py>, bits: &Bound<'py, PyAny>) -> PyResult<Bound<'p
     let out = zeros(py, &shape)?;
     let mut target = out.clone().try_readwrite()?;
     let (from, to) = (bits.as_slice()?, target.as_slice_mut()?);
-    // Under the interpreter's lock: a copy would take as long.
+    // The interpreter's lock is held. Without the lock the input would have to be copied, which takes as long as
+    // packing.
     spikelane::spikes::pack(geometry, from, to).or_raise()?;
     drop(target);
     Ok(out)
 }
 
-fn rates<'py>(
+fn reconstruct_rates<'py>(
     py: Python<'py>,
-    packed: &Bound<'py, PyAny>,
-    (height, width): (usize, usize),
-    of: impl FnOnce(Packed<'_>) -> spikelane::Result<Vec<f32>>,
+    spikes: &Bound<'py, PyAny>,
+    size: (Option<usize>, Option<usize>),
+    method: impl FnOnce(SpikeFramesRef<'_>) -> spikelane::Result<Vec<f32>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-    let geometry = geometry(height, width)?;
-    let packed = bytes(packed, "packed")?;
+    let (packed, geometry) = SpikeFrames::borrow_argument(spikes, size)?;
     if packed.ndim() != 2 {
-        let found = format!("shape {:?}", packed.shape());
-        return Err(usage("packed", found, "one stream (T, ceil(H * W / 8))", "index the batch"));
+        let found = format!("shape {}", shape_text(packed.shape()));
+        return Err(usage_error("spikes", found, "one stream (T, ceil(H * W / 8))", "index the batch"));
     }
-    frames(packed.shape(), geometry)?;
     let slice = packed.as_slice()?;
-    // Under the interpreter's lock: one picture takes less than a copy of the stream.
-    let values = Packed::new(geometry, slice).and_then(of).or_raise()?;
-    picture(py, values, &[height, width])
+    // The interpreter's lock is held. Without the lock the stream would have to be copied, which takes longer than one
+    // image.
+    let values = SpikeFramesRef::new(geometry, slice).and_then(method).or_raise()?;
+    array_from_vec(py, values, &[geometry.height(), geometry.width()])
 }
 
-/// Texture from playback: spikes per readout, counted within `half_window` readouts on either side of readout `at`;
-/// float32 (H, W), 0 to 1. At the ends of the stream the window is cut.
+/// Texture from playback (TFP): the spikes per readout of each pixel in a window.
 ///
-/// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError when `at` lies beyond it.
+/// The window contains `half_window` readouts before readout `at` and `half_window` readouts after readout `at`. At the
+/// ends of the stream the window is shorter. Returns float32 (H, W) with values from 0 to 1.
+///
+/// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream.
 #[pyfunction]
-#[pyo3(signature = (packed, height, width, at, half_window))]
+#[pyo3(signature = (spikes, height=None, width=None, *, at, half_window))]
 pub fn tfp<'py>(
     py: Python<'py>,
-    packed: &Bound<'py, PyAny>,
-    height: usize,
-    width: usize,
+    spikes: &Bound<'py, PyAny>,
+    height: Option<usize>,
+    width: Option<usize>,
     at: usize,
     half_window: usize,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-    rates(py, packed, (height, width), |p| reconstruct::tfp(p, at, half_window))
+    reconstruct_rates(py, spikes, (height, width), |p| reconstruct::tfp(p, at, half_window))
 }
 
-/// Texture from intervals: one over the interval around readout `at`, in spikes per readout; float32 (H, W). Spikes
-/// are looked for within `search` readouts; a pixel without both gets 1 / (2 * search).
+/// Texture from intervals (TFI): the reciprocal of the interval that contains readout `at`, in spikes per readout.
 ///
-/// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError when `at` lies beyond it or `search` is 0.
+/// Returns float32 (H, W). Both spikes of the interval must be within `search` readouts of `at`. If a spike is missing,
+/// the value is 1 / (2 * search).
+///
+/// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream or if
+/// `search` is 0.
 #[pyfunction]
-#[pyo3(signature = (packed, height, width, at, search=20))]
+#[pyo3(signature = (spikes, height=None, width=None, *, at, search=20))]
 pub fn tfi<'py>(
     py: Python<'py>,
-    packed: &Bound<'py, PyAny>,
-    height: usize,
-    width: usize,
+    spikes: &Bound<'py, PyAny>,
+    height: Option<usize>,
+    width: Option<usize>,
     at: usize,
     search: usize,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-    rates(py, packed, (height, width), |p| reconstruct::tfi(p, at, search))
+    reconstruct_rates(py, spikes, (height, width), |p| reconstruct::tfi(p, at, search))
 }
 
-/// The rate between the first and the last spike within `half_window` readouts on either side of readout `at`, in
-/// spikes per readout; float32 (H, W), 0 to 1. A pixel with one spike or none gets its count over the window.
+/// The rate of each pixel between its first and last spike in a window.
 ///
-/// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError when `at` lies beyond it.
+/// The window contains `half_window` readouts before readout `at` and `half_window` readouts after readout `at`. Returns
+/// float32 (H, W) in spikes per readout, 0 to 1. For a pixel with fewer than two spikes, the rate is the number of spikes
+/// divided by the length of the window.
+///
+/// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream.
 #[pyfunction]
-#[pyo3(signature = (packed, height, width, at, half_window))]
-pub fn span_rate<'py>(
+#[pyo3(signature = (spikes, height=None, width=None, *, at, half_window))]
+pub fn span_rates<'py>(
     py: Python<'py>,
-    packed: &Bound<'py, PyAny>,
-    height: usize,
-    width: usize,
+    spikes: &Bound<'py, PyAny>,
+    height: Option<usize>,
+    width: Option<usize>,
     at: usize,
     half_window: usize,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-    rates(py, packed, (height, width), |p| reconstruct::span(p, at, half_window))
+    reconstruct_rates(py, spikes, (height, width), |p| reconstruct::span_rates(p, at, half_window))
 }

@@ -1,37 +1,38 @@
-//! Streams in files.
+//! Recorded streams in files.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
+use numpy::{PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
 use spikelane::{Geometry, spikes};
-use spikelane_io::formats::{Layout, OutputSet, Reader, StreamWriter};
-use spikelane_io::simulate::{Sidecar, StreamFacts, Written};
+use spikelane_io::formats::{Layout, OutputSet, StreamReader, StreamWriter};
+use spikelane_io::simulate::{Sidecar, StreamFacts, WrittenStream};
 
-use crate::arrays::{bytes, geometry, zeros};
-use crate::error::{Raise as _, usage};
-use crate::watch::Watch;
+use crate::arrays::{borrow_bytes, geometry, shape_text, zeros};
+use crate::error::{OrRaise as _, usage_error};
+use crate::spike_frames::SpikeFrames;
+use crate::watch::WorkMonitor;
 
-/// A recorded stream: any readouts, in any order, from any thread, read when they are asked for. `open_stream` opens one.
+/// A recorded stream. `open_stream` opens a stream. Readouts are read on demand, in any order and from any thread.
 ///
-/// `stream[a:b]` is bit-packed uint8 (b - a, ceil(H * W / 8)), `stream[i]` one readout of it, `stream.bits(a, b)` bytes of
-/// 0 and 1. Use it in a `with` block, or `close` it.
+/// `stream[a:b]` is bit-packed uint8 (b - a, ceil(H * W / 8)). `stream[i]` is readout i, bit-packed. `stream.read_bits(a,
+/// b)` returns bytes of 0 and 1. Use the stream in a `with` block, or call `close`.
 #[pyclass(frozen, module = "spikelane", sequence)]
 pub struct Stream {
-    reader: Mutex<Option<Arc<Reader>>>,
+    reader: Mutex<Option<Arc<StreamReader>>>,
     path: PathBuf,
-    /// Layout, height and width as they were given.
-    given: (Option<String>, Option<usize>, Option<usize>),
+    /// Layout, height and width that were passed to `open_stream`.
+    open_arguments: (Option<String>, Option<usize>, Option<usize>),
 }
 
 impl Stream {
-    /// The reader, if the stream is open.
-    pub fn reader(&self) -> PyResult<Arc<Reader>> {
+    /// Returns the reader, or an error if the stream is closed.
+    pub fn reader(&self) -> PyResult<Arc<StreamReader>> {
         let reader = self.reader.lock().unwrap_or_else(PoisonError::into_inner);
         reader.clone().ok_or_else(|| {
-            usage(
+            usage_error(
                 self.path.display(),
                 "a closed stream",
                 "an open one",
@@ -40,7 +41,12 @@ impl Stream {
         })
     }
 
-    fn read<'py>(&self, py: Python<'py>, first: usize, end: usize) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+    fn read_packed<'py>(
+        &self,
+        py: Python<'py>,
+        first: usize,
+        end: usize,
+    ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let reader = self.reader()?;
         let end = end.max(first);
         let out = zeros(py, &[end - first, reader.geometry().frame_bytes()])?;
@@ -61,13 +67,13 @@ impl Stream {
         Ok((reader.readouts(), reader.geometry().height(), reader.geometry().width()))
     }
 
-    /// How frames lie in the file: "dat", "dat-top", "rows416", "rows1024", "npy-bits" or "npy-bytes".
+    /// Layout of the frames in the file: "dat", "dat-top", "rows416", "rows1024", "npy-bits" or "npy-bytes".
     #[getter]
     fn layout(&self) -> PyResult<&'static str> {
         Ok(self.reader()?.layout().name())
     }
 
-    /// The file.
+    /// Path of the file.
     #[getter]
     fn path(&self) -> PathBuf {
         self.path.clone()
@@ -79,11 +85,12 @@ impl Stream {
         self.reader.lock().unwrap_or_else(PoisonError::into_inner).is_none()
     }
 
-    /// Readouts `first` to `end` (not included; the last without it) as bytes of 0 and 1: uint8 (end - first, H, W).
+    /// Returns the readouts from `first` to `end - 1` as bytes of 0 and 1: uint8 (end - first, H, W).
     ///
-    /// Raises SpikelaneError when they are not all in the stream.
+    /// Without `end`, all readouts from `first` to the last readout are returned. Raises SpikelaneError if a readout is
+    /// not in the stream.
     #[pyo3(signature = (first=0, end=None))]
-    fn bits<'py>(
+    fn read_bits<'py>(
         &self,
         py: Python<'py>,
         first: usize,
@@ -91,7 +98,7 @@ impl Stream {
     ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let reader = self.reader()?;
         let end = end.unwrap_or(reader.readouts());
-        let packed = self.read(py, first, end)?;
+        let packed = self.read_packed(py, first, end)?;
         let geometry = reader.geometry();
         let out = zeros(py, &[end.saturating_sub(first), geometry.height(), geometry.width()])?;
         let (from, mut to) = (packed.try_readonly()?, out.clone().try_readwrite()?);
@@ -101,7 +108,7 @@ impl Stream {
         Ok(out)
     }
 
-    /// Lets go of the file; reading raises afterwards.
+    /// Closes the file. Reading a closed stream raises an error.
     fn close(&self) {
         *self.reader.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
@@ -116,15 +123,15 @@ impl Stream {
             let indices = slice.indices(readouts as isize)?;
             if indices.step != 1 {
                 let remedy = "read a range and index it: stream[a:b][::k]";
-                return Err(usage("step", indices.step, "1", remedy));
+                return Err(usage_error("step", indices.step, "1", remedy));
             }
             let first = usize::try_from(indices.start).unwrap_or(0);
-            return Ok(self.read(py, first, first + indices.slicelength)?.into_any());
+            return Ok(self.read_packed(py, first, first + indices.slicelength)?.into_any());
         }
         let i: isize = index.extract()?;
         let at = if i < 0 { i + readouts as isize } else { i };
         match usize::try_from(at).ok().filter(|t| *t < readouts) {
-            Some(t) => self.read(py, t, t + 1)?.get_item(0),
+            Some(t) => self.read_packed(py, t, t + 1)?.get_item(0),
             None => Err(pyo3::exceptions::PyIndexError::new_err(format!(
                 "{}: found readout {i}, expected -{readouts} to {}",
                 self.path.display(),
@@ -142,11 +149,11 @@ impl Stream {
         self.close();
     }
 
-    /// Opens the file again in the other process.
+    /// Pickles the stream as a call of `open_stream`. Unpickling opens the file again.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (PathBuf,))> {
         self.reader()?;
         let path = std::path::absolute(&self.path).map_err(|e| spikelane::Error::io(self.path.display(), e));
-        let (layout, height, width) = &self.given;
+        let (layout, height, width) = &self.open_arguments;
         let named = PyDict::new(py);
         named.set_item("layout", layout)?;
         named.set_item("height", height)?;
@@ -164,19 +171,21 @@ impl Stream {
     }
 }
 
-fn shape_of(height: Option<usize>, width: Option<usize>) -> PyResult<Option<Geometry>> {
+fn optional_geometry(height: Option<usize>, width: Option<usize>) -> PyResult<Option<Geometry>> {
     match (height, width) {
         (Some(height), Some(width)) => geometry(height, width).map(Some),
         (None, None) => Ok(None),
-        _ => Err(usage("height and width", "one of the two", "both or neither", "give both")),
+        _ => Err(usage_error("height and width", "one of the two", "both or neither", "give both")),
     }
 }
 
-/// Opens a recorded stream. What is not given comes from the sidecar beside the file (STEM.json), from the header
-/// of an .npy or .npz file, or from the camera that a layout belongs to.
+/// Opens a recorded stream.
 ///
-/// Raises FileNotFoundError and other OSErrors; SpikelaneError when the file is cut short, of another size, or nothing
-/// tells its size.
+/// Values that are not passed are read from the sidecar (STEM.json), or from the header of an .npy or .npz file. If a
+/// layout belongs to one camera, the size of this camera is used.
+///
+/// Raises FileNotFoundError and other OSErrors. Raises SpikelaneError if the file is truncated, if its size does not
+/// match, or if the height and width are unknown.
 #[pyfunction]
 #[pyo3(signature = (path, *, layout=None, height=None, width=None))]
 pub fn open_stream(
@@ -186,19 +195,48 @@ pub fn open_stream(
     width: Option<usize>,
 ) -> PyResult<Stream> {
     let layout = layout.map(Layout::parse).transpose().or_raise()?;
-    let reader = Reader::open(&path, layout, shape_of(height, width)?).or_raise()?;
-    let given = (layout.map(|l| l.name().to_owned()), height, width);
-    Ok(Stream { reader: Mutex::new(Some(Arc::new(reader))), path, given })
+    let reader = StreamReader::open(&path, layout, optional_geometry(height, width)?).or_raise()?;
+    let open_arguments = (layout.map(|l| l.name().to_owned()), height, width);
+    Ok(Stream { reader: Mutex::new(Some(Arc::new(reader))), path, open_arguments })
 }
 
-/// Writes a stream whole or not at all, and a sidecar (STEM.json) that tells its size; returns the digest of the file,
-/// "blake3:...".
+/// Returns packed bytes of SpikeFrames, of packed bytes with a size, or of bytes of 0 and 1.
+fn packed_stream<'py>(
+    py: Python<'py>,
+    spikes: &Bound<'py, PyAny>,
+    size: Option<Geometry>,
+) -> PyResult<(PyReadonlyArrayDyn<'py, u8>, Geometry)> {
+    if let Ok(frames) = spikes.cast::<SpikeFrames>() {
+        let frames = frames.get();
+        frames.check_size((size.map(Geometry::height), size.map(Geometry::width)))?;
+        return Ok((frames.borrow(py)?, frames.geometry()));
+    }
+    let bytes = borrow_bytes(spikes, "spikes")?;
+    match (size, bytes.shape()) {
+        (Some(size), [_, n]) if *n == size.frame_bytes() => Ok((bytes, size)),
+        (size, &[_, h, w]) if size.is_none_or(|size| (size.height(), size.width()) == (h, w)) => {
+            let packed = crate::spikes::pack(py, spikes)?.into_any();
+            Ok((borrow_bytes(&packed, "spikes")?, geometry(h, w)?))
+        }
+        (size, shape) => {
+            let expected = match size {
+                Some(g) => format!("(T, {}) packed or (T, {}, {})", g.frame_bytes(), g.height(), g.width()),
+                None => "SpikeFrames, (T, H, W), or packed spikes with height and width".to_owned(),
+            };
+            let found = format!("shape {}", shape_text(shape));
+            Err(usage_error("spikes", found, expected, "check height and width"))
+        }
+    }
+}
+
+/// Writes a stream and a sidecar (STEM.json) that contains its size. Returns the digest of the file, "blake3:...".
 ///
-/// `spikes` is bit-packed uint8 (T, ceil(H * W / 8)) with `height` and `width`, or uint8 (T, H, W) of 0 and 1. `layout` is
-/// "dat" (SpikeCV, Spike-Zoo: bottom row first), "dat-top", "rows416" (400x250), "rows1024" (1000x1000), "npy-bits" or
-/// "npy-bytes". `progress(done, total)` hears about readouts.
+/// If writing fails, no file remains. `spikes` is bit-packed uint8 (T, ceil(H * W / 8)) together with `height` and
+/// `width`, or uint8 (T, H, W) of 0 and 1. `layout` is "dat" (SpikeCV, Spike-Zoo: bottom row first), "dat-top", "rows416"
+/// (400x250), "rows1024" (1000x1000), "npy-bits" or "npy-bytes". `progress(done, total)` is called with numbers of
+/// readouts.
 ///
-/// Raises FileExistsError unless `force`, and other OSErrors.
+/// Raises FileExistsError if the file exists and `force` is false. Raises other OSErrors if writing fails.
 #[pyfunction]
 #[pyo3(signature = (path, spikes, *, height=None, width=None, layout="dat", readout_hz=None, sidecar=true, force=false,
     progress=None))]
@@ -215,50 +253,31 @@ pub fn write_stream(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let layout = Layout::parse(layout).or_raise()?;
-    let given = shape_of(height, width)?;
-    drop(bytes(spikes, "spikes")?);
-    let packed = if spikes.getattr("ndim").and_then(|n| n.extract::<usize>()).ok() == Some(3) {
-        crate::spikes::pack(py, spikes)?.into_any()
-    } else {
-        spikes.clone()
-    };
-    let geometry = match (given, bytes(spikes, "spikes")?.shape()) {
-        (None, [_, h, w]) => geometry(*h, *w)?,
-        (Some(g), [_, h, w]) if (g.height(), g.width()) == (*h, *w) => g,
-        (Some(g), [_, n]) if *n == g.frame_bytes() => g,
-        (given, shape) => {
-            let expected = match given {
-                Some(g) => format!("(T, {}) packed or (T, {}, {})", g.frame_bytes(), g.height(), g.width()),
-                None => "(T, H, W), or height and width beside packed spikes".to_owned(),
-            };
-            return Err(usage("spikes", format_args!("shape {shape:?}"), expected, "check height and width"));
-        }
-    };
-    let packed = bytes(&packed, "spikes")?;
+    let (packed, geometry) = packed_stream(py, spikes, optional_geometry(height, width)?)?;
     let from = packed.as_slice()?;
     let readouts = (from.len() / geometry.frame_bytes()) as u64;
     let beside = path.with_extension("json");
-    let mut watch = Watch::new(py, progress, "readouts")?;
+    let mut watch = WorkMonitor::new(py, progress, "readouts")?;
     let result = py.detach(|| -> spikelane::Result<String> {
-        // Held until the sidecar has its name.
+        // The claim must last until the sidecar has its final name.
         let files = [Some(&path), sidecar.then_some(&beside)];
         let _claim = OutputSet::claim(files.into_iter().flatten(), force)?;
         let mut writer = StreamWriter::create(&path, layout, geometry, readouts, force)?;
         let piece = ((4 << 20) / geometry.frame_bytes()).max(1) * geometry.frame_bytes();
         for packed in from.chunks(piece) {
-            // Under the interpreter's lock, without which another thread could change them meanwhile.
+            // The copy needs the interpreter's lock, because other threads could change the bytes while they are copied.
             let packed = Python::attach(|_| packed.to_vec());
             writer.write_frames(writer.written(), &packed)?;
-            watch.step(writer.written() as f64, readouts as f64)?;
+            watch.update(writer.written() as f64, readouts as f64)?;
         }
         let done = writer.finish()?;
         let digest = done.digest.clone();
         if sidecar {
-            let written = Written {
+            let written = WrittenStream {
                 path: done.path,
                 bytes: done.bytes,
                 digest: done.digest,
-                spikes: spikes::count(from),
+                spikes: spikes::count_spikes(from),
             };
             let facts = StreamFacts::new(&written, geometry, readouts);
             let mut sidecar = Sidecar::new(geometry, layout, readouts, facts);
@@ -267,5 +286,5 @@ pub fn write_stream(
         }
         Ok(digest)
     });
-    watch.outcome(result)
+    watch.into_result(result)
 }

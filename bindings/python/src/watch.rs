@@ -1,36 +1,37 @@
-//! Ctrl-C and progress during work without the interpreter.
+//! Handling of Ctrl-C and progress during work without the interpreter's lock.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
-use spikelane::{Error, Kind};
+use spikelane::{Error, ErrorKind};
 
-use crate::error::wrong_type;
+use crate::error::type_error;
 
-/// Between two looks at signals, and two reports of progress.
-const PERIOD: Duration = Duration::from_millis(50);
+/// Interval between two checks for signals, and between two progress reports.
+const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// What is looked after while the library works.
-pub struct Watch {
+/// Checks for signals and reports progress while the library works.
+pub struct WorkMonitor {
     progress: Option<Py<PyAny>>,
-    looked: Instant,
-    /// What ended the work.
-    pub raised: Option<PyErr>,
+    last_check: Instant,
+    /// The exception that stopped the work.
+    pub exception: Option<PyErr>,
 }
 
-impl Watch {
-    /// Reports to `progress(done, total)`, if there is one; to a bar of `unit` for True.
+impl WorkMonitor {
+    /// Creates a monitor that calls `progress(done, total)`. If `progress` is True, it shows a progress bar with the unit
+    /// `unit`.
     pub fn new(py: Python<'_>, progress: Option<Py<PyAny>>, unit: &str) -> PyResult<Self> {
         let progress = match progress {
             Some(asked) if asked.bind(py).is_instance_of::<PyBool>() => {
-                let bar = py.import("spikelane._progress")?.getattr("native_bar")?;
+                let bar = py.import("spikelane._progress")?.getattr("progress_callback")?;
                 bar.call1((asked, unit))?.extract()?
             }
             Some(other) if !other.bind(py).is_callable() => {
                 let found = other.bind(py).get_type();
-                return Err(wrong_type(
+                return Err(type_error(
                     "progress",
                     found,
                     "a function (done, total), or True",
@@ -39,19 +40,20 @@ impl Watch {
             }
             other => other,
         };
-        Ok(Self { progress, looked: Instant::now(), raised: None })
+        Ok(Self { progress, last_check: Instant::now(), exception: None })
     }
 
-    /// Looks at signals and reports, if it is time; an error ends the work.
-    pub fn step(&mut self, done: f64, total: f64) -> spikelane::Result<()> {
-        if self.looked.elapsed() < PERIOD && done < total {
+    /// Checks for signals and reports progress, unless the last check was less than the interval ago. An error stops the
+    /// work.
+    pub fn update(&mut self, done: f64, total: f64) -> spikelane::Result<()> {
+        if self.last_check.elapsed() < CHECK_INTERVAL && done < total {
             return Ok(());
         }
-        self.now(done, total)
+        self.update_now(done, total)
     }
 
-    /// As [`Watch::step`], at once.
-    pub fn now(&mut self, done: f64, total: f64) -> spikelane::Result<()> {
+    /// Checks for signals and reports progress, even if the interval has not elapsed.
+    pub fn update_now(&mut self, done: f64, total: f64) -> spikelane::Result<()> {
         let last = done >= total;
         if last && self.progress.is_none() {
             return Ok(());
@@ -63,57 +65,60 @@ impl Watch {
                 None => Ok(()),
             }
         });
-        self.looked = Instant::now();
+        self.last_check = Instant::now();
         looked.map_err(|error| {
-            self.raised = Some(error);
-            Error::new(Kind::Interrupted, "stopped on request")
+            self.exception = Some(error);
+            Error::new(ErrorKind::Interrupted, "stopped on request")
         })
     }
 
-    /// Looks at signals, if it is time; whether the work is to end.
+    /// Returns whether the work must stop. Checks for signals first, if the interval has elapsed.
     pub fn is_stopped(&mut self) -> bool {
-        if self.raised.is_none() && self.looked.elapsed() >= PERIOD {
-            self.raised = Python::attach(|py| py.check_signals()).err();
-            self.looked = Instant::now();
+        if self.exception.is_none() && self.last_check.elapsed() >= CHECK_INTERVAL {
+            self.exception = Python::attach(|py| py.check_signals()).err();
+            self.last_check = Instant::now();
         }
-        self.raised.is_some()
+        self.exception.is_some()
     }
 
-    /// The exception that ended the work, where that was not the library's own error.
-    pub fn outcome<T>(self, result: spikelane::Result<T>) -> PyResult<T> {
-        match (result, self.raised) {
+    /// Returns `result`. If an exception stopped the work, returns this exception instead.
+    pub fn into_result<T>(self, result: spikelane::Result<T>) -> PyResult<T> {
+        match (result, self.exception) {
             (Ok(value), _) => Ok(value),
             (Err(_), Some(raised)) => Err(raised),
-            (Err(error), None) => Err(crate::error::raise(&error)),
+            (Err(error), None) => Err(crate::error::to_exception(&error)),
         }
     }
 }
 
-/// Does `work` without the interpreter's lock. Ctrl-C, and an exception of the progress function, end it wherever the library
-/// checks for a stop. `work` reports the share that is done.
-pub fn stoppable<T: Send>(
+/// Runs `work` without the interpreter's lock.
+///
+/// Ctrl-C or an exception of the progress function stops `work` when the library next checks for a stop.
+/// `work` reports the completed share of the work, 0 to 1.
+pub fn run_interruptible<T: Send>(
     py: Python<'_>,
-    watch: Watch,
+    watch: WorkMonitor,
     work: impl FnOnce(&mut dyn FnMut(f64)) -> spikelane::Result<T> + Send,
 ) -> PyResult<T> {
     let watch = Arc::new(Mutex::new(watch));
     let looking = Arc::clone(&watch);
-    // The progress function runs under the lock, and may call what checks for a stop.
+    // The progress function runs while the monitor is locked. It may call code that checks for a stop, so this check
+    // must not wait.
     let asked = move || looking.try_lock().is_ok_and(|mut watch| watch.is_stopped());
     let result = py.detach(|| {
-        // Shares below one only: the end is told when it is there.
-        let mut tell = |share: f64| drop(lock(&watch).step(share.min(0.999_999), 1.0));
-        let value = spikelane::unstable::threads::until(asked, || work(&mut tell))?;
-        lock(&watch).now(1.0, 1.0).map(|()| value)
+        // Only shares below 1 are reported here. `update_now` reports the end.
+        let mut tell = |share: f64| drop(lock_monitor(&watch).update(share.min(0.999_999), 1.0));
+        let value = spikelane::unstable::threads::run_until(asked, || work(&mut tell))?;
+        lock_monitor(&watch).update_now(1.0, 1.0).map(|()| value)
     });
-    let raised = lock(&watch).raised.take();
+    let raised = lock_monitor(&watch).exception.take();
     match (result, raised) {
         (Ok(value), _) => Ok(value),
         (Err(_), Some(raised)) => Err(raised),
-        (Err(error), None) => Err(crate::error::raise(&error)),
+        (Err(error), None) => Err(crate::error::to_exception(&error)),
     }
 }
 
-fn lock(watch: &Mutex<Watch>) -> MutexGuard<'_, Watch> {
+fn lock_monitor(watch: &Mutex<WorkMonitor>) -> MutexGuard<'_, WorkMonitor> {
     watch.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -29,7 +29,7 @@ def ctrl_c() -> Iterator[None]:
 
 @pytest.fixture
 def camera() -> sl.Camera:
-    return sl.Camera.preset("physical").resized(12, 20)
+    return sl.Camera.preset("physical").with_shape(12, 20)
 
 
 @pytest.fixture

@@ -18,11 +18,11 @@ def clips(clip) -> np.ndarray:
 
 
 @pytest.mark.parametrize("threads", [1, 3])
-@pytest.mark.parametrize("insertion", ["hold", "linear"])
-def test_a_batch_is_its_clips_one_by_one(camera, clips, threads, insertion):
+@pytest.mark.parametrize("interpolation", ["hold", "linear"])
+def test_a_batch_is_its_clips_one_by_one(camera, clips, threads, interpolation):
     sequences = [5, 1, 2**63, 0, 9, 9]
     bits = sl.simulate_batch(
-        camera, clips, 3, sequences=sequences, seed=4, camera_seed=2, insertion=insertion, threads=threads
+        camera, clips, 3, sequences=sequences, seed=4, camera_seed=2, interpolation=interpolation, threads=threads
     )
     packed = sl.simulate_batch(
         camera,
@@ -31,34 +31,34 @@ def test_a_batch_is_its_clips_one_by_one(camera, clips, threads, insertion):
         sequences=sequences,
         seed=4,
         camera_seed=2,
-        insertion=insertion,
+        interpolation=interpolation,
         threads=threads,
         bits=False,
     )
     for i, sequence in enumerate(sequences):
         simulator = sl.Simulator(camera, seed=4, camera_seed=2, sequence=sequence)
-        expected = simulator.push(clips[i], 3, insertion=insertion)
-        np.testing.assert_array_equal(packed[i], expected)
-        np.testing.assert_array_equal(sl.pack(bits[i]), expected)
+        expected = simulator.run(clips[i], readouts_per_frame=3, interpolation=interpolation)
+        np.testing.assert_array_equal(packed[i], expected.packed)
+        np.testing.assert_array_equal(bits[i], expected)
 
 
 def test_cameras_and_camera_seeds_may_differ_from_clip_to_clip(camera, clips):
     cameras = [camera, camera.clean_twin(), camera.with_effect("prnu", sigma=0.3)] * 2
     found = sl.simulate_batch(cameras, clips, sequences=range(6), camera_seed=range(6), threads=2)
     for i, one in enumerate(cameras):
-        alone = sl.Simulator(one, sequence=i, camera_seed=i).push_bits(clips[i])
+        alone = sl.Simulator(one, sequence=i, camera_seed=i).run_dense(clips[i], readouts_per_frame=1)
         np.testing.assert_array_equal(found[i], alone)
 
 
 @pytest.mark.parametrize("bits", [True, False])
 def test_windows_are_windows_of_the_camera(clips, bits):
-    camera = sl.Camera.preset("physical").resized(40, 50)
+    camera = sl.Camera.preset("physical").with_shape(40, 50)
     places = np.array([(0, 0), (28, 30), (3, 7), (3, 7), (5, 6), (0, 1)])
     found = sl.simulate_batch(camera, list(clips), 2, sequences=range(6), windows=places, bits=bits, threads=2)
     for i, (row, col) in enumerate(places):
         part = sl.Simulator(camera.window(int(row), int(col), 12, 20), sequence=i)
-        expected = part.push_bits(clips[i], 2) if bits else part.push(clips[i], 2)
-        np.testing.assert_array_equal(found[i], expected)
+        expected = part.run(clips[i], readouts_per_frame=2)
+        np.testing.assert_array_equal(found[i], expected.to_dense() if bits else expected.packed)
 
 
 def test_the_callers_buffer_is_filled(camera, clips):
@@ -105,13 +105,13 @@ def test_progress_is_a_bar_where_tqdm_is_installed(camera, clips, capsys):
 
 def test_light_at_a_readout_is_what_the_sensor_sees(clip):
     at = [0, 3, 4, 9, 16, 19]
-    found = sl.light_at(clip, at, 4)
+    found = sl.light_at(clip, at, 4, interpolation="linear")
     full = clip.astype(np.float32) / 255
     for light, t in zip(found, at, strict=True):
         k, w = min(t // 4, 4), (t % 4) / 4
         k, w = (4, 0) if t >= 16 else (k, w)
         expected = full[k] if w == 0 else full[k] + np.float32(w) * (full[k + 1] - full[k])
         np.testing.assert_allclose(light, expected, atol=1e-6)
-    np.testing.assert_array_equal(sl.light_at(clip, [6], 4, insertion="hold")[0], full[1])
+    np.testing.assert_array_equal(sl.light_at(clip, [6], 4)[0], full[1])
     with pytest.raises(sl.SpikelaneError, match="readout 20"):
         sl.light_at(clip, [20], 4)

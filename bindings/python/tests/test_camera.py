@@ -14,14 +14,24 @@ import spikelane as sl
 def test_every_preset_simulates():
     assert "physical" in sl.presets()
     for name in sl.presets():
-        camera = sl.Camera.preset(name).resized(10, 16)
+        camera = sl.Camera.preset(name).with_shape(10, 16)
         assert camera.name == name and camera.shape == (10, 16)
-        spikes = sl.Simulator(camera).push_bits(np.full((10, 16), 128, np.uint8), 50)
+        spikes = sl.Simulator(camera).run_dense(np.full((10, 16), 128, np.uint8), 50)
         assert 0.1 < spikes.mean() < 0.9, name
 
 
+def test_a_camera_prints_its_size_rate_exposure_and_effects(camera):
+    whole = camera.with_maps(gain=np.ones((12, 20)))
+    text = repr(whole.window(2, 3, 5, 7))
+    for part in ('"physical"', "5 x 7 pixels", "20000 readouts/s", "row 2, col 3", "maps: gain"):
+        assert part in text, text
+    assert f"thresholds_at_full_scale={camera.thresholds_at_full_scale:g}" in text
+    assert f"effects: {', '.join(camera.effects)}" in text
+    assert "no effects" in repr(sl.Camera.ideal(3, 4)) and "maps" not in repr(camera)
+
+
 def test_equal_cameras_are_equal_and_hash_alike(camera):
-    other = sl.Camera.preset("physical").resized(12, 20)
+    other = sl.Camera.preset("physical").with_shape(12, 20)
     assert other == camera and hash(other) == hash(camera) and len({other, camera}) == 1
     assert camera != camera.with_effect("prnu", sigma=0.03) and camera != 3
     assert camera.with_effect("prnu", sigma=0.02) == camera
@@ -34,7 +44,7 @@ def test_a_camera_travels_with_maps_and_window(camera, again):
     for one in (camera, whole, whole.window(2, 3, 5, 7)):
         assert again(one) == one
     np.testing.assert_array_equal(again(whole).maps["gain"], gain)
-    assert again(whole.window(2, 3, 5, 7)).place == (2, 3, 5, 7)
+    assert again(whole.window(2, 3, 5, 7)).window_crop == (2, 3, 5, 7)
 
 
 def test_a_camera_file_with_maps_comes_back_from_its_folder(camera, tmp_path):
@@ -63,7 +73,7 @@ def test_an_effect_starts_neutral_and_keeps_what_is_not_named(camera):
     changed = ideal.with_effect("dark_current", mean="500 fA")
     assert changed.effects["dark_current"] == {"mean": 0.5, "sigma": 0.0, "negative": "kept"}
     assert changed.with_effect("dark_current", negative="zero").effects["dark_current"]["mean"] == 0.5
-    assert changed.without("dark_current") == ideal
+    assert changed.without_effect("dark_current") == ideal
     for name, values in [("prnoo", {}), ("prnu", {"sigmma": 1}), ("prnu", {"sigma": -1})]:
         with pytest.raises(sl.SpikelaneError):
             ideal.with_effect(name, **values)
@@ -71,14 +81,14 @@ def test_an_effect_starts_neutral_and_keeps_what_is_not_named(camera):
         with pytest.raises(sl.SpikelaneError):
             ideal.with_effect("prnu", sigma=value)
     with pytest.raises(sl.SpikelaneError):
-        ideal.without("prnoo")
+        ideal.without_effect("prnoo")
 
 
 def test_effects_say_units_ranges_and_sources():
     all_ = sl.effects()
     assert all_["prnu"]["parameters"]["sigma"]["high"] == 1.0
     assert all_["dark_current"]["parameters"]["mean"]["unit"] == "pA"
-    assert all_["shot_noise"]["parameters"]["counts"]["words"] == ["electrons", "photons"]
+    assert all_["shot_noise"]["parameters"]["counts"]["choices"] == ["electrons", "photons"]
 
 
 def test_maps_of_another_size_or_not_finite_are_refused(camera):
@@ -88,25 +98,25 @@ def test_maps_of_another_size_or_not_finite_are_refused(camera):
     with pytest.raises(TypeError):
         camera.with_maps(gain=np.ones((12, 20), np.float32))
     with pytest.raises(sl.SpikelaneError):
-        camera.with_maps(gain=np.ones((12, 20))).resized(4, 4)
+        camera.with_maps(gain=np.ones((12, 20))).with_shape(4, 4)
 
 
 def test_a_window_has_the_pattern_of_its_place():
     # Gains differ, nothing is drawn at readouts: the window's spikes are those of the whole at that place.
     camera = sl.Camera.ideal(30, 40).with_effect("prnu", sigma=0.05).with_effect("vignetting", strength=0.4)
     light = np.random.default_rng(0).integers(0, 256, (30, 40), np.uint8)
-    whole = sl.Simulator(camera, camera_seed=3).push_bits(light, 300)
+    whole = sl.Simulator(camera, camera_seed=3).run_dense(light, 300)
     part = sl.Simulator(camera.window(7, 11, 12, 17), camera_seed=3)
-    found = part.push_bits(light[7:19, 11:28], 300)
+    found = part.run_dense(light[7:19, 11:28], 300)
     np.testing.assert_array_equal(found, whole[:, 7:19, 11:28])
 
 
 def test_the_clean_twin_has_no_noise(camera):
     twin = camera.clean_twin()
     light = np.full((12, 20), 128, np.uint8)
-    a = sl.Simulator(twin, seed=1, sequence=5).push(light, 40)
-    b = sl.Simulator(twin, seed=1, sequence=5, camera_seed=9).push(light, 40)
-    np.testing.assert_array_equal(a, b)
+    a = sl.Simulator(twin, seed=1, sequence=5).run(light, 40)
+    b = sl.Simulator(twin, seed=1, sequence=5, camera_seed=9).run(light, 40)
+    assert a == b
     assert set(twin.effects) <= {"start_phase", "saturation_clamp"}
 
 

@@ -28,7 +28,7 @@ def clips() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def physical() -> sl.Camera:
-    return sl.Camera.preset("physical").resized(30, 36)
+    return sl.Camera.preset("physical").with_shape(30, 36)
 
 
 def digest(item: dict) -> str:
@@ -51,7 +51,7 @@ def test_an_item_is_fixed_by_seed_epoch_and_index(clips, physical):
 
 
 def test_a_crop_is_a_window_of_the_one_camera(clips, physical):
-    sampler = sl.ClipSampler(clips, physical, 5, crop=(16, 12), seed=3, targets=[0, 7, 19], clean=True)
+    sampler = sl.ClipSampler(clips, physical, 5, crop=(16, 12), seed=3, target_readouts=[0, 7, 19], clean=True)
     seeds, places = set(), set()
     for index in range(7):
         item = sampler.item(index)
@@ -59,8 +59,8 @@ def test_a_crop_is_a_window_of_the_one_camera(clips, physical):
         part = physical.window(row, col, 16, 12)
         light = clips[index][:, row : row + 16, col : col + 12]
         arguments = {"seed": 3, "sequence": item["sequence"], "camera_seed": item["camera_seed"]}
-        np.testing.assert_array_equal(item["spikes"], sl.Simulator(part, **arguments).push_bits(light, 5))
-        clean = sl.Simulator(part.clean_twin(), **arguments).push_bits(light, 5)
+        np.testing.assert_array_equal(item["spikes"], sl.Simulator(part, **arguments).run(light, readouts_per_frame=5))
+        clean = sl.Simulator(part.clean_twin(), **arguments).run(light, readouts_per_frame=5)
         np.testing.assert_array_equal(item["clean"], clean)
         np.testing.assert_array_equal(item["light"], sl.light_at(light, [0, 7, 19], 5))
         seeds.add(item["camera_seed"])
@@ -73,17 +73,18 @@ def test_a_distribution_gives_each_clip_a_camera_of_its_own(clips):
     sampler = sl.ClipSampler(clips, cameras, 5, crop=(16, 16), seed=3)
     items = [sampler.item(i, e) for i in range(7) for e in (0, 1)]
     assert len({item["camera_seed"] for item in items}) == 14
-    assert len({item["exposure"] for item in items}) == 14
+    assert len({item["thresholds_at_full_scale"] for item in items}) == 14
     for item in items:
-        camera = cameras.draw(item["camera_seed"]).resized(16, 16)
-        assert item["exposure"] == camera.thresholds_at_full_scale
+        camera = cameras.draw(item["camera_seed"]).with_shape(16, 16)
+        assert item["thresholds_at_full_scale"] == camera.thresholds_at_full_scale
         row, col = item["row"], item["col"]
         light = clips[item["index"]][:, row : row + 16, col : col + 16]
         arguments = {"seed": 3, "sequence": item["sequence"], "camera_seed": item["camera_seed"]}
-        np.testing.assert_array_equal(item["spikes"], sl.Simulator(camera, **arguments).push_bits(light, 5))
+        expected = sl.Simulator(camera, **arguments).run(light, readouts_per_frame=5)
+        np.testing.assert_array_equal(item["spikes"], expected)
     listed = sl.ClipSampler(clips, cameras, 5, crop=[16, 16], seed=3)
     assert digest(listed.item(6, 1)) == digest(items[-1])
-    few = sl.ClipSampler(clips, cameras, 5, seed=3, cameras=3)
+    few = sl.ClipSampler(clips, cameras, 5, seed=3, camera_count=3)
     assert len({few.item(i, e)["camera_seed"] for i in range(7) for e in range(4)}) == 3
 
 
@@ -103,11 +104,11 @@ def test_wrong_arguments_are_refused(clips, physical):
     for make in (
         lambda: sl.ClipSampler(clips, "physical"),
         lambda: sl.ClipSampler([], physical),
-        lambda: sl.ClipSampler(clips, physical, cameras=0),
+        lambda: sl.ClipSampler(clips, physical, camera_count=0),
         lambda: sl.ClipSampler(clips, physical, crop=(31, 8))[0],
-        lambda: sl.ClipSampler(clips, physical.resized(8, 8))[0],
+        lambda: sl.ClipSampler(clips, physical.with_shape(8, 8))[0],
         lambda: sl.ClipSampler(clips[0], physical)[0],
-        lambda: sl.ClipSampler(clips, physical, targets=[4])[0],
+        lambda: sl.ClipSampler(clips, physical, target_readouts=[4])[0],
     ):
         with pytest.raises(sl.SpikelaneError):
             make()
@@ -160,8 +161,8 @@ def test_a_stream_of_items_has_each_once_whatever_the_workers(clips, physical, w
 @needs_torch
 def test_a_tensors_memory_can_be_the_buffer(clips, physical):
     out = torch.empty((20, 30, 36), dtype=torch.uint8)
-    sl.Simulator(physical).push_bits(clips[0], 5, out=out.numpy())
-    np.testing.assert_array_equal(out.numpy(), sl.Simulator(physical).push_bits(clips[0], 5))
+    sl.Simulator(physical).run_dense(clips[0], readouts_per_frame=5, out=out.numpy())
+    np.testing.assert_array_equal(out.numpy(), sl.Simulator(physical).run(clips[0], readouts_per_frame=5))
 
 
 def test_torch_is_imported_only_when_asked_for():

@@ -11,11 +11,12 @@ import pytest
 import spikelane as sl
 
 
-def push(camera: sl.Camera, frames: object, *args: object, **kwargs: object) -> sl.SpikelaneError:
+def error_of(camera: sl.Camera, method: str, *args: object, **kwargs: object) -> sl.SpikelaneError:
+    """The error of a call of a simulator, which must be unchanged after it."""
     simulator = sl.Simulator(camera)
     before = simulator.state()
     with pytest.raises(sl.SpikelaneError) as raised:
-        simulator.push(frames, *args, **kwargs)
+        getattr(simulator, method)(*args, **kwargs)
     assert simulator.state() == before
     assert raised.value.subject and raised.value.found
     return raised.value
@@ -23,7 +24,7 @@ def push(camera: sl.Camera, frames: object, *args: object, **kwargs: object) -> 
 
 @pytest.mark.parametrize("dtype", ["float64", "int8", "int32", "bool", "complex64", "float16", ">u2", ">f4"])
 def test_other_dtypes_are_type_errors_that_name_the_remedy(camera, dtype):
-    error = push(camera, np.zeros((12, 20), dtype))
+    error = error_of(camera, "run", np.zeros((12, 20), dtype), 1)
     assert isinstance(error, TypeError) and isinstance(error, ValueError)
     assert "astype" in error.remedy and "uint8" in error.expected
 
@@ -31,60 +32,85 @@ def test_other_dtypes_are_type_errors_that_name_the_remedy(camera, dtype):
 @pytest.mark.parametrize("thing", [None, 3, "light", [[0] * 20] * 12, object(), np.array(["a"])])
 def test_things_that_are_no_arrays_are_type_errors(camera, thing):
     with pytest.raises(sl.SpikelaneTypeError):
-        sl.Simulator(camera).push(thing)
+        sl.Simulator(camera).run(thing, 1)
 
 
 @pytest.mark.parametrize("shape", [(12,), (20, 12), (1, 1, 12, 20), (11, 20), (2, 12, 21), (0, 0), ()])
 def test_other_shapes_are_refused(camera, shape):
-    error = push(camera, np.zeros(shape, np.uint8))
-    assert error.kind == "usage"
+    error = error_of(camera, "run", np.zeros(shape, np.uint8), 1)
+    assert error.kind == "usage" and error.subject == "light"
+    assert str(shape) in error.found
+
+
+@pytest.mark.parametrize("shape", [(12, 20, 3), (12, 20, 4), (5, 12, 20, 3)])
+def test_colors_are_refused_with_the_conversion(camera, shape):
+    error = error_of(camera, "run", np.zeros(shape, np.uint8), 1)
+    assert error.found == f"shape {shape}" and "`rgb @ weights`" in error.remedy
+
+
+@pytest.mark.parametrize("method", ["run", "run_dense"])
+def test_the_number_of_readouts_follows_the_shape_of_the_light(camera, clip, method):
+    error = error_of(camera, method, clip[0])
+    assert error.subject == "readouts" and "run(light, 1000)" in error.remedy
+    for arguments in ((clip,), (clip, 20)):
+        error = error_of(camera, method, *arguments)
+        assert error.subject == "readouts_per_frame" and "readouts_per_frame=20" in error.remedy
+    error = error_of(camera, method, clip[0], 10, readouts_per_frame=2)
+    assert (error.subject, error.found) == ("readouts_per_frame", "2") and "(H, W)" in error.expected
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, -1e-6])
 def test_light_that_is_no_light_is_refused_with_its_place(camera, value):
     light = np.full((2, 12, 20), 0.5, np.float32)
     light[1, 3, 4] = value
-    error = push(camera, light)
+    error = error_of(camera, "run", light, readouts_per_frame=1)
     assert "frame 1" in error.subject and "row 3, col 4" in error.subject
 
 
 def test_no_frame_at_all_is_refused(camera):
-    push(camera, np.zeros((0, 12, 20), np.uint8))
+    error = error_of(camera, "run", np.zeros((0, 12, 20), np.uint8), readouts_per_frame=1)
+    assert error.subject == "light"
 
 
 def test_buffers_that_do_not_fit_are_refused(camera, clip):
-    small = np.empty((34, 30), np.uint8)
-    assert "(35, 30)" in push(camera, clip, 7, out=small).expected.replace("[", "(").replace("]", ")")
-    push(camera, clip, 7, out=np.empty((35, 30), np.int8))
-    push(camera, clip, 7, out=np.empty((35, 60), np.uint8)[:, ::2])
-    push(camera, clip, 7, out=np.asfortranarray(np.empty((35, 30), np.uint8)))
+    def refused(out: object) -> sl.SpikelaneError:
+        return error_of(camera, "fill", clip, out, readouts_per_frame=7)
+
+    for shape in ((35, 31), (35,), (35, 12, 20)):
+        error = refused(np.empty(shape, np.uint8))
+        assert error.subject == "out" and str(shape) in error.found and "(readouts, 30)" in error.expected
+    assert "at most 35" in refused(np.empty((36, 30), np.uint8)).expected
+    refused(np.empty((35, 30), np.int8))
+    refused(np.empty((35, 60), np.uint8)[:, ::2])
+    refused(np.asfortranarray(np.empty((35, 30), np.uint8)))
     locked = np.empty((35, 30), np.uint8)
     locked.flags.writeable = False
-    push(camera, clip, 7, out=locked)
-    push(camera, clip, 7, out=[0])
-    both = np.zeros((12, 20), np.uint8)
-    ideal = sl.Camera.ideal(1, 160)
+    refused(locked)
+    refused([0])
+    dense = np.empty((34, 12, 20), np.uint8)
+    error = error_of(camera, "run_dense", clip, readouts_per_frame=7, out=dense)
+    assert error.subject == "out" and "(35, 12, 20)" in error.expected
     light = np.zeros((1, 160), np.uint8)
-    with pytest.raises(sl.SpikelaneError):
-        sl.Simulator(ideal).push(light, 8, out=light.reshape(8, 20))
-    assert both.sum() == 0
+    with pytest.raises(sl.SpikelaneError, match="out"):
+        sl.Simulator(sl.Camera.ideal(1, 160)).fill(light, light.reshape(8, 20))
+    assert light.sum() == 0
 
 
 def test_numbers_out_of_range_are_refused(camera, clip):
-    with pytest.raises((sl.SpikelaneError, OverflowError)):
-        sl.Simulator(camera).push(clip, -1)
-    push(camera, clip, 0)
-    push(camera, clip, 7, readouts=36)
-    push(camera, clip, insertion="cubic")
-    push(camera, clip, 2**62)
+    for number in (-1, 0):
+        assert error_of(camera, "run", clip, readouts_per_frame=number).subject == "readouts_per_frame"
+    assert error_of(camera, "run", clip[0], -1).subject == "readouts"
+    assert "at most 35" in error_of(camera, "run", clip, 36, readouts_per_frame=7).expected
+    assert error_of(camera, "run", clip[0], 1, interpolation="cubic").subject == "interpolation"
+    error_of(camera, "run", clip, readouts_per_frame=2**62)
     with pytest.raises(OverflowError):
         sl.Simulator(camera, seed=-1)
     for threads in (0, 100_000):
         with pytest.raises(sl.SpikelaneError, match="threads"):
             sl.Simulator(camera, threads=threads)
     for light in (np.nan, -1.0, np.inf):
-        with pytest.raises(sl.SpikelaneError, match="greatest light"):
-            sl.Simulator(camera, greatest_light=light)
+        with pytest.raises(sl.SpikelaneError, match="max light"):
+            sl.Simulator(camera, max_light=light)
     with pytest.raises(sl.SpikelaneError, match="backend"):
         sl.Simulator(camera, backend="mmx")
 
@@ -118,7 +144,7 @@ def test_states_of_others_are_refused(camera, clip):
     state = sl.Simulator(camera, seed=1).state()
     others = [
         sl.Simulator(camera, seed=2),
-        sl.Simulator(camera, seed=1, greatest_light=1.5),
+        sl.Simulator(camera, seed=1, max_light=1.5),
         sl.Simulator(camera.with_effect("prnu", sigma=0.03), seed=1),
     ]
     for other in others:
@@ -172,15 +198,22 @@ def test_a_fork_goes_on_with_its_copy(clip, threads):
     camera = sl.Camera.preset("physical")
     light = np.tile(clip[0], (21, 20))[:250, :400]
     simulator = sl.Simulator(camera, threads=threads)
-    simulator.push(light, 3)
+    simulator.run(light, 3)
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
         try:
-            found = simulator.push(light, 5)
+            found = simulator.run(light, 5).packed
             batch = sl.simulate_batch(camera, [light[None]] * 3, sequences=range(3), threads=2)
             os.write(write, bytes([int(found.any()), int(batch.any()), int(found.sum() % 251)]))
         finally:
             os._exit(0)
     assert os.waitpid(child, 0)[1] == 0
-    assert os.read(read, 3) == bytes([1, 1, int(simulator.push(light, 5).sum() % 251)])
+    assert os.read(read, 3) == bytes([1, 1, int(simulator.run(light, 5).packed.sum() % 251)])
+
+
+def test_a_setting_is_named_as_a_parameter(tmp_path):
+    (tmp_path / "bare.dat").write_bytes(bytes(96))
+    with pytest.raises(sl.SpikelaneError) as raised:
+        sl.open_stream(tmp_path / "bare.dat")
+    assert "width=" in raised.value.remedy and "height=" in str(raised.value)

@@ -26,7 +26,7 @@ def ramp(pixels: int) -> np.ndarray:
 
 
 def light(kind: str, shape: tuple[int, int]) -> tuple[np.ndarray, int, dict]:
-    """Frames, readouts of each, and how they are pushed; 200 readouts."""
+    """Frames, readouts of each, and further arguments of `run`; 200 readouts."""
     pixels = shape[0] * shape[1]
     if kind == "u8":
         return ramp(pixels).reshape(1, *shape), 200, {}
@@ -36,18 +36,19 @@ def light(kind: str, shape: tuple[int, int]) -> tuple[np.ndarray, int, dict]:
     if kind == "bright":
         lit = np.float32(1.6) * np.arange(pixels, dtype=np.float32) / np.float32(pixels)
         frames = np.stack([lit, lit, lit, np.zeros_like(lit)])
-        return frames.reshape(4, *shape), 50, {"insertion": "hold"}
+        return frames.reshape(4, *shape), 50, {}
     assert kind == "between"
     frames = np.stack([ramp(pixels), ramp(pixels)[::-1]])
-    return frames.reshape(2, *shape), 200, {"readouts": 200}
+    return frames.reshape(2, *shape), 200, {"readouts": 200, "interpolation": "linear"}
 
 
 def test_python_has_the_golden_digests(golden):
     for case in golden:
         camera = sl.Camera.from_toml(case["camera"])
         frames, each, how = light(case["light"], camera.shape)
-        simulator = sl.Simulator(camera, greatest_light=1.6, **SEEDS)
-        assert fnv(simulator.push(frames, each, **how).tobytes()) == case["fnv1a"], case["name"]
+        simulator = sl.Simulator(camera, max_light=1.6, **SEEDS)
+        spikes = simulator.run(frames, readouts_per_frame=each, **how)
+        assert fnv(spikes.packed.tobytes()) == case["fnv1a"], case["name"]
 
 
 @pytest.mark.parametrize("kind", ["u8", "u16", "bright", "between"])
@@ -69,10 +70,10 @@ def test_the_program_has_the_golden_digests(golden, program, tmp_path, kind):
             str(tmp_path / f"out{i}"),
         ]
         command += ["--camera-seed", "11", "--seed", "22", "--sequence", "33"]
-        command += ["--readouts-per-frame", str(each), "--readouts", "200", "--greatest-light", "1.6"]
+        command += ["--readouts-per-frame", str(each), "--readouts", "200", "--max-light", "1.6"]
         command += [
-            "--insertion",
-            how.get("insertion", "linear"),
+            "--interpolation",
+            how.get("interpolation", "hold"),
             "--to",
             "dat-top",
             "--transfer",

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 GUIDES = Path(__file__).resolve().parents[3] / "docs" / "guides"
-"""`python.md` and `training.md` lie here."""
+"""The folder of `python.md`, `training.md` and `embedding.md`."""
 
 
 def run(guide: Path) -> None:
@@ -43,3 +43,20 @@ def test_every_block_of_the_training_guide_runs(tmp_path, monkeypatch, capsys):
     os.environ.setdefault("SPIKELANE_TRAIN_SECONDS", "5")
     run(GUIDES / "training.md")
     assert "error of counting" in capsys.readouterr().out
+
+
+def test_the_programs_of_the_embedding_guide_name_one_number_of_spikes():
+    guide = GUIDES / "embedding.md"
+    if not guide.is_file():
+        pytest.skip(f"{guide} is not here: the guides lie in the repository")
+    text = guide.read_text()
+    printed = re.search(r"Each program prints ([0-9,]+) spikes", text)
+    assert printed
+    python = re.search(r"```python needs python:spikelane\n(.*?)```", text, re.DOTALL)
+    assert python
+    space: dict[str, object] = {}
+    exec(compile(python[1], guide.name, "exec"), space)
+    number = int(printed[1].replace(",", ""))
+    assert space["spikes"].spike_count == number
+    # The Rust program is a doctest, and the C program runs in the checks of the C library.
+    assert f"assert_eq!(spikes.spikes(), {number:_});" in text

@@ -17,7 +17,7 @@ PACKAGE = Path(sl.__file__).parent
 
 def members() -> list[tuple[str, object]]:
     named = [(name, getattr(sl, name)) for name in sl.__all__ if name != "__version__"]
-    for cls in (sl.Camera, sl.CameraDistribution, sl.Simulator, sl.Stream, sl.Scene, sl.ClipSampler):
+    for cls in (sl.Camera, sl.CameraDistribution, sl.Simulator, sl.SpikeFrames, sl.Stream, sl.Scene, sl.ClipSampler):
         own = [n for n in vars(cls) if not n.startswith("_")]
         named += [(f"{cls.__name__}.{n}", getattr(cls, n)) for n in own]
     return named
@@ -30,7 +30,8 @@ def test_everything_has_help(name, thing):
 
 
 def test_functions_say_shapes_dtypes_and_errors():
-    for function in (sl.Simulator.push, sl.simulate_batch, sl.unpack, sl.pack, sl.write_stream):
+    run = (sl.Simulator.run, sl.SpikeFrames.from_packed, sl.SpikeFrames.from_dense)
+    for function in (*run, sl.simulate_batch, sl.unpack, sl.pack, sl.write_stream):
         text = inspect.getdoc(function) or ""
         assert "uint8" in text and "Raises" in text, function
 
@@ -59,20 +60,21 @@ def test_stubs_are_what_is_there():
 def test_development_mode_finds_nothing(tmp_path):
     code = """
 import gc, numpy as np, pickle, spikelane as sl
-camera = pickle.loads(pickle.dumps(sl.Camera.preset("physical").resized(12, 20)))
+camera = pickle.loads(pickle.dumps(sl.Camera.preset("physical").with_shape(12, 20)))
 simulator = sl.Simulator(camera, threads=2)
 light = np.full((3, 12, 20), 90, np.uint8)
-bits = simulator.push_bits(light, 10)
-for wrong in (None, light.astype(float), light[:, :3], light[0, 0]):
+spikes = simulator.run(light, readouts_per_frame=10)
+for wrong in (None, light.astype(float), light[:, :3], light[0, 0], light):
     try:
-        simulator.push(wrong)
+        simulator.run(wrong, 10)
     except sl.SpikelaneError:
         pass
     else:
         raise SystemExit("no error")
-sl.write_stream("a.dat", bits)
+sl.write_stream("a.dat", spikes)
 with sl.open_stream("a.dat") as stream:
-    assert (stream.bits() == bits).all()
+    assert (stream.read_bits() == spikes.to_dense()).all()
+assert pickle.loads(pickle.dumps(spikes)) == spikes
 sl.simulate_batch(camera, [light] * 4, sequences=range(4), threads=2)
 gc.collect()
 """

@@ -25,7 +25,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="processes and signals as 
 
 
 def _simulator(threads: int = 1) -> sl.Simulator:
-    return sl.Simulator(sl.Camera.preset("physical").resized(HEIGHT, WIDTH), seed=7, threads=threads)
+    return sl.Simulator(sl.Camera.preset("physical").with_shape(HEIGHT, WIDTH), seed=7, threads=threads)
 
 
 def _light() -> np.ndarray:
@@ -35,19 +35,19 @@ def _light() -> np.ndarray:
 def _everything(folder: str) -> None:
     """Calls every function whose work is shared by threads."""
     # Large enough for several bands and tiles.
-    camera = sl.Camera.preset("physical").resized(72, 128)
+    camera = sl.Camera.preset("physical").with_shape(72, 128)
     light = np.full((72, 128), 90, np.uint8)
-    packed = sl.Simulator(camera, threads=2).push(light, 300)
-    sl.measure(packed, 72, 128)
+    spikes = sl.Simulator(camera, threads=2).run(light, 300)
+    sl.measure(spikes)
     path = Path(folder) / f"{os.getpid()}.dat"
-    sl.write_stream(path, packed, height=72, width=128, readout_hz=20_000)
+    sl.write_stream(path, spikes, readout_hz=20_000)
     sl.measure(path)
     clips = np.stack([light[None], light[None]])
     sl.simulate_batch(camera, clips, 20, sequences=range(2), threads=2)
     scene = sl.Scene(3, 32, 48)
     scene.render(0.1, threads=2)
     scene.clip(0.1, 2, 100.0, threads=2)
-    sl.tfp(packed, 72, 128, 100, 20)
+    sl.tfp(spikes, at=100, half_window=20)
 
 
 @posix
@@ -66,22 +66,22 @@ def test_forked_children_run_all_parallel_work_after_the_parent(tmp_path):
     assert codes == [0, 0]
 
 
-def _mean_rate(packed: np.ndarray) -> float:
-    return sl.measure(packed, HEIGHT, WIDTH)["mean-rate"].value
+def _mean_rate(spikes: sl.SpikeFrames) -> float:
+    return sl.measure(spikes)["mean-rate"].value
 
 
 @posix
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_forked_pool_of_three_measures(tmp_path):
-    packed = _simulator().push(_light(), 400)
-    expected = _mean_rate(packed)
+    spikes = _simulator().run(_light(), 400)
+    expected = _mean_rate(spikes)
     with multiprocessing.get_context("fork").Pool(3) as pool:
-        assert pool.map_async(_mean_rate, [packed] * 6).get(PATIENCE_S) == [expected] * 6
+        assert pool.map_async(_mean_rate, [spikes] * 6).get(PATIENCE_S) == [expected] * 6
 
 
 def _used(objects: tuple[sl.Stream, sl.Scene, sl.Simulator]) -> list[np.ndarray]:
     stream, scene, simulator = objects
-    return [stream[3:9], scene.render(0.2).light, simulator.push(_light(), 10)]
+    return [stream[3:9], scene.render(0.2).light, simulator.run(_light(), 10)]
 
 
 @pytest.mark.parametrize("method", ["spawn", "forkserver"])
@@ -90,7 +90,7 @@ def test_stream_scene_and_simulator_go_to_other_processes(method, tmp_path):
         pytest.skip(f"no {method} here")
     path = tmp_path / "a.dat"
     simulator = _simulator()
-    sl.write_stream(path, simulator.push(_light(), 20), height=HEIGHT, width=WIDTH)
+    sl.write_stream(path, simulator.run(_light(), 20))
     scene = sl.Scene(5, 32, 48, lighting="dusk", duration_s=1.0, vehicles=2)
     objects = (sl.open_stream(path), scene, simulator)
     with multiprocessing.get_context(method).Pool(2) as pool:
@@ -118,7 +118,7 @@ class _Readouts:
 def test_a_dataset_with_an_open_stream_works_in_workers_of_torch(method, tmp_path):
     data = pytest.importorskip("torch.utils.data")
     path = tmp_path / "a.dat"
-    packed = _simulator().push(_light(), 12)
+    packed = _simulator().run(_light(), 12).packed
     sl.write_stream(path, packed, height=HEIGHT, width=WIDTH)
     loader = data.DataLoader(_Readouts(path), batch_size=4, num_workers=2, multiprocessing_context=method)
     np.testing.assert_array_equal(np.concatenate([batch.numpy() for batch in loader]), packed)
@@ -126,20 +126,20 @@ def test_a_dataset_with_an_open_stream_works_in_workers_of_torch(method, tmp_pat
 
 def test_a_pickled_simulator_goes_on_with_the_same_bits():
     simulator = sl.Simulator(
-        sl.Camera.preset("physical").resized(HEIGHT, WIDTH), seed=2, camera_seed=3, threads=2, greatest_light=2.0
+        sl.Camera.preset("physical").with_shape(HEIGHT, WIDTH), seed=2, camera_seed=3, threads=2, max_light=2.0
     )
-    simulator.push(_light(), 33)
+    simulator.run(_light(), 33)
     simulator.restart(sequence=9)
-    simulator.push(_light(), 17)
+    simulator.run(_light(), 17)
     for other in (pickle.loads(pickle.dumps(simulator)), copy.deepcopy(simulator)):
-        assert (other.seeds, other.readout) == ((3, 2, 9), 17)
+        assert (other.seeds, other.next_readout) == ((3, 2, 9), 17)
         before = simulator.state()
-        np.testing.assert_array_equal(other.push(_light(), 50), simulator.push(_light(), 50))
+        assert other.run(_light(), 50) == simulator.run(_light(), 50)
         simulator.restore(before)
 
 
 def test_a_pickled_stream_keeps_how_it_was_opened_and_a_closed_one_is_refused(tmp_path, monkeypatch):
-    packed = _simulator().push(_light(), 12)
+    packed = _simulator().run(_light(), 12).packed
     sl.write_stream(tmp_path / "a.dat", packed, height=HEIGHT, width=WIDTH, layout="dat-top", sidecar=False)
     monkeypatch.chdir(tmp_path)
     stream = sl.open_stream("a.dat", layout="dat-top", height=HEIGHT, width=WIDTH)
@@ -178,29 +178,29 @@ def _views(frame: np.ndarray) -> dict[str, np.ndarray]:
 def test_light_in_any_memory_gives_the_same_bits(dtype, copied):
     scale = {np.uint8: 255, np.uint16: 65535, np.float32: 1}[dtype]
     frame = (np.linspace(0.05, 0.9, HEIGHT * WIDTH).reshape(HEIGHT, WIDTH) * scale).astype(dtype)
-    expected = _simulator().push(frame, 60)
+    expected = _simulator().run(frame, 60)
     for name, view in _views(frame).items():
-        np.testing.assert_array_equal(_simulator().push(view, 60, copy=copied), expected, err_msg=name)
+        assert _simulator().run(view, 60) == expected, name
         one = sl.simulate_batch(_simulator().camera, [view[None]], 60, sequences=[0], seed=7, bits=False, copy=copied)
-        np.testing.assert_array_equal(one[0], expected, err_msg=name)
+        np.testing.assert_array_equal(one[0], expected.packed, err_msg=name)
         np.testing.assert_array_equal(sl.light_at(view, [0]), sl.light_at(frame, [0]), err_msg=name)
 
 
 @pytest.mark.parametrize("dtype", [">u2", ">f4"])
 def test_light_of_the_other_byte_order_is_refused(dtype):
     with pytest.raises(sl.SpikelaneTypeError, match="astype"):
-        _simulator().push(np.zeros((HEIGHT, WIDTH), dtype), 10)
+        _simulator().run(np.zeros((HEIGHT, WIDTH), dtype), 10)
 
 
 def test_light_that_changes_during_a_call_does_not_change_the_call():
     light = np.full((250, 400), 0.3, np.float32)
     camera = sl.Camera.preset("physical")
-    expected = sl.Simulator(camera).push(light.copy(), 1500)
+    expected = sl.Simulator(camera).run(light.copy(), 1500)
 
     def spoil(done: float, total: float) -> None:
         light[:] = np.nan
 
-    np.testing.assert_array_equal(sl.Simulator(camera).push(light, 1500, progress=spoil), expected)
+    assert sl.Simulator(camera).run(light, 1500, progress=spoil) == expected
     assert np.isnan(light).all()
 
 

@@ -16,7 +16,8 @@ from torch.utils.data import DataLoader  # noqa: E402
 
 from spikelane.torch import SpikeShards  # noqa: E402
 
-SCENES = "--kind tiny --sequences 7 --images 3 --label-every 2 --width 32 --height 24 --validation-share 0.2".split()
+SCENES = "--scene-preset tiny --sequences 7 --images-per-scene 3 --label-every 2 --width 32 --height 24".split()
+SCENES += ["--validation-share", "0.2"]
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +25,8 @@ def packed(program: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path
     """Seven scenes, once in packed shards of two (``set``) and once plain (``plain``)."""
     folder = tmp_path_factory.mktemp("packed")
     lines = [
-        ["plan", *SCENES, "-o", "set", "--per-shard", "2", "--pack"],
-        ["run", "set", "--shard", "all"],
+        ["plan", *SCENES, "-o", "set", "--sequences-per-shard", "2", "--pack"],
+        ["run", "set", "--shards", "all"],
         ["merge", "set"],
         [*SCENES, "-o", "plain"],
     ]
@@ -44,10 +45,10 @@ def test_a_sequence_holds_what_the_program_wrote(packed: Path) -> None:
     plain = packed / "plain" / "sequences" / item["id"]
     for key, file in [("spikes", "stream.dat"), ("clean", "stream.clean.dat")]:
         with sl.open_stream(plain / file) as stream:
-            assert np.array_equal(item[key].numpy(), stream.bits())
+            assert np.array_equal(item[key].numpy(), stream.read_bits())
     assert item["spikes"].shape == (3, 24, 32)
     assert np.array_equal(item["labels-000002-depth.npy"].numpy(), np.load(plain / "labels/000002.depth.npy"))
-    assert item["png"] == (plain / "clear.png").read_bytes()
+    assert item["png"] == (plain / "reference.png").read_bytes()
     assert item["stream.json"]["readouts"] == 3 and item["record"]["id"] == item["id"]
 
 

@@ -1,4 +1,4 @@
-"""Laws of a simulator: the same bits whichever way light is pushed."""
+"""A simulator gives the same bits however the light is passed."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ def bits_of(packed: np.ndarray, height: int, width: int) -> np.ndarray:
     return flat.reshape(*packed.shape[:-1], height, width)
 
 
-@pytest.mark.parametrize("insertion", ["hold", "linear", "flow"])
-def test_packed_and_unpacked_spikes_are_the_same(camera, clip, insertion):
-    packed = sl.Simulator(camera, seed=3).push(clip, 7, insertion=insertion)
-    bits = sl.Simulator(camera, seed=3).push_bits(clip, 7, insertion=insertion)
+@pytest.mark.parametrize("interpolation", ["hold", "linear", "flow"])
+def test_packed_and_unpacked_spikes_are_the_same(camera, clip, interpolation):
+    how = {"readouts_per_frame": 7, "interpolation": interpolation}
+    packed = sl.Simulator(camera, seed=3).run(clip, **how).packed
+    bits = sl.Simulator(camera, seed=3).run_dense(clip, **how)
     assert packed.shape == (35, 30) and bits.shape == (35, 12, 20)
     assert packed.dtype == bits.dtype == np.uint8
     np.testing.assert_array_equal(bits_of(packed, 12, 20), bits)
@@ -32,78 +33,104 @@ def test_packed_and_unpacked_spikes_are_the_same(camera, clip, insertion):
 def test_an_ideal_pixel_counts_its_light_exactly():
     # Charge of g / 255 a readout: floor(t g / 255) spikes after t readouts.
     light = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    bits = sl.Simulator(sl.Camera.ideal(16, 16)).push_bits(light, 1000)
+    bits = sl.Simulator(sl.Camera.ideal(16, 16)).run_dense(light, 1000)
     np.testing.assert_array_equal(bits.sum(axis=0), 1000 * light.astype(int) // 255)
 
 
 def test_frames_one_by_one_are_frames_together(camera, clip):
-    together = sl.Simulator(camera).push(clip, 4, insertion="hold")
+    together = sl.Simulator(camera).run(clip, readouts_per_frame=4)
     single = sl.Simulator(camera)
-    apart = np.concatenate([single.push(frame, 4, insertion="hold") for frame in clip])
+    apart = np.concatenate([single.run(frame, 4) for frame in clip])
     np.testing.assert_array_equal(together, apart)
     # Linear light needs the next frame: chunks overlap by one.
-    together = sl.Simulator(camera).push(clip, 4)
+    how = {"readouts_per_frame": 4, "interpolation": "linear"}
+    together = sl.Simulator(camera).run(clip, **how)
     chunks = sl.Simulator(camera)
-    first = chunks.push(clip[:3], 4, readouts=8)
-    np.testing.assert_array_equal(np.concatenate([first, chunks.push(clip[2:], 4)]), together)
+    first = chunks.run(clip[:3], 8, **how)
+    np.testing.assert_array_equal(np.concatenate([first, chunks.run(clip[2:], **how)]), together)
 
 
 def test_the_kind_of_samples_does_not_matter_where_light_is_the_same():
     camera = sl.Camera.ideal(2, 3)
     light = np.array([[0, 51, 102], [153, 204, 255]], np.uint8)
-    expected = sl.Simulator(camera).push(light, 500)
+    expected = sl.Simulator(camera).run(light, 500)
     wide = light.astype(np.uint16) * 257
-    np.testing.assert_array_equal(sl.Simulator(camera).push(wide, 500), expected)
+    assert sl.Simulator(camera).run(wide, 500) == expected
 
 
 @pytest.mark.parametrize("threads", [2, 5])
 def test_threads_and_backends_change_no_bit(clip, threads):
     camera = sl.Camera.preset("physical")
     light = np.tile(clip, (1, 21, 20))[:, :250, :400]
-    expected = sl.Simulator(camera, seed=1).push(light, 3)
-    found = sl.Simulator(camera, seed=1, threads=threads, backend="portable").push(light, 3)
-    np.testing.assert_array_equal(found, expected)
+    how = {"readouts_per_frame": 3, "interpolation": "linear"}
+    expected = sl.Simulator(camera, seed=1).run(light, **how)
+    found = sl.Simulator(camera, seed=1, threads=threads, backend="portable").run(light, **how)
+    assert found == expected
 
 
-def test_a_buffer_of_the_caller_is_filled_and_returned(camera, clip):
+@pytest.mark.parametrize("interpolation", ["hold", "linear", "flow"])
+def test_run_fill_and_run_dense_give_the_same_bits(camera, clip, interpolation):
+    how = {"readouts_per_frame": 7, "interpolation": interpolation}
+    expected = sl.Simulator(camera).run(clip, **how)
+    assert isinstance(expected, sl.SpikeFrames) and expected.shape == (35, 12, 20)
     out = np.full((35, 30), 255, np.uint8)
-    found = sl.Simulator(camera).push(clip, 7, out=out)
-    assert found is out
-    np.testing.assert_array_equal(out, sl.Simulator(camera).push(clip, 7))
-    bits = np.full((35, 12, 20), 9, np.uint8)
-    assert sl.Simulator(camera).push_bits(clip, 7, out=bits) is bits
-    np.testing.assert_array_equal(sl.pack(bits), out)
+    assert sl.Simulator(camera).fill(clip, out, **how) is None
+    np.testing.assert_array_equal(out, expected.packed)
+    dense = np.full((35, 12, 20), 9, np.uint8)
+    assert sl.Simulator(camera).run_dense(clip, out=dense, **how) is dense
+    np.testing.assert_array_equal(dense, expected.to_dense())
+    np.testing.assert_array_equal(sl.Simulator(camera).run_dense(clip, 8, **how), dense[:8])
+    sl.Simulator(camera).fill(clip, out[:8], **how)
+    np.testing.assert_array_equal(out, expected.packed)
+
+
+def test_one_frame_is_held_for_all_readouts(camera, clip):
+    expected = sl.Simulator(camera).run(clip[:1], readouts_per_frame=300)
+    simulator = sl.Simulator(camera)
+    parts = [simulator.run(clip[0], 130), simulator.run(clip[0], 0), simulator.run(clip[0], 170)]
+    assert [part.readouts for part in parts] == [130, 0, 170]
+    np.testing.assert_array_equal(np.concatenate(parts), expected)
+    out = np.empty((300, 30), np.uint8)
+    sl.Simulator(camera).fill(clip[0], out)
+    np.testing.assert_array_equal(out, expected.packed)
+    np.testing.assert_array_equal(sl.Simulator(camera).run_dense(clip[0], 300), expected)
+
+
+def test_the_light_stays_after_a_dropped_readout(clip):
+    camera = sl.Camera.ideal(12, 20).with_effect("dropped_readouts", probability=0.2)
+    simulator = sl.Simulator(camera)
+    assert simulator.run(clip, readouts_per_frame=20).readouts == 100
+    assert simulator.next_readout > 100
 
 
 def test_views_with_gaps_are_read_as_what_they_show(camera, clip):
     wide = np.zeros((5, 15, 31), np.uint8)
     wide[:, 2:14, 4:24] = clip
-    expected = sl.Simulator(camera).push(clip, 3)
+    expected = sl.Simulator(camera).run(clip, readouts_per_frame=3)
     views = [wide[:, 2:14, 4:24], np.asfortranarray(clip), np.repeat(clip, 2, axis=0)[::2], clip[::-1][::-1]]
     for view in views:
-        np.testing.assert_array_equal(sl.Simulator(camera).push(view, 3), expected)
-    np.testing.assert_array_equal(
-        sl.Simulator(camera).push(clip[:, ::-1], 3), sl.Simulator(camera).push(clip[:, ::-1].copy(), 3)
-    )
+        assert sl.Simulator(camera).run(view, readouts_per_frame=3) == expected
+    turned = [sl.Simulator(camera).run(c, readouts_per_frame=3) for c in (clip[:, ::-1], clip[:, ::-1].copy())]
+    assert turned[0] == turned[1] != expected
 
 
 def test_a_state_goes_on_with_the_same_bits(camera, clip):
-    whole = sl.Simulator(camera, seed=2).push(clip, 6, insertion="hold")
+    whole = sl.Simulator(camera, seed=2).run(clip, readouts_per_frame=6)
     first = sl.Simulator(camera, seed=2)
-    first.push(clip[:2], 6, insertion="hold")
+    first.run(clip[:2], readouts_per_frame=6)
     second = sl.Simulator(camera, seed=2)
     second.restore(first.state())
-    assert second.readout == 12
-    np.testing.assert_array_equal(second.push(clip[2:], 6, insertion="hold"), whole[12:])
+    assert second.next_readout == 12
+    assert second.run(clip[2:], readouts_per_frame=6) == whole[12:]
 
 
 def test_a_restart_is_a_new_simulator(camera, clip):
     used = sl.Simulator(camera, seed=2)
-    used.push(clip)
+    used.run(clip[0], 5)
     used.restart(7)
-    assert used.seeds == (0, 2, 7) and used.readout == 0
+    assert used.seeds == (0, 2, 7) and used.next_readout == 0
     new = sl.Simulator(camera, seed=2, sequence=7)
-    np.testing.assert_array_equal(used.push(clip, 20), new.push(clip, 20))
+    assert used.run(clip, readouts_per_frame=20) == new.run(clip, readouts_per_frame=20)
     used.restart(seed=9)
     assert used.seeds == (0, 9, 7)
 
@@ -112,7 +139,7 @@ def test_other_python_threads_run_meanwhile(clip):
     camera = sl.Camera.preset("physical")
     light = np.tile(clip[0], (21, 20))[:250, :400]
     simulator, ticks = sl.Simulator(camera), 0
-    worker = threading.Thread(target=lambda: simulator.push(light, 3000))
+    worker = threading.Thread(target=lambda: simulator.run(light, 3000))
     worker.start()
     while worker.is_alive():
         ticks += 1
@@ -128,10 +155,10 @@ def test_a_simulator_at_work_refuses_a_second_call(clip):
 
     def from_progress(done: float, total: float) -> None:
         with pytest.raises(sl.SpikelaneError, match="one call at a time"):
-            simulator.push(light)
+            simulator.run(light, 1)
         seen.append(done / total)
 
-    simulator.push(light, 2000, progress=from_progress)
+    simulator.run(light, 2000, progress=from_progress)
     assert seen and seen[-1] == 1.0 and seen == sorted(seen)
 
 
@@ -144,12 +171,12 @@ def test_an_error_of_the_callback_ends_the_call_between_two_readouts(clip):
 
     simulator = sl.Simulator(camera)
     with pytest.raises(RuntimeError, match="enough"):
-        simulator.push(light, 3000, progress=stop)
-    done = simulator.readout
+        simulator.run(light, 3000, progress=stop)
+    done = simulator.next_readout
     assert 0 < done <= 3000
     rest = sl.Simulator(camera)
-    rest.push(light, done)
-    np.testing.assert_array_equal(simulator.push(light, 5), rest.push(light, 5))
+    rest.run(light, done)
+    assert simulator.run(light, 5) == rest.run(light, 5)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
@@ -160,5 +187,5 @@ def test_ctrl_c_stops_a_run(clip):
     timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
-        sl.Simulator(camera).push(light, 400_000, out=out)
+        sl.Simulator(camera).fill(light, out)
     timer.join()

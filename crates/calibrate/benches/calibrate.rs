@@ -1,30 +1,32 @@
-//! The table of docs/why/calibration.md: errors of `a` and `d` of the default estimator and of the paper's, on a
-//! camera of known truth, and the seconds each takes.
+//! Benchmark of the calibration. Its table is part of docs/why/calibration.md.
 //!
-//! `cargo bench --bench calibrate -- WIDTH HEIGHT READOUTS...` prints a table for one size;
-//! without numbers the page's own sizes are run (half an hour) and the table is written into the page.
+//! The simulated camera has known parameters. The table lists the errors of `a` and `d` and the run times, for the
+//! default estimator and for the estimator of the paper. `a` is the gain of a pixel in thresholds per readout at full
+//! light. `d` is the dark rate of a pixel in thresholds per readout.
+//!
+//! `cargo bench --bench calibrate -- WIDTH HEIGHT READOUTS...` prints the table for one sensor size. Without arguments
+//! the benchmark runs the sizes of the page, which takes half an hour, and writes the table into the page.
 
 #[path = "../tests/calibrate_support/mod.rs"]
 mod calibrate_support;
 
-use std::time::Instant;
+use calibrate_support::score::{Line, Score, mean_and_sd, observations, score};
+use calibrate_support::{PUBLISHED_NOISE, Pixel, pixels};
+use spikelane_calibrate::{CalibrateOptions, Calibration, SneeOptions, calibrate, estimate_snee};
 
-use calibrate_support::score::{Line, Score, observed, score, spread};
-use calibrate_support::{PUBLISHED, Pixel, pixels};
-use spikelane_calibrate::{CalibrateOptions, Calibration, SneeOptions, calibrate, snee};
-
-/// Width, height and readouts of the page's rows.
-const PAGE: [(u32, u32, u32); 3] = [(400, 250, 1_000), (400, 250, 10_000), (64, 40, 100_000)];
+/// Width and height in pixels and number of readouts, for each row of the table in docs/why/calibration.md.
+const PAGE_ROWS: [(u32, u32, u32); 3] = [(400, 250, 1_000), (400, 250, 10_000), (64, 40, 100_000)];
 const BEGIN: &str = "<!-- begin: cargo bench --bench calibrate -->\n";
 const END: &str = "<!-- end -->\n";
 
-const HEAD: &str = "| pixels | readouts | default: RMSE a / d | over the bound (thresholds known) | coverage of 95 % | seconds \
-| paper's: RMSE a / d | over the bound | on the box | seconds |
-|---|---|---|---|---|---|---|---|---|---|
+const HEAD: &str =
+    "| pixels | readouts | default: RMSE a / d | over the bound (thresholds known) | coverage of 95 % \
+| paper's: RMSE a / d | over the bound | on the box |
+|---|---|---|---|---|---|---|---|
 ";
 
-fn errors(s: &Score) -> String {
-    format!("{:.4} % / {:.3} %", 100.0 * s.rmse[0], 100.0 * s.rmse[1] / PUBLISHED.dark)
+fn best_errors(s: &Score) -> String {
+    format!("{:.4} % / {:.3} %", 100.0 * s.rmse[0], 100.0 * s.rmse[1] / PUBLISHED_NOISE.dark)
 }
 
 const POPULATION: &str = "
@@ -32,69 +34,66 @@ const POPULATION: &str = "
 |---|---|---|---|---|---|---|---|---|
 ";
 
-/// Means and spreads against those of the realised pixels, noise against its law.
-fn population(found: &Calibration, truth: &[Pixel], name: &str) -> String {
-    let (mean_a, sd_a) = spread(truth.iter().map(Pixel::a));
-    let (mean_d, sd_d) = spread(truth.iter().map(Pixel::d));
+/// Returns a row of the population table. Means and spreads are compared with the means and spreads of the simulated
+/// pixels. The noise is compared with the parameters of its distribution.
+fn population_rows(found: &Calibration, truth: &[Pixel], name: &str) -> String {
+    let (mean_a, sd_a) = mean_and_sd(truth.iter().map(Pixel::a));
+    let (mean_d, sd_d) = mean_and_sd(truth.iter().map(Pixel::d));
     let p = &found.population;
     let off = [(p.mean_a, mean_a), (p.sd_a, sd_a), (p.mean_d, mean_d), (p.sd_d, sd_d)]
         .map(|(e, truth)| format!("{:+.4} %", 100.0 * (e.value / truth - 1.0)));
-    let (phi, noise, k) = (p.sigma_phi, found.sigma_t, found.electrons);
+    let (phi, noise, k) = (p.sigma_phi, found.sigma_t, found.electrons_per_spike);
     let error = if k.error.is_nan() { "assumed".to_owned() } else { format!("\u{b1} {:.0}", k.error) };
     format!(
         "| {name} | {} | {:.3} % \u{b1} {:.3} % for {:.3} % | {:.4} % \u{b1} {:.4} % for {:.4} % | {:.0} {error} for {:.0} |\n",
         off.join(" | "),
         100.0 * phi.value,
         100.0 * phi.error,
-        100.0 * PUBLISHED.threshold_sd,
+        100.0 * PUBLISHED_NOISE.threshold_sd,
         100.0 * noise.value,
         100.0 * noise.error,
-        100.0 * PUBLISHED.sigma_t,
+        100.0 * PUBLISHED_NOISE.sigma_t,
         k.value,
-        PUBLISHED.photons,
+        PUBLISHED_NOISE.photons,
     )
 }
 
 fn rows(width: u32, height: u32, readouts: u32) -> [String; 2] {
     let name = format!("{width}x{height} | {readouts}");
-    let truth: Vec<Pixel> = pixels(&PUBLISHED, (width * height) as usize, 9);
-    let observed = observed(&PUBLISHED, &truth, width, readouts);
-    let clock = Instant::now();
+    let truth: Vec<Pixel> = pixels(&PUBLISHED_NOISE, (width * height) as usize, 9);
+    let observed = observations(&PUBLISHED_NOISE, &truth, width, readouts);
     let found = calibrate(&observed, &CalibrateOptions::default()).expect("a calibration");
-    let seconds = clock.elapsed().as_secs_f64();
     let lines: Vec<Line> = found.fits.iter().map(|f| [f.a, f.d, f.var_a, f.var_d]).collect();
-    let own = score(&PUBLISHED, &truth, &lines, readouts);
-    let clock = Instant::now();
-    let paper = snee(&observed, &SneeOptions::default()).expect("the paper's estimator");
-    let paper_seconds = clock.elapsed().as_secs_f64();
+    let own = score(&PUBLISHED_NOISE, &truth, &lines, readouts);
+    let paper = estimate_snee(&observed, &SneeOptions::default()).expect("the paper's estimator");
     let nothing = [f64::NAN; 4];
     let lines: Vec<Line> = paper
         .pixels
         .iter()
         .map(|s| s.map_or(nothing, |s| [s.alpha / s.phi, s.dark / s.phi, f64::NAN, f64::NAN]))
         .collect();
-    let theirs = score(&PUBLISHED, &truth, &lines, readouts);
+    let theirs = score(&PUBLISHED_NOISE, &truth, &lines, readouts);
     let row = format!(
-        "| {name} | {} | {:.2} / {:.2} ({:.2} / {:.2}) | {:.1} % / {:.1} % | {seconds:.1} | {} | {:.0} / {:.0} | {:.1} % | {paper_seconds:.1} |\n",
-        errors(&own),
+        "| {name} | {} | {:.2} / {:.2} ({:.2} / {:.2}) | {:.1} % / {:.1} % | {} | {:.0} / {:.0} | {:.1} % |\n",
+        best_errors(&own),
         own.ratio[0],
         own.ratio[1],
         own.ratio_known[0],
         own.ratio_known[1],
         100.0 * own.coverage[0],
         100.0 * own.coverage[1],
-        errors(&theirs),
+        best_errors(&theirs),
         theirs.ratio[0],
         theirs.ratio[1],
-        100.0 * paper.edges().share(),
+        100.0 * paper.edge_counts().edge_share(),
     );
-    [row, population(&found, &truth, &name)]
+    [row, population_rows(&found, &truth, &name)]
 }
 
 fn main() {
     let numbers: Vec<u32> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
     let sizes = match numbers[..] {
-        [] => PAGE.to_vec(),
+        [] => PAGE_ROWS.to_vec(),
         [width, height, ref lengths @ ..] => lengths.iter().map(|n| (width, height, *n)).collect(),
         _ => panic!("WIDTH HEIGHT READOUTS... or nothing"),
     };
@@ -113,7 +112,7 @@ fn main() {
 }
 
 fn write_into_page(table: &str) {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/why/calibration.md");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/why/calibration.md");
     let page = std::fs::read_to_string(path).expect("the page");
     let (before, rest) = page.split_once(BEGIN).expect("the mark of the table's begin");
     let (_, after) = rest.split_once(END).expect("the mark of the table's end");

@@ -1,41 +1,45 @@
-//! Fitting the model to a camera from recordings of known light.
+//! Calibrates the camera model with recordings of known light.
 //!
-//! [`RecordingSet`] names the recordings, [`observe`] reads them in one pass
-//! and constant memory, [`calibrate`] estimates every pixel's rate
-//! `x = a light + d` (in thresholds per readout) and the population's noise,
-//! and [`Calibration::camera`] makes the camera that `simulate` takes.
-//! [`snee`] is the estimator of the SCSim paper, for comparison.
-//! [`Protocol`] plans recordings and writes synthetic ones.
+//! [`RecordingSet`] lists the recordings. [`measure_levels`] reads them in one pass and in constant memory. [`calibrate`]
+//! estimates the line `x = a light + d` of every pixel and the noise of the population. [`Calibration::camera`] returns
+//! the camera that `simulate` uses. [`estimate_snee`] is the estimator of the SCSim paper, for comparison. [`Protocol`]
+//! plans recordings and writes synthetic recordings.
 //!
-//! `docs/why/calibration.md` has the method and what it reaches.
+//! * `x`: charge per readout, in thresholds of the pixel.
+//! * `light`: light level. Light 1 is full light and causes one spike per readout.
+//! * `a`: gain of the pixel, in thresholds per readout at full light.
+//! * `d`: dark rate of the pixel, in thresholds per readout.
+//!
+//! `docs/why/calibration.md` describes the method and its accuracy.
 
 pub mod compare;
 pub mod diagnose;
 mod fitter;
 mod formulas;
+mod output;
 mod population;
+mod recordings;
 mod result;
-mod sets;
 mod snee;
-mod written;
 
 pub use fitter::estimate::calibrate;
 pub use formulas::fit::PixelFit;
-pub use formulas::fit::{Weighting, fit_line, least_absolute};
-pub use formulas::phase::growth_ratio;
-pub use formulas::selection::{nu, psi};
+pub use formulas::fit::{RateWeighting, fit_line, fit_line_least_absolute};
+pub use formulas::phase::interval_growth_ratio;
+pub use formulas::selection::{firing_draw_variance, noise_rate_gain};
+pub use output::files::{CalibrationFiles, write_calibration};
+pub use output::html_report::html_report;
 pub use population::Population;
 pub use population::threshold_spread;
-pub use result::LIGHT_UNCERTAINTY;
-pub use result::{CalibrateOptions, Calibration, Lamp, Redrawn};
-pub(crate) use sets::check::alike;
-pub use sets::observe::{Progress, observe};
-pub use sets::observed::{IntervalNoise, Level, Observed};
-pub use sets::protocol::Protocol;
-pub use sets::protocol::{Precision, predict};
-pub use sets::published_maps::import_maps;
-pub use sets::recordings::UNTOLD;
-pub use sets::recordings::{Light, Pattern, RateMap, Recording, RecordingSet};
-pub use snee::{Edges, Snee, SneeMaps, SneeOptions, snee};
-pub use written::output::{Files, write};
-pub use written::page::page;
+pub(crate) use recordings::check::pattern_correlation;
+pub use recordings::measure_levels::{ProgressCallback, measure_levels};
+pub use recordings::observations::{IntervalNoise, LightLevel, Observations};
+pub use recordings::protocol::Protocol;
+pub use recordings::protocol::{Precision, predict_precision};
+pub use recordings::published_maps::import_maps;
+pub use recordings::recording_set::UNSPECIFIED_LIGHT;
+pub use recordings::recording_set::{RateMap, Recording, RecordingSet, Stimulus, StimulusPattern};
+pub use result::DEFAULT_LIGHT_UNCERTAINTY;
+pub use result::{CalibrateOptions, Calibration, Lamp};
+pub use snee::{EdgeCounts, SneeMaps, SneeOptions, SneePixel, estimate_snee};
+pub use spikelane::pixel::NoiseSampling;

@@ -1,35 +1,36 @@
-//! The population of pixels: means and spreads with the noise of estimation taken out.
+//! Means and spreads of a population of pixels. The noise of the estimates is subtracted from the spreads.
 
 use serde::Serialize;
 
 use crate::formulas::fit::PixelFit;
 use spikelane_measure::Estimate;
 
-/// Moments over the pixels, each with its standard error.
+/// Moments over the pixels. Each moment has a standard error.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Population {
-    /// Mean of `a`.
+    /// Mean of the gain `a`, in thresholds per readout at full light.
     pub mean_a: Estimate,
     /// Standard deviation of `a`.
     pub sd_a: Estimate,
-    /// Mean of `d`, thresholds per readout.
+    /// Mean of the dark rate `d`, in thresholds per readout.
     pub mean_d: Estimate,
     /// Standard deviation of `d`.
     pub sd_d: Estimate,
-    /// Covariance of `a` and `d`, over the product of their means.
+    /// Covariance of `a` and `d`, divided by the product of their means.
     pub covariance: Estimate,
-    /// Relative spread of the threshold `phi`; its error is infinite where nothing tells it.
+    /// Relative spread of the threshold `phi`. If the data do not determine the spread, the error is an upper bound.
     pub sigma_phi: Estimate,
 }
 
 impl Population {
-    /// Moments of the fits whose `a` and `d` are finite.
+    /// Returns the moments of the fits whose `a` and `d` are finite.
     ///
-    /// Standard errors are those of a sample of pixels: `sd / sqrt(n)` of a mean,
-    /// `sqrt((m4 - v^2) / n) / (2 sd)` of a standard deviation.
+    /// The standard errors are those of a sample of `n` pixels: `sd / sqrt(n)` for a mean and
+    /// `sqrt((m4 - v^2) / n) / (2 sd)` for a standard deviation. Here `v = sd^2` is the variance and `m4` the fourth
+    /// central moment.
     #[must_use]
-    pub fn of<'a>(fits: impl Iterator<Item = &'a PixelFit> + Clone) -> Self {
+    pub fn from_fits<'a>(fits: impl Iterator<Item = &'a PixelFit> + Clone) -> Self {
         let good = fits.filter(|f| f.a.is_finite() && f.d.is_finite());
         let mean_a = Estimate::mean(good.clone().map(|f| f.a));
         let mean_d = Estimate::mean(good.clone().map(|f| f.d));
@@ -43,8 +44,8 @@ impl Population {
             samples: covariance.samples,
         };
         Self {
-            sd_a: spread(good.clone().map(|f| (f.a - ma, f.var_a))),
-            sd_d: spread(good.map(|f| (f.d - md, f.var_d))),
+            sd_a: corrected_spread(good.clone().map(|f| (f.a - ma, f.var_a))),
+            sd_d: corrected_spread(good.map(|f| (f.d - md, f.var_d))),
             mean_a,
             mean_d,
             covariance,
@@ -52,8 +53,9 @@ impl Population {
         }
     }
 
-    /// Adds to the errors what all pixels share: the relative error of the light's scale, and the error of its shift.
-    pub(super) fn widen(&mut self, scale: f64, shift: f64) {
+    /// Adds the errors that all pixels share. `scale` is the relative error of the scale of the light. `shift` is the error
+    /// of the light's zero.
+    pub(super) fn add_shared_errors(&mut self, scale: f64, shift: f64) {
         for e in [&mut self.mean_a, &mut self.sd_a] {
             e.error = e.error.hypot(scale * e.value);
         }
@@ -62,20 +64,24 @@ impl Population {
     }
 }
 
-/// Root of the mean of `x^2 - variance`.
-fn spread(deviations: impl Iterator<Item = (f64, f64)>) -> Estimate {
+/// Returns the square root of the mean of `x^2 - variance`. This is the spread without the variance of the estimates.
+fn corrected_spread(deviations: impl Iterator<Item = (f64, f64)>) -> Estimate {
     let mean = Estimate::mean(deviations.map(|(x, v)| x * x - v));
     let value = mean.value.max(0.0).sqrt();
     let error = if value > 0.0 { mean.error / (2.0 * value) } else { mean.error.sqrt() };
     Estimate { value, error, samples: mean.samples }
 }
 
-/// The relative spread of thresholds from the relative covariance of `a = g/phi` and
-/// `d = D/phi` with independent gains and currents: `cov = E(1/phi^2) / E(1/phi)^2 - 1`, which is
-/// `s^2 + 6 s^4` for a normal `phi` of relative spread `s`, up to the sixth power.
+/// Returns the relative spread `s` of the thresholds, computed from the relative covariance of `a = g/phi` and
+/// `d = D/phi`.
 ///
-/// Where the covariance is not above zero by its own error, the value is that of
-/// the covariance or 0, and the error that of an upper bound.
+/// `g` is the gain and `D` the dark current, in nominal thresholds per readout. `g`, `D` and the threshold `phi` are
+/// independent of each other. Then `cov = E(1/phi^2) / E(1/phi)^2 - 1`. For a normal `phi` this is `s^2 + 6 s^4` plus
+/// terms of the sixth power.
+///
+/// If the covariance does not exceed its own error, the returned error is an upper bound. The value is still computed
+/// from the covariance. It is 0 if the covariance is negative.
+/// from the covariance, and is 0 if that is negative.
 #[must_use]
 pub fn threshold_spread(covariance: Estimate) -> Estimate {
     let c = covariance.value;
@@ -85,7 +91,7 @@ pub fn threshold_spread(covariance: Estimate) -> Estimate {
     Estimate { value, error, samples: covariance.samples }
 }
 
-/// Mean and standard deviation of the finite entries.
+/// Returns the mean and the standard deviation of the finite entries.
 pub(super) fn mean_and_sd(map: &[f64]) -> (f64, f64) {
     let all = Estimate::mean(map.iter().copied());
     (all.value, all.error * (all.samples as f64).sqrt())

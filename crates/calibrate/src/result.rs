@@ -1,208 +1,219 @@
-//! What a calibration takes as known and what it gives: maps, moments, and the camera they amount to.
+//! Options of a calibration, and its results: maps, moments, and the calibrated camera.
 
 use super::population::Population;
 use super::snee::SneeMaps;
 use crate::formulas::fit::PixelFit;
 use spikelane::effects::{Camera, Maps, find};
 use spikelane::error::Result;
+use spikelane::pixel::NoiseSampling;
 use spikelane::sensor::Sensor;
-use spikelane::unstable::draws::pattern::Pattern;
-use spikelane::unstable::draws::{Seeds, Stream};
+use spikelane::unstable::draws::pattern_rng::PatternRng;
+use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane_measure::Estimate;
 
-/// When threshold noise is redrawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Redrawn {
-    /// At every readout: noise adds to the rate.
-    EveryReadout,
-    /// At every reset: it averages out.
-    EveryReset,
-}
+/// Relative standard deviation of a light level without a stated uncertainty. It is typical of a laboratory light meter.
+pub const DEFAULT_LIGHT_UNCERTAINTY: f64 = 0.01;
 
-/// Relative standard deviation of a light level of which nobody says how well it is known: that of a laboratory's meter.
-pub const LIGHT_UNCERTAINTY: f64 = 0.01;
-
-/// A light level as it was stated and as it was found.
+/// A stated light level and the level that the calibration found.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Lamp {
-    /// Its file.
+    /// File name of the recording.
     pub file: String,
-    /// Light as the set states it.
-    pub stated: f64,
-    /// Relative standard deviation of what is stated.
-    pub uncertainty: f64,
-    /// Light found, less the stated; the error holds what no recording tells, the scale of all levels.
+    /// Light that the set states. Light 1 causes one spike per readout.
+    pub stated_light: f64,
+    /// Relative standard deviation of the stated light.
+    pub stated_uncertainty: f64,
+    /// Found light minus stated light. The error includes the error of the scale that all levels share. No recording
+    /// determines this scale.
     pub deviation: Estimate,
-    /// Whether it lies off the line of the others by more than its uncertainty explains; it was left out where the levels set the scale.
-    pub wrong: bool,
-    /// Change of the light from the first half of its recording to the second, of the mean; `None` where that is not known.
-    pub change: Option<Estimate>,
-    /// Whether that is more than its error and a thousandth: then its intervals tell no noise.
+    /// Whether the level is off the line through the other levels by more than its uncertainty. Such a level is not
+    /// used to determine the scale.
+    pub is_outlier: bool,
+    /// Change of the light between the first and the second half of the recording, divided by the mean light. `None` if
+    /// unknown.
+    pub light_change: Option<Estimate>,
+    /// Whether `light_change` is significant and exceeds a thousandth. The intervals of such a level are not used to
+    /// estimate the noise.
     pub drifts: bool,
-    /// Whether most pixels fire at nearly every readout: nothing is known of it then.
-    pub saturated: bool,
-    /// Readouts of its recording; 0 for a rate map of unknown length.
+    /// Whether most pixels fire at nearly every readout. The found light is then unknown.
+    pub is_saturated: bool,
+    /// Number of readouts of the recording. It is 0 for a rate map of unknown length.
     pub readouts: u32,
-    /// Mean rate, spikes a readout, of the pixels that have a line.
-    pub rate: f64,
-    /// Robust spread of these pixels' rates about their own lines at the light found, of the mean rate.
-    pub scatter: f64,
+    /// Mean rate of the pixels that have a fitted line, in spikes per readout.
+    pub mean_rate: f64,
+    /// Robust spread of the rates of these pixels about their lines at the found light, divided by the mean rate.
+    pub rate_scatter: f64,
 }
 
 impl Lamp {
-    /// Light found.
+    /// Returns the found light.
     #[must_use]
-    pub fn found(&self) -> f64 {
-        self.stated + self.deviation.value
+    pub fn found_light(&self) -> f64 {
+        self.stated_light + self.deviation.value
     }
 
-    /// The deviation of what was found, and its error, in what was stated; `None` in the dark and where nothing is known.
+    /// Returns the deviation and its error, divided by the stated light. Returns `None` for a dark or saturated level.
     #[must_use]
-    pub fn relative(&self) -> Option<[f64; 2]> {
-        let known = self.stated > 0.0 && !self.saturated;
-        known.then(|| [self.deviation.value, self.deviation.error].map(|x| x / self.stated))
+    pub fn relative_deviation(&self) -> Option<[f64; 2]> {
+        let known = self.stated_light > 0.0 && !self.is_saturated;
+        known.then(|| [self.deviation.value, self.deviation.error].map(|x| x / self.stated_light))
     }
 }
 
-/// What the estimator takes as known.
+/// Options of the default estimator.
 #[derive(Clone, Copy, Debug)]
 pub struct CalibrateOptions {
-    /// Share of the first increment after a spike that the reset loses.
-    pub lost_increment: f64,
-    /// Relative standard deviation of every light level; `None` takes what the set states, else a hundredth.
+    /// Share of the first increment after a spike that is lost in the reset.
+    pub dead_time_fraction: f64,
+    /// Relative standard deviation of every light level. `None` selects the value of the set, or 0.01 if the set has none.
     pub light_uncertainty: Option<f64>,
-    /// When the threshold noise is redrawn; `None` asks the data.
-    pub redrawn: Option<Redrawn>,
-    /// Nominal capacitance in femtofarads: sets units, no spike depends on it.
+    /// When the threshold noise is redrawn. `None` selects the rule that agrees with the data.
+    pub noise_sampling: Option<NoiseSampling>,
+    /// Nominal capacitance in femtofarads. It determines the units of the camera. If the data do not determine the
+    /// noise, it also determines the assumed noise.
     pub capacitance_ff: f64,
-    /// Nominal swing in volts, likewise.
+    /// Nominal swing in volts. It is used in the same way as the capacitance.
     pub swing_v: f64,
-    /// Relative standard error of `a` that is asked for, if any.
-    pub precision: Option<f64>,
+    /// Largest accepted median, over the pixels, of the relative standard error of `a`. `None` accepts any error.
+    pub max_gain_error: Option<f64>,
 }
 
 spikelane::unstable::with_methods!(CalibrateOptions {
-    with_lost_increment: lost_increment: f64,
+    with_dead_time_fraction: dead_time_fraction: f64,
     with_light_uncertainty: light_uncertainty: Option<f64>,
-    with_redrawn: redrawn: Option<Redrawn>,
+    with_noise_sampling: noise_sampling: Option<NoiseSampling>,
     with_capacitance_ff: capacitance_ff: f64,
     with_swing_v: swing_v: f64,
-    with_precision: precision: Option<f64>,
+    with_max_gain_error: max_gain_error: Option<f64>,
 });
 
 impl Default for CalibrateOptions {
     fn default() -> Self {
         Self {
-            lost_increment: 0.002,
+            dead_time_fraction: 0.002,
             light_uncertainty: None,
-            redrawn: None,
+            noise_sampling: None,
             capacitance_ff: 4.348,
             swing_v: 1.1,
-            precision: None,
+            max_gain_error: None,
         }
     }
 }
 
-/// What a recording set says about a camera. Maps are row-major, one entry per pixel.
+/// Result of a calibration. Maps are row-major and have one entry per pixel.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Calibration {
-    /// The sensor, with the nominal circuit of the options.
+    /// The sensor. Its nominal circuit is the circuit in the options.
     pub sensor: Sensor,
-    /// Every pixel's line; NaN for pixels that tell nothing, of which files hold the population's means.
+    /// The line of every pixel, or NaN for a pixel without a fit. The output files contain the means of the population for
+    /// such a pixel.
     pub fits: Vec<PixelFit>,
-    /// Posterior mean of the threshold over the nominal one, and its standard deviation.
-    pub threshold: Vec<[f64; 2]>,
-    /// Moments over pixels without defects.
+    /// Mean and standard deviation of the posterior of each threshold, both divided by the nominal threshold.
+    pub threshold_posteriors: Vec<[f64; 2]>,
+    /// Moments over the pixels without defects.
     pub population: Population,
-    /// Threshold noise over the nominal threshold.
+    /// Standard deviation of the threshold noise, divided by the nominal threshold.
     pub sigma_t: Estimate,
-    /// Quanta of light per spike of a nominal pixel: photons, counted before the gain.
-    pub electrons: Estimate,
-    /// Share of the dark current's shot noise that is there.
-    pub dark_shot: f64,
+    /// Quanta of light per spike of a nominal pixel. The quanta are photons, counted before the gain is applied.
+    pub electrons_per_spike: Estimate,
+    /// Strength of the shot noise of the dark current. 1 is full shot noise, and 0 is no shot noise.
+    pub dark_shot_noise: f64,
     /// When the threshold noise is redrawn.
-    pub redrawn: Redrawn,
-    /// Whether the data told that rule, or it was given; else it is the nominal one, at every reset.
-    pub redrawn_told: bool,
-    /// Rate bias found over rate bias of noise redrawn at every readout: 1 or 0 in theory.
+    pub noise_sampling: NoiseSampling,
+    /// Whether the data or the options determine when the noise is redrawn. If false, the nominal rule applies: the
+    /// noise is redrawn at every reset.
+    pub is_noise_sampling_identified: bool,
+    /// Fitted rate bias divided by the bias of noise that is redrawn at every readout. In theory it is 1 or 0.
     pub bias_share: Estimate,
-    /// Light levels, by rising light.
-    pub levels: Vec<Lamp>,
-    /// Relative standard error of the scale of all levels, which no recording tells: the errors of the gain's and the electrons' population hold it,
-    /// those of single pixels do not.
+    /// The light levels in ascending order of light.
+    pub lamps: Vec<Lamp>,
+    /// Relative standard error of the scale that all levels share. No recording determines this scale.
+    ///
+    /// The errors of the population's gain and of the electrons include this error. The errors of single pixels do not.
     pub light_scale_error: f64,
-    /// By how much the levels found bend against the stated ones: the relative deviation at light 1.0 less that in the dark; `None` with
-    /// fewer than three lit levels.
-    pub bend: Option<Estimate>,
-    /// Whether that is more than the levels' uncertainty explains.
-    pub bends: bool,
+    /// Nonlinearity of the found levels as a function of the stated levels: the relative deviation at light 1 minus the
+    /// relative deviation in the dark. `None` with fewer than three lit levels.
+    pub nonlinearity: Option<Estimate>,
+    /// Whether the nonlinearity exceeds what the uncertainty of the levels explains.
+    pub is_nonlinear: bool,
     /// Pixels that never fired in lit recordings.
-    pub dead: Vec<usize>,
-    /// Pixels whose dark current lies six robust deviations above the median.
-    pub hot: Vec<usize>,
-    /// Pixels whose levels do not lie on a line.
-    pub misfits: Vec<usize>,
-    /// Reset delay that was taken as known.
-    pub lost_increment: f64,
-    /// What the data could and could not tell, in sentences.
+    pub dead_pixels: Vec<usize>,
+    /// Pixels whose dark rate is more than six robust standard deviations above the median.
+    pub hot_pixels: Vec<usize>,
+    /// Pixels whose rates are not a linear function of the light.
+    pub poor_fit_pixels: Vec<usize>,
+    /// Assumed share of the first increment after a spike that is lost in the reset.
+    pub dead_time_fraction: f64,
+    /// Sentences about the quantities that the data identify or do not identify.
     pub notes: Vec<String>,
-    /// The paper's estimator on the same data, when it was run: shown beside, and used for nothing.
-    pub paper: Option<SneeMaps>,
+    /// Result of the estimator of the paper for the same data, if it was run. It is reported for comparison only.
+    pub snee: Option<SneeMaps>,
 }
 
 impl Calibration {
-    /// The calibrated camera: maps of gain, dark current and threshold voltage, and the noise found.
+    /// Returns the calibrated camera. It contains maps of gain, dark current and threshold voltage, and the noise.
     ///
-    /// Pixels that tell nothing get the population's means; dead ones a gain and current of zero.
-    /// How `a` and `d` split into gain, current and threshold no recording tells of a single pixel. Each
-    /// threshold is drawn from its posterior, with one fixed seed, and `a` and `d` follow by what its noise does to the rate: a
-    /// map of posterior means would spread less than thresholds do, and the mean of their noise, `E[1 / phi^2]`, would be
-    /// too small by three times the posterior's variance, 0.4 % for the published spreads. All of the threshold's spread goes to the voltage.
+    /// Pixels without a fit have the means of the population. Dead pixels have a gain and a dark current of zero.
+    ///
+    /// No recording determines how `a` and `d` of a single pixel split into gain, dark current and threshold `phi`. Each
+    /// threshold is therefore drawn from its posterior, with one fixed seed. `a` and `d` are adjusted, because the noise of
+    /// the drawn threshold changes the rate.
+    ///
+    /// The posterior means would have a smaller spread than the thresholds. The mean of the resulting noise, `E[1 / phi^2]`,
+    /// would be too small by three times the variance of the posterior. This is 0.4 % for the published spreads. The whole
+    /// spread of the thresholds is assigned to the voltage.
     ///
     /// # Errors
-    /// When a value lies outside the range of its effect.
+    /// If a value is out of the range of its effect.
     pub fn camera(&self) -> Result<Camera> {
         let sensor = self.sensor;
         let to_pa = sensor.capacitance_ff * sensor.swing_v / (sensor.period_s() * 1e3);
         let mut maps = [Vec::new(), Vec::new(), Vec::new()];
-        for ((fit, [mean, sd]), z) in self.fits.iter().zip(&self.threshold).zip(self.posterior_draws()) {
+        for ((fit, [mean, sd]), z) in
+            self.fits.iter().zip(&self.threshold_posteriors).zip(self.threshold_posterior_draws())
+        {
             let known = fit.a.is_finite();
-            let a = if known { fit.a + z * fit.by_threshold[0] } else { self.population.mean_a.value };
-            let d = if known { fit.d + z * fit.by_threshold[1] } else { self.population.mean_d.value };
+            let a =
+                if known { fit.a + z * fit.threshold_sensitivity[0] } else { self.population.mean_a.value };
+            let d =
+                if known { fit.d + z * fit.threshold_sensitivity[1] } else { self.population.mean_d.value };
             let phi = mean + z * sd;
             maps[0].push(a * phi);
             maps[1].push(d * phi * to_pa);
             maps[2].push(sensor.swing_v * phi);
         }
-        for p in &self.dead {
+        for p in &self.dead_pixels {
             maps[0][*p] = 0.0;
             maps[1][*p] = 0.0;
         }
         let [gain, dark, swing] = maps;
-        let redraw = if self.redrawn == Redrawn::EveryReadout { 1.0 } else { 0.0 };
+        let noise_sampling = if self.noise_sampling == NoiseSampling::EveryReadout { 1.0 } else { 0.0 };
         let mut camera = Camera::ideal(sensor)
-            .with(
+            .with_effect(
                 find("shot_noise")?
                     .neutral()
-                    .with("strength", 1.0)?
-                    .with("counts", 1.0)?
-                    .with("photons_at_full_scale", self.electrons.value)?,
+                    .with_value("strength", 1.0)?
+                    .with_value("counts", 1.0)?
+                    .with_value("photons_at_full_scale", self.electrons_per_spike.value)?,
             )
-            .with(
+            .with_effect(
                 find("thermal_noise")?
                     .neutral()
-                    .with("sigma", self.sigma_t.value * sensor.swing_v)?
-                    .with("redraw", redraw)?,
+                    .with_value("sigma", self.sigma_t.value * sensor.swing_v)?
+                    .with_value("noise_sampling", noise_sampling)?,
             )
-            .with(find("start_phase")?.neutral().with("share", 1.0)?);
-        if self.lost_increment > 0.0 {
-            camera = camera.with(find("dead_time")?.neutral().with("lost_fraction", self.lost_increment)?);
+            .with_effect(find("start_phase")?.neutral().with_value("share", 1.0)?);
+        if self.dead_time_fraction > 0.0 {
+            camera = camera.with_effect(
+                find("dead_time")?.neutral().with_value("lost_fraction", self.dead_time_fraction)?,
+            );
         }
-        if self.dark_shot > 0.0 {
-            camera = camera.with(find("dark_shot_noise")?.neutral().with("strength", self.dark_shot)?);
+        if self.dark_shot_noise > 0.0 {
+            camera = camera.with_effect(
+                find("dark_shot_noise")?.neutral().with_value("strength", self.dark_shot_noise)?,
+            );
         }
         camera.name = "calibrated".to_owned();
         camera.source = "fitted by calibrate; see calibration.json and report.html".to_owned();
@@ -211,13 +222,13 @@ impl Calibration {
         Ok(camera)
     }
 
-    /// Where in its threshold's posterior each pixel of the camera file lies, in standard deviations: zeros where
-    /// the data do not tell the spread of thresholds.
-    fn posterior_draws(&self) -> impl Iterator<Item = f64> + use<> {
+    /// Returns, for each pixel, the position of the drawn threshold in its posterior, in standard deviations. All positions
+    /// are 0 if the data do not determine the spread of the thresholds.
+    fn threshold_posterior_draws(&self) -> impl Iterator<Item = f64> + use<> {
         let spread = self.population.sigma_phi;
         let seeds = Seeds { camera: 0, shot: 0, sequence: 0 };
-        let pattern = Pattern::new(seeds, Stream::named("calibrated thresholds"));
-        // Beyond, a threshold of the widest posterior would near zero.
+        let pattern = PatternRng::new(seeds, RandomStream::from_name("calibrated thresholds"));
+        // More than four standard deviations below the mean, a threshold of the widest posterior would be near zero.
         pattern.normals_if(spread.value > 2.0 * spread.error).map(|z| z.clamp(-4.0, 4.0))
     }
 }

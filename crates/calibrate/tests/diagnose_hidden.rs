@@ -1,7 +1,8 @@
-//! A small part of the blind study: a clean sensor, a few hidden effects, and one that no catalogue holds.
+//! A small version of the blind study, with clean sensors, a few hidden effects, and one effect that is not in the
+//! catalog.
 //!
-//! The study's 48x48 pixels and 4,000 readouts are cut to 24x24 and 2,048: effects are hidden at strengths
-//! that are plain there.
+//! The study uses 48x48 pixels and 4,000 readouts. These tests use 24x24 pixels and 2,048 readouts. The strengths of the
+//! hidden effects are clearly visible at this size.
 
 #[allow(unreachable_pub, reason = "shared by several test binaries")]
 mod hidden_sensor;
@@ -12,25 +13,26 @@ use hidden_sensor::{Physics, Sensor, Size, kind, write_set};
 use spikelane::Camera;
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{
-    DiagnoseOptions, Diagnosis, Extent, Part, Reference, Setup, Verdict, diagnose, published,
+    DiagnoseOptions, Diagnosis, NullModel, ReadoutSelection, RecordingPart, Setup, Verdict, diagnose,
+    published_camera,
 };
 
 const SIZE: Size = Size { width: 24, height: 24, readouts: 2048 };
 
-/// Two takes of a sensor with effects of some strengths.
-fn sets(hidden: &[(&str, f64)], seed: u64) -> (tempfile::TempDir, [RecordingSet; 2]) {
-    sets_of(SIZE, hidden, seed)
+/// Records two sets of a small sensor. `hidden` lists the names and strengths of its hidden effects.
+fn small_recording_sets(hidden: &[(&str, f64)], seed: u64) -> (tempfile::TempDir, [RecordingSet; 2]) {
+    recording_sets(SIZE, hidden, seed)
 }
 
-fn sets_of(size: Size, hidden: &[(&str, f64)], seed: u64) -> (tempfile::TempDir, [RecordingSet; 2]) {
+fn recording_sets(size: Size, hidden: &[(&str, f64)], seed: u64) -> (tempfile::TempDir, [RecordingSet; 2]) {
     let mut physics = Physics::default();
     for (name, strength) in hidden {
         (kind(name).set)(&mut physics, *strength, [0.7, 0.5, 0.5]);
     }
-    takes(size, physics, seed)
+    record_takes(size, physics, seed)
 }
 
-fn takes(size: Size, physics: Physics, seed: u64) -> (tempfile::TempDir, [RecordingSet; 2]) {
+fn record_takes(size: Size, physics: Physics, seed: u64) -> (tempfile::TempDir, [RecordingSet; 2]) {
     let sensor = Sensor::new(physics, size.width, size.height, seed);
     let folder = tempfile::tempdir().unwrap();
     let sets = [0, 1].map(|take| {
@@ -41,40 +43,40 @@ fn takes(size: Size, physics: Physics, seed: u64) -> (tempfile::TempDir, [Record
     (folder, sets)
 }
 
-static REFERENCE: LazyLock<Reference> = LazyLock::new(|| {
-    let (_folder, sets) = sets(&[], 1);
-    let setup = Setup::of(&sets[0], Part::Whole, Extent::Everything).unwrap();
-    let camera = published(&setup).unwrap();
-    Reference::new(setup, camera, 7, &mut |_, _| {}).unwrap()
+static NULL_MODEL: LazyLock<NullModel> = LazyLock::new(|| {
+    let (_folder, sets) = small_recording_sets(&[], 1);
+    let setup = Setup::new(&sets[0], RecordingPart::Whole, ReadoutSelection::All).unwrap();
+    let camera = published_camera(&setup).unwrap();
+    NullModel::new(setup, camera, 7, &mut |_, _| {}).unwrap()
 });
 
-fn of(hidden: &[(&str, f64)], seed: u64) -> Diagnosis {
-    let (_folder, sets) = sets(hidden, seed);
-    beside_the_reference(&sets)
+fn diagnose_hidden(hidden: &[(&str, f64)], seed: u64) -> Diagnosis {
+    let (_folder, sets) = small_recording_sets(hidden, seed);
+    diagnose_with_shared_null_model(&sets)
 }
 
-fn beside_the_reference(sets: &[RecordingSet; 2]) -> Diagnosis {
+fn diagnose_with_shared_null_model(sets: &[RecordingSet; 2]) -> Diagnosis {
     let options = DiagnoseOptions {
-        reference: Some(&REFERENCE),
+        null_model: Some(&NULL_MODEL),
         seed: 7,
-        extent: Extent::Everything,
+        readout_selection: ReadoutSelection::All,
         ..DiagnoseOptions::default()
     };
     diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap()
 }
 
-/// Both takes against a camera file.
-fn against(camera: &Camera, sets: &[RecordingSet; 2]) -> Diagnosis {
+/// Diagnoses both sets. The diagnosis starts with the camera file `camera`.
+fn diagnose_against_camera(camera: &Camera, sets: &[RecordingSet; 2]) -> Diagnosis {
     let options = DiagnoseOptions {
         camera: Some(camera),
         seed: 7,
-        extent: Extent::Everything,
+        readout_selection: ReadoutSelection::All,
         ..DiagnoseOptions::default()
     };
     diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap()
 }
 
-/// Comments may name the library, code may not.
+/// Comments in these files may mention the library. Code must not use it.
 #[test]
 fn the_hidden_sensor_shares_no_code_with_the_library() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hidden_sensor");
@@ -90,9 +92,9 @@ fn the_hidden_sensor_shares_no_code_with_the_library() {
 
 #[test]
 fn clean_sensors_raise_no_alarm() {
-    // Chance of an alarm: three limits of one in a thousand, for three sensors.
+    // Each of three sensors raises an alarm with a probability of at most one in a thousand for each of three limits.
     for seed in 11..14 {
-        let found = of(&[], seed);
+        let found = diagnose_hidden(&[], seed);
         assert_eq!(found.verdict, Verdict::Agrees, "sensor {seed}: {found:?}");
     }
 }
@@ -100,113 +102,121 @@ fn clean_sensors_raise_no_alarm() {
 #[test]
 fn a_hidden_effect_is_named_and_the_gap_shrinks() {
     for (name, strength) in [("false_spikes", 1e-3), ("row_noise", 0.02), ("readout_jitter", 0.03)] {
-        let found = of(&[(name, strength)], 21);
-        let named = found.effects.iter().any(|e| e.name == name || e.tied_with.contains(&name));
-        assert!(named, "{name}: {:?} {:?} {:?}", found.verdict, found.effects, found.unknown);
-        let held = &found.gap.heldout;
+        let found = diagnose_hidden(&[(name, strength)], 21);
+        let named = found.effects.iter().any(|e| e.name == name || e.ambiguous_with.contains(&name));
+        assert!(named, "{name}: {:?} {:?} {:?}", found.verdict, found.effects, found.unexplained);
+        let held = &found.discrepancy.held_out_set;
         assert!(
-            held[held.len() - 1] - found.gap.floor < 0.3 * (held[0] - found.gap.floor),
+            held[held.len() - 1] - found.discrepancy.noise_floor
+                < 0.3 * (held[0] - found.discrepancy.noise_floor),
             "{name}: {:?}",
-            found.gap
+            found.discrepancy
         );
     }
 }
 
-/// A fit with all rows alike left 4,726 where 410 are the floor, and the name was a likeness.
+/// Only some rows have strong jitter. A fit with equal jitter in all rows would leave a discrepancy of
+/// 4,726 with a noise floor of 410, and the effect would be tentative.
 #[test]
-fn jitter_of_a_few_rows_is_named_plainly_and_their_number_told() {
-    // 8 of 24 rows have more than half of the width.
+fn readout_jitter_of_some_rows_is_identified() {
+    // In 8 of 24 rows the jitter has more than half of its largest width.
     let physics = Physics { undecided: (0.03, 0.0, 7.0), ..Physics::default() };
-    let (_folder, sets) = takes(SIZE, physics, 23);
-    let found = beside_the_reference(&sets);
-    let effect = found.effects.iter().find(|e| e.name == "readout_jitter" && !e.resembles);
+    let (_folder, sets) = record_takes(SIZE, physics, 23);
+    let found = diagnose_with_shared_null_model(&sets);
+    let effect = found.effects.iter().find(|e| e.name == "readout_jitter" && !e.is_tentative);
     let said = &effect.unwrap_or_else(|| panic!("{found:?}")).parameters;
     let spread = said.iter().find(|p| p.name == "spread").unwrap();
     assert!((5.5..9.0).contains(&spread.value), "{said:?}");
     assert!(spread.low > 4.0 && spread.high < 14.0, "{said:?}");
 }
 
-/// Sensors of the study were said to have -0.71 to -0.85, the furthest end of an interval at -0.96.
+/// The estimate of a full correlation must not be biased toward 0, and the interval must nearly include 1.
 #[test]
-fn a_full_correlation_of_gain_and_dark_current_is_not_cut_short() {
-    let found = of(&[("gain_dark_correlation", 1.0)], 61);
+fn full_gain_dark_correlation_is_recovered() {
+    let found = diagnose_hidden(&[("gain_dark_correlation", 1.0)], 61);
     let effect = found.effects.iter().find(|e| e.name == "gain_dark_correlation");
     let said = &effect.unwrap_or_else(|| panic!("{found:?}")).parameters[0];
     assert!(said.low.abs().max(said.high.abs()) > 0.97 && said.value.abs() > 0.85, "{said:?}");
 }
 
 #[test]
-fn a_camera_file_with_twice_the_spread_of_gain_is_said_to_be_wrong() {
-    let (_folder, sets) = sets(&[], 52);
-    let setup = Setup::of(&sets[0], Part::Whole, Extent::Everything).unwrap();
-    let camera = published(&setup).unwrap();
+fn doubled_gain_spread_in_the_camera_file_is_reported() {
+    let (_folder, sets) = small_recording_sets(&[], 52);
+    let setup = Setup::new(&sets[0], RecordingPart::Whole, ReadoutSelection::All).unwrap();
+    let camera = published_camera(&setup).unwrap();
     let (right, prnu) =
         (camera.effect("prnu").unwrap().get("sigma").unwrap(), camera.effect("prnu").unwrap());
-    let wrong = camera.clone().with(prnu.clone().with("sigma", 2.0 * right).unwrap());
-    let found = against(&wrong, &sets);
-    let said: Vec<&str> = found.misfits.iter().map(|m| m.parameter.as_str()).collect();
+    let wrong = camera.clone().with_effect(prnu.clone().with_value("sigma", 2.0 * right).unwrap());
+    let found = diagnose_against_camera(&wrong, &sets);
+    let said: Vec<&str> = found.parameter_mismatches.iter().map(|m| m.parameter.as_str()).collect();
     assert_eq!(
         (found.verdict, said.as_slice()),
         (Verdict::Explained, ["prnu.sigma"].as_slice()),
         "{found:?}"
     );
-    // 576 pixels tell it to some 8 %.
-    assert!((found.misfits[0].fitted / right - 1.0).abs() < 0.25, "{:?}", found.misfits);
+    // With 576 pixels the error of the spread is about 8 %.
+    assert!(
+        (found.parameter_mismatches[0].fitted_value / right - 1.0).abs() < 0.25,
+        "{:?}",
+        found.parameter_mismatches
+    );
 }
 
-/// By their probability alone lost readouts made each recording stray so far that nothing beside them was beyond it.
+/// Lost readouts must be located. If the model contained only their probability, all simulated recordings would scatter
+/// too much to detect any other effect.
 #[test]
-fn what_stands_beside_lost_or_repeated_readouts_is_found_and_these_are_counted() {
+fn effects_beside_dropped_or_repeated_readouts_are_found() {
     for (name, other, strength) in
         [("dropped_readouts", "missed_spikes", 0.004), ("repeated_readouts", "false_spikes", 0.001)]
     {
-        let found = of(&[(name, 0.003), (other, strength)], 71);
-        let named: Vec<&str> = found.effects.iter().filter(|e| !e.resembles).map(|e| e.name).collect();
+        let found = diagnose_hidden(&[(name, 0.003), (other, strength)], 71);
+        let named: Vec<&str> = found.effects.iter().filter(|e| !e.is_tentative).map(|e| e.name).collect();
         assert!(named.contains(&name) && named.contains(&other), "{:?} {:?}", found.verdict, found.effects);
         let said = found.effects.iter().find(|e| e.name == name).unwrap();
-        // Some 100 events: five deviations of their number.
+        // There are about 100 events, so their number has a standard deviation of 10 %. The tolerance is five times 10 %.
         let p = &said.parameters[0];
         assert!((p.value / 0.003 - 1.0).abs() < 0.5 && p.low < p.value && p.value < p.high, "{p:?}");
         assert!(said.evidence.contains(" found in "), "{}", said.evidence);
     }
 }
 
-/// Of the study's sensors with noise that is strong in a part of the pixels, three of ten were said to lose readouts.
+/// The test uses strong noise in some of the pixels, because it resembles lost readouts.
 #[test]
-fn noise_that_is_strong_in_some_pixels_is_no_lost_readout() {
-    let found = of(&[("two populations of threshold noise", 4.0)], 81);
-    assert!(!matches!(found.verdict, Verdict::Agrees), "{:?}", found.gap);
+fn strong_noise_in_some_pixels_is_not_reported_as_dropped_readouts() {
+    let found = diagnose_hidden(&[("two populations of threshold noise", 4.0)], 81);
+    assert!(!matches!(found.verdict, Verdict::Agrees), "{:?}", found.discrepancy);
     let events = found.effects.iter().any(|e| e.name.ends_with("_readouts"));
     assert!(!events, "{:?}", found.effects);
 }
 
-/// The base model's numbers took in what the clamp's slope left, and a likeness of a partial reset of 0.56 was said.
+/// If the clamp were only linearized, the parameters of the base model could absorb the remaining error. A partial reset
+/// of 0.56 would then fit equally well.
 #[test]
-fn a_clamp_far_from_where_its_slope_is_taken_is_found() {
-    let found = of(&[("saturation_clamp", 0.757)], 94);
-    let named: Vec<&str> = found.effects.iter().filter(|e| !e.resembles).map(|e| e.name).collect();
+fn saturation_clamp_far_from_its_linearization_is_found() {
+    let found = diagnose_hidden(&[("saturation_clamp", 0.757)], 94);
+    let named: Vec<&str> = found.effects.iter().filter(|e| !e.is_tentative).map(|e| e.name).collect();
     assert_eq!(named, ["saturation_clamp"], "{:?} {:?}", found.verdict, found.effects);
     let said = &found.effects[0].parameters[0];
     assert!((said.value - 1.243).abs() < 0.01, "{said:?}");
 }
 
-/// A right camera's numbers take over what they can of an effect that it lacks. Judged all the same, this one was said to have 0.22 of the
-/// light's noise and 0.15 of the thresholds' spread that it has.
+/// If the camera file lacks an effect, its parameters absorb part of the effect. If the diagnosis judged the parameters
+/// anyway, this camera would appear to have 0.22 of its light noise and 0.15 of its threshold spread.
 #[test]
-fn a_right_camera_is_not_blamed_for_strong_row_noise() {
-    let (_folder, sets) = sets_of(Size { width: 36, height: 36, ..SIZE }, &[("row_noise", 0.02)], 62);
-    let setup = Setup::of(&sets[0], Part::Whole, Extent::Everything).unwrap();
-    let camera = published(&setup).unwrap();
-    let found = against(&camera, &sets);
-    assert!(found.effects.iter().any(|e| e.name == "row_noise" && !e.resembles), "{:?}", found.effects);
-    assert!(found.misfits.is_empty(), "{:?}", found.misfits);
+fn strong_row_noise_does_not_blame_a_correct_camera_file() {
+    let (_folder, sets) = recording_sets(Size { width: 36, height: 36, ..SIZE }, &[("row_noise", 0.02)], 62);
+    let setup = Setup::new(&sets[0], RecordingPart::Whole, ReadoutSelection::All).unwrap();
+    let camera = published_camera(&setup).unwrap();
+    let found = diagnose_against_camera(&camera, &sets);
+    assert!(found.effects.iter().any(|e| e.name == "row_noise" && !e.is_tentative), "{:?}", found.effects);
+    assert!(found.parameter_mismatches.is_empty(), "{:?}", found.parameter_mismatches);
 }
 
 #[test]
 fn threads_change_no_number() {
     let of_threads = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let mut found = pool.install(|| of(&[("dead_pixels", 0.02)], 41));
+        let mut found = pool.install(|| diagnose_hidden(&[("dead_pixels", 0.02)], 41));
         found.seconds = 0.0;
         format!("{found:?}")
     };
@@ -216,17 +226,17 @@ fn threads_change_no_number() {
 }
 
 #[test]
-fn what_no_catalogue_holds_is_called_unknown() {
-    let found = of(&[("two-tap parity", 0.02)], 31);
+fn an_effect_outside_the_catalog_is_unknown() {
+    let found = diagnose_hidden(&[("two-tap parity", 0.02)], 31);
     assert!(matches!(found.verdict, Verdict::Unknown | Verdict::PartlyExplained), "{:?}", found.verdict);
-    assert!(found.effects.iter().all(|e| e.resembles), "{:?}", found.effects);
-    assert!(!found.unknown.is_empty());
+    assert!(found.effects.iter().all(|e| e.is_tentative), "{:?}", found.effects);
+    assert!(!found.unexplained.is_empty());
 }
 
 #[test]
-fn of_large_recordings_the_first_readouts_are_judged_unless_all_are_asked_for() {
+fn large_recordings_are_judged_by_their_leading_readouts_by_default() {
     let folder = tempfile::tempdir().unwrap();
-    // 32,000 pixels: 35 million pixel-readouts are 1,093 readouts, and 1,250 are judged at least.
+    // 35 million pixel-readouts of 32,000 pixels are 1,093 readouts. The diagnosis uses at least 1,250 readouts.
     for name in ["dark.dat", "square.dat"] {
         std::fs::write(folder.path().join(name), vec![0; 200 * 160 / 8 * 5100]).unwrap();
     }
@@ -235,14 +245,24 @@ fn of_large_recordings_the_first_readouts_are_judged_unless_all_are_asked_for() 
     std::fs::write(folder.path().join("recordings.toml"), set).unwrap();
     let set = RecordingSet::open(&folder.path().join("recordings.toml")).unwrap();
     let judged = |part, extent| {
-        let setup = Setup::of(&set, part, extent).unwrap();
-        let of = |k: usize| (setup.scenes[k].skip, setup.scenes[k].readouts);
-        (of(0), of(1), setup.first_readouts)
+        let setup = Setup::new(&set, part, extent).unwrap();
+        let of = |k: usize| (setup.recordings[k].first_readout, setup.recordings[k].readouts);
+        (of(0), of(1), setup.judged_readouts)
     };
-    // Of a square wave five half periods.
-    assert_eq!(judged(Part::Whole, Extent::Enough), ((0, 1250), (0, 2000), Some([1250, 2000])));
-    assert_eq!(judged(Part::Whole, Extent::Everything), ((0, 5100), (0, 5100), None));
-    // Both parts of a recording that is cut in the middle have as many, a square wave's in whole periods.
-    assert_eq!(judged(Part::First, Extent::Enough), ((0, 1250), (0, 1600), Some([2500, 4000])));
-    assert_eq!(judged(Part::Second, Extent::Enough), ((1250, 1250), (1600, 1600), Some([2500, 4000])));
+    // The minimum for a square wave is five half periods.
+    assert_eq!(
+        judged(RecordingPart::Whole, ReadoutSelection::Leading),
+        ((0, 1250), (0, 2000), Some([1250, 2000]))
+    );
+    assert_eq!(judged(RecordingPart::Whole, ReadoutSelection::All), ((0, 5100), (0, 5100), None));
+    // If a recording is split in the middle, both parts have the same length. The parts of a square wave contain whole
+    // periods.
+    assert_eq!(
+        judged(RecordingPart::FirstHalf, ReadoutSelection::Leading),
+        ((0, 1250), (0, 1600), Some([2500, 4000]))
+    );
+    assert_eq!(
+        judged(RecordingPart::SecondHalf, ReadoutSelection::Leading),
+        ((1250, 1250), (1600, 1600), Some([2500, 4000]))
+    );
 }

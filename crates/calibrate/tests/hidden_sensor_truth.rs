@@ -1,12 +1,14 @@
-//! The hidden sensor that diagnoses are tested on: does every effect of it change bits?
+//! Tests the hidden sensor that tests of diagnoses use. Each of its effects must change bits.
 
 #[allow(unreachable_pub, reason = "shared by several test binaries")]
 mod hidden_sensor;
 
-use hidden_sensor::{INSIDE, Kind, OUTSIDE, Physics, Scene, Sensor, record};
+use hidden_sensor::{CATALOG_KINDS, Kind, OUTSIDE_KINDS, Physics, Scene, Sensor, record};
 
-/// Half of the largest strength, on a small sensor; long enough for the rarest event (2.5 in a thousand readouts)
-/// to be missing with a probability of 0.7 %, which the fixed seed does not draw.
+/// Returns a recording of a small sensor. The effect has half of its largest strength.
+///
+/// The rarest event occurs 2.5 times in a thousand readouts on average. The probability that a recording does not contain
+/// it is 0.7 %. The recording with the fixed seed contains it.
 fn bits(kind: Option<&Kind>, scene: Scene) -> Vec<u8> {
     let mut physics = Physics::default();
     if let Some(kind) = kind {
@@ -24,7 +26,7 @@ fn every_hidden_effect_changes_bits() {
         Scene::Checkerboard { high: 0.8, low: 0.03, cell: 4 },
     ];
     let clean = scenes.map(|scene| bits(None, scene));
-    for kind in INSIDE.iter().chain(&OUTSIDE) {
+    for kind in CATALOG_KINDS.iter().chain(&OUTSIDE_KINDS) {
         let changed = |(scene, clean): (&Scene, &Vec<u8>)| bits(Some(kind), *scene) != *clean;
         assert!(scenes.iter().zip(&clean).any(changed), "{} changes nothing", kind.name);
     }
@@ -32,8 +34,9 @@ fn every_hidden_effect_changes_bits() {
 
 #[test]
 fn clean_rates_follow_the_published_numbers() {
-    // Mean rate of 576 pixels: gain spread 5.8 % and threshold spread 4.6 % leave 0.3 % of error; thresholds
-    // add 0.2 %, the lamp 0.1 %. Four deviations.
+    // The tolerance is four standard deviations of the mean rate of 576 pixels. A gain spread of 5.8 % and a threshold
+    // spread of 4.6 % cause an error of 0.3 %. The lamp causes an error of 0.1 %. The expected value includes the 0.2 % by
+    // which the threshold spread raises the mean.
     let ones = |bits: &[u8]| bits.iter().map(|b| f64::from(b.count_ones())).sum::<f64>() / (576.0 * 3000.0);
     let sensor = Sensor::new(Physics::default(), 24, 24, 8);
     let expected = |light: f64| (light + 0.00468) * 1.0021;

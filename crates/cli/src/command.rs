@@ -1,31 +1,35 @@
-//! The commands and what holds for all of them.
+//! The commands and the global flags.
 
 use clap::{Parser, Subcommand};
 
-use super::bench;
-use super::making::{dataset, live, scene, simulate};
+use super::generate::{dataset, live, scene, simulate};
+use super::meta::{completions, effects, man, preset};
 use super::sensors::{calibrate, compare, diagnose, measure, record};
+use super::speed;
 use super::streams::{convert, evaluate, inspect, partials, reconstruct, verify};
-use super::words::{completions, effects, man, preset};
 
-/// Simulate spike cameras: light in, bit-packed spike streams out.
+/// Simulate spike cameras: light in, bit-packed spike streams out
 ///
-/// Without a command it draws a driving scene, simulates it into ./out and says what it did.
-/// Exit codes: 0 done, 2 usage, 3 camera or preset, 4 input, 5 system, 6 no space,
-/// 7 output exists, 8 ffmpeg, 9 digest does not match, 10 another process writes it, 11 no
-/// memory, 75 queue it again, 130 interrupted.
+/// Without a command, spikelane draws a driving scene, simulates it into ./out and prints a summary.
+///
+/// Exit codes: 0 success, 2 usage, 3 camera or preset, 4 input, 5 system, 6 disk full, 7 output exists, 8 ffmpeg, 9
+/// digest mismatch, 10 locked by another process, 11 out of memory, 75 queue again, 130 interrupted.
 #[derive(Parser)]
 #[command(name = "spikelane", version, max_term_width = 100)]
 pub(super) struct Cli {
     #[command(subcommand)]
     pub(super) command: Option<Command>,
-    /// Print one JSON object a line to standard output; text for people goes to standard error
+    /// Print the result as JSON, one object per line
+    ///
+    /// Text for people then goes to standard error.
     #[arg(long, global = true)]
     pub(super) json: bool,
-    /// Also say how the time was spent
+    /// Also print how the time was spent
     #[arg(short, long, global = true)]
     pub(super) verbose: bool,
-    /// Record absolute paths in sidecars and reports as they were given, not the file names alone
+    /// Record absolute paths in sidecars and reports
+    ///
+    /// By default, only the file name of an absolute path is recorded.
     #[arg(long, global = true, hide_short_help = true)]
     pub(super) record_paths: bool,
 }
@@ -49,7 +53,7 @@ pub(super) enum Command {
     Record(record::Args),
     Scene(scene::Args),
     Dataset(Box<dataset::Args>),
-    Bench(bench::BenchArgs),
+    Speed(speed::SpeedArgs),
     Completions(completions::Args),
     Man(man::Args),
 }

@@ -1,12 +1,13 @@
-//! The command line: one file per command, on the library's public doors alone.
+//! The command line of spikelane. Each command has its own file. This crate uses only the public interfaces of the
+//! libraries.
 
-mod bench;
 mod command;
-mod making;
+mod common;
+mod generate;
+mod meta;
 mod sensors;
-mod shared;
+mod speed;
 mod streams;
-mod words;
 
 use std::ffi::OsString;
 
@@ -14,62 +15,89 @@ use spikelane::Result;
 use spikelane::unstable::kernels::Backend;
 
 use command::Command;
-use making::{dataset, first_run, live, scene, simulate};
+use common::console::{self, Console};
+use common::progress::{self, run_interruptible};
+use generate::{dataset, first_run, live, scene, simulate};
+use meta::{completions, effects, help, man, preset};
 use sensors::{calibrate, compare, diagnose, measure, record};
-use shared::output::{self, Out};
-use shared::progress::{self, stoppable};
 use streams::{convert, evaluate, inspect, partials, reconstruct, verify};
-use words::{completions, effects, help, man, preset};
 
-/// Parses `args`, the program's name first, runs the command, and returns the exit code: what `main` of the
-/// program does, for hosts that carry the command with them. It prints, and takes the process's Ctrl-C.
+/// Runs the command line `args` and returns the exit code. The first argument is the program name.
+///
+/// This function is the whole program, for hosts that embed the command. It prints to the standard output and standard
+/// error of the process and handles Ctrl-C.
+/// of the process.
 pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
     let cli = match help::parse(&args) {
         Ok(cli) => cli,
         Err(code) => return code,
     };
-    output::remember_command(&args, cli.record_paths);
-    let out = Out::new(cli.json, cli.verbose);
-    shared::limits::report_file_size();
-    // The library falls back to the fastest; who asks for a backend by name wants that one.
+    console::remember_command(&args, cli.record_paths);
+    let out = Console::new(cli.json, cli.verbose);
+    common::limits::ignore_file_size_signal();
+    // The library falls back to the fastest backend. If the user selects a backend, it must be available.
     let done = Backend::from_environment().and_then(|_| dispatch(cli.command, &out));
     progress::release_signals();
     match done {
         Ok(()) => 0,
         Err(error) => {
-            out.error(&error);
+            out.print_error(&error);
             error.kind().exit_code()
         }
     }
 }
 
-/// What stays of a command that was stopped.
-const NOTHING: &str = "nothing was written";
-const UNFINISHED: &str = "unfinished files are removed";
+/// Remedies in the errors of interrupted commands. They describe the remaining files.
+const NOTHING_WRITTEN_MESSAGE: &str = "nothing was written";
+const UNFINISHED_REMOVED_MESSAGE: &str = "unfinished files are removed";
 
-fn dispatch(command: Option<Command>, out: &Out) -> Result<()> {
+fn dispatch(command: Option<Command>, out: &Console) -> Result<()> {
     match command {
         None => first_run::run(out),
-        Some(Command::Simulate(args)) => stoppable(UNFINISHED, || simulate::run(&args, out)),
+        Some(Command::Simulate(args)) => {
+            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || simulate::run(&args, out))
+        }
         Some(Command::Live(args)) => live::run(&args, out),
-        Some(Command::Inspect(args)) => stoppable(NOTHING, || inspect::run(&args, out)),
-        Some(Command::Convert(args)) => stoppable(UNFINISHED, || convert::run(&args, out)),
+        Some(Command::Inspect(args)) => {
+            run_interruptible(NOTHING_WRITTEN_MESSAGE, || inspect::run(&args, out))
+        }
+        Some(Command::Convert(args)) => {
+            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || convert::run(&args, out))
+        }
         Some(Command::Verify(args)) => verify::run(&args, out),
         Some(Command::Partials(args)) => partials::run(&args, out),
-        Some(Command::Reconstruct(args)) => stoppable(UNFINISHED, || reconstruct::run(&args, out)),
-        Some(Command::Evaluate(args)) => stoppable(NOTHING, || evaluate::run(&args, out)),
-        Some(Command::Preset(args)) => stoppable(NOTHING, || preset::run(&args, out)),
+        Some(Command::Reconstruct(args)) => {
+            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || reconstruct::run(&args, out))
+        }
+        Some(Command::Evaluate(args)) => {
+            run_interruptible(NOTHING_WRITTEN_MESSAGE, || evaluate::run(&args, out))
+        }
+        Some(Command::Preset(args)) => run_interruptible(NOTHING_WRITTEN_MESSAGE, || preset::run(&args, out)),
         Some(Command::Effects(args)) => effects::run(&args, out),
-        Some(Command::Measure(args)) => stoppable(NOTHING, || measure::run(&args, out)),
-        Some(Command::Calibrate(args)) => stoppable(NOTHING, || calibrate::run(&args, out)),
-        Some(Command::Compare(args)) => stoppable(NOTHING, || compare::run(&args, out)),
-        Some(Command::Diagnose(args)) => stoppable(args.kept(), || diagnose::run(&args, out)),
-        Some(Command::Record(args)) => stoppable(args.kept(), || record::run(&args, out)),
-        Some(Command::Scene(args)) => stoppable(UNFINISHED, || scene::run(&args, out)),
+        Some(Command::Measure(args)) => {
+            run_interruptible(NOTHING_WRITTEN_MESSAGE, || measure::run(&args, out))
+        }
+        Some(Command::Calibrate(args)) => {
+            run_interruptible(NOTHING_WRITTEN_MESSAGE, || calibrate::run(&args, out))
+        }
+        Some(Command::Compare(args)) => {
+            run_interruptible(NOTHING_WRITTEN_MESSAGE, || compare::run(&args, out))
+        }
+        Some(Command::Diagnose(args)) => {
+            run_interruptible(args.interrupt_message(), || diagnose::run(&args, out))
+        }
+        Some(Command::Record(args)) => {
+            run_interruptible(args.interrupt_message(), || record::run(&args, out))
+        }
+        Some(Command::Scene(args)) => {
+            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || scene::run(&args, out))
+        }
         Some(Command::Dataset(args)) => dataset::run(&args, out),
-        Some(Command::Bench(args)) => bench::run(&args, out.json()),
+        Some(Command::Speed(args)) => speed::run(&args, out.json()),
         Some(Command::Completions(args)) => completions::run(&args, help::command(), out),
-        Some(Command::Man(args)) => stoppable(UNFINISHED, || man::run(&args, help::command(), out)),
+        Some(Command::Man(args)) => {
+            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || man::run(&args, help::command(), out))
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! Every block of commands in README and `docs` runs, page by page, each in an empty folder.
+//! Runs every command block in README and `docs`. Each page runs in its own empty folder.
 
 #![cfg(unix)]
 
@@ -7,16 +7,16 @@ mod docs_support;
 use std::path::Path;
 use std::process::Command;
 
-use docs_support::{check, page, pages, root, run};
+use docs_support::{check, current_pages, page, pages, root, run};
 use spikelane_calibrate::RecordingSet;
 
-/// One test for each page, with the variables that shorten its blocks.
+/// Defines one test per page. Variables replace values in the blocks of a page to shorten the run.
 macro_rules! runs {
     ($($test:ident: $page:literal $(, $name:ident = $value:literal)*;)*) => {
         $(
             #[test]
             fn $test() {
-                run::page(&page($page), &[$((stringify!($name), $value)),*], prepare);
+                run::run_page(&page($page), &[$((stringify!($name), $value)),*], prepare);
             }
         )*
         const TESTED: &[&str] = &[$($page),*];
@@ -28,7 +28,7 @@ runs! {
     guide_clusters: "docs/guides/clusters.md", SEQUENCES = "3", IMAGES = "3", PER_SHARD = "1";
     guide_embedding: "docs/guides/embedding.md";
     guide_first_video: "docs/guides/first-video.md";
-    guide_own_camera: "docs/guides/own-camera.md", SIDE = "24", READOUTS = "800", LONGEST = "200";
+    guide_own_camera: "docs/guides/own-camera.md", SIDE = "24", READOUTS = "800", MAX_READOUTS = "200";
     guide_own_data_set: "docs/guides/own-data-set.md", FRAMES = "2", SEQUENCES = "2", IMAGES = "4";
     reference_datasets: "docs/reference/datasets.md", SEQUENCES = "2", IMAGES = "3";
     reference_features: "docs/reference/features.md";
@@ -49,15 +49,15 @@ runs! {
     why_reconstruction: "docs/why/reconstruction.md";
 }
 
-/// Pages whose blocks another test runs.
-const ELSEWHERE: &[(&str, &str)] = &[
+/// Pages whose blocks other tests run.
+const TESTED_ELSEWHERE: &[(&str, &str)] = &[
     ("docs/guides/python.md", "bindings/python/tests/test_guide.py"),
     ("docs/guides/training.md", "bindings/python/tests/test_guide.py"),
 ];
 
-/// What a page takes for granted that a reader has.
+/// Creates the files that readers of the page have.
 fn prepare(page: &str, place: &Path) {
-    if page == "README.md" && check::found("ffmpeg") {
+    if page == "README.md" && check::is_installed("ffmpeg") {
         let clip = ["-f", "lavfi", "-i", "testsrc2=size=400x250:rate=25:duration=0.2", "video.mp4"];
         let made = Command::new("ffmpeg").args(["-loglevel", "error"]).args(clip).current_dir(place).status();
         assert!(made.unwrap().success());
@@ -69,7 +69,7 @@ fn every_page_with_blocks_has_a_test() {
     for page in pages() {
         let runs = page.blocks().iter().any(|b| matches!(b.language(), "sh" | "python" | "toml"));
         let here = TESTED.contains(&page.name.as_str());
-        let there = ELSEWHERE.iter().find(|(name, _)| *name == page.name);
+        let there = TESTED_ELSEWHERE.iter().find(|(name, _)| *name == page.name);
         if let Some((name, test)) = there {
             let text = std::fs::read_to_string(root().join(test)).unwrap();
             assert!(text.contains(name.rsplit('/').next().unwrap()), "{test} does not run {name}");
@@ -81,7 +81,7 @@ fn every_page_with_blocks_has_a_test() {
 #[test]
 fn every_rust_block_is_a_doctest() {
     let library = std::fs::read_to_string(root().join("tests/outside_effect/src/lib.rs")).unwrap();
-    for page in pages().iter().filter(|p| p.blocks().iter().any(|b| b.language() == "rust")) {
+    for page in current_pages().iter().filter(|p| p.blocks().iter().any(|b| b.language() == "rust")) {
         assert!(
             library.contains(&format!("\"../../../{}\"", page.name)),
             "{}: include it in tests/outside_effect/src/lib.rs",
@@ -110,14 +110,14 @@ fn commands_within_sentences_exist() {
         let spans = prose.split('`').skip(1).step_by(2);
         let command = |s: &&str| s.starts_with("cargo ") || s.starts_with("spikelane ") && !s.contains(" = ");
         for span in spans.filter(command) {
-            let wrong = check::wrong(&span.replace('\n', " "));
+            let wrong = check::command_errors(&span.replace('\n', " "));
             assert!(wrong.is_empty(), "{}: {wrong:?}", page.name);
         }
     }
 }
 
 #[test]
-fn what_is_wrong_with_a_command_is_seen() {
+fn wrong_commands_are_detected() {
     for good in [
         "spikelane simulate a.png -o b --clean | head",
         "cargo test --test diagnose_study",
@@ -125,7 +125,7 @@ fn what_is_wrong_with_a_command_is_seen() {
         "play() {\n    spikelane verify \"$@\"\n}\nplay a.json",
         "READOUTS=5 spikelane preset show physical > mine.toml",
     ] {
-        assert_eq!(check::wrong(good), Vec::<String>::new());
+        assert_eq!(check::command_errors(good), Vec::<String>::new());
     }
     for bad in [
         "spikelane simulate a.png -o b --cleaner",
@@ -135,7 +135,7 @@ fn what_is_wrong_with_a_command_is_seen() {
         "cargo run --example no-such-study",
         "fuzz/none.sh",
     ] {
-        assert_eq!(check::wrong(bad).len(), 1, "{bad}");
+        assert_eq!(check::command_errors(bad).len(), 1, "{bad}");
     }
 }
 

@@ -1,36 +1,39 @@
-//! `docs/reference/commands.md` is what `--help` says.
+//! Tests that `docs/reference/commands.md` matches the output of `--help`.
 
 mod docs_support;
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::process::Command;
 
-use docs_support::{between, page, put};
+use docs_support::{page, split_at_markers, write_between_markers};
 
 const PAGE: &str = "docs/reference/commands.md";
 const BEGIN: &str = "<!-- generated: begin -->\n";
 const END: &str = "<!-- generated: end -->\n";
 
 /// Flags that every command has.
-const EVERYWHERE: &[&str] = &["--json", "--verbose", "--record-paths", "--help", "--version"];
+const GLOBAL_FLAGS: &[&str] = &["--json", "--verbose", "--record-paths", "--help", "--version"];
 
-/// What `--help` says of a command.
+/// The parsed `--help` text of a command.
 struct Help {
     about: String,
     usage: String,
     entries: Vec<Entry>,
 }
 
-/// A flag or an argument.
+/// The entry of a flag or an argument.
+#[derive(Clone, PartialEq)]
+/// The entry of a flag or an argument in a help text.
 struct Entry {
-    /// As it is typed, such as `-o, --output <DIR>`.
+    /// The heading above the entry, such as `Options` or `Camera`.
+    heading: String,
+    /// What the user types, such as `-o, --output <DIR>`.
     form: String,
     text: String,
 }
 
 impl Entry {
-    /// The long flag, or nothing for an argument.
+    /// Returns the long flag, or `None` for an argument.
     fn flag(&self) -> Option<&str> {
         let at = self.form.find("--")?;
         self.form[at..].split([' ', '=', '[']).next()
@@ -48,7 +51,7 @@ fn help(path: &str) -> String {
     String::from_utf8(out.stdout).unwrap()
 }
 
-/// The commands of a help text, in its order.
+/// Returns the commands that a help text lists, in the order of the text.
 fn commands(text: &str) -> Vec<String> {
     let list = text.split_once("Commands:\n").expect("a list of commands").1;
     let rows = list.lines().take_while(|line| !line.is_empty()).filter(|line| !line.starts_with("   "));
@@ -61,91 +64,190 @@ fn parse(text: &str) -> Help {
     let usage = text.lines().find_map(|line| line.strip_prefix("Usage: ")).unwrap().to_owned();
     let mut entries: Vec<Entry> = Vec::new();
     let mut inside = false;
+    let mut heading = "";
     for line in text.split_once("Usage: ").unwrap().1.lines().skip(1) {
         if line.ends_with(':') && !line.starts_with(' ') {
             inside = line != "Commands:";
-        } else if inside && begins(line) {
+            heading = line.trim_end_matches(':');
+        } else if inside && starts_entry(line) {
             let line = line.trim();
             let (form, text) = line.split_once("  ").unwrap_or((line, ""));
-            entries.push(Entry { form: form.to_owned(), text: text.trim().to_owned() });
-        } else if inside && !line.trim().is_empty() {
-            let entry = entries.last_mut().unwrap();
-            if !entry.text.is_empty() {
-                entry.text.push(' ');
+            let heading = heading.to_owned();
+            entries.push(Entry { heading, form: form.to_owned(), text: text.trim().to_owned() });
+        } else if inside && let Some(entry) = entries.last_mut() {
+            match line.trim() {
+                // The end of a paragraph.
+                "" if !entry.text.is_empty() && !entry.text.ends_with('.') => entry.text.push('.'),
+                "" => {}
+                line if entry.text.is_empty() => entry.text += line,
+                line => write!(entry.text, " {line}").unwrap(),
             }
-            entry.text += line.trim();
+        }
+    }
+    for entry in &mut entries {
+        // The first sentence lists the values already.
+        let text = entry.text.split(" Possible values:").next().unwrap_or_default();
+        entry.text = text.trim_end_matches('.').to_owned();
+        // A default is not a sentence of its own if no other paragraph precedes it.
+        if entry.text.matches(". ").count() == 1 {
+            entry.text = entry.text.replace(". [", " [");
         }
     }
     Help { about, usage, entries }
 }
 
-/// Whether a line begins the entry of a flag or an argument, not the text of one.
-fn begins(line: &str) -> bool {
+/// Whether a line begins an entry. Other lines continue the text of an entry.
+fn starts_entry(line: &str) -> bool {
     let indent = line.len() - line.trim_start().len();
     let line = line.trim_start();
     (2..=6).contains(&indent) && (line.starts_with('-') || indent == 2 && line.starts_with(['<', '[']))
 }
 
 fn escaped(text: &str) -> String {
-    text.replace('|', "\\|").replace('<', "\\<")
+    text.replace('<', "\\<")
 }
 
-fn section(path: &str, help: &Help) -> String {
-    let mut text = format!("\n## {path}\n\n{}.\n\n`{}`\n\n", help.about.trim_end_matches('.'), help.usage);
-    let own: Vec<&Entry> =
-        help.entries.iter().filter(|e| e.flag().is_none_or(|flag| !EVERYWHERE.contains(&flag))).collect();
-    if !own.is_empty() {
-        text += "| flag or argument | what it does |\n|---|---|\n";
+/// Options that several commands have with the same meaning, in the order of the commands.
+struct Shared {
+    entries: Vec<Entry>,
+}
+
+/// The command whose options another command extends.
+const EXTENDED: (&str, &str) = ("dataset plan", "dataset");
+
+impl Shared {
+    fn new(all: &[(String, Help)]) -> Self {
+        let mut counts: Vec<(&Entry, usize)> = Vec::new();
+        for (_, help) in all.iter().filter(|(path, _)| path != EXTENDED.0) {
+            for entry in own_entries(help).filter(|e| e.flag().is_some()) {
+                match counts.iter_mut().find(|(other, _)| *other == entry) {
+                    Some((_, count)) => *count += 1,
+                    None => counts.push((entry, 1)),
+                }
+            }
+        }
+        let entries = counts.into_iter().filter(|(_, n)| *n > 1).map(|(entry, _)| entry.clone()).collect();
+        Self { entries }
     }
-    for entry in own {
-        writeln!(text, "| `{}` | {} |", entry.form.replace('|', "\\|"), escaped(&entry.text)).unwrap();
+
+    /// Returns the headings that group shared options.
+    fn headings(&self) -> Vec<&str> {
+        let mut headings: Vec<&str> = Vec::new();
+        for entry in &self.entries {
+            if !headings.contains(&entry.heading.as_str()) {
+                headings.push(&entry.heading);
+            }
+        }
+        headings
+    }
+
+    fn group(&self, heading: &str) -> impl Iterator<Item = &Entry> {
+        self.entries.iter().filter(move |e| e.heading == heading)
+    }
+
+    fn tables(&self) -> String {
+        let mut text = String::from("\n## Shared options\n");
+        for heading in self.headings() {
+            let title = match heading {
+                "Options" => "Other",
+                "Seeds" => "Seed",
+                heading => heading,
+            };
+            write!(text, "\n### {title} options\n\n").unwrap();
+            text += &list(self.group(heading));
+        }
+        text
+    }
+
+    /// Returns a sentence about the shared options in `entries`: a group if all of it is there, otherwise the flags.
+    fn sentence(&self, entries: &[&Entry]) -> String {
+        let mut parts: Vec<String> = Vec::new();
+        for heading in self.headings() {
+            let group: Vec<&Entry> = self.group(heading).collect();
+            let found: Vec<&Entry> = group.iter().copied().filter(|e| entries.contains(e)).collect();
+            if found.len() == group.len() && found.len() > 2 && heading != "Options" {
+                parts.push(format!("[{}](#{}-options)", heading.to_lowercase(), heading.to_lowercase()));
+            } else {
+                parts.extend(found.iter().map(|e| format!("`{}`", e.flag().unwrap_or_default())));
+            }
+        }
+        if parts.is_empty() { String::new() } else { format!("\nShared options: {}.\n", parts.join(", ")) }
+    }
+}
+
+/// Returns the entries of a command without the options of all commands.
+fn own_entries(help: &Help) -> impl Iterator<Item = &Entry> {
+    help.entries.iter().filter(|e| e.flag().is_none_or(|flag| !GLOBAL_FLAGS.contains(&flag)))
+}
+
+fn list<'a>(entries: impl IntoIterator<Item = &'a Entry>) -> String {
+    let mut text = String::new();
+    for entry in entries {
+        writeln!(text, "* `{}`: {}.", entry.form, escaped(&entry.text)).unwrap();
     }
     text
 }
 
-/// The commands below a command.
-fn below(name: &str) -> Vec<String> {
+fn section(path: &str, help: &Help, all: &[(String, Help)], shared: &Shared) -> String {
+    let mut text = format!("\n## {path}\n\n{}.\n\n`{}`\n", help.about.trim_end_matches('.'), help.usage);
+    let mut entries: Vec<&Entry> = own_entries(help).collect();
+    if path == EXTENDED.0 {
+        let (name, base) = all.iter().find(|(path, _)| path == EXTENDED.1).unwrap();
+        let without: Vec<&str> =
+            own_entries(base).filter(|e| !entries.contains(e)).filter_map(Entry::flag).collect();
+        let list = without.iter().map(|flag| format!("`{flag}`")).collect::<Vec<_>>().join(", ");
+        write!(text, "\nIt has the options of [`{name}`](#{name}) except {list}.\n").unwrap();
+        entries.retain(|e| !own_entries(base).any(|other| other == *e));
+    }
+    let own: Vec<&Entry> = entries.iter().copied().filter(|e| !shared.entries.contains(e)).collect();
+    if !own.is_empty() {
+        text.push('\n');
+        text += &list(own);
+    }
+    text + &shared.sentence(&entries)
+}
+
+/// Returns the subcommands of a command.
+fn subcommands(name: &str) -> Vec<String> {
     commands(&help(name)).iter().map(|sub| format!("{name} {sub}")).collect()
 }
 
-fn generated() -> String {
+fn generated_page() -> String {
     let top = help("");
     let mut paths: Vec<String> = Vec::new();
     for name in commands(&top) {
         match name.as_str() {
-            "preset" => paths.extend(below("preset")),
+            "preset" => paths.extend(subcommands("preset")),
             "dataset" => {
                 paths.push(name);
-                paths.extend(below("dataset"));
+                paths.extend(subcommands("dataset"));
             }
             _ => paths.push(name),
         }
     }
     let all: Vec<(String, Help)> = paths.into_iter().map(|p| (p.clone(), parse(&help(&p)))).collect();
-    let mut text = String::from("\n| command | what it does |\n|---|---|\n");
-    for (path, help) in &all {
-        let anchor = path.replace(' ', "-");
-        writeln!(text, "| [`{path}`](#{anchor}) | {} |", escaped(help.about.trim_end_matches('.'))).unwrap();
-    }
-    let mut flags: BTreeMap<String, Vec<&str>> = BTreeMap::new();
-    for (path, help) in &all {
-        for flag in help.entries.iter().filter_map(Entry::flag).filter(|flag| !EVERYWHERE.contains(flag)) {
-            flags.entry(flag.to_owned()).or_default().push(path);
-        }
-    }
-    text += "\n## One word for one thing\n\nEvery flag, and the commands that have it.\n\n| flag | commands |\n|---|---|\n";
-    for (flag, paths) in flags {
-        writeln!(text, "| `{flag}` | {} |", paths.join(", ")).unwrap();
-    }
-    all.iter().for_each(|(path, help)| text += &section(path, help));
+    let mut text = String::from("\n");
+    let links: Vec<String> =
+        all.iter().map(|(path, _)| format!("[`{path}`](#{})", path.replace(' ', "-"))).collect();
+    writeln!(text, "{}", links.join(",\n")).unwrap();
+    let shared = Shared::new(&all);
+    text += &shared.tables();
+    all.iter().for_each(|(path, help)| text += &section(path, help, &all, &shared));
     text
 }
 
 #[test]
 fn the_page_of_commands_is_current() {
     let page = page(PAGE);
-    let [_, found, _] = between(&page, BEGIN, END);
-    assert!(found == generated(), "run: cargo test --test docs_commands -- --ignored");
+    let [_, found, _] = split_at_markers(&page, BEGIN, END);
+    assert!(found == generated_page(), "run: cargo test --test docs_commands -- --ignored");
+}
+
+#[test]
+fn the_page_of_commands_is_short() {
+    const MAX_WORDS: usize = 3800;
+    let words = page(PAGE).count_words();
+    assert!(words <= MAX_WORDS, "{words} words");
 }
 
 #[test]
@@ -164,5 +266,5 @@ fn both_forms_of_help_are_understood() {
 #[test]
 #[ignore = "writes docs/reference/commands.md"]
 fn write_the_page_of_commands() {
-    put(PAGE, BEGIN, END, &generated());
+    write_between_markers(PAGE, BEGIN, END, &generated_page());
 }

@@ -1,4 +1,4 @@
-//! The tables of `docs/reference/effects.md` are those of the effects' definitions.
+//! Tests that the tables of `docs/reference/effects.md` match the definitions of the effects.
 
 use std::fmt::Write as _;
 

@@ -1,14 +1,15 @@
-//! Parallel work stays out of the global thread pool, and stops where it is asked to.
+//! Tests that parallel work does not use the global thread pool and that it stops on request.
 
+use spikelane::SimulatorOptions;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use spikelane::unstable::threads::until;
-use spikelane::{Camera, Kind, Result, Seeds, Sensor, Simulator};
-use spikelane_calibrate::{CalibrateOptions, Protocol, RecordingSet, calibrate, observe};
-use spikelane_io::formats::{Layout, Reader};
+use spikelane::unstable::threads::run_until;
+use spikelane::{Camera, ErrorKind, Result, Seeds, Sensor, Simulator};
+use spikelane_calibrate::{CalibrateOptions, Protocol, RecordingSet, calibrate, measure_levels};
+use spikelane_io::formats::{Layout, StreamReader};
 use spikelane_io::simulate::FrameRef;
-use spikelane_measure::Recording;
+use spikelane_measure::MeasuredRecording;
 use spikelane_scene::{SamplesPerPixel, Scene, SceneOptions};
 
 fn camera(width: u32, height: u32) -> Camera {
@@ -17,34 +18,34 @@ fn camera(width: u32, height: u32) -> Camera {
     camera
 }
 
-/// Runs `work` and returns how often it asked whether to stop.
-fn checks<T>(work: impl FnOnce() -> Result<T>) -> usize {
+/// Runs `work`. Returns how often `work` checked whether to stop.
+fn count_stop_checks<T>(work: impl FnOnce() -> Result<T>) -> usize {
     let calls = Arc::new(AtomicUsize::new(0));
     let counted = Arc::clone(&calls);
     let asked = move || {
         counted.fetch_add(1, Ordering::Relaxed);
         false
     };
-    until(asked, work).unwrap();
+    run_until(asked, work).unwrap();
     calls.load(Ordering::Relaxed)
 }
 
-/// In one test, since it looks at the whole process.
+/// One test runs all kinds of parallel work, because the global thread pool belongs to the whole process.
 #[test]
 fn no_work_of_the_library_starts_the_global_pool() {
     let camera = camera(48, 32);
     let geometry = camera.sensor.geometry;
-    let mut simulator = Simulator::new(&camera, Seeds::default()).unwrap().with_threads(2).unwrap();
+    let mut simulator = SimulatorOptions::new().seeds(Seeds::default()).threads(2).build(&camera).unwrap();
     let mut packed = vec![0; 400 * geometry.frame_bytes()];
-    simulator.push(FrameRef::u8(&vec![90; geometry.pixels()], geometry), &mut packed).unwrap();
-    let reader = Reader::from_bytes("packed", packed, Some(Layout::DatTop), Some(geometry)).unwrap();
-    Recording::of_stream(&reader, &mut |_| {}).unwrap().said().unwrap();
+    simulator.fill(FrameRef::new(&vec![90u8; geometry.pixels()]), &mut packed).unwrap();
+    let reader = StreamReader::from_bytes("packed", packed, Some(Layout::DatTop), Some(geometry)).unwrap();
+    MeasuredRecording::from_stream(&reader, &mut |_| {}).unwrap().report().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let set = Protocol::recommended(4000)
         .record(&camera, Seeds::default(), folder.path(), false, &mut |_, _| {})
         .unwrap();
     let set = RecordingSet::open(&set).unwrap();
-    let observed = observe(&set, &mut |_, _| {}).unwrap();
+    let observed = measure_levels(&set, &mut |_, _| {}).unwrap();
     calibrate(&observed, &CalibrateOptions::default()).unwrap();
     let options = spikelane_calibrate::diagnose::DiagnoseOptions::default();
     spikelane_calibrate::diagnose::diagnose(&set, None, options, &mut |_, _| {}).unwrap();
@@ -55,10 +56,10 @@ fn no_work_of_the_library_starts_the_global_pool() {
 fn a_simulation_asks_after_each_block_of_128_readouts() {
     let camera = camera(64, 48);
     let geometry = camera.sensor.geometry;
-    let light = vec![90; geometry.pixels()];
+    let light = vec![90u8; geometry.pixels()];
     let mut packed = vec![0; 1280 * geometry.frame_bytes()];
     let mut simulator = Simulator::new(&camera, Seeds::default()).unwrap();
-    let asked = checks(|| simulator.push(FrameRef::u8(&light, geometry), &mut packed));
+    let asked = count_stop_checks(|| simulator.fill(&light, &mut packed));
     assert!(asked >= 10, "{asked} checks");
 }
 
@@ -66,20 +67,20 @@ fn a_simulation_asks_after_each_block_of_128_readouts() {
 fn a_stopped_simulation_ends_before_its_next_block() {
     let camera = camera(64, 48);
     let geometry = camera.sensor.geometry;
-    let light = vec![90; geometry.pixels()];
+    let light = vec![90u8; geometry.pixels()];
     let mut packed = vec![0; 1280 * geometry.frame_bytes()];
     let mut simulator = Simulator::new(&camera, Seeds::default()).unwrap();
     let calls = AtomicUsize::new(0);
     let asked = move || calls.fetch_add(1, Ordering::Relaxed) == 3;
-    let stopped = until(asked, || simulator.push(FrameRef::u8(&light, geometry), &mut packed));
-    assert_eq!(stopped.unwrap_err().kind(), Kind::Interrupted);
+    let stopped = run_until(asked, || simulator.fill(&light, &mut packed));
+    assert_eq!(stopped.unwrap_err().kind(), ErrorKind::Interrupted);
     assert_eq!(simulator.state().readout(), 3 * 128);
 }
 
 #[test]
 fn a_plan_asks_between_its_effects() {
     let camera = camera(64, 48);
-    let asked = checks(|| Simulator::new(&camera, Seeds::default()));
+    let asked = count_stop_checks(|| Simulator::new(&camera, Seeds::default()));
     assert!(asked >= camera.effects().len() + 4, "{asked} checks");
 }
 
@@ -87,8 +88,8 @@ fn a_plan_asks_between_its_effects() {
 fn a_picture_asks_for_each_band_of_rows() {
     let options = SceneOptions::default().with_width(64).with_height(320);
     let of_height = |height| {
-        let scene = Scene::random(3, &options.clone().with_height(height)).unwrap();
-        checks(|| scene.render(0.1, SamplesPerPixel::Four, 1))
+        let scene = Scene::from_seed(3, &options.clone().with_height(height)).unwrap();
+        count_stop_checks(|| scene.render(0.1, SamplesPerPixel::Four, 1))
     };
     let (low, high) = (of_height(64), of_height(320));
     assert!(high >= low + 8, "{low} and {high} checks");

@@ -1,39 +1,43 @@
-//! A driving scene as light: one frame per readout.
+//! A driving scene as a light source with one frame per readout.
 
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 use spikelane_io::light::{Frame, OwnedSamples, Rate, Source};
-use spikelane_scene::{self as scene, KeyPlan, Rendered, Scene};
+use spikelane_scene::{self as scene, KeyframePlan, RenderedFrame, Scene};
 
-/// Readouts of a span lie within this time, and their light within this many bytes.
-const LONGEST_S: f64 = 5e-3;
-const LONGEST_BYTES: usize = 64 << 20;
+/// Maximum duration of a span in seconds. `MAX_SPAN_BYTES` is the maximum size of the light of a span.
+const MAX_SPAN_SECONDS: f64 = 5e-3;
+const MAX_SPAN_BYTES: usize = 64 << 20;
 
 /// The light of a scene at every readout, in units of a white luminance.
 ///
-/// The picture is rendered in tiles, each as often as what it shows moves by two fifths of a pixel; readouts between
-/// are carried along the motion. Memory holds the readouts of a span of at most 5 ms.
+/// The image is rendered in tiles. A tile is rendered again after its content has moved by about 0.4 px. Between two
+/// renders, the light is warped along the motion. Only the readouts of one span are in memory, and a span lasts at
+/// most 5 ms.
 pub struct Drive {
     scene: Scene,
-    plan: KeyPlan,
+    plan: KeyframePlan,
     white_cd_m2: f32,
     geometry: Geometry,
     rate: Rate,
     samples: scene::SamplesPerPixel,
     threads: usize,
-    /// The render of the readout behind those that are ready.
-    following: Option<Rendered>,
-    ready: Vec<Vec<f32>>,
-    ready_from: usize,
-    next: usize,
+    /// The render of the first readout after the readouts in `ready_light`.
+    next_render: Option<RenderedFrame>,
+    ready_light: Vec<Vec<f32>>,
+    first_ready_readout: usize,
+    next_readout: usize,
 }
 
 impl Drive {
-    /// `readouts` frames of `scene` from its start, `rate` a second. Light is 1.0 at
-    /// `white_cd_m2`, by default the scene's own white; what is brighter exceeds 1.
+    /// Creates a source with the light of the first `readouts` readouts of `scene`. The readout rate is `rate`.
+    ///
+    /// Light 1.0 is the luminance `white_cd_m2`. If `white_cd_m2` is `None`, the scene's own white is used. Brighter
+    /// points have light above 1.0.
     ///
     /// # Errors
-    /// [`Kind::Usage`] for no readouts, a white that is not positive, or readouts beyond the drive.
+    /// [`ErrorKind::Usage`] if `readouts` is 0, if `white_cd_m2` is not positive, or if the readouts exceed the
+    /// duration of the drive.
     pub fn new(
         scene: Scene,
         rate: Rate,
@@ -44,14 +48,14 @@ impl Drive {
     ) -> Result<Self> {
         let white = white_cd_m2.unwrap_or(scene.white_cd_m2());
         if readouts == 0 || !(white.is_finite() && white > 0.0) {
-            return Err(Error::new(Kind::Usage, "drive")
+            return Err(Error::new(ErrorKind::Usage, "drive")
                 .found(format_args!("{readouts} readouts, white at {white} cd/m2"))
                 .expected("at least one readout and a positive luminance"));
         }
         let last = (readouts - 1) as f64 / rate.hz();
-        let plan = scene.keyframes(0.0, last, rate.hz(), threads)?;
+        let plan = scene.plan_keyframes(0.0, last, rate.hz(), threads)?;
         if plan.readouts.len() as u64 != readouts {
-            return Err(Error::new(Kind::Usage, "drive")
+            return Err(Error::new(ErrorKind::Usage, "drive")
                 .found(format_args!("{} instants", plan.readouts.len()))
                 .expected(format_args!("{readouts}, one per readout")));
         }
@@ -64,39 +68,39 @@ impl Drive {
             rate,
             samples,
             threads: threads.max(1),
-            following: None,
-            ready: Vec::new(),
-            ready_from: 0,
-            next: 0,
+            next_render: None,
+            ready_light: Vec::new(),
+            first_ready_readout: 0,
+            next_readout: 0,
         })
     }
 
-    /// The scene.
+    /// Returns the scene.
     #[must_use]
     pub const fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Instants and key frames.
+    /// Returns the plan, which contains the instants of the readouts and the keyframes.
     #[must_use]
-    pub const fn plan(&self) -> &KeyPlan {
+    pub const fn plan(&self) -> &KeyframePlan {
         &self.plan
     }
 
-    /// The luminance of full scale.
+    /// Returns the luminance of light 1.0 in cd/m2.
     #[must_use]
     pub const fn white_cd_m2(&self) -> f32 {
         self.white_cd_m2
     }
 
-    /// The light of one readout, rendered for it, in units of the white luminance.
+    /// Renders the light of one readout, in units of the white luminance.
     ///
     /// # Errors
-    /// [`Kind::Usage`] beyond the last readout; as [`Scene::render`].
+    /// [`ErrorKind::Usage`] if `readout` is not less than the number of readouts.
     pub fn light(&self, readout: u64) -> Result<Frame> {
         let at =
             usize::try_from(readout).ok().filter(|&r| r < self.plan.readouts.len()).ok_or_else(|| {
-                Error::new(Kind::Usage, format_args!("readout {readout}"))
+                Error::new(ErrorKind::Usage, format_args!("readout {readout}"))
                     .expected(format_args!("less than {}", self.plan.readouts.len()))
             })?;
         let scale = 1.0 / self.white_cd_m2;
@@ -104,39 +108,44 @@ impl Drive {
         Frame::new(self.geometry, OwnedSamples::F32(light))
     }
 
-    /// Exposes all light by `factor`, which is positive: full scale then is a luminance so much higher.
-    pub(super) fn expose(&mut self, factor: f32) {
+    /// Multiplies the exposure by the positive number `factor`. The luminance of light 1.0 is therefore divided by
+    /// `factor`.
+    pub(super) fn scale_exposure(&mut self, factor: f32) {
         self.white_cd_m2 /= factor;
     }
 
-    fn render(&self, readout: usize) -> Result<Rendered> {
+    fn render(&self, readout: usize) -> Result<RenderedFrame> {
         self.scene.render(self.plan.readouts[readout], self.samples, self.threads)
     }
 
-    /// Prepares the readouts from `from` on, up to the end of its span.
-    fn stretch(&mut self, from: usize) -> Result<()> {
-        let first = match self.following.take() {
+    /// Renders the readouts of one span, starting with readout `from`.
+    fn render_span(&mut self, from: usize) -> Result<()> {
+        let first = match self.next_render.take() {
             Some(first) => first,
             None => self.render(from)?,
         };
-        self.ready_from = from;
+        self.first_ready_readout = from;
         let steps = self.plan.readouts.len() - 1 - from;
         if steps == 0 {
-            self.ready = vec![first.light];
+            self.ready_light = vec![first.light];
             return Ok(());
         }
-        // Spans of about equal length, so that none is short at the end.
-        let to = from + steps.div_ceil(steps.div_ceil(self.longest()));
-        let span = self.scene.span(first, &self.plan.readouts[from..=to], self.samples, self.threads);
-        self.ready = span.light;
-        self.following = Some(span.last);
+        // The remaining steps are divided into spans of nearly equal length. Otherwise the last span could be very
+        // short.
+        let to = from + steps.div_ceil(steps.div_ceil(self.max_span_steps()));
+        let span = self.scene.render_span(first, &self.plan.readouts[from..=to], self.samples, self.threads);
+        self.ready_light = span.light;
+        self.next_render = Some(span.last_frame);
         Ok(())
     }
 
-    /// Steps of the longest span: lights change even where nothing moves, and memory ends.
-    fn longest(&self) -> usize {
-        let most = LONGEST_BYTES / (size_of::<f32>() * self.geometry.pixels());
-        ((LONGEST_S * self.rate.hz()) as usize).min(most).max(1)
+    /// Returns the maximum number of steps of a span.
+    ///
+    /// The duration of a span is limited because the light changes even if nothing moves. The size is limited because
+    /// memory is limited.
+    fn max_span_steps(&self) -> usize {
+        let most = MAX_SPAN_BYTES / (size_of::<f32>() * self.geometry.pixels());
+        ((MAX_SPAN_SECONDS * self.rate.hz()) as usize).min(most).max(1)
     }
 }
 
@@ -150,16 +159,16 @@ impl Source for Drive {
     }
 
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
-        if self.next >= self.plan.readouts.len() {
+        if self.next_readout >= self.plan.readouts.len() {
             return Ok(false);
         }
-        if self.next >= self.ready_from + self.ready.len() {
-            self.stretch(self.next)?;
+        if self.next_readout >= self.first_ready_readout + self.ready_light.len() {
+            self.render_span(self.next_readout)?;
         }
-        let light = std::mem::take(&mut self.ready[self.next - self.ready_from]);
+        let light = std::mem::take(&mut self.ready_light[self.next_readout - self.first_ready_readout]);
         let scale = 1.0 / self.white_cd_m2;
         *into = Frame::new(self.geometry, OwnedSamples::F32(light.into_iter().map(|v| v * scale).collect()))?;
-        self.next += 1;
+        self.next_readout += 1;
         Ok(true)
     }
 

@@ -1,51 +1,61 @@
-//! The sequences of a dataset before they are made.
+//! The entries of planned sequences.
 
-use crate::from::{self, Input};
-use crate::manifest::Entry;
-use crate::{DatasetOptions, Drives, Inputs, Work};
-use spikelane::error::{Error, Kind, Result};
+use crate::discover::{self, Input};
+use crate::manifest::SequenceEntry;
+use crate::{Content, DatasetOptions, InputContent, SceneContent};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::inputs::PlainName;
 use spikelane_io::formats::Layout;
-use spikelane_io::light::READOUTS_PER_FRAME;
+use spikelane_io::light::DEFAULT_READOUTS_PER_FRAME;
 
-/// A sequence that is not made yet.
-pub(super) fn planned(
+/// Returns the entry of a sequence that is not generated yet.
+pub(super) fn planned_entry(
     options: &DatasetOptions,
     id: PlainName,
     input: Option<String>,
     readouts: Option<u64>,
-) -> Result<Entry> {
+) -> Result<SequenceEntry> {
     let seeds = options.seeds(id.as_str());
-    let scene = matches!(options.work, Work::Drives(_)).then(|| options.seed_of_scene(id.as_str()));
-    Ok(Entry {
+    let scene = matches!(options.content, Content::Scenes(_)).then(|| options.scene_seed_for(id.as_str()));
+    Ok(SequenceEntry {
         scene_seed: scene,
         bytes: expected_bytes(options, readouts)?,
         input,
         readouts,
-        ..Entry::new(id, [seeds.camera, seeds.shot, seeds.sequence])
+        ..SequenceEntry::new(id, [seeds.camera, seeds.shot, seeds.sequence])
     })
 }
 
-/// The scene of number `index`, not made yet.
-pub(super) fn planned_scene(options: &DatasetOptions, drives: &Drives, index: u64) -> Result<Entry> {
-    let id = PlainName::parse(Kind::Config, "id", &options.scene_id(index))?;
-    planned(options, id, None, Some(drives.readouts()))
+/// Returns the planned entry of scene number `index`.
+pub(super) fn planned_scene_entry(
+    options: &DatasetOptions,
+    drives: &SceneContent,
+    index: u64,
+) -> Result<SequenceEntry> {
+    let id = PlainName::parse(ErrorKind::Config, "id", &options.scene_id(index))?;
+    planned_entry(options, id, None, Some(drives.readouts()))
 }
 
-/// The sequence of an input.
-pub(super) fn new_input(options: &DatasetOptions, inputs: &Inputs, found: Input) -> Result<Entry> {
-    let each = inputs.readouts_per_frame.unwrap_or(READOUTS_PER_FRAME);
+/// Returns the planned entry of an input.
+pub(super) fn planned_input_entry(
+    options: &DatasetOptions,
+    inputs: &InputContent,
+    found: Input,
+) -> Result<SequenceEntry> {
+    let each = inputs.readouts_per_frame.unwrap_or(DEFAULT_READOUTS_PER_FRAME);
     let readouts = found.frames.map(|n| n.saturating_mul(each));
-    planned(options, found.id, Some(found.path.to_string_lossy().into_owned()), readouts)
+    planned_entry(options, found.id, Some(found.path.to_string_lossy().into_owned()), readouts)
 }
 
-pub(super) fn entries(options: &DatasetOptions) -> Result<Vec<Entry>> {
-    let all: Result<Vec<Entry>> = match &options.work {
-        Work::Drives(d) => (0..u64::from(d.sequences)).map(|i| planned_scene(options, d, i)).collect(),
-        Work::Inputs(i) => {
+pub(super) fn planned_entries(options: &DatasetOptions) -> Result<Vec<SequenceEntry>> {
+    let all: Result<Vec<SequenceEntry>> = match &options.content {
+        Content::Scenes(d) => {
+            (0..u64::from(d.sequences)).map(|i| planned_scene_entry(options, d, i)).collect()
+        }
+        Content::Inputs(i) => {
             let mut all = Vec::new();
-            from::each(i, &options.output, &mut |found| {
-                all.push(new_input(options, i, found)?);
+            discover::for_each_input(i, &options.output, &mut |found| {
+                all.push(planned_input_entry(options, i, found)?);
                 Ok(())
             })?;
             Ok(all)
@@ -59,36 +69,39 @@ pub(super) fn entries(options: &DatasetOptions) -> Result<Vec<Entry>> {
     Ok(all)
 }
 
-/// Bytes of a sequence: streams exactly, pictures and labels by rule of thumb.
+/// Returns the expected number of bytes of a sequence. The size of streams is exact, and the size of images and labels
+/// is an estimate.
 pub(super) fn expected_bytes(options: &DatasetOptions, readouts: Option<u64>) -> Result<Option<u64>> {
     let Some(readouts) = readouts else { return Ok(None) };
     let geometry = options.camera.sensor.geometry;
     let streams = u128::from(Layout::Dat.file_bytes(geometry, readouts)?) * 2;
     let (pixels, readouts) = (geometry.pixels() as u128, u128::from(readouts));
-    let kept = u128::from(options.images.form.bytes_per_pixel());
-    let rest = match &options.work {
-        Work::Drives(d) => {
+    let kept = u128::from(options.images.format.bytes_per_pixel());
+    let rest = match &options.content {
+        Content::Scenes(d) => {
             let every = options.images.every.unwrap_or(u64::from(d.readouts_per_image)).max(1);
             let images = readouts.div_ceil(every.into());
-            // A grey PNG of a street takes about two thirds of a byte per pixel; a labelled image 9
-            // bytes of maps, and twice 9 bytes of flow with its mask.
+            // A gray PNG of a street scene has about 2/3 byte per pixel. A labeled image has 9 bytes per pixel for
+            // maps, and 9 bytes per pixel for each of the two flow fields with mask.
             let picture = pixels * kept * 2 / 3 + if d.npy { 4 * pixels } else { 0 };
-            let labelled = u128::from(d.images).checked_div(d.label_every.into()).map_or(0, |n| n + 1);
-            // KITTI's pictures: depth and twice flow; EXR: three floats.
+            let labeled =
+                u128::from(d.images_per_scene).checked_div(d.label_every.into()).map_or(0, |n| n + 1);
+            // KITTI files have 8 bytes per pixel for depth and two flow fields. EXR files have 12 bytes per pixel for
+            // three floats.
             let label = 27 + if d.kitti { 8 } else { 0 } + if d.exr { 12 } else { 0 };
-            images * picture + labelled * label * pixels
+            images * picture + labeled * label * pixels
         }
-        Work::Inputs(_) => {
+        Content::Inputs(_) => {
             let every = options.images.every.map(|n| u128::from(n.max(1)));
             2 * pixels + every.map_or(0, |n| readouts.div_ceil(n) * pixels * kept)
         }
     };
-    // Of 64-bit readouts and at most 2^28 pixels the sum has less than 128 bits.
+    // Numbers of readouts have 64 bits, and a frame has at most 2^28 pixels. Therefore the sum fits in 128 bits.
     let all = u64::try_from(streams + rest).map_err(|_| {
-        Error::new(Kind::Config, "dataset")
+        Error::new(ErrorKind::Config, "dataset")
             .found(format_args!("sequences of {} bytes", streams + rest))
-            .expected("sequences that a disk can hold")
-            .remedy("give fewer readouts or a smaller camera")
+            .expected("sequences that fit on a disk")
+            .remedy(format_args!("reduce {}, or use a smaller camera", Setting("readouts")))
     })?;
     Ok(Some(all))
 }

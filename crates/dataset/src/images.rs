@@ -1,24 +1,25 @@
-//! Clear images of a sequence, one per readout that is kept.
+//! Writes the reference images of a sequence. Each image shows the light of one selected readout.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::DatasetOptions;
-use crate::labels::write;
+use crate::labels::write_label_file;
 use spikelane::error::{Error, Result};
 use spikelane_io::light::Frame;
-use spikelane_io::simulate::{ImageFacts, ImageForm};
+use spikelane_io::simulate::{ImageFacts, ImageFormat};
 
-/// Writes images into `images/` of a sequence's folder, named for their readouts.
-pub(super) struct Keeper {
+/// Writes images to the folder `images/` of a sequence. The file name of an image is the readout number.
+pub(super) struct ReferenceImageWriter {
     pub folder: PathBuf,
-    pub every: Option<u64>,
-    form: ImageForm,
-    npy: bool,
+    pub interval_readouts: Option<u64>,
+    format: ImageFormat,
+    write_npy: bool,
 }
 
-impl Keeper {
-    /// Keeps the light of every `every`-th readout; with `npy` also as floats.
+impl ReferenceImageWriter {
+    /// Creates a writer for the light of every `every`-th readout. If `npy` is true, the light is also written as
+    /// floats.
     pub(crate) fn new(
         options: &DatasetOptions,
         every: Option<u64>,
@@ -29,25 +30,31 @@ impl Keeper {
             let images = folder.join("images");
             fs::create_dir_all(&images).map_err(|e| Error::io(images.display(), e))?;
         }
-        Ok(Self { folder: folder.to_owned(), every, form: options.images.form, npy })
+        Ok(Self {
+            folder: folder.to_owned(),
+            interval_readouts: every,
+            format: options.images.format,
+            write_npy: npy,
+        })
     }
 
-    /// Writes the light of a readout.
-    pub(crate) fn keep(&mut self, readout: u64, light: &Frame) -> Result<()> {
+    /// Writes the image of readout `readout` with the light `light`.
+    pub(crate) fn write(&mut self, readout: u64, light: &Frame) -> Result<()> {
         let (values, geometry) = (light.to_f32(), light.geometry());
-        let mut forms = vec![self.form];
-        if self.npy && self.form != ImageForm::F32 {
-            forms.push(ImageForm::F32);
+        let mut forms = vec![self.format];
+        if self.write_npy && self.format != ImageFormat::F32 {
+            forms.push(ImageFormat::F32);
         }
         for form in forms {
             let name = format!("images/{readout:06}.{}", form.extension());
-            write(&self.folder, &name, &form.encode(&values, geometry)?)?;
+            write_label_file(&self.folder, &name, &form.encode(&values, geometry)?)?;
         }
         Ok(())
     }
 
-    /// For records; the record's own list has the files and their digests.
+    /// Returns the description of the images for records. The description lists no files, because the record lists all
+    /// files with their digests.
     pub(crate) fn facts(&self) -> Option<ImageFacts> {
-        self.every.map(|every| self.form.facts(every))
+        self.interval_readouts.map(|every| self.format.facts(every))
     }
 }

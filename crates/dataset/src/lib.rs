@@ -1,34 +1,37 @@
-//! Many sequences: planned, made, verified, resumed, and described.
+//! Plans, generates, verifies, resumes and describes datasets of many sequences.
 //!
-//! A dataset is a folder. `manifest.jsonl` holds its options and one line per sequence;
-//! `sequences/ID` holds a sequence with `record.json`, which lists every file with its digest.
-//! A sequence is made in a hidden folder that is renamed when all its files are on the disk, and
-//! counts as done only while every digest holds. `docs/reference/datasets.md` describes the folder for users.
+//! A dataset is a folder. The file `manifest.jsonl` in this folder contains the options and one line per sequence. The
+//! folder `sequences/ID` contains the files of one sequence, and its `record.json` lists each file with its digest. A
+//! sequence is generated in a hidden folder. After all files are on disk, the hidden folder is renamed. A sequence is
+//! done only if every file matches its digest. `docs/reference/datasets.md` describes the folder for users.
 
-mod asked;
-mod card;
 pub mod config;
+mod datasheet;
+mod discover;
 mod drive;
 mod entries;
-mod frames;
-mod from;
+mod exporters;
+mod fingerprint;
+mod generate;
+mod ground_truth;
 mod images;
+mod labeled_frames;
 mod labels;
 mod manifest;
 mod record;
-mod run;
 mod sequence;
 pub mod shards;
-mod stamp;
-pub mod stats;
-mod truth;
-mod views;
+mod spec;
+pub mod statistics;
 
-pub use asked::{Cameras, DatasetOptions, Drives, Images, Inputs, Split, Splits, Structure, Work};
+pub use discover::{Input, discover_inputs, skipped_files};
 pub use drive::Drive;
-pub use from::{Input, inputs, skipped};
-pub use manifest::{Entry, Manifest, Status};
-pub use record::Record;
-pub use run::{Estimate, Progress, Report, estimate, make};
+pub use fingerprint::Fingerprint;
+pub use generate::{DatasetEstimate, DatasetReport, SequenceProgress, estimate, generate};
+pub use manifest::{Manifest, SequenceEntry, SequenceStatus};
+pub use record::SequenceRecord;
+pub use spec::{
+    Cameras, Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions, SceneContent,
+    Split, Splits,
+};
 pub use spikelane::unstable::inputs::{InnerPath, PlainName};
-pub use stamp::Stamp;

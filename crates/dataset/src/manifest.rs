@@ -1,4 +1,5 @@
-//! The one list of all sequences: JSON lines, the options first.
+//! The manifest of a dataset. The file contains JSON lines. The first line contains the options, and each other line
+//! describes one sequence.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write as _};
@@ -8,72 +9,74 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::Split;
-use spikelane::error::{Error, Kind, Result};
-use spikelane::unstable::inputs::{Access, InnerPath, InputFile, Lines, MAX_TEXT_BYTES, PlainName};
-use spikelane_io::storage::{Digest, steps, trees};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::inputs::{Access, InnerPath, InputFile, InputLines, MAX_TEXT_BYTES, PlainName};
+use spikelane_io::storage::{Digest, folders, sync};
 
-/// Its name in the dataset's folder.
-pub(super) const NAME: &str = "manifest.jsonl";
+/// File name of the manifest in the dataset's folder.
+pub(super) const FILE_NAME: &str = "manifest.jsonl";
 
-/// How far a sequence is.
+/// State of a sequence.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
-pub enum Status {
-    /// Not made yet.
+pub enum SequenceStatus {
+    /// The sequence is not generated yet.
     #[default]
     Planned,
-    /// Made; the digest tells.
+    /// The sequence is generated, and `digest` is set.
     Done,
-    /// Set aside; the reason tells.
+    /// The generation failed, and `reason` is set.
     Failed,
 }
 
-/// A line.
+/// A line of the manifest, which describes one sequence.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct Entry {
+pub struct SequenceEntry {
     /// Name of the sequence and of its folder.
     pub id: PlainName,
-    /// What the sequence is for.
+    /// Purpose of the sequence.
     pub split: Split,
-    /// The shard that it lies in, of a dataset that was made in shards.
+    /// Name of the shard that contains the sequence. `None` if the dataset was not generated in shards.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<PlainName>,
-    /// The input below the given folder; none for scenes.
+    /// Path of the input, relative to the input folder. `None` for scenes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub input: Option<String>,
-    /// Digest of the input when it was read: of a file, or of a folder's names and files.
+    /// Digest of the input when the input was read. For a file, it is the digest of the bytes. For a folder, it is the
+    /// digest of the names and digests of the images.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub input_digest: Option<String>,
     /// Seed of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_seed: Option<u64>,
-    /// Camera, shot and sequence seed.
+    /// Seeds of the camera, the shot noise and the sequence.
     pub seeds: [u64; 3],
-    /// Readouts of each stream, when known before the end.
+    /// Number of readouts of each stream. `None` if the number is unknown before the generation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readouts: Option<u64>,
-    /// Expected bytes while planned, found bytes when done.
+    /// Number of bytes. For a planned sequence, this is the expected number. For a finished sequence, this is the
+    /// actual number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
     /// Digest of the sequence's record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub digest: Option<String>,
-    /// How far it is.
-    pub status: Status,
-    /// Why it was set aside.
+    /// State of the sequence.
+    pub status: SequenceStatus,
+    /// Reason of the failure, if the sequence failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
 
-/// The folder of sequence `id`, in the folder of its dataset or shard.
+/// Returns the path of sequence `id` in the folder of its dataset or shard.
 pub(super) fn sequence_path(id: &PlainName) -> InnerPath {
     InnerPath::from("sequences").join(id)
 }
 
-impl Entry {
-    /// A sequence for training that is planned, of which nothing else is known.
+impl SequenceEntry {
+    /// Returns the entry of a planned sequence in the training split. All optional fields are `None`.
     pub(super) const fn new(id: PlainName, seeds: [u64; 3]) -> Self {
         Self {
             id,
@@ -86,12 +89,13 @@ impl Entry {
             readouts: None,
             bytes: None,
             digest: None,
-            status: Status::Planned,
+            status: SequenceStatus::Planned,
             reason: None,
         }
     }
 
-    /// The folder of the sequence, below the dataset's folder; of a packed shard there is none.
+    /// Returns the path of the sequence's folder, relative to the dataset's folder. If the sequence is in a packed
+    /// shard, this folder does not exist.
     pub(crate) fn path(&self) -> InnerPath {
         match &self.shard {
             Some(shard) => InnerPath::from("shards").join(shard).join(sequence_path(&self.id)),
@@ -99,50 +103,53 @@ impl Entry {
         }
     }
 
-    /// The folder of the sequence, where it is there; `access` says whether links may leave the dataset's folder.
+    /// Returns the folder of the sequence. `access` determines whether links to paths outside the dataset's folder are
+    /// allowed.
     ///
-    /// # Errors
-    /// [`Kind::Input`] for a sequence of a packed shard, and for a link that leaves the folder.
-    pub fn unpacked(&self, dataset: &Path, access: Access) -> Result<PathBuf> {
-        let folder = self.path().below(dataset, access)?;
+    /// # Errors [`ErrorKind::Input`] if the sequence is in a packed shard. Also [`ErrorKind::Input`] if the path
+    /// contains a link to a path outside the dataset's folder and `access` does not allow such links.
+    pub fn sequence_folder(&self, dataset: &Path, access: Access) -> Result<PathBuf> {
+        let folder = self.path().resolve_in(dataset, access)?;
         if self.shard.is_none() || folder.exists() {
             return Ok(folder);
         }
-        Err(Error::new(Kind::Input, folder.display())
-            .found("a sequence in a pack")
-            .expected("its folder")
-            .remedy("plan the dataset without --pack for this, or unpack the tar"))
+        Err(Error::new(ErrorKind::Input, folder.display())
+            .found("a packed sequence")
+            .expected("a folder of the sequence")
+            .remedy(format_args!("unpack the tar file, or plan the dataset without {}", Setting("pack"))))
     }
 }
 
-/// The list.
+/// The manifest of a dataset.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Manifest {
-    /// What decides bytes.
+    /// Options that determine the bytes of the dataset.
     pub options: Value,
     /// All sequences.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<SequenceEntry>,
 }
 
 impl Manifest {
-    /// Reads the manifest of a dataset's folder. Links may not leave the folder.
+    /// Reads the manifest in a dataset's folder. Links to files outside the folder are rejected.
     ///
     /// # Errors
-    /// [`Kind::Io`] when there is none, [`Kind::Config`] when it is none.
+    /// * [`ErrorKind::Io`] if there is no manifest.
+    /// * [`ErrorKind::Config`] if the manifest is invalid.
     pub fn read(folder: &Path) -> Result<Self> {
-        Self::read_below(folder, Access::Read)
+        Self::read_with_access(folder, Access::Read)
     }
 
-    /// Reads the manifest of a dataset's folder; `access` says whether it may be a link that leaves the folder.
+    /// Reads the manifest in a dataset's folder. `access` determines whether the manifest may be a link to a file
+    /// outside the folder.
     ///
     /// # Errors
-    /// As [`Manifest::read`].
-    pub fn read_below(folder: &Path, access: Access) -> Result<Self> {
-        let path = InnerPath::from(NAME).below(folder, access)?;
+    /// The errors of [`Manifest::read`].
+    pub fn read_with_access(folder: &Path, access: Access) -> Result<Self> {
+        let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
         let file = InputFile::open(&path)?;
-        let bad = |e: serde_json::Error| Error::new(Kind::Config, path.display()).found(e);
-        let mut lines = Lines::new(&file, MAX_TEXT_BYTES);
+        let bad = |e: serde_json::Error| Error::new(ErrorKind::Config, path.display()).found(e);
+        let mut lines = InputLines::new(&file, MAX_TEXT_BYTES);
         let mut head: Map<String, Value> =
             serde_json::from_slice(lines.next_line()?.unwrap_or_default()).map_err(bad)?;
         let mut entries = Vec::new();
@@ -152,62 +159,64 @@ impl Manifest {
         Ok(Self { options: head.remove("options").unwrap_or_default(), entries })
     }
 
-    /// Writes it, whole or not at all.
+    /// Writes the manifest. If writing fails, the old manifest remains unchanged.
     ///
     /// # Errors
-    /// [`Kind::Space`] when the disk is full, and what the operating system refuses.
+    /// [`ErrorKind::Space`] if the disk is full. Also other errors of the operating system.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let mut list = Listing::begin(folder, &self.options)?;
+        let mut list = ManifestWriter::begin(folder, &self.options)?;
         self.entries.iter().try_for_each(|entry| list.add(entry))?;
         list.finish()
     }
 
-    /// One digest for the dataset: of the lines "id digest-of-the-record" of all sequences that are done, sorted. It is
-    /// the same however the work was cut.
+    /// Returns the digest of the dataset.
+    ///
+    /// The digest is computed from one line "id record-digest" per finished sequence. The lines are sorted, so the
+    /// digest does not depend on the division into shards.
     #[must_use]
-    pub fn digest(&self) -> String {
-        let mut digest = DigestOf::default();
+    pub fn dataset_digest(&self) -> String {
+        let mut digest = DatasetDigest::default();
         self.entries.iter().for_each(|entry| digest.add(entry));
         digest.text()
     }
 
-    /// Refuses to go on with other options than it was begun with.
+    /// Checks that a resumed dataset has the same options as the existing manifest.
     ///
     /// # Errors
-    /// [`Kind::Config`] naming the first option that differs.
-    pub(super) fn same_options(&self, options: &Value, folder: &Path) -> Result<()> {
-        // Through text, so that numbers are compared as the file keeps them.
+    /// [`ErrorKind::Config`] if an option differs. The error names the first such option.
+    pub(super) fn check_same_options(&self, options: &Value, folder: &Path) -> Result<()> {
+        // The options are converted to text and back, so that numbers have the same precision as in the file.
         let options: Value = serde_json::from_str(&options.to_string())
-            .map_err(|e| Error::new(Kind::Config, folder.display()).found(e))?;
-        if let Some((key, was, is)) = difference(&self.options, &options, "") {
-            return Err(Error::new(Kind::Config, folder.display())
+            .map_err(|e| Error::new(ErrorKind::Config, folder.display()).found(e))?;
+        if let Some((key, was, is)) = first_difference(&self.options, &options, "") {
+            return Err(Error::new(ErrorKind::Config, folder.display())
                 .found(format_args!("{key} = {is}"))
-                .expected(format_args!("{was}, with which this dataset was begun"))
-                .remedy("give the same options, or another output folder"));
+                .expected(format_args!("{was}, the value in the existing dataset"))
+                .remedy("use the same options, or another output folder"));
         }
         Ok(())
     }
 }
 
-/// A manifest that is written line by line; it has no name before its end.
-pub(super) struct Listing {
+/// Writes a manifest line by line. The file is renamed to its final name after the last line.
+pub(super) struct ManifestWriter {
     file: BufWriter<File>,
-    hidden: PathBuf,
+    hidden_path: PathBuf,
     path: PathBuf,
-    kept: bool,
+    is_finished: bool,
 }
 
-impl Listing {
+impl ManifestWriter {
     pub(crate) fn begin(folder: &Path, options: &Value) -> Result<Self> {
-        let path = folder.join(NAME);
-        let hidden = folder.join(format!(".{NAME}.{}.partial", std::process::id()));
-        let file = trees::create(&hidden)?;
-        let mut list = Self { file: BufWriter::new(file), hidden, path, kept: false };
-        list.line(&json!({ "dataset": 1, "options": options }))?;
+        let path = folder.join(FILE_NAME);
+        let hidden = folder.join(format!(".{FILE_NAME}.{}.partial", std::process::id()));
+        let file = folders::create(&hidden)?;
+        let mut list = Self { file: BufWriter::new(file), hidden_path: hidden, path, is_finished: false };
+        list.line(&json!({ "format_version": 1, "options": options }))?;
         Ok(list)
     }
 
-    pub(crate) fn add(&mut self, entry: &Entry) -> Result<()> {
+    pub(crate) fn add(&mut self, entry: &SequenceEntry) -> Result<()> {
         self.line(entry)
     }
 
@@ -218,59 +227,60 @@ impl Listing {
 
     pub(crate) fn finish(mut self) -> Result<()> {
         self.file.flush().map_err(|e| Error::io(self.path.display(), e))?;
-        steps::sync_file(self.file.get_ref(), &self.hidden)?;
-        steps::rename(&self.hidden, &self.path)?;
-        self.kept = true;
-        steps::sync_folder(self.path.parent().unwrap_or(Path::new(".")))
+        sync::sync_file(self.file.get_ref(), &self.hidden_path)?;
+        sync::rename(&self.hidden_path, &self.path)?;
+        self.is_finished = true;
+        sync::sync_folder(self.path.parent().unwrap_or(Path::new(".")))
     }
 }
 
-impl Drop for Listing {
+impl Drop for ManifestWriter {
     fn drop(&mut self) {
-        if !self.kept {
-            // Nobody is left to hear of a failure here.
-            let _ = fs::remove_file(&self.hidden);
+        if !self.is_finished {
+            // `drop` cannot report an error, so errors are ignored.
+            let _ = fs::remove_file(&self.hidden_path);
         }
     }
 }
 
-/// The digest of a dataset in the making.
+/// Computes the digest of a dataset.
 #[derive(Default)]
-pub(super) struct DigestOf {
+pub(super) struct DatasetDigest {
     lines: Vec<String>,
 }
 
-impl DigestOf {
-    /// Takes in a sequence, if it is done.
-    pub(crate) fn add(&mut self, entry: &Entry) {
-        if let (Status::Done, Some(digest)) = (entry.status, &entry.digest) {
+impl DatasetDigest {
+    /// Adds a sequence if its status is `Done`.
+    pub(crate) fn add(&mut self, entry: &SequenceEntry) {
+        if let (SequenceStatus::Done, Some(digest)) = (entry.status, &entry.digest) {
             self.lines.push(format!("{} {digest}\n", entry.id));
         }
     }
 
-    /// The digest of the sorted lines.
+    /// Returns the digest of the sorted lines.
     pub(crate) fn text(mut self) -> String {
         self.lines.sort_unstable();
         let mut digest = Digest::new();
         self.lines.iter().for_each(|line| digest.update(line.as_bytes()));
-        digest.text()
+        digest.to_text()
     }
 }
 
-/// An option that was not given has no key.
-fn said(value: &Value) -> String {
+/// Returns the text of an option's value for an error message. If the key of an option does not exist, `value` is
+/// null.
+fn option_text(value: &Value) -> String {
     if value.is_null() { "nothing".to_owned() } else { value.to_string() }
 }
 
-fn difference(was: &Value, is: &Value, key: &str) -> Option<(String, String, String)> {
+fn first_difference(was: &Value, is: &Value, key: &str) -> Option<(String, String, String)> {
     match (was, is) {
         (Value::Object(a), Value::Object(b)) => {
             let none = Value::Null;
             a.keys().chain(b.keys()).find_map(|k| {
-                difference(a.get(k).unwrap_or(&none), b.get(k).unwrap_or(&none), &format!("{key}/{k}"))
+                first_difference(a.get(k).unwrap_or(&none), b.get(k).unwrap_or(&none), &format!("{key}/{k}"))
             })
         }
         _ if was == is => None,
-        _ => Some((key.trim_start_matches('/').to_owned(), said(was), said(is))),
+        _ => Some((key.trim_start_matches('/').to_owned(), option_text(was), option_text(is))),
     }
 }

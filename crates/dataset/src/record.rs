@@ -1,4 +1,4 @@
-//! The record of a finished sequence: every file with its digest.
+//! The record of a finished sequence. It lists every file with its digest.
 
 use std::fs;
 use std::path::Path;
@@ -6,181 +6,194 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::stamp::digest_of_file;
-use spikelane::error::{Error, Kind, Result};
+use crate::fingerprint::file_digest;
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::inputs::{Access, InnerPath, PlainName, read_bytes};
 use spikelane_io::storage::{self, Digest};
 
-/// The record's name in the sequence's folder.
-pub(super) const NAME: &str = "record.json";
+/// File name of the record in the sequence's folder.
+pub(super) const FILE_NAME: &str = "record.json";
 
-/// The most that a record may hold, in bytes: that of a sequence with two million images.
-pub(super) const MAX_BYTES: u64 = 256 << 20;
+/// Maximum size of a record in bytes. This size is sufficient for a sequence with two million images.
+pub(super) const MAX_RECORD_BYTES: u64 = 256 << 20;
 
-/// One file.
+/// A file of a sequence.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct Kept {
-    /// Path below the sequence's folder.
+pub struct RecordedFile {
+    /// Path relative to the folder of the sequence.
     pub path: InnerPath,
-    /// Length.
+    /// Length of the file in bytes.
     pub bytes: u64,
-    /// `blake3:<hex>`.
+    /// Digest of all bytes of the file, as `blake3:<hex>`.
     pub digest: String,
 }
 
-/// What a sequence holds.
+/// A description of a sequence, and a list of its files.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct Record {
+pub struct SequenceRecord {
     /// Name of the sequence.
     pub id: PlainName,
-    /// What it is: seeds, light, readouts of images and labels.
-    pub about: Value,
-    /// All files but this record, in order of their paths.
-    pub files: Vec<Kept>,
+    /// Description of the sequence. It contains the seeds, the light, and the readouts of images and labels.
+    pub facts: Value,
+    /// All files of the sequence except this record, in order of their paths.
+    pub files: Vec<RecordedFile>,
 }
 
-impl Record {
-    /// Takes the digests of everything in `folder`.
-    pub(super) fn of(id: &PlainName, about: Value, folder: &Path) -> Result<Self> {
+impl SequenceRecord {
+    /// Computes the digests of all files in `folder`. Returns the record with these digests.
+    pub(super) fn from_folder(id: &PlainName, about: Value, folder: &Path) -> Result<Self> {
         let mut paths = Vec::new();
-        walk(folder, None, &mut paths)?;
-        // As paths, so that what is in a folder comes before files whose names begin with the folder's.
+        list_files(folder, None, &mut paths)?;
+        // The comparison uses path components. The content of a folder then precedes files whose names start with the
+        // folder's name.
         paths.sort_by(|a, b| Path::new(a.as_str()).cmp(Path::new(b.as_str())));
-        let files = paths.into_iter().map(|path| kept(folder, path)).collect::<Result<_>>()?;
-        Ok(Self { id: id.clone(), about, files })
+        let files = paths.into_iter().map(|path| recorded_file(folder, path)).collect::<Result<_>>()?;
+        Ok(Self { id: id.clone(), facts: about, files })
     }
 
-    /// Writes it into `folder` and returns its own digest.
+    /// Writes the record to `folder` and returns its digest.
     pub(super) fn write(&self, folder: &Path) -> Result<String> {
-        let path = folder.join(NAME);
-        let text =
-            serde_json::to_vec_pretty(self).map_err(|e| Error::new(Kind::Config, path.display()).found(e))?;
+        let path = folder.join(FILE_NAME);
+        let text = serde_json::to_vec_pretty(self)
+            .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
         storage::write_small(&path, &text, false)?;
-        Ok(Digest::of(&text))
+        Ok(Digest::hash_bytes(&text))
     }
 
-    /// Bytes of all files.
+    /// Returns the total size of all files in bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.files.iter().fold(0, |sum, f| sum.saturating_add(f.bytes))
     }
 
-    /// Reads the record in `folder`, unverified. Links may not leave the folder.
+    /// Reads the record in `folder`. The files are not verified. Links to files outside the folder are rejected.
     ///
     /// # Errors
-    /// [`Kind::Io`] when there is none, [`Kind::Config`] when it is none.
+    /// * [`ErrorKind::Io`] if there is no record.
+    /// * [`ErrorKind::Config`] if the record is invalid.
     pub fn read(folder: &Path) -> Result<Self> {
-        Self::read_below(folder, Access::Read)
+        Self::read_with_access(folder, Access::Read)
     }
 
-    /// Reads the record in `folder`; `access` says whether it may be a link that leaves the folder.
-    ///
-    /// # Errors
-    /// As [`Record::read`].
-    pub fn read_below(folder: &Path, access: Access) -> Result<Self> {
-        let path = InnerPath::from(NAME).below(folder, access)?;
-        Self::parse(&path, &read_bytes(&path, "a record", MAX_BYTES)?)
-    }
-
-    pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Self> {
-        serde_json::from_slice(text).map_err(|e| Error::new(Kind::Config, path.display()).found(e))
-    }
-
-    /// Reads the record in `folder` if its digest is `digest`, and verifies every file it lists. Links may not leave the
+    /// Reads the record in `folder`. `access` determines whether the record may be a link to a file outside the
     /// folder.
     ///
     /// # Errors
-    /// [`Kind::Corrupt`] with the first file that is missing or changed; [`Kind::Io`].
-    pub fn verify(folder: &Path, digest: &str) -> Result<Self> {
-        Self::verify_below(folder, digest, Access::Read, &mut || Ok(()))
+    /// The errors of [`SequenceRecord::read`].
+    pub fn read_with_access(folder: &Path, access: Access) -> Result<Self> {
+        let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
+        Self::parse(&path, &read_bytes(&path, "a record", MAX_RECORD_BYTES)?)
     }
 
-    /// The same, where `access` says whether links may leave the folder; an error of `stop` ends it at once.
+    pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Self> {
+        serde_json::from_slice(text).map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))
+    }
+
+    /// Reads the record in `folder`, compares its digest with `digest`, and verifies every file that the record lists.
+    ///
+    /// Links to files outside the folder are rejected.
     ///
     /// # Errors
-    /// As [`Record::verify`], and [`Kind::Input`] for a link that leaves the folder.
-    pub(super) fn verify_below(
+    /// * [`ErrorKind::Corrupt`] if a file was changed. The error names the first changed file.
+    /// * [`ErrorKind::Io`] if a file is missing or unreadable.
+    pub fn verify(folder: &Path, digest: &str) -> Result<Self> {
+        Self::verify_with_access(folder, digest, Access::Read, &mut || Ok(()))
+    }
+
+    /// Verifies a sequence as [`SequenceRecord::verify`] does. `access` determines whether links to files outside the
+    /// folder are allowed.
+    ///
+    /// If `stop` returns an error, the verification ends immediately.
+    ///
+    /// # Errors The errors of [`SequenceRecord::verify`] and of `stop`. Also [`ErrorKind::Input`] for a link to a file
+    /// outside the folder, unless `access` allows such links.
+    pub(super) fn verify_with_access(
         folder: &Path,
         digest: &str,
         access: Access,
         stop: &mut dyn FnMut() -> Result<()>,
     ) -> Result<Self> {
-        let path = InnerPath::from(NAME).below(folder, access)?;
-        let text = read_bytes(&path, "a record", MAX_BYTES).map_err(damaged)?;
-        let found = Digest::of(&text);
+        let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
+        let text = read_bytes(&path, "a record", MAX_RECORD_BYTES).map_err(corrupt_error)?;
+        let found = Digest::hash_bytes(&text);
         if found != digest {
-            return Err(changed(&path, &found, digest));
+            return Err(digest_error(&path, &found, digest));
         }
         let record = Self::parse(&path, &text)?;
         for file in &record.files {
-            let path = file.path.below(folder, access)?;
+            let path = file.path.resolve_in(folder, access)?;
             let bytes = fs::metadata(&path).map_err(|e| Error::io(path.display(), e))?.len();
             if bytes != file.bytes {
                 let expected = format!("{} bytes", file.bytes);
-                return Err(changed(&path, &format!("{bytes} bytes"), &expected));
+                return Err(digest_error(&path, &format!("{bytes} bytes"), &expected));
             }
-            let found = digest_of_file(&path, stop).map_err(damaged)?;
+            let found = file_digest(&path, stop).map_err(corrupt_error)?;
             if found != file.digest {
-                return Err(changed(&path, &found, &file.digest));
+                return Err(digest_error(&path, &found, &file.digest));
             }
         }
         Ok(record)
     }
 }
 
-/// Returns `None` in place of an error that files are missing, unreadable or changed, so that they can be made again.
+/// Returns `None` if the error is about missing, unreadable or changed files. Such files can be generated again.
 ///
 /// # Errors
-/// All others: a link that leaves the folder, or a request to stop.
-pub(super) fn if_intact<T>(found: Result<T>) -> Result<Option<T>> {
+/// All other errors, such as a link to a file outside the folder, or a request to stop.
+pub(super) fn intact_or_none<T>(found: Result<T>) -> Result<Option<T>> {
     match found {
         Ok(value) => Ok(Some(value)),
-        Err(e) if matches!(e.kind(), Kind::Corrupt | Kind::Config | Kind::Io) => Ok(None),
+        Err(e) if matches!(e.kind(), ErrorKind::Corrupt | ErrorKind::Config | ErrorKind::Io) => Ok(None),
         Err(e) => Err(e),
     }
 }
 
-/// A file of a sequence that is no regular file, or ends early, is damaged and can be made again.
-fn damaged(error: Error) -> Error {
-    if error.kind() != Kind::Input {
+/// Converts [`ErrorKind::Input`] to [`ErrorKind::Corrupt`].
+///
+/// If a file of a sequence is not a regular file or is too short, the file is damaged. Damaged files can be generated
+/// again.
+fn corrupt_error(error: Error) -> Error {
+    if error.kind() != ErrorKind::Input {
         return error;
     }
     let parts = error.parts();
-    Error::new(Kind::Corrupt, parts.subject)
+    Error::new(ErrorKind::Corrupt, parts.subject)
         .found(parts.found)
         .expected(parts.expected)
-        .remedy("make it again with --resume")
+        .remedy(format_args!("set {} to generate it again", Setting("resume")))
 }
 
-fn changed(path: &Path, found: &str, expected: &str) -> Error {
-    Error::new(Kind::Corrupt, path.display())
+fn digest_error(path: &Path, found: &str, expected: &str) -> Error {
+    Error::new(ErrorKind::Corrupt, path.display())
         .found(found)
         .expected(expected)
-        .remedy("make it again with --resume")
+        .remedy(format_args!("set {} to generate it again", Setting("resume")))
 }
 
-fn kept(folder: &Path, path: InnerPath) -> Result<Kept> {
-    let whole = path.below(folder, Access::Read)?;
+fn recorded_file(folder: &Path, path: InnerPath) -> Result<RecordedFile> {
+    let whole = path.resolve_in(folder, Access::Read)?;
     let bytes = fs::metadata(&whole).map_err(|e| Error::io(whole.display(), e))?.len();
-    let digest = digest_of_file(&whole, &mut || Ok(()))?;
-    Ok(Kept { path, bytes, digest })
+    let digest = file_digest(&whole, &mut || Ok(()))?;
+    Ok(RecordedFile { path, bytes, digest })
 }
 
-/// Lists the files in `root`, or in the folder `below` it.
-fn walk(root: &Path, below: Option<&InnerPath>, into: &mut Vec<InnerPath>) -> Result<()> {
+/// Lists the files in `root` and its subfolders. If `below` is given, lists only the files in this folder and its
+/// subfolders.
+fn list_files(root: &Path, below: Option<&InnerPath>, into: &mut Vec<InnerPath>) -> Result<()> {
     let folder = match below {
-        Some(below) => below.below(root, Access::Read)?,
+        Some(below) => below.resolve_in(root, Access::Read)?,
         None => root.to_owned(),
     };
     let io = |e| Error::io(folder.display(), e);
     for entry in fs::read_dir(&folder).map_err(io)? {
         let entry = entry.map_err(io)?;
-        let name = PlainName::parse(Kind::Input, folder.display(), &entry.file_name().to_string_lossy())?;
+        let name =
+            PlainName::parse(ErrorKind::Input, folder.display(), &entry.file_name().to_string_lossy())?;
         let path = below.map_or_else(|| InnerPath::from(&name), |below| below.join(&name));
         if entry.file_type().map_err(io)?.is_dir() {
-            walk(root, Some(&path), into)?;
+            list_files(root, Some(&path), into)?;
         } else {
             into.push(path);
         }

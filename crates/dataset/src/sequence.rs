@@ -1,167 +1,173 @@
-//! One sequence: its streams, images and labels, in a folder that appears when it is whole.
+//! Generates one sequence with its streams, images and labels. The folder has its final name only when the sequence is
+//! complete.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::asked::{ground_truth, scene_options};
-use crate::from::located;
-use crate::images::Keeper;
+use crate::discover::input_path;
+use crate::ground_truth::{self, ScaledSource};
+use crate::images::ReferenceImageWriter;
 use crate::labels;
 use crate::manifest::sequence_path;
-use crate::truth::{self, Dimmed};
-use crate::{DatasetOptions, Drive, Drives, Entry, Inputs, Record, Structure, Work};
+use crate::spec::{ground_truth_facts, scene_options};
+use crate::{
+    Content, DatasetLayout, DatasetOptions, Drive, InputContent, SceneContent, SequenceEntry, SequenceRecord,
+};
 use spikelane::error::{Error, Result};
 use spikelane::unstable::inputs::InnerPath;
 use spikelane_io::formats::Layout;
-use spikelane_io::light::{self, Frame, Insertion, OwnedSamples, Pace, Source, Timeline};
+use spikelane_io::light::{self, Frame, FrameTiming, Interpolation, OwnedSamples, Source, Timeline};
 use spikelane_io::simulate::{
-    CameraFacts, LightFacts, Looks, Outcome, Run, Sidecar, StreamFacts, run_looking,
+    CameraFacts, LightFacts, LightTap, RunOptions, RunSummary, Sidecar, StreamFacts, run_with_tap,
 };
-use spikelane_io::storage::{steps, trees};
-use spikelane_measure::report::with_known;
+use spikelane_io::storage::{folders, sync};
+use spikelane_measure::report::insert_present;
 use spikelane_scene::Scene;
 
-/// Hears of readouts done, and may stop the work.
-pub(super) type Watch<'a> = &'a mut dyn FnMut(u64, Option<u64>) -> Result<()>;
+/// Receives the number of completed readouts and the total number, if it is known. If the callback returns an error,
+/// the generation stops.
+pub(super) type ReadoutCallback<'a> = &'a mut dyn FnMut(u64, Option<u64>) -> Result<()>;
 
-/// Folder that is removed unless it got its name.
-struct Draft {
-    hidden: PathBuf,
-    kept: bool,
+/// A folder that is removed on drop, unless the folder has been renamed to its final name.
+struct PartialFolder {
+    hidden_path: PathBuf,
+    is_finished: bool,
 }
 
-impl Drop for Draft {
+impl Drop for PartialFolder {
     fn drop(&mut self) {
-        if !self.kept {
-            let _ = fs::remove_dir_all(&self.hidden);
+        if !self.is_finished {
+            let _ = fs::remove_dir_all(&self.hidden_path);
         }
     }
 }
 
-/// Makes the sequence of `entry`; returns its record, the record's digest, and its readouts.
-pub(super) fn make(
+/// Generates the sequence of `entry`. Returns the record, the digest of the record, and the number of readouts.
+pub(super) fn generate_sequence(
     options: &DatasetOptions,
-    entry: &Entry,
-    watch: Watch<'_>,
-) -> Result<(Record, String, u64)> {
-    let options = &options.of_sequence(entry.id.as_str())?;
-    let (output, draft) = (&options.output, InnerPath::from("sequences").join(entry.id.partial()));
-    trees::remove(output, &draft)?;
-    let hidden = trees::prepare(output, &draft)?;
+    entry: &SequenceEntry,
+    watch: ReadoutCallback<'_>,
+) -> Result<(SequenceRecord, String, u64)> {
+    let options = &options.for_sequence(entry.id.as_str())?;
+    let (output, draft) = (&options.output, InnerPath::from("sequences").join(entry.id.partial_name()));
+    folders::remove(output, &draft)?;
+    let hidden = folders::create_parents(output, &draft)?;
     fs::create_dir(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
-    let mut draft = Draft { hidden, kept: false };
-    let (about, readouts) = match &options.work {
-        Work::Drives(drives) => drive(options, drives, entry, &draft.hidden, watch)?,
-        Work::Inputs(inputs) => input(options, inputs, entry, &draft.hidden, watch)?,
+    let mut draft = PartialFolder { hidden_path: hidden, is_finished: false };
+    let (about, readouts) = match &options.content {
+        Content::Scenes(drives) => generate_scene(options, drives, entry, &draft.hidden_path, watch)?,
+        Content::Inputs(inputs) => generate_from_input(options, inputs, entry, &draft.hidden_path, watch)?,
     };
-    let record = Record::of(&entry.id, about, &draft.hidden)?;
-    let digest = record.write(&draft.hidden)?;
-    trees::sync_tree(&draft.hidden)?;
-    trees::remove(output, &sequence_path(&entry.id))?;
-    let folder = trees::prepare(output, &sequence_path(&entry.id))?;
-    steps::rename(&draft.hidden, &folder)?;
-    draft.kept = true;
-    steps::sync_folder(&output.join("sequences"))?;
+    let record = SequenceRecord::from_folder(&entry.id, about, &draft.hidden_path)?;
+    let digest = record.write(&draft.hidden_path)?;
+    folders::sync_tree(&draft.hidden_path)?;
+    folders::remove(output, &sequence_path(&entry.id))?;
+    let folder = folders::create_parents(output, &sequence_path(&entry.id))?;
+    sync::rename(&draft.hidden_path, &folder)?;
+    draft.is_finished = true;
+    sync::sync_folder(&output.join("sequences"))?;
     Ok((record, digest, readouts))
 }
 
-fn drive(
+fn generate_scene(
     options: &DatasetOptions,
-    drives: &Drives,
-    entry: &Entry,
+    drives: &SceneContent,
+    entry: &SequenceEntry,
     folder: &Path,
-    watch: Watch<'_>,
+    watch: ReadoutCallback<'_>,
 ) -> Result<(Value, u64)> {
     let rate = options.rate()?;
     let readouts = drives.readouts();
-    let seed = entry.scene_seed.unwrap_or_else(|| options.seed_of_scene(entry.id.as_str()));
+    let seed = entry.scene_seed.unwrap_or_else(|| options.scene_seed_for(entry.id.as_str()));
     let scene =
-        Scene::random(seed, &scene_options(options, drives, options.chosen_light(entry.id.as_str()))?)?;
+        Scene::from_seed(seed, &scene_options(options, drives, options.listed_lighting(entry.id.as_str()))?)?;
     let mut drive = Drive::new(scene, rate, readouts, drives.white_cd_m2, drives.samples, options.threads)?;
-    if options.structure == Structure::SpikeZoo {
-        let by = truth::exposure(options, &drive.light(readouts / 2)?);
-        drive.expose(by);
+    if options.dataset_layout == DatasetLayout::SpikeZoo {
+        let by = ground_truth::exposure_factor(options, &drive.light(readouts / 2)?);
+        drive.scale_exposure(by);
     }
-    let timeline = Timeline::per_frame(1, Insertion::Hold)?;
+    let timeline = Timeline::from_readouts_per_frame(1, Interpolation::Hold)?;
     let every = options.images.every.unwrap_or(u64::from(drives.readouts_per_image));
-    let mut keeper = Keeper::new(options, Some(every), drives.npy, folder)?;
-    let outcome = streams(options, entry, timeline, &mut drive, &mut keeper, &mut *watch)?;
-    truth::write_both(options, &outcome.glance.frame, folder)?;
-    let mut labelled = Vec::new();
+    let mut keeper = ReferenceImageWriter::new(options, Some(every), drives.npy, folder)?;
+    let outcome = simulate_streams(options, entry, timeline, &mut drive, &mut keeper, &mut *watch)?;
+    ground_truth::write_reference_images(options, &outcome.light_sample.frame, folder)?;
+    let mut labeled = Vec::new();
     if drives.label_every > 0 {
-        let wanted = labels::Wanted {
-            every: drives.label_every as usize * drives.readouts_per_image as usize,
-            kitti: drives.kitti,
-            exr: drives.exr.then_some(drives.samples),
+        let wanted = labels::LabelOptions {
+            interval_readouts: drives.label_every as usize * drives.readouts_per_image as usize,
+            write_kitti: drives.kitti,
+            exr_samples: drives.exr.then_some(drives.samples),
             threads: options.threads,
         };
         let at = folder.join("labels");
         let mut still = || watch(readouts, Some(readouts));
-        labelled = labels::write_all(drive.scene(), drive.plan(), &wanted, &at, &mut still)?;
+        labeled = labels::write_labels(drive.scene(), drive.plan(), &wanted, &at, &mut still)?;
     }
     let plan = drive.plan();
     let about = json!({
-        "kind": "drive", "scene_seed": seed, "lighting": drive.scene().lighting().name(),
+        "content": "drive", "scene_seed": seed, "lighting": drive.scene().lighting().name(),
         "white_cd_m2": drive.white_cd_m2(), "vehicles": drive.scene().vehicles(),
         "readouts": outcome.readouts, "readouts_per_image": drives.readouts_per_image,
-        "image_readouts": "the number in the file's name", "clear_readout": readouts / 2,
-        "clear_transfer": "srgb",
-        "ground_truth": ground_truth(options.structure),
-        "label_readouts": labelled, "max_px_per_readout": plan.max_px_per_readout,
-        "too_fast": plan.too_fast(),
-        "needed_readout_hz": plan.needed_hz(rate.hz()) as u64,
-        "frames_beyond_greatest_light": outcome.too_bright,
+        "image_names": "the number in the file's name", "reference_readout": readouts / 2,
+        "reference_transfer": "srgb",
+        "ground_truth": ground_truth_facts(options.dataset_layout),
+        "labeled_readouts": labeled, "max_px_per_readout": plan.max_px_per_readout,
+        "is_too_fast": plan.is_too_fast(),
+        "required_readout_hz": plan.required_readout_hz(rate.hz()) as u64,
+        "frames_above_max_light": outcome.frames_above_max_light,
     });
-    Ok((with_images(about, &keeper), outcome.readouts))
+    Ok((with_image_facts(about, &keeper), outcome.readouts))
 }
 
-fn with_images(about: Value, keeper: &Keeper) -> Value {
-    with_known(about, [("images", keeper.facts().map(|f| json!(f)))])
+fn with_image_facts(about: Value, keeper: &ReferenceImageWriter) -> Value {
+    insert_present(about, [("images", keeper.facts().map(|f| json!(f)))])
 }
 
-fn input(
+fn generate_from_input(
     options: &DatasetOptions,
-    inputs: &Inputs,
-    entry: &Entry,
+    inputs: &InputContent,
+    entry: &SequenceEntry,
     folder: &Path,
-    watch: Watch<'_>,
+    watch: ReadoutCallback<'_>,
 ) -> Result<(Value, u64)> {
     let name = entry.input.as_deref().unwrap_or_default();
-    let mut how = light::InputOptions::of(&options.camera);
-    (how.fit, how.transfer) = (inputs.fit, inputs.transfer);
-    let path = located(inputs, Path::new(name))?;
+    let mut how = light::InputOptions::from_camera(&options.camera);
+    (how.resize_mode, how.transfer) = (inputs.resize_mode, inputs.transfer);
+    let path = input_path(inputs, Path::new(name))?;
     let open = || light::open(&path, &how);
     let mut source = open()?;
-    let pace = Pace { readouts_per_frame: inputs.readouts_per_frame, source: None };
-    let timeline = pace.timeline(&*source, options.rate()?, inputs.insertion)?;
+    let pace = FrameTiming { readouts_per_frame: inputs.readouts_per_frame, frame_rate: None };
+    let timeline = pace.timeline(&*source, options.rate()?, inputs.interpolation)?;
     let by = input_exposure(options, &open, &timeline)?;
     let mut notes = source.notes();
-    if let Some(stored) = source.stored() {
-        let note = inputs.fit.note(stored, options.camera.sensor.geometry);
+    if let Some(stored) = source.stored_geometry() {
+        let note = inputs.resize_mode.crop_note(stored, options.camera.sensor.geometry);
         notes.extend(note.map(|text| format!("{name}: {text}")));
     }
-    let mut source = Dimmed { source: &mut *source, by, place: Some((&path, name)) };
-    let mut keeper = Keeper::new(options, options.images.every, false, folder)?;
-    let outcome = streams(options, entry, timeline.clone(), &mut source, &mut keeper, watch)?;
-    let glance = &outcome.glance;
+    let mut source = ScaledSource { source: &mut *source, factor: by, path_and_name: Some((&path, name)) };
+    let mut keeper = ReferenceImageWriter::new(options, options.images.every, false, folder)?;
+    let outcome = simulate_streams(options, entry, timeline.clone(), &mut source, &mut keeper, watch)?;
+    let glance = &outcome.light_sample;
     let middle = outcome.readouts / 2;
     if glance.readout == middle {
-        truth::write_both(options, &glance.frame, folder)?;
-    } else if let Some(frame) = truth::middle(&open, &timeline, Some(outcome.readouts))? {
-        truth::write_both(options, &Dimmed::frame(&frame, by)?, folder)?;
+        ground_truth::write_reference_images(options, &glance.frame, folder)?;
+    } else if let Some(frame) = ground_truth::middle_frame(&open, &timeline, Some(outcome.readouts))? {
+        ground_truth::write_reference_images(options, &ScaledSource::scale_frame(&frame, by)?, folder)?;
     }
     let about = json!({
-        "kind": "input", "input": name, "frames": outcome.frames, "readouts": outcome.readouts,
-        "readouts_per_frame": inputs.readouts_per_frame, "clear_readout": middle, "clear_transfer": "srgb",
-        "ground_truth": ground_truth(options.structure), "light_scale": by,
-        "frames_beyond_greatest_light": outcome.too_bright, "notes": notes,
+        "content": "input", "input": name, "frames": outcome.frames, "readouts": outcome.readouts,
+        "readouts_per_frame": inputs.readouts_per_frame, "reference_readout": middle, "reference_transfer": "srgb",
+        "ground_truth": ground_truth_facts(options.dataset_layout), "light_scale": by,
+        "frames_above_max_light": outcome.frames_above_max_light, "notes": notes,
     });
-    Ok((with_images(about, &keeper), outcome.readouts))
+    Ok((with_image_facts(about, &keeper), outcome.readouts))
 }
 
-/// The exposure of given light; only floats can be brighter than white, and only they are looked at twice.
+/// Returns the exposure factor of an input.
+///
+/// Only float light can exceed white, so only inputs with float samples are read an additional time.
 fn input_exposure(
     options: &DatasetOptions,
     open: &dyn Fn() -> Result<Box<dyn Source>>,
@@ -171,32 +177,32 @@ fn input_exposure(
     let mut first = Frame::dark(source.geometry());
     let floats = source.next_frame(&mut first)? && matches!(first.samples(), OwnedSamples::F32(_));
     drop(source);
-    if options.structure != Structure::SpikeZoo || !floats {
+    if options.dataset_layout != DatasetLayout::SpikeZoo || !floats {
         return Ok(1.0);
     }
-    let middle = truth::middle(open, timeline, None)?;
-    Ok(middle.map_or(1.0, |light| truth::exposure(options, &light)))
+    let middle = ground_truth::middle_frame(open, timeline, None)?;
+    Ok(middle.map_or(1.0, |light| ground_truth::exposure_factor(options, &light)))
 }
 
-/// The noisy and the clean stream with their sidecar.
-fn streams(
+/// Writes the noisy stream, the clean stream and their common sidecar.
+fn simulate_streams(
     options: &DatasetOptions,
-    entry: &Entry,
+    entry: &SequenceEntry,
     timeline: Timeline,
     source: &mut dyn Source,
-    keeper: &mut Keeper,
-    watch: Watch<'_>,
-) -> Result<Outcome> {
-    let (camera, seeds) = (truth::exposed(options), options.seeds(entry.id.as_str()));
+    keeper: &mut ReferenceImageWriter,
+    watch: ReadoutCallback<'_>,
+) -> Result<RunSummary> {
+    let (camera, seeds) = (ground_truth::exposed_camera(options), options.seeds(entry.id.as_str()));
     let folder = keeper.folder.clone();
-    let mut job = Run::new(camera.clone(), seeds, timeline.clone());
+    let mut job = RunOptions::new(camera.clone(), seeds, timeline.clone());
     job.layout = Layout::Dat;
     job.threads = options.threads;
     let (noisy, clean) = (folder.join("stream.dat"), folder.join("stream.clean.dat"));
-    let every = keeper.every;
-    let mut keep = |readout: u64, light: &Frame| keeper.keep(readout, light);
-    let looks = every.map(|every| Looks { every, keep: &mut keep });
-    let outcome = run_looking(&job, source, &noisy, Some(&clean), looks, watch)?;
+    let every = keeper.interval_readouts;
+    let mut keep = |readout: u64, light: &Frame| keeper.write(readout, light);
+    let looks = every.map(|every| LightTap { every, on_light: &mut keep });
+    let outcome = run_with_tap(&job, source, &noisy, Some(&clean), looks, watch)?;
     let geometry = options.camera.sensor.geometry;
     let facts = |w| StreamFacts::new(w, geometry, outcome.readouts);
     let mut sidecar = Sidecar::new(geometry, job.layout, outcome.readouts, facts(&outcome.noisy));
@@ -204,16 +210,16 @@ fn streams(
     sidecar.clean = outcome.clean.as_ref().map(facts);
     sidecar.seeds = Some(Sidecar::seed_facts(seeds));
     sidecar.camera = Some(CameraFacts::new(&camera)?);
-    let electrons = camera.operating(0.0).electrons;
+    let electrons = camera.operating_point(0.0).electrons;
     sidecar.images = keeper.facts();
     sidecar.light = Some(LightFacts {
-        insertion: timeline.insertion().to_string(),
+        interpolation: timeline.interpolation().to_string(),
         readouts_per_frame: timeline.readouts(1).map(|n| n.to_string()),
         frames: outcome.frames,
         exposure_electrons: electrons * camera.sensor.thresholds_at_full_scale,
-        greatest_light: outcome.greatest_light,
-        frames_beyond_greatest_light: outcome.too_bright,
-        ..LightFacts::of(source)
+        max_light: outcome.max_light,
+        frames_above_max_light: outcome.frames_above_max_light,
+        ..LightFacts::from_source(source)
     });
     sidecar.write(&folder.join("stream.json"), false)?;
     Ok(outcome)

@@ -1,5 +1,5 @@
-//! Translating packed frames to and from every layout, one thread; each is
-//! translated back and compared before it is timed.
+//! Benchmarks of encoding and decoding packed frames in every layout, on one thread. Before the measurement, a round
+//! trip checks each layout.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use spikelane::spikes::Geometry;

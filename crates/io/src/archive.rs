@@ -1,53 +1,53 @@
-//! `.npz`: a zip archive of `.npy` files.
+//! `.npz` files: zip archives of `.npy` arrays.
 
 use std::io::{Read, Seek};
 
 use zip::ZipArchive;
 
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 
-/// First bytes of an archive.
+/// The first bytes of a nonempty zip archive.
 pub const MAGIC: &[u8] = b"PK\x03\x04";
 
-/// An archive of arrays, stored or deflated.
+/// An `.npz` archive whose arrays are stored or deflated.
 pub struct Archive<R> {
     zip: ZipArchive<R>,
     name: String,
 }
 
 impl<R: Read + Seek> Archive<R> {
-    /// Reads the directory of an archive. `name` stands for the file in errors.
+    /// Reads the directory of an archive. Error messages refer to the archive as `name`.
     ///
     /// # Errors
-    /// [`Kind::Input`] when it is no archive, or was cut short.
+    /// [`ErrorKind::Input`] if the bytes are not a zip archive or are truncated.
     pub fn new(name: &str, reader: R) -> Result<Self> {
         let zip = ZipArchive::new(reader).map_err(|e| {
-            Error::new(Kind::Input, name)
+            Error::new(ErrorKind::Input, name)
                 .found(e)
-                .expected("an archive that numpy.savez or numpy.savez_compressed wrote")
-                .remedy("save it again; it may have been cut short")
+                .expected("an archive written by numpy.savez or numpy.savez_compressed")
+                .remedy("save it again; the file may be truncated")
         })?;
         Ok(Self { zip, name: name.to_owned() })
     }
 
-    /// The names of its arrays, as NumPy gives them (without `.npy`).
+    /// Returns the names of the arrays without the ending `.npy`, as NumPy lists the names.
     #[must_use]
-    pub fn arrays(&self) -> Vec<String> {
-        // A name in no known encoding cannot be asked for either.
+    pub fn array_names(&self) -> Vec<String> {
+        // Entries whose names cannot be decoded are skipped, because `entry` cannot look them up.
         let names = self.zip.file_names().flatten();
         names.filter_map(|name| name.strip_suffix(".npy").map(str::to_owned)).collect()
     }
 
-    /// The bytes of the array called `array`, header first.
+    /// Returns a reader of the `.npy` bytes of the array `array`. The reader starts at the header of the array.
     ///
     /// # Errors
-    /// [`Kind::Input`] when there is none, or it is packed in a way other than NumPy's two.
+    /// [`ErrorKind::Input`] if the array does not exist or is neither stored nor deflated.
     pub fn entry(&mut self, array: &str) -> Result<impl Read + '_> {
         let name = &self.name;
         self.zip.by_name(&format!("{array}.npy")).map_err(|e| {
-            Error::new(Kind::Input, name)
+            Error::new(ErrorKind::Input, name)
                 .found(format_args!("{array}: {e}"))
-                .expected("an array that numpy.savez or numpy.savez_compressed wrote")
+                .expected("an array written by numpy.savez or numpy.savez_compressed")
         })
     }
 }

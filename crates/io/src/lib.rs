@@ -1,4 +1,4 @@
-//! Files of the spike-camera simulator [`spikelane`]: light in, spike streams out.
+//! Reads light from files and writes spike streams for the spike-camera simulator [`spikelane`].
 
 mod archive;
 pub mod formats;

@@ -1,27 +1,32 @@
-//! Standard input, where a pipe is meant.
+//! Standard input whose reads can be interrupted.
 
 use std::io::{self, Read};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use spikelane::error::{Error, Kind};
+use spikelane::error::{Error, ErrorKind};
 
-/// Standard input. While it waits for bytes, a raised `stop` ends the wait with an error of [`Kind::Interrupted`].
+/// Standard input. If `stop` becomes true while a read waits for bytes, the read fails with
+/// [`ErrorKind::Interrupted`].
+///
+/// `stop` is checked on Unix only.
 #[derive(Debug)]
 pub struct Stdin {
     source: Source,
     stop: Arc<AtomicBool>,
 }
 
-/// The source has no buffer, since `poll` does not report bytes that already lie in a buffer.
+/// The reader is unbuffered. `poll` would not report bytes that are already in a buffer.
 #[cfg(unix)]
 type Source = std::fs::File;
 #[cfg(not(unix))]
 type Source = io::Stdin;
 
 impl Stdin {
+    /// Opens standard input. A read checks `stop` while waiting for bytes.
+    ///
     /// # Errors
-    /// When the system has no handle left.
+    /// If the system cannot duplicate the file descriptor.
     pub fn new(stop: Arc<AtomicBool>) -> io::Result<Self> {
         Ok(Self { source: source()?, stop })
     }
@@ -31,8 +36,9 @@ impl Read for Stdin {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         while !is_ready(&self.source)? {
             if self.stop.load(Ordering::Relaxed) {
-                // The standard library repeats a read whose own error is of the kind `Interrupted`.
-                let stopped = Error::new(Kind::Interrupted, "standard input").found("a request to stop");
+                // `std::io::Error::other` is used because the standard library retries reads that fail with
+                // `io::ErrorKind::Interrupted`.
+                let stopped = Error::new(ErrorKind::Interrupted, "standard input").found("a request to stop");
                 return Err(io::Error::other(stopped));
             }
         }
@@ -46,7 +52,7 @@ fn source() -> io::Result<Source> {
     io::stdin().as_fd().try_clone_to_owned().map(Source::from)
 }
 
-/// Whether a read would return at once, after a wait of at most a tenth of a second.
+/// Waits at most 0.1 s. Returns whether a read would return without blocking.
 #[cfg(unix)]
 fn is_ready(source: &Source) -> io::Result<bool> {
     use rustix::event::{PollFd, PollFlags, Timespec, poll};

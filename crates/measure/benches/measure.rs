@@ -1,6 +1,7 @@
-//! Speed of the measuring room, one thread: pixel-readouts per second for
-//! counts and whole readouts, spikes per second for intervals. Every family is
-//! compared with a plain visit of each bit before it is timed.
+//! Benchmarks measuring on one thread. Counts and statistics of whole readouts are timed in pixel-readouts per second,
+//! intervals in spikes per second.
+//!
+//! Before the timing, the results of each measurement family are compared with those of a plain loop over all bits.
 
 #[path = "../tests/measure_support/mod.rs"]
 mod measure_support;
@@ -9,7 +10,7 @@ use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use measure_support::Stream;
-use spikelane::spikes::{Geometry, Packed, count};
+use spikelane::spikes::{Geometry, SpikeFramesRef, count_spikes};
 use spikelane_measure::{Accumulator, MeasureOptions};
 
 const READOUTS: usize = 3968;
@@ -21,10 +22,11 @@ struct Sample {
     spikes: u64,
 }
 
-/// Times that the stream is taken one after the other: some 100,000 readouts, as long as a calibration's recordings.
-const TIMES: usize = 25;
+/// Number of times that the stream is measured in a row. The total of about 100,000 readouts is the usual length of a
+/// calibration recording.
+const REPETITIONS: usize = 25;
 
-/// A stream of a 400x250 camera whose pixels differ by +-3 %.
+/// Returns a stream of a 400x250 camera. The rates of its pixels differ by up to 3 % from `rate`.
 fn sample(name: &'static str, rate: f64, regular: bool) -> Sample {
     let rates: Vec<f64> = (0..100_000_u32)
         .map(|p| rate * (0.97 + 0.06 * f64::from(p.wrapping_mul(2_654_435_761) >> 16) / 65_536.0))
@@ -32,14 +34,14 @@ fn sample(name: &'static str, rate: f64, regular: bool) -> Sample {
     let make = if regular { Stream::integrators } else { Stream::bernoulli };
     let stream = make(400, 250, READOUTS, &rates, 1);
     let packed = stream.packed();
-    Sample { name, geometry: stream.geometry, spikes: count(&packed), packed }
+    Sample { name, geometry: stream.geometry, spikes: count_spikes(&packed), packed }
 }
 
 fn families() -> [(&'static str, MeasureOptions); 6] {
     let none = MeasureOptions::default().with_counts(false).with_frames(false).with_intervals(false);
     let counts = none.clone().with_counts(true);
     let frames = none.clone().with_frames(true);
-    let totals = counts.clone().with_frames(true).with_halves(false);
+    let totals = counts.clone().with_frames(true).with_line_covariances(false);
     let both = counts.clone().with_frames(true);
     let intervals = none.with_intervals(true);
     [
@@ -65,8 +67,8 @@ fn check() {
 
 fn run(sample: &Sample, options: &MeasureOptions) -> u32 {
     let mut accumulator = Accumulator::new(sample.geometry, options).unwrap();
-    for _ in 0..TIMES {
-        accumulator.push(Packed::new(sample.geometry, &sample.packed).unwrap()).unwrap();
+    for _ in 0..REPETITIONS {
+        accumulator.push(SpikeFramesRef::new(sample.geometry, &sample.packed).unwrap()).unwrap();
     }
     accumulator.finish().readouts
 }
@@ -91,7 +93,7 @@ fn main() {
             let bits = (READOUTS * sample.geometry.pixels()) as u64;
             let (unit, n) =
                 if options.intervals { ("spikes", sample.spikes) } else { ("pixel-readouts", bits) };
-            group.throughput(Throughput::Elements(TIMES as u64 * n));
+            group.throughput(Throughput::Elements(REPETITIONS as u64 * n));
             let id = BenchmarkId::new(sample.name, unit);
             group.bench_with_input(id, sample, |b, s| b.iter(|| run(s, &options)));
         }

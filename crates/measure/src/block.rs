@@ -1,31 +1,32 @@
-//! The readouts that are measured together, one word row per pixel row.
+//! A buffer of successive readouts in which every pixel row begins at a word.
 //!
-//! A packed frame lets rows begin at any bit. Here each row begins at a word,
-//! and at least one zero bit follows its last pixel: the right neighbour of
-//! all pixels of a word is a shift by one, the lower neighbour the word one
-//! stride further on, and neither needs a mask. The copy costs far less than
-//! the unaligned shifts it saves, and makes any size of batch the same work.
+//! In a packed frame a pixel row can begin at any bit. In this buffer each row begins at a word boundary, and at
+//! least one zero bit follows the last pixel of a row. The right neighbors of all pixels of a word are therefore a shift
+//! by one bit. The lower neighbors are the word one stride later. Neither operation needs a mask. Copying a frame into
+//! the buffer is far cheaper than unaligned shifts. The copy also makes the work independent of the batch size.
 
 use std::ops::Range;
 
 use spikelane::spikes::Geometry;
-use spikelane_io::storage::Words;
+use spikelane_io::storage::WordBuffer;
 
-/// Readouts measured together at most: eight turns of the 8-bit vertical counters (248 readouts each), and 31 words
-/// of a pixel's history. What intervals cost per pixel and block is then shared by the four times as many spikes
-/// of two turns: at a rate of 0.05 that is most of the work.
-pub(super) const CAPACITY: usize = 1984;
+/// Largest number of readouts in a block: eight periods of the 8-bit vertical counters (248 readouts each), or 31
+/// words of a pixel's history.
+///
+/// The interval sums need a fixed amount of work per pixel and block. At a rate of 0.05 this fixed work dominates. A
+/// block of eight periods spreads it over four times as many spikes as a block of two periods.
+pub(super) const MAX_BLOCK_READOUTS: usize = 1984;
 
-/// One turn of the vertical counters.
-const TURN: usize = spikelane::unstable::kernels::GROUPS * 8;
+/// Number of readouts that the 8-bit vertical counters can count before they overflow.
+const COUNTER_PERIOD_READOUTS: usize = spikelane::unstable::kernels::MAX_GROUPS * 8;
 
-/// Readouts of any block at least.
-const FEWEST: usize = 8;
+/// Smallest number of readouts in a block.
+const MIN_BLOCK_READOUTS: usize = 8;
 
-/// Buffers of larger sensors hold fewer readouts, not more memory than this.
-const LARGEST_BUFFER: usize = 1 << 26;
+/// Largest size of the buffer in bytes. Blocks of larger sensors contain fewer readouts.
+const MAX_BUFFER_BYTES: usize = 1 << 26;
 
-/// Some hundred readouts of a band of rows, and the readout before them.
+/// Successive readouts of a band of rows. The buffer also contains the readout before the first one.
 pub(super) struct Block {
     geometry: Geometry,
     rows: Range<usize>,
@@ -33,48 +34,51 @@ pub(super) struct Block {
     frame_words: usize,
     capacity: usize,
     len: usize,
-    words: Words,
+    words: WordBuffer,
 }
 
 impl Block {
-    /// The bytes of a buffer of as many readouts as are measured together.
+    /// Returns the buffer size in bytes of a block of up to [`MAX_BLOCK_READOUTS`] readouts.
     pub(super) fn bytes(geometry: Geometry, rows: usize) -> usize {
-        let (frame_words, capacity) = Self::size(geometry, rows, CAPACITY);
+        let (frame_words, capacity) = Self::words_and_readouts(geometry, rows, MAX_BLOCK_READOUTS);
         (capacity + 1) * frame_words * size_of::<u64>()
     }
 
-    /// Of as many readouts as are measured together.
+    /// Returns an empty block of up to [`MAX_BLOCK_READOUTS`] readouts.
     pub(super) fn new(geometry: Geometry, rows: Range<usize>) -> Self {
-        Self::of(geometry, rows, CAPACITY)
+        Self::with_max_readouts(geometry, rows, MAX_BLOCK_READOUTS)
     }
 
-    /// Of few readouts, which stay in the cache: for who looks at each when it comes in.
-    pub(super) fn short(geometry: Geometry, rows: Range<usize>) -> Self {
-        Self::of(geometry, rows, FEWEST)
+    /// Returns an empty block of [`MIN_BLOCK_READOUTS`] readouts. The whole block fits into the CPU cache, for callers
+    /// that process each readout as it arrives.
+    pub(super) fn new_short(geometry: Geometry, rows: Range<usize>) -> Self {
+        Self::with_max_readouts(geometry, rows, MIN_BLOCK_READOUTS)
     }
 
-    /// Words of a readout, and readouts of a buffer of at most `most`.
-    fn size(geometry: Geometry, rows: usize, most: usize) -> (usize, usize) {
+    /// Returns the number of words per readout, and the number of readouts that the buffer can store. The latter is
+    /// at most `most`.
+    fn words_and_readouts(geometry: Geometry, rows: usize, most: usize) -> (usize, usize) {
         let stride = geometry.width() / 64 + 1;
-        // One row below the band for its lower neighbours, and slack for tiles
-        // that overhang the end. An odd number of cache lines per readout
-        // spreads one word of many readouts over all sets of the cache.
+        // The buffer has one extra row for the lower neighbors of the band's last row. It also has slack for tiles that
+        // extend past the end. A readout is padded to an odd number of cache lines. Word `w` of successive readouts then
+        // maps to different sets of the CPU cache.
         let lines = ((rows + 1) * stride + 8).div_ceil(8) | 1;
         let frame_words = lines * 8;
-        let fitting = LARGEST_BUFFER / (frame_words * 8);
-        let whole = if fitting >= TURN { TURN } else { FEWEST };
-        (frame_words, (fitting / whole * whole).clamp(FEWEST, most))
+        let fitting = MAX_BUFFER_BYTES / (frame_words * 8);
+        let whole =
+            if fitting >= COUNTER_PERIOD_READOUTS { COUNTER_PERIOD_READOUTS } else { MIN_BLOCK_READOUTS };
+        (frame_words, (fitting / whole * whole).clamp(MIN_BLOCK_READOUTS, most))
     }
 
-    fn of(geometry: Geometry, rows: Range<usize>, most: usize) -> Self {
+    fn with_max_readouts(geometry: Geometry, rows: Range<usize>, most: usize) -> Self {
         let stride = geometry.width() / 64 + 1;
-        let (frame_words, capacity) = Self::size(geometry, rows.len(), most);
+        let (frame_words, capacity) = Self::words_and_readouts(geometry, rows.len(), most);
         let len = (capacity + 1) * frame_words;
-        let words = Words::zeros(len);
+        let words = WordBuffer::zeros(len);
         Self { geometry, rows, stride, frame_words, capacity, len: 0, words }
     }
 
-    /// Words of a row: enough for its pixels and one zero bit.
+    /// Returns the number of words per row. They contain the row's pixels and at least one zero bit.
     pub(super) const fn stride(&self) -> usize {
         self.stride
     }
@@ -83,7 +87,7 @@ impl Block {
         self.geometry.width()
     }
 
-    /// Words of the band's own rows, without the row below.
+    /// Returns the number of words of the band's own rows, without the extra row below the band.
     pub(super) fn band_words(&self) -> usize {
         self.rows.len() * self.stride
     }
@@ -96,28 +100,28 @@ impl Block {
         self.capacity
     }
 
-    /// Words between one word of a readout and the same word of the next.
+    /// Returns the distance in words between a word of one readout and the same word of the next readout.
     pub(super) const fn frame_words(&self) -> usize {
         self.frame_words
     }
 
-    /// Everything: slot 0 is the readout before the block (silence at the very
-    /// start), slots 1 to `len` the block.
+    /// Returns all words. Slot 0 is the readout before the block (zeros at the start of the stream). Slots 1 to `len`
+    /// are the readouts of the block.
     pub(super) fn words(&self) -> &[u64] {
         &self.words
     }
 
-    /// The words of a slot.
+    /// Returns the words of slot `slot`.
     pub(super) fn slot(&self, slot: usize) -> &[u64] {
         &self.words[slot * self.frame_words..(slot + 1) * self.frame_words]
     }
 
-    /// The band's own rows of the newest readout.
-    pub(super) fn newest(&self) -> &[u64] {
+    /// Returns the words of the latest readout, without the extra row below the band.
+    pub(super) fn latest_words(&self) -> &[u64] {
         &self.slot(self.len)[..self.band_words()]
     }
 
-    /// Adds a packed frame; there must be room.
+    /// Adds a packed frame. The block must not be full.
     pub(super) fn append(&mut self, frame: &[u8]) {
         self.len += 1;
         let slot = &mut self.words[self.len * self.frame_words..(self.len + 1) * self.frame_words];
@@ -128,7 +132,8 @@ impl Block {
             let bytes = width / 8;
             let frame = &frame[rows.start * bytes..rows.end * bytes];
             match bytes {
-                // The two cameras that exist: a length known to the compiler makes a row a few vector moves.
+                // The two known cameras have widths of 400 and 1000 pixels. If the length is a constant, the compiler copies
+                // a row in a few vector moves.
                 50 => copy_rows::<50, 7>(frame, slot),
                 125 => copy_rows::<125, 16>(frame, slot),
                 _ => frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(self.stride)).for_each(copy_bytes),
@@ -140,13 +145,13 @@ impl Block {
         }
     }
 
-    /// Silences the slots after the last readout, so that groups of eight
-    /// readouts and whole words of history need no tails.
-    pub(super) fn silence_rest(&mut self) {
+    /// Zeroes the slots after the last readout. Code that processes groups of eight readouts, or whole history words,
+    /// then needs no special case for the last group.
+    pub(super) fn clear_rest(&mut self) {
         self.words[(self.len + 1) * self.frame_words..].fill(0);
     }
 
-    /// Empties the block; its last readout becomes the one before.
+    /// Empties the block. The last readout moves to slot 0 and becomes the readout before the next block.
     pub(super) fn recycle(&mut self) {
         let last = self.len * self.frame_words;
         self.words.copy_within(last..last + self.frame_words, 0);
@@ -154,18 +159,20 @@ impl Block {
     }
 }
 
-/// [`copy_bytes`] of rows of a known length.
+/// Copies rows of a constant length with [`copy_bytes`].
 fn copy_rows<const BYTES: usize, const STRIDE: usize>(frame: &[u8], slot: &mut [u64]) {
     let (rows, _) = frame.as_chunks::<BYTES>();
     let (out, _) = slot.as_chunks_mut::<STRIDE>();
     rows.iter().zip(out).for_each(|(row, out)| copy_bytes((row, out)));
 }
 
-/// Copies a row of eight bytes or more to whole words, zero-padded; the last word begins behind it or within its last eight bytes.
+/// Copies a row of at least eight bytes to whole words and pads the last word with zeros. The last word contains the
+/// zero to seven bytes that remain after the whole words.
 #[inline(always)]
 fn copy_bytes((row, out): (&[u8], &mut [u64])) {
     let Some((last, words)) = out.split_last_mut() else { return };
-    // A loop over the few words of a row, which the compiler prepares for many, takes 27 instructions more.
+    // This is a slice copy instead of a loop over words. The compiler vectorizes such a loop for long rows, which adds
+    // 27 instructions.
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(words);
     let (whole, rest) = row.split_at(bytes.len());
     bytes.copy_from_slice(whole);
@@ -174,7 +181,7 @@ fn copy_bytes((row, out): (&[u8], &mut [u64])) {
     *last = if rest.is_empty() { 0 } else { end >> (64 - 8 * rest.len()) };
 }
 
-/// Copies `bits` bits from bit `start` of `bytes` to whole words, zero-padded.
+/// Copies `bits` bits, starting at bit `start` of `bytes`, to the words `out`. The last word is padded with zeros.
 fn copy_bits(bytes: &[u8], start: usize, bits: usize, out: &mut [u64]) {
     let shift = start % 8;
     let whole = bits / 64;
@@ -185,22 +192,22 @@ fn copy_bits(bytes: &[u8], start: usize, bits: usize, out: &mut [u64]) {
             *word = u64::from_le_bytes(*eight);
         }
     } else {
-        // The bits of a whole word end in the ninth byte.
+        // If the row does not begin at a byte boundary, the last bits of a word are in the ninth byte.
         for (word, nine) in words.iter_mut().zip(from.windows(9).step_by(8)) {
-            *word = partial(nine, 0) >> shift | u64::from(nine[8]) << (64 - shift);
+            *word = load_partial_word(nine, 0) >> shift | u64::from(nine[8]) << (64 - shift);
         }
     }
     let at = whole * 8;
-    let mut last = partial(from, at) >> shift;
+    let mut last = load_partial_word(from, at) >> shift;
     if shift != 0 {
         last |= u64::from(from.get(at + 8).copied().unwrap_or_default()) << (64 - shift);
     }
     rest[0] = last & ((1 << (bits % 64)) - 1);
 }
 
-/// Eight bytes from `at` on as a word, zeros behind the end.
+/// Returns the eight bytes that start at index `at` as a little-endian word. Bytes past the end of `bytes` are zero.
 #[inline(always)]
-fn partial(bytes: &[u8], at: usize) -> u64 {
+fn load_partial_word(bytes: &[u8], at: usize) -> u64 {
     if let Some(whole) = bytes.get(at..at + 8) {
         return u64::from_le_bytes(whole.try_into().unwrap_or_default());
     }

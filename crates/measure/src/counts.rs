@@ -1,46 +1,48 @@
-//! Spike counts, first and last spike, and coincidences of neighbours.
+//! Spike counts, first and last spikes, and coincidences of neighbors.
 
 use std::array::from_fn;
 use std::ops::Range;
 
 use super::block::Block;
-use super::estimate::{Estimate, tiles_ratio};
+use super::estimate::{Estimate, tiled_ratio};
 use spikelane::spikes::{Geometry, span_rate};
-use spikelane::unstable::kernels::{Bits, Counters, GROUPS, Shorts, TILE, Work, counting_with, load};
+use spikelane::unstable::kernels::{
+    BitOps, Counters, I16Lanes, MAX_GROUPS, ROW_WORDS, Task, dispatch_task, load_row,
+};
 
-/// In place of a readout where a pixel never fired.
-pub const NEVER: u32 = u32::MAX;
+/// Value that [`Counts::first_spike`] and [`Counts::last_spike`] contain for a pixel that never fired.
+pub const NO_SPIKE: u32 = u32::MAX;
 
-/// A neighbour, and by how many readouts it fires later than the pixel.
+/// A neighbor of a pixel, and the lag of the neighbor's spike in readouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
-pub enum Pair {
-    /// Pixel and right neighbour in the same readout.
+pub enum NeighborPair {
+    /// The pixel and its right neighbor in the same readout.
     Right,
-    /// The right neighbour one readout after the pixel.
+    /// The right neighbor one readout after the pixel.
     RightAfter,
-    /// The right neighbour one readout before the pixel.
+    /// The right neighbor one readout before the pixel.
     RightBefore,
-    /// Pixel and lower neighbour in the same readout.
+    /// The pixel and its lower neighbor in the same readout.
     Lower,
-    /// The lower neighbour one readout after the pixel.
+    /// The lower neighbor one readout after the pixel.
     LowerAfter,
-    /// The lower neighbour one readout before the pixel.
+    /// The lower neighbor one readout before the pixel.
     LowerBefore,
 }
 
-impl Pair {
-    /// All pairs, in the order of their maps.
+impl NeighborPair {
+    /// All pairs, in the order of [`Counts::coincidences`].
     pub const ALL: [Self; 6] =
         [Self::Right, Self::RightAfter, Self::RightBefore, Self::Lower, Self::LowerAfter, Self::LowerBefore];
 
-    /// Whether the two spikes lie one readout apart.
+    /// Whether the spike of the neighbor is one readout earlier or later than the spike of the pixel.
     #[must_use]
     pub const fn is_lagged(self) -> bool {
         !matches!(self, Self::Right | Self::Lower)
     }
 
-    /// The key of its correlation in [`super::list`].
+    /// The key of the correlation of this pair in [`super::statistics()`].
     #[must_use]
     pub const fn key(self) -> &'static str {
         match self {
@@ -58,80 +60,81 @@ impl Pair {
     }
 }
 
-/// Per-pixel counts of a band of rows. Maps are row-major, one entry per pixel
-/// of the band; readouts count from 0 at the start of the stream.
+/// Per-pixel counts of a band of rows.
+///
+/// Maps are row-major and contain one entry per pixel of the band. Readout 0 is the first readout of the stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Counts {
     pub(super) geometry: Geometry,
     pub(super) rows: Range<usize>,
     pub(super) readouts: u32,
-    /// Spikes.
+    /// Number of spikes.
     pub count: Vec<u32>,
-    /// Readout of the first spike, or `u32::MAX` without one.
-    pub first: Vec<u32>,
-    /// Readout of the last spike, or `u32::MAX` without one.
-    pub last: Vec<u32>,
-    /// Coincidences with a neighbour, by [`Pair`] in the order of
-    /// [`Pair::ALL`]; zero where there is no such neighbour.
+    /// Readout of the first spike; [`NO_SPIKE`] if the pixel never fired.
+    pub first_spike: Vec<u32>,
+    /// Readout of the last spike; [`NO_SPIKE`] if the pixel never fired.
+    pub last_spike: Vec<u32>,
+    /// Number of coincident spikes of the pixel and a neighbor. There is one map per [`NeighborPair`], in the order of
+    /// [`NeighborPair::ALL`]. An entry is zero if the pixel lacks that neighbor.
     pub coincidences: [Vec<u32>; 6],
 }
 
-/// What is counted while frames come in.
-pub(super) struct State {
+/// Accumulates the counts of the readouts that were processed so far.
+pub(super) struct CountAccumulator {
     result: Counts,
-    /// Per word of the band: pixels that have not fired yet.
-    unseen: Vec<u64>,
+    /// One bit per pixel, in the word layout of the block. A bit is 1 until the pixel fires.
+    unfired: Vec<u64>,
 }
 
-/// A block on its way into the counts.
-struct Taking<'a> {
-    state: &'a mut State,
+/// Task that adds a block to the counts.
+struct CountTask<'a> {
+    state: &'a mut CountAccumulator,
     block: &'a Block,
     start: u32,
 }
 
-impl Work for Taking<'_> {
+impl Task for CountTask<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, _: S, b: B) {
-        self.state.take(b, self.block, self.start);
+    fn run<S: I16Lanes, B: BitOps>(self, _: S, b: B) {
+        self.state.process_block(b, self.block, self.start);
     }
 }
 
-impl State {
-    /// Nine maps of 32 bits, a bit for whether the pixel has fired, and rounding up.
+impl CountAccumulator {
+    /// Memory per pixel: nine maps of 32 bits and one bit of `unfired`, rounded up.
     pub(super) const BYTES_PER_PIXEL: usize = 40;
 
     pub(super) fn new(geometry: Geometry, rows: Range<usize>, block: &Block) -> Self {
         let pixels = rows.len() * geometry.width();
         Self {
-            unseen: vec![u64::MAX; block.band_words()],
+            unfired: vec![u64::MAX; block.band_words()],
             result: Counts {
                 geometry,
                 rows,
                 readouts: 0,
                 count: vec![0; pixels],
-                first: vec![NEVER; pixels],
-                last: vec![NEVER; pixels],
+                first_spike: vec![NO_SPIKE; pixels],
+                last_spike: vec![NO_SPIKE; pixels],
                 coincidences: from_fn(|_| vec![0; pixels]),
             },
         }
     }
 
-    /// Counts a block that starts at readout `start`.
+    /// Adds the counts of a block. `start` is the readout number of the block's first readout.
     pub(super) fn process(&mut self, block: &Block, start: u32) {
-        counting_with(Taking { state: self, block, start });
+        dispatch_task(CountTask { state: self, block, start });
     }
 
     #[inline(always)]
-    fn take<B: Bits>(&mut self, b: B, block: &Block, start: u32) {
-        for from in (0..block.len()).step_by(GROUPS * 8) {
-            let slots = from + 1..(from + GROUPS * 8).min(block.len()) + 1;
-            for at in (0..block.band_words()).step_by(TILE) {
+    fn process_block<B: BitOps>(&mut self, b: B, block: &Block, start: u32) {
+        for from in (0..block.len()).step_by(MAX_GROUPS * 8) {
+            let slots = from + 1..(from + MAX_GROUPS * 8).min(block.len()) + 1;
+            for at in (0..block.band_words()).step_by(ROW_WORDS) {
                 let counters = count_tile(b, block, &slots, at);
-                self.empty(b, block, &counters, &slots, at, start);
+                self.flush(b, block, &counters, &slots, at, start);
             }
         }
         self.result.readouts = start + block.len() as u32;
@@ -141,14 +144,14 @@ impl State {
         self.result
     }
 
-    /// Spikes so far, per pixel.
+    /// Returns the number of spikes of each pixel so far.
     pub(super) fn snapshot(&self) -> Vec<u32> {
         self.result.count.clone()
     }
 
-    /// Moves the counters of a tile into the maps.
+    /// Adds the counters of a tile to the maps.
     #[inline(always)]
-    fn empty<B: Bits>(
+    fn flush<B: BitOps>(
         &mut self,
         b: B,
         block: &Block,
@@ -157,12 +160,12 @@ impl State {
         at: usize,
         start: u32,
     ) {
-        let fired = counters[0].any(b);
-        let mut found = [[[0; 64]; TILE]; 8];
+        let fired = counters[0].non_zero(b);
+        let mut found = [[[0; 64]; ROW_WORDS]; 8];
         for (found, counters) in found.iter_mut().zip(counters) {
             *found = counters.counts(b);
         }
-        for lane in 0..TILE.min(block.band_words() - at) {
+        for lane in 0..ROW_WORDS.min(block.band_words() - at) {
             if fired[lane] == 0 {
                 continue;
             }
@@ -177,7 +180,7 @@ impl State {
                 }
             }
             let readout = start + slots.start as u32 - 1;
-            let last = &mut self.result.last[pixel..pixel + pixels];
+            let last = &mut self.result.last_spike[pixel..pixel + pixels];
             for (i, (last, late)) in last.iter_mut().zip(&found[7][lane]).enumerate() {
                 if fired[lane] >> i & 1 != 0 {
                     *last = readout + u32::from(*late);
@@ -187,8 +190,8 @@ impl State {
         }
     }
 
-    /// Finds the first spikes of the pixels of one word, in the blocks in which
-    /// a pixel fires for the first time.
+    /// Stores the readout of the first spike for pixels of one word. The function visits only pixels that fire for the
+    /// first time in these slots.
     fn resolve_first(
         &mut self,
         block: &Block,
@@ -198,20 +201,20 @@ impl State {
         fired: u64,
         start: u32,
     ) {
-        let mut open = fired & self.unseen[word];
-        self.unseen[word] &= !fired;
+        let mut open = fired & self.unfired[word];
+        self.unfired[word] &= !fired;
         for slot in slots.clone() {
             if open == 0 {
                 break;
             }
             let bits = block.words()[slot * block.frame_words() + word];
-            mark(&mut self.result.first[pixel..], open & bits, start + slot as u32 - 1);
+            mark(&mut self.result.first_spike[pixel..], open & bits, start + slot as u32 - 1);
             open &= !bits;
         }
     }
 }
 
-/// Writes `value` at every set bit.
+/// Writes `value` to the entry of `map` at the index of every set bit.
 fn mark(map: &mut [u32], mut bits: u64, value: u32) {
     while bits != 0 {
         map[bits.trailing_zeros() as usize] = value;
@@ -219,34 +222,35 @@ fn mark(map: &mut [u32], mut bits: u64, value: u32) {
     }
 }
 
-/// A tile of one readout: its pixels, their right and their lower neighbours.
+/// Returns three tiles of one readout: the pixels from word `at` on, their right neighbors and their lower neighbors.
 #[inline(always)]
-fn neighbours<B: Bits>(b: B, slot: &[u64], at: usize, stride: usize) -> (B::Row, B::Row, B::Row) {
-    let own = load(b, slot, at);
-    (own, b.down(own, load(b, slot, at + 1)), load(b, slot, at + stride))
+fn neighbor_rows<B: BitOps>(b: B, slot: &[u64], at: usize, stride: usize) -> (B::Row, B::Row, B::Row) {
+    let own = load_row(b, slot, at);
+    (own, b.shift_down(own, load_row(b, slot, at + 1)), load_row(b, slot, at + stride))
 }
 
-/// Spikes and the six coincidences of a tile over some slots, in groups of
-/// eight: the slots after the last are silent.
+/// Counts the spikes and the six coincidences of a tile in a range of slots. Slots are processed in groups of eight.
+/// Slots after the last readout are zero.
 ///
-/// The last of the eight holds the last spike, as a slot counted from the first.
+/// Counter 0 counts spikes and counters 1 to 6 count coincidences. Counter 7 stores the slot of each pixel's last
+/// spike, relative to the first slot.
 #[inline(always)]
-fn count_tile<B: Bits>(b: B, block: &Block, slots: &Range<usize>, at: usize) -> [Counters<B>; 8] {
+fn count_tile<B: BitOps>(b: B, block: &Block, slots: &Range<usize>, at: usize) -> [Counters<B>; 8] {
     let mut counters = [Counters::new(b); 8];
-    let zero = b.row(&[0; TILE]);
-    // Entry 0 is the readout before the group.
+    let zero = b.row(&[0; ROW_WORDS]);
+    // Entry 0 is the readout before the group. Entries 1 to 8 are the readouts of the group.
     let (mut own, mut right, mut lower) = ([zero; 9], [zero; 9], [zero; 9]);
     let before = block.slot(slots.start - 1);
-    (own[8], right[8], lower[8]) = neighbours(b, before, at, block.stride());
+    (own[8], right[8], lower[8]) = neighbor_rows(b, before, at, block.stride());
     for (turn, group) in slots.clone().step_by(8).enumerate() {
         (own[0], right[0], lower[0]) = (own[8], right[8], lower[8]);
         for i in 1..9 {
             let slot = block.slot(group + i - 1);
-            // The lower neighbours of the tile after the next.
-            b.ask(slot, at + block.stride() + 2 * TILE);
-            (own[i], right[i], lower[i]) = neighbours(b, slot, at, block.stride());
+            // Prefetches the lower neighbors of the second tile after this one.
+            b.prefetch(slot, at + block.stride() + 2 * ROW_WORDS);
+            (own[i], right[i], lower[i]) = neighbor_rows(b, slot, at, block.stride());
         }
-        // Of the pixel and of a neighbour, from which entry on.
+        // Tuples: neighbor tiles, first entry of the pixel, first entry of the neighbor.
         let pairs =
             [(&right, 1, 1), (&right, 0, 1), (&right, 1, 0), (&lower, 1, 1), (&lower, 0, 1), (&lower, 1, 0)];
         let mut now = [zero; 8];
@@ -259,74 +263,77 @@ fn count_tile<B: Bits>(b: B, block: &Block, slots: &Range<usize>, at: usize) -> 
             }
             counter.add8(b, &both);
         }
-        counters[7].remember8(b, &now, turn);
+        counters[7].record_last8(b, &now, turn);
     }
     counters
 }
 
 impl Counts {
-    /// Appends the band below; the caller has checked that they fit.
+    /// Appends the counts of the band below this band. The caller must check that the two bands are compatible.
     pub(super) fn append(&mut self, below: Self) {
         self.rows.end = below.rows.end;
         self.count.extend(below.count);
-        self.first.extend(below.first);
-        self.last.extend(below.last);
+        self.first_spike.extend(below.first_spike);
+        self.last_spike.extend(below.last_spike);
         for (map, more) in self.coincidences.iter_mut().zip(below.coincidences) {
             map.extend(more);
         }
     }
 
-    /// Readouts that were counted.
+    /// Number of readouts that were counted.
     #[must_use]
     pub const fn readouts(&self) -> u32 {
         self.readouts
     }
 
-    /// Rate per pixel from its count, in spikes per readout.
+    /// Returns the rate of each pixel from its count, in spikes per readout.
     ///
-    /// Standard error: independent readouts give `sqrt(f (1 - f) / T)`; a pixel
-    /// that integrates misses less than one spike, so uniform phase gives at
-    /// most `1 / (2 T)`.
+    /// The standard error after `T` readouts depends on the pixel. If its readouts are independent, it is
+    /// `sqrt(f (1 - f) / T)` for the rate `f`. The count of an integrating pixel is wrong by less than one spike, so a
+    /// uniform start phase limits the standard error to `1 / (2 T)`.
     #[must_use]
     pub fn rate(&self) -> Vec<f64> {
         let readouts = f64::from(self.readouts);
         self.count.iter().map(|n| f64::from(*n) / readouts).collect()
     }
 
-    /// Rate per pixel from the times of its first and last spike,
-    /// `(N - 1) / (t_last - t_first)`, NaN below two spikes.
+    /// Returns the rate of each pixel, computed from the readouts of its first and last spike as
+    /// `(N - 1) / (t_last - t_first)` for `N` spikes.
     ///
-    /// Standard error: `f^2 sqrt(V) / (N - 1)` with `V` the variance of the
-    /// span: `1/6 + (N - 1) s` for an integrator of phase variance `s` per
-    /// spike (see [`super::Intervals::decompose`]), about `0.41 f / T` when `s` is small.
+    /// The unit is spikes per readout. The rate is NaN with fewer than two spikes.
+    ///
+    /// The standard error is `f^2 sqrt(V) / (N - 1)`. `V` is the variance of the duration between the first and the last
+    /// spike. An integrator has `V = 1/6 + (N - 1) s`, where `s` is the phase variance per spike (see
+    /// [`super::Intervals::decompose`]). If `s` is small, the standard error after `T` readouts is about `0.41 f / T`.
     #[must_use]
     pub fn rate_by_time(&self) -> Vec<f64> {
-        let spans = self.count.iter().zip(self.first.iter().zip(&self.last));
+        let spans = self.count.iter().zip(self.first_spike.iter().zip(&self.last_spike));
         spans.map(|(n, (first, last))| span_rate(*n, *first, *last).unwrap_or(f64::NAN)).collect()
     }
 
-    /// The map of a pair's coincidences.
+    /// Returns the map of the coincidences of `pair`.
     #[must_use]
-    pub fn coincidence(&self, pair: Pair) -> &[u32] {
+    pub fn coincidence(&self, pair: NeighborPair) -> &[u32] {
         &self.coincidences[pair as usize]
     }
 
-    /// Correlation of pixel and neighbour: the covariance of the two bits over
-    /// their readouts, summed over all pairs and divided by the sum of
-    /// `sqrt(f(1-f) f'(1-f'))`.
+    /// Returns the correlation between the bit of a pixel and the bit of its neighbor.
     ///
-    /// Independent pixels give 0 in the mean over start phases, though any one
-    /// pair of equal rates does not. Standard error: the spread of the sums of
-    /// 8x8-pixel tiles about the ratio (linearised ratio estimator), so
-    /// neighbouring pairs need not be independent.
+    /// The numerator is the sum, over all pairs of pixels, of the covariance of their two bits. The denominator is the
+    /// sum of `sqrt(f (1 - f) f' (1 - f'))` over all pairs, where `f` and `f'` are the rates of the two pixels.
+    ///
+    /// For independent pixels the mean over all start phases is 0. A single pair of pixels with equal rates can still be
+    /// correlated. The standard error is the scatter of the sums of 8x8-pixel tiles about the ratio (linearized ratio
+    /// estimator). The error does not assume that neighboring pairs are independent.
     #[must_use]
-    pub fn correlation(&self, pair: Pair) -> Estimate {
-        let pairs = self.pairs(pair);
-        tiles_ratio(pairs.len(), self.geometry.width(), 8, |p| pairs[p])
+    pub fn correlation(&self, pair: NeighborPair) -> Estimate {
+        let pairs = self.pair_terms(pair);
+        tiled_ratio(pairs.len(), self.geometry.width(), 8, |p| pairs[p])
     }
 
-    /// What each pair adds to [`Self::correlation`] and to what it is a share of; `None` where there is no neighbour.
-    fn pairs(&self, pair: Pair) -> Vec<Option<(f64, f64)>> {
+    /// Returns what each pair adds to the numerator and to the denominator of [`Self::correlation`]. An entry is `None` if
+    /// the pixel lacks that neighbor.
+    fn pair_terms(&self, pair: NeighborPair) -> Vec<Option<(f64, f64)>> {
         let width = self.geometry.width();
         let map = self.coincidence(pair);
         let step = if pair.is_right() { 1 } else { width };
@@ -343,10 +350,12 @@ impl Counts {
         (0..rate.len()).map(of_pixel).collect()
     }
 
-    /// What each pair adds to the deviation of [`Self::correlation`], in units of it: the sum over all pairs is 0. NaN
-    /// where there is no neighbour.
-    pub(super) fn correlation_map(&self, pair: Pair) -> Vec<f64> {
-        let pairs = self.pairs(pair);
+    /// Returns the influence of each pair on [`Self::correlation`], which is `(a - r b) / mean(b)`.
+    ///
+    /// `r` is the correlation. `a` and `b` are what the pair adds to its numerator and denominator. The influences of all
+    /// pairs sum to 0. An entry is NaN if the pixel lacks that neighbor.
+    pub(super) fn correlation_map(&self, pair: NeighborPair) -> Vec<f64> {
+        let pairs = self.pair_terms(pair);
         let told = pairs.iter().flatten();
         let (x, y, n) = told.fold((0.0, 0.0, 0.0), |s, v| (s.0 + v.0, s.1 + v.1, s.2 + 1.0));
         pairs.iter().map(|v| v.map_or(f64::NAN, |(a, b)| (a - x / y * b) / (y / n))).collect()

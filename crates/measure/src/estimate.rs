@@ -1,4 +1,4 @@
-//! A number with its uncertainty, and the robust statistics of maps.
+//! Estimates with standard errors, and robust statistics of maps.
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
@@ -6,20 +6,22 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 /// A value with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Estimate {
-    /// The value; NaN when nothing could be measured.
+    /// The value; NaN if nothing was measured.
     pub value: f64,
-    /// Its standard error; NaN when it cannot be told from the data.
+    /// The standard error; NaN if the data do not determine it.
     pub error: f64,
-    /// How many samples (pixels, pairs, rows) went in.
+    /// Number of samples (pixels, pairs, rows).
     pub samples: usize,
 }
 
 impl Estimate {
-    /// Mean of the finite samples; standard error `sd / sqrt(n)` with the
-    /// unbiased variance, which holds for independent samples.
+    /// Returns the mean of the finite samples.
+    ///
+    /// The standard error is `sd / sqrt(n)`, where `sd^2` is the unbiased variance. It is valid for independent
+    /// samples.
     #[must_use]
     pub fn mean(samples: impl IntoIterator<Item = f64>) -> Self {
-        // Welford's update: one pass, and no cancellation for a large mean.
+        // Welford's update needs one pass. It loses no digits if the mean is large.
         let (mut n, mut mean, mut squares) = (0_usize, 0.0, 0.0);
         for x in samples.into_iter().filter(|x| x.is_finite()) {
             n += 1;
@@ -35,19 +37,19 @@ impl Estimate {
         Self { value, error, samples: n }
     }
 
-    /// How many standard errors the value lies above `expected`.
+    /// Returns the number of standard errors by which the value exceeds `expected`.
     #[must_use]
     pub fn sigmas_from(self, expected: f64) -> f64 {
         (self.value - expected) / self.error
     }
 }
 
-/// Sum of `x` over sum of `y` over pixels, with the standard error from the
-/// spread of square tiles of `side` pixels.
+/// Returns the ratio of two sums over pixels, `r = X / Y`. The standard error comes from the scatter of square tiles.
 ///
-/// With `r = X/Y` and tile sums `x_b, y_b`: `se = sqrt(B/(B-1) sum (x_b - r y_b)^2) / |Y|`
-/// (the linearised ratio estimator, the closed form of a bootstrap over tiles).
-pub(super) fn tiles_ratio(
+/// `side` is the side of a tile in pixels. `x_b` and `y_b` are the sums of tile `b`. For `B` tiles the standard error is
+/// `sqrt(B/(B-1) sum (x_b - r y_b)^2) / |Y|`. This is the linearized ratio estimator, the closed form of a bootstrap
+/// over tiles.
+pub(super) fn tiled_ratio(
     pixels: usize,
     width: usize,
     side: usize,
@@ -71,20 +73,21 @@ pub(super) fn tiles_ratio(
     Estimate { value, error, samples: tiles.iter().map(|t| t.2).sum() }
 }
 
-/// Mean of the finite entries of a row-major map of rows of `width`, with the
-/// standard error from the spread of tiles of `side` x `side` pixels: right
-/// for maps that are correlated over less than a tile.
+/// Returns the mean of the finite entries of a row-major map. `width` is the number of entries per row.
+///
+/// The standard error comes from the scatter of tiles of `side` x `side` pixels. It is valid if entries more than one
+/// tile apart are uncorrelated.
 #[must_use]
 pub fn tiled_mean(map: &[f64], width: usize, side: usize) -> Estimate {
     let of_pixel = |p: usize| map[p].is_finite().then_some((map[p], 1.0));
-    tiles_ratio(map.len(), width, side.max(1), of_pixel)
+    tiled_ratio(map.len(), width, side.max(1), of_pixel)
 }
 
-/// Any statistic of the finite entries of a map, with its standard error by a
-/// bootstrap over tiles of `side` x `side` pixels: tiles are drawn with
-/// replacement `rounds` times, and the error is the standard deviation of the
-/// statistic over the rounds. For medians and robust spreads, which have no
-/// closed form here.
+/// Returns a statistic of the finite entries of a map, with a bootstrap standard error.
+///
+/// Each of `rounds` resamples draws tiles of `side` x `side` pixels with replacement. The error is the standard
+/// deviation of the statistic over the resamples. Use this function for medians and robust spreads, because this module
+/// has no closed form for their errors.
 #[must_use]
 pub fn bootstrap(
     map: &[f64],
@@ -107,7 +110,7 @@ pub fn bootstrap(
     let draws = (0..rounds).map(|_| {
         let mut drawn = Vec::with_capacity(samples);
         for _ in 0..tiles.len() {
-            // Multiply-shift: the bias of at most tiles/2^32 is far below the error's own.
+            // Multiply-shift draws an index with a bias of at most tiles/2^32, which is negligible beside the sampling error.
             let pick = (u64::from(random.next_u32()) * tiles.len() as u64) >> 32;
             drawn.extend_from_slice(&tiles[pick as usize]);
         }
@@ -117,14 +120,15 @@ pub fn bootstrap(
     Estimate { value, error: spread.error * (spread.samples as f64).sqrt(), samples }
 }
 
-/// The finite entries of a map.
+/// Returns the finite entries of a map.
 #[must_use]
-pub fn finite(map: &[f64]) -> Vec<f64> {
+pub fn finite_values(map: &[f64]) -> Vec<f64> {
     map.iter().copied().filter(|x| x.is_finite()).collect()
 }
 
-/// Median of finite values (the mean of the middle two of an even number);
-/// NaN of none. Reorders them.
+/// Returns the median of finite values, or NaN if `values` is empty. Reorders the values.
+///
+/// For an even number of values the median is the mean of the two middle values.
 #[must_use]
 pub fn median(values: &mut [f64]) -> f64 {
     let (n, upper) = (values.len(), upper_median(values));
@@ -135,7 +139,8 @@ pub fn median(values: &mut [f64]) -> f64 {
     f64::midpoint(lower, upper)
 }
 
-/// The larger of the middle two of an even number of values, the median of an odd number; NaN of none. Reorders them.
+/// Returns the median of an odd number of values, or the larger middle value of an even number of values. Returns NaN if
+/// `values` is empty. Reorders the values.
 pub fn upper_median(values: &mut [f64]) -> f64 {
     match values.len() {
         0 => f64::NAN,
@@ -143,22 +148,24 @@ pub fn upper_median(values: &mut [f64]) -> f64 {
     }
 }
 
-/// Median and robust standard deviation, `1.4826` times the median absolute
-/// deviation (equal to the standard deviation of a normal distribution; its
-/// own relative standard error is then `1.17 / sqrt(n)`). Reorders the values.
+/// Returns the median and a robust standard deviation. Reorders the values.
+///
+/// The robust deviation is `1.4826` times the median absolute deviation. For a normal distribution it equals the
+/// standard deviation, and its relative standard error is `1.17 / sqrt(n)` for `n` values.
 #[must_use]
 pub fn median_and_spread(values: &mut [f64]) -> (f64, f64) {
-    let centre = median(values);
-    let mut deviations: Vec<f64> = values.iter().map(|x| (x - centre).abs()).collect();
-    (centre, 1.4826 * median(&mut deviations))
+    let center = median(values);
+    let mut deviations: Vec<f64> = values.iter().map(|x| (x - center).abs()).collect();
+    (center, 1.4826 * median(&mut deviations))
 }
 
-/// Mean of the finite values without the share `trim` at either end. Standard
-/// error: Winsorised standard deviation over `(1 - 2 trim) sqrt(n)` (Tukey and
+/// Returns the mean of the finite values, after removing the share `trim` of the values at each end.
+///
+/// The standard error is the Winsorized standard deviation divided by `(1 - 2 trim) sqrt(n)` for `n` values (Tukey and
 /// McLaughlin 1963).
 #[must_use]
 pub fn trimmed_mean(map: &[f64], trim: f64) -> Estimate {
-    let mut values = finite(map);
+    let mut values = finite_values(map);
     values.sort_by(f64::total_cmp);
     let n = values.len();
     let cut = ((n as f64 * trim.clamp(0.0, 0.49)) as usize).min(n.saturating_sub(1) / 2);

@@ -1,25 +1,25 @@
-//! Statistics of bands of rows, put together.
+//! Joins the statistics of bands of rows.
 
 use super::Statistics;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 
 impl Statistics {
-    /// Joins the statistics of bands of rows of one stream: they must cover
-    /// neighbouring rows, and have measured the same things over the same
-    /// readouts. Statistics of whole readouts come from at most one of the
-    /// parts, which may have nothing else.
+    /// Joins the statistics of several bands of rows of one stream.
     ///
-    /// The result equals that of one accumulator for all the rows.
+    /// The bands must cover adjacent rows. They must be measured with the same options and over the same readouts. At
+    /// most one part can contain statistics of whole readouts, and this part can omit all other statistics.
+    ///
+    /// The result equals the statistics of one accumulator for all rows.
     ///
     /// # Errors
-    /// When the parts do not fit together.
+    /// [`ErrorKind::Usage`] if `parts` is empty, or if the bands or the options of the parts do not match.
     pub fn join(parts: Vec<Self>) -> Result<Self> {
         let (mut bands, frames): (Vec<Self>, Vec<Self>) =
             parts.into_iter().partition(|p| p.counts.is_some() || p.intervals.is_some());
         bands.sort_by_key(|band| band.rows.start);
         let mut all = bands.into_iter().chain(frames);
         let Some(mut joined) = all.next() else {
-            return Err(Error::new(Kind::Usage, "statistics to join").found("none"));
+            return Err(Error::new(ErrorKind::Usage, "statistics to join").found("none"));
         };
         for part in all {
             joined.add(part)?;
@@ -29,12 +29,12 @@ impl Statistics {
 
     fn add(&mut self, part: Self) -> Result<()> {
         if part.geometry != self.geometry || part.readouts != self.readouts {
-            return Err(Error::new(Kind::Usage, "statistics to join")
+            return Err(Error::new(ErrorKind::Usage, "statistics to join")
                 .found(format_args!("{} over {} readouts", part.geometry, part.readouts))
                 .expected(format_args!("{} over {} readouts", self.geometry, self.readouts)));
         }
         if part.frames.is_some() && self.frames.is_some() {
-            return Err(Error::new(Kind::Usage, "statistics to join")
+            return Err(Error::new(ErrorKind::Usage, "statistics to join")
                 .found("two parts with statistics of whole readouts")
                 .expected("one"));
         }
@@ -43,19 +43,19 @@ impl Statistics {
             return Ok(());
         }
         if part.rows.start != self.rows.end {
-            return Err(Error::new(Kind::Usage, "rows of statistics to join")
+            return Err(Error::new(ErrorKind::Usage, "rows of statistics to join")
                 .found(format_args!("rows from {}", part.rows.start))
                 .expected(format_args!("rows from {}", self.rows.end)));
         }
-        let fits = self.early_count.is_some() == part.early_count.is_some()
+        let fits = self.counts_before_split.is_some() == part.counts_before_split.is_some()
             && self.counts.is_some() == part.counts.is_some()
             && match (&self.intervals, &part.intervals) {
-                (Some(a), Some(b)) => a.fits(b),
+                (Some(a), Some(b)) => a.has_same_options(b),
                 (None, None) => true,
                 _ => false,
             };
         if !fits {
-            return Err(Error::new(Kind::Usage, "statistics to join")
+            return Err(Error::new(ErrorKind::Usage, "statistics to join")
                 .found("bands measured with different options")
                 .expected("the same options for all bands"));
         }
@@ -66,7 +66,7 @@ impl Statistics {
         if let (Some(all), Some(more)) = (&mut self.intervals, part.intervals) {
             all.append(more);
         }
-        if let (Some(all), Some(more)) = (&mut self.early_count, part.early_count) {
+        if let (Some(all), Some(more)) = (&mut self.counts_before_split, part.counts_before_split) {
             all.extend(more);
         }
         Ok(())

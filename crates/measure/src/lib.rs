@@ -1,120 +1,118 @@
-//! Statistics of bit-packed spike streams, without an opinion on them.
+//! Statistics of bit-packed spike streams.
 //!
-//! An [`Accumulator`] takes packed frames in batches of any size and keeps
-//! integer sums; memory does not grow with the number of readouts (apart from
-//! the first [`MeasureOptions::series_readouts`] entries of the per-readout series).
-//! [`Accumulator::finish`] gives [`Statistics`], whose parts answer with an
-//! [`Estimate`], a value and its standard error, or with maps.
+//! An [`Accumulator`] accepts packed frames in batches of any size and updates integer sums. Its memory does not grow
+//! with the number of readouts, except for the first [`MeasureOptions::series_readouts`] entries of the per-readout
+//! series. [`Accumulator::finish`] returns [`Statistics`]. The methods of [`Statistics`] and of its fields return maps,
+//! or an [`Estimate`], which is a value with its standard error.
 //!
-//! Three families, each of which can be left out:
-//! * [`Counts`]: per-pixel counts, first and last spikes, coincidences of neighbours;
-//! * [`Frames`]: totals of readouts, distance of successive readouts, halves of
-//!   rows and columns;
-//! * [`Intervals`]: everything about inter-spike intervals.
+//! Each of the three families of statistics can be switched off:
+//! * [`Counts`]: per-pixel counts, first and last spikes, and coincidences of neighbors;
+//! * [`FrameStatistics`]: totals of readouts, distances between successive readouts, and halves of rows and columns;
+//! * [`Intervals`]: statistics of inter-spike intervals.
 //!
-//! **Threads.** Counts and intervals belong to pixels, so accumulators of bands
-//! of rows ([`MeasureOptions::rows`]) can run side by side on the same frames, and
-//! [`Statistics::join`] puts them together. Frames need whole readouts: run
-//! them as one more accumulator with [`MeasureOptions::only_frames`].
+//! **Threads.** Counts and intervals are computed per pixel. Accumulators for bands of rows ([`MeasureOptions::rows`])
+//! can therefore process the same frames in parallel. [`Statistics::join`] joins their results. Frame statistics need
+//! whole readouts, so measure them in another accumulator with [`MeasureOptions::frames_only`].
 //!
-//! Results are the same bits for every batching and banding.
+//! Results are bit-identical for all batch sizes and bands.
 
 mod block;
 mod counts;
-mod errors;
+mod dead_pixels;
 mod estimate;
+mod frame_popcount;
 mod frames;
+pub mod image_noise;
 mod intervals;
 mod join;
-mod list;
 mod maps;
-mod newest;
 mod options;
-pub mod picture_noise;
 pub mod report;
-mod silence;
 mod spectrum;
+mod statistics;
 mod stream;
 mod summary;
+mod uncertainty;
 
 use std::ops::Range;
 
 use block::Block;
-use spikelane::error::{Error, Kind, Result};
-use spikelane::spikes::{Geometry, Packed};
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes::{Geometry, SpikeFramesRef};
 
-pub use counts::NEVER;
-pub use counts::{Counts, Pair};
-pub use errors::motion;
-pub use errors::{MEANING, Motion, Recorder};
-pub use errors::{Recording, Said, Told};
+pub use counts::NO_SPIKE;
+pub use counts::{Counts, NeighborPair};
+pub use dead_pixels::is_dead_if_silent;
 pub use estimate::Estimate;
-pub use estimate::{bootstrap, finite, median, median_and_spread, tiled_mean, trimmed_mean};
-pub use frames::{Extreme, Frames};
-pub use intervals::{Deviation, Halves, Intervals, Lengths, PhaseNoise, PixelIntervals};
-pub use list::{Named, list};
+pub use estimate::{bootstrap, finite_values, median, median_and_spread, tiled_mean, trimmed_mean};
+pub use frames::{ExtremeReadout, FrameStatistics};
+pub use intervals::{HalfMaps, IntervalHistogram, Intervals, PhaseNoise, PixelIntervals, ReadoutDeviation};
 pub use maps::line_structure;
 pub use maps::{Correlations, LineStructure, high_pass};
-pub use maps::{box_means, map_correlations, pattern_correlations, select_rate, select_smooth};
+pub use maps::{box_means, map_correlations, pattern_correlations, select_rate, select_uniform};
 pub use options::MeasureOptions;
-pub use silence::silence_is_impossible;
-pub use spectrum::{Line, Spectrum, TotalsLine};
+pub use spectrum::{FrameTotalLine, SpectralLine, Spectrum};
 pub use spectrum::{frame_total_lines, spectrum};
-pub use stream::of_stream;
-pub use summary::borders;
+pub use statistics::{Statistic, statistics};
+pub use stream::measure_stream;
+pub use summary::border_excess;
 pub use summary::dsnu_prnu;
-pub use summary::{Defects, Summary, summarise};
+pub use summary::{Defects, Summary, summarize};
+pub use uncertainty::detect_motion;
+pub use uncertainty::{ERROR_MEANING, RecordingAccumulator, SceneMotion};
+pub use uncertainty::{MeasuredRecording, MeasurementReport, ReportedStatistic};
 pub use {estimate::upper_median, spectrum::squared_magnitudes};
 
-/// Most readouts of a stream: sums of squares stay within 64 bits.
+/// Largest number of readouts of a stream. It ensures that sums of squares fit into 64 bits.
 pub(crate) const MAX_READOUTS: u32 = 1 << 28;
 
-/// Takes frames and keeps their sums.
+/// Accumulates the sums of statistics over the frames of a stream.
 pub struct Accumulator {
     geometry: Geometry,
     rows: Range<usize>,
     split: Option<u32>,
     block: Block,
-    /// Readouts before the block.
+    /// Number of readouts before the block.
     start: u32,
-    counts: Option<counts::State>,
-    frames: Option<frames::State>,
-    intervals: Option<intervals::State>,
-    early: Option<Vec<u32>>,
+    counts: Option<counts::CountAccumulator>,
+    frames: Option<frames::FrameAccumulator>,
+    intervals: Option<intervals::IntervalAccumulator>,
+    early_counts: Option<Vec<u32>>,
 }
 
 impl Accumulator {
-    /// An accumulator for a sensor.
+    /// Returns an empty accumulator for a sensor.
     ///
-    /// Buffers the last 1984 readouts of its rows (fewer above 64 MB), and
-    /// keeps 40 bytes per pixel for counts and 330 for intervals at six lags.
+    /// The accumulator buffers up to 1984 readouts of its rows, in at most 64 MiB. The counts need 40 bytes per pixel.
+    /// The intervals need about 320 bytes per pixel at six lags.
     ///
     /// # Examples
     /// ```
     /// use spikelane_measure::{Accumulator, MeasureOptions};
-    /// use spikelane::{Geometry, Packed};
+    /// use spikelane::{Geometry, SpikeFramesRef};
     /// let geometry = Geometry::new(8, 1)?;
     /// let mut sums = Accumulator::new(geometry, &MeasureOptions::without_intervals())?;
-    /// sums.push(Packed::new(geometry, &[1, 0, 1, 0])?)?;
+    /// sums.push(SpikeFramesRef::new(geometry, &[1, 0, 1, 0])?)?;
     /// let statistics = sums.finish();
     /// assert_eq!(statistics.readouts, 4);
     /// # Ok::<(), spikelane::Error>(())
     /// ```
     ///
     /// # Errors
-    /// When the rows, a lag or the histogram's length are out of range, or
-    /// frames are asked for in a band.
+    /// [`ErrorKind::Usage`] if the rows, a lag or the histogram length are out of range, or if frame statistics are
+    /// requested for a band of rows.
     pub fn new(geometry: Geometry, options: &MeasureOptions) -> Result<Self> {
-        let (rows, lags) = options.checked(geometry)?;
+        let (rows, lags) = options.validate(geometry)?;
         let block = match options.counts || options.intervals {
             true => Block::new(geometry, rows.clone()),
-            false => Block::short(geometry, rows.clone()),
+            false => Block::new_short(geometry, rows.clone()),
         };
-        let counts = options.counts.then(|| counts::State::new(geometry, rows.clone(), &block));
-        let frames = options.frames.then(|| frames::State::new(geometry, options, &block));
+        let counts = options.counts.then(|| counts::CountAccumulator::new(geometry, rows.clone(), &block));
+        let frames = options.frames.then(|| frames::FrameAccumulator::new(geometry, options, &block));
         let (bin, series) = (options.longest_bin, options.series_readouts);
-        let intervals =
-            options.intervals.then(|| intervals::State::new(geometry, rows.clone(), lags, bin, series));
+        let intervals = options
+            .intervals
+            .then(|| intervals::IntervalAccumulator::new(geometry, rows.clone(), lags, bin, series));
         Ok(Self {
             geometry,
             rows,
@@ -124,42 +122,42 @@ impl Accumulator {
             counts,
             frames,
             intervals,
-            early: None,
+            early_counts: None,
         })
     }
 
-    /// The memory of one pixel in bytes: its history of spikes, and its sums.
+    /// Returns two sizes in bytes per pixel: the spike history, and the sums.
     pub(crate) fn bytes_per_pixel(geometry: Geometry, options: &MeasureOptions) -> Result<[usize; 2]> {
-        let (_, lags) = options.checked(geometry)?;
-        let counts = if options.counts { counts::State::BYTES_PER_PIXEL } else { 0 };
+        let (_, lags) = options.validate(geometry)?;
+        let counts = if options.counts { counts::CountAccumulator::BYTES_PER_PIXEL } else { 0 };
         let [history, sums] =
-            if options.intervals { intervals::State::bytes_per_pixel(&lags) } else { [0; 2] };
+            if options.intervals { intervals::IntervalAccumulator::bytes_per_pixel(&lags) } else { [0; 2] };
         Ok([history, counts + sums])
     }
 
-    /// Takes the next readouts, in order.
+    /// Adds the next readouts of the stream.
     ///
     /// # Errors
-    /// When the frames are of another size, or the stream becomes longer than
-    /// 2^28 readouts; nothing of the batch is taken then.
-    pub fn push(&mut self, frames: Packed<'_>) -> Result<()> {
+    /// [`ErrorKind::Input`] if the frames have another geometry than the accumulator, or if the stream becomes longer than
+    /// 2^28 readouts. In both cases no frame of the batch is added.
+    pub fn push(&mut self, frames: SpikeFramesRef<'_>) -> Result<()> {
         if frames.geometry() != self.geometry {
-            return Err(Error::new(Kind::Input, "frames to measure")
+            return Err(Error::new(ErrorKind::Input, "frames to measure")
                 .found(frames.geometry())
                 .expected(self.geometry));
         }
         let total = self.start as usize + self.block.len() + frames.readouts();
         if total > MAX_READOUTS as usize {
-            return Err(Error::new(Kind::Input, "length of the stream")
-                .found(format_args!("{total} readouts or more"))
+            return Err(Error::new(ErrorKind::Input, "length of the stream")
+                .found(format_args!("at least {total} readouts"))
                 .expected(format_args!("at most {MAX_READOUTS}"))
-                .remedy("measure parts of it"));
+                .remedy("measure parts of the stream"));
         }
-        for frame in frames.frames() {
-            self.block.append(frame);
-            let wanted =
-                self.frames.is_some() || self.intervals.as_ref().is_some_and(intervals::State::wants_totals);
-            let spikes = if wanted { newest::spikes(self.block.newest()) } else { 0 };
+        for frame in frames {
+            self.block.append(frame.as_bytes());
+            let wanted = self.frames.is_some()
+                || self.intervals.as_ref().is_some_and(intervals::IntervalAccumulator::needs_totals);
+            let spikes = if wanted { frame_popcount::count_spikes(self.block.latest_words()) } else { 0 };
             if let Some(state) = &mut self.frames {
                 state.push(&self.block, spikes);
             }
@@ -175,7 +173,7 @@ impl Accumulator {
     }
 
     fn process(&mut self) {
-        self.block.silence_rest();
+        self.block.clear_rest();
         if let Some(state) = &mut self.counts {
             state.process(&self.block, self.start);
         }
@@ -185,14 +183,14 @@ impl Accumulator {
         self.start += self.block.len() as u32;
         self.block.recycle();
         if self.split == Some(self.start) {
-            self.early = self.counts.as_ref().map(counts::State::snapshot);
+            self.early_counts = self.counts.as_ref().map(counts::CountAccumulator::snapshot);
             if let Some(state) = &mut self.intervals {
-                state.split();
+                state.mark_split();
             }
         }
     }
 
-    /// The statistics of everything that was pushed.
+    /// Returns the statistics of all readouts that were pushed.
     #[must_use]
     pub fn finish(mut self) -> Statistics {
         if self.block.len() > 0 {
@@ -202,30 +200,31 @@ impl Accumulator {
             geometry: self.geometry,
             rows: self.rows,
             readouts: self.start,
-            counts: self.counts.map(counts::State::finish),
-            frames: self.frames.map(frames::State::finish),
-            intervals: self.intervals.map(intervals::State::finish),
-            early_count: self.early,
+            counts: self.counts.map(counts::CountAccumulator::finish),
+            frames: self.frames.map(frames::FrameAccumulator::finish),
+            intervals: self.intervals.map(intervals::IntervalAccumulator::finish),
+            counts_before_split: self.early_counts,
         }
     }
 }
 
-/// Everything that was asked for.
+/// Statistics of a stream or of a band of its rows. A family that was not measured is `None`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Statistics {
-    /// The sensor.
+    /// Geometry of the sensor.
     pub geometry: Geometry,
     /// The rows that were measured.
     pub rows: Range<usize>,
-    /// Readouts.
+    /// Number of readouts.
     pub readouts: u32,
     /// Per-pixel counts.
     pub counts: Option<Counts>,
-    /// Whole readouts.
-    pub frames: Option<Frames>,
+    /// Statistics of whole readouts.
+    pub frames: Option<FrameStatistics>,
     /// Inter-spike intervals.
     pub intervals: Option<Intervals>,
-    /// Spikes per pixel before [`MeasureOptions::split`], when it was set and reached.
-    pub early_count: Option<Vec<u32>>,
+    /// Number of spikes of each pixel before [`MeasureOptions::split`]. `None` if no split was set, or if the stream ended
+    /// before the split.
+    pub counts_before_split: Option<Vec<u32>>,
 }

@@ -1,38 +1,38 @@
-//! What is measured.
+//! Options of a measurement.
 
 use std::ops::Range;
 
-use super::intervals::LONGEST_LAG;
-use spikelane::error::{Error, Kind, Result};
+use super::intervals::MAX_LAG_INTERVALS;
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 
-/// What to measure.
+/// Selects the statistics to measure, and their parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeasureOptions {
-    /// Measure [`Counts`](super::Counts).
+    /// Whether to measure [`Counts`](super::Counts).
     pub counts: bool,
-    /// Measure [`Frames`](super::Frames); needs all rows.
+    /// Whether to measure [`FrameStatistics`](super::FrameStatistics). They need all rows of the sensor.
     pub frames: bool,
-    /// Whether [`Frames`](super::Frames) holds the halves of rows and columns.
-    pub halves: bool,
-    /// Measure [`Intervals`](super::Intervals).
+    /// Whether [`FrameStatistics`](super::FrameStatistics) include the halves of rows and of columns.
+    pub line_covariances: bool,
+    /// Whether to measure [`Intervals`](super::Intervals).
     pub intervals: bool,
-    /// Lags of `D(n)` in intervals, 1 to 64; 1 is always there.
+    /// Lags of `D(n)` in intervals, 1 to 64. Lag 1 is always measured.
     pub lags: Vec<u32>,
-    /// The longest interval with a bin of its own in the histogram.
+    /// Longest interval, in readouts, that has its own bin in the histogram.
     pub longest_bin: u32,
-    /// The readout at which the second half begins, for statistics by halves.
+    /// Number of the readout at which the second half begins. `None` disables the statistics of halves.
     pub split: Option<u32>,
-    /// Readouts of which per-readout series are kept (20 bytes each).
+    /// Number of readouts in the per-readout series. Each readout needs 24 bytes.
     pub series_readouts: usize,
-    /// The rows to measure; `None` is all of them.
+    /// The rows to measure. `None` selects all rows.
     pub rows: Option<Range<usize>>,
 }
 
 spikelane::unstable::with_methods!(MeasureOptions {
     with_counts: counts: bool,
     with_frames: frames: bool,
-    with_halves: halves: bool,
+    with_line_covariances: line_covariances: bool,
     with_intervals: intervals: bool,
     with_lags: lags: Vec<u32>,
     with_longest_bin: longest_bin: u32,
@@ -46,7 +46,7 @@ impl Default for MeasureOptions {
         Self {
             counts: true,
             frames: true,
-            halves: true,
+            line_covariances: true,
             intervals: true,
             lags: vec![1, 4, 8, 16, 24, 32],
             longest_bin: 1023,
@@ -58,44 +58,47 @@ impl Default for MeasureOptions {
 }
 
 impl MeasureOptions {
-    /// Only per-pixel counts and frame statistics: several times faster.
+    /// Returns options that select only per-pixel counts and frame statistics. Measuring is then several times faster.
     #[must_use]
     pub fn without_intervals() -> Self {
         Self { intervals: false, ..Self::default() }
     }
 
-    /// Only whole readouts.
+    /// Returns options that select only statistics of whole readouts.
     #[must_use]
-    pub fn only_frames() -> Self {
+    pub fn frames_only() -> Self {
         Self { counts: false, ..Self::without_intervals() }
     }
 
-    /// The rows that are measured and the lags in order, or what is wrong with the options.
-    pub(super) fn checked(&self, geometry: Geometry) -> Result<(Range<usize>, Vec<u32>)> {
+    /// Returns the rows to measure and the sorted lags.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Usage`] if an option is out of range.
+    pub(super) fn validate(&self, geometry: Geometry) -> Result<(Range<usize>, Vec<u32>)> {
         let all = 0..geometry.height();
         let rows = self.rows.clone().unwrap_or(all.clone());
         if rows.is_empty() || rows.end > all.end {
-            return Err(Error::new(Kind::Usage, "rows to measure")
+            return Err(Error::new(ErrorKind::Usage, "rows to measure")
                 .found(format_args!("{}..{}", rows.start, rows.end))
                 .expected(format_args!("a range within 0..{}", all.end)));
         }
         if self.frames && rows != all {
-            return Err(Error::new(Kind::Usage, "rows to measure")
+            return Err(Error::new(ErrorKind::Usage, "rows to measure")
                 .found(format_args!("{}..{}", rows.start, rows.end))
-                .expected("all rows for statistics of whole readouts")
-                .remedy("measure frames in an accumulator of their own"));
+                .expected("all rows, because whole-readout statistics are enabled")
+                .remedy("measure frames in a separate accumulator"));
         }
         let mut lags = self.lags.clone();
         lags.push(1);
         lags.sort_unstable();
         lags.dedup();
-        if let Some(bad) = lags.iter().find(|l| !(1..=LONGEST_LAG).contains(*l)) {
-            return Err(Error::new(Kind::Usage, "lag of the interval variance")
+        if let Some(bad) = lags.iter().find(|l| !(1..=MAX_LAG_INTERVALS).contains(*l)) {
+            return Err(Error::new(ErrorKind::Usage, "lag of the interval variance")
                 .found(bad)
-                .expected(format_args!("1 to {LONGEST_LAG} intervals")));
+                .expected(format_args!("1 to {MAX_LAG_INTERVALS} intervals")));
         }
         if !(1..=1 << 20).contains(&self.longest_bin) {
-            return Err(Error::new(Kind::Usage, "longest bin of the interval histogram")
+            return Err(Error::new(ErrorKind::Usage, "longest bin of the interval histogram")
                 .found(self.longest_bin)
                 .expected(format_args!("1 to {} readouts", 1 << 20)));
         }

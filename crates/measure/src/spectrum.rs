@@ -1,48 +1,55 @@
-//! The power spectrum of frame totals.
+//! Power spectrum of frame totals.
 
 use realfft::{FftError, RealFftPlanner, RealToComplex};
 
 use crate::Statistics;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 
-/// A power spectrum by Welch's method.
+/// A power spectrum, estimated by Welch's method.
 #[derive(Clone, Debug, serde::Serialize)]
 #[non_exhaustive]
 pub struct Spectrum {
-    /// Readouts in a segment.
+    /// Number of readouts in a segment.
     pub segment: usize,
-    /// Half-overlapping segments that were averaged.
+    /// Number of segments that were averaged. Successive segments overlap by half their length.
     pub segments: usize,
-    /// Power of bin `k`, frequency `k / segment` per readout, `k` from 0 to
-    /// `segment / 2`: one-sided, so that the sum over bins above 0 is the
-    /// variance of the totals at those frequencies, in spikes squared.
+    /// One-sided power of bin `k`, in spikes squared, for `k` from 0 to `segment / 2`.
+    ///
+    /// The frequency of bin `k` is `k / segment` cycles per readout. The sum of all bins except bin 0 is the variance of
+    /// the totals.
     pub power: Vec<f64>,
-    /// Standard error of any bin's power, as a fraction of it: `sqrt(11 / (9 K))`
-    /// for `K` segments with a Hann window at half overlap (Welch 1967; `1` for one).
+    /// Standard error of the power of a bin, divided by the power. All bins have the same relative error.
+    ///
+    /// It is `sqrt(11 / (9 K))` for `K` Hann-windowed segments that overlap by half (Welch 1967). For one segment it is 1.
     pub relative_error: f64,
 }
 
-/// A line of a spectrum.
+/// A spectral line.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Line {
-    /// Cycles per readout.
+pub struct SpectralLine {
+    /// Frequency in cycles per readout.
     pub frequency: f64,
-    /// Power in its bin, in spikes squared.
+    /// Power of the line's bin, in spikes squared.
     pub power: f64,
-    /// Power over the median power of the 32 bins around it.
+    /// Power divided by the median power of the 32 bins around the line.
     pub prominence: f64,
 }
 
-/// Harmonics of a pixel's rate that a line may be.
-const HARMONICS: u32 = 16;
+/// Highest harmonic of a pixel's rate that is compared with a spectral line.
+const MAX_HARMONIC: u32 = 16;
 
-impl Line {
-    /// The harmonic of the pixels' own firing rate that this line is, if any: 1 for the rate itself. Pixels of nearly one
-    /// rate that fire in phase, as they do after a common start, make lines that no light made.
+impl SpectralLine {
+    /// Returns the harmonic of the pixels' own firing rate that causes this line. Harmonic 1 is the rate itself. Returns
+    /// `None` if no harmonic causes the line.
     ///
-    /// A pixel of `rates` takes part if a harmonic of its rate, folded into 0 to 1/2, lies within a bin and a half of the line
-    /// (`resolution` is a bin's width, cycles per readout). Rates spread over everything do that by chance for three bins
-    /// of all: the harmonic must have five times as many, and a fiftieth of the pixels.
+    /// Pixels with nearly equal rates fire in phase after a common start. They cause lines that are not in the light.
+    /// `rates` are the rates of the pixels in spikes per readout. `resolution` is the width of a bin in cycles per
+    /// readout.
+    ///
+    /// Harmonic `k` of a pixel is `k` times its rate, folded into the range 0 to 1/2. The harmonic matches the line if
+    /// the two are at most 1.5 bins apart. If the rates are spread widely, the share of pixels that match by chance is
+    /// the width of three bins divided by the range 1/2. The returned harmonic matches for more than five times this
+    /// share, with the limit clamped to 2 % to 80 % of the pixels.
     #[must_use]
     pub fn harmonic_of(&self, rates: &[f64], resolution: f64) -> Option<u32> {
         let told = rates.iter().filter(|f| f.is_finite() && **f > 0.0);
@@ -56,15 +63,17 @@ impl Line {
             };
             told.clone().filter(near).count() as f64 / all
         };
-        (1..=HARMONICS).find(|k| all > 0.0 && share(*k) > least)
+        (1..=MAX_HARMONIC).find(|k| all > 0.0 && share(*k) > least)
     }
 }
 
-/// Squared magnitudes of the Fourier transform of `totals` less their mean, each multiplied by its weight: one for each frequency from
-/// 0 to half a cycle per readout.
+/// Returns the squared magnitudes of the Fourier transform of `totals`. The frequencies range from 0 to half a cycle per
+/// readout.
+///
+/// Before the transform, the mean is subtracted from the totals and each difference is multiplied by its weight.
 ///
 /// # Errors
-/// When `transform` has another length than `totals`.
+/// If the length of `transform` differs from the length of `totals`.
 pub fn squared_magnitudes(
     transform: &dyn RealToComplex<f64>,
     totals: &[u32],
@@ -77,14 +86,15 @@ pub fn squared_magnitudes(
     Ok(bins.iter().map(|bin| bin.norm_sqr()).collect())
 }
 
-/// Power spectrum of `totals` in Hann-windowed segments of `segment` readouts,
-/// overlapping by half, the mean of each taken off.
+/// Returns the power spectrum of `totals`. The segments of `segment` readouts are Hann-windowed and overlap by half.
+///
+/// The mean of each segment is subtracted.
 ///
 /// # Errors
-/// When `segment` is odd or below 8, or there are fewer totals.
+/// [`ErrorKind::Usage`] if `segment` is odd, below 8 or greater than the number of totals.
 pub fn spectrum(totals: &[u32], segment: usize) -> Result<Spectrum> {
     if segment < 8 || !segment.is_multiple_of(2) || totals.len() < segment {
-        return Err(Error::new(Kind::Usage, "segment of a spectrum")
+        return Err(Error::new(ErrorKind::Usage, "segment of a spectrum")
             .found(format_args!("{segment} readouts"))
             .expected(format_args!("an even number from 8 to {}", totals.len())));
     }
@@ -98,7 +108,7 @@ pub fn spectrum(totals: &[u32], segment: usize) -> Result<Spectrum> {
     for start in (0..=totals.len() - segment).step_by(segment / 2) {
         let squares =
             squared_magnitudes(&*transform, &totals[start..start + segment], window.iter().copied())
-                .map_err(|e| Error::new(Kind::Usage, "segment of a spectrum").found(e))?;
+                .map_err(|e| Error::new(ErrorKind::Usage, "segment of a spectrum").found(e))?;
         for (sum, square) in power.iter_mut().zip(squares) {
             *sum += square;
         }
@@ -106,7 +116,7 @@ pub fn spectrum(totals: &[u32], segment: usize) -> Result<Spectrum> {
     }
     let last = power.len() - 1;
     for (k, p) in power.iter_mut().enumerate() {
-        // Every bin but the first and the last stands for two.
+        // Every bin except the first and the last represents two bins of the two-sided spectrum.
         let sides = if k == 0 || k == last { 1.0 } else { 2.0 };
         *p *= sides / (segment as f64 * weight * segments as f64);
     }
@@ -118,9 +128,9 @@ pub fn spectrum(totals: &[u32], segment: usize) -> Result<Spectrum> {
 }
 
 impl Spectrum {
-    /// Share of the variance at frequencies below `frequency` (cycles per readout).
+    /// Returns the share of the variance at frequencies below `frequency`, which is in cycles per readout.
     #[must_use]
-    pub fn low_share(&self, frequency: f64) -> f64 {
+    pub fn share_below(&self, frequency: f64) -> f64 {
         let bins = self.power.iter().enumerate().skip(1);
         let (mut low, mut all) = (0.0, 0.0);
         for (k, p) in bins {
@@ -132,14 +142,15 @@ impl Spectrum {
         low / all
     }
 
-    /// Lines: bins that are local maxima and exceed `factor` times the median
-    /// power of the 32 bins around them, the most prominent first. With `K`
-    /// segments noise exceeds the median by a factor `F` with a chance of at
-    /// most `0.5^F` per bin (`K = 1`); 30 is far outside chance.
+    /// Returns the spectral lines in descending order of prominence. A line is a local maximum whose power exceeds
+    /// `factor` times the median power of the 32 bins around the maximum.
+    ///
+    /// With one segment, the probability that noise exceeds `F` times the median is `0.5^F` per bin. With more segments
+    /// the probability is smaller. Noise therefore practically never exceeds a factor of 30.
     #[must_use]
-    pub fn lines(&self, factor: f64) -> Vec<Line> {
+    pub fn lines(&self, factor: f64) -> Vec<SpectralLine> {
         let n = self.power.len();
-        let mut lines: Vec<Line> = (1..n)
+        let mut lines: Vec<SpectralLine> = (1..n)
             .filter_map(|k| {
                 let power = self.power[k];
                 let higher = |j: usize| self.power.get(j).is_some_and(|p| *p > power);
@@ -148,7 +159,7 @@ impl Spectrum {
                 }
                 let mut around = self.power[k.saturating_sub(16).max(1)..(k + 17).min(n)].to_vec();
                 let prominence = power / super::median(&mut around);
-                (prominence > factor).then_some(Line {
+                (prominence > factor).then_some(SpectralLine {
                     frequency: k as f64 / self.segment as f64,
                     power,
                     prominence,
@@ -160,39 +171,45 @@ impl Spectrum {
     }
 }
 
-/// How far a line exceeds what is around it: far outside chance ([`Spectrum::lines`]).
-const LINE: f64 = 30.0;
+/// Smallest prominence of a reported line. Noise practically never has this prominence (see [`Spectrum::lines`]).
+const LINE_POWER_RATIO: f64 = 30.0;
 
-/// A line of the frame totals, and the harmonic of the pixels' own rate that it is, if it is one.
+/// A line in the spectrum of the frame totals, and the harmonic of the pixels' own rate that causes it, if any.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct TotalsLine {
+pub struct FrameTotalLine {
     /// The line.
-    pub line: Line,
-    /// 1 for the pixels' rate itself.
+    pub line: SpectralLine,
+    /// Number of the harmonic. Harmonic 1 is the rate of the pixels. `None` if no harmonic causes the line.
     pub harmonic: Option<u32>,
 }
 
-/// The three strongest lines of the frame totals' spectrum: what the light, the supply, or pixels that fire in phase do at
-/// one frequency. None where frames or counts were not measured.
+/// Returns the three most prominent lines of the spectrum of the frame totals.
+///
+/// Oscillating light, an oscillating supply, and pixels that fire in phase cause such lines. The result is empty if
+/// frames or counts were not measured, or if the recording is too short.
 ///
 /// # Errors
-/// As [`spectrum`].
-pub fn frame_total_lines(statistics: &Statistics) -> Result<Vec<TotalsLine>> {
+/// Those of [`spectrum`].
+pub fn frame_total_lines(statistics: &Statistics) -> Result<Vec<FrameTotalLine>> {
     let (Some(frames), Some(counts)) = (&statistics.frames, &statistics.counts) else {
         return Ok(Vec::new());
     };
-    // Several segments make lines of chance rare; short recordings have too little for any.
+    // Averaging four or more segments makes chance lines rare. Very short recordings cannot be divided into segments.
     let segment = (frames.totals.len() / 4).min(8192) & !1;
     if segment < 64 {
         return Ok(Vec::new());
     }
-    let mut lines = spectrum(&frames.totals, segment)?.lines(LINE);
-    // A scene that moves drifts, which the window spreads over the lowest bins. Totals that never differ have no spectrum.
+    let mut lines = spectrum(&frames.totals, segment)?.lines(LINE_POWER_RATIO);
+    // The lowest bins are skipped, because a moving scene drifts and the window spreads the drift over these bins. If all
+    // totals are equal, the power is zero and the spectrum has no lines.
     let told = |x: f64| x.is_finite() && x > 0.0;
     lines.retain(|l| l.frequency * segment as f64 > 3.5 && told(l.prominence) && told(l.power));
     lines.truncate(3);
     let rates = counts.rate_by_time();
-    let harmonic = |line: Line| TotalsLine { line, harmonic: line.harmonic_of(&rates, 1.0 / segment as f64) };
+    let harmonic = |line: SpectralLine| FrameTotalLine {
+        line,
+        harmonic: line.harmonic_of(&rates, 1.0 / segment as f64),
+    };
     Ok(lines.into_iter().map(harmonic).collect())
 }

@@ -1,47 +1,49 @@
-//! A stored stream, measured on all threads.
+//! Measures a stored stream with all threads.
 
 use super::block::Block;
 use super::{Accumulator, MeasureOptions, Statistics};
 use spikelane::error::Result;
-use spikelane::spikes::{Geometry, Packed};
+use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
-use spikelane_io::formats::Reader;
+use spikelane_io::formats::StreamReader;
 
-/// Readouts read at a time: two turns of an accumulator's counters, a quarter of what it buffers at most.
-const BATCH: usize = 496;
+/// Number of readouts per read. It equals two counter periods of an accumulator and is at most a quarter of its buffer.
+const BATCH_READOUTS: usize = 496;
 
-/// Statistics of a whole stream, bands of rows side by side.
+/// Measures a whole stream in parallel bands of rows.
 ///
-/// `tell` hears how many readouts are done. Memory does not grow with the length of the stream.
+/// Calls `tell` with the number of readouts measured so far. Memory does not grow with the length of the stream.
 ///
 /// # Errors
-/// When the stream cannot be read, or is too long.
-pub fn of_stream(
-    reader: &Reader,
+/// If the stream cannot be read, or if it is longer than an [`Accumulator`] accepts.
+pub fn measure_stream(
+    reader: &StreamReader,
     options: &MeasureOptions,
     tell: &mut dyn FnMut(usize),
 ) -> Result<Statistics> {
     let geometry = reader.geometry();
-    let mut accumulators = bands(geometry, options)?;
-    let mut buffer = inputs::zeroed(reader.name(), BATCH.min(reader.readouts()) * geometry.frame_bytes())?;
+    let mut accumulators = band_accumulators(geometry, options)?;
+    let mut buffer =
+        inputs::zeroed_vec(reader.name(), BATCH_READOUTS.min(reader.readouts()) * geometry.frame_bytes())?;
     let mut at = 0;
     while at < reader.readouts() {
-        let now = BATCH.min(reader.readouts() - at);
+        let now = BATCH_READOUTS.min(reader.readouts() - at);
         let bytes = &mut buffer[..now * geometry.frame_bytes()];
         reader.read_frames(at, bytes)?;
-        let packed = Packed::new(geometry, bytes)?;
+        let packed = SpikeFramesRef::new(geometry, bytes)?;
         threads::try_map(&mut accumulators, |a| a.push(packed))?;
         at += now;
         tell(at);
     }
-    joined(accumulators)
+    join_accumulators(accumulators)
 }
 
-/// Accumulators of bands of rows, and one of whole readouts where these are asked for.
-pub(super) fn bands(geometry: Geometry, options: &MeasureOptions) -> Result<Vec<Accumulator>> {
-    let bands = (2 * threads::count()).clamp(1, geometry.height());
-    // Small sensors are not worth the threads' time.
+/// Returns one accumulator per band of rows. If `options` include frame statistics, one more accumulator measures whole
+/// readouts.
+pub(super) fn band_accumulators(geometry: Geometry, options: &MeasureOptions) -> Result<Vec<Accumulator>> {
+    let bands = (2 * threads::thread_count()).clamp(1, geometry.height());
+    // With fewer than about 2048 pixels per band, the overhead of a thread exceeds the saving.
     let bands = bands.min((geometry.pixels() / 2048).max(1));
     let rows = |i: usize| i * geometry.height() / bands..(i + 1) * geometry.height() / bands;
     let band = |i| {
@@ -57,20 +59,21 @@ pub(super) fn bands(geometry: Geometry, options: &MeasureOptions) -> Result<Vec<
     Ok(all)
 }
 
-/// Checks that there is memory for what is kept of all pixels, for the maps that are made of it, and for the readouts that
-/// `bands` bands of rows buffer.
+/// Checks that the memory is sufficient. The required memory contains the sums of all pixels, the maps computed from
+/// the sums, and the buffers of `bands` bands of rows.
 fn check_memory(geometry: Geometry, options: &MeasureOptions, bands: usize) -> Result<()> {
-    /// Copies of the sums: the whole, a half and a quarter of the recording, and a map that is joined from bands.
-    const COPIES: usize = 4;
-    /// Maps of `f64` that are held at a time.
-    const MAPS: usize = 24;
+    /// Copies of the sums that exist at the same time: whole recording, half, quarter, and a map joined from bands.
+    const MAX_SUM_COPIES: usize = 4;
+    /// Number of `f64` maps that exist at the same time.
+    const MAX_MAPS: usize = 24;
     let [history, sums] = Accumulator::bytes_per_pixel(geometry, options)?;
-    let of_pixels = (history + COPIES * sums + MAPS * size_of::<f64>()) * geometry.pixels();
+    let of_pixels = (history + MAX_SUM_COPIES * sums + MAX_MAPS * size_of::<f64>()) * geometry.pixels();
     let buffers = bands * Block::bytes(geometry, geometry.height().div_ceil(bands));
     inputs::check_memory(format_args!("statistics of {geometry} pixels"), of_pixels + buffers)
 }
 
-/// The statistics of such bands. A block that is not full is still to be measured, so that bands end side by side as well.
-pub(super) fn joined(accumulators: Vec<Accumulator>) -> Result<Statistics> {
+/// Finishes the accumulators and joins their statistics. Finishing runs in parallel, because it measures the blocks that
+/// are partly filled.
+pub(super) fn join_accumulators(accumulators: Vec<Accumulator>) -> Result<Statistics> {
     Statistics::join(threads::map(accumulators, Accumulator::finish))
 }

@@ -1,90 +1,92 @@
-//! A recording in the words of EMVA 1288: non-uniformity, temporal noise,
-//! defects. The signal is the rate, in spikes per readout.
+//! Summarizes a recording with the quantities of EMVA 1288: non-uniformity, temporal noise and defects. The signal is
+//! the rate in spikes per readout.
 
-use super::estimate::{Estimate, finite, median_and_spread, tiled_mean};
+use super::dead_pixels::find_dead;
+use super::estimate::{Estimate, finite_values, median_and_spread, tiled_mean};
 use super::intervals::PhaseNoise;
-use super::maps::{Correlations, from_local_median, high_pass, line_structure, pattern_correlations};
-use super::silence::dead;
+use super::maps::{Correlations, high_pass, line_structure, local_median_residual, pattern_correlations};
 use super::{Counts, Intervals, Statistics};
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 
-/// How many robust standard deviations a pixel must lie from its
-/// neighbourhood's median to be an outlier: one in 5e8 of a normal spread.
-const OUTLIER: f64 = 6.0;
+/// Smallest distance of an outlier from the median of its neighborhood, in robust standard deviations. One in 5e8 values
+/// of a normal distribution exceeds this distance.
+const OUTLIER_SIGMAS: f64 = 6.0;
 
-/// Side of the tiles between which standard errors of means are taken, in pixels.
-const TILE: usize = 16;
+/// Side of the tiles in pixels. The standard errors of means come from the scatter of these tiles.
+const TILE_PIXELS: usize = 16;
 
-/// Pixels that do not behave like the others, as indices `row * width + col`.
+/// Pixels that behave unlike other pixels. Indices are `row * width + col`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Defects {
-    /// Never fired where that is impossible for a pixel at half the rate of its neighbours.
+    /// Pixels that never fired, although a pixel with half the rate of their neighbors would have fired.
     pub dead: Vec<usize>,
-    /// Fired at every readout (stuck, or saturated).
+    /// Pixels that fired at every readout (stuck or saturated).
     pub stuck: Vec<usize>,
-    /// Rate more than 6 robust standard deviations above the 5x5 median.
+    /// Pixels whose rate is more than 6 robust standard deviations above the median of the 5x5 box around them.
     pub hot: Vec<usize>,
-    /// Rate as far below, but not dead.
+    /// Pixels whose rate is more than 6 robust standard deviations below the median of the 5x5 box around them. Dead
+    /// pixels are excluded.
     pub weak: Vec<usize>,
 }
 
 impl Defects {
-    /// Number of defect pixels.
+    /// Returns the number of defective pixels.
     #[must_use]
     pub fn count(&self) -> usize {
         self.dead.len() + self.stuck.len() + self.hot.len() + self.weak.len()
     }
 }
 
-/// The summary of a recording of a uniform (or dark, or at least static) scene.
+/// Summary of a recording of a uniform, dark or static scene.
 #[derive(Clone, Debug, serde::Serialize)]
 #[non_exhaustive]
 pub struct Summary {
-    /// Readouts.
+    /// Number of readouts.
     pub readouts: u32,
-    /// Mean rate of all pixels by count; error by 16x16 tiles.
+    /// Mean rate of all pixels, computed from spike counts. The error comes from the scatter of 16x16-pixel tiles.
     pub mean_rate: Estimate,
-    /// Mean rate by time of the pixels without defects: the signal that the
-    /// spreads below belong to.
+    /// Mean rate of the pixels without defects, computed from spike times. The non-uniformities below refer to it.
     pub signal: Estimate,
-    /// Spatial standard deviation of the rate, defects and the temporal part
-    /// left out: the non-uniformity of EMVA 1288 with gradients included.
+    /// Spatial standard deviation of the rate, without defects and without temporal noise. This is the non-uniformity
+    /// of EMVA 1288. It includes gradients.
     pub nonuniformity: Estimate,
-    /// The same after the 5x5 high-pass, as robust spread.
+    /// Robust standard deviation of the rate after the 5x5 high-pass. The temporal noise is subtracted.
     pub local_nonuniformity: Estimate,
     /// Standard deviation of the row pattern of the rate.
     pub row_nonuniformity: Estimate,
-    /// Standard deviation of the column pattern.
+    /// Standard deviation of the column pattern of the rate.
     pub column_nonuniformity: Estimate,
-    /// Standard deviation of a pixel's rate that temporal noise causes over the
-    /// length of the recording (root mean square).
-    pub temporal_of_rate: f64,
-    /// Variance of one interval, `D(1)`, readouts squared; `None` without intervals.
+    /// Standard deviation that temporal noise causes in the rate of a pixel over the whole recording. The value is the
+    /// root mean square over the pixels.
+    pub temporal_rate_sd: f64,
+    /// Variance of one interval, `D(1)`, in readouts squared. `None` if intervals were not measured.
     pub interval_variance: Option<Estimate>,
-    /// Growing and constant part of the variance of spike times.
+    /// Growth and constant part of the variance between spike times. `None` if intervals were not measured.
     pub phase_noise: Option<PhaseNoise>,
-    /// Defect pixels.
+    /// Defective pixels.
     pub defects: Defects,
-    /// Neighbour correlations of the pattern.
+    /// Correlations of neighbors in the pattern of the rate.
     pub correlations: Correlations,
-    /// First column, last column, first row, last row.
-    pub borders: [Estimate; 4],
+    /// Relative difference between a border line and the five lines next to it. The order is first column, last column,
+    /// first row, last row.
+    pub border_excess: [Estimate; 4],
 }
 
-/// Summarises statistics of all rows that hold counts (and intervals, for
-/// temporal noise and better rates).
+/// Summarizes the statistics of all rows.
 ///
-/// The words are those of a uniform target. Of a scene, the spreads hold its
-/// content, and its edges come out as outliers.
+/// Counts are required. The temporal noise is computed from the intervals if they were measured.
+///
+/// The quantities are defined for a uniform target. In other scenes, the content of the scene increases the
+/// non-uniformities, and the edges in the scene are counted as outliers.
 ///
 /// # Errors
-/// When counts are missing, only a band was measured, or nothing was read.
-pub fn summarise(statistics: &Statistics) -> Result<Summary> {
+/// [`ErrorKind::Usage`] if counts are missing, if only a band of rows was measured, or if there are no readouts.
+pub fn summarize(statistics: &Statistics) -> Result<Summary> {
     let counts = statistics.counts.as_ref();
     let all = 0..statistics.geometry.height();
     let Some(counts) = counts.filter(|_| statistics.rows == all && statistics.readouts > 0) else {
-        return Err(Error::new(Kind::Usage, "statistics to summarise")
+        return Err(Error::new(ErrorKind::Usage, "statistics to summarize")
             .found(format_args!(
                 "rows {}..{}, {} readouts",
                 statistics.rows.start, statistics.rows.end, statistics.readouts
@@ -103,18 +105,18 @@ pub fn summarise(statistics: &Statistics) -> Result<Summary> {
     let lines = line_structure(&rates, width);
     Ok(Summary {
         readouts: statistics.readouts,
-        mean_rate: tiled_mean(&counts.rate(), width, TILE),
-        signal: tiled_mean(&rates, width, TILE),
-        nonuniformity: spread(&rates, temporal),
-        local_nonuniformity: robust_spread(&rough, temporal),
+        mean_rate: tiled_mean(&counts.rate(), width, TILE_PIXELS),
+        signal: tiled_mean(&rates, width, TILE_PIXELS),
+        nonuniformity: pattern_sd(&rates, temporal),
+        local_nonuniformity: robust_pattern_sd(&rough, temporal),
         row_nonuniformity: lines.row_sd,
         column_nonuniformity: lines.column_sd,
-        temporal_of_rate: temporal.sqrt(),
+        temporal_rate_sd: temporal.sqrt(),
         interval_variance: statistics.intervals.as_ref().map(|i: &Intervals| i.lag_variance(1, None)),
         phase_noise,
         defects,
         correlations: pattern_correlations(&rates, width),
-        borders: borders(&rates, width),
+        border_excess: border_excess(&rates, width),
     })
 }
 
@@ -124,20 +126,27 @@ fn find_defects(counts: &Counts, rates: &[f64], width: usize) -> Defects {
         let equal = counts.count.iter().enumerate().filter(|(_, c)| **c == n);
         equal.map(|(p, _)| p).collect()
     };
-    let away = from_local_median(rates, width);
-    let spread = median_and_spread(&mut finite(&away)).1;
-    // In scenes where most pixels agree exactly, a quantum of the rate is no outlier.
-    let limit = (OUTLIER * spread).max(1.0 / f64::from(readouts));
+    let away = local_median_residual(rates, width);
+    let spread = median_and_spread(&mut finite_values(&away)).1;
+    // If most pixels agree exactly, `spread` is 0. The limit then prevents a difference of one spike from being an outlier.
+    let limit = (OUTLIER_SIGMAS * spread).max(1.0 / f64::from(readouts));
     let fires = |p: &usize| counts.count[*p] > 0 && counts.count[*p] < readouts;
     let beyond = |sign: f64| -> Vec<usize> {
         let pixels = (0..away.len()).filter(|p| sign * away[*p] > limit);
         pixels.filter(fires).collect()
     };
-    Defects { dead: dead(counts, width), stuck: where_count(readouts), hot: beyond(1.0), weak: beyond(-1.0) }
+    Defects {
+        dead: find_dead(counts, width),
+        stuck: where_count(readouts),
+        hot: beyond(1.0),
+        weak: beyond(-1.0),
+    }
 }
 
-/// Mean temporal variance of a rate by time, `f^4 (q + N s) / N^2`; without
-/// intervals `q` is the 1/6 of a uniform phase and `s` is 0.
+/// Returns the mean temporal variance of a rate computed from spike times, `f^4 (q + N s) / N^2`.
+///
+/// `f` is the rate and `N` the number of intervals. `s` is the phase variance per spike and `q` the quantization.
+/// Without intervals, `q` is 1/6 (uniform phase) and `s` is 0.
 fn temporal_variance(counts: &Counts, rates: &[f64], noise: Option<PhaseNoise>) -> f64 {
     let known = |x: f64, otherwise: f64| if x.is_finite() { x.max(0.0) } else { otherwise };
     let (s, q) = noise
@@ -149,9 +158,11 @@ fn temporal_variance(counts: &Counts, rates: &[f64], noise: Option<PhaseNoise>) 
     Estimate::mean(rates.iter().zip(&counts.count).map(of_pixel)).value
 }
 
-/// Standard deviation without the temporal part; standard error of a variance
-/// from the fourth moment, `sqrt((m4 - v^2) / n)`, over twice the value.
-fn spread(map: &[f64], temporal: f64) -> Estimate {
+/// Returns the standard deviation of a map without its temporal part.
+///
+/// The standard error of a variance `v` of `n` values is `sqrt((m4 - v^2) / n)`, where `m4` is the fourth central
+/// moment. The error of the standard deviation is this error divided by twice the standard deviation.
+fn pattern_sd(map: &[f64], temporal: f64) -> Estimate {
     let all = Estimate::mean(map.iter().copied());
     let power = |k: i32| Estimate::mean(map.iter().map(|x| (x - all.value).powi(k))).value;
     let (variance, fourth) = (power(2), power(4));
@@ -163,20 +174,21 @@ fn spread(map: &[f64], temporal: f64) -> Estimate {
     }
 }
 
-/// Robust standard deviation without the temporal part; relative standard
-/// error `1.17 / sqrt(n)` before the subtraction.
-fn robust_spread(map: &[f64], temporal: f64) -> Estimate {
-    let mut values = finite(map);
+/// Returns the robust standard deviation of a map without its temporal part. Before the subtraction, the relative
+/// standard error is `1.17 / sqrt(n)` for `n` values.
+fn robust_pattern_sd(map: &[f64], temporal: f64) -> Estimate {
+    let mut values = finite_values(map);
     let sd = median_and_spread(&mut values).1;
     let value = (sd * sd - temporal).max(0.0).sqrt();
     Estimate { value, error: 1.17 / (values.len() as f64).sqrt() * sd * sd / value, samples: values.len() }
 }
 
-/// How much brighter the border lines are than the five lines next to them,
-/// relative: first column, last column, first row, last row. Mean over the
-/// pixels of the line, error by their spread; NaN below six lines.
+/// Returns the relative difference between each border line and the five lines next to it.
+///
+/// The order is first column, last column, first row, last row. Each value is a mean over the pixels of the border line.
+/// Its error comes from the scatter of these pixels. The value is NaN if the map has fewer than six lines.
 #[must_use]
-pub fn borders(map: &[f64], width: usize) -> [Estimate; 4] {
+pub fn border_excess(map: &[f64], width: usize) -> [Estimate; 4] {
     let height = map.len() / width;
     let line = |length: usize, depth: usize, at: &dyn Fn(usize, usize) -> usize| {
         let excess = |i: usize| {
@@ -196,9 +208,11 @@ pub fn borders(map: &[f64], width: usize) -> [Estimate; 4] {
     ]
 }
 
-/// DSNU and PRNU as EMVA 1288 defines them: the dark non-uniformity in spikes
-/// per readout, and `sqrt(s_flat^2 - s_dark^2) / (signal_flat - signal_dark)`, a
-/// fraction. Errors propagated from the two summaries.
+/// Returns DSNU and PRNU as EMVA 1288 defines them.
+///
+/// DSNU is the dark non-uniformity in spikes per readout. PRNU is the ratio
+/// `sqrt(s_flat^2 - s_dark^2) / (signal_flat - signal_dark)` of non-uniformities `s` and signals. The errors are
+/// propagated from both summaries.
 #[must_use]
 pub fn dsnu_prnu(dark: &Summary, flat: &Summary) -> (Estimate, Estimate) {
     let (a, b) = (flat.nonuniformity, dark.nonuniformity);

@@ -1,9 +1,9 @@
-//! Blind estimates of the noise of a picture, beside noise of a known width.
+//! Compares blind estimates of image noise with noise of a known standard deviation.
 
-use spikelane::{Geometry, Kind};
-use spikelane_measure::picture_noise::{difference_noise, patch_noise};
+use spikelane::{ErrorKind, Geometry};
+use spikelane_measure::image_noise::{difference_noise, patch_noise};
 
-/// Normal noise of known width over a slope or a soft pattern.
+/// Returns an image: `pattern` plus normal noise of standard deviation `sigma`.
 fn noisy(sigma: f64, pattern: impl Fn(f64, f64) -> f64) -> (Geometry, Vec<f32>) {
     let geometry = Geometry::new(200, 150).unwrap();
     let mut state = 7_u64;
@@ -18,8 +18,8 @@ fn noisy(sigma: f64, pattern: impl Fn(f64, f64) -> f64) -> (Geometry, Vec<f32>) 
     (geometry, (0..geometry.pixels()).map(value).collect())
 }
 
-/// 30,000 pixels give a width to `1 / sqrt(60,000)`, 0.4 %; the smallest eigenvalues of patches that
-/// overlap scatter more (3 %, from 3,000 patches in 64 dimensions).
+/// The relative error of a standard deviation measured from 30,000 pixels is `1 / sqrt(60,000)`, 0.4 %. The smallest
+/// eigenvalues of overlapping patches scatter by 3 %, because there are only 3,000 patches in 64 dimensions.
 #[test]
 fn blind_estimates_find_noise_of_a_known_width() {
     let slope = |x: f64, y: f64| 0.2 + 0.001 * x + 0.002 * y;
@@ -40,7 +40,7 @@ fn blind_estimates_find_noise_of_a_known_width() {
 #[test]
 fn noise_of_a_picture_too_small_is_refused() {
     let g = Geometry::new(20, 20).unwrap();
-    assert_eq!(patch_noise(&vec![0.0; 400], g).unwrap_err().kind(), Kind::Usage);
+    assert_eq!(patch_noise(&vec![0.0; 400], g).unwrap_err().kind(), ErrorKind::Usage);
     let g = Geometry::new(2, 20).unwrap();
-    assert_eq!(difference_noise(&[0.0; 40], g).unwrap_err().kind(), Kind::Usage);
+    assert_eq!(difference_noise(&[0.0; 40], g).unwrap_err().kind(), ErrorKind::Usage);
 }

@@ -1,35 +1,34 @@
-//! What a scene is asked to be, and what no seed could make.
+//! Options of a scene, and the limits that apply to every scene.
 
 use super::drive::camera::Intrinsics;
 use super::lighting::Lighting;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 
-/// Longer drives are refused before their city is built.
-const LONGEST_M: f64 = 5_000.0;
+/// Maximum length of a drive in meters. A longer drive is rejected before the city is built.
+const MAX_DRIVE_M: f64 = 5_000.0;
 
-/// The slowest speed that a seed chooses.
-pub(super) const SLOWEST_KMH: f64 = 45.0;
+/// Minimum of the random speeds that are drawn from the seed, in km/h.
+pub(super) const MIN_RANDOM_SPEED_KMH: f64 = 45.0;
 
-/// What a scene is asked to be; what is left open follows from the seed.
+/// Options of a scene. If an option is `None`, the seed determines the option.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneOptions {
-    /// Pixels in a row.
+    /// Number of columns of the image.
     pub width: u32,
-    /// Rows.
+    /// Number of rows of the image.
     pub height: u32,
     /// Horizontal field of view in degrees, 5 to 150.
     pub fov_deg: Option<f64>,
-    /// The light.
+    /// Lighting preset.
     pub lighting: Option<Lighting>,
-    /// How long the drive lasts in seconds, up to 120; instants outside are refused.
+    /// Duration of the drive in seconds, at most 120. Rendering an instant outside the drive is an error.
     pub duration_s: f64,
-    /// Speed that the camera's car wishes to drive in km/h, 1 to 300; traffic
-    /// ahead may hold it up.
+    /// Desired speed of the camera's car in km/h, 1 to 300. Traffic ahead can slow the car down.
     pub speed_kmh: Option<f64>,
-    /// Vehicles in the scene besides the camera's, parked ones included; zero is allowed.
+    /// Number of vehicles, including parked vehicles but not the camera's car. Zero is permitted.
     pub vehicles: Option<u32>,
-    /// Lamps flicker with this frequency in hertz (100 or 120 on the mains).
+    /// Flicker frequency of the lamps in hertz. Lamps on mains power flicker at 100 or 120 Hz.
     pub flicker_hz: Option<f64>,
 }
 
@@ -45,12 +44,15 @@ spikelane::unstable::with_methods!(SceneOptions {
 });
 
 impl SceneOptions {
-    /// Refuses what no seed could make a scene of, without building one.
+    /// Checks the options. No scene is built.
     ///
     /// # Errors
-    /// As [`Scene::random`](super::Scene::random); a drive at the speed that a seed chooses may still be too long.
+    /// [`ErrorKind::Usage`] if an option is outside its range. If `speed_kmh` is `None`, the check assumes the lowest
+    /// random speed. At the speed that the seed selects, the drive may still be too long for
+    /// [`Scene::from_seed`](super::Scene::from_seed).
     pub fn check(&self) -> Result<()> {
-        check(self, self.speed_kmh.unwrap_or(SLOWEST_KMH), self.fov_deg.unwrap_or(60.0)).map(drop)
+        check_options(self, self.speed_kmh.unwrap_or(MIN_RANDOM_SPEED_KMH), self.fov_deg.unwrap_or(60.0))
+            .map(drop)
     }
 }
 
@@ -69,14 +71,14 @@ impl Default for SceneOptions {
     }
 }
 
-/// Whether a scene of these options can be built; the camera that it would have.
-pub(super) fn check(options: &SceneOptions, speed_kmh: f64, fov_deg: f64) -> Result<Intrinsics> {
+/// Checks the options. Returns the intrinsics of the scene's camera.
+pub(super) fn check_options(options: &SceneOptions, speed_kmh: f64, fov_deg: f64) -> Result<Intrinsics> {
     Geometry::new(options.width, options.height)?;
     let within = |name: &str, value: f64, low: f64, high: f64, unit: &str, remedy: &str| {
         if (low..=high).contains(&value) {
             return Ok(());
         }
-        Err(Error::new(Kind::Usage, name)
+        Err(Error::new(ErrorKind::Usage, name)
             .found(format_args!("{value} {unit}"))
             .expected(format_args!("{low} to {high} {unit}"))
             .remedy(remedy))
@@ -87,35 +89,49 @@ pub(super) fn check(options: &SceneOptions, speed_kmh: f64, fov_deg: f64) -> Res
         5.0,
         150.0,
         "degrees",
-        "a pinhole sees less than half of all directions",
+        "a pinhole camera shows less than half of all directions",
     )?;
-    within("speed", speed_kmh, 1.0, 300.0, "km/h", "give the speed in km/h")?;
-    within("scene duration", options.duration_s, 1e-3, 120.0, "s", "split a longer drive into scenes")?;
+    within("speed", speed_kmh, 1.0, 300.0, "km/h", "set the speed in km/h")?;
+    within(
+        "scene duration",
+        options.duration_s,
+        1e-3,
+        120.0,
+        "s",
+        "split a longer drive into several scenes",
+    )?;
     if let Some(hz) = options.flicker_hz {
-        within("lamp flicker", hz, 1.0, 10_000.0, "Hz", "lamps on the mains flicker at 100 or 120 Hz")?;
+        within(
+            "lamp flicker",
+            hz,
+            1.0,
+            10_000.0,
+            "Hz",
+            "lamps flicker at twice the mains frequency, 100 or 120 Hz",
+        )?;
     }
     let aspect = f64::from(options.width) / f64::from(options.height);
-    within("width over height", aspect, 0.1, 10.0, "", "use a less extreme shape")?;
+    within("width over height", aspect, 0.1, 10.0, "", "use a shape closer to a square")?;
     within(
         "image side",
         f64::from(options.width.max(options.height)),
         1.0,
         16_384.0,
         "pixels",
-        "render at a smaller size",
+        "render a smaller image",
     )?;
     let distance = speed_kmh / 3.6 * options.duration_s;
-    if distance > LONGEST_M {
-        return Err(Error::new(Kind::Usage, "drive")
+    if distance > MAX_DRIVE_M {
+        return Err(Error::new(ErrorKind::Usage, "drive")
             .found(format_args!("{distance:.0} m"))
-            .expected(format_args!("up to {LONGEST_M} m"))
-            .remedy("shorten the drive or slow it down; several scenes cover a longer one"));
+            .expected(format_args!("at most {MAX_DRIVE_M} m"))
+            .remedy("shorten or slow down the drive, or split it into several scenes"));
     }
     let half = 0.5 * f64::from(options.width);
     Ok(Intrinsics {
         width: options.width,
         height: options.height,
         focal_px: half / libm::tan((0.5 * fov_deg).to_radians()),
-        centre_px: [half, 0.5 * f64::from(options.height)],
+        center_px: [half, 0.5 * f64::from(options.height)],
     })
 }

@@ -1,72 +1,72 @@
-//! The scene: its city, its traffic and its light, all from one seed.
+//! A scene, which consists of a city, traffic and light. One seed determines the whole scene.
 
 use std::sync::OnceLock;
 
 use glam::Vec3;
 
 use super::city::City;
-use super::drive::camera::{Camera, Intrinsics, Mount};
-use super::drive::motion::{Motion, Stance, stance_of};
-use super::drive::traffic::{Demand, Traffic};
-use super::lighting::{LAMP_REACH_M, Light, Lighting};
-use super::options::{SLOWEST_KMH, SceneOptions, check};
+use super::drive::camera::{Intrinsics, Mount, PinholeCamera};
+use super::drive::traffic::{Traffic, TrafficOptions};
+use super::drive::vehicle_motion::{VehicleMotion, VehicleState, vehicle_state};
+use super::lighting::{LAMP_RANGE_M, Light, Lighting};
+use super::options::{MIN_RANDOM_SPEED_KMH, SceneOptions, check_options};
 use super::random::Draws;
 use super::shapes::grid::Grid;
-use super::shapes::lampward::{Lampward, POST_M};
+use super::shapes::lamp_shadows::{LampShadows, POST_RADIUS_M};
 use super::shapes::mesh::TRIANGLE_BITS;
-use super::shapes::sunward::Sunward;
-use spikelane::error::{Error, Kind, Result};
+use super::shapes::sun_shadows::SunShadows;
+use spikelane::error::{Error, ErrorKind, Result};
 
-/// Road that exists behind the start and beyond the end of the drive.
-const BEHIND_M: f64 = 120.0;
-const AHEAD_M: f64 = 420.0;
-/// A seeded city with its traffic, its light, and a camera that drives through.
+/// Length of the road behind the start of the drive, in meters. `ROAD_AHEAD_M` is the length of the road beyond the
+/// end of the drive.
+const ROAD_BEHIND_M: f64 = 120.0;
+const ROAD_AHEAD_M: f64 = 420.0;
+/// A random city with traffic and light, and a camera that drives through the city.
 #[derive(Debug)]
 pub struct Scene {
     pub(super) seed: u64,
     pub(super) lighting: Lighting,
     pub(super) duration_s: f64,
     pub(super) intrinsics: Intrinsics,
-    pub(super) span: (f64, f64),
+    pub(super) road_span: (f64, f64),
     pub(super) city: City,
     pub(super) traffic: Traffic,
     pub(super) mount: Mount,
     pub(super) light: Light,
     pub(super) lamp_grid: Grid,
-    /// Made when a shadow is first asked for.
-    sunward: OnceLock<Sunward>,
-    /// Of each lamp, made when its shadows are first asked for.
-    lampward: Vec<OnceLock<Lampward>>,
+    /// Shadows of the sun or moon. They are computed at the first shadow query.
+    sun_shadows: OnceLock<SunShadows>,
+    /// Shadows of each lamp. They are computed at the first query for the lamp.
+    lamp_shadows: Vec<OnceLock<LampShadows>>,
 }
 
 impl Scene {
-    /// The scene of `seed`.
+    /// Builds the scene that `seed` determines.
     ///
     /// # Errors
-    /// When an option lies outside its range, or the drive is too long for one
-    /// scene (several kilometres).
-    pub fn random(seed: u64, options: &SceneOptions) -> Result<Self> {
+    /// [`ErrorKind::Usage`] if an option is outside its range, or if the drive is longer than 5 km.
+    pub fn from_seed(seed: u64, options: &SceneOptions) -> Result<Self> {
         let draws = Draws::new(seed, "scene");
-        let lighting = options.lighting.unwrap_or_else(|| Lighting::drawn(seed));
-        let speed_kmh = options.speed_kmh.unwrap_or_else(|| draws.range(1, SLOWEST_KMH, 100.0));
+        let lighting = options.lighting.unwrap_or_else(|| Lighting::from_seed(seed));
+        let speed_kmh = options.speed_kmh.unwrap_or_else(|| draws.range(1, MIN_RANDOM_SPEED_KMH, 100.0));
         let fov_deg = options.fov_deg.unwrap_or_else(|| draws.range(2, 58.0, 80.0));
-        let intrinsics = check(options, speed_kmh, fov_deg)?;
+        let intrinsics = check_options(options, speed_kmh, fov_deg)?;
         let ego_mps = speed_kmh / 3.6;
-        let span = (-BEHIND_M, ego_mps * options.duration_s + AHEAD_M);
-        // The camera leaves the tunnel half way through.
+        let span = (-ROAD_BEHIND_M, ego_mps * options.duration_s + ROAD_AHEAD_M);
+        // The exit of the tunnel is at half of the distance of the drive.
         let exit = (0.5 * ego_mps * options.duration_s).max(12.0);
         let tunnel = (lighting == Lighting::Tunnel).then_some((span.0 + 4.0, exit));
-        let city = City::random(seed, span.0, span.1, tunnel);
-        let demand = Demand {
+        let city = City::from_seed(seed, span.0, span.1, tunnel);
+        let demand = TrafficOptions {
             ego_mps,
             duration_s: options.duration_s,
             cars: options.vehicles,
             span,
             tunnel: tunnel.is_some(),
         };
-        let traffic = Traffic::random(seed, &city.road, &demand);
+        let traffic = Traffic::from_seed(seed, &city.road, &demand);
         check_counts(&city, &traffic)?;
-        let reach = LAMP_REACH_M;
+        let reach = LAMP_RANGE_M;
         let lamps: Vec<_> = city
             .lamps
             .iter()
@@ -78,54 +78,56 @@ impl Scene {
             lighting,
             duration_s: options.duration_s,
             intrinsics,
-            span,
+            road_span: span,
             lamp_grid: Grid::new(8.0, &lamps),
-            sunward: OnceLock::new(),
-            lampward: lamps.iter().map(|_| OnceLock::new()).collect(),
-            light: Light::random(seed, lighting, options.flicker_hz),
-            mount: Mount::random(seed),
+            sun_shadows: OnceLock::new(),
+            lamp_shadows: lamps.iter().map(|_| OnceLock::new()).collect(),
+            light: Light::from_seed(seed, lighting, options.flicker_hz),
+            mount: Mount::from_seed(seed),
             city,
             traffic,
         })
     }
 
-    /// The seed that everything follows from.
+    /// Returns the seed that determines the scene.
     #[must_use]
     pub const fn seed(&self) -> u64 {
         self.seed
     }
 
-    /// The light, asked for or drawn.
+    /// Returns the lighting preset of the options. If the options contain none, returns the preset that the seed
+    /// selects.
     #[must_use]
     pub const fn lighting(&self) -> Lighting {
         self.lighting
     }
 
-    /// Instants from 0 to this many seconds exist.
+    /// Returns the duration of the drive in seconds. Valid times are 0 to this duration.
     #[must_use]
     pub const fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// The luminance in cd/m2 that a well-exposed camera would call white:
-    /// divide by it for linear light in 0..1. Highlights, lamps, and the
-    /// daylight at a tunnel's end lie above.
+    /// Returns the luminance in cd/m2 that a well-exposed camera maps to white.
+    ///
+    /// A luminance divided by this value is linear light, usually between 0 and 1. Highlights, lamps, and daylight at
+    /// the end of a tunnel exceed 1.
     #[must_use]
     pub const fn white_cd_m2(&self) -> f32 {
         self.light.white_cd_m2
     }
 
-    /// Vehicles in the scene, the camera's own not counted; track ids run from 1 to this.
+    /// Returns the number of vehicles, not including the camera's car. Track ids are 1 to this number.
     #[must_use]
     pub fn vehicles(&self) -> u32 {
         self.traffic.vehicles.len() as u32
     }
 
-    /// Pose and intrinsics at `t`.
+    /// Returns the pose and the intrinsics of the camera at time `t` in seconds.
     ///
     /// # Errors
-    /// When `t` lies outside the drive.
-    pub fn camera(&self, t: f64) -> Result<Camera> {
+    /// [`ErrorKind::Usage`] if `t` is outside the drive.
+    pub fn camera(&self, t: f64) -> Result<PinholeCamera> {
         self.check_time(t)?;
         Ok(self.camera_unchecked(t))
     }
@@ -134,39 +136,45 @@ impl Scene {
         if (0.0..=self.duration_s).contains(&t) {
             return Ok(());
         }
-        Err(Error::new(Kind::Usage, "scene time")
+        Err(Error::new(ErrorKind::Usage, "scene time")
             .found(format_args!("{t} s"))
             .expected(format_args!("0 to {} s", self.duration_s))
-            .remedy("ask for a longer duration when the scene is made"))
+            .remedy("create the scene with a longer duration"))
     }
 
-    /// Whether the city stands between a point and the lamp of this number.
-    pub(super) fn hides_lamp(&self, lamp: u16, from: Vec3) -> bool {
+    /// Returns whether the city occludes lamp number `lamp` as seen from a point.
+    pub(super) fn is_lamp_hidden(&self, lamp: u16, from: Vec3) -> bool {
         let position = self.city.lamps[usize::from(lamp)].position;
-        let made = || Lampward::new(self.city.bvh.triangles(), position, LAMP_REACH_M);
-        let found = self.lampward[usize::from(lamp)].get_or_init(made).blocked(from);
+        let made = || LampShadows::new(self.city.bvh.triangles(), position, LAMP_RANGE_M);
+        let found = self.lamp_shadows[usize::from(lamp)].get_or_init(made).is_blocked(from);
         found.unwrap_or_else(|| {
             let to = position - from;
-            self.city.bvh.blocked(from, to.normalize_or_zero(), 0.0, to.length() - POST_M)
+            self.city.bvh.is_blocked(from, to.normalize_or_zero(), 0.0, to.length() - POST_RADIUS_M)
         })
     }
 
-    /// What stands between places of the city and its sun or moon.
-    pub(super) fn sunward(&self) -> &Sunward {
-        self.sunward.get_or_init(|| Sunward::new(self.city.mesh.soup(), self.light.sun_way))
+    /// Returns the shadows of the city in the light of the sun or moon.
+    pub(super) fn sun_shadows(&self) -> &SunShadows {
+        self.sun_shadows
+            .get_or_init(|| SunShadows::new(self.city.mesh.triangle_corners(), self.light.sun_direction))
     }
 
-    pub(super) fn stance(&self, motion: &Motion, t: f64) -> Stance {
-        stance_of(&self.city.road, motion, t, self.span)
+    pub(super) fn vehicle_state(&self, motion: &VehicleMotion, t: f64) -> VehicleState {
+        vehicle_state(&self.city.road, motion, t, self.road_span)
     }
 
-    pub(super) fn camera_unchecked(&self, t: f64) -> Camera {
-        let stance = self.stance(&self.traffic.ego, t);
-        Camera { intrinsics: self.intrinsics, pose: self.mount.pose(&stance, t), speed_mps: stance.speed }
+    pub(super) fn camera_unchecked(&self, t: f64) -> PinholeCamera {
+        let stance = self.vehicle_state(&self.traffic.ego, t);
+        PinholeCamera {
+            intrinsics: self.intrinsics,
+            pose: self.mount.pose(&stance, t),
+            speed_mps: stance.speed,
+        }
     }
 }
 
-/// A sample of the visibility buffer names its part and triangle in 32 bits.
+/// Checks that 32 bits are sufficient for the part number and the triangle number of every sample in the visibility
+/// buffer.
 fn check_counts(city: &City, traffic: &Traffic) -> Result<()> {
     let triangles = city.mesh.triangles.len();
     let parts: usize = traffic.vehicles.iter().map(|v| 1 + traffic.shapes[v.shape].axles.len()).sum();
@@ -174,8 +182,8 @@ fn check_counts(city: &City, traffic: &Traffic) -> Result<()> {
     if triangles < most && parts < most_parts {
         return Ok(());
     }
-    Err(Error::new(Kind::Usage, "scene")
+    Err(Error::new(ErrorKind::Usage, "scene")
         .found(format_args!("{triangles} triangles, {parts} moving parts"))
         .expected(format_args!("fewer than {most} and {most_parts}"))
-        .remedy("shorten the drive or slow it down; several scenes cover a longer one"))
+        .remedy("shorten or slow down the drive, or split it into several scenes"))
 }

@@ -1,81 +1,82 @@
-//! Thirty-two 16-bit integers in two 256-bit vectors: what the kernel's lanes do already, and sums.
+//! Thirty-two 16-bit integers in two 256-bit vectors, built on the kernels' lanes.
 
 #![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
 
 use std::arch::x86_64::*;
 
-use super::shorts::{SHORTS, Shorts};
+use super::i16_lanes::{I16_LANES, I16Lanes};
 use crate::kernels::isa::avx2::Avx2;
 use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::isa::proven::proven;
 
-type Two = [__m256i; 2];
+type Pair = [__m256i; 2];
 
-impl Shorts for Avx2 {
-    type Short = Two;
+impl I16Lanes for Avx2 {
+    type Short = Pair;
     type Sum = __m256i;
     type Count = __m256i;
 
     #[inline(always)]
-    fn load(self, from: &[i16; SHORTS]) -> Two {
+    fn load(self, from: &[i16; I16_LANES]) -> Pair {
         [Lanes::load(self, from, 0), Lanes::load(self, from, 16)]
     }
     #[inline(always)]
-    fn store(self, to: &mut [i16; SHORTS], [a, b]: Two) {
+    fn store(self, to: &mut [i16; I16_LANES], [a, b]: Pair) {
         Lanes::store(self, to, 0, a);
         Lanes::store(self, to, 16, b);
     }
     #[inline(always)]
-    fn splat(self, v: i16) -> Two {
+    fn splat(self, v: i16) -> Pair {
         [Lanes::splat(self, v); 2]
     }
     #[inline(always)]
-    fn sub(self, [a, b]: Two, [c, d]: Two) -> Two {
+    fn sub(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
         proven!([_mm256_sub_epi16(a, c), _mm256_sub_epi16(b, d)])
     }
     #[inline(always)]
-    fn and(self, [a, b]: Two, [c, d]: Two) -> Two {
+    fn and(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
         [Lanes::and(self, a, c), Lanes::and(self, b, d)]
     }
     #[inline(always)]
-    fn or(self, [a, b]: Two, [c, d]: Two) -> Two {
+    fn or(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
         [Lanes::or(self, a, c), Lanes::or(self, b, d)]
     }
     #[inline(always)]
-    fn greater(self, [a, b]: Two, [c, d]: Two) -> Two {
+    fn greater(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
         [Lanes::greater(self, a, c), Lanes::greater(self, b, d)]
     }
     #[inline(always)]
-    fn min(self, [a, b]: Two, [c, d]: Two) -> Two {
+    fn min(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
         [Lanes::min(self, a, c), Lanes::min(self, b, d)]
     }
     #[inline(always)]
-    fn max(self, [a, b]: Two, [c, d]: Two) -> Two {
+    fn max(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
         proven!([_mm256_max_epi16(a, c), _mm256_max_epi16(b, d)])
     }
     #[inline(always)]
-    fn signs(self, [a, b]: Two) -> u32 {
-        // A mask's bits are the signs of its integers.
+    fn sign_mask(self, [a, b]: Pair) -> u32 {
+        // `Lanes::bits` returns the sign of each of the 16 integers of a vector as one bit.
         Lanes::bits(self, a) | Lanes::bits(self, b) << 16
     }
     #[inline(always)]
-    fn least(self, [a, b]: Two) -> i16 {
+    fn min_non_negative(self, [a, b]: Pair) -> i16 {
         let all = Lanes::min(self, a, b);
         let (low, high) = (proven!(_mm256_castsi256_si128(all)), proven!(_mm256_extracti128_si256::<1>(all)));
         let least = proven!(_mm_minpos_epu16(_mm_min_epu16(low, high)));
         proven!(_mm_cvtsi128_si32(least)) as i16
     }
     #[inline(always)]
-    fn zero(self) -> __m256i {
+    fn zero_sums(self) -> __m256i {
         proven!(_mm256_setzero_si256())
     }
     #[inline(always)]
-    fn add_products(self, sum: __m256i, [a, b]: Two, [c, d]: Two) -> __m256i {
+    fn add_products(self, sum: __m256i, [a, b]: Pair, [c, d]: Pair) -> __m256i {
         proven!(_mm256_add_epi32(sum, _mm256_add_epi32(_mm256_madd_epi16(a, c), _mm256_madd_epi16(b, d))))
     }
     #[inline(always)]
     fn totals(self, s: [__m256i; 8]) -> [i32; 8] {
-        // Sums of neighbours within each half, until a half holds its part of four totals.
+        // Each addition sums neighbors within the 128-bit halves. Each half of `low` then contains one partial sum of
+        // each of `s[0]` to `s[3]`. Each half of `high` contains one partial sum of each of `s[4]` to `s[7]`.
         let low = proven!(_mm256_hadd_epi32(_mm256_hadd_epi32(s[0], s[1]), _mm256_hadd_epi32(s[2], s[3])));
         let high = proven!(_mm256_hadd_epi32(_mm256_hadd_epi32(s[4], s[5]), _mm256_hadd_epi32(s[6], s[7])));
         let lower = proven!(_mm256_permute2x128_si256::<0x20>(low, high));
@@ -83,22 +84,22 @@ impl Shorts for Avx2 {
         bytemuck::cast(proven!(_mm256_add_epi32(lower, upper)))
     }
     #[inline(always)]
-    fn none(self) -> __m256i {
+    fn zero_counts(self) -> __m256i {
         proven!(_mm256_setzero_si256())
     }
     #[inline(always)]
-    fn count_greater(self, count: __m256i, a: Two, b: Two) -> __m256i {
-        // A comparison is -1 where it holds.
-        let [c, d] = Shorts::greater(self, a, b);
+    fn count_greater(self, count: __m256i, a: Pair, b: Pair) -> __m256i {
+        // A comparison returns -1 for true, so subtracting the result adds 1.
+        let [c, d] = I16Lanes::greater(self, a, b);
         proven!(_mm256_sub_epi16(_mm256_sub_epi16(count, c), d))
     }
     #[inline(always)]
-    fn counted(self, counts: [__m256i; 8]) -> [u32; 8] {
+    fn total_counts(self, counts: [__m256i; 8]) -> [u32; 8] {
         let one = Lanes::splat(self, 1);
         let mut sums = counts;
         for sum in &mut sums {
             *sum = proven!(_mm256_madd_epi16(*sum, one));
         }
-        bytemuck::cast(Shorts::totals(self, sums))
+        bytemuck::cast(I16Lanes::totals(self, sums))
     }
 }

@@ -1,5 +1,7 @@
-//! Bits and 16-bit integers with 512-bit vectors: rows of eight words turned by permutations and products of 8x8 bit matrices, the places of a word's bits by one
-//! compression.
+//! Bits and 16-bit integers in 512-bit vectors.
+//!
+//! Permutations and products of 8x8 bit matrices transpose rows of eight words. One compress instruction returns the
+//! positions of the set bits of a word.
 
 #![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
 
@@ -7,18 +9,18 @@ use std::arch::x86_64::*;
 
 use bytemuck::cast;
 
-use super::matrix::{Bits, Places, ROOM, WORDS};
-use super::planes::{Planes, TILE};
-use super::shorts::{SHORTS, Shorts};
+use super::bit_ops::{BLOCK_WORDS, BitOps, MAX_SPIKES, Positions};
+use super::bit_planes::{BitPlanes, ROW_WORDS};
+use super::i16_lanes::{I16_LANES, I16Lanes};
 use crate::kernels::isa::avx2::Avx2;
 use crate::kernels::isa::proven::proven;
 
-/// Proof that the CPU has the instructions: only [`Avx512Bits::detect`] makes one.
+/// Proof that the CPU has the instructions; only [`Avx512Bits::detect`] creates one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Avx512Bits(Avx2);
 
 impl Avx512Bits {
-    /// The token, if this CPU has AVX-512 F, BW, VBMI, VBMI2 and VNNI, counts the bits of vectors and multiplies 8x8 bit matrices.
+    /// Returns the token if this CPU has AVX-512 F, BW, VBMI, VBMI2, VNNI and VPOPCNTDQ, and GFNI.
     pub(super) fn detect(avx2: Avx2) -> Option<Self> {
         let has = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512bw")
@@ -31,16 +33,20 @@ impl Avx512Bits {
     }
 }
 
-/// The numbers 0 to 63: the places of a word's bits.
-const PLACE: [u8; 64] = table(false, false);
+/// The numbers 0 to 63, which are the positions of the bits of a word.
+const BIT_INDICES: [u8; 64] = table(false, false);
 
-/// Byte `c` of eight words to word `c`, the last word's first: the product of bit matrices takes rows upside down.
-const APART: [u8; 64] = table(true, true);
+/// Permutation that moves byte `c` of eight words to word `c`. The byte of the last word is first, because the product of
+/// bit matrices reads rows in reverse order.
+const SPLIT_BYTES_REVERSED: [u8; 64] = table(true, true);
 
-/// Byte `c` of eight words to word `c`.
-const TOGETHER: [u8; 64] = table(true, false);
+/// Permutation that moves byte `c` of eight words to word `c`. The byte of the first word is first.
+const SPLIT_BYTES: [u8; 64] = table(true, false);
 
-/// Byte `8 i + j` from byte `8 i + j`, or from `8 j + i` if `turned`, or from `8 (7 - j) + i` if `upside_down` too.
+/// Returns a permutation of bytes.
+///
+/// Without `turned`, byte `k` is read from byte `k`. With `turned`, byte `8 i + j` is read from byte `8 j + i`. With
+/// `turned` and `upside_down`, byte `8 i + j` is read from byte `8 (7 - j) + i`.
 const fn table(turned: bool, upside_down: bool) -> [u8; 64] {
     let mut table = [0; 64];
     let mut at = 0;
@@ -53,8 +59,8 @@ const fn table(turned: bool, upside_down: bool) -> [u8; 64] {
     table
 }
 
-/// Row `k` of an 8x8 bit matrix of ones in the diagonal is bit `k`.
-const DIAGONAL: i64 = 0x8040_2010_0804_0201_u64 as i64;
+/// The 8x8 identity matrix of bits: row `k` has bit `k` set.
+const IDENTITY_8X8: i64 = 0x8040_2010_0804_0201_u64 as i64;
 
 impl Avx512Bits {
     #[inline(always)]
@@ -69,10 +75,11 @@ impl Avx512Bits {
         unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), v) }
     }
 
-    /// Word `j` of vector `i` becomes word `i` of vector `j`.
+    /// Moves word `j` of vector `i` to word `i` of vector `j`.
     #[inline(always)]
-    fn turn_words(self, r: [__m512i; 8]) -> [__m512i; 8] {
-        // Words of two rows abreast, then lanes of two words of four rows, then of eight.
+    fn transpose_words(self, r: [__m512i; 8]) -> [__m512i; 8] {
+        // The three stages interleave words of two rows, then pairs of words of four rows, then groups of four words of
+        // eight rows.
         let mut pairs = r;
         for i in 0..4 {
             pairs[i] = proven!(_mm512_unpacklo_epi64(r[2 * i], r[2 * i + 1]));
@@ -102,25 +109,25 @@ impl Avx512Bits {
         proven!([_mm512_castsi512_si256(v), _mm512_extracti64x4_epi64::<1>(v)])
     }
 
-    /// Sixteen places as 16-bit integers, counted from `base`.
+    /// Adds `base` to sixteen positions and stores the sums as 16-bit integers.
     #[inline(always)]
-    fn widened(self, places: __m128i, base: __m256i, out: &mut [i16; 16]) {
+    fn store_widened(self, places: __m128i, base: __m256i, out: &mut [i16; 16]) {
         let wide = proven!(_mm256_add_epi16(_mm256_cvtepi8_epi16(places), base));
         // SAFETY: 32 bytes, any alignment; the token proves the instruction.
         unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), wide) }
     }
 }
 
-impl Planes for Avx512Bits {
+impl BitPlanes for Avx512Bits {
     type Row = __m512i;
 
     #[inline(always)]
-    fn row(self, words: &[u64; TILE]) -> __m512i {
+    fn row(self, words: &[u64; ROW_WORDS]) -> __m512i {
         self.load(words)
     }
     #[inline(always)]
-    fn words(self, row: __m512i) -> [u64; TILE] {
-        let mut words = [0; TILE];
+    fn words(self, row: __m512i) -> [u64; ROW_WORDS] {
+        let mut words = [0; ROW_WORDS];
         self.store(&mut words, row);
         words
     }
@@ -137,32 +144,34 @@ impl Planes for Avx512Bits {
         proven!(_mm512_xor_si512(a, b))
     }
     #[inline(always)]
-    fn without(self, a: __m512i, b: __m512i) -> __m512i {
+    fn and_not(self, a: __m512i, b: __m512i) -> __m512i {
         proven!(_mm512_andnot_si512(a, b))
     }
     #[inline(always)]
     fn full_add(self, a: __m512i, b: __m512i, c: __m512i) -> (__m512i, __m512i) {
-        // Bit `4 a + 2 b + c` of the number is what three bits give: one of them or all, and two or more.
+        // Bit `4 a + 2 b + c` of the constant is the result for the input bits a, b and c. The sum bit is 1 if one or
+        // three inputs are 1.
+        // The carry bit is 1 if two or three inputs are 1.
         (
             proven!(_mm512_ternarylogic_epi64::<0x96>(a, b, c)),
             proven!(_mm512_ternarylogic_epi64::<0xE8>(a, b, c)),
         )
     }
     #[inline(always)]
-    fn down(self, row: __m512i, next: __m512i) -> __m512i {
+    fn shift_down(self, row: __m512i, next: __m512i) -> __m512i {
         proven!(_mm512_shrdi_epi64::<1>(row, next))
     }
     #[inline(always)]
-    fn ask(self, words: &[u64], at: usize) {
-        // No access: an address without memory behind it is passed over.
+    fn prefetch(self, words: &[u64], at: usize) {
+        // A prefetch does not access memory, and the CPU ignores an invalid address.
         proven!(_mm_prefetch::<_MM_HINT_T1>(words.as_ptr().wrapping_add(at).cast()));
     }
     #[inline(always)]
-    fn numbers(self, planes: [__m512i; 8]) -> [[u8; 64]; TILE] {
-        let apart = self.load(&cast(APART));
-        let diagonal = proven!(_mm512_set1_epi64(DIAGONAL));
-        let words = self.turn_words(planes);
-        let mut numbers = [[0; 64]; TILE];
+    fn transpose_planes(self, planes: [__m512i; 8]) -> [[u8; 64]; ROW_WORDS] {
+        let apart = self.load(&cast(SPLIT_BYTES_REVERSED));
+        let diagonal = proven!(_mm512_set1_epi64(IDENTITY_8X8));
+        let words = self.transpose_words(planes);
+        let mut numbers = [[0; 64]; ROW_WORDS];
         for (numbers, word) in numbers.iter_mut().zip(words) {
             let columns = proven!(_mm512_permutexvar_epi8(apart, word));
             let rows = proven!(_mm512_gf2p8affine_epi64_epi8::<0>(diagonal, columns));
@@ -173,18 +182,18 @@ impl Planes for Avx512Bits {
     }
 }
 
-impl Shorts for Avx512Bits {
+impl I16Lanes for Avx512Bits {
     type Short = __m512i;
     type Sum = __m512i;
     type Count = __m512i;
 
     #[inline(always)]
-    fn load(self, from: &[i16; SHORTS]) -> __m512i {
+    fn load(self, from: &[i16; I16_LANES]) -> __m512i {
         // SAFETY: 64 bytes, any alignment; the token proves the instruction.
         unsafe { _mm512_loadu_si512(from.as_ptr().cast()) }
     }
     #[inline(always)]
-    fn store(self, to: &mut [i16; SHORTS], v: __m512i) {
+    fn store(self, to: &mut [i16; I16_LANES], v: __m512i) {
         // SAFETY: 64 bytes, any alignment; the token proves the instruction.
         unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), v) }
     }
@@ -198,11 +207,11 @@ impl Shorts for Avx512Bits {
     }
     #[inline(always)]
     fn and(self, a: __m512i, b: __m512i) -> __m512i {
-        Planes::and(self, a, b)
+        BitPlanes::and(self, a, b)
     }
     #[inline(always)]
     fn or(self, a: __m512i, b: __m512i) -> __m512i {
-        Planes::or(self, a, b)
+        BitPlanes::or(self, a, b)
     }
     #[inline(always)]
     fn greater(self, a: __m512i, b: __m512i) -> __m512i {
@@ -217,15 +226,15 @@ impl Shorts for Avx512Bits {
         proven!(_mm512_max_epi16(a, b))
     }
     #[inline(always)]
-    fn signs(self, v: __m512i) -> u32 {
+    fn sign_mask(self, v: __m512i) -> u32 {
         proven!(_mm512_movepi16_mask(v))
     }
     #[inline(always)]
-    fn least(self, v: __m512i) -> i16 {
-        Shorts::least(self.0, self.halves(v))
+    fn min_non_negative(self, v: __m512i) -> i16 {
+        I16Lanes::min_non_negative(self.0, self.halves(v))
     }
     #[inline(always)]
-    fn zero(self) -> __m512i {
+    fn zero_sums(self) -> __m512i {
         proven!(_mm512_setzero_si512())
     }
     #[inline(always)]
@@ -239,10 +248,10 @@ impl Shorts for Avx512Bits {
             let [low, high] = self.halves(sum);
             *folded = proven!(_mm256_add_epi32(low, high));
         }
-        Shorts::totals(self.0, folded)
+        I16Lanes::totals(self.0, folded)
     }
     #[inline(always)]
-    fn none(self) -> __m512i {
+    fn zero_counts(self) -> __m512i {
         proven!(_mm512_setzero_si512())
     }
     #[inline(always)]
@@ -251,7 +260,7 @@ impl Shorts for Avx512Bits {
         proven!(_mm512_mask_add_epi16(count, _mm512_cmpgt_epi16_mask(a, b), count, one))
     }
     #[inline(always)]
-    fn counted(self, counts: [__m512i; 8]) -> [u32; 8] {
+    fn total_counts(self, counts: [__m512i; 8]) -> [u32; 8] {
         let mut sums = counts;
         for sum in &mut sums {
             *sum = proven!(_mm512_madd_epi16(*sum, _mm512_set1_epi16(1)));
@@ -260,34 +269,35 @@ impl Shorts for Avx512Bits {
     }
 }
 
-impl Bits for Avx512Bits {
+impl BitOps for Avx512Bits {
     #[inline(always)]
     fn transpose(self, words: &mut [u64; 64]) {
         let rows = words.as_chunks_mut::<8>().0;
-        let (apart, together) = (self.load(&cast(APART)), self.load(&cast(TOGETHER)));
-        let diagonal = proven!(_mm512_set1_epi64(DIAGONAL));
+        let (apart, together) = (self.load(&cast(SPLIT_BYTES_REVERSED)), self.load(&cast(SPLIT_BYTES)));
+        let diagonal = proven!(_mm512_set1_epi64(IDENTITY_8X8));
         let mut bytes = [diagonal; 8];
         for (bytes, rows) in bytes.iter_mut().zip(&*rows) {
             let columns = proven!(_mm512_permutexvar_epi8(apart, self.load(rows)));
             *bytes = proven!(_mm512_gf2p8affine_epi64_epi8::<0>(diagonal, columns));
         }
-        for (rows, bytes) in rows.iter_mut().zip(self.turn_words(bytes)) {
+        for (rows, bytes) in rows.iter_mut().zip(self.transpose_words(bytes)) {
             self.store(rows, proven!(_mm512_permutexvar_epi8(together, bytes)));
         }
     }
 
     #[inline(always)]
-    fn turn(self, rows: &[u64], step: usize, n: usize, to: &mut [[u64; 64]; WORDS]) {
+    fn transpose_rows(self, rows: &[u64], step: usize, n: usize, to: &mut [[u64; 64]; BLOCK_WORDS]) {
         for eight in 0..8 {
             let mut r = [proven!(_mm512_setzero_si512()); 8];
             for (i, r) in r.iter_mut().enumerate().take(n.saturating_sub(8 * eight)) {
                 if let Some(row) = rows[(8 * eight + i) * step..].first_chunk() {
                     *r = self.load(row);
-                    // The row's next words, for the next turn. No access: an address without memory behind it is passed over.
-                    proven!(_mm_prefetch::<_MM_HINT_T1>(row.as_ptr().wrapping_add(WORDS).cast()));
+                    // The next call reads the next words of this row, so they are prefetched. The CPU ignores an invalid
+                    // address.
+                    proven!(_mm_prefetch::<_MM_HINT_T1>(row.as_ptr().wrapping_add(BLOCK_WORDS).cast()));
                 }
             }
-            for (to, words) in to.iter_mut().zip(self.turn_words(r)) {
+            for (to, words) in to.iter_mut().zip(self.transpose_words(r)) {
                 self.store(&mut to.as_chunks_mut::<8>().0[eight], words);
             }
         }
@@ -297,19 +307,19 @@ impl Bits for Avx512Bits {
     }
 
     #[inline(always)]
-    fn places(self, bits: u64, base: i16, out: &mut Places, at: usize) -> usize {
+    fn positions(self, bits: u64, base: i16, out: &mut Positions, at: usize) -> usize {
         let set = bits.count_ones() as usize;
-        let all = proven!(_mm512_maskz_compress_epi8(bits, self.load(&cast(PLACE))));
+        let all = proven!(_mm512_maskz_compress_epi8(bits, self.load(&cast(BIT_INDICES))));
         let base = proven!(_mm256_set1_epi16(base));
-        let from = at % ROOM;
+        let from = at % MAX_SPIKES;
         let quarters = out[from..from + 64].as_chunks_mut::<16>().0;
-        self.widened(proven!(_mm512_castsi512_si128(all)), base, &mut quarters[0]);
+        self.store_widened(proven!(_mm512_castsi512_si128(all)), base, &mut quarters[0]);
         if set > 16 {
-            self.widened(proven!(_mm512_extracti32x4_epi32::<1>(all)), base, &mut quarters[1]);
+            self.store_widened(proven!(_mm512_extracti32x4_epi32::<1>(all)), base, &mut quarters[1]);
         }
         if set > 32 {
-            self.widened(proven!(_mm512_extracti32x4_epi32::<2>(all)), base, &mut quarters[2]);
-            self.widened(proven!(_mm512_extracti32x4_epi32::<3>(all)), base, &mut quarters[3]);
+            self.store_widened(proven!(_mm512_extracti32x4_epi32::<2>(all)), base, &mut quarters[2]);
+            self.store_widened(proven!(_mm512_extracti32x4_epi32::<3>(all)), base, &mut quarters[3]);
         }
         at + set
     }

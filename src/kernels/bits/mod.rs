@@ -1,21 +1,22 @@
-//! Bits counted, turned round and found: what `measure` and `diagnose` do with streams. No plan runs here; it shares only the
-//! instruction sets with the kernels.
+//! Counts, transpositions and positions of bits. `measure` and `diagnose` read streams with these functions.
+//!
+//! This module does not run plans. It shares only the instruction sets with the kernels.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
-mod counting;
-mod matrix;
-mod planes;
-mod shorts;
+mod bit_ops;
+mod bit_planes;
+mod counters;
+mod dispatch;
+mod i16_lanes;
 mod tally;
-mod vertical;
 
-pub use counting::{Work, counting, counting_with, doubles_with};
-pub use matrix::{Bits, Places, ROOM, SLACK, WORDS};
-pub use planes::TILE;
-pub use shorts::AnyCpu;
-pub use shorts::{SHORTS, Shorts};
-pub use tally::{Tally, Times};
-pub use vertical::{Counters, GROUPS, load};
+pub use bit_ops::{BLOCK_WORDS, BitOps, MAX_SPIKES, OVERRUN, Positions};
+pub use bit_planes::ROW_WORDS;
+pub use counters::{Counters, MAX_GROUPS, load_row};
+pub use dispatch::{Task, dispatch, dispatch_f64_task, dispatch_task};
+pub use i16_lanes::AnyCpu;
+pub use i16_lanes::{I16_LANES, I16Lanes};
+pub use tally::{SpikeTimes, Tally};

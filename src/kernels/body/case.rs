@@ -1,73 +1,78 @@
-//! The cases that have a function of their own in every backend: one function
-//! with all of them has fifty thousand instructions, and the compiler then
-//! stops to inline and spills what it could keep.
+//! The cases. Each backend has a separate function for each case.
+//!
+//! One function for all cases would have fifty thousand instructions. In such a function, the compiler stops inlining and
+//! stores register values in memory.
 
-use crate::kernels::body::moving::moving;
+use crate::kernels::body::dynamics::dynamics;
 use crate::kernels::body::noiseless::noiseless;
 use crate::kernels::body::noisy::noisy;
-use crate::kernels::body::{CLAMPED, FREE, LATE, NONE, READOUT, RESET, SURPLUS};
+use crate::kernels::body::{
+    CORRELATED, NOISE_NONE, NOISE_READOUT, NOISE_RESET, STORE_CLAMPED, STORE_FREE, STORE_SURPLUS,
+};
 use crate::kernels::isa::lanes::Lanes;
-use crate::kernels::{Job, Light, Samples};
-use crate::pixel::Redraw;
-use crate::plan::{NoiseTable, StateParts};
+use crate::kernels::{Job, Samples, SegmentLight};
+use crate::pixel::NoiseSampling;
+use crate::plan::{NoiseTable, StateTile};
 
-const LATE_READOUT: u8 = LATE | READOUT;
-const LATE_RESET: u8 = LATE | RESET;
+const CORRELATED_READOUT: u8 = CORRELATED | NOISE_READOUT;
+const CORRELATED_RESET: u8 = CORRELATED | NOISE_RESET;
 
-/// What a job asks of its body.
+/// The properties of a job that select its case.
 #[derive(Clone, Copy, Debug)]
-struct Asks {
-    /// Something moves besides the light that a frame gives.
-    moves: bool,
-    /// Neighbours or the response bend the light of a frame.
-    bends: bool,
-    /// Quanta are drawn.
-    shot: bool,
-    /// Threshold noise in whole steps, or none, where resets keep the remainder; with [`LATE`] where quanta's noise waits or pixels
-    /// are undecided.
+struct CaseKey {
+    /// Whether the plan has dynamics that do more than change the light of a frame.
+    is_dynamic: bool,
+    /// Whether the plan has any dynamics, which may change the light of a frame.
+    changes_light: bool,
+    /// Whether quanta are drawn.
+    has_shot_noise: bool,
+    /// Kind of the threshold noise.
+    ///
+    /// The value is `None` if the noise is not in whole steps, or if resets lose a part of the remainder. It includes
+    /// [`CORRELATED`] if noise of the quanta can be pending or pixels have jitter.
     noise: Option<u8>,
-    /// How charge is stored.
+    /// Storage of charge.
     store: u8,
-    /// A dead time, flipped bits, or a lost remainder.
-    extra: bool,
-    /// 8-bit frames are held, and every increment is a whole number of steps.
-    whole: bool,
+    /// Whether the plan has a dead time, flipped bits or a lost remainder.
+    has_extras: bool,
+    /// Whether all light consists of held 8-bit frames and every increment is a whole number of steps.
+    is_whole: bool,
 }
 
-impl Asks {
-    fn of(job: &Job<'_>) -> Self {
+impl CaseKey {
+    fn from_job(job: &Job<'_>) -> Self {
         let (tables, rules) = (job.plan.tables(), job.plan.rules());
-        let noise = match (&tables.noise, rules.redraw) {
-            (None, _) => Some(NONE),
-            (Some(NoiseTable::Whole(_)), Redraw::EveryReadout) => Some(READOUT),
-            (Some(NoiseTable::Whole(_)), Redraw::EveryReset) => Some(RESET),
+        let noise = match (&tables.noise, rules.noise_sampling) {
+            (None, _) => Some(NOISE_NONE),
+            (Some(NoiseTable::Whole(_)), NoiseSampling::EveryReadout) => Some(NOISE_READOUT),
+            (Some(NoiseTable::Whole(_)), NoiseSampling::EveryReset) => Some(NOISE_RESET),
             (Some(NoiseTable::Fine(_)), _) => None,
         };
-        let late = if rules.released != 0 || !tables.undecided.is_empty() { LATE } else { 0 };
-        let grey = |light: &Light<'_>| matches!(light, Light::Held(Samples::U8(_)));
+        let late = if rules.release_share != 0 || !tables.jitter_width.is_empty() { CORRELATED } else { 0 };
+        let gray = |light: &SegmentLight<'_>| matches!(light, SegmentLight::Hold(Samples::U8(_)));
         Self {
-            moves: job.plan.moving().is_some_and(|moving| !moving.only_bends_light()),
-            bends: job.plan.moving().is_some(),
-            shot: tables.shot.is_some(),
+            is_dynamic: job.plan.dynamics().is_some_and(|moving| !moving.only_changes_light()),
+            changes_light: job.plan.dynamics().is_some(),
+            has_shot_noise: tables.shot.is_some(),
             noise: noise.filter(|_| rules.keeps_remainder()).map(|noise| noise | late),
-            store: match (rules.surplus, tables.ceiling.is_empty()) {
-                (true, _) => SURPLUS,
-                (false, true) => FREE,
-                (false, false) => CLAMPED,
+            store: match (rules.counts_surplus, tables.ceiling.is_empty()) {
+                (true, _) => STORE_SURPLUS,
+                (false, true) => STORE_FREE,
+                (false, false) => STORE_CLAMPED,
             },
-            extra: rules.extras(),
-            whole: !tables.whole_gain.is_empty() && job.batch.segments().iter().all(|(_, l)| grey(l)),
+            has_extras: rules.has_extras(),
+            is_whole: !tables.whole_gain.is_empty() && job.batch.segments().iter().all(|(_, l)| gray(l)),
         }
     }
 }
 
-/// What runs a job in a case: a function that is compiled for an instruction set.
+/// A kernel call that is compiled for an instruction set.
 pub(in crate::kernels) trait Entry {
-    /// Calls [`run`] with the case.
+    /// Calls [`run`] with this case.
     fn enter<const CASE: u8>(self);
 }
 
-/// The table of cases: the first whose condition holds is taken.
+/// Defines the cases. A job has the first case whose pattern matches its [`CaseKey`].
 macro_rules! cases {
     ($($(#[$doc:meta])* $name:ident: $condition:pat => $body:expr;)*) => {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,27 +81,29 @@ macro_rules! cases {
         enum Case { $($(#[$doc])* $name),* }
 
         impl Case {
-            fn of(asks: Asks) -> Self {
-                match asks { $($condition => Self::$name),* }
+            fn from_key(key: CaseKey) -> Self {
+                match key { $($condition => Self::$name),* }
             }
         }
 
         $(const $name: u8 = Case::$name as u8;)*
 
-        /// Enters the function of the job's case.
+        /// Calls the function of the job's case.
         pub(in crate::kernels) fn by_case(job: &Job<'_>, entry: impl Entry) {
-            match Case::of(Asks::of(job)) { $(Case::$name => entry.enter::<$name>()),* }
+            match Case::from_key(CaseKey::from_job(job)) { $(Case::$name => entry.enter::<$name>()),* }
         }
 
-        /// Enters one of four functions that take any job: where something moves, two for plans without noise, and that which asks
-        /// for the rules at run time.
+        /// Calls one of four functions that together implement all jobs.
+        ///
+        /// There is one function for plans with dynamics, one for each of two kinds of plans without noise, and one for
+        /// all other plans.
         #[cfg(target_arch = "x86_64")]
         pub(in crate::kernels) fn by_general_case(job: &Job<'_>, entry: impl Entry) {
-            match Case::of(Asks::of(job)) {
-                Case::MOVING => entry.enter::<MOVING>(),
+            match Case::from_key(CaseKey::from_job(job)) {
+                Case::DYNAMICS => entry.enter::<DYNAMICS>(),
                 Case::NOISELESS_FREE_WHOLE | Case::NOISELESS_FREE => entry.enter::<NOISELESS_FREE>(),
                 Case::NOISELESS_CLAMPED_WHOLE | Case::NOISELESS_CLAMPED => entry.enter::<NOISELESS_CLAMPED>(),
-                _ => entry.enter::<ANY_RULES>(),
+                _ => entry.enter::<GENERAL>(),
             }
         }
 
@@ -105,7 +112,7 @@ macro_rules! cases {
         pub(in crate::kernels) fn run<L: Lanes, const CASE: u8>(
             l: L,
             job: &Job<'_>,
-            state: &mut StateParts<'_>,
+            state: &mut StateTile<'_>,
             out: &mut [u8],
         ) {
             match CASE {
@@ -116,49 +123,48 @@ macro_rules! cases {
     };
 }
 
-// The parameters of `noiseless`: how charge is stored, whether increments are whole. Those of `noisy`: the noise of the
-// threshold, how charge is stored, whether rules are asked at run time, and whether two vectors can run together all the same.
+// The parameters of `noiseless` are `STORE` and `WHOLE`; the parameters of `noisy` are `NOISE`, `STORE`, `ANY` and `EXTRA`.
 cases! {
-    /// Something moves: asked at run time, a vector and a readout at a time.
-    MOVING: Asks { moves: true, .. } => moving;
-    /// The published model: quanta, noise drawn at readouts, a bound on charge, and a dead time or flipped bits.
+    /// Plans with dynamics. The kernel reads the rules at run time and runs one vector and one readout at a time.
+    DYNAMICS: CaseKey { is_dynamic: true, .. } => dynamics;
+    /// The published model: quanta, noise drawn at readouts, clamped charge, and a dead time or flipped bits.
     READOUT_CLAMPED_EXTRA:
-        Asks { shot: true, noise: Some(READOUT), store: CLAMPED, extra: true, .. } => noisy::<L, READOUT, CLAMPED, true, true>;
-    /// The same without a bound.
+        CaseKey { has_shot_noise: true, noise: Some(NOISE_READOUT), store: STORE_CLAMPED, has_extras: true, .. } => noisy::<L, NOISE_READOUT, STORE_CLAMPED, true, true>;
+    /// Like `READOUT_CLAMPED_EXTRA`, but with counted surplus instead of a clamp.
     READOUT_SURPLUS_EXTRA:
-        Asks { shot: true, noise: Some(READOUT), store: SURPLUS, extra: true, .. } => noisy::<L, READOUT, SURPLUS, true, true>;
-    /// An ideal pixel in grey levels that are held.
+        CaseKey { has_shot_noise: true, noise: Some(NOISE_READOUT), store: STORE_SURPLUS, has_extras: true, .. } => noisy::<L, NOISE_READOUT, STORE_SURPLUS, true, true>;
+    /// Ideal pixels under held 8-bit frames.
     NOISELESS_FREE_WHOLE:
-        Asks { shot: false, noise: Some(NONE), store: FREE, whole: true, bends: false, extra: false, .. } => noiseless::<L, FREE, true>;
-    /// A fixed pattern, light that never passes two thresholds.
+        CaseKey { has_shot_noise: false, noise: Some(NOISE_NONE), store: STORE_FREE, is_whole: true, changes_light: false, has_extras: false, .. } => noiseless::<L, STORE_FREE, true>;
+    /// Fixed pattern only. The charge is always below two thresholds.
     NOISELESS_FREE:
-        Asks { shot: false, noise: Some(NONE), store: FREE, bends: false, extra: false, .. } => noiseless::<L, FREE, false>;
-    /// An ideal pixel with a bound, in grey levels that are held.
+        CaseKey { has_shot_noise: false, noise: Some(NOISE_NONE), store: STORE_FREE, changes_light: false, has_extras: false, .. } => noiseless::<L, STORE_FREE, false>;
+    /// Ideal pixels with clamped charge under held 8-bit frames.
     NOISELESS_CLAMPED_WHOLE:
-        Asks { shot: false, noise: Some(NONE), store: CLAMPED, whole: true, bends: false, extra: false, .. } => noiseless::<L, CLAMPED, true>;
-    /// A fixed pattern and a bound.
+        CaseKey { has_shot_noise: false, noise: Some(NOISE_NONE), store: STORE_CLAMPED, is_whole: true, changes_light: false, has_extras: false, .. } => noiseless::<L, STORE_CLAMPED, true>;
+    /// Fixed pattern and clamped charge.
     NOISELESS_CLAMPED:
-        Asks { shot: false, noise: Some(NONE), store: CLAMPED, bends: false, extra: false, .. } => noiseless::<L, CLAMPED, false>;
-    /// Quanta alone, and a bound.
+        CaseKey { has_shot_noise: false, noise: Some(NOISE_NONE), store: STORE_CLAMPED, changes_light: false, has_extras: false, .. } => noiseless::<L, STORE_CLAMPED, false>;
+    /// Quanta without threshold noise, and clamped charge.
     SHOT_CLAMPED:
-        Asks { shot: true, noise: Some(NONE), store: CLAMPED, extra: false, .. } => noisy::<L, NONE, CLAMPED, false, false>;
-    /// Quanta, noise drawn at readouts, and a bound.
+        CaseKey { has_shot_noise: true, noise: Some(NOISE_NONE), store: STORE_CLAMPED, has_extras: false, .. } => noisy::<L, NOISE_NONE, STORE_CLAMPED, false, false>;
+    /// Quanta, noise drawn at readouts, and clamped charge.
     READOUT_CLAMPED:
-        Asks { shot: true, noise: Some(READOUT), store: CLAMPED, extra: false, .. } => noisy::<L, READOUT, CLAMPED, false, false>;
-    /// Quanta, noise drawn at readouts, and no bound.
+        CaseKey { has_shot_noise: true, noise: Some(NOISE_READOUT), store: STORE_CLAMPED, has_extras: false, .. } => noisy::<L, NOISE_READOUT, STORE_CLAMPED, false, false>;
+    /// Quanta, noise drawn at readouts, and counted surplus.
     READOUT_SURPLUS:
-        Asks { shot: true, noise: Some(READOUT), store: SURPLUS, extra: false, .. } => noisy::<L, READOUT, SURPLUS, false, false>;
-    /// Quanta, noise frozen from reset to reset, and a bound.
+        CaseKey { has_shot_noise: true, noise: Some(NOISE_READOUT), store: STORE_SURPLUS, has_extras: false, .. } => noisy::<L, NOISE_READOUT, STORE_SURPLUS, false, false>;
+    /// Quanta, noise frozen between resets, and clamped charge.
     RESET_CLAMPED:
-        Asks { shot: true, noise: Some(RESET), store: CLAMPED, extra: false, .. } => noisy::<L, RESET, CLAMPED, false, false>;
-    /// Quanta whose noise waits, or pixels that are undecided, beside noise drawn at readouts and a bound.
-    LATE_READOUT_CLAMPED:
-        Asks { shot: true, noise: Some(LATE_READOUT), store: CLAMPED, extra: false, .. } => noisy::<L, LATE_READOUT, CLAMPED, false, false>;
-    /// The same beside noise frozen from reset to reset.
-    LATE_RESET_CLAMPED:
-        Asks { shot: true, noise: Some(LATE_RESET), store: CLAMPED, extra: false, .. } => noisy::<L, LATE_RESET, CLAMPED, false, false>;
-    /// All that stays, asked at run time.
-    ANY_RULES: _ => noisy::<L, NONE, SURPLUS, true, false>;
+        CaseKey { has_shot_noise: true, noise: Some(NOISE_RESET), store: STORE_CLAMPED, has_extras: false, .. } => noisy::<L, NOISE_RESET, STORE_CLAMPED, false, false>;
+    /// Pending noise of quanta or jitter, noise drawn at readouts, and clamped charge.
+    CORRELATED_READOUT_CLAMPED:
+        CaseKey { has_shot_noise: true, noise: Some(CORRELATED_READOUT), store: STORE_CLAMPED, has_extras: false, .. } => noisy::<L, CORRELATED_READOUT, STORE_CLAMPED, false, false>;
+    /// Pending noise of quanta or jitter, noise frozen between resets, and clamped charge.
+    CORRELATED_RESET_CLAMPED:
+        CaseKey { has_shot_noise: true, noise: Some(CORRELATED_RESET), store: STORE_CLAMPED, has_extras: false, .. } => noisy::<L, CORRELATED_RESET, STORE_CLAMPED, false, false>;
+    /// All other plans. The kernel reads the rules at run time.
+    GENERAL: _ => noisy::<L, NOISE_NONE, STORE_SURPLUS, true, false>;
 }
 
 #[cfg(test)]
@@ -172,35 +178,35 @@ mod tests {
 
     fn case_of(camera: &crate::Camera, light: Samples<'_>) -> Case {
         let plan = Plan::new(camera, Seeds::default()).unwrap();
-        let segments = [Segment { readouts: 1, light: Light::Held(light) }];
-        let batch = Batch::after(&plan, &plan.start(), &segments);
-        Case::of(Asks::of(&Job::new(&plan, &batch, 0, plan.padded())))
+        let segments = [Segment { readouts: 1, light: SegmentLight::Hold(light) }];
+        let batch = Batch::from_state(&plan, &plan.initial_state(), &segments);
+        Case::from_key(CaseKey::from_job(&Job::new(&plan, &batch, 0, plan.padded_pixels())))
     }
 
     #[test]
     fn every_preset_has_the_case_that_is_meant_for_it() {
-        // Name, case under held 8-bit light, case under other light.
+        // Each row contains the name, the case under held 8-bit light, and the case under other light.
         let expected = [
             ("ideal", Case::NOISELESS_FREE_WHOLE, Case::NOISELESS_FREE),
             ("scsim-paper", Case::READOUT_SURPLUS, Case::READOUT_SURPLUS),
             ("scsim-code", Case::READOUT_SURPLUS_EXTRA, Case::READOUT_SURPLUS_EXTRA),
             ("physical", Case::RESET_CLAMPED, Case::RESET_CLAMPED),
-            ("vidar-measured", Case::LATE_RESET_CLAMPED, Case::LATE_RESET_CLAMPED),
+            ("vidar-measured", Case::CORRELATED_RESET_CLAMPED, Case::CORRELATED_RESET_CLAMPED),
             ("vidar-lowlight", Case::RESET_CLAMPED, Case::RESET_CLAMPED),
             ("spcs", Case::NOISELESS_FREE, Case::NOISELESS_FREE),
-            ("neuspike", Case::ANY_RULES, Case::ANY_RULES),
-            ("spikingsim", Case::ANY_RULES, Case::ANY_RULES),
+            ("neuspike", Case::GENERAL, Case::GENERAL),
+            ("spikingsim", Case::GENERAL, Case::GENERAL),
             ("spikecv", Case::NOISELESS_FREE, Case::NOISELESS_FREE),
-            ("spikecv-image", Case::ANY_RULES, Case::ANY_RULES),
+            ("spikecv-image", Case::GENERAL, Case::GENERAL),
             ("spike-zoo", Case::NOISELESS_FREE_WHOLE, Case::NOISELESS_FREE),
         ];
-        let (grey, linear) = (vec![51; 64 * 2], vec![0.2; 64 * 2]);
+        let (gray, linear) = (vec![51; 64 * 2], vec![0.2; 64 * 2]);
         let mut found = Vec::new();
         for preset in presets::ALL {
             let mut camera = presets::builtin(preset.name).unwrap();
             camera.sensor.geometry = Geometry::new(64, 2).unwrap();
             let of = |light| case_of(&camera, light);
-            found.push((preset.name, of(Samples::U8(&grey)), of(Samples::F32(&linear))));
+            found.push((preset.name, of(Samples::U8(&gray)), of(Samples::F32(&linear))));
         }
         assert_eq!(found, expected);
     }

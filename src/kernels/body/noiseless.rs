@@ -1,5 +1,7 @@
-//! Plans without temporal noise: four vectors together, because each readout
-//! is so short that one vector alone would wait for its own results. In scalar code:
+//! The kernel of plans without temporal noise, which runs four vectors together.
+//!
+//! A readout takes so few instructions that a single vector would wait for the results of its previous readout. In scalar
+//! code:
 //!
 //! ```text
 //! for t in readouts {
@@ -9,23 +11,23 @@
 //! }
 //! ```
 
-use crate::kernels::body::increment::{Increment, Sample, cut_off, sample, sample_bytes};
-use crate::kernels::body::pass::{Ahead, FRAMES, Pass, passes};
+use crate::kernels::body::increment::{Increment, Sample, clamp_light, load_sample_bytes, load_samples};
+use crate::kernels::body::pass::{Ahead, MAX_PASS_FRAMES, Pass, passes};
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step;
 use crate::kernels::isa::lanes::Lanes;
-use crate::kernels::{Job, Light, Samples};
-use crate::plan::StateParts;
+use crate::kernels::{Job, Samples, SegmentLight};
+use crate::plan::StateTile;
 
-/// Vectors that are stepped together.
-const TOGETHER: usize = 4;
+/// Number of vectors that run together.
+const VECTORS_PER_STEP: usize = 4;
 
 /// Runs a plan without temporal noise.
 #[inline(always)]
 pub(super) fn noiseless<L: Lanes, const STORE: u8, const WHOLE: bool>(
     l: L,
     job: &Job<'_>,
-    state: &mut StateParts<'_>,
+    state: &mut StateTile<'_>,
     out: &mut [u8],
 ) {
     let pixels = job.plan.geometry().pixels().saturating_sub(job.range().start);
@@ -34,17 +36,33 @@ pub(super) fn noiseless<L: Lanes, const STORE: u8, const WHOLE: bool>(
         let (shorts, next_shorts) = (pass.frames::<u16>(), pass.ahead::<u16>());
         let (floats, next_floats) = (pass.frames::<f32>(), pass.ahead::<f32>());
         let mut at = 0;
-        while at + TOGETHER * L::N <= job.pixels() {
-            let inside = at + TOGETHER * L::N <= pixels;
-            match pass.single {
+        while at + VECTORS_PER_STEP * L::N <= job.pixels() {
+            let inside = at + VECTORS_PER_STEP * L::N <= pixels;
+            match pass.single_sample_kind {
                 Some(Samples::U8(_)) if WHOLE && inside => {
-                    grey::<L, STORE, TOGETHER>(l, job, state, out, at, &pass, (&bytes, &next_bytes));
+                    run_whole_frames::<L, STORE, VECTORS_PER_STEP>(
+                        l,
+                        job,
+                        state,
+                        out,
+                        at,
+                        &pass,
+                        (&bytes, &next_bytes),
+                    );
                 }
                 Some(Samples::U8(_)) if inside => {
-                    singles::<L, u8, STORE, TOGETHER>(l, job, state, out, at, &pass, (&bytes, &next_bytes));
+                    run_typed_frames::<L, u8, STORE, VECTORS_PER_STEP>(
+                        l,
+                        job,
+                        state,
+                        out,
+                        at,
+                        &pass,
+                        (&bytes, &next_bytes),
+                    );
                 }
                 Some(Samples::U16(_)) if inside => {
-                    singles::<L, u16, STORE, TOGETHER>(
+                    run_typed_frames::<L, u16, STORE, VECTORS_PER_STEP>(
                         l,
                         job,
                         state,
@@ -55,7 +73,7 @@ pub(super) fn noiseless<L: Lanes, const STORE: u8, const WHOLE: bool>(
                     );
                 }
                 Some(Samples::F32(_)) if inside => {
-                    singles::<L, f32, STORE, TOGETHER>(
+                    run_typed_frames::<L, f32, STORE, VECTORS_PER_STEP>(
                         l,
                         job,
                         state,
@@ -65,25 +83,25 @@ pub(super) fn noiseless<L: Lanes, const STORE: u8, const WHOLE: bool>(
                         (&floats, &next_floats),
                     );
                 }
-                _ => mixed::<L, STORE, WHOLE, TOGETHER>(l, job, state, out, at, &pass),
+                _ => run_segments::<L, STORE, WHOLE, VECTORS_PER_STEP>(l, job, state, out, at, &pass),
             }
-            at += TOGETHER * L::N;
+            at += VECTORS_PER_STEP * L::N;
         }
         while at < job.pixels() {
-            mixed::<L, STORE, WHOLE, 1>(l, job, state, out, at, &pass);
+            run_segments::<L, STORE, WHOLE, 1>(l, job, state, out, at, &pass);
             at += L::N;
         }
     }
 }
 
-/// The state and constants of `U` vectors. Arrays are filled by loops: a
-/// closure handed to another function would not be compiled with the
-/// instructions that its caller has.
+/// Loads the state and constants of `U` vectors.
+///
+/// Loops fill the arrays, because a closure would be compiled without the instructions of its caller.
 #[inline(always)]
 fn load<L: Lanes, const U: usize>(
     l: L,
     job: &Job<'_>,
-    state: &StateParts<'_>,
+    state: &StateTile<'_>,
     at: usize,
 ) -> ([Constants<L>; U], [Pixels<L>; U]) {
     let first = job.range().start + at;
@@ -97,22 +115,22 @@ fn load<L: Lanes, const U: usize>(
 }
 
 #[inline(always)]
-fn store<L: Lanes, const U: usize>(l: L, pixels: &[Pixels<L>; U], state: &mut StateParts<'_>, at: usize) {
+fn store<L: Lanes, const U: usize>(l: L, pixels: &[Pixels<L>; U], state: &mut StateTile<'_>, at: usize) {
     for u in 0..U {
         pixels[u].store_noiseless(l, state, at + u * L::N);
     }
 }
 
-/// A new 8-bit frame at every readout, without fractions.
+/// Runs a pass with one 8-bit frame per readout. All increments are whole numbers of steps.
 #[inline(always)]
-fn grey<L: Lanes, const STORE: u8, const U: usize>(
+fn run_whole_frames<L: Lanes, const STORE: u8, const U: usize>(
     l: L,
     job: &Job<'_>,
-    state: &mut StateParts<'_>,
+    state: &mut StateTile<'_>,
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
-    (frames, next): (&[&[u8]; FRAMES], &Ahead<'_, u8>),
+    (frames, next): (&[&[u8]; MAX_PASS_FRAMES], &Ahead<'_, u8>),
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
     next.fetch(l, constants[0].p, U * L::N);
@@ -121,7 +139,7 @@ fn grey<L: Lanes, const STORE: u8, const U: usize>(
         let frame = &frame[constants[0].p..][..U * L::N];
         let row = &mut row[at / 8..][..U * L::N / 8];
         for u in 0..U {
-            let increment = Increment::whole(l, &constants[u], l.bytes(frame, u * L::N));
+            let increment = Increment::from_bytes(l, &constants[u], l.load_bytes(frame, u * L::N));
             let fired = step::noiseless::<L, STORE, true>(l, &constants[u], &increment, &mut pixels[u]);
             l.store_bits(row, u * L::N / 8, fired);
         }
@@ -129,26 +147,26 @@ fn grey<L: Lanes, const STORE: u8, const U: usize>(
     store(l, &pixels, state, at);
 }
 
-/// A new frame at every readout.
+/// Runs a pass with one frame per readout.
 #[inline(always)]
-fn singles<L: Lanes, T: Sample, const STORE: u8, const U: usize>(
+fn run_typed_frames<L: Lanes, T: Sample, const STORE: u8, const U: usize>(
     l: L,
     job: &Job<'_>,
-    state: &mut StateParts<'_>,
+    state: &mut StateTile<'_>,
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
-    (frames, next): (&[&[T]; FRAMES], &Ahead<'_, T>),
+    (frames, next): (&[&[T]; MAX_PASS_FRAMES], &Ahead<'_, T>),
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
-    let greatest = job.plan.rules().greatest_light;
+    let greatest = job.plan.rules().max_light;
     next.fetch(l, constants[0].p, U * L::N);
     let (mut rows, mut frames) = (pass.bits(job, out), frames.iter());
     while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
         let frame = &frame[constants[0].p..][..U * L::N];
         let row = &mut row[at / 8..][..U * L::N / 8];
         for u in 0..U {
-            let light = cut_off(l, greatest, T::light(l, frame, u * L::N), T::UNBOUNDED);
+            let light = clamp_light(l, greatest, T::load_light(l, frame, u * L::N), T::IS_UNBOUNDED);
             let increment = Increment::new::<false, false>(l, &constants[u], light);
             let fired = step::noiseless::<L, STORE, false>(l, &constants[u], &increment, &mut pixels[u]);
             l.store_bits(row, u * L::N / 8, fired);
@@ -157,25 +175,25 @@ fn singles<L: Lanes, T: Sample, const STORE: u8, const U: usize>(
     store(l, &pixels, state, at);
 }
 
-/// Held frames and ways between frames.
+/// Runs a pass with held frames and interpolated light.
 #[inline(always)]
-fn mixed<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
+fn run_segments<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
     l: L,
     job: &Job<'_>,
-    state: &mut StateParts<'_>,
+    state: &mut StateTile<'_>,
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
     let bytes = job.tile_bytes();
-    let greatest = job.plan.rules().greatest_light;
+    let greatest = job.plan.rules().max_light;
     for (readouts, light) in pass.segments {
         match *light {
-            Light::Held(samples) => {
-                let mut increments = [held::<L, WHOLE>(l, &constants[0], greatest, samples); U];
+            SegmentLight::Hold(samples) => {
+                let mut increments = [held_increment::<L, WHOLE>(l, &constants[0], greatest, samples); U];
                 for u in 1..U {
-                    increments[u] = held::<L, WHOLE>(l, &constants[u], greatest, samples);
+                    increments[u] = held_increment::<L, WHOLE>(l, &constants[u], greatest, samples);
                 }
                 let rows = &mut out[readouts.start * bytes..readouts.end * bytes];
                 for row in rows.chunks_exact_mut(bytes) {
@@ -191,16 +209,16 @@ fn mixed<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
                     }
                 }
             }
-            Light::Between { from, to, weights } => {
+            SegmentLight::Linear { from, to, weights } => {
                 for t in readouts.clone() {
                     let weight = weights[t - readouts.start];
                     let row = &mut out[t * bytes..(t + 1) * bytes][at / 8..at / 8 + U * L::N / 8];
                     for u in 0..U {
                         let c = &constants[u];
-                        let start = sample(l, from, c.p);
-                        let way = l.sub_f(sample(l, to, c.p), start);
+                        let start = load_samples(l, from, c.p);
+                        let way = l.sub_f(load_samples(l, to, c.p), start);
                         let light = l.add_f(start, l.mul_f(way, l.splat_f(weight)));
-                        let light = cut_off(l, greatest, light, true);
+                        let light = clamp_light(l, greatest, light, true);
                         let increment = Increment::new::<false, false>(l, c, light);
                         let fired = step::noiseless::<L, STORE, false>(l, c, &increment, &mut pixels[u]);
                         l.store_bits(row, u * L::N / 8, fired);
@@ -212,18 +230,18 @@ fn mixed<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
     store(l, &pixels, state, at);
 }
 
-/// The increment of a held frame.
+/// Returns the increment of a held frame.
 #[inline(always)]
-fn held<L: Lanes, const WHOLE: bool>(
+fn held_increment<L: Lanes, const WHOLE: bool>(
     l: L,
     c: &Constants<L>,
     greatest: f32,
     samples: Samples<'_>,
 ) -> Increment<L> {
     match samples {
-        Samples::U8(s) if WHOLE => Increment::whole(l, c, sample_bytes(l, s, c.p)),
+        Samples::U8(s) if WHOLE => Increment::from_bytes(l, c, load_sample_bytes(l, s, c.p)),
         _ => {
-            let light = cut_off(l, greatest, sample(l, samples, c.p), samples.unbounded());
+            let light = clamp_light(l, greatest, load_samples(l, samples, c.p), samples.is_unbounded());
             Increment::new::<false, false>(l, c, light)
         }
     }

@@ -1,4 +1,4 @@
-//! Plans with quanta or threshold noise, a vector or two at a time. In scalar code:
+//! The kernel of plans with quanta or threshold noise, which runs one or two vectors at a time. In scalar code:
 //!
 //! ```text
 //! for t in readouts {
@@ -9,39 +9,38 @@
 //! }
 //! ```
 //!
-//! Rejected: one draw for light and threshold together (shot charge always
-//! stays, threshold noise counts only at a spike); skipping threshold draws
-//! far from the threshold (at ordinary rates some lane of a vector fires at
-//! every readout, and then its draw is needed).
+//! Light and threshold have separate draws. Noise of the light remains in the charge, but threshold noise changes the
+//! charge only at a spike. The threshold noise is drawn at every readout, although it may be used only at a spike. At
+//! ordinary rates, some pixel of a vector fires at every readout and needs the draw.
 
 use std::ops::Range;
 
-use crate::kernels::body::any_rules;
-use crate::kernels::body::arriving::{acting, fallen};
-use crate::kernels::body::fresh::Fresh;
-use crate::kernels::body::increment::{Fine, Increment};
+use crate::kernels::body::general;
+use crate::kernels::body::incident_light::{effective, incident};
+use crate::kernels::body::increment::{FractionalNoise, Increment};
+use crate::kernels::body::interpolated::InterpolatedPass;
 use crate::kernels::body::pair::pair;
 use crate::kernels::body::pass::{Pass, Row, Rows, passes};
+use crate::kernels::body::per_readout::PerReadoutFrames;
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step;
-use crate::kernels::body::way::Ways;
-use crate::kernels::isa::lanes::{COUNTED, Lanes};
-use crate::kernels::{Job, Light};
-use crate::plan::StateParts;
+use crate::kernels::isa::lanes::{COUNT_READOUTS, Lanes};
+use crate::kernels::{Job, SegmentLight};
+use crate::plan::StateTile;
 
-/// Plans with noise: two vectors together where they can, else one at a time.
+/// Runs a plan with noise. Two vectors run together if possible, otherwise one vector runs at a time.
 #[inline(always)]
 pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool, const EXTRA: bool>(
     l: L,
     job: &Job<'_>,
-    state: &mut StateParts<'_>,
+    state: &mut StateTile<'_>,
     out: &mut [u8],
 ) {
     for pass in passes(job) {
-        let fresh = Fresh::of(job, &pass);
+        let fresh = PerReadoutFrames::from_pass(job, &pass);
         let two = !ANY || EXTRA;
-        let plain = !ANY && fresh.as_ref().is_some_and(|fresh| fresh.is_plain(job));
-        let ways = if two && !plain { Ways::of(job, &pass) } else { None };
+        let plain = !ANY && fresh.as_ref().is_some_and(|fresh| fresh.needs_no_clipping(job));
+        let ways = if two && !plain { InterpolatedPass::from_pass(job, &pass) } else { None };
         let mut at = 0;
         while at < job.pixels() {
             let done = match (&fresh, &ways) {
@@ -51,56 +50,56 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool,
             };
             let count = if done { 2 * L::N } else { L::N };
             if !done {
-                one::<L, NOISE, STORE, ANY>(l, job, &pass, at, state, out);
+                run_vector::<L, NOISE, STORE, ANY>(l, job, &pass, at, state, out);
             }
             if let Some(fresh) = &fresh {
-                fresh.fetch(l, job.range().start + at, count);
+                fresh.prefetch(l, job.range().start + at, count);
             }
             at += count;
         }
     }
 }
 
-/// A vector under any light: in a pass of its own, frame by frame, or on the way from one to the next.
+/// Runs a vector under any light.
 #[inline(always)]
-fn one<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
+fn run_vector<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     l: L,
     job: &Job<'_>,
     pass: &Pass<'_>,
     at: usize,
-    state: &mut StateParts<'_>,
+    state: &mut StateTile<'_>,
     out: &mut [u8],
 ) {
     let c = Constants::load::<NOISE, STORE, ANY>(l, job, job.range().start + at);
     let mut pixels = Pixels::load::<NOISE, STORE, ANY>(l, state, at);
     for (readouts, light) in pass.segments {
         let (from, to, weights) = match *light {
-            Light::Held(samples) => (samples, None, &[][..]),
-            Light::Between { from, to, weights } => (from, Some(to), weights),
+            SegmentLight::Hold(samples) => (samples, None, &[][..]),
+            SegmentLight::Linear { from, to, weights } => (from, Some(to), weights),
         };
-        let start = fallen(l, job, from, c.p);
+        let start = incident(l, job, from, c.p);
         let way = match to {
-            Some(to) => l.sub_f(fallen(l, job, to, c.p), start),
+            Some(to) => l.sub_f(incident(l, job, to, c.p), start),
             None => l.splat_f(0.0),
         };
         let mut t = readouts.start;
         while t < readouts.end {
-            // A frame that is held is one stretch, and every readout on a way another.
+            // The light of a held frame is constant for the whole segment. Interpolated light differs at every readout.
             let (weight, end) = match weights.get(t - readouts.start) {
                 Some(weight) => (*weight, t + 1),
                 None => (0.0, readouts.end),
             };
-            let light = acting(l, job, l.add_f(start, l.mul_f(way, l.splat_f(weight))));
-            stretch::<L, NOISE, STORE, ANY>(l, job, &c, &mut pixels, t..end, light, out, at);
+            let light = effective(l, job, l.add_f(start, l.mul_f(way, l.splat_f(weight))));
+            run_constant_light::<L, NOISE, STORE, ANY>(l, job, &c, &mut pixels, t..end, light, out, at);
             t = end;
         }
     }
     pixels.store::<NOISE, STORE, ANY>(l, state, at);
 }
 
-/// Readouts under one light.
+/// Runs readouts under constant light.
 #[inline(always)]
-fn stretch<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
+fn run_constant_light<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     l: L,
     job: &Job<'_>,
     c: &Constants<L>,
@@ -111,43 +110,45 @@ fn stretch<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     at: usize,
 ) {
     let increment = Increment::new::<true, ANY>(l, c, light);
-    if increment.any_fine
-        && let Some(fine) = Fine::new(l, job, c.p, light)
+    if increment.needs_fractional
+        && let Some(fine) = FractionalNoise::new(l, job, c.p, light)
     {
         let mut buffer = None;
         let mut start = readouts.start;
         while start < readouts.end {
-            let block = start..readouts.end.min(start + COUNTED);
+            let block = start..readouts.end.min(start + COUNT_READOUTS);
             start = block.end;
-            let drawn: &[u8] = if ANY { &[] } else { fine.draw(l, job, c.p, block.clone(), &mut buffer) };
+            let drawn: &[u8] =
+                if ANY { &[] } else { fine.draw_counts(l, job, c.p, block.clone(), &mut buffer) };
             for (i, row) in Rows::new(job, block, out).enumerate() {
                 let counts = drawn.get(i * L::N..(i + 1) * L::N).unwrap_or(&[]);
                 let row = Row { counts, ..row };
-                let fired = any::<L, NOISE, STORE, ANY>(l, job, &row, c, &increment, Some(&fine), pixels);
+                let fired =
+                    step_vector::<L, NOISE, STORE, ANY>(l, job, &row, c, &increment, Some(&fine), pixels);
                 l.store_bits(row.bits, at / 8, fired);
             }
         }
     } else {
         for row in Rows::new(job, readouts, out) {
-            let fired = any::<L, NOISE, STORE, ANY>(l, job, &row, c, &increment, None, pixels);
+            let fired = step_vector::<L, NOISE, STORE, ANY>(l, job, &row, c, &increment, None, pixels);
             l.store_bits(row.bits, at / 8, fired);
         }
     }
 }
 
-/// The readout of common plans, or of any rules.
+/// Runs one readout. With `ANY`, any rule of the plan is applied, otherwise only the common rules.
 #[inline(always)]
-fn any<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
+fn step_vector<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
     l: L,
     job: &Job<'_>,
     row: &Row<'_>,
     c: &Constants<L>,
     increment: &Increment<L>,
-    fine: Option<&Fine<L>>,
+    fine: Option<&FractionalNoise<L>>,
     pixels: &mut Pixels<L>,
 ) -> L::Mask {
     if ANY {
-        any_rules::readout(l, job, row.t, c, increment, fine, pixels)
+        general::readout(l, job, row.t, c, increment, fine, pixels)
     } else {
         step::noisy::<L, NOISE, STORE>(l, job, row, c, increment, fine, pixels)
     }

@@ -1,111 +1,119 @@
-//! A batch cut into passes, and a pass into rows.
+//! The division of a batch into passes, and of a pass into rows.
 
 use std::ops::Range;
 use std::slice::{ChunksExactMut, Iter};
 
-use crate::draws::hash::Round;
-use crate::kernels::batch::NoiseRound;
+use crate::draws::hash::RoundKey;
+use crate::kernels::batch::NoiseRoundKeys;
 use crate::kernels::body::increment::Sample;
 use crate::kernels::isa::lanes::Lanes;
-use crate::kernels::{Job, Light, Samples};
+use crate::kernels::{Job, Samples, SegmentLight};
 
-/// Frames of a pass.
-pub(super) const FRAMES: usize = 16;
+/// Largest number of segments of a pass with more than one segment.
+pub(super) const MAX_PASS_FRAMES: usize = 16;
 
-/// Readouts from which on a held frame is a pass of its own: loading constants and state again is then little, and what
-/// is known of the light holds for all of its readouts.
-const LONG: usize = 8;
+/// Smallest number of readouts for which a held frame is a separate pass.
+///
+/// For so many readouts, reloading constants and state takes a small share of the duration of the pass. The results that
+/// depend on the light remain valid during the whole pass.
+const MIN_HELD_READOUTS: usize = 8;
 
-/// A run of readouts that is taken to its end for every vector in turn.
+/// Consecutive readouts. A vector runs all readouts of the pass before the next vector starts.
 pub(super) struct Pass<'a> {
-    pub segments: &'a [(Range<usize>, Light<'a>)],
-    /// Set when every readout has a held frame of its own, all of one kind: the first of them.
-    pub single: Option<Samples<'a>>,
-    /// The segments whose light is read next, and how many pixels further on.
-    next: (&'a [(Range<usize>, Light<'a>)], usize),
+    pub segments: &'a [(Range<usize>, SegmentLight<'a>)],
+    /// The first frame, if every readout has its own held frame and all frames have the same sample type.
+    pub single_sample_kind: Option<Samples<'a>>,
+    /// The segments that are read next, and the distance in pixels from the present pixels to the pixels that are read
+    /// next.
+    next: (&'a [(Range<usize>, SegmentLight<'a>)], usize),
 }
 
-/// Frames to be fetched in good time. The CPU's own prefetchers stop at the end of a page, and a
-/// pass reads a page or less of each frame, so that without this every one began with a wait.
+/// Frames to prefetch.
+///
+/// The hardware prefetchers of the CPU stop at the end of a page, and a pass reads at most a page of each frame. Without
+/// this prefetch, the first access to each frame would be a cache miss.
 pub(super) struct Ahead<'a, T> {
-    frames: [&'a [T]; FRAMES],
+    frames: [&'a [T]; MAX_PASS_FRAMES],
     further: usize,
 }
 
 impl<T: Sample> Ahead<'_, T> {
-    /// Asks for the `count` samples in the place of pixel `p` of each frame.
+    /// Prefetches `count` samples of each frame that are read after the present pixels, which start at pixel `p`.
     #[inline(always)]
     pub(super) fn fetch<L: Lanes>(&self, l: L, p: usize, count: usize) {
         for frame in &self.frames {
             let mut at = 0;
             while at < count {
-                // Behind the last tile this lies outside of the frame.
+                // After the last tile, the address is outside the frame. A prefetch accepts any address.
                 l.prefetch(frame.as_ptr().wrapping_add(p + self.further + at).cast());
-                at += const { LINE / size_of::<T>() };
+                at += const { CACHE_LINE_BYTES / size_of::<T>() };
             }
         }
     }
 }
 
-/// Bytes of a cache line.
-const LINE: usize = 64;
+/// Size of a cache line in bytes.
+const CACHE_LINE_BYTES: usize = 64;
 
-/// One readout's words and bits.
+/// The round keys and bits of one readout.
 pub(super) struct Row<'a> {
-    /// The readout within the batch.
+    /// Index of the readout within the batch.
     pub t: usize,
-    pub shot: &'a Round,
-    pub thermal: &'a Round,
-    /// Of all readouts of the batch; empty where no pixel is undecided.
-    pub undecided: &'a [Round],
-    /// The vector's counts where they were drawn beforehand, else nothing.
+    pub shot: &'a RoundKey,
+    pub thermal: &'a RoundKey,
+    /// Round keys of all readouts of the batch. The slice is empty if no pixel has jitter.
+    pub jitter: &'a [RoundKey],
+    /// The Poisson counts of the vector, if they have been drawn. Otherwise the slice is empty.
     pub counts: &'a [u8],
-    /// The tile's bits.
+    /// The bits of the tile at this readout.
     pub bits: &'a mut [u8],
 }
 
-/// The passes of a batch.
+/// Returns the passes of a batch.
 pub(super) fn passes<'a>(job: &Job<'a>) -> impl Iterator<Item = Pass<'a>> + use<'a> {
     let (all, tile) = (job.batch.segments(), job.pixels());
     let mut first = 0;
     std::iter::from_fn(move || {
-        let segments = start(&all[first..])?;
+        let segments = first_pass(&all[first..])?;
         first += segments.len();
-        // Behind the last pass comes the first of the next tile.
+        // After the last pass of a tile, the first pass of the next tile is prefetched.
         let (next, further) = if first < all.len() { (first, 0) } else { (0, tile) };
-        let next = (&all[next..all.len().min(next + FRAMES)], further);
-        Some(Pass { segments, single: single(segments), next })
+        let next = (&all[next..all.len().min(next + MAX_PASS_FRAMES)], further);
+        Some(Pass { segments, single_sample_kind: single_sample_kind(segments), next })
     })
 }
 
-/// The first pass of what is left.
-fn start<'a>(left: &'a [(Range<usize>, Light<'a>)]) -> Option<&'a [(Range<usize>, Light<'a>)]> {
-    let long = |(readouts, light): &(Range<usize>, Light<'_>)| {
-        matches!(light, Light::Held(_)) && readouts.len() >= LONG
+/// Returns the first pass of the remaining segments `left`.
+fn first_pass<'a>(
+    left: &'a [(Range<usize>, SegmentLight<'a>)],
+) -> Option<&'a [(Range<usize>, SegmentLight<'a>)]> {
+    let long = |(readouts, light): &(Range<usize>, SegmentLight<'_>)| {
+        matches!(light, SegmentLight::Hold(_)) && readouts.len() >= MIN_HELD_READOUTS
     };
     let alone = long(left.first()?);
-    let end = if alone { 1 } else { left.iter().position(long).unwrap_or(left.len()).min(FRAMES) };
+    let end = if alone { 1 } else { left.iter().position(long).unwrap_or(left.len()).min(MAX_PASS_FRAMES) };
     Some(&left[..end])
 }
 
-/// The frames of `segments`, one each, where they are held and of this kind.
-fn frames<'a, T: Sample>(segments: &[(Range<usize>, Light<'a>)]) -> [&'a [T]; FRAMES] {
-    let mut frames = [&[] as &[T]; FRAMES];
+/// Returns the frames of `segments`. A frame is empty if its segment is not held or if it has another sample type than
+/// `T`.
+fn frames<'a, T: Sample>(segments: &[(Range<usize>, SegmentLight<'a>)]) -> [&'a [T]; MAX_PASS_FRAMES] {
+    let mut frames = [&[] as &[T]; MAX_PASS_FRAMES];
     for (frame, (_, light)) in frames.iter_mut().zip(segments) {
-        if let Light::Held(samples) = light {
-            *frame = T::of(*samples).unwrap_or_default();
+        if let SegmentLight::Hold(samples) = light {
+            *frame = T::from_samples(*samples).unwrap_or_default();
         }
     }
     frames
 }
 
-fn single<'a>(segments: &[(Range<usize>, Light<'a>)]) -> Option<Samples<'a>> {
-    let held = |light: &Light<'a>| match light {
-        Light::Held(samples) => Some(*samples),
-        Light::Between { .. } => None,
+fn single_sample_kind<'a>(segments: &[(Range<usize>, SegmentLight<'a>)]) -> Option<Samples<'a>> {
+    let held = |light: &SegmentLight<'a>| match light {
+        SegmentLight::Hold(samples) => Some(*samples),
+        SegmentLight::Linear { .. } => None,
     };
     let first = held(&segments.first()?.1)?;
-    let alike = |(readouts, light): &(Range<usize>, Light<'a>)| {
+    let alike = |(readouts, light): &(Range<usize>, SegmentLight<'a>)| {
         let kind = held(light).is_some_and(|s| std::mem::discriminant(&s) == std::mem::discriminant(&first));
         kind && readouts.len() == 1
     };
@@ -113,7 +121,7 @@ fn single<'a>(segments: &[(Range<usize>, Light<'a>)]) -> Option<Samples<'a>> {
 }
 
 impl<'a> Pass<'a> {
-    /// The readouts.
+    /// Returns the readouts of the pass.
     #[inline(always)]
     pub(super) fn readouts(&self) -> Range<usize> {
         match self.segments {
@@ -123,33 +131,34 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// The frames of a pass of singles, one per readout.
-    pub(super) fn frames<T: Sample>(&self) -> [&'a [T]; FRAMES] {
+    /// Returns the frames of this pass, which must have one frame per readout.
+    pub(super) fn frames<T: Sample>(&self) -> [&'a [T]; MAX_PASS_FRAMES] {
         frames(self.segments)
     }
 
-    /// The tile's bits at each of its readouts.
+    /// Returns the bits of the tile for each readout of the pass.
     #[inline(always)]
     pub(super) fn bits<'b>(&self, job: &Job<'_>, out: &'b mut [u8]) -> ChunksExactMut<'b, u8> {
         let (readouts, bytes) = (self.readouts(), job.tile_bytes());
         out[readouts.start * bytes..readouts.end * bytes].chunks_exact_mut(bytes)
     }
 
-    /// The frames that are read after these.
+    /// Returns the frames that are read after this pass, for prefetching.
     pub(super) fn ahead<T: Sample>(&self) -> Ahead<'a, T> {
         Ahead { frames: frames(self.next.0), further: self.next.1 }
     }
 }
 
-/// The rows of some readouts.
+/// An iterator over the rows of consecutive readouts.
 ///
-/// No chain of iterator adapters: without link-time optimisation those are calls, and what is
-/// called runs without the instructions of its caller (AVX-512 was a third slower).
+/// It is not a chain of iterator adapters. Without link-time optimization, each adapter is a function call. A called
+/// function is compiled without the instructions of its caller, which makes AVX-512 a third slower.
 pub(super) struct Rows<'a> {
     t: usize,
-    noise: Iter<'a, NoiseRound>,
-    undecided: &'a [Round],
-    /// The bits of what is left; not as chunks, which divide to know their number: as long as a tenth of a readout.
+    noise: Iter<'a, NoiseRoundKeys>,
+    jitter: &'a [RoundKey],
+    /// Bits of the remaining readouts. The field is not a `ChunksExactMut`, because the division in its length takes a
+    /// tenth of a readout.
     bits: &'a mut [u8],
     bytes: usize,
 }
@@ -157,15 +166,9 @@ pub(super) struct Rows<'a> {
 impl<'a> Rows<'a> {
     #[inline(always)]
     pub(super) fn new(job: &Job<'a>, readouts: Range<usize>, out: &'a mut [u8]) -> Self {
-        let (rounds, bytes) = (job.batch.rounds(), job.tile_bytes());
+        let (rounds, bytes) = (job.batch.round_keys(), job.tile_bytes());
         let bits = &mut out[readouts.start * bytes..readouts.end * bytes];
-        Self {
-            t: readouts.start,
-            noise: rounds.noise[readouts].iter(),
-            undecided: &rounds.undecided,
-            bits,
-            bytes,
-        }
+        Self { t: readouts.start, noise: rounds.noise[readouts].iter(), jitter: &rounds.jitter, bits, bytes }
     }
 }
 
@@ -174,10 +177,10 @@ impl<'a> Iterator for Rows<'a> {
 
     #[inline(always)]
     fn next(&mut self) -> Option<Row<'a>> {
-        let NoiseRound { shot, thermal } = self.noise.next()?;
+        let NoiseRoundKeys { shot, thermal } = self.noise.next()?;
         let (bits, rest) = std::mem::take(&mut self.bits).split_at_mut(self.bytes);
         let t = self.t;
         (self.t, self.bits) = (t + 1, rest);
-        Some(Row { t, shot, thermal, undecided: self.undecided, counts: &[], bits })
+        Some(Row { t, shot, thermal, jitter: self.jitter, counts: &[], bits })
     }
 }

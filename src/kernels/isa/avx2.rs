@@ -9,18 +9,18 @@ use crate::draws::gauss;
 use crate::kernels::isa::lanes::{Lanes, last_index};
 use crate::kernels::isa::proven::{both, both_of, memory, proven};
 
-/// Proof that the CPU has the instructions: only [`Avx2::detect`] makes one.
+/// Proof that the CPU has the instructions; only [`Avx2::detect`] creates one.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernels) struct Avx2(());
 
 impl Avx2 {
-    /// The token, if this CPU has AVX2.
+    /// Returns the token if this CPU has AVX2.
     pub(crate) fn detect() -> Option<Self> {
         is_x86_feature_detected!("avx2").then_some(Self(()))
     }
 }
 
-const fn repeated(table: [i8; 16]) -> [i8; 32] {
+const fn repeat_table(table: [i8; 16]) -> [i8; 32] {
     let mut all = [0; 32];
     let mut i = 0;
     while i < 32 {
@@ -30,41 +30,44 @@ const fn repeated(table: [i8; 16]) -> [i8; 32] {
     all
 }
 
-/// The byte shuffle works within each half of the vector.
-static LOW: [i8; 32] = repeated(gauss::LOW);
-static HIGH: [i8; 32] = repeated(gauss::HIGH);
+/// The nibble tables, repeated for each 128-bit half, because the byte shuffle works within the halves of the vector.
+static LOW_TABLE: [i8; 32] = repeat_table(gauss::LOW_NIBBLE_TABLE);
+static HIGH_TABLE: [i8; 32] = repeat_table(gauss::HIGH_NIBBLE_TABLE);
 
-/// Sixteen words of 32 bits as unpacking leaves them: the first vector holds pixels 0 to 3 and 8 to 11, the second the others.
+/// Sixteen 32-bit words in the order that the unpack instructions produce: the first vector contains pixels 0 to 3 and 8
+/// to 11. The second vector contains pixels 4 to 7 and 12 to 15.
 ///
-/// In the order of memory every packing, unpacking and comparison needed a permutation across the vector's middle, with several
-/// times the latency, and one readout waits for the next through a chain of them. Loads pay for it instead, mostly once a vector.
+/// With words in memory order, every packing, unpacking and comparison would need a permutation across the middle of the
+/// vector. Such a permutation has several times the latency, and each readout waits for the previous readout through a
+/// chain of these operations. Instead, loads change the order, usually once per vector.
 type Pair = [__m256i; 2];
 type PairF = [__m256; 2];
 
 impl Avx2 {
     #[inline(always)]
-    fn each(self, a: Pair, b: Pair, f: impl Fn(__m256i, __m256i) -> __m256i) -> Pair {
+    fn zip_pair(self, a: Pair, b: Pair, f: impl Fn(__m256i, __m256i) -> __m256i) -> Pair {
         [f(a[0], b[0]), f(a[1], b[1])]
     }
 
     #[inline(always)]
-    fn each_f(self, a: PairF, b: PairF, f: impl Fn(__m256, __m256) -> __m256) -> PairF {
+    fn zip_pair_f(self, a: PairF, b: PairF, f: impl Fn(__m256, __m256) -> __m256) -> PairF {
         [f(a[0], b[0]), f(a[1], b[1])]
     }
 
-    /// Sixteen words out of two vectors of 32-bit words below 65,536.
+    /// Packs two vectors of 32-bit words below 65,536 into sixteen 16-bit words.
     #[inline(always)]
     fn pack(self, [a, b]: Pair) -> __m256i {
         proven!(_mm256_packus_epi32(a, b))
     }
 }
 
-/// Both vectors, in registers at this place in the code. It is not the compiler's own place for them: left alone, it
-/// finishes the first's chain before it begins the second's.
+/// Returns both vectors and forces the compiler to have both in registers at this point of the code.
+///
+/// Otherwise, the compiler completes all work on the first vector before it starts the work on the second vector.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn abreast(mut a: __m256i, mut b: __m256i) -> [__m256i; 2] {
-    // SAFETY: no instruction, only two registers that are said to change.
+fn pin_pair(mut a: __m256i, mut b: __m256i) -> [__m256i; 2] {
+    // SAFETY: the assembly contains no instruction; it only declares that two registers change.
     unsafe {
         asm!("/* {0} {1} */", inout(ymm_reg) a, inout(ymm_reg) b, options(nomem, nostack, preserves_flags));
     }
@@ -121,7 +124,7 @@ impl Lanes for Avx2 {
         proven!(_mm256_mullo_epi16(a, b))
     }
     #[inline(always)]
-    fn bytes(self, from: &[u8], at: usize) -> __m256i {
+    fn load_bytes(self, from: &[u8], at: usize) -> __m256i {
         let from = &from[at..at + 16];
         memory!(_mm256_cvtepu8_epi16(_mm_loadu_si128(from.as_ptr().cast())))
     }
@@ -155,7 +158,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn bits(self, m: __m256i) -> u32 {
-        // Packing whole vectors would work within halves, and leave the bytes to be put in order.
+        // Packing whole 256-bit vectors would work within the halves and would produce bytes in the wrong order.
         let (low, high) = proven!((_mm256_castsi256_si128(m), _mm256_extracti128_si256::<1>(m)));
         proven!(_mm_movemask_epi8(_mm_packs_epi16(low, high))) as u32
     }
@@ -165,25 +168,26 @@ impl Lanes for Avx2 {
         memory!(to.as_mut_ptr().cast::<u16>().write_unaligned((self.bits(m) as u16).to_le()));
     }
     #[inline(always)]
-    fn store_bits_of_two(self, to: &mut [u8], first: __m256i, second: __m256i) {
+    fn store_bits_pair(self, to: &mut [u8], first: __m256i, second: __m256i) {
         let to = &mut to[..4];
         let bits = proven!(_mm256_movemask_epi8(
-            // A comparison's complement, complemented, costs nothing; one scalar instruction turns all bits.
+            // Masks are often complements of comparisons. The compiler removes a double complement, so the two vector
+            // complements are free. One scalar instruction then inverts all bits.
             _mm256_packs_epi16(self.not(first), self.not(second))
         ));
-        // Packing works within halves, so that the middle bytes have changed places. Scalar instructions put them
-        // right beside the vector's.
+        // Packing works within the halves, so the two middle bytes are swapped. Scalar instructions restore the order.
+        // They execute in parallel with vector instructions.
         let turned = (!bits as u32).rotate_right(8);
         let bits = (turned & 0xffff_0000 | u32::from((turned as u16).rotate_left(8))).rotate_left(8);
         memory!(to.as_mut_ptr().cast::<u32>().write_unaligned(bits.to_le()));
     }
     #[inline(always)]
-    fn abreast(self, [a, b]: [__m256i; 2]) -> [__m256i; 2] {
-        proven!(abreast(a, b))
+    fn pin_pair(self, [a, b]: [__m256i; 2]) -> [__m256i; 2] {
+        proven!(pin_pair(a, b))
     }
     #[inline(always)]
     fn prefetch(self, line: *const u8) {
-        // No access: an address without memory behind it is passed over.
+        // A prefetch does not access memory, and the CPU ignores an invalid address.
         proven!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
     }
     #[inline(always)]
@@ -210,13 +214,13 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn gauss(self, bits: __m256i) -> __m256i {
         memory!({
-            // The shuffle takes the low four bits of an index whose top bit is clear.
+            // If the top bit of an index is 0, the shuffle uses the low four bits of the index.
             let mask = _mm256_set1_epi8(15);
-            let low = _mm256_loadu_si256(LOW.as_ptr().cast());
+            let low = _mm256_loadu_si256(LOW_TABLE.as_ptr().cast());
             let low = _mm256_shuffle_epi8(low, _mm256_and_si256(bits, mask));
-            let high = _mm256_loadu_si256(HIGH.as_ptr().cast());
+            let high = _mm256_loadu_si256(HIGH_TABLE.as_ptr().cast());
             let high = _mm256_shuffle_epi8(high, _mm256_and_si256(_mm256_srli_epi16::<4>(bits), mask));
-            let weights = _mm256_set1_epi16(const { gauss::WEIGHTS[1] << 8 | gauss::WEIGHTS[0] });
+            let weights = _mm256_set1_epi16(const { gauss::BYTE_WEIGHTS[1] << 8 | gauss::BYTE_WEIGHTS[0] });
             _mm256_maddubs_epi16(weights, _mm256_add_epi8(low, high))
         })
     }
@@ -253,19 +257,19 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm256_add_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm256_add_ps(a, b)))
     }
     #[inline(always)]
     fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm256_sub_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm256_sub_ps(a, b)))
     }
     #[inline(always)]
     fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm256_mul_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm256_mul_ps(a, b)))
     }
     #[inline(always)]
     fn div_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm256_div_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm256_div_ps(a, b)))
     }
     #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
@@ -273,11 +277,11 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm256_min_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm256_min_ps(a, b)))
     }
     #[inline(always)]
     fn max_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm256_max_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm256_max_ps(a, b)))
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
@@ -302,16 +306,16 @@ impl Lanes for Avx2 {
         both!(a => proven!(_mm256_cvtepi32_ps(a)))
     }
     #[inline(always)]
-    fn bits_of_f(self, a: PairF) -> Pair {
+    fn f_to_bits(self, a: PairF) -> Pair {
         both!(a => proven!(_mm256_castps_si256(a)))
     }
     #[inline(always)]
-    fn f_of_bits(self, a: Pair) -> PairF {
+    fn f_from_bits(self, a: Pair) -> PairF {
         both!(a => proven!(_mm256_castsi256_ps(a)))
     }
     #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
-        self.bits_of_f(self.load_f(bytemuck::cast_slice(from), at))
+        self.f_to_bits(self.load_f(bytemuck::cast_slice(from), at))
     }
     #[inline(always)]
     fn splat_w(self, v: u32) -> Pair {
@@ -319,23 +323,23 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn add_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm256_add_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm256_add_epi32(a, b)))
     }
     #[inline(always)]
     fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm256_sub_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm256_sub_epi32(a, b)))
     }
     #[inline(always)]
     fn and_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm256_and_si256(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm256_and_si256(a, b)))
     }
     #[inline(always)]
     fn xor_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| self.xor(a, b))
+        self.zip_pair(a, b, |a, b| self.xor(a, b))
     }
     #[inline(always)]
     fn mul_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| self.mul_pairs(a, b))
+        self.zip_pair(a, b, |a, b| self.mul_pairs(a, b))
     }
     #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
@@ -343,7 +347,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm256_min_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm256_min_epi32(a, b)))
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
@@ -363,8 +367,9 @@ impl Lanes for Avx2 {
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(last_index(table));
         both!(index => {
-            // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`, which
-            // checks in every build that this entry exists and is no negative number to the instruction.
+            // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`.
+            // In every build, that function checks that this entry exists and returns at most `i32::MAX`, so
+            // the instruction reads no negative index.
             unsafe { _mm256_i32gather_epi32::<4>(table.as_ptr().cast(), _mm256_min_epu32(index, last)) }
         })
     }

@@ -6,11 +6,11 @@ use std::arch::x86_64::*;
 
 use crate::draws::gauss;
 use crate::kernels::isa::avx512_counts;
-use crate::kernels::isa::avx512_token::{Avx512, EVEN, ODD};
-use crate::kernels::isa::lanes::{CountDraw, Lanes, MOST_COUNTS, last_index};
+use crate::kernels::isa::avx512_token::{Avx512, EVEN_WORDS, ODD_WORDS};
+use crate::kernels::isa::lanes::{CountDraw, Lanes, MAX_COUNT_BYTES, last_index};
 use crate::kernels::isa::proven::{both, both_of, memory, proven};
 
-const fn repeated(table: [i8; 16]) -> [i8; 64] {
+const fn repeat_table(table: [i8; 16]) -> [i8; 64] {
     let mut all = [0; 64];
     let mut i = 0;
     while i < 64 {
@@ -20,10 +20,10 @@ const fn repeated(table: [i8; 16]) -> [i8; 64] {
     all
 }
 
-/// The byte permutation looks at six bits of an index; with the table four
-/// times over, the upper two need not be masked off.
-static LOW: [i8; 64] = repeated(gauss::LOW);
-static HIGH: [i8; 64] = repeated(gauss::HIGH);
+/// The nibble tables, repeated four times. The byte permutation reads six bits of an index. With four copies of a table,
+/// the upper two of these bits may have any value.
+static LOW_TABLE: [i8; 64] = repeat_table(gauss::LOW_NIBBLE_TABLE);
+static HIGH_TABLE: [i8; 64] = repeat_table(gauss::HIGH_NIBBLE_TABLE);
 
 const fn interleave(start: i16) -> [i16; 32] {
     let mut index = [0; 32];
@@ -36,7 +36,8 @@ const fn interleave(start: i16) -> [i16; 32] {
     index
 }
 
-/// Low words then high words of two vectors, for the first and second sixteen pixels.
+/// Indices that interleave the low words and the high words of two vectors. The first entry is for the first sixteen
+/// pixels.
 static JOIN: [[i16; 32]; 2] = [interleave(0), interleave(16)];
 
 type Pair = [__m512i; 2];
@@ -44,12 +45,12 @@ type PairF = [__m512; 2];
 
 impl Avx512 {
     #[inline(always)]
-    fn each(self, a: Pair, b: Pair, f: impl Fn(__m512i, __m512i) -> __m512i) -> Pair {
+    fn zip_pair(self, a: Pair, b: Pair, f: impl Fn(__m512i, __m512i) -> __m512i) -> Pair {
         [f(a[0], b[0]), f(a[1], b[1])]
     }
 
     #[inline(always)]
-    fn each_f(self, a: PairF, b: PairF, f: impl Fn(__m512, __m512) -> __m512) -> PairF {
+    fn zip_pair_f(self, a: PairF, b: PairF, f: impl Fn(__m512, __m512) -> __m512) -> PairF {
         [f(a[0], b[0]), f(a[1], b[1])]
     }
 
@@ -114,7 +115,7 @@ impl Lanes for Avx512 {
         proven!(_mm512_mullo_epi16(a, b))
     }
     #[inline(always)]
-    fn bytes(self, from: &[u8], at: usize) -> __m512i {
+    fn load_bytes(self, from: &[u8], at: usize) -> __m512i {
         let from = &from[at..at + 32];
         memory!(_mm512_cvtepu8_epi16(_mm256_loadu_si256(from.as_ptr().cast())))
     }
@@ -158,7 +159,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn prefetch(self, line: *const u8) {
-        // No access: an address without memory behind it is passed over.
+        // A prefetch does not access memory, and the CPU ignores an invalid address.
         proven!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
     }
     #[inline(always)]
@@ -185,12 +186,12 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn gauss(self, bits: __m512i) -> __m512i {
         memory!({
-            let low = _mm512_permutexvar_epi8(bits, _mm512_loadu_si512(LOW.as_ptr().cast()));
+            let low = _mm512_permutexvar_epi8(bits, _mm512_loadu_si512(LOW_TABLE.as_ptr().cast()));
             let high = _mm512_permutexvar_epi8(
                 _mm512_srli_epi16::<4>(bits),
-                _mm512_loadu_si512(HIGH.as_ptr().cast()),
+                _mm512_loadu_si512(HIGH_TABLE.as_ptr().cast()),
             );
-            let weights = _mm512_set1_epi16(const { gauss::WEIGHTS[1] << 8 | gauss::WEIGHTS[0] });
+            let weights = _mm512_set1_epi16(const { gauss::BYTE_WEIGHTS[1] << 8 | gauss::BYTE_WEIGHTS[0] });
             _mm512_maddubs_epi16(weights, _mm512_add_epi8(low, high))
         })
     }
@@ -221,19 +222,19 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm512_add_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm512_add_ps(a, b)))
     }
     #[inline(always)]
     fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm512_sub_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm512_sub_ps(a, b)))
     }
     #[inline(always)]
     fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm512_mul_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm512_mul_ps(a, b)))
     }
     #[inline(always)]
     fn div_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm512_div_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm512_div_ps(a, b)))
     }
     #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
@@ -241,11 +242,11 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm512_min_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm512_min_ps(a, b)))
     }
     #[inline(always)]
     fn max_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm512_max_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm512_max_ps(a, b)))
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
@@ -270,11 +271,11 @@ impl Lanes for Avx512 {
         both!(a => proven!(_mm512_cvtepi32_ps(a)))
     }
     #[inline(always)]
-    fn bits_of_f(self, a: PairF) -> Pair {
+    fn f_to_bits(self, a: PairF) -> Pair {
         both!(a => proven!(_mm512_castps_si512(a)))
     }
     #[inline(always)]
-    fn f_of_bits(self, a: Pair) -> PairF {
+    fn f_from_bits(self, a: Pair) -> PairF {
         both!(a => proven!(_mm512_castsi512_ps(a)))
     }
     #[inline(always)]
@@ -287,23 +288,23 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn add_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm512_add_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm512_add_epi32(a, b)))
     }
     #[inline(always)]
     fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm512_sub_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm512_sub_epi32(a, b)))
     }
     #[inline(always)]
     fn and_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm512_and_si512(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm512_and_si512(a, b)))
     }
     #[inline(always)]
     fn xor_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| self.xor(a, b))
+        self.zip_pair(a, b, |a, b| self.xor(a, b))
     }
     #[inline(always)]
     fn mul_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| self.mul_pairs(a, b))
+        self.zip_pair(a, b, |a, b| self.mul_pairs(a, b))
     }
     #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
@@ -311,7 +312,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm512_min_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm512_min_epi32(a, b)))
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
@@ -331,14 +332,15 @@ impl Lanes for Avx512 {
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(last_index(table));
         both!(index => {
-            // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`, which
-            // checks in every build that this entry exists and is no negative number to the instruction.
+            // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`.
+            // In every build, that function checks that this entry exists and returns at most `i32::MAX`, so
+            // the instruction reads no negative index.
             unsafe { _mm512_i32gather_epi32::<4>(_mm512_min_epu32(index, last), table.as_ptr().cast()) }
         })
     }
-    const COUNTS: bool = true;
+    const HAS_COUNT_DRAW: bool = true;
     #[inline(always)]
-    fn counts(self, draw: &CountDraw<'_>, table: Pair, share: Pair, to: &mut [u8; MOST_COUNTS]) {
+    fn draw_counts(self, draw: &CountDraw<'_>, table: Pair, share: Pair, to: &mut [u8; MAX_COUNT_BYTES]) {
         let mut words = [[0; 32]; 2];
         for (words, pair) in words.iter_mut().zip([table, share]) {
             let (first, second) = words.split_at_mut(16);
@@ -350,11 +352,11 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn low(self, a: Pair) -> __m512i {
-        self.permute(&EVEN, a[0], a[1])
+        self.permute(&EVEN_WORDS, a[0], a[1])
     }
     #[inline(always)]
     fn high(self, a: Pair) -> __m512i {
-        self.permute(&ODD, a[0], a[1])
+        self.permute(&ODD_WORDS, a[0], a[1])
     }
     #[inline(always)]
     fn join(self, high: __m512i, low: __m512i) -> Pair {

@@ -1,27 +1,28 @@
-//! Poisson counts with 512-bit vectors: one pixel at 64 readouts together.
+//! Poisson counts with 512-bit vectors. The counts of one pixel at 64 readouts are drawn together.
 //!
-//! Two gathers, of sixteen entries each, take more than all else of a readout of 32 pixels. But under held light a pixel draws all its counts from the same two tables of 128 columns, and
-//! the byte permutation looks 64 of them up at once. So the counts are drawn along the readouts
-//! and turned afterwards.
+//! For a readout of 32 pixels, two gathers of sixteen entries each take more time than all other work. Under held light,
+//! however, all counts of a pixel are drawn from two tables of 128 columns. One byte permutation looks up 64 entries. The
+//! counts of a pixel are therefore drawn for all readouts together and then transposed.
 //!
-//! Vectors of words come in pairs, readouts 0 to 31 and 32 to 63. A pair packed to bytes
-//! ([`order`]) is in the order that unpacking undoes, which is not that of the readouts.
+//! Vectors of words exist in pairs: the first is for readouts 0 to 31, and the second for readouts 32 to 63. Packing a
+//! pair to bytes changes the order to the order of [`readout_of_byte`]. Unpacking restores the order of the readouts.
 
 #![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
 
 use std::arch::x86_64::*;
 
-use crate::draws::hash::Round;
+use crate::draws::hash::RoundKey;
 use crate::draws::poisson::COLUMNS;
-use crate::kernels::isa::avx512_token::{Avx512, EVEN, ODD};
-use crate::kernels::isa::lanes::{COUNTED, CountDraw, MOST_COUNTS};
+use crate::kernels::isa::avx512_token::{Avx512, EVEN_WORDS, ODD_WORDS};
+use crate::kernels::isa::lanes::{COUNT_READOUTS, CountDraw, MAX_COUNT_BYTES};
 
-const PIXELS: usize = 32;
+const VECTOR_PIXELS: usize = 32;
 
-/// Where the words of sixteen rounds lie in the first two of three vectors, then in these and the third.
-static PARTS: [[[u32; 16]; 2]; 3] = [parts(0), parts(1), parts(2)];
+/// Indices that extract each of the three words of sixteen round keys. The first index set selects from the first two of
+/// three vectors. The second index set selects from that result and the third vector.
+static WORD_PARTS: [[[u32; 16]; 2]; 3] = [word_parts(0), word_parts(1), word_parts(2)];
 
-const fn parts(part: u32) -> [[u32; 16]; 2] {
+const fn word_parts(part: u32) -> [[u32; 16]; 2] {
     let mut index = [[0; 16]; 2];
     let mut i = 0;
     while i < 16 {
@@ -34,29 +35,30 @@ const fn parts(part: u32) -> [[u32; 16]; 2] {
     index
 }
 
-/// The readout of byte `b` of a packed pair.
-const fn order(b: usize) -> usize {
+/// Returns the readout of byte `b` of a packed pair.
+const fn readout_of_byte(b: usize) -> usize {
     let (group, within) = (b / 16, b % 16);
     if within < 8 { group * 8 + within } else { 32 + group * 8 + within - 8 }
 }
 
-/// Where readout `t`'s bytes of sixteen pixels are, after the turn: which vector, which quarter.
-static PLACE: [(usize, usize); COUNTED] = places();
+/// Position of each readout's bytes after the transposition of sixteen pixels: index of the vector, and quarter of the
+/// vector.
+static READOUT_POSITIONS: [(usize, usize); COUNT_READOUTS] = readout_positions();
 
-const fn places() -> [(usize, usize); COUNTED] {
-    let mut places = [(0, 0); COUNTED];
+const fn readout_positions() -> [(usize, usize); COUNT_READOUTS] {
+    let mut places = [(0, 0); COUNT_READOUTS];
     let mut b = 0;
-    while b < COUNTED {
-        places[order(b)] = (b % 16, b / 16);
+    while b < COUNT_READOUTS {
+        places[readout_of_byte(b)] = (b % 16, b / 16);
         b += 1;
     }
     places
 }
 
-/// An instruction on values.
+/// Evaluates an instruction on values.
 macro_rules! values {
     ($e:expr) => {{
-        // SAFETY: the function's features are those that the token proves; no memory is touched.
+        // SAFETY: the token proves the features of the function; the instruction accesses no memory.
         #[allow(unused_unsafe, reason = "safe within a function of the same features")]
         unsafe {
             $e
@@ -81,7 +83,7 @@ fn store(to: &mut [u8; 64], v: __m512i) {
     unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), v) }
 }
 
-/// The words of 64 readouts, part by part.
+/// The round keys of 64 readouts, one word of the key per field.
 struct Words {
     offset: [__m512i; 4],
     first: [__m512i; 4],
@@ -90,9 +92,9 @@ struct Words {
 
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
 #[inline]
-fn words(rounds: &[Round]) -> Words {
-    let mut all = [Round::default(); COUNTED];
-    let count = rounds.len().min(COUNTED);
+fn words(rounds: &[RoundKey]) -> Words {
+    let mut all = [RoundKey::default(); COUNT_READOUTS];
+    let count = rounds.len().min(COUNT_READOUTS);
     all[..count].copy_from_slice(&rounds[..count]);
     let mut parts = [[values!(_mm512_setzero_si512()); 4]; 3];
     for q in 0..4 {
@@ -102,7 +104,7 @@ fn words(rounds: &[Round]) -> Words {
         }
         let flat: &[u32] = flat.as_flattened();
         let (a, b, c) = (load(&flat[..16]), load(&flat[16..32]), load(&flat[32..]));
-        for (part, index) in parts.iter_mut().zip(&PARTS) {
+        for (part, index) in parts.iter_mut().zip(&WORD_PARTS) {
             let inside = values!(_mm512_permutex2var_epi32(a, load(&index[0]), b));
             part[q] = values!(_mm512_permutex2var_epi32(inside, load(&index[1]), c));
         }
@@ -111,7 +113,7 @@ fn words(rounds: &[Round]) -> Words {
     Words { offset, first, second }
 }
 
-/// [`crate::draws::hash::bits`] of one pixel at 64 readouts.
+/// Returns [`crate::draws::hash::hash_bits`] of one pixel at each of 64 readouts.
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
 #[inline]
 fn bits(key: u32, words: &Words) -> [__m512i; 4] {
@@ -128,17 +130,17 @@ fn bits(key: u32, words: &Words) -> [__m512i; 4] {
     all
 }
 
-/// One pixel's counts at 64 readouts, in packed order.
+/// Returns one pixel's counts at 64 readouts, in packed order.
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
 #[inline]
-fn counts_of(rows: [&[[u8; COLUMNS]; 3]; 2], share: u32, x: [__m512i; 4]) -> __m512i {
-    let (low, high) = (load(&EVEN), load(&ODD));
+fn pixel_counts(rows: [&[[u8; COLUMNS]; 3]; 2], share: u32, x: [__m512i; 4]) -> __m512i {
+    let (low, high) = (load(&EVEN_WORDS), load(&ODD_WORDS));
     values!({
         let low = [_mm512_permutex2var_epi16(x[0], low, x[1]), _mm512_permutex2var_epi16(x[2], low, x[3])];
         let high = [_mm512_permutex2var_epi16(x[0], high, x[1]), _mm512_permutex2var_epi16(x[2], high, x[3])];
-        // Bits 25 to 31: the column.
+        // Bits 25 to 31 select the column.
         let column = _mm512_packus_epi16(_mm512_srli_epi16::<9>(high[0]), _mm512_srli_epi16::<9>(high[1]));
-        // Bits 0 to 8: which table.
+        // Bits 0 to 8 select the table.
         let nine = _mm512_set1_epi16(511);
         let bound = _mm512_set1_epi16(share as i16);
         let upper = _mm512_packs_epi16(
@@ -156,7 +158,7 @@ fn counts_of(rows: [&[[u8; COLUMNS]; 3]; 2], share: u32, x: [__m512i; 4]) -> __m
         let [alias, bound_low, bound_high] = found;
         let bound =
             [_mm512_unpacklo_epi8(bound_low, bound_high), _mm512_unpackhi_epi8(bound_low, bound_high)];
-        // Bits 9 to 24: compared with the column's threshold.
+        // Bits 9 to 24 are compared with the column's threshold.
         let mut kept = bound;
         for i in 0..2 {
             let draw = _mm512_or_si512(_mm512_slli_epi16::<7>(high[i]), _mm512_srli_epi16::<9>(low[i]));
@@ -167,11 +169,12 @@ fn counts_of(rows: [&[[u8; COLUMNS]; 3]; 2], share: u32, x: [__m512i; 4]) -> __m
     })
 }
 
-/// Sixteen pixels at 64 readouts turned: vector `c` then holds in its quarter `q` the bytes `16 q + c` of all pixels.
+/// Transposes the bytes of sixteen pixels at 64 readouts. Afterward, quarter `q` of vector `c` contains byte `16 q + c`
+/// of every pixel.
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
 #[inline]
-fn turn(mut v: [__m512i; 16]) -> [__m512i; 16] {
-    // A perfect shuffle of the sixteen rows, done four times, turns bytes within each quarter.
+fn transpose(mut v: [__m512i; 16]) -> [__m512i; 16] {
+    // Four perfect shuffles of the sixteen rows transpose the bytes within each quarter.
     for _ in 0..4 {
         let from = v;
         for i in 0..8 {
@@ -184,14 +187,14 @@ fn turn(mut v: [__m512i; 16]) -> [__m512i; 16] {
     v
 }
 
-/// See [`crate::kernels::isa::lanes::Lanes::counts`].
+/// See [`crate::kernels::isa::lanes::Lanes::draw_counts`].
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
 pub(in crate::kernels) fn counts(
     _token: Avx512,
     draw: &CountDraw<'_>,
-    table: &[u32; PIXELS],
-    share: &[u32; PIXELS],
-    to: &mut [u8; MOST_COUNTS],
+    table: &[u32; VECTOR_PIXELS],
+    share: &[u32; VECTOR_PIXELS],
+    to: &mut [u8; MAX_COUNT_BYTES],
 ) {
     let words = words(draw.rounds);
     let rows = &draw.tables.bytes;
@@ -200,13 +203,13 @@ pub(in crate::kernels) fn counts(
         for (i, counted) in counted.iter_mut().enumerate() {
             let p = half + i;
             let point = (table[p] as usize / COLUMNS).min(rows.len() - 2);
-            *counted = counts_of([&rows[point], &rows[point + 1]], share[p], bits(draw.keys[p], &words));
+            *counted = pixel_counts([&rows[point], &rows[point + 1]], share[p], bits(draw.keys[p], &words));
         }
         let mut turned = [[0u8; 64]; 16];
-        for (turned, v) in turned.iter_mut().zip(turn(counted)) {
+        for (turned, v) in turned.iter_mut().zip(transpose(counted)) {
             store(turned, v);
         }
-        for (to, (vector, quarter)) in to.chunks_exact_mut(PIXELS).zip(PLACE) {
+        for (to, (vector, quarter)) in to.chunks_exact_mut(VECTOR_PIXELS).zip(READOUT_POSITIONS) {
             to[half..half + 16].copy_from_slice(&turned[vector][16 * quarter..][..16]);
         }
     }

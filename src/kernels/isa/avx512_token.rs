@@ -1,11 +1,11 @@
-//! Proof of AVX-512, and what both files of its instructions look up.
+//! The token of AVX-512, and index tables that `avx512` and `avx512_counts` use.
 
-/// Proof that the CPU has the instructions: only [`Avx512::detect`] makes one.
+/// Proof that the CPU has the instructions; only [`Avx512::detect`] creates one.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernels) struct Avx512(());
 
 impl Avx512 {
-    /// The token, if this CPU has AVX-512 F, BW and VBMI.
+    /// Returns the token if this CPU has AVX-512 F, BW and VBMI.
     pub(crate) fn detect() -> Option<Self> {
         let has = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512bw")
@@ -24,6 +24,6 @@ const fn words(start: i16) -> [i16; 32] {
     index
 }
 
-/// Positions of the even and odd words of two vectors.
-pub(in crate::kernels) static EVEN: [i16; 32] = words(0);
-pub(in crate::kernels) static ODD: [i16; 32] = words(1);
+/// Indices of the even words and of the odd words of two vectors.
+pub(in crate::kernels) static EVEN_WORDS: [i16; 32] = words(0);
+pub(in crate::kernels) static ODD_WORDS: [i16; 32] = words(1);

@@ -1,31 +1,33 @@
-//! The operations that the kernel's body needs from an instruction set.
+//! The operations of an instruction set that the kernels need.
 //!
-//! An implementor is a token: a value of it exists only where the CPU has the
-//! instructions, so every method is safe. All methods are defined exactly, to
-//! the bit; no fused multiply-add and no estimate is allowed.
+//! An implementor is a token: its value exists only if the CPU has the instructions, so every method is safe.
+//! The result of every method is defined bit by bit. Fused multiply-add and approximate instructions are not allowed.
 
-use crate::draws::hash::Round;
+use crate::draws::hash::RoundKey;
 use crate::draws::poisson;
 
-/// Readouts whose counts are drawn together.
-pub(crate) const COUNTED: usize = 64;
-/// Bytes that hold [`COUNTED`] readouts of the widest vector.
-pub(crate) const MOST_COUNTS: usize = COUNTED * 32;
+/// Number of readouts whose counts are drawn together.
+pub(crate) const COUNT_READOUTS: usize = 64;
+/// Number of bytes of the counts of [`COUNT_READOUTS`] readouts of the widest vector.
+pub(crate) const MAX_COUNT_BYTES: usize = COUNT_READOUTS * 32;
 
-/// What the counts of a vector's pixels are drawn from.
+/// The inputs of a joint draw of the counts of a vector's pixels.
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "only AVX-512 draws them together"))]
 pub(crate) struct CountDraw<'a> {
-    pub tables: &'a poisson::Tables,
-    /// One for each pixel.
+    pub tables: &'a poisson::PoissonTables,
+    /// One key per pixel.
     pub keys: &'a [u32],
-    /// At most [`COUNTED`].
-    pub rounds: &'a [Round],
+    /// Round keys of at most [`COUNT_READOUTS`] readouts.
+    pub rounds: &'a [RoundKey],
 }
 
-/// The index of the last entry of a table, to which [`Lanes::gather`] limits its indexes. An instruction takes them as signed words.
+/// Returns the index of the last entry of a table. [`Lanes::gather`] limits indices to this value.
+///
+/// The result is at most `i32::MAX`, because gather instructions read indices as signed words.
 ///
 /// # Panics
-/// When the table is empty. What instructions read is within the table because of this check, whatever a build checks besides.
+/// If the table is empty. This check exists in every build, because it prevents instructions from reading outside the
+/// table.
 #[inline(always)]
 pub(super) fn last_index(table: &[u32]) -> u32 {
     assert!(!table.is_empty(), "a table to look up has no entry");
@@ -34,11 +36,12 @@ pub(super) fn last_index(table: &[u32]) -> u32 {
 
 /// Vectors of `N` pixels.
 pub(crate) trait Lanes: Copy {
-    /// Pixels of a vector: 8, 16 or 32.
+    /// Number of pixels in a vector: 8, 16 or 32.
     const N: usize;
-    /// `N` words of 16 bits, or `N / 2` words of 32: two pixels a word, the even one low.
+    /// `N` words of 16 bits, or `N / 2` words of 32 bits. A 32-bit word belongs to two pixels, and its low half to the
+    /// even pixel.
     type Half: Copy;
-    /// `N` words of 32 bits, in an order of the implementor's.
+    /// `N` words of 32 bits, in an order that the implementor chooses.
     type Word: Copy;
     /// `N` floats, in the order of [`Self::Word`].
     type Float: Copy;
@@ -54,7 +57,7 @@ pub(crate) trait Lanes: Copy {
     fn sub(self, a: Self::Half, b: Self::Half) -> Self::Half;
     /// Saturating sum of signed words.
     fn add_saturating(self, a: Self::Half, b: Self::Half) -> Self::Half;
-    /// Smaller of signed words.
+    /// Minimum of signed words.
     fn min(self, a: Self::Half, b: Self::Half) -> Self::Half;
     /// `(a * b + 2^14) >> 15`.
     fn scale(self, a: Self::Half, b: Self::Half) -> Self::Half;
@@ -67,30 +70,30 @@ pub(crate) trait Lanes: Copy {
     }
     /// Low half of the product.
     fn mul(self, a: Self::Half, b: Self::Half) -> Self::Half;
-    /// Bytes, extended with zeros.
-    fn bytes(self, from: &[u8], at: usize) -> Self::Half;
-    /// `a` where the mask holds, else `b`.
+    /// Loads bytes and zero-extends each byte to a word.
+    fn load_bytes(self, from: &[u8], at: usize) -> Self::Half;
+    /// `a` where the mask is set, else `b`.
     fn select(self, m: Self::Mask, a: Self::Half, b: Self::Half) -> Self::Half;
-    /// `a - b` (wrapping) where the mask holds, else `a`.
+    /// `a - b` (wrapping) where the mask is set, else `a`.
     fn sub_where(self, m: Self::Mask, a: Self::Half, b: Self::Half) -> Self::Half;
-    /// `a - b` where `a` is not negative, else `a`; for `a < b` only.
+    /// Returns `a - b` if `a >= 0`, otherwise `a`. The caller ensures `a < b`.
     ///
-    /// A non-negative `a` then wraps below zero, which is large as an unsigned word;
-    /// a negative one only gets smaller: the larger of `a` and `a - b` is the answer, and the chain
-    /// from one readout to the next does not wait for a mask.
+    /// The result is the larger of `a` and `a - b`, compared as unsigned words. If `a >= 0`, `a - b` wraps below zero and
+    /// is large as an unsigned word. If `a < 0`, `a - b` is the smaller value. With this maximum, the dependency chain
+    /// between readouts does not contain a comparison that creates a mask.
     #[inline(always)]
     fn reset(self, a: Self::Half, b: Self::Half) -> Self::Half {
         self.sub_where(self.not_less(a, self.splat(0)), a, b)
     }
-    /// `a + 1`, saturating, where the mask holds, else `a`.
+    /// `a + 1`, saturating, where the mask is set, else `a`.
     fn increment_where(self, m: Self::Mask, a: Self::Half) -> Self::Half;
 
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     fn not(self, a: Self::Mask) -> Self::Mask;
-    /// Bit `i` is pixel `i`; bits from `N` on are zero.
+    /// Returns bit `i` for pixel `i`. Bits `N` and above are zero.
     fn bits(self, m: Self::Mask) -> u32;
-    /// [`Lanes::bits`] as `N / 8` bytes from `at` on, the lowest bits first.
+    /// Stores [`Lanes::bits`] as `N / 8` bytes, starting at index `at` with the lowest bits.
     #[inline(always)]
     fn store_bits(self, to: &mut [u8], at: usize, m: Self::Mask) {
         let bits = self.bits(m);
@@ -101,25 +104,28 @@ pub(crate) trait Lanes: Copy {
             i += 1;
         }
     }
-    /// [`Lanes::store_bits`] of two vectors that lie side by side.
+    /// Stores the bits of two adjacent vectors, like [`Lanes::store_bits`].
     #[inline(always)]
-    fn store_bits_of_two(self, to: &mut [u8], first: Self::Mask, second: Self::Mask) {
+    fn store_bits_pair(self, to: &mut [u8], first: Self::Mask, second: Self::Mask) {
         self.store_bits(to, 0, first);
         self.store_bits(to, const { Self::N / 8 }, second);
     }
-    /// Both as they are. No instruction stands behind it: where an instruction set says more than this, the
-    /// compiler has to have both before it goes on with either, and cannot put the second's work behind the first's.
+    /// Returns both values unchanged.
+    ///
+    /// An implementor may force the compiler to compute both values before it uses either value. The compiler then cannot
+    /// move the computation of the second value behind the work on the first value. No implementation adds an
+    /// instruction.
     #[inline(always)]
-    fn abreast(self, both: [Self::Half; 2]) -> [Self::Half; 2] {
+    fn pin_pair(self, both: [Self::Half; 2]) -> [Self::Half; 2] {
         both
     }
-    /// Asks for the cache line at an address, which need not exist; changes nothing but the time.
+    /// Prefetches the cache line at an address, which may be invalid. The call affects only the speed.
     #[inline(always)]
     fn prefetch(self, line: *const u8) {
         let _ = line;
     }
 
-    /// `N / 2` words of 32 bits from position `at`.
+    /// Loads `N / 2` words of 32 bits, starting at index `at`.
     fn load_pairs(self, from: &[u32], at: usize) -> Self::Half;
     fn splat_pair(self, v: u32) -> Self::Half;
     fn xor(self, a: Self::Half, b: Self::Half) -> Self::Half;
@@ -127,7 +133,7 @@ pub(crate) trait Lanes: Copy {
     fn mul_pairs(self, a: Self::Half, b: Self::Half) -> Self::Half;
     /// Logical right shift of 32-bit words.
     fn shr_pairs<const BITS: u32>(self, a: Self::Half) -> Self::Half;
-    /// [`crate::draws::gauss::unit`] of every pixel's 16 bits.
+    /// [`crate::draws::gauss::draw`] of the 16 bits of every pixel.
     fn gauss(self, bits: Self::Half) -> Self::Half;
 
     fn load_f(self, from: &[f32], at: usize) -> Self::Float;
@@ -143,16 +149,16 @@ pub(crate) trait Lanes: Copy {
     fn max_f(self, a: Self::Float, b: Self::Float) -> Self::Float;
     /// `x` where `a < b`, else `y`.
     fn select_less_f(self, a: Self::Float, b: Self::Float, x: Self::Float, y: Self::Float) -> Self::Float;
-    /// Whether `a < b` anywhere.
+    /// Whether `a < b` in any lane.
     fn any_less_f(self, a: Self::Float, b: Self::Float) -> bool;
-    /// Rounds to the nearest integer, ties to even; the value fits.
+    /// Rounds to the nearest integer, ties to even; the value must fit.
     fn round(self, a: Self::Float) -> Self::Word;
-    /// Rounds towards zero; the value fits.
+    /// Rounds toward zero; the value must fit.
     fn truncate(self, a: Self::Float) -> Self::Word;
-    /// Signed integers to floats.
+    /// Converts signed integers to floats.
     fn to_f(self, a: Self::Word) -> Self::Float;
-    fn bits_of_f(self, a: Self::Float) -> Self::Word;
-    fn f_of_bits(self, a: Self::Word) -> Self::Float;
+    fn f_to_bits(self, a: Self::Float) -> Self::Word;
+    fn f_from_bits(self, a: Self::Word) -> Self::Float;
 
     fn load_words(self, from: &[u32], at: usize) -> Self::Word;
     fn splat_w(self, v: u32) -> Self::Word;
@@ -163,34 +169,43 @@ pub(crate) trait Lanes: Copy {
     fn mul_w(self, a: Self::Word, b: Self::Word) -> Self::Word;
     /// Logical right shift.
     fn shr_w<const BITS: u32>(self, a: Self::Word) -> Self::Word;
-    /// Smaller of signed words.
+    /// Minimum of signed words.
     fn min_w(self, a: Self::Word, b: Self::Word) -> Self::Word;
     /// `x` where `a < b` (signed), else `y`.
     fn select_less_w(self, a: Self::Word, b: Self::Word, x: Self::Word, y: Self::Word) -> Self::Word;
     /// `a > b`, signed.
     fn greater_w(self, a: Self::Word, b: Self::Word) -> Self::Mask;
-    /// `a` where the mask holds, else `b`.
+    /// `a` where the mask is set, else `b`.
     #[inline(always)]
     fn select_w(self, m: Self::Mask, a: Self::Word, b: Self::Word) -> Self::Word {
         let high = self.select(m, self.high(a), self.high(b));
         self.join(high, self.select(m, self.low(a), self.low(b)))
     }
-    /// `table[index]` for every lane; the last entry for an index beyond it.
+    /// Returns `table[index]` for every lane. An index after the last entry selects the last entry.
     ///
     /// # Panics
-    /// When the table is empty.
+    /// If the table is empty.
     fn gather(self, table: &[u32], index: Self::Word) -> Self::Word;
     #[inline(always)]
     fn gather_f(self, table: &[f32], index: Self::Word) -> Self::Float {
-        self.f_of_bits(self.gather(bytemuck::cast_slice(table), index))
+        self.f_from_bits(self.gather(bytemuck::cast_slice(table), index))
     }
 
-    /// Whether [`Lanes::counts`] is faster than drawing one readout after the other.
-    const COUNTS: bool = false;
-    /// The Poisson counts of `N` pixels at all `rounds`, readout by readout, `N` bytes each: what
-    /// [`crate::draws::poisson::Tables::draw`] says. `table` is the first entry of each pixel's lower grid point.
+    /// Whether [`Lanes::draw_counts`] is faster than draws for one readout at a time.
+    const HAS_COUNT_DRAW: bool = false;
+    /// Draws the Poisson counts of `N` pixels at all `rounds`. The output contains `N` bytes for each readout, in the
+    /// order of the readouts.
+    ///
+    /// The counts equal the counts of [`crate::draws::poisson::PoissonTables::draw`]. For each pixel, `table` is the
+    /// index of the first entry of the alias table of the lower grid point.
     #[inline(always)]
-    fn counts(self, draw: &CountDraw<'_>, table: Self::Word, share: Self::Word, to: &mut [u8; MOST_COUNTS]) {
+    fn draw_counts(
+        self,
+        draw: &CountDraw<'_>,
+        table: Self::Word,
+        share: Self::Word,
+        to: &mut [u8; MAX_COUNT_BYTES],
+    ) {
         let _ = (draw, table, share, to);
     }
 
@@ -209,8 +224,8 @@ mod tests {
     use super::*;
     use crate::kernels::isa::portable::Portable;
 
-    /// What `gather` finds in `table` at `index`, in the first lane.
-    fn found<L: Lanes>(lanes: L, table: &[u32], index: u32) -> u32 {
+    /// Returns the entry of `table` that `gather` returns for `index` in the first lane.
+    fn lookup_scalar<L: Lanes>(lanes: L, table: &[u32], index: u32) -> u32 {
         let word = lanes.join(lanes.splat((index >> 16) as i16), lanes.splat(index as i16));
         let entry = lanes.gather(table, word);
         let mut halves = [[0; 32]; 2];
@@ -221,11 +236,11 @@ mod tests {
 
     fn stays_within_the_table<L: Lanes + std::panic::RefUnwindSafe + std::panic::UnwindSafe>(lanes: L) {
         let table = [0x1_0000, 0x2_0001, 0x3_0002];
-        assert_eq!([0, 1, 2].map(|i| found(lanes, &table, i)), table);
+        assert_eq!([0, 1, 2].map(|i| lookup_scalar(lanes, &table, i)), table);
         for index in [3, 0x7fff_ffff, 0x8000_0000, u32::MAX] {
-            assert_eq!(found(lanes, &table, index), table[2], "index {index}");
+            assert_eq!(lookup_scalar(lanes, &table, index), table[2], "index {index}");
         }
-        let empty = std::panic::catch_unwind(|| found(lanes, &[], 0));
+        let empty = std::panic::catch_unwind(|| lookup_scalar(lanes, &[], 0));
         assert!(empty.is_err(), "an empty table was read");
     }
 

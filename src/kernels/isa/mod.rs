@@ -1,4 +1,4 @@
-//! What instruction sets do with vectors of pixels: one trait, [`lanes::Lanes`], and its implementors.
+//! Vector instruction sets: the trait [`lanes::Lanes`] and its implementors.
 
 #[cfg(target_arch = "x86_64")]
 pub(super) mod avx2;

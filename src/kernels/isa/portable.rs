@@ -1,8 +1,8 @@
-//! The `wide` crate's vectors, with whatever instructions the crate was compiled for.
+//! The vectors of the `wide` crate. They use the instructions that the crate was compiled for.
 
 use crate::kernels::isa::lanes::{Lanes, last_index};
 use crate::kernels::isa::wide_lanes::{
-    self, Floats, MASKS, N, Shorts, UnsignedShorts, UnsignedWords, Words, mapped,
+    self, Floats, HAS_MASK_REGISTERS, N, Shorts, UnsignedShorts, UnsignedWords, Words, mapped,
 };
 
 /// Vectors of 16 or 32 pixels.
@@ -23,22 +23,22 @@ fn halves(a: UnsignedWords) -> Shorts {
 }
 
 #[inline(always)]
-fn unsigned(a: Words) -> UnsignedWords {
+fn as_unsigned(a: Words) -> UnsignedWords {
     bytemuck::cast(a)
 }
 
 #[inline(always)]
-fn signed(a: UnsignedWords) -> Words {
+fn as_signed(a: UnsignedWords) -> Words {
     bytemuck::cast(a)
 }
 
 #[inline(always)]
-fn each<T: Copy>(a: [T; 2], b: [T; 2], f: impl Fn(T, T) -> T) -> [T; 2] {
+fn zip_pair<T: Copy>(a: [T; 2], b: [T; 2], f: impl Fn(T, T) -> T) -> [T; 2] {
     [f(a[0], b[0]), f(a[1], b[1])]
 }
 
 #[inline(always)]
-fn several<T: Copy>(from: &[T], at: usize) -> [T; N] {
+fn load_array<T: Copy>(from: &[T], at: usize) -> [T; N] {
     let mut out = [from[at]; N];
     out.copy_from_slice(&from[at..at + N]);
     out
@@ -53,7 +53,7 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn load(self, from: &[i16], at: usize) -> Shorts {
-        Shorts::new(several(from, at))
+        Shorts::new(load_array(from, at))
     }
     #[inline(always)]
     fn store(self, to: &mut [i16], at: usize, v: Shorts) {
@@ -92,8 +92,8 @@ impl Lanes for Portable {
         a * b
     }
     #[inline(always)]
-    fn bytes(self, from: &[u8], at: usize) -> Shorts {
-        Shorts::new(mapped!([0; N], b in several(from, at) => i16::from(b)))
+    fn load_bytes(self, from: &[u8], at: usize) -> Shorts {
+        Shorts::new(mapped!([0; N], b in load_array(from, at) => i16::from(b)))
     }
     #[inline(always)]
     fn select(self, m: Shorts, a: Shorts, b: Shorts) -> Shorts {
@@ -110,7 +110,11 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn increment_where(self, m: Shorts, a: Shorts) -> Shorts {
-        if MASKS { self.select(m, a.saturating_add(Shorts::splat(1)), a) } else { a.saturating_sub(m) }
+        if HAS_MASK_REGISTERS {
+            self.select(m, a.saturating_add(Shorts::splat(1)), a)
+        } else {
+            a.saturating_sub(m)
+        }
     }
     #[inline(always)]
     fn and(self, a: Shorts, b: Shorts) -> Shorts {
@@ -130,7 +134,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn store_bits(self, to: &mut [u8], at: usize, m: Shorts) {
-        // Bytes stored one by one were gathered to a vector again, through memory.
+        // With single byte stores, the compiler would first assemble the bytes in a vector, by way of memory.
         let bits = self.bits(m).to_le_bytes();
         to[at..at + const { N / 8 }].copy_from_slice(&bits[..const { N / 8 }]);
     }
@@ -168,27 +172,27 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
-        bytemuck::cast(mapped!([0.0; N], v in several(from, at) => f32::from(v)))
+        bytemuck::cast(mapped!([0.0; N], v in load_array(from, at) => f32::from(v)))
     }
     #[inline(always)]
     fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
-        bytemuck::cast(mapped!([0.0; N], v in several(from, at) => f32::from(v)))
+        bytemuck::cast(mapped!([0.0; N], v in load_array(from, at) => f32::from(v)))
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
-        each(a, b, |a, b| a + b)
+        zip_pair(a, b, |a, b| a + b)
     }
     #[inline(always)]
     fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        each(a, b, |a, b| a - b)
+        zip_pair(a, b, |a, b| a - b)
     }
     #[inline(always)]
     fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        each(a, b, |a, b| a * b)
+        zip_pair(a, b, |a, b| a * b)
     }
     #[inline(always)]
     fn div_f(self, a: PairF, b: PairF) -> PairF {
-        each(a, b, |a, b| a / b)
+        zip_pair(a, b, |a, b| a / b)
     }
     #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
@@ -196,11 +200,11 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
-        each(a, b, Floats::fast_min)
+        zip_pair(a, b, Floats::fast_min)
     }
     #[inline(always)]
     fn max_f(self, a: PairF, b: PairF) -> PairF {
-        each(a, b, Floats::fast_max)
+        zip_pair(a, b, Floats::fast_max)
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
@@ -223,16 +227,16 @@ impl Lanes for Portable {
         [a[0].round_float(), a[1].round_float()]
     }
     #[inline(always)]
-    fn bits_of_f(self, a: PairF) -> Pair {
+    fn f_to_bits(self, a: PairF) -> Pair {
         bytemuck::cast(a)
     }
     #[inline(always)]
-    fn f_of_bits(self, a: Pair) -> PairF {
+    fn f_from_bits(self, a: Pair) -> PairF {
         bytemuck::cast(a)
     }
     #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
-        bytemuck::cast(several(from, at))
+        bytemuck::cast(load_array(from, at))
     }
     #[inline(always)]
     fn splat_w(self, v: u32) -> Pair {
@@ -240,31 +244,34 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn add_w(self, a: Pair, b: Pair) -> Pair {
-        each(a, b, |a, b| a + b)
+        zip_pair(a, b, |a, b| a + b)
     }
     #[inline(always)]
     fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        each(a, b, |a, b| a - b)
+        zip_pair(a, b, |a, b| a - b)
     }
     #[inline(always)]
     fn and_w(self, a: Pair, b: Pair) -> Pair {
-        each(a, b, |a, b| a & b)
+        zip_pair(a, b, |a, b| a & b)
     }
     #[inline(always)]
     fn xor_w(self, a: Pair, b: Pair) -> Pair {
-        each(a, b, |a, b| a ^ b)
+        zip_pair(a, b, |a, b| a ^ b)
     }
     #[inline(always)]
     fn mul_w(self, a: Pair, b: Pair) -> Pair {
-        each(a, b, |a, b| signed(unsigned(a) * unsigned(b)))
+        zip_pair(a, b, |a, b| as_signed(as_unsigned(a) * as_unsigned(b)))
     }
     #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
-        [signed(unsigned(a[0]).unbounded_shr_scalar(BITS)), signed(unsigned(a[1]).unbounded_shr_scalar(BITS))]
+        [
+            as_signed(as_unsigned(a[0]).unbounded_shr_scalar(BITS)),
+            as_signed(as_unsigned(a[1]).unbounded_shr_scalar(BITS)),
+        ]
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
-        each(a, b, Words::min)
+        zip_pair(a, b, Words::min)
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {

@@ -1,14 +1,16 @@
-//! Instructions on values and on memory, in methods of tokens that prove the CPU to have them.
+//! Macros that execute instructions on values and on memory, in methods of tokens that prove that the CPU has the
+//! instructions.
 
-/// An instruction on values.
+/// Evaluates an instruction on values.
 macro_rules! proven {
     ($e:expr) => {{
-        // SAFETY: `self` exists only where the CPU has the instructions; they touch no memory.
+        // SAFETY: `self` exists only if the CPU has the instructions, and these instructions access no memory.
         unsafe { $e }
     }};
 }
-/// The same expression for both vectors of a pair. (A closure given to `map`
-/// might be compiled apart, without the instructions of its caller.)
+/// Evaluates an expression for each vector of a pair.
+///
+/// The macro replaces `map`, because a closure might be compiled separately, without the instructions of its caller.
 macro_rules! both {
     ($v:ident => $e:expr) => {{
         let [first, second] = $v;
@@ -25,7 +27,7 @@ macro_rules! both {
     }};
 }
 
-/// The same expression for both positions of a pair.
+/// Evaluates an expression for each index of a pair.
 macro_rules! both_of {
     ($i:ident => $e:expr) => {
         [
@@ -41,7 +43,7 @@ macro_rules! both_of {
     };
 }
 
-/// An instruction on the memory of a slice that has just been cut to size.
+/// Evaluates an instruction on the memory of a slice that has exactly the required length.
 macro_rules! memory {
     ($e:expr) => {{
         // SAFETY: `self` exists only where the CPU has the instructions; the pointer comes from a

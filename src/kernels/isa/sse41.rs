@@ -9,37 +9,38 @@ use crate::draws::gauss;
 use crate::kernels::isa::lanes::{Lanes, last_index};
 use crate::kernels::isa::proven::{both, both_of, memory, proven};
 
-/// Proof that the CPU has the instructions: only [`Sse41::detect`] makes one.
+/// Proof that the CPU has the instructions; only [`Sse41::detect`] creates one.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernels) struct Sse41(());
 
 impl Sse41 {
-    /// The token, if this CPU has SSE4.1, and with it SSSE3.
+    /// Returns the token if this CPU has SSE4.1, which includes SSSE3.
     pub(crate) fn detect() -> Option<Self> {
         is_x86_feature_detected!("sse4.1").then_some(Self(()))
     }
 
     #[inline(always)]
-    fn each(self, a: Pair, b: Pair, f: impl Fn(__m128i, __m128i) -> __m128i) -> Pair {
+    fn zip_pair(self, a: Pair, b: Pair, f: impl Fn(__m128i, __m128i) -> __m128i) -> Pair {
         [f(a[0], b[0]), f(a[1], b[1])]
     }
 
     #[inline(always)]
-    fn each_f(self, a: PairF, b: PairF, f: impl Fn(__m128, __m128) -> __m128) -> PairF {
+    fn zip_pair_f(self, a: PairF, b: PairF, f: impl Fn(__m128, __m128) -> __m128) -> PairF {
         [f(a[0], b[0]), f(a[1], b[1])]
     }
 }
 
-/// Eight words of 32 bits, in the order of the pixels.
+/// Eight 32-bit words, in the order of the pixels.
 type Pair = [__m128i; 2];
 type PairF = [__m128; 2];
 
-/// Both vectors, in registers at this place in the code. It is not the compiler's own place for them: left alone, it
-/// finishes the first's chain before it begins the second's.
+/// Returns both vectors and forces the compiler to have both in registers at this point of the code.
+///
+/// Otherwise, the compiler completes all work on the first vector before it starts the work on the second vector.
 #[inline]
 #[target_feature(enable = "sse4.1")]
-fn abreast(mut a: __m128i, mut b: __m128i) -> [__m128i; 2] {
-    // SAFETY: no instruction, only two registers that are said to change.
+fn pin_pair(mut a: __m128i, mut b: __m128i) -> [__m128i; 2] {
+    // SAFETY: the assembly contains no instruction; it only declares that two registers change.
     unsafe {
         asm!("/* {0} {1} */", inout(xmm_reg) a, inout(xmm_reg) b, options(nomem, nostack, preserves_flags));
     }
@@ -96,7 +97,7 @@ impl Lanes for Sse41 {
         proven!(_mm_mullo_epi16(a, b))
     }
     #[inline(always)]
-    fn bytes(self, from: &[u8], at: usize) -> __m128i {
+    fn load_bytes(self, from: &[u8], at: usize) -> __m128i {
         let from = &from[at..at + 8];
         memory!(_mm_cvtepu8_epi16(_mm_loadl_epi64(from.as_ptr().cast())))
     }
@@ -133,18 +134,18 @@ impl Lanes for Sse41 {
         proven!(_mm_movemask_epi8(_mm_packs_epi16(m, _mm_setzero_si128()))) as u32
     }
     #[inline(always)]
-    fn store_bits_of_two(self, to: &mut [u8], first: __m128i, second: __m128i) {
+    fn store_bits_pair(self, to: &mut [u8], first: __m128i, second: __m128i) {
         let to = &mut to[..2];
         let bits = proven!(_mm_movemask_epi8(_mm_packs_epi16(first, second))) as u16;
         memory!(to.as_mut_ptr().cast::<u16>().write_unaligned(bits.to_le()));
     }
     #[inline(always)]
-    fn abreast(self, [a, b]: [__m128i; 2]) -> [__m128i; 2] {
-        proven!(abreast(a, b))
+    fn pin_pair(self, [a, b]: [__m128i; 2]) -> [__m128i; 2] {
+        proven!(pin_pair(a, b))
     }
     #[inline(always)]
     fn prefetch(self, line: *const u8) {
-        // No access: an address without memory behind it is passed over.
+        // A prefetch does not access memory, and the CPU ignores an invalid address.
         proven!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
     }
     #[inline(always)]
@@ -171,13 +172,13 @@ impl Lanes for Sse41 {
     #[inline(always)]
     fn gauss(self, bits: __m128i) -> __m128i {
         memory!({
-            // The shuffle takes the low four bits of an index whose top bit is clear.
+            // If the top bit of an index is 0, the shuffle uses the low four bits of the index.
             let mask = _mm_set1_epi8(15);
-            let low = _mm_loadu_si128(gauss::LOW.as_ptr().cast());
+            let low = _mm_loadu_si128(gauss::LOW_NIBBLE_TABLE.as_ptr().cast());
             let low = _mm_shuffle_epi8(low, _mm_and_si128(bits, mask));
-            let high = _mm_loadu_si128(gauss::HIGH.as_ptr().cast());
+            let high = _mm_loadu_si128(gauss::HIGH_NIBBLE_TABLE.as_ptr().cast());
             let high = _mm_shuffle_epi8(high, _mm_and_si128(_mm_srli_epi16::<4>(bits), mask));
-            let weights = _mm_set1_epi16(const { gauss::WEIGHTS[1] << 8 | gauss::WEIGHTS[0] });
+            let weights = _mm_set1_epi16(const { gauss::BYTE_WEIGHTS[1] << 8 | gauss::BYTE_WEIGHTS[0] });
             _mm_maddubs_epi16(weights, _mm_add_epi8(low, high))
         })
     }
@@ -205,19 +206,19 @@ impl Lanes for Sse41 {
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm_add_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm_add_ps(a, b)))
     }
     #[inline(always)]
     fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm_sub_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm_sub_ps(a, b)))
     }
     #[inline(always)]
     fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm_mul_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm_mul_ps(a, b)))
     }
     #[inline(always)]
     fn div_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm_div_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm_div_ps(a, b)))
     }
     #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
@@ -225,11 +226,11 @@ impl Lanes for Sse41 {
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm_min_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm_min_ps(a, b)))
     }
     #[inline(always)]
     fn max_f(self, a: PairF, b: PairF) -> PairF {
-        self.each_f(a, b, |a, b| proven!(_mm_max_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| proven!(_mm_max_ps(a, b)))
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
@@ -253,16 +254,16 @@ impl Lanes for Sse41 {
         both!(a => proven!(_mm_cvtepi32_ps(a)))
     }
     #[inline(always)]
-    fn bits_of_f(self, a: PairF) -> Pair {
+    fn f_to_bits(self, a: PairF) -> Pair {
         both!(a => proven!(_mm_castps_si128(a)))
     }
     #[inline(always)]
-    fn f_of_bits(self, a: Pair) -> PairF {
+    fn f_from_bits(self, a: Pair) -> PairF {
         both!(a => proven!(_mm_castsi128_ps(a)))
     }
     #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
-        self.bits_of_f(self.load_f(bytemuck::cast_slice(from), at))
+        self.f_to_bits(self.load_f(bytemuck::cast_slice(from), at))
     }
     #[inline(always)]
     fn splat_w(self, v: u32) -> Pair {
@@ -270,23 +271,23 @@ impl Lanes for Sse41 {
     }
     #[inline(always)]
     fn add_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm_add_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm_add_epi32(a, b)))
     }
     #[inline(always)]
     fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm_sub_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm_sub_epi32(a, b)))
     }
     #[inline(always)]
     fn and_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm_and_si128(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm_and_si128(a, b)))
     }
     #[inline(always)]
     fn xor_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| self.xor(a, b))
+        self.zip_pair(a, b, |a, b| self.xor(a, b))
     }
     #[inline(always)]
     fn mul_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| self.mul_pairs(a, b))
+        self.zip_pair(a, b, |a, b| self.mul_pairs(a, b))
     }
     #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
@@ -294,7 +295,7 @@ impl Lanes for Sse41 {
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
-        self.each(a, b, |a, b| proven!(_mm_min_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| proven!(_mm_min_epi32(a, b)))
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
@@ -314,7 +315,7 @@ impl Lanes for Sse41 {
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = last_index(table) as usize;
         both!(index => {
-            // There is no such instruction; the words are looked up one by one.
+            // SSE4.1 has no gather instruction, so each word is looked up separately.
             let [a, b, c, d]: [u32; 4] = bytemuck::cast(index);
             let at = |i: u32| table[(i as usize).min(last)];
             bytemuck::cast([at(a), at(b), at(c), at(d)])

@@ -1,7 +1,7 @@
-//! The vectors of the portable lanes: as wide as the build's instructions.
+//! The vectors of the portable lanes. Their width depends on the instructions of the build.
 //!
-//! 512 bits where the build has AVX-512 F, BW and DQ, else 256, which `wide` makes of what there
-//! is. Everything that differs between the two stands here.
+//! The vectors have 512 bits if the build has AVX-512 F, BW and DQ. Otherwise they have 256 bits, which `wide` implements
+//! with the available instructions. This module contains all code that differs between the two widths.
 
 use wide::{i8x32, i16x16};
 
@@ -26,38 +26,38 @@ mod width {
 use width::{Bytes, Chars};
 pub(in crate::kernels) use width::{Floats, Shorts, UnsignedShorts, UnsignedWords, Words};
 
-/// Pixels of a vector.
+/// Number of pixels in a vector.
 pub(in crate::kernels) const N: usize = size_of::<Shorts>() / 2;
-/// Vectors of 256 bits in a vector.
+/// Number of 256-bit parts of a vector.
 const PARTS: usize = N / 16;
 
-/// Whether a comparison fills a mask register, so that a choice is part of the instruction behind it.
-pub(in crate::kernels) const MASKS: bool = N == 32;
-/// Whether a byte shuffle is an instruction; looking bytes up is quicker than emulating it.
-const SHUFFLES: bool =
+/// Whether comparisons write mask registers. A selection is then part of the instruction that uses the selected value.
+pub(in crate::kernels) const HAS_MASK_REGISTERS: bool = N == 32;
+/// Whether one instruction shuffles bytes. Otherwise a table lookup for each byte is faster than an emulated shuffle.
+const HAS_BYTE_SHUFFLE: bool =
     cfg!(any(target_feature = "ssse3", target_feature = "neon", target_feature = "simd128"));
-/// Whether one instruction shuffles bytes across the whole vector.
-const SHUFFLES_WHOLE: bool = MASKS && cfg!(target_feature = "avx512vbmi");
+/// Whether one instruction shuffles bytes between any positions of the vector.
+const HAS_FULL_BYTE_SHUFFLE: bool = HAS_MASK_REGISTERS && cfg!(target_feature = "avx512vbmi");
 
-/// The weighted part that each byte has in a draw, for the low and the high byte.
-static BYTES: [[i16; 256]; 2] = [weighted(0), weighted(1)];
+/// Weighted contribution of each byte value to a draw. The first table is for the low byte, the second for the high byte.
+static WEIGHTED_BYTES: [[i16; 256]; 2] = [weight_bytes(0), weight_bytes(1)];
 
-const fn weighted(byte: usize) -> [i16; 256] {
+const fn weight_bytes(byte: usize) -> [i16; 256] {
     let mut table = [0; 256];
     let mut b = 0;
     while b < 256 {
-        let sum = gauss::LOW[b & 15] as i16 + gauss::HIGH[b >> 4] as i16;
-        table[b] = sum * gauss::WEIGHTS[byte];
+        let sum = gauss::LOW_NIBBLE_TABLE[b & 15] as i16 + gauss::HIGH_NIBBLE_TABLE[b >> 4] as i16;
+        table[b] = sum * gauss::BYTE_WEIGHTS[byte];
         b += 1;
     }
     table
 }
 
-/// The tables of nibbles, once for every 16 bytes of a vector.
-const LOW: [i8; 2 * N] = repeated(&gauss::LOW);
-const HIGH: [i8; 2 * N] = repeated(&gauss::HIGH);
+/// The nibble tables, repeated for every 16 bytes of a vector.
+const LOW_TABLE: [i8; 2 * N] = repeat_table(&gauss::LOW_NIBBLE_TABLE);
+const HIGH_TABLE: [i8; 2 * N] = repeat_table(&gauss::HIGH_NIBBLE_TABLE);
 
-const fn repeated(table: &[i8; 16]) -> [i8; 2 * N] {
+const fn repeat_table(table: &[i8; 16]) -> [i8; 2 * N] {
     let mut all = [0; 2 * N];
     let mut i = 0;
     while i < 2 * N {
@@ -67,8 +67,10 @@ const fn repeated(table: &[i8; 16]) -> [i8; 2 * N] {
     all
 }
 
-/// Every value of an array, by a loop: `map` and `from_fn` are compiled apart
-/// in so large a function, and then cost a call for each vector.
+/// Maps an array with a loop.
+///
+/// In functions as large as the kernels, the compiler does not inline `map` and `from_fn`. They would add a call per
+/// vector.
 macro_rules! mapped {
     ([$($zero:tt)*], $v:ident in $values:expr => $e:expr) => {{
         let values = $values;
@@ -84,7 +86,7 @@ macro_rules! mapped {
 }
 pub(in crate::kernels) use mapped;
 
-/// `(a * b + 2^14) >> 15`; `wide` has it for 256 bits at most.
+/// Returns `(a * b + 2^14) >> 15`. `wide` has this operation for at most 256 bits.
 #[inline(always)]
 pub(in crate::kernels) fn scale(a: Shorts, b: Shorts) -> Shorts {
     let (a, b): ([i16x16; PARTS], [i16x16; PARTS]) = (bytemuck::cast(a), bytemuck::cast(b));
@@ -97,29 +99,29 @@ pub(in crate::kernels) fn scale(a: Shorts, b: Shorts) -> Shorts {
     bytemuck::cast(out)
 }
 
-/// [`gauss::unit`] of every word.
+/// Returns [`gauss::draw`] of every word.
 #[inline(always)]
 pub(in crate::kernels) fn normal(bits: Shorts) -> Shorts {
-    if !SHUFFLES {
-        return looked_up(bits);
+    if !HAS_BYTE_SHUFFLE {
+        return look_up(bits);
     }
     let high = bits.unbounded_shr_scalar(4);
-    weigh(shuffled(LOW, bits), shuffled(HIGH, high))
+    weigh(shuffle_table(LOW_TABLE, bits), shuffle_table(HIGH_TABLE, high))
 }
 
 #[inline(always)]
-fn looked_up(bits: Shorts) -> Shorts {
+fn look_up(bits: Shorts) -> Shorts {
     Shorts::new(mapped!([0; N], b in bits.to_array() => {
         let [low, high] = b.to_le_bytes();
-        BYTES[0][low as usize] + BYTES[1][high as usize]
+        WEIGHTED_BYTES[0][low as usize] + WEIGHTED_BYTES[1][high as usize]
     }))
 }
 
-/// The table's entry for the low four bits of every byte.
+/// Returns the entry of `table` for the low four bits of every byte.
 #[inline(always)]
-fn shuffled(table: [i8; 2 * N], nibbles: Shorts) -> [i8x32; PARTS] {
-    if SHUFFLES_WHOLE {
-        // The upper bits of an index choose between copies of the table.
+fn shuffle_table(table: [i8; 2 * N], nibbles: Shorts) -> [i8x32; PARTS] {
+    if HAS_FULL_BYTE_SHUFFLE {
+        // The shuffle also reads upper bits of an index. They only select between equal copies of the table.
         let table: Bytes = bytemuck::cast(table);
         return bytemuck::cast(table.shuffle_wrapping(bytemuck::cast(nibbles)));
     }
@@ -128,23 +130,23 @@ fn shuffled(table: [i8; 2 * N], nibbles: Shorts) -> [i8x32; PARTS] {
     mapped!([i8x32::ZERO; PARTS], part in nibbles => table[0].swizzle_half_relaxed(part))
 }
 
-/// The sums of both bytes of every word, times their weights.
+/// Returns the weighted sum of the two bytes of every word.
 #[cfg(all(any(target_arch = "x86", target_arch = "x86_64"), target_feature = "avx2"))]
 #[inline(always)]
 fn weigh(low: [i8x32; PARTS], high: [i8x32; PARTS]) -> Shorts {
     use safe_arch::{m256i, mul_u8i8_add_horizontal_saturating_m256i as weigh};
-    let weights: m256i = bytemuck::cast([gauss::WEIGHTS[1] << 8 | gauss::WEIGHTS[0]; 16]);
+    let weights: m256i = bytemuck::cast([gauss::BYTE_WEIGHTS[1] << 8 | gauss::BYTE_WEIGHTS[0]; 16]);
     let sums: Shorts = bytemuck::cast(bytemuck::cast::<_, Chars>(low) + bytemuck::cast::<_, Chars>(high));
     let sums: [m256i; PARTS] = bytemuck::cast(sums);
     bytemuck::cast(mapped!([weights; PARTS], part in sums => weigh(weights, part)))
 }
 
-/// The sums of both bytes of every word, times their weights.
+/// Returns the weighted sum of the two bytes of every word.
 #[cfg(not(all(any(target_arch = "x86", target_arch = "x86_64"), target_feature = "avx2")))]
 #[inline(always)]
 fn weigh(low: [i8x32; PARTS], high: [i8x32; PARTS]) -> Shorts {
     let sums: Shorts = bytemuck::cast(bytemuck::cast::<_, Chars>(low) + bytemuck::cast::<_, Chars>(high));
     let even = sums.unbounded_shl_scalar(8).unbounded_shr_scalar(8);
     let odd = sums.unbounded_shr_scalar(8);
-    even * Shorts::splat(gauss::WEIGHTS[0]) + odd * Shorts::splat(gauss::WEIGHTS[1])
+    even * Shorts::splat(gauss::BYTE_WEIGHTS[0]) + odd * Shorts::splat(gauss::BYTE_WEIGHTS[1])
 }

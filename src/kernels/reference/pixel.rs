@@ -1,11 +1,11 @@
-//! One pixel's state in plain numbers, and the arithmetic that everything here is made of.
+//! The state of one pixel in plain numbers, and the arithmetic of the reference kernel.
 
 use crate::draws::gauss;
-use crate::draws::hash::{Round, bits, half, key};
+use crate::draws::hash::{RoundKey, address_key, hash_bits, pixel_half};
 use crate::kernels::Samples;
-use crate::plan::{ADAPTED, LATE, LOW, SLOW, StateParts};
+use crate::plan::{ADAPTATION_COLUMN, LAG_COLUMN, SLOW_NOISE_COLUMN, StateTile, TELEGRAPH_COLUMN};
 
-/// Whole steps and a fraction.
+/// A number of steps: whole steps and a fraction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Steps {
     pub whole: i16,
@@ -13,7 +13,7 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    /// Adds steps x 65,536; whole steps saturate.
+    /// Adds steps x 65,536. The whole steps saturate.
     pub(super) fn add(&mut self, fixed: i32) {
         let (fraction, carry) = self.fraction.overflowing_add(fixed as u16);
         self.fraction = fraction;
@@ -22,64 +22,64 @@ impl Steps {
     }
 }
 
-/// A pixel's state in registers of comfortable width.
+/// The state of one pixel.
 pub(super) struct Pixel {
     pub charge: i16,
     pub fraction: u16,
     pub surplus: i16,
     pub fired: bool,
-    pub held: i32,
-    pub waiting: Steps,
-    pub lingering: Lingering,
+    pub frozen_noise: i32,
+    pub pending_noise: Steps,
+    pub slow_state: SlowState,
 }
 
-/// What lingers of one pixel besides its charge.
+/// The slow state of one pixel.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lingering {
-    pub slow: f32,
-    pub adapted: f32,
-    pub late: f32,
-    pub low: bool,
+pub(super) struct SlowState {
+    pub slow_deviation: f32,
+    pub threshold_rise: f32,
+    pub lagged_light: f32,
+    pub is_dark_low: bool,
 }
 
 impl Pixel {
-    pub(super) fn load(state: &StateParts<'_>, i: usize) -> Self {
-        let held = state.held.get(i).copied().unwrap_or(0);
-        let held_fraction = state.held_fraction.get(i).copied().unwrap_or(0);
+    pub(super) fn load(state: &StateTile<'_>, i: usize) -> Self {
+        let held = state.frozen_noise.get(i).copied().unwrap_or(0);
+        let held_fraction = state.frozen_noise_fraction.get(i).copied().unwrap_or(0);
         Self {
             charge: state.charge[i],
             fraction: state.fraction[i] as u16 ^ 0x8000,
             surplus: state.surplus.get(i).copied().unwrap_or(0),
             fired: state.fired.get(i).is_some_and(|f| *f != 0),
-            held: i32::from(held) << 16 | i32::from(held_fraction as u16),
-            waiting: Steps {
-                whole: state.waiting.get(i).copied().unwrap_or(0),
-                fraction: state.waiting_fraction.get(i).copied().unwrap_or(0) as u16 ^ 0x8000,
+            frozen_noise: i32::from(held) << 16 | i32::from(held_fraction as u16),
+            pending_noise: Steps {
+                whole: state.pending_noise.get(i).copied().unwrap_or(0),
+                fraction: state.pending_noise_fraction.get(i).copied().unwrap_or(0) as u16 ^ 0x8000,
             },
-            lingering: Lingering::load(state, i),
+            slow_state: SlowState::load(state, i),
         }
     }
 
-    pub(super) fn store(&self, state: &mut StateParts<'_>, i: usize) {
+    pub(super) fn store(&self, state: &mut StateTile<'_>, i: usize) {
         state.charge[i] = self.charge;
         state.fraction[i] = (self.fraction ^ 0x8000) as i16;
         let optional = [
             (&mut state.surplus, self.surplus),
             (&mut state.fired, -i16::from(self.fired)),
-            (&mut state.held, (self.held >> 16) as i16),
-            (&mut state.held_fraction, self.held as i16),
-            (&mut state.waiting, self.waiting.whole),
-            (&mut state.waiting_fraction, (self.waiting.fraction ^ 0x8000) as i16),
+            (&mut state.frozen_noise, (self.frozen_noise >> 16) as i16),
+            (&mut state.frozen_noise_fraction, self.frozen_noise as i16),
+            (&mut state.pending_noise, self.pending_noise.whole),
+            (&mut state.pending_noise_fraction, (self.pending_noise.fraction ^ 0x8000) as i16),
         ];
         for (column, value) in optional {
             if let Some(slot) = column.get_mut(i) {
                 *slot = value;
             }
         }
-        self.lingering.store(state, i);
+        self.slow_state.store(state, i);
     }
 
-    /// Adds steps x 65,536 to the charge; whole steps saturate.
+    /// Adds steps x 65,536 to the charge. The whole steps saturate.
     pub(super) fn add(&mut self, fixed: i32) {
         let mut sum = Steps { whole: self.charge, fraction: self.fraction };
         sum.add(fixed);
@@ -87,29 +87,38 @@ impl Pixel {
     }
 }
 
-impl Lingering {
-    fn load(state: &StateParts<'_>, i: usize) -> Self {
-        let half = |column: usize| state.lingering[column].get(i).map_or(0, |v| *v as u16);
+impl SlowState {
+    fn load(state: &StateTile<'_>, i: usize) -> Self {
+        let half = |column: usize| state.slow_state[column].get(i).map_or(0, |v| *v as u16);
         let float = |at: usize| f32::from_bits(u32::from(half(at)) << 16 | u32::from(half(at + 1)));
-        Self { slow: float(SLOW), adapted: float(ADAPTED), late: float(LATE), low: half(LOW) != 0 }
+        Self {
+            slow_deviation: float(SLOW_NOISE_COLUMN),
+            threshold_rise: float(ADAPTATION_COLUMN),
+            lagged_light: float(LAG_COLUMN),
+            is_dark_low: half(TELEGRAPH_COLUMN) != 0,
+        }
     }
 
-    fn store(&self, state: &mut StateParts<'_>, i: usize) {
-        for (at, value) in [(SLOW, self.slow), (ADAPTED, self.adapted), (LATE, self.late)] {
+    fn store(&self, state: &mut StateTile<'_>, i: usize) {
+        for (at, value) in [
+            (SLOW_NOISE_COLUMN, self.slow_deviation),
+            (ADAPTATION_COLUMN, self.threshold_rise),
+            (LAG_COLUMN, self.lagged_light),
+        ] {
             let bits = value.to_bits();
             for (column, half) in [(at, bits >> 16), (at + 1, bits)] {
-                if let Some(slot) = state.lingering[column].get_mut(i) {
+                if let Some(slot) = state.slow_state[column].get_mut(i) {
                     *slot = half as i16;
                 }
             }
         }
-        if let Some(slot) = state.lingering[LOW].get_mut(i) {
-            *slot = -i16::from(self.low);
+        if let Some(slot) = state.slow_state[TELEGRAPH_COLUMN].get_mut(i) {
+            *slot = -i16::from(self.is_dark_low);
         }
     }
 }
 
-/// Light of pixel `p` in 1/255 of full scale; padding is dark.
+/// Returns the light of pixel `p` in 1/255 of full scale. The light of padding pixels is 0.
 pub(super) fn sample(samples: &Samples<'_>, p: usize) -> f32 {
     match samples {
         Samples::U8(s) => s.get(p).map_or(0.0, |v| f32::from(*v)),
@@ -118,27 +127,27 @@ pub(super) fn sample(samples: &Samples<'_>, p: usize) -> f32 {
     }
 }
 
-/// Largest and smallest increment that the state can take, in steps x 65,536.
-const MOST: f32 = 2_147_418_112.0;
-const LEAST: f32 = -1_073_741_824.0;
+/// Largest and smallest increment that fit in the state, in steps x 65,536.
+const MAX_INCREMENT: f32 = 2_147_418_112.0;
+const MIN_INCREMENT: f32 = -1_073_741_824.0;
 
-/// Steps x 65,536 as an integer.
-pub(super) fn fixed(value: f32) -> i32 {
-    value.clamp(LEAST, MOST).round_ties_even() as i32
+/// Clips steps x 65,536 to the range of the state and rounds the result to an integer.
+pub(super) fn to_fixed_point(value: f32) -> i32 {
+    value.clamp(MIN_INCREMENT, MAX_INCREMENT).round_ties_even() as i32
 }
 
-/// The rounding multiply of the lanes.
-pub(super) fn scaled(unit: i16, multiplier: i16) -> i16 {
+/// Returns `(unit * multiplier + 2^14) >> 15`, the rounded product that the vector kernels compute.
+pub(super) fn mul_round(unit: i16, multiplier: i16) -> i16 {
     ((i32::from(unit) * i32::from(multiplier) + (1 << 14)) >> 15) as i16
 }
 
-/// The normal draw of pixel `p`.
-pub(super) fn unit(round: Round, p: usize) -> i16 {
-    gauss::unit(half(bits(key(p as u32 / 2), round), p))
+/// Returns the normal draw of pixel `p`.
+pub(super) fn normal_draw(round: RoundKey, p: usize) -> i16 {
+    gauss::draw(pixel_half(hash_bits(address_key(p as u32 / 2), round), p))
 }
 
-/// 32 bits of pixel `p` at readout `t`, from a coarse and a fine draw.
-pub(super) fn flip_draw(words: &[Vec<Round>; 2], p: usize, t: usize) -> u32 {
-    let part = |i: usize| u32::from(half(bits(key(p as u32 / 2), words[i][t]), p));
+/// Returns 32 random bits of pixel `p` at readout `t`. The upper 16 bits and the lower 16 bits are separate draws.
+pub(super) fn flip_draw(words: &[Vec<RoundKey>; 2], p: usize, t: usize) -> u32 {
+    let part = |i: usize| u32::from(pixel_half(hash_bits(address_key(p as u32 / 2), words[i][t]), p));
     part(0) << 16 | part(1)
 }

@@ -1,25 +1,30 @@
-//! The blind study of `diagnose`: hidden sensors of which the library knows nothing, and what it says of them.
+//! Blind study of `diagnose`: the library diagnoses hidden sensors about which it has no information.
 //!
-//! `cargo run --release -p spikelane-studies --bin study-diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N] [--doubles N] [--triples N]
-//! [--names A,B] [--only TEXT] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON file each, and leaves those alone that
-//! this version of the code has judged; `--report FILE` writes the tables of what is there, `--records FILE` takes over and keeps
-//! what was judged as one file of lines, `--profile` prints the seconds of every phase, `--only` takes sensors whose id holds
-//! TEXT, and `--large` takes sets of 128x96 pixels and 10,000 readouts, which need a folder and a file of their own.
-//! `--again LIST` judges the sensors that LIST names, one a line, anew, compares every digit with the records, and fails where one differs.
+//! `cargo run --release -p spikelane-studies --bin study-diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N]
+//! [--doubles N] [--triples N] [--names A,B] [--only TEXT] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON
+//! file each. Sensors that this version of the code has diagnosed are skipped.
+//!
+//! * `--report FILE` writes the tables of the existing records.
+//! * `--records FILE` restores the records from a file of lines, and writes all records to it.
+//! * `--profile` prints the seconds of every phase.
+//! * `--only TEXT` selects sensors whose id contains TEXT.
+//! * `--large` uses sets of 128x96 pixels and 10,000 readouts, which need a separate folder and file.
+//! * `--again LIST` diagnoses the sensors in LIST, one per line, again. It compares every digit with the records, and
+//!   fails if one differs.
 
-mod again;
-mod each;
+mod diagnose_sensor;
 #[path = "../../../crates/calibrate/tests/hidden_sensor/mod.rs"]
 #[allow(unreachable_pub, reason = "shared with the tests")]
 mod hidden_sensor;
 mod jobs;
-mod judge;
-mod judged;
+mod multiple_effects;
+mod outcomes;
 mod phases;
 mod records;
+mod rejudge;
 mod report;
 mod score;
-mod several;
+mod sensor_table;
 mod share;
 mod summary;
 mod version;
@@ -27,67 +32,69 @@ mod version;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use hidden_sensor::{LARGE, SMALL, Size};
-use jobs::{Job, jobs, uniform};
-use phases::Phases;
+use hidden_sensor::{LARGE_SIZE, SMALL_SIZE, Size};
+use jobs::{SensorJob, jobs, uniform_hash};
+use phases::PhaseTimer;
 use serde_json::{Value, json};
-use spikelane_calibrate::diagnose::Reference;
+use spikelane_calibrate::diagnose::NullModel;
 
-/// Log-uniform strengths, in smallest nameable ones.
-const STRENGTHS: (f64, f64) = (2.0, 30.0);
+/// Range of the strengths, relative to the smallest detectable strength, log-uniform.
+const STRENGTH_RANGE: (f64, f64) = (2.0, 30.0);
 
-/// Smallest share of its largest strength that an effect from outside has. At 0.3 the weakest of them, a diagonal band of
-/// 0.015 among 2,304 pixels that differ by 0.073, has a peak of 2304 0.015^2 / (4 0.073^2) = 24 times the mean in the
-/// spectrum of the gain, 16 where it falls between two frequencies; the highest of the others has 8 to 9 +- 1.3. (The one of 0.015 that
-/// ran was not seen: it is at the limit.)
-const OUTSIDE_RANGE: f64 = 0.3;
+/// Smallest strength of an effect outside the catalog, relative to its largest strength.
+///
+/// At 0.3 the weakest effect is a diagonal band of 0.015 among 2,304 pixels whose gain scatters by 0.073. Its peak in
+/// the spectrum of the gain is 2304 0.015^2 / (4 0.073^2) = 24 times the mean, or 16 times between two frequencies. The
+/// highest of the other peaks is at 8 to 9 +- 1.3. A band of 0.015 that was tested was not detected, so it is at the
+/// limit.
+const MIN_OUTSIDE_STRENGTH: f64 = 0.3;
 
-/// The smallest nameable strength of each effect.
-type Strengths = Vec<(String, f64)>;
+/// The smallest detectable strength of each effect.
+type SmallestStrengths = Vec<(String, f64)>;
 
 struct Args {
     folder: PathBuf,
-    /// Clean sensors, and those with an effect, with one from outside, with two and with three effects.
+    /// Numbers of sensors: clean, with one effect, with one from outside the catalog, with two effects, with three effects.
     counts: [usize; 5],
     size: Size,
     profile: bool,
     names: Vec<String>,
-    only: String,
+    id_filter: String,
     minutes: f64,
     report: Option<PathBuf>,
     records: Option<PathBuf>,
-    again: Option<PathBuf>,
+    rejudge_list: Option<PathBuf>,
 }
 
 fn arguments() -> Args {
     let mut args = Args {
         folder: PathBuf::from("target/diagnosis"),
         counts: [0; 5],
-        size: SMALL,
+        size: SMALL_SIZE,
         profile: false,
         names: Vec::new(),
-        only: String::new(),
+        id_filter: String::new(),
         minutes: 1e9,
         report: None,
         records: None,
-        again: None,
+        rejudge_list: None,
     };
     let mut all = std::env::args().skip(1);
     while let Some(arg) = all.next() {
         let mut next = || all.next().unwrap_or_else(|| panic!("{arg} needs a value"));
         match arg.as_str() {
-            "--nulls" => args.counts[0] = next().parse().unwrap(),
+            "--clean" => args.counts[0] = next().parse().unwrap(),
             "--singles" => args.counts[1] = next().parse().unwrap(),
-            "--unknown" => args.counts[2] = next().parse().unwrap(),
+            "--outside" => args.counts[2] = next().parse().unwrap(),
             "--doubles" => args.counts[3] = next().parse().unwrap(),
             "--triples" => args.counts[4] = next().parse().unwrap(),
             "--profile" => args.profile = true,
-            "--large" => args.size = LARGE,
+            "--large" => args.size = LARGE_SIZE,
             "--names" => args.names = next().split(',').map(str::to_owned).collect(),
-            "--only" => args.only = next(),
+            "--filter" => args.id_filter = next(),
             "--minutes" => args.minutes = next().parse().unwrap(),
             "--records" => args.records = Some(PathBuf::from(next())),
-            "--again" => args.again = Some(PathBuf::from(next())),
+            "--rejudge" => args.rejudge_list = Some(PathBuf::from(next())),
             "--report" => args.report = Some(PathBuf::from(next())),
             folder => args.folder = PathBuf::from(folder),
         }
@@ -97,12 +104,12 @@ fn arguments() -> Args {
 
 fn main() {
     let args = arguments();
-    if let Some(list) = &args.again {
+    if let Some(list) = &args.rejudge_list {
         let lines = spikelane_studies::lines::read(
-            args.records.as_deref().expect("--again needs the --records to compare with"),
+            args.records.as_deref().expect("--rejudge needs the --records to compare with"),
         );
-        let reference = judge::reference(args.size, &mut Phases::new(args.profile));
-        std::process::exit(i32::from(!again::run(
+        let reference = diagnose_sensor::shared_null_model(args.size, &mut PhaseTimer::new(args.profile));
+        std::process::exit(i32::from(!rejudge::rejudge(
             &std::fs::read_to_string(list).unwrap(),
             &lines,
             &reference,
@@ -110,12 +117,12 @@ fn main() {
     }
     std::fs::create_dir_all(&args.folder).unwrap();
     if let Some(lines) = &args.records {
-        records::restore(lines, &args.folder);
+        records::restore_records(lines, &args.folder);
     }
     let jobs = jobs(args.counts, &args.names);
     let start = Instant::now();
-    let mut reference: Option<(Reference, Strengths)> = None;
-    for job in jobs.iter().filter(|j| j.id().contains(&args.only)) {
+    let mut reference: Option<(NullModel, SmallestStrengths)> = None;
+    for job in jobs.iter().filter(|j| j.id().contains(&args.id_filter)) {
         let file = args.folder.join(format!("{}.json", job.id()));
         if records::is_current(&file) {
             continue;
@@ -123,60 +130,63 @@ fn main() {
         if start.elapsed().as_secs_f64() > 60.0 * args.minutes {
             break;
         }
-        let (shared, strengths) = reference.get_or_insert_with(|| shared(&args));
-        let record = run(job, shared, strengths, &args);
+        let (shared, strengths) = reference.get_or_insert_with(|| shared_null_model(&args));
+        let record = run_job(job, shared, strengths, &args);
         println!("{}", summary(&record));
         std::fs::write(&file, serde_json::to_string_pretty(&record).unwrap()).unwrap();
     }
     if let Some(lines) = &args.records {
-        records::keep(&args.folder, lines);
+        records::write_lines(&args.folder, lines);
     }
     if let Some(path) = &args.report {
-        report::write(&args.folder, path, args.size.width == LARGE.width);
+        report::write(&args.folder, path, args.size.width == LARGE_SIZE.width);
     }
 }
 
-/// The simulations that all sensors share, and how strong an effect must be to be named.
-fn shared(args: &Args) -> (Reference, Strengths) {
-    let mut phases = Phases::new(args.profile);
+/// Returns the simulations that all sensors share, and the smallest detectable strength of each effect.
+fn shared_null_model(args: &Args) -> (NullModel, SmallestStrengths) {
+    let mut phases = PhaseTimer::new(args.profile);
     let start = Instant::now();
-    let reference = judge::reference(args.size, &mut phases);
+    let reference = diagnose_sensor::shared_null_model(args.size, &mut phases);
     let seconds = start.elapsed().as_secs_f64();
     phases.enter("nameable");
     let file = args.folder.join("nameable.txt");
-    let version = version::of_the_alarm();
+    let version = version::alarm_version();
     let known = std::fs::read_to_string(&file).ok().and_then(|t| serde_json::from_str::<Value>(&t).ok());
     if let Some(rows) = known.filter(|k| k["version"] == version) {
-        let strengths = rows["nameable"].as_array().into_iter().flatten();
+        let strengths = rows["detectability"].as_array().into_iter().flatten();
         let strength = |n: &Value| Some((n["name"].as_str()?.to_owned(), n["strength"].as_f64()?));
         return (reference, strengths.filter_map(strength).collect());
     }
-    let nameable = reference.nameable();
+    let nameable = reference.detectabilities();
     phases.enter("");
     println!("reference in {seconds:.1} s, limits {:?}", reference.limits());
     let table: Vec<Value> = nameable.iter().map(|n| serde_json::to_value(n).unwrap()).collect();
     for n in &nameable {
-        println!("  {:<24} {} {:.3e}, like {} ({:+.2})", n.name, n.key, n.strength, n.nearest, n.alike);
+        println!(
+            "  {:<24} {} {:.3e}, like {} ({:+.2})",
+            n.name, n.parameter, n.strength, n.nearest_candidate, n.cosine
+        );
     }
-    let whole = json!({ "version": version, "seconds": seconds, "nameable": table });
+    let whole = json!({ "version": version, "seconds": seconds, "detectability": table });
     std::fs::write(&file, serde_json::to_string_pretty(&whole).unwrap()).unwrap();
     (reference, nameable.into_iter().map(|n| (n.name.to_owned(), n.strength)).collect())
 }
 
-fn run(job: &Job, reference: &Reference, nameable: &Strengths, args: &Args) -> Value {
-    let mut phases = Phases::new(args.profile);
+fn run_job(job: &SensorJob, reference: &NullModel, nameable: &SmallestStrengths, args: &Args) -> Value {
+    let mut phases = PhaseTimer::new(args.profile);
     let strength = |i: usize| {
         let kind = job.kinds[i];
-        let u = uniform(job.seed(), 10 * i as u64);
+        let u = uniform_hash(job.seed(), 10 * i as u64);
         let smallest = nameable.iter().find(|n| n.0 == kind.name).map(|n| n.1);
         let wanted = match smallest {
-            Some(s) => s * STRENGTHS.0 * (STRENGTHS.1 / STRENGTHS.0).powf(u),
-            None => kind.largest * OUTSIDE_RANGE.powf(u),
+            Some(s) => s * STRENGTH_RANGE.0 * (STRENGTH_RANGE.1 / STRENGTH_RANGE.0).powf(u),
+            None => kind.largest * MIN_OUTSIDE_STRENGTH.powf(u),
         };
         (wanted.min(kind.largest), smallest)
     };
     let strengths: Vec<_> = (0..job.kinds.len()).map(strength).collect();
-    judge::record(job, &strengths, reference, args.size, &mut phases)
+    diagnose_sensor::diagnose_hidden(job, &strengths, reference, args.size, &mut phases)
 }
 
 fn summary(record: &Value) -> String {
@@ -187,13 +197,16 @@ fn summary(record: &Value) -> String {
         first["strength"].as_f64().unwrap_or(0.0),
         record["score"]["verdict"].as_str().unwrap_or("error"),
         record["score"]["exact"],
-        record["score"]["tied"],
+        record["score"]["named_or_ambiguous"],
         record["score"]["names"],
         record["score"]["wrong"],
-        record["said"]["gap"]["heldout"][0].as_f64().unwrap_or(0.0) as i64,
-        record["said"]["gap"]["heldout"].as_array().and_then(|a| a.last()?.as_f64()).unwrap_or(0.0) as i64,
-        record["said"]["gap"]["floor"].as_f64().unwrap_or(0.0),
-        record["said"]["seconds"].as_f64().unwrap_or(0.0),
-        record["said"]["error"].as_str().unwrap_or(""),
+        record["diagnosis"]["discrepancy"]["held_out_set"][0].as_f64().unwrap_or(0.0) as i64,
+        record["diagnosis"]["discrepancy"]["held_out_set"]
+            .as_array()
+            .and_then(|a| a.last()?.as_f64())
+            .unwrap_or(0.0) as i64,
+        record["diagnosis"]["discrepancy"]["noise_floor"].as_f64().unwrap_or(0.0),
+        record["diagnosis"]["seconds"].as_f64().unwrap_or(0.0),
+        record["diagnosis"]["error"].as_str().unwrap_or(""),
     )
 }

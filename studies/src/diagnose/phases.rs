@@ -1,25 +1,25 @@
-//! Seconds of every phase of a diagnosis.
+//! Durations of the phases of a diagnosis.
 
 use std::time::Instant;
 
-/// Prints how long each phase took, if asked to.
-pub(crate) struct Phases {
-    on: bool,
-    now: Option<(String, Instant)>,
+/// Prints the duration of each phase, if enabled.
+pub(crate) struct PhaseTimer {
+    is_enabled: bool,
+    current_phase: Option<(String, Instant)>,
 }
 
-impl Phases {
+impl PhaseTimer {
     pub(crate) fn new(on: bool) -> Self {
-        Self { on, now: None }
+        Self { is_enabled: on, current_phase: None }
     }
 
     pub(crate) fn enter(&mut self, what: &str) {
-        if self.now.as_ref().is_some_and(|n| n.0 == what) {
+        if self.current_phase.as_ref().is_some_and(|n| n.0 == what) {
             return;
         }
-        if let (true, Some((before, since))) = (self.on, &self.now) {
+        if let (true, Some((before, since))) = (self.is_enabled, &self.current_phase) {
             println!("    {before:<24} {:.2} s", since.elapsed().as_secs_f64());
         }
-        self.now = (!what.is_empty()).then(|| (what.to_owned(), Instant::now()));
+        self.current_phase = (!what.is_empty()).then(|| (what.to_owned(), Instant::now()));
     }
 }

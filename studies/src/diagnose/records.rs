@@ -1,45 +1,46 @@
-//! What was judged: one file a sensor in a folder, and all of it as a file of lines that can be committed, from which a
-//! study goes on elsewhere.
+//! Records of the study: one file per sensor in a folder, and one file of lines with all records.
+//!
+//! The file of lines can be committed, and a study can be resumed from it elsewhere.
 
 use std::path::Path;
 
 use serde_json::Value;
 
-/// What neither a table nor a question about a failure needs.
-const LEFT_OUT: [&str; 3] = ["settle", "not_testable", "notes"];
+/// Keys that neither the tables nor the analysis of a failure require.
+const OMITTED_KEYS: [&str; 3] = ["recommended_recordings", "undetectable", "notes"];
 
-fn read(path: &Path) -> Option<Value> {
+fn read_record(path: &Path) -> Option<Value> {
     serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
 }
 
-fn of_this_version(record: &Value) -> bool {
-    record["version"] == super::version::of(&record["said"]).as_str()
+fn is_of_this_version(record: &Value) -> bool {
+    record["version"] == super::version::version_of_diagnosis(&record["diagnosis"]).as_str()
 }
 
-/// Whether a file holds what this version of the code said.
+/// Returns whether a file contains a record of this version of the code.
 pub(crate) fn is_current(path: &Path) -> bool {
-    read(path).is_some_and(|r| of_this_version(&r))
+    read_record(path).is_some_and(|r| is_of_this_version(&r))
 }
 
-/// What this version of the code said, by name, with its score; records of other versions are left out.
-pub(crate) fn all(folder: &Path) -> Vec<Value> {
+/// Returns the records of this version of the code by name, each with its score. Records of other versions are skipped.
+pub(crate) fn current_records(folder: &Path) -> Vec<Value> {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     files.sort();
     let records = files.iter().filter(|p| p.extension().is_some_and(|e| e == "json"));
-    records.filter_map(|p| read(p)).filter(of_this_version).map(scored).collect()
+    records.filter_map(|p| read_record(p)).filter(is_of_this_version).map(with_score).collect()
 }
 
-/// How well it was said is no part of what was: a rule that changes holds for what was judged before.
-fn scored(mut record: Value) -> Value {
-    record["score"] = super::score::of(&record["hidden"], &record["said"]);
+/// Returns the record with a new score, so that a changed rule applies to earlier diagnoses too.
+fn with_score(mut record: Value) -> Value {
+    record["score"] = super::score::score(&record["hidden"], &record["diagnosis"]);
     record
 }
 
-/// Writes the records of this version that `lines` holds and `folder` does not.
-pub(crate) fn restore(lines: &Path, folder: &Path) {
+/// Writes the records of this version that are in `lines` and not in `folder`.
+pub(crate) fn restore_records(lines: &Path, folder: &Path) {
     let text = spikelane_studies::lines::read(lines);
     let records = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    for record in records.filter(of_this_version) {
+    for record in records.filter(is_of_this_version) {
         let Some(id) = record["id"].as_str() else { continue };
         let file = folder.join(format!("{id}.json"));
         if !is_current(&file) {
@@ -48,19 +49,19 @@ pub(crate) fn restore(lines: &Path, folder: &Path) {
     }
 }
 
-/// Writes all records of this version, one a line.
-pub(crate) fn keep(folder: &Path, lines: &Path) {
+/// Writes all records of this version, one per line.
+pub(crate) fn write_lines(folder: &Path, lines: &Path) {
     let mut text = String::new();
-    for record in all(folder) {
-        text += &format!("{}\n", kept(record));
+    for record in current_records(folder) {
+        text += &format!("{}\n", without_omitted_keys(record));
     }
     spikelane_studies::lines::write(lines, &text);
 }
 
-/// A record with what its line holds.
-pub(crate) fn kept(mut record: Value) -> Value {
-    if let Some(said) = record["said"].as_object_mut() {
-        LEFT_OUT.iter().for_each(|key| drop(said.remove(*key)));
+/// Returns a record without the keys that its line omits.
+pub(crate) fn without_omitted_keys(mut record: Value) -> Value {
+    if let Some(said) = record["diagnosis"].as_object_mut() {
+        OMITTED_KEYS.iter().for_each(|key| drop(said.remove(*key)));
     }
     record
 }

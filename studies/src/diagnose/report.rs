@@ -1,4 +1,4 @@
-//! The study's tables.
+//! The tables of the study.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -6,59 +6,60 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::each::each;
-use super::judged::{Gaps, covers, gap};
-use super::several::Several;
+use super::multiple_effects::MultipleEffects;
+use super::outcomes::{DiscrepancyCounts, discrepancy, interval_covers};
+use super::sensor_table::sensor_table;
 use super::share::Share;
-use super::summary::{ran, summary};
+use super::summary::{run_time_text, summary};
 
-struct Row {
-    n: usize,
+struct TableRow {
+    sensors: usize,
     exact: usize,
     tied: usize,
-    silent: usize,
+    unnamed: usize,
     covered: usize,
     intervals: usize,
-    gaps: Gaps,
-    said: BTreeMap<String, usize>,
+    gaps: DiscrepancyCounts,
+    named_counts: BTreeMap<String, usize>,
 }
 
-const EMPTY: Row = Row {
-    n: 0,
+const EMPTY_ROW: TableRow = TableRow {
+    sensors: 0,
     exact: 0,
     tied: 0,
-    silent: 0,
+    unnamed: 0,
     covered: 0,
     intervals: 0,
-    gaps: Gaps { explained: 0, shrunk: 0 },
-    said: BTreeMap::new(),
+    gaps: DiscrepancyCounts { explained: 0, within_limit: 0 },
+    named_counts: BTreeMap::new(),
 };
 
-fn add(row: &mut Row, record: &Value) {
+fn add(row: &mut TableRow, record: &Value) {
     let score = &record["score"];
     let name = record["hidden"][0]["name"].as_str().unwrap_or("clean");
-    row.n += 1;
+    row.sensors += 1;
     row.exact += usize::from(score["exact"] == 1);
-    row.tied += usize::from(score["tied"] == 1);
+    row.tied += usize::from(score["named_or_ambiguous"] == 1);
     let names: Vec<&str> =
         score["names"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    row.silent += usize::from(score["verdict"] == "agrees");
+    row.unnamed += usize::from(score["verdict"] == "agrees");
     for said in names.iter().filter(|n| **n != name) {
-        *row.said.entry((*said).to_owned()).or_default() += 1;
+        *row.named_counts.entry((*said).to_owned()).or_default() += 1;
     }
     row.gaps.add(record);
-    if let (Some(covered), true) = (covers(record, name), score["exact"] == 1) {
+    if let (Some(covered), true) = (interval_covers(record, name), score["exact"] == 1) {
         row.intervals += 1;
         row.covered += usize::from(covered);
     }
 }
 
-/// Replaces what lies between the marks of the page, or makes the page. The few sensors of the large size have marks and a table
-/// of their own.
+/// Replaces the text between the markers of the page, or creates the page.
+///
+/// The few sensors of the large size have separate markers and a separate table.
 pub(crate) fn write(folder: &Path, path: &Path, large: bool) {
-    let records = super::records::all(folder);
+    let records = super::records::current_records(folder);
     let (start, end, tables) = if large {
-        ("<!-- large -->\n", "<!-- end of large -->", each(&records))
+        ("<!-- large -->\n", "<!-- end of large -->", sensor_table(&records))
     } else {
         ("<!-- tables -->\n", "<!-- end of tables -->", tables(&records))
     };
@@ -72,16 +73,16 @@ fn tables(records: &[Value]) -> String {
     let of = |class: &str| records.iter().filter(|r| r["class"] == class).collect::<Vec<_>>();
     let mut text = String::new();
     summary(&mut text, records);
-    ran(&mut text, records);
-    nulls(&mut text, &of("null"));
-    singles(&mut text, &of("single"));
-    outside(&mut text, &of("outside"));
-    several(&mut text, "Two effects at once", &of("double"));
-    several(&mut text, "Three effects at once", &of("triple"));
+    run_time_text(&mut text, records);
+    clean_table(&mut text, &of("null"));
+    single_table(&mut text, &of("single"));
+    outside_table(&mut text, &of("outside"));
+    multiple_table(&mut text, "Two effects at once", &of("double"));
+    multiple_table(&mut text, "Three effects at once", &of("triple"));
     text
 }
 
-fn nulls(text: &mut String, all: &[&Value]) {
+fn clean_table(text: &mut String, all: &[&Value]) {
     let alarms = all.iter().filter(|r| r["score"]["verdict"] != "agrees").count();
     let named = all.iter().filter(|r| r["score"]["names"].as_array().is_some_and(|n| !n.is_empty())).count();
     writeln!(
@@ -89,10 +90,10 @@ fn nulls(text: &mut String, all: &[&Value]) {
         "### Clean sensors\n\n{} ran; {alarms} with an alarm, {named} of them with a name. The upper end of the 95 % interval \
          (Clopper and Pearson) of the share with an alarm is {:.1} %.\n",
         all.len(),
-        100.0 * Share { hits: alarms, of: all.len() }.upper()
+        100.0 * Share { hits: alarms, total: all.len() }.upper_bound()
     )
     .unwrap();
-    let gaps: Vec<[f64; 4]> = all.iter().filter_map(|r| gap(r)).collect();
+    let gaps: Vec<[f64; 4]> = all.iter().filter_map(|r| discrepancy(r)).collect();
     let Some([.., floor, sd]) = gaps.first() else { return };
     let mean = gaps.iter().map(|g| g[1]).sum::<f64>() / gaps.len() as f64;
     let square = gaps.iter().map(|g| (g[1] - mean).powi(2)).sum::<f64>() / gaps.len() as f64;
@@ -106,15 +107,15 @@ fn nulls(text: &mut String, all: &[&Value]) {
     .unwrap();
 }
 
-fn singles(text: &mut String, all: &[&Value]) {
-    let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
+fn single_table(text: &mut String, all: &[&Value]) {
+    let mut rows: BTreeMap<&str, TableRow> = BTreeMap::new();
     for record in all {
-        add(rows.entry(record["hidden"][0]["name"].as_str().unwrap_or("?")).or_insert(EMPTY), record);
+        add(rows.entry(record["hidden"][0]["name"].as_str().unwrap_or("?")).or_insert(EMPTY_ROW), record);
     }
-    let sum = |f: fn(&Row) -> usize| rows.values().map(f).sum::<usize>();
-    let (n, exact, tied) = (sum(|r| r.n), sum(|r| r.exact), sum(|r| r.tied));
+    let sum = |f: fn(&TableRow) -> usize| rows.values().map(f).sum::<usize>();
+    let (n, exact, tied) = (sum(|r| r.sensors), sum(|r| r.exact), sum(|r| r.tied));
     let (covered, intervals) = (sum(|r| r.covered), sum(|r| r.intervals));
-    let share = |hits: usize, of: usize| Share { hits, of }.percent();
+    let share = |hits: usize, of: usize| Share { hits, total: of }.percent();
     writeln!(
         text,
         "### Single effects\n\n{n} ran. Exact name: {exact} ({:.0} %); exact or tied: {tied} ({:.0} %). The 95 % interval of the amplitude holds \
@@ -123,19 +124,19 @@ fn singles(text: &mut String, all: &[&Value]) {
         share(tied, n),
         share(covered, intervals),
         sum(|r| r.gaps.explained),
-        sum(|r| r.gaps.shrunk)
+        sum(|r| r.gaps.within_limit)
     )
     .unwrap();
     text.push_str("| effect | sensors | exact | exact or tied | agrees | interval holds | other names said |\n|---|---|---|---|---|---|---|\n");
     for (name, r) in &rows {
-        let said: Vec<String> = r.said.iter().map(|(n, k)| format!("{n} {k}")).collect();
+        let said: Vec<String> = r.named_counts.iter().map(|(n, k)| format!("{n} {k}")).collect();
         writeln!(
             text,
             "| `{name}` | {} | {} | {} | {} | {}/{} | {} |",
-            r.n,
+            r.sensors,
             r.exact,
             r.tied,
-            r.silent,
+            r.unnamed,
             r.covered,
             r.intervals,
             said.join(", ")
@@ -145,7 +146,7 @@ fn singles(text: &mut String, all: &[&Value]) {
     text.push('\n');
 }
 
-fn outside(text: &mut String, all: &[&Value]) {
+fn outside_table(text: &mut String, all: &[&Value]) {
     let mut rows: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
     for r in all {
         let row = rows.entry(r["hidden"][0]["name"].as_str().unwrap_or("?")).or_default();
@@ -155,40 +156,41 @@ fn outside(text: &mut String, all: &[&Value]) {
         row[2] += usize::from(named);
         row[3] += usize::from(r["score"]["verdict"] == "agrees");
     }
-    text.push_str("### From outside of the catalogue\n\n| effect | sensors | unknown | misnamed | agrees |\n|---|---|---|---|---|\n");
+    text.push_str("### From outside of the catalog\n\n| effect | sensors | unknown | misnamed | agrees |\n|---|---|---|---|---|\n");
     for (name, r) in rows {
         writeln!(text, "| {name} | {} | {} | {} | {} |", r[0], r[1], r[2], r[3]).unwrap();
     }
     text.push('\n');
 }
 
-/// Effects of sensors that have several: those above their smallest nameable strength, and how many were found.
-fn several(text: &mut String, title: &str, all: &[&Value]) {
+/// Writes the number of effects above their smallest detectable strength, in sensors with several effects, and how many
+/// of them were found.
+fn multiple_table(text: &mut String, title: &str, all: &[&Value]) {
     if all.is_empty() {
         writeln!(text, "### {title}\n\nNone ran.\n").unwrap();
         return;
     }
-    let counts = Several::of(all);
-    let (hidden, found, wrong) = (counts.hidden(), counts.found(), counts.wrong());
+    let counts = MultipleEffects::from_records(all);
+    let (hidden, found, wrong) = (counts.hidden_count(), counts.found_count(), counts.wrong_count());
     writeln!(
         text,
         "### {title}\n\n{} sensors ran, with {hidden} effects above their smallest nameable strength; {found} found, exact or tied \
          ({:.0} %). Of {} names said, {wrong} are wrong (precision {:.0} %).\n",
         all.len(),
-        Share { hits: found, of: hidden }.percent(),
+        Share { hits: found, total: hidden }.percent(),
         found + wrong,
-        Share { hits: found, of: found + wrong }.percent()
+        Share { hits: found, total: found + wrong }.percent()
     )
     .unwrap();
     let list = |names: Vec<String>| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
     let missed = counts.rows.iter().filter(|(_, r)| r[1] < r[0]);
     let missed = list(missed.map(|(n, r)| format!("`{n}` {} of {}", r[0] - r[1], r[0])).collect());
-    let wrong = list(counts.wrong.iter().map(|(n, k)| format!("`{n}` {k}")).collect());
-    let gaps = Gaps::of(all);
+    let wrong = list(counts.wrong_names.iter().map(|(n, k)| format!("`{n}` {k}")).collect());
+    let gaps = DiscrepancyCounts::from_records(all);
     writeln!(
         text,
         "Missed: {missed}. Said wrongly: {wrong}. Of {} sets called explained, {} have a held-out excess within the limit.\n",
-        gaps.explained, gaps.shrunk
+        gaps.explained, gaps.within_limit
     )
     .unwrap();
 }

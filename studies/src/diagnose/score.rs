@@ -1,21 +1,23 @@
-//! What was found of what was hidden.
+//! Comparison of diagnosed and hidden effects.
 
 use serde_json::{Value, json};
 
-/// A name that was said, and the names that were said to be as likely.
-type Said<'a> = (&'a str, Vec<&'a str>);
+/// A diagnosed effect, and the effects that the diagnosis cannot distinguish from it.
+type NamedEffect<'a> = (&'a str, Vec<&'a str>);
 
-/// Compares what `said` names with what is `hidden`. Each name, with its ties, stands for one effect: first those that are
-/// exact, then the others, the one with the fewest open ties first. A name that stands for none is wrong.
-pub(crate) fn of(hidden: &Value, said: &Value) -> Value {
+/// Compares the effects that `said` names with those that are `hidden`.
+///
+/// Each name, with its ambiguous names, matches at most one hidden effect. Exact matches come first. The other names
+/// follow, in ascending order of the number of their unmatched ambiguous names. A name without a match is wrong.
+pub(crate) fn score(hidden: &Value, said: &Value) -> Value {
     if said["verdict"].is_null() {
         return json!({ "error": true });
     }
-    let names = names(said);
-    let mut open: Vec<&str> = list(hidden).filter_map(|h| h["name"].as_str()).collect();
+    let names = diagnosed_names(said);
+    let mut open: Vec<&str> = array_items(hidden).filter_map(|h| h["name"].as_str()).collect();
     let hidden = open.clone();
     let mut take = |name: &str| open.iter().position(|o| *o == name).map(|i| open.remove(i)).is_some();
-    let mut others: Vec<&Said> = names.iter().filter(|(name, _)| !take(name)).collect();
+    let mut others: Vec<&NamedEffect> = names.iter().filter(|(name, _)| !take(name)).collect();
     let exact = names.len() - others.len();
     others.sort_by_key(|(_, ties)| ties.iter().filter(|t| open.contains(t)).count());
     let mut wrong = Vec::new();
@@ -28,7 +30,7 @@ pub(crate) fn of(hidden: &Value, said: &Value) -> Value {
     let found: Vec<&str> = hidden.into_iter().filter(|h| !open.contains(h)).collect();
     json!({
         "exact": exact,
-        "tied": found.len(),
+        "named_or_ambiguous": found.len(),
         "found": found,
         "wrong": wrong,
         "verdict": said["verdict"],
@@ -36,19 +38,19 @@ pub(crate) fn of(hidden: &Value, said: &Value) -> Value {
     })
 }
 
-fn ties(of: &Value) -> Vec<&str> {
-    list(&of["tied_with"]).filter_map(Value::as_str).collect()
+fn ambiguous_names(of: &Value) -> Vec<&str> {
+    array_items(&of["ambiguous_with"]).filter_map(Value::as_str).collect()
 }
 
-/// Effects that are no likenesses, and wrong numbers of the camera.
-fn names(said: &Value) -> Vec<Said<'_>> {
-    let effects = list(&said["effects"]).filter(|e| e["resembles"] != true);
-    let effects = effects.filter_map(|e| Some((e["name"].as_str()?, ties(e))));
-    let misfits =
-        list(&said["misfits"]).filter_map(|m| Some((m["parameter"].as_str()?.split('.').next()?, ties(m))));
+/// Returns the effects that are not tentative, and the camera parameters that do not match.
+fn diagnosed_names(said: &Value) -> Vec<NamedEffect<'_>> {
+    let effects = array_items(&said["effects"]).filter(|e| e["is_tentative"] != true);
+    let effects = effects.filter_map(|e| Some((e["name"].as_str()?, ambiguous_names(e))));
+    let misfits = array_items(&said["parameter_mismatches"])
+        .filter_map(|m| Some((m["parameter"].as_str()?.split('.').next()?, ambiguous_names(m))));
     effects.chain(misfits).collect()
 }
 
-fn list(value: &Value) -> impl Iterator<Item = &Value> {
+fn array_items(value: &Value) -> impl Iterator<Item = &Value> {
     value.as_array().into_iter().flatten()
 }

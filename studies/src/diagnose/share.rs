@@ -2,34 +2,35 @@
 
 use std::fmt;
 
-/// `hits` of `of`.
+/// The share `hits` of `total`.
 #[derive(Clone, Copy)]
 pub(crate) struct Share {
     pub hits: usize,
-    pub of: usize,
+    pub total: usize,
 }
 
 impl Share {
     pub(crate) fn percent(self) -> f64 {
-        100.0 * self.hits as f64 / self.of.max(1) as f64
+        100.0 * self.hits as f64 / self.total.max(1) as f64
     }
 
-    /// Upper end of the interval of Clopper and Pearson: the share at which as few hits have chance 2.5 %.
-    pub(crate) fn upper(self) -> f64 {
-        if self.hits >= self.of {
+    /// Returns the upper end of the Clopper-Pearson interval: the share at which so few hits have a probability of 2.5 %.
+    pub(crate) fn upper_bound(self) -> f64 {
+        if self.hits >= self.total {
             return 1.0;
         }
-        // By logarithms: of 422 at 98 % no hit has the chance 1e-717, which no number of 64 bits holds.
+        // Computed with logarithms: at a share of 98 %, no hit among 422 has the probability 1e-717, below the range of
+        // `f64`.
         let chance = |p: f64| {
-            let mut term = self.of as f64 * (-p).ln_1p();
+            let mut term = self.total as f64 * (-p).ln_1p();
             let mut sum = term.exp();
             for i in 0..self.hits {
-                term += ((self.of - i) as f64 / (i + 1) as f64 * p / (1.0 - p)).ln();
+                term += ((self.total - i) as f64 / (i + 1) as f64 * p / (1.0 - p)).ln();
                 sum += term.exp();
             }
             sum
         };
-        let (mut low, mut high) = (self.hits as f64 / self.of as f64, 1.0 - 1e-12);
+        let (mut low, mut high) = (self.hits as f64 / self.total as f64, 1.0 - 1e-12);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
             if chance(middle) > 0.025 { low = middle } else { high = middle }
@@ -37,25 +38,25 @@ impl Share {
         high
     }
 
-    /// Its lower end: what misses leave at most.
-    pub(crate) fn lower(self) -> f64 {
-        1.0 - Self { hits: self.of - self.hits, of: self.of }.upper()
+    /// Returns the lower end of the interval, from the upper end for the misses.
+    pub(crate) fn lower_bound(self) -> f64 {
+        1.0 - Self { hits: self.total - self.hits, total: self.total }.upper_bound()
     }
 }
 
 impl fmt::Display for Share {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.of == 0 {
+        if self.total == 0 {
             return f.write_str("none ran");
         }
         write!(
             f,
             "{} of {}, {:.0} % ({:.0} to {:.0})",
             self.hits,
-            self.of,
+            self.total,
             self.percent(),
-            100.0 * self.lower(),
-            100.0 * self.upper()
+            100.0 * self.lower_bound(),
+            100.0 * self.upper_bound()
         )
     }
 }

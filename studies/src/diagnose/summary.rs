@@ -1,47 +1,48 @@
-//! The study at a glance.
+//! The summary of the study.
 
 use std::fmt::Write as _;
 
 use serde_json::Value;
 
-use super::judged::{Gaps, covers};
-use super::several::Several;
+use super::multiple_effects::MultipleEffects;
+use super::outcomes::{DiscrepancyCounts, interval_covers};
 use super::share::Share;
 
-/// A row of the summary: what is asked of how many sensors, and the share that shows it.
-struct Asked {
-    what: &'static str,
+/// A row of the summary: a quantity, its aim, and the share that was found.
+struct SummaryRow {
+    quantity: &'static str,
     aim: &'static str,
     share: Share,
 }
 
-/// What is asked of the study beside what was found.
+/// Writes the aims of the study and the results.
 pub(crate) fn summary(text: &mut String, records: &[Value]) {
     let of = |class: &str| records.iter().filter(|r| r["class"] == class).collect::<Vec<_>>();
     let share = |of: &[&Value], hit: &dyn Fn(&Value) -> bool| Share {
         hits: of.iter().filter(|r| hit(r)).count(),
-        of: of.len(),
+        total: of.len(),
     };
     let (clean, singles, strangers) = (of("null"), of("single"), of("outside"));
     let named = |r: &Value| r["score"]["names"].as_array().is_some_and(|n| !n.is_empty());
     let verdict = |r: &Value, word: &str| r["score"]["verdict"] == word;
     let exact: Vec<&Value> = singles.iter().filter(|r| r["score"]["exact"] == 1).copied().collect();
-    let held = exact.iter().filter_map(|r| covers(r, r["hidden"][0]["name"].as_str()?));
+    let held = exact.iter().filter_map(|r| interval_covers(r, r["hidden"][0]["name"].as_str()?));
     let held: Vec<bool> = held.collect();
-    let gaps = Gaps::of(&records.iter().filter(|r| r["class"] != "null").collect::<Vec<_>>());
+    let gaps =
+        DiscrepancyCounts::from_records(&records.iter().filter(|r| r["class"] != "null").collect::<Vec<_>>());
     let mut rows = vec![
-        Asked {
-            what: "clean sensors with an alarm or a name",
+        SummaryRow {
+            quantity: "clean sensors with an alarm or a name",
             aim: "at most 1 %",
             share: share(&clean, &|r| !verdict(r, "agrees")),
         },
-        Asked {
-            what: "single effects, exact or tied",
+        SummaryRow {
+            quantity: "single effects, exact or tied",
             aim: "95 %",
-            share: share(&singles, &|r| r["score"]["tied"] == 1),
+            share: share(&singles, &|r| r["score"]["named_or_ambiguous"] == 1),
         },
-        Asked {
-            what: "single effects, exact",
+        SummaryRow {
+            quantity: "single effects, exact",
             aim: "85 %",
             share: share(&singles, &|r| r["score"]["exact"] == 1),
         },
@@ -50,44 +51,52 @@ pub(crate) fn summary(text: &mut String, records: &[Value]) {
         ("double", "effects of doubles found", "names said of doubles that are right"),
         ("triple", "effects of triples found", "names said of triples that are right"),
     ] {
-        let counts = Several::of(&of(class));
-        let hits = counts.found();
-        rows.push(Asked { what: found, aim: "85 %", share: Share { hits, of: counts.hidden() } });
-        rows.push(Asked { what: right, aim: "95 %", share: Share { hits, of: hits + counts.wrong() } });
+        let counts = MultipleEffects::from_records(&of(class));
+        let hits = counts.found_count();
+        rows.push(SummaryRow {
+            quantity: found,
+            aim: "85 %",
+            share: Share { hits, total: counts.hidden_count() },
+        });
+        rows.push(SummaryRow {
+            quantity: right,
+            aim: "95 %",
+            share: Share { hits, total: hits + counts.wrong_count() },
+        });
     }
     rows.extend([
-        Asked {
-            what: "from outside, unknown",
+        SummaryRow {
+            quantity: "from outside, unknown",
             aim: "90 %",
             share: share(&strangers, &|r| verdict(r, "unknown")),
         },
-        Asked { what: "from outside, misnamed", aim: "none", share: share(&strangers, &named) },
-        Asked {
-            what: "intervals of single effects that hold the truth",
+        SummaryRow { quantity: "from outside, misnamed", aim: "none", share: share(&strangers, &named) },
+        SummaryRow {
+            quantity: "intervals of single effects that hold the truth",
             aim: "90 to 99 %",
-            share: Share { hits: held.iter().filter(|h| **h).count(), of: held.len() },
+            share: Share { hits: held.iter().filter(|h| **h).count(), total: held.len() },
         },
-        Asked {
-            what: "sets called explained, held-out excess within its limit",
+        SummaryRow {
+            quantity: "sets called explained, held-out excess within its limit",
             aim: "all",
-            share: Share { hits: gaps.shrunk, of: gaps.explained },
+            share: Share { hits: gaps.within_limit, total: gaps.explained },
         },
     ]);
     text.push_str("| what | aim | found, with the 95 % interval of Clopper and Pearson |\n|---|---|---|\n");
-    for Asked { what, aim, share } in rows {
+    for SummaryRow { quantity: what, aim, share } in rows {
         writeln!(text, "| {what} | {aim} | {share} |").unwrap();
     }
     text.push('\n');
 }
 
-/// How many ran and how long they took.
-pub(crate) fn ran(text: &mut String, records: &[Value]) {
+/// Writes the number of sensors and the durations of their diagnoses.
+pub(crate) fn run_time_text(text: &mut String, records: &[Value]) {
     text.push_str(
         "| sensors | ran | meant | seconds: median | mean | longest | at most 15 |\n|---|--:|--:|--:|--:|--:|--:|\n",
     );
     for (class, meant) in [("null", 300), ("single", 600), ("double", 150), ("triple", 60), ("outside", 80)] {
         let of = records.iter().filter(|r| r["class"] == class);
-        let mut seconds: Vec<f64> = of.filter_map(|r| r["said"]["seconds"].as_f64()).collect();
+        let mut seconds: Vec<f64> = of.filter_map(|r| r["diagnosis"]["seconds"].as_f64()).collect();
         seconds.sort_by(f64::total_cmp);
         let Some(longest) = seconds.last() else { continue };
         writeln!(

@@ -1,39 +1,39 @@
-//! Which judgement a record holds: results of two judgements must not share a table.
+//! Versions of the code that makes a diagnosis. Results of two versions must not be in one table.
 //!
-//! Raise a number in the commit that changes what is said of a sensor by the code it stands for, and only then: a move, a name or
-//! a comment changes nothing. `studies/tests/diagnose_study.rs` judges recorded sensors again and wants every digit back; where it
-//! fails, the change was a judgement. `docs/why/diagnosis.md` says what each number stands for.
+//! If a commit changes the diagnosis of a sensor, raise the number of the code that it changes. Moves, names and
+//! comments change nothing. `studies/tests/diagnose_study.rs` repeats recorded diagnoses and requires every digit to be
+//! the same. If it fails, the diagnosis has changed. `docs/why/diagnosis.md` lists the code that each number covers.
 //!
-//! A sensor in which nothing was found never came to the code that chooses names, and one in which a single name was added
-//! never to the code that looks at several again: `search` asks for a tournament only where something is left, and weeds only
-//! where two names or more are. So what was said of them holds when that code changes.
+//! A sensor without a finding never reaches the code that chooses names. A sensor with a single added name never
+//! reaches the code that examines several names: `search` runs a tournament only if a discrepancy remains, and weeds
+//! only if there are two or more names. The records of such sensors therefore stay valid when that code changes.
 //!
-//! The sensors of a study share a reference. What only a diagnosis that builds its own one comes to (`published`, `own_numbers`, `last_steps`)
-//! decides nothing here.
+//! The sensors of a study share a null model. Code that runs only when a diagnosis builds its own model (`published`,
+//! `own_numbers`, `last_steps`) therefore has no effect on these numbers.
 
 use serde_json::Value;
 
-/// What decides on whether anything is wrong, how strong an effect can be named, and what makes the sensors.
-pub(crate) const ALARM: u32 = 1;
+/// Version of the code that detects a discrepancy, computes the smallest detectable strengths, and makes the sensors.
+pub(crate) const ALARM_VERSION: u32 = 1;
 
-/// What chooses a name, once something is wrong, and tells how strong it is.
-pub(crate) const NAMING: u32 = 1;
+/// Version of the code that names an effect after an alarm and estimates its strength.
+pub(crate) const NAMING_VERSION: u32 = 1;
 
-/// What looks at several names again.
-pub(crate) const SEVERAL: u32 = 1;
+/// Version of the code that examines several names again.
+pub(crate) const ELIMINATION_VERSION: u32 = 1;
 
-/// The numbers of what judged a sensor of which `said` was said, joined by dots.
-pub(crate) fn of(said: &Value) -> String {
-    // The gap is said before any name and after each that is added.
-    let added = said["gap"]["train"].as_array().map_or(usize::MAX, Vec::len);
+/// Returns the versions of the code that made the diagnosis `said`, joined by dots.
+pub(crate) fn version_of_diagnosis(said: &Value) -> String {
+    // The discrepancy is listed before any name and after each added name.
+    let added = said["discrepancy"]["fitted_set"].as_array().map_or(usize::MAX, Vec::len);
     match added {
-        _ if said["verdict"] == "agrees" => of_the_alarm(),
-        ..=2 => format!("{ALARM}.{NAMING}"),
-        _ => format!("{ALARM}.{NAMING}.{SEVERAL}"),
+        _ if said["verdict"] == "agrees" => alarm_version(),
+        ..=2 => format!("{ALARM_VERSION}.{NAMING_VERSION}"),
+        _ => format!("{ALARM_VERSION}.{NAMING_VERSION}.{ELIMINATION_VERSION}"),
     }
 }
 
-/// The number of what raises an alarm.
-pub(crate) fn of_the_alarm() -> String {
-    ALARM.to_string()
+/// Returns the version of the code that raises an alarm.
+pub(crate) fn alarm_version() -> String {
+    ALARM_VERSION.to_string()
 }

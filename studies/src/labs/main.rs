@@ -1,14 +1,15 @@
-//! The study of `calibrate` in random laboratories of known truth, simulated without the library.
+//! Study of `calibrate` in random laboratories. Their true parameters are known. They are simulated without the library.
 //!
-//! `cargo run --release -p spikelane-studies --bin study-labs -- [--labs N] [--program FILE] [--report FILE]` prints a row for each kind of fault, and writes
-//! the tables between the marks of the report. With the program built, every eleventh laboratory goes through its files and command line.
+//! `cargo run --release -p spikelane-studies --bin study-labs -- [--labs N] [--program FILE] [--report FILE]` prints a
+//! row for each kind of fault. It writes the tables between the markers of the report. For every eleventh laboratory the
+//! study runs the program on files, so the program must be built first.
 
-#[path = "../../../crates/calibrate/tests/calibrate_support/best.rs"]
-mod best;
+#[path = "../../../crates/calibrate/tests/calibrate_support/assessment.rs"]
+mod assessment;
 #[path = "../../../crates/calibrate/tests/calibrate_support/mod.rs"]
 mod calibrate_support;
-#[path = "../../../crates/calibrate/tests/calibrate_support/judge.rs"]
-mod judge;
+#[path = "../../../crates/calibrate/tests/calibrate_support/error_bounds.rs"]
+mod error_bounds;
 #[path = "../../../crates/calibrate/tests/calibrate_support/lab.rs"]
 mod lab;
 #[path = "../diagnose/share.rs"]
@@ -18,14 +19,15 @@ mod tables;
 
 use std::path::{Path, PathBuf};
 
-use judge::{QUANTITIES, Verdict, judge, judge_program};
-use lab::Lab;
+use assessment::{AssessmentOutcome, QUANTITIES, assess, assess_program};
+use lab::Laboratory;
 use rayon::prelude::*;
 
-const MARKS: [&str; 2] = ["<!-- begin: study-labs -->\n", "<!-- end: study-labs -->"];
+const PAGE_MARKERS: [&str; 2] = ["<!-- begin: study-labs -->\n", "<!-- end: study-labs -->"];
 
-/// One laboratory in so many goes through files; no divisor of the number of faults, so each has its turn.
-const THROUGH_FILES: u64 = 11;
+/// One in this many laboratories uses files. The number does not divide the number of faults, so files are used with each
+/// fault.
+const FILE_LAB_INTERVAL: u64 = 11;
 
 struct Arguments {
     labs: std::ops::Range<u64>,
@@ -34,8 +36,8 @@ struct Arguments {
 }
 
 fn arguments() -> Arguments {
-    // Beside `examples`, where cargo puts it.
-    let beside = std::env::current_exe().ok().and_then(|e| Some(e.parent()?.parent()?.join("spikelane")));
+    // The program is expected in the folder above the folder of this executable.
+    let beside = std::env::current_exe().ok().map(|program| program.with_file_name("spikelane"));
     let mut found = Arguments { labs: 0..300, program: beside.unwrap_or_default(), report: None };
     let mut all = std::env::args().skip(1);
     while let Some(arg) = all.next() {
@@ -61,30 +63,30 @@ fn arguments() -> Arguments {
 
 fn main() {
     let arguments = arguments();
-    let verdicts: Vec<(&str, Verdict)> =
-        arguments.labs.into_par_iter().map(|index| verdict(index, &arguments.program)).collect();
-    let tables = tables::all(&verdicts);
+    let verdicts: Vec<(&str, AssessmentOutcome)> =
+        arguments.labs.into_par_iter().map(|index| assess_laboratory(index, &arguments.program)).collect();
+    let tables = tables::all_tables(&verdicts);
     print!("{tables}");
     if let Some(file) = &arguments.report {
         write(file, &tables);
     }
 }
 
-fn verdict(index: u64, program: &Path) -> (&'static str, Verdict) {
-    let lab = Lab::new(index);
-    let verdict = if index % THROUGH_FILES == 5 {
+fn assess_laboratory(index: u64, program: &Path) -> (&'static str, AssessmentOutcome) {
+    let lab = Laboratory::new(index);
+    let verdict = if index % FILE_LAB_INTERVAL == 5 {
         let folder = std::env::temp_dir().join(format!("study-labs-{}-{index}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
-        let verdict = judge_program(&lab, program, &folder);
+        let verdict = assess_program(&lab, program, &folder);
         std::fs::remove_dir_all(&folder).unwrap();
         verdict
     } else {
-        judge(&lab)
+        assess(&lab)
     };
-    if let Verdict::Refused(why) = &verdict {
+    if let AssessmentOutcome::Refused(why) = &verdict {
         println!("laboratory {index}, {}: refused, {why}", lab.fault);
     }
-    for c in verdict.wrong() {
+    for c in verdict.wrong_quantities() {
         let (name, error) = (QUANTITIES[c.quantity], 100.0 * c.relative);
         println!("laboratory {index}, {}: {name} {:+.1} errors off, error {error:.3} %", lab.fault, c.z);
     }
@@ -93,7 +95,7 @@ fn verdict(index: u64, program: &Path) -> (&'static str, Verdict) {
 
 fn write(path: &Path, tables: &str) {
     let page = std::fs::read_to_string(path).unwrap();
-    let (start, rest) = page.split_once(MARKS[0]).expect("the page's first mark");
-    let (_, end) = rest.split_once(MARKS[1]).expect("the page's last mark");
-    std::fs::write(path, format!("{start}{}{tables}{}{end}", MARKS[0], MARKS[1])).unwrap();
+    let (start, rest) = page.split_once(PAGE_MARKERS[0]).expect("the page's first mark");
+    let (_, end) = rest.split_once(PAGE_MARKERS[1]).expect("the page's last mark");
+    std::fs::write(path, format!("{start}{}{tables}{}{end}", PAGE_MARKERS[0], PAGE_MARKERS[1])).unwrap();
 }

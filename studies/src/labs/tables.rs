@@ -2,75 +2,83 @@
 
 use std::fmt::Write as _;
 
-use super::judge::{Compared, QUANTITIES, Said, Verdict};
+use super::assessment::{Assessment, AssessmentOutcome, QUANTITIES, QuantityError};
 use super::lab::FAULTS;
 use super::share::Share;
 
-type Judged = (&'static str, Verdict);
+type AssessedLaboratory = (&'static str, AssessmentOutcome);
 
-pub(crate) fn all(verdicts: &[Judged]) -> String {
-    faults(verdicts) + &quantities(verdicts) + &by_fault(verdicts)
+pub(crate) fn all_tables(verdicts: &[AssessedLaboratory]) -> String {
+    quantities(verdicts) + &faults(verdicts)
 }
 
-fn said<'a>(verdicts: &'a [Judged], fault: Option<&'a str>) -> impl Iterator<Item = &'a Said> + Clone {
+fn assessments<'a>(
+    verdicts: &'a [AssessedLaboratory],
+    fault: Option<&'a str>,
+) -> impl Iterator<Item = &'a Assessment> + Clone {
     let of = verdicts.iter().filter(move |v| fault.is_none_or(|f| f == v.0));
-    of.filter_map(|v| if let Verdict::Said(said) = &v.1 { Some(said) } else { None })
+    of.filter_map(
+        |v| if let AssessmentOutcome::Assessed(assessment) = &v.1 { Some(assessment) } else { None },
+    )
 }
 
-fn compared(verdicts: &[Judged], fault: Option<&str>, quantity: usize) -> Vec<Compared> {
-    let all = said(verdicts, fault).flat_map(|s| s.compared.iter().copied());
+fn quantity_errors(
+    verdicts: &[AssessedLaboratory],
+    fault: Option<&str>,
+    quantity: usize,
+) -> Vec<QuantityError> {
+    let all = assessments(verdicts, fault).flat_map(|s| s.quantity_errors.iter().copied());
     all.filter(|c| c.quantity == quantity).collect()
 }
 
-fn faults(verdicts: &[Judged]) -> String {
+fn quantities(verdicts: &[AssessedLaboratory]) -> String {
     let mut text = String::from(
-        "| fault | labs | refused | right | wrong | lamps or response named |\n|---|--:|--:|--:|--:|--:|\n",
-    );
-    for fault in FAULTS {
-        let of: Vec<&Verdict> = verdicts.iter().filter(|v| v.0 == fault).map(|v| &v.1).collect();
-        let refused = of.iter().filter(|v| matches!(v, Verdict::Refused(_))).count();
-        let wrong = of.iter().filter(|v| !v.wrong().is_empty()).count();
-        let named = said(verdicts, Some(fault)).filter(|s| s.named).count();
-        let right = of.len() - refused - wrong;
-        writeln!(text, "| {fault} | {} | {refused} | {right} | {wrong} | {named} |", of.len()).unwrap();
-    }
-    text
-}
-
-fn quantities(verdicts: &[Judged]) -> String {
-    let mut text = String::from(
-        "\nShare of the 95 % intervals that hold the truth, with its own 95 % interval; how often no error is given and the value said to be assumed; the \
-         standard error, and what it is over the least that counts and lamps allow.\n\n\
-         | quantity | intervals | hold the truth | assumed | standard error, median | over the least, median |\n|---|--:|---|--:|--:|--:|\n",
+        "The 95 % intervals that contain the true value, with the 95 % interval of that share; the laboratories in which \
+         the value is assumed; medians of the standard error, and of its ratio to the smallest possible error.\n\n\
+         | quantity | contain the true value | assumed | standard error | ratio |\n|---|---|--:|--:|--:|\n",
     );
     for (q, name) in QUANTITIES.iter().enumerate() {
-        let of = compared(verdicts, None, q);
-        let held = Share { hits: held(&of), of: of.len() };
-        let assumed = said(verdicts, None).filter(|s| s.assumed.contains(&q)).count();
+        let of = quantity_errors(verdicts, None, q);
+        let held = Share { hits: covered_count(&of), total: of.len() };
+        let assumed = assessments(verdicts, None).filter(|s| s.assumed_quantities.contains(&q)).count();
         let width = 100.0 * median(of.iter().map(|c| c.relative));
-        let over = median(of.iter().map(|c| c.over_best));
-        writeln!(text, "| {name} | {} | {held} | {assumed} | {width:.3} % | {over:.2} |", of.len()).unwrap();
+        let over = median(of.iter().map(|c| c.best_ratio));
+        writeln!(text, "| {name} | {held} | {assumed} | {width:.3} % | {over:.2} |").unwrap();
     }
     text
 }
 
-fn by_fault(verdicts: &[Judged]) -> String {
-    let mut text = String::from("\nIntervals that hold the truth by kind of fault.\n\n| fault |");
-    QUANTITIES.iter().for_each(|q| text += &format!(" {q} |"));
-    text += &format!("\n|---|{}\n", "--:|".repeat(QUANTITIES.len()));
+fn faults(verdicts: &[AssessedLaboratory]) -> String {
+    // Too few laboratories report the number of electrons.
+    let quantities = || QUANTITIES.iter().enumerate().filter(|(_, name)| **name != "electrons");
+    let mut text = String::from(
+        "\nBy fault: laboratories with right values; laboratories whose lamps or response `calibrate` names; intervals \
+         that contain the true value.\n\n| fault | right | named |",
+    );
+    quantities().for_each(|(_, name)| text += &format!(" {name} |"));
+    text += &format!("\n|---|--:|--:|{}\n", "--:|".repeat(quantities().count()));
     for fault in FAULTS {
-        text += &format!("| {fault} |");
-        for q in 0..QUANTITIES.len() {
-            let of = compared(verdicts, Some(fault), q);
-            text +=
-                &if of.is_empty() { " |".to_owned() } else { format!(" {} of {} |", held(&of), of.len()) };
+        let of: Vec<&AssessmentOutcome> = verdicts.iter().filter(|v| v.0 == fault).map(|v| &v.1).collect();
+        let is_right = |v: &AssessmentOutcome| {
+            !matches!(v, AssessmentOutcome::Refused(_)) && v.wrong_quantities().is_empty()
+        };
+        let right = of.iter().filter(|v| is_right(v)).count();
+        let named = assessments(verdicts, Some(fault)).filter(|s| s.has_named_fault).count();
+        write!(text, "| {fault} | {right}/{} | {named} |", of.len()).unwrap();
+        for (q, _) in quantities() {
+            let of = quantity_errors(verdicts, Some(fault), q);
+            text += &if of.is_empty() {
+                " |".to_owned()
+            } else {
+                format!(" {}/{} |", covered_count(&of), of.len())
+            };
         }
         text.push('\n');
     }
     text
 }
 
-fn held(of: &[Compared]) -> usize {
+fn covered_count(of: &[QuantityError]) -> usize {
     of.iter().filter(|c| c.z.abs() <= 1.96).count()
 }
 

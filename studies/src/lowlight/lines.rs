@@ -1,26 +1,26 @@
-//! Second differences of spike times, and rates that neighbours share.
+//! Second differences of spike times, and rates of pixel neighborhoods.
 
 use std::ops::Range;
 
-use spikelane::{Geometry, Packed};
+use spikelane::{Geometry, SpikeFramesRef};
 
-/// Classes of rate, in spikes per readout.
-pub(crate) const CLASSES: [f64; 6] = [0.015, 0.025, 0.035, 0.045, 0.055, 0.1];
+/// Bounds of the rate classes in spikes per readout.
+pub(crate) const RATE_CLASS_BOUNDS: [f64; 6] = [0.015, 0.025, 0.035, 0.045, 0.055, 0.1];
 
-/// Over one interval and over two.
-pub(crate) const LAGS: usize = 2;
+/// Number of lags. The second differences use lags of one and of two intervals.
+pub(crate) const LAG_COUNT: usize = 2;
 
-/// Pixels of a place's side: what is told apart for errors.
-const PLACE: usize = 25;
+/// Side of a square place in pixels. Errors are computed from the scatter between places.
+const PLACE_SIDE_PX: usize = 25;
 
-/// Fewest differences of a place that counts.
-const LEAST: f64 = 20.0;
+/// Minimum number of differences in a place. Places with fewer differences are ignored.
+const MIN_DIFFERENCES: f64 = 20.0;
 
-/// Fewest places of a class that counts.
-const FEWEST: usize = 5;
+/// Minimum number of places in a rate class. Classes with fewer places are ignored.
+const MIN_PLACES: usize = 5;
 
-/// Half the side of the neighbourhood that shares a rate.
-const NEAR: isize = 3;
+/// Distance in pixels from a pixel to each side of the square neighborhood whose rate is averaged.
+const NEIGHBORHOOD_RADIUS_PX: isize = 3;
 
 pub(crate) struct Recording {
     geometry: Geometry,
@@ -28,20 +28,20 @@ pub(crate) struct Recording {
     times: Vec<Vec<f64>>,
 }
 
-/// Means over places by class and lag, with their errors.
-pub(crate) struct Measured {
+/// Mean variances over places for each rate class and lag, and their errors.
+pub(crate) struct LagVariances {
     pub(crate) geometry: Geometry,
-    pub(crate) places: [usize; CLASSES.len() - 1],
-    pub(crate) mean: [[f64; LAGS]; CLASSES.len() - 1],
-    pub(crate) error: [[f64; LAGS]; CLASSES.len() - 1],
+    pub(crate) places: [usize; RATE_CLASS_BOUNDS.len() - 1],
+    pub(crate) mean: [[f64; LAG_COUNT]; RATE_CLASS_BOUNDS.len() - 1],
+    pub(crate) error: [[f64; LAG_COUNT]; RATE_CLASS_BOUNDS.len() - 1],
 }
 
 impl Recording {
-    pub(crate) fn new(packed: Packed<'_>, readouts: usize) -> Self {
+    pub(crate) fn new(packed: SpikeFramesRef<'_>, readouts: usize) -> Self {
         let geometry = packed.geometry();
         let mut times = vec![Vec::new(); geometry.pixels()];
         for t in 0..readouts {
-            let frame = packed.frame(t);
+            let frame = packed.frame(t).as_bytes();
             for (p, times) in times.iter_mut().enumerate() {
                 if frame[p / 8] >> (p % 8) & 1 == 1 {
                     times.push(t as f64);
@@ -51,20 +51,22 @@ impl Recording {
         Self { geometry, readouts, times }
     }
 
-    /// Rates that neighbours share; NaN for a pixel that fires quite otherwise than these (hot, dead).
-    pub(crate) fn shared(&self) -> Vec<f64> {
+    /// Returns the mean rate of each pixel's neighborhood. It is NaN if the rate of the pixel itself is very different, as
+    /// for a hot or dead pixel.
+    pub(crate) fn neighborhood_rates(&self) -> Vec<f64> {
         let (width, height) = (self.geometry.width() as isize, self.geometry.height() as isize);
         let count = |row: isize, col: isize| self.times[(row * width + col) as usize].len() as f64;
         let of = |p: usize| {
             let (row, col) = (p as isize / width, p as isize % width);
             let mut around: Vec<f64> = Vec::new();
-            for r in (row - NEAR).max(0)..=(row + NEAR).min(height - 1) {
-                for c in (col - NEAR).max(0)..=(col + NEAR).min(width - 1) {
+            for r in (row - NEIGHBORHOOD_RADIUS_PX).max(0)..=(row + NEIGHBORHOOD_RADIUS_PX).min(height - 1) {
+                for c in (col - NEIGHBORHOOD_RADIUS_PX).max(0)..=(col + NEIGHBORHOOD_RADIUS_PX).min(width - 1)
+                {
                     around.push(count(r, c));
                 }
             }
             around.sort_by(f64::total_cmp);
-            // Without hot and dead ones, a twelfth at each end.
+            // Removes the lowest twelfth and the highest twelfth of the counts, to exclude hot and dead pixels.
             let cut = around.len() / 12;
             let kept = &around[cut..around.len() - cut];
             let mean = kept.iter().sum::<f64>() / kept.len() as f64;
@@ -75,22 +77,26 @@ impl Recording {
         (0..self.times.len()).map(of).collect()
     }
 
-    /// Variances of second differences about their mean in a place, in thresholds squared, by the classes of `shared`, of the pixels
-    /// that are `used`: t(k + 2n) - 2 t(k + n) + t(k). A rate cancels in them, and light that changes evenly is their mean.
-    pub(crate) fn measure(&self, shared: &[f64], used: &[bool]) -> Measured {
-        let across = self.geometry.width().div_ceil(PLACE);
-        let places = across * self.geometry.height().div_ceil(PLACE);
-        let classes = CLASSES.len() - 1;
-        let mut sums = vec![[[0.0; 3]; LAGS]; classes * places];
+    /// Returns the variances of second differences about their mean in a place, in thresholds squared.
+    ///
+    /// A second difference is t(k + 2n) - 2 t(k + n) + t(k). If the rate is constant, its mean is 0. If the light changes
+    /// uniformly, its mean is not 0. The rates `shared` determine the class of each pixel. Only pixels whose entry of
+    /// `used` is true count.
+    pub(crate) fn measure(&self, shared: &[f64], used: &[bool]) -> LagVariances {
+        let across = self.geometry.width().div_ceil(PLACE_SIDE_PX);
+        let places = across * self.geometry.height().div_ceil(PLACE_SIDE_PX);
+        let classes = RATE_CLASS_BOUNDS.len() - 1;
+        let mut sums = vec![[[0.0; 3]; LAG_COUNT]; classes * places];
         for (p, times) in self.times.iter().enumerate().filter(|(p, _)| used[*p]) {
             let rate = shared[p];
-            // Not a number compares with nothing.
-            let class = CLASSES.iter().filter(|c| **c <= rate).count();
+            // Comparisons with NaN are false, so a pixel with the rate NaN is in no class.
+            let class = RATE_CLASS_BOUNDS.iter().filter(|c| **c <= rate).count();
             if class == 0 || class > classes {
                 continue;
             }
-            let place = p / self.geometry.width() / PLACE * across + p % self.geometry.width() / PLACE;
-            for n in 1..=LAGS {
+            let place = p / self.geometry.width() / PLACE_SIDE_PX * across
+                + p % self.geometry.width() / PLACE_SIDE_PX;
+            for n in 1..=LAG_COUNT {
                 for run in times.windows(2 * n + 1) {
                     let away = (run[2 * n] - 2.0 * run[n] + run[0]) * rate;
                     let sum = &mut sums[(class - 1) * places + place][n - 1];
@@ -98,23 +104,27 @@ impl Recording {
                 }
             }
         }
-        let mut found = Measured {
+        let mut found = LagVariances {
             geometry: self.geometry,
-            places: [0; CLASSES.len() - 1],
-            mean: [[f64::NAN; LAGS]; CLASSES.len() - 1],
-            error: [[f64::NAN; LAGS]; CLASSES.len() - 1],
+            places: [0; RATE_CLASS_BOUNDS.len() - 1],
+            mean: [[f64::NAN; LAG_COUNT]; RATE_CLASS_BOUNDS.len() - 1],
+            error: [[f64::NAN; LAG_COUNT]; RATE_CLASS_BOUNDS.len() - 1],
         };
         for c in 0..classes {
-            for n in 0..LAGS {
-                let of_place = |s: &[[f64; 3]; LAGS]| [s[n][0] - s[n][2] * s[n][2] / s[n][1], s[n][1] - 1.0];
-                let here: Vec<[f64; 2]> =
-                    sums[c * places..][..places].iter().map(of_place).filter(|s| s[1] >= LEAST).collect();
+            for n in 0..LAG_COUNT {
+                let of_place =
+                    |s: &[[f64; 3]; LAG_COUNT]| [s[n][0] - s[n][2] * s[n][2] / s[n][1], s[n][1] - 1.0];
+                let here: Vec<[f64; 2]> = sums[c * places..][..places]
+                    .iter()
+                    .map(of_place)
+                    .filter(|s| s[1] >= MIN_DIFFERENCES)
+                    .collect();
                 let (square, count) = here.iter().fold((0.0, 0.0), |(a, b), s| (a + s[0], b + s[1]));
                 let mean = square / count;
-                // Of a ratio of sums over places.
+                // The error is the standard error of a ratio of sums over places.
                 let scatter = here.iter().map(|s| (s[0] - mean * s[1]).powi(2)).sum::<f64>();
                 found.places[c] = found.places[c].max(here.len());
-                if here.len() >= FEWEST {
+                if here.len() >= MIN_PLACES {
                     found.mean[c][n] = mean;
                     found.error[c][n] = scatter.sqrt() / count;
                 }
@@ -123,9 +133,12 @@ impl Recording {
         found
     }
 
-    /// What a shift shows: correlation of a pixel's change from its first interval to its last with that of the pixel `down` rows below, over
-    /// the rows and columns given; where each pixel has noise of its own it is 0, where a grain moves by as many rows it tends to -0.5.
-    pub(crate) fn shared_change(&self, rows: Range<usize>, columns: Range<usize>, down: usize) -> f64 {
+    /// Returns the correlation between the change of a pixel and the change of the pixel `down` rows below it. Only pixels in
+    /// the given rows and columns count.
+    ///
+    /// The change is the logarithm of the first interval divided by the last interval. If each pixel has independent noise,
+    /// the correlation is 0. If a grain pattern moves by `down` rows, the correlation tends to -0.5.
+    pub(crate) fn change_correlation(&self, rows: Range<usize>, columns: Range<usize>, down: usize) -> f64 {
         let change = |row: usize, column: usize| {
             let times = &self.times[row * self.geometry.width() + column];
             let n = times.len();
@@ -144,18 +157,19 @@ impl Recording {
     }
 }
 
-impl Measured {
-    /// Logarithm of the Gaussian likelihood of this under `twins`, but for a constant.
+impl LagVariances {
+    /// Returns the log likelihood of these variances, up to a constant. It assumes that the variances are normally
+    /// distributed, with the mean and spread of `twins`.
     pub(crate) fn likelihood(&self, twins: &[Self]) -> f64 {
         let mut sum = 0.0;
-        for c in 0..CLASSES.len() - 1 {
-            for n in 0..LAGS {
+        for c in 0..RATE_CLASS_BOUNDS.len() - 1 {
+            for n in 0..LAG_COUNT {
                 let all = twins.iter().map(|t| t.mean[c][n]).filter(|m| m.is_finite());
                 let count = all.clone().count() as f64;
                 let mean = all.clone().sum::<f64>() / count;
                 let square = all.map(|m| (m - mean).powi(2)).sum::<f64>() / (count - 1.0);
                 let variance = self.error[c][n].powi(2) + square / count;
-                // A class or a lag of too few places is not a number.
+                // If a class or lag has too few places, its variance is NaN.
                 if variance.is_finite() && variance > 0.0 {
                     sum -= 0.5 * ((self.mean[c][n] - mean).powi(2) / variance + variance.ln());
                 }

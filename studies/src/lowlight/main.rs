@@ -1,60 +1,67 @@
-//! Which law of noise a recording at low light has: every law is simulated through the recording's own window and lines.
+//! Estimates the noise law of a low-light recording. The study simulates every law with the window and the rates of the
+//! recording.
 //!
-//! `cargo run --release -p spikelane-studies --bin study-lowlight -- RECORDING [--seeds N]` prints a table of laws with their numbers, intervals
-//! and likelihoods. A pixel fires a few times in such a recording, and those that fire thrice are not like the others: the same is measured
-//! of simulated twins, whose pixels have the rate that neighbours share. Statistics are variances of second differences of spike times, in
-//! thresholds squared, in classes of rate; their errors are those of places of the recording and of seeds, taken for independent. Pixels around which
-//! something moves are left out, by the rule of `compare --realism`; before, a table says what they would add, and how a grain that moves shows.
+//! `cargo run --release -p spikelane-studies --bin study-lowlight -- RECORDING [--seeds N]` prints a table of laws with
+//! their parameters, intervals and likelihoods.
+//!
+//! A pixel fires only a few times in such a recording. Pixels that fire three times are therefore not representative. The
+//! study computes the same statistics for simulated twins, whose pixels have the rates of their neighborhoods. The
+//! statistics are variances of second differences of spike times, in thresholds squared, for each rate class. Their
+//! errors are computed from the scatter between places of the recording and from the scatter between seeds. Places and
+//! seeds are assumed to be independent.
+//!
+//! Pixels near motion are excluded by the rule of `compare --realism`. The first tables show the variances with these
+//! pixels, and the effect of a moving grain pattern.
 
 mod lines;
 
 use std::path::PathBuf;
 
-use lines::{CLASSES, LAGS, Measured, Recording};
+use lines::{LAG_COUNT, LagVariances, RATE_CLASS_BOUNDS, Recording};
 use spikelane::effects::find;
-use spikelane::{Camera, Geometry, Packed, Plan, Seeds, Sensor, Simulator};
-use spikelane_calibrate::compare::still_pixels;
-use spikelane_io::formats::Reader;
-use spikelane_io::simulate::FrameRef;
+use spikelane::{Camera, Geometry, Plan, Seeds, Sensor, Simulator, SpikeFramesRef};
+use spikelane_calibrate::compare::static_pixels;
+use spikelane_io::formats::StreamReader;
 
-/// Readouts before the window.
-const LEAD: usize = 400;
+/// Number of readouts that are simulated and discarded before the window.
+const LEAD_READOUTS: usize = 400;
 
-/// What strays, and how much of it there is for one electron a threshold.
-struct Law {
+/// A noise law. It combines sources of noise, and each source has one variance.
+struct NoiseLaw {
     name: &'static str,
-    /// Whether a number is there for noise of the light's quanta, of spikes, and of readouts.
+    /// Whether the law has a variance for quanta of light, for spikes, and for readouts.
     has: [bool; 3],
-    /// Whether the light's quanta flow in over the twelve readouts that the static recording of such a camera tells.
-    slow: bool,
+    /// Whether the shot noise is correlated over 12 readouts. The static recording of such a camera shows this correlation.
+    is_slow: bool,
 }
 
-const LAWS: [Law; 7] = [
-    Law { name: "none", has: [false, false, false], slow: false },
-    Law { name: "quanta of light", has: [true, false, false], slow: false },
-    Law { name: "quanta of light, over 12 readouts", has: [true, false, false], slow: true },
-    Law { name: "spikes (threshold frozen at resets)", has: [false, true, false], slow: false },
-    Law { name: "readouts (quanta of the dark)", has: [false, false, true], slow: false },
-    Law { name: "quanta of light and readouts", has: [true, false, true], slow: false },
-    Law { name: "spikes and readouts", has: [false, true, true], slow: false },
+const NOISE_LAWS: [NoiseLaw; 7] = [
+    NoiseLaw { name: "none", has: [false, false, false], is_slow: false },
+    NoiseLaw { name: "quanta of light", has: [true, false, false], is_slow: false },
+    NoiseLaw { name: "quanta of light, over 12 readouts", has: [true, false, false], is_slow: true },
+    NoiseLaw { name: "spikes (threshold frozen at resets)", has: [false, true, false], is_slow: false },
+    NoiseLaw { name: "readouts (quanta of the dark)", has: [false, false, true], is_slow: false },
+    NoiseLaw { name: "quanta of light and readouts", has: [true, false, true], is_slow: false },
+    NoiseLaw { name: "spikes and readouts", has: [false, true, true], is_slow: false },
 ];
 
-/// Variances that are tried, in thresholds squared: of an interval's quanta, of a spike, and of a hundred readouts.
-const GRID: [f64; 13] =
+/// Values of each variance on the search grid, in thresholds squared. The three variances are the variance of the quanta
+/// per interval, of a spike, and of 100 readouts.
+const VARIANCE_GRID: [f64; 13] =
     [0.0, 1e-5, 2e-5, 3e-5, 4e-5, 4.5e-5, 5e-5, 5.5e-5, 6e-5, 7e-5, 8.5e-5, 1.2e-4, 1.8e-4];
 
-/// Rows and columns of a part of the picture.
+/// Name of an area of the image, and its bounds (top, bottom, left, right).
 type Area = (&'static str, [usize; 4]);
 
-/// Parts that a table of shifts is made of.
-const SHIFTS: [Area; 3] = [
+/// Areas of the image in the table of shifts.
+const SHIFT_AREAS: [Area; 3] = [
     ("sky", [32, 60, 60, 200]),
     ("ground, left", [155, 185, 30, 110]),
     ("ground, middle", [160, 185, 120, 180]),
 ];
 
-/// Parts that nothing moves in and that have no grain: the bright sky and the dark border.
-const STILL: [Area; 3] =
+/// Areas of the image without motion and without grain: the bright sky and the dark border.
+const STATIC_AREAS: [Area; 3] =
     [("sky", [32, 60, 60, 200]), ("sky, left", [30, 50, 25, 60]), ("border, left", [30, 180, 1, 13])];
 
 fn main() {
@@ -67,47 +74,55 @@ fn main() {
         }
     }
     let file = file.expect("give the recording");
-    let reader = Reader::open(&file, None, None).unwrap_or_else(|e| panic!("{e}"));
+    let reader = StreamReader::open(&file, None, None).unwrap_or_else(|e| panic!("{e}"));
     let mut bytes = vec![0; reader.readouts() * reader.geometry().frame_bytes()];
     reader.read_frames(0, &mut bytes).unwrap_or_else(|e| panic!("{e}"));
-    let real = Recording::new(Packed::new(reader.geometry(), &bytes).unwrap(), reader.readouts());
-    let shared = real.shared();
-    let used = still_pixels(&reader, reader.readouts()).unwrap_or_else(|e| panic!("{e}"));
-    println!("{}", shifts(&real));
-    println!("All pixels:\n\n{}", table(&real.measure(&shared, &vec![true; used.len()])));
+    let real = Recording::new(SpikeFramesRef::new(reader.geometry(), &bytes).unwrap(), reader.readouts());
+    let shared = real.neighborhood_rates();
+    let used = static_pixels(&reader, reader.readouts()).unwrap_or_else(|e| panic!("{e}"));
+    println!("{}", shift_table(&real));
+    println!("All pixels:\n\n{}", variance_table(&real.measure(&shared, &vec![true; used.len()])));
     let told = |used: &[bool]| used.iter().filter(|u| **u).count();
     println!(
         "The {} around which no motion is told:\n\n{}",
         told(&used),
-        table(&real.measure(&shared, &used))
+        variance_table(&real.measure(&shared, &used))
     );
-    let used = without_grain(&used, reader.geometry());
+    let used = grain_free_mask(&used, reader.geometry());
     let own = real.measure(&shared, &used);
-    println!("Of these the {} of the sky and of the left border:\n\n{}", told(&used), table(&own));
+    println!("Of these the {} of the sky and of the left border:\n\n{}", told(&used), variance_table(&own));
     println!(
         "| law | numbers | electrons a threshold | per spike, 1e-5 | per 100 readouts, 1e-5 | ln likelihood |"
     );
     println!("|---|--:|---|---|---|--:|");
-    for law in &LAWS {
-        println!("{}", row(law, &own, (&shared, &used), reader.readouts(), seeds));
+    for law in &NOISE_LAWS {
+        println!("{}", law_row(law, &own, (&shared, &used), reader.readouts(), seeds));
     }
 }
 
-/// Pixels of the parts that have no grain.
-fn without_grain(used: &[bool], geometry: Geometry) -> Vec<bool> {
+/// Returns, for each pixel, whether it is used and is in an area without grain.
+fn grain_free_mask(used: &[bool], geometry: Geometry) -> Vec<bool> {
     let within = |p: usize| {
         let (row, column) = (p / geometry.width(), p % geometry.width());
         let holds = |[top, bottom, left, right]: [usize; 4]| {
             (top..bottom).contains(&row) && (left..right).contains(&column)
         };
-        STILL.iter().any(|(_, area)| holds(*area))
+        STATIC_AREAS.iter().any(|(_, area)| holds(*area))
     };
     used.iter().enumerate().map(|(p, used)| *used && within(p)).collect()
 }
 
-/// The best numbers of a law, and the range of each within which the likelihood, at its best in the others, falls by 1.92 (95 %).
-fn row(law: &Law, own: &Measured, pixels: (&[f64], &[bool]), readouts: usize, seeds: u64) -> String {
-    let tried = |has: bool| if has { GRID.to_vec() } else { vec![0.0] };
+/// Returns the table row of a law: its best parameters and their 95 % ranges.
+///
+/// The log likelihood is maximized over the other parameters. Within the range, it is at most 1.92 below its maximum.
+fn law_row(
+    law: &NoiseLaw,
+    own: &LagVariances,
+    pixels: (&[f64], &[bool]),
+    readouts: usize,
+    seeds: u64,
+) -> String {
+    let tried = |has: bool| if has { VARIANCE_GRID.to_vec() } else { vec![0.0] };
     let mut found: Vec<([f64; 3], f64)> = Vec::new();
     for light in tried(law.has[0]) {
         for spike in tried(law.has[1]) {
@@ -115,7 +130,12 @@ fn row(law: &Law, own: &Measured, pixels: (&[f64], &[bool]), readouts: usize, se
                 let values = [light, spike, readout];
                 found.push((
                     values,
-                    own.likelihood(&twins(&camera(values, law.slow, own.geometry), pixels, readouts, seeds)),
+                    own.likelihood(&simulate_twins(
+                        &camera(values, law.is_slow, own.geometry),
+                        pixels,
+                        readouts,
+                        seeds,
+                    )),
                 ));
             }
         }
@@ -133,44 +153,45 @@ fn row(law: &Law, own: &Measured, pixels: (&[f64], &[bool]), readouts: usize, se
         format!("{:.1} ({:.1} to {:.1})", 1e5 * best.0[i], 1e5 * low, 1e5 * high)
     };
     let (low, high) = range(0);
-    let electrons = if law.has[0] { electrons(best.0[0], low, high) } else { String::new() };
+    let electrons = if law.has[0] { electron_range_text(best.0[0], low, high) } else { String::new() };
     let numbers = law.has.iter().filter(|has| **has).count();
     format!("| {} | {numbers} | {electrons} | {} | {} | {:.1} |", law.name, variance(1), variance(2), best.1)
 }
 
-/// Electrons a threshold of a variance and of its range.
-fn electrons(best: f64, low: f64, high: f64) -> String {
+/// Returns the number of electrons per threshold for a variance and for both ends of its range.
+fn electron_range_text(best: f64, low: f64, high: f64) -> String {
     let of = |variance: f64| {
         if variance == 0.0 { "no limit".to_owned() } else { format!("{:.0}", 1.0 / variance) }
     };
     format!("{} ({} to {})", of(best), of(high), of(low))
 }
 
-/// A camera with variances of an interval's quanta, of a spike, and of a hundred readouts.
+/// Returns a camera with three variances: of the quanta per interval, of a spike, and of 100 readouts.
 fn camera([light, spike, readout]: [f64; 3], slow: bool, geometry: Geometry) -> Camera {
     let mut sensor = Sensor::new(8, 8, 20_000.0).unwrap();
     sensor.geometry = geometry;
     let (swing, electrons) = (sensor.swing_v, spikelane::effects::Circuit::nominal(&sensor).electrons());
-    let with = |name: &str, key: &str, value: f64| find(name).unwrap().neutral().with(key, value).unwrap();
-    let mut camera = Camera::ideal(sensor).with(with("start_phase", "share", 1.0)).with(with(
+    let with =
+        |name: &str, key: &str, value: f64| find(name).unwrap().neutral().with_value(key, value).unwrap();
+    let mut camera = Camera::ideal(sensor).with_effect(with("start_phase", "share", 1.0)).with_effect(with(
         "saturation_clamp",
         "largest_charge",
         2.0,
     ));
     if light > 0.0 {
-        camera = camera.with(with("shot_noise", "strength", light * electrons));
+        camera = camera.with_effect(with("shot_noise", "strength", light * electrons));
     }
     if light > 0.0 && slow {
-        camera = camera.with(with("correlated_shot_noise", "time_constant", 12.0));
+        camera = camera.with_effect(with("correlated_shot_noise", "time_constant", 12.0));
     }
     if spike > 0.0 {
-        camera = camera.with(with("thermal_noise", "sigma", spike.sqrt() * swing));
+        camera = camera.with_effect(with("thermal_noise", "sigma", spike.sqrt() * swing));
     }
     if readout > 0.0 {
-        // A dark current of half a per cent of a threshold a readout, in quanta as coarse as that takes.
+        // The dark current is 0.5 % of a threshold per readout. The size of its quanta causes the variance `readout`.
         let dark = 0.005;
-        let pa = dark / spikelane::effects::Circuit::nominal(&camera.sensor).thresholds_of_pa(1.0);
-        camera = camera.with(with("dark_current", "mean", pa)).with(with(
+        let pa = dark / spikelane::effects::Circuit::nominal(&camera.sensor).thresholds_per_readout(1.0);
+        camera = camera.with_effect(with("dark_current", "mean", pa)).with_effect(with(
             "dark_shot_noise",
             "strength",
             readout / 100.0 / dark * electrons,
@@ -179,12 +200,17 @@ fn camera([light, spike, readout]: [f64; 3], slow: bool, geometry: Geometry) -> 
     camera
 }
 
-/// The recording's light seen by such cameras: the same window, lines and classes.
-fn twins(camera: &Camera, (shared, used): (&[f64], &[bool]), readouts: usize, seeds: u64) -> Vec<Measured> {
+/// Simulates the light of the recording with this camera. Measures the simulation with the same window and rate classes.
+fn simulate_twins(
+    camera: &Camera,
+    (shared, used): (&[f64], &[bool]),
+    readouts: usize,
+    seeds: u64,
+) -> Vec<LagVariances> {
     let geometry = camera.sensor.geometry;
     let lit = |rate: &f64| {
-        let light = camera.operating(*rate).light;
-        // A pixel that shares no rate stays dark.
+        let light = camera.operating_point(*rate).light;
+        // If a pixel has no neighborhood rate, its light is 0.
         if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
     };
     let light: Vec<f32> = shared.iter().map(lit).collect();
@@ -192,19 +218,19 @@ fn twins(camera: &Camera, (shared, used): (&[f64], &[bool]), readouts: usize, se
     let bytes = geometry.frame_bytes();
     let one = |seed: u64| {
         let seeds = Seeds { shot: seed + 1, ..Seeds::default() };
-        let mut simulator = Simulator::of_plan(plan.with_seeds(seeds).unwrap());
-        simulator.push(FrameRef::f32(&light, geometry), &mut vec![0; LEAD * bytes]).unwrap();
+        let mut simulator = Simulator::from_plan(plan.with_seeds(seeds).unwrap());
+        simulator.fill(&light, &mut vec![0; LEAD_READOUTS * bytes]).unwrap();
         let mut packed = vec![0; readouts * bytes];
-        simulator.push(FrameRef::f32(&light, geometry), &mut packed).unwrap();
-        Recording::new(Packed::new(geometry, &packed).unwrap(), readouts).measure(shared, used)
+        simulator.fill(&light, &mut packed).unwrap();
+        Recording::new(SpikeFramesRef::new(geometry, &packed).unwrap(), readouts).measure(shared, used)
     };
     (0..seeds).map(one).collect()
 }
 
-fn table(own: &Measured) -> String {
+fn variance_table(own: &LagVariances) -> String {
     let mut text = String::from("| rate | places | over 1 interval | over 2 |\n|---|--:|---|---|\n");
-    for (c, class) in CLASSES.windows(2).enumerate().filter(|(c, _)| own.places[*c] > 4) {
-        let cells: Vec<String> = (0..LAGS).map(|n| variance(own.mean[c][n], own.error[c][n])).collect();
+    for (c, class) in RATE_CLASS_BOUNDS.windows(2).enumerate().filter(|(c, _)| own.places[*c] > 4) {
+        let cells: Vec<String> = (0..LAG_COUNT).map(|n| variance(own.mean[c][n], own.error[c][n])).collect();
         text += &format!("| {} to {} | {} | {} |\n", class[0], class[1], own.places[c], cells.join(" | "));
     }
     text
@@ -214,12 +240,12 @@ fn variance(mean: f64, error: f64) -> String {
     if mean.is_finite() { format!("{:.2} ± {:.2}", 1e3 * mean, 1e3 * error) } else { "too few".to_owned() }
 }
 
-/// How pixels below share a pixel's change from its first interval to its last.
-fn shifts(real: &Recording) -> String {
+/// Returns the table of correlations between the changes of pixels and the changes of the pixels below them.
+fn shift_table(real: &Recording) -> String {
     let mut text = String::from("| rows below | 1 | 2 | 3 | 4 |\n|---|--:|--:|--:|--:|\n");
-    for (name, [top, bottom, left, right]) in SHIFTS {
+    for (name, [top, bottom, left, right]) in SHIFT_AREAS {
         let cells: Vec<String> = (1..=4)
-            .map(|down| format!("{:.2}", real.shared_change(top..bottom, left..right, down)))
+            .map(|down| format!("{:.2}", real.change_correlation(top..bottom, left..right, down)))
             .collect();
         text += &format!("| {name} | {} |\n", cells.join(" | "));
     }

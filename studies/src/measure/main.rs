@@ -1,7 +1,8 @@
-//! The study of the errors that `measure` states.
+//! Study of the errors that `measure` reports.
 //!
-//! `cargo run --release -p spikelane-studies --bin study-measure -- [--recordings N] [--report FILE]` records N times one sensor, and N sensors once, for
-//! each pattern and light, prints how often the intervals hold the truth, and writes the tables between the marks of FILE.
+//! `cargo run --release -p spikelane-studies --bin study-measure -- [--recordings N] [--report FILE]` makes recordings
+//! for each pattern and each light: N recordings of one sensor, and one recording of each of N sensors. It prints how
+//! often the intervals contain the truth. It writes the tables between the markers of FILE.
 
 #[path = "../../../crates/measure/tests/coverage_support/mod.rs"]
 mod coverage_support;
@@ -11,9 +12,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use coverage_support::{Coverage, HEIGHT, Meaning, PATTERNS, READOUTS, WIDTH, judge, recordings};
+use coverage_support::{Coverage, HEIGHT, PATTERNS, READOUTS, Repetition, WIDTH, judge, recordings};
 
-const MARKS: [&str; 2] = ["<!-- begin: study-measure -->\n", "<!-- end: study-measure -->"];
+const PAGE_MARKERS: [&str; 2] = ["<!-- begin: study-measure -->\n", "<!-- end: study-measure -->"];
 
 const RATES: [f64; 2] = [0.06, 0.2];
 
@@ -28,71 +29,82 @@ fn main() {
             _ => panic!("{arg}: give --recordings N or --report FILE"),
         }
     }
-    let mut text = format!(
-        "{count} recordings of {READOUTS} readouts of {WIDTH}x{HEIGHT} pixels for each column; {}.\n",
-        circumstances()
+    let columns = [Repetition::Recording, Repetition::Sensor].map(|meaning| Column::new(meaning, count));
+    let text = format!(
+        "Range over {} cases of {count} recordings each, of {READOUTS} readouts and {WIDTH}x{HEIGHT} pixels; {}.\n\n{}",
+        RATES.len() * PATTERNS.len(),
+        provenance_line(),
+        table(&columns)
     );
-    for meaning in [Meaning::Recording, Meaning::Sensor] {
-        text += match meaning {
-            Meaning::Recording => "\nOne sensor recorded again and again; the truth is that sensor's.\n\n",
-            Meaning::Sensor => {
-                "\nAs many sensors of a kind, each recorded once; the truth is that of the kind.\n\n"
-            }
-        };
-        text += &table(meaning, count);
-    }
     print!("{text}");
     if let Some(file) = report {
         write(Path::new(&file), &text);
     }
 }
 
-fn table(meaning: Meaning, count: u64) -> String {
-    let mut columns: Vec<BTreeMap<String, Coverage>> = Vec::new();
-    let mut keys = Vec::new();
-    let mut head = "| statistic |".to_owned();
-    for rate in RATES {
-        for pattern in PATTERNS {
-            let all = recordings(pattern, rate, meaning, count);
-            keys = all[0].iter().map(|told| told.key.clone()).collect();
-            columns.push(judge(&all, pattern, meaning));
-            write!(head, " {pattern}, {rate} |").unwrap();
+/// The coverage of every statistic for one repetition.
+struct Column {
+    keys: Vec<String>,
+    /// One map for each rate and pattern.
+    cases: Vec<BTreeMap<String, Coverage>>,
+}
+
+impl Column {
+    fn new(meaning: Repetition, count: u64) -> Self {
+        let mut column = Self { keys: Vec::new(), cases: Vec::new() };
+        for rate in RATES {
+            for pattern in PATTERNS {
+                let all = recordings(pattern, rate, meaning, count);
+                column.keys = all[0].iter().map(|statistic| statistic.key.clone()).collect();
+                column.cases.push(judge(&all, pattern, meaning));
+            }
         }
+        column
     }
-    let mut text = head + "\n|---|" + &"--:|".repeat(columns.len()) + "\n";
-    for key in keys {
-        let cells: String = columns.iter().map(|c| format!(" {} |", cell(c[&key]))).collect();
-        writeln!(text, "| {key} |{cells}").unwrap();
+
+    /// Returns the lowest and the highest percentage of intervals that contain the truth. Upper limits have a range of
+    /// their own.
+    fn cell(&self, key: &str) -> String {
+        let range = |limits: bool| {
+            let found = self.cases.iter().map(|case| case[key]);
+            let found = found.filter(|c| c.intervals > 0 && (c.limits > 0) == limits);
+            let percent: Vec<f64> = found.map(|c| 100.0 * c.covering as f64 / c.intervals as f64).collect();
+            let low = percent.iter().copied().reduce(f64::min)?;
+            let high = percent.iter().copied().fold(low, f64::max);
+            let (mark, low, high) =
+                (if limits { "limits " } else { "" }, format!("{low:.1}"), format!("{high:.1}"));
+            Some(if low == high { mark.to_owned() + &low } else { format!("{mark}{low} to {high}") })
+        };
+        let ranges: Vec<String> = [false, true].into_iter().filter_map(range).collect();
+        if ranges.is_empty() { "not reported".to_owned() } else { ranges.join("; ") }
+    }
+}
+
+fn table(columns: &[Column; 2]) -> String {
+    let mut text = "| statistic | one sensor | many sensors |\n|---|--:|--:|\n".to_owned();
+    for key in &columns[0].keys {
+        let [one, many] = columns.each_ref().map(|column| column.cell(key));
+        writeln!(text, "| `{key}` | {one} | {many} |").unwrap();
     }
     text
 }
 
-/// Per cent that hold the truth, and the mean stated error over the scatter.
-fn cell(found: Coverage) -> String {
-    if found.of == 0 {
-        return "not told".to_owned();
-    }
-    let percent = 100.0 * found.held as f64 / found.of as f64;
-    let mark = if found.limits > 0 { "<= " } else { "" };
-    let ratio = if found.ratio.is_finite() { format!(" ({:.2})", found.ratio) } else { String::new() };
-    format!("{mark}{percent:.1}{ratio}")
-}
-
-/// Day, processor and commit.
-fn circumstances() -> String {
-    let said = |program: &str, args: &[&str]| {
+/// Returns a line with the date, the processor and the commit.
+fn provenance_line() -> String {
+    let output = |program: &str, args: &[&str]| {
         let out = Command::new(program).args(args).output().ok().filter(|o| o.status.success());
         out.map_or("unknown".to_owned(), |o| String::from_utf8_lossy(&o.stdout).trim().to_owned())
     };
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find(|l| l.starts_with("model name")).and_then(|l| l.split(": ").nth(1));
-    let (day, commit) = (said("date", &["+%Y-%m-%d"]), said("git", &["rev-parse", "--short", "HEAD"]));
+    let (day, commit) = (output("date", &["+%Y-%m-%d"]), output("git", &["rev-parse", "--short", "HEAD"]));
     format!("{day}, {}, commit {commit}", model.unwrap_or("processor unknown"))
 }
 
 fn write(path: &Path, tables: &str) {
     let page = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let [begin, end] = MARKS.map(|mark| page.find(mark).unwrap_or_else(|| panic!("no {mark} in the page")));
-    let text = [&page[..begin + MARKS[0].len()], tables, &page[end..]].concat();
+    let [begin, end] =
+        PAGE_MARKERS.map(|mark| page.find(mark).unwrap_or_else(|| panic!("no {mark} in the page")));
+    let text = [&page[..begin + PAGE_MARKERS[0].len()], tables, &page[end..]].concat();
     std::fs::write(path, text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
 }

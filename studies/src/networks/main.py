@@ -83,7 +83,7 @@ def loader(clips: NDArray[np.float32], preset: str, seed: int, workers: int) -> 
     else:
         # Without a range in it every item draws the same camera, with a fixed pattern of its own.
         cameras = sl.CameraDistribution(sl.Camera.preset(preset).to_toml().partition("[maps]")[0])
-    data = SpikeClips(clips, cameras, 10, crop=(CROP, CROP), seed=seed, readouts=READOUTS)
+    data = SpikeClips(clips, cameras, 10, interpolation="linear", crop=(CROP, CROP), seed=seed, readouts=READOUTS)
     lasting = workers > 0
     return data, DataLoader(
         data, BATCH, shuffle=True, num_workers=workers, drop_last=True, persistent_workers=lasting, pin_memory=True
@@ -95,8 +95,8 @@ def train(clips: NDArray[np.float32], preset: str, seed: int, steps: int, worker
     torch.manual_seed(seed)
     data, batches = loader(clips, preset, seed, workers)
     net = Net().to(device)
-    optimiser = torch.optim.Adam(net.parameters(), lr=2e-3)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    optimizer = torch.optim.Adam(net.parameters(), lr=2e-3)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     done, epoch, start = 0, 0, time.monotonic()
     while done < steps:
         data.set_epoch(epoch)
@@ -106,9 +106,9 @@ def train(clips: NDArray[np.float32], preset: str, seed: int, steps: int, worker
             rate = batch["light"].to(device, non_blocking=True)
             scale = rate.mean(dim=(1, 2, 3), keepdim=True).clamp(min=1e-3)
             loss = (((net(spikes) - rate) / scale) ** 2).mean()
-            optimiser.zero_grad()
+            optimizer.zero_grad()
             loss.backward()
-            optimiser.step()
+            optimizer.step()
             schedule.step()
             done += 1
             if done == steps:
@@ -161,14 +161,14 @@ def pace(clips: NDArray[np.float32], workers: int, device: str) -> list[str]:
     for channels in (24, 96, 256):
         data, batches = loader(clips, "physical", 1, workers)
         net = Net(channels).to(device)
-        optimiser = torch.optim.Adam(net.parameters())
+        optimizer = torch.optim.Adam(net.parameters())
 
         def step(batch: dict[str, Tensor]) -> None:
             spikes, rate = batch["spikes"].to(device).float(), batch["light"].to(device)
             loss = ((net(spikes) - rate) ** 2).mean()
-            optimiser.zero_grad()
+            optimizer.zero_grad()
             loss.backward()
-            optimiser.step()
+            optimizer.step()
 
         def timed(source: Any) -> float:
             start, n = time.monotonic(), 0

@@ -1,24 +1,25 @@
-//! Counting, spans and intervals side by side: how near pictures of spikes come to the light.
+//! Compares reconstructions from counts, from spans and from intervals. Scores how well their images match the light.
 //!
-//! `cargo run --release -p spikelane-studies --bin study-pictures -- [PAGE]` prints the tables, or writes them between the marks of PAGE. Recordings
-//! of real cameras are read from the folder that `SPIKELANE_REAL_DATA` names; without it that table is left as it is.
+//! `cargo run --release -p spikelane-studies --bin study-pictures -- [PAGE]` prints the tables, or writes them between
+//! the markers of PAGE. Recordings of real cameras are read from the folder in the environment variable
+//! `SPIKELANE_REAL_DATA`. If the variable is not set, the tables of real recordings do not change.
 
-mod detailed;
-mod real;
+mod detail_scores;
+mod real_scenes;
 mod score;
-mod simulated;
+mod simulated_scenes;
 
 fn main() {
     let page = std::env::args().nth(1);
     let page = page.as_deref();
-    put(page, "simulated", &score::table(&simulated::rows()));
+    put(page, "simulated", &score::table(&simulated_scenes::rows()));
     let folder = std::env::var_os("SPIKELANE_REAL_DATA");
     let Some(folder) = folder.as_deref().map(std::path::Path::new) else {
         eprintln!("skipped: the real recordings and the table of detail, since SPIKELANE_REAL_DATA is unset");
         return;
     };
-    put(page, "real", &score::table(&real::rows(folder)));
-    put(page, "detail", &detailed::table(folder));
+    put(page, "real", &score::table(&real_scenes::rows(folder)));
+    put(page, "detail", &detail_scores::table(folder));
 }
 
 fn put(page: Option<&str>, name: &str, table: &str) {

@@ -1,30 +1,33 @@
-//! How near a picture is to the truth, and the table of it.
+//! Scores images by comparison with the truth, and formats the table of scores.
 
 use std::fmt::Write as _;
 use std::ops::Range;
 
-use spikelane::Packed;
-use spikelane::reconstruct::{aligned_psnr, span, tfi_at, tfp};
+use spikelane::SpikeFramesRef;
+use spikelane::reconstruct::{aligned_psnr, span_rates, tfi_with_open_pixels, tfp};
 
-/// Windows in readouts.
-pub(crate) const WINDOWS: [usize; 4] = [11, 21, 41, 161];
+/// Window lengths in readouts.
+pub(crate) const WINDOW_READOUTS: [usize; 4] = [11, 21, 41, 161];
 
-/// Readouts on either side that TFI searches.
-const SEARCH: usize = 300;
+/// Number of readouts before and after the center in which TFI searches spikes.
+const SEARCH_READOUTS: usize = 300;
 
-/// One scene: dB of TFP and of span for every window (none where the stream is shorter), and of TFI.
+/// Scores of one scene in dB: TFP and span for every window, and TFI. If a window is longer than the stream, its score is
+/// `None`.
 pub(crate) struct Row {
     pub name: String,
-    pub tfp: [Option<f64>; WINDOWS.len()],
-    pub span: [Option<f64>; WINDOWS.len()],
+    pub tfp: [Option<f64>; WINDOW_READOUTS.len()],
+    pub span: [Option<f64>; WINDOW_READOUTS.len()],
     pub tfi: Option<f64>,
 }
 
-/// Pictures of the middle readout of `packed` against `truth`, which hears of the readouts that a picture is made of. Only
-/// the pixels of `area` count.
+/// Scores images of the middle readout of `packed`. `truth` returns the reference image. Its argument is the range of
+/// readouts that the scored image uses.
+///
+/// Only pixels in `area` count.
 pub(crate) fn row(
     name: &str,
-    packed: Packed,
+    packed: SpikeFramesRef,
     area: Range<usize>,
     truth: &dyn Fn(Range<usize>) -> Vec<f32>,
 ) -> Row {
@@ -33,24 +36,24 @@ pub(crate) fn row(
     let score =
         |rates: &[f32], truth: &[f32]| aligned_psnr(&rates[area.clone()], &truth[area.clone()]).unwrap();
     let fits = |window: usize| window <= packed.readouts();
-    let by = |make: fn(Packed, usize, usize) -> spikelane::Result<Vec<f32>>| {
-        WINDOWS.map(|w| {
+    let by = |make: fn(SpikeFramesRef, usize, usize) -> spikelane::Result<Vec<f32>>| {
+        WINDOW_READOUTS.map(|w| {
             let rates = || make(packed, at, w / 2).unwrap();
             fits(w).then(|| score(&rates(), &truth(near(w / 2))))
         })
     };
-    let tfi = tfi_at(packed, at, SEARCH).unwrap();
+    let tfi = tfi_with_open_pixels(packed, at, SEARCH_READOUTS).unwrap();
     let of_interval = tfi.is_measurable().then(|| score(&tfi.rates, &truth(near(20))));
-    Row { name: name.to_owned(), tfp: by(tfp), span: by(span), tfi: of_interval }
+    Row { name: name.to_owned(), tfp: by(tfp), span: by(span_rates), tfi: of_interval }
 }
 
 pub(crate) fn table(rows: &[Row]) -> String {
     let mut text = String::from("| scene |");
     for kind in ["TFP", "span"] {
-        WINDOWS.iter().for_each(|w| write!(text, " {kind} {w} |").unwrap());
+        WINDOW_READOUTS.iter().for_each(|w| write!(text, " {kind} {w} |").unwrap());
     }
     text += " TFI |\n|---|";
-    text += &"--:|".repeat(2 * WINDOWS.len() + 1);
+    text += &"--:|".repeat(2 * WINDOW_READOUTS.len() + 1);
     text += "\n";
     for row in rows {
         write!(text, "| {} |", row.name).unwrap();

@@ -1,26 +1,27 @@
-//! What differs from laboratory to laboratory, drawn for each sensor: every factor in all sensors, none in a cell of its own.
+//! Factors that differ between laboratories. The levels of all factors are drawn for every sensor, so no combination of
+//! levels has its own group of sensors.
 
 use super::hidden_sensor::{Physics, Scene};
-use super::jobs::uniform;
+use super::jobs::uniform_hash;
 
-/// What was drawn, by name.
+/// The levels of the factors that were drawn for one sensor.
 #[derive(Clone, Debug)]
 pub(crate) struct Factors {
     pub camera: &'static str,
-    pub base_off: f64,
-    pub lamps: f64,
+    pub base_deviation: f64,
+    pub lamp_deviation: f64,
     pub protocol: &'static str,
     pub second_set: bool,
     pub camera_file: bool,
     seed: u64,
 }
 
-/// Readouts of a recording.
+/// Number of readouts of a recording.
 const READOUTS: usize = 4000;
 
 const CAMERAS: [&str; 4] = ["published", "40 kHz", "few electrons", "every dark current positive"];
-const BASE_OFF: [f64; 4] = [0.0, 0.01, 0.03, 0.1];
-const LAMPS: [f64; 3] = [0.001, 0.003, 0.01];
+const BASE_DEVIATIONS: [f64; 4] = [0.0, 0.01, 0.03, 0.1];
+const LAMP_DEVIATIONS: [f64; 3] = [0.001, 0.003, 0.01];
 const PROTOCOLS: [&str; 5] = ["eight", "four levels", "flats only", "twelve", "mixed lengths"];
 
 fn pick<T: Copy>(of: &[T], u: f64) -> T {
@@ -28,12 +29,12 @@ fn pick<T: Copy>(of: &[T], u: f64) -> T {
 }
 
 impl Factors {
-    pub(crate) fn drawn(seed: u64) -> Self {
-        let u = |place: u64| uniform(seed, 500 + place);
+    pub(crate) fn random(seed: u64) -> Self {
+        let u = |place: u64| uniform_hash(seed, 500 + place);
         Self {
             camera: pick(&CAMERAS, u(0)),
-            base_off: pick(&BASE_OFF, u(1)),
-            lamps: pick(&LAMPS, u(2)),
+            base_deviation: pick(&BASE_DEVIATIONS, u(1)),
+            lamp_deviation: pick(&LAMP_DEVIATIONS, u(2)),
             protocol: pick(&PROTOCOLS, u(3)),
             second_set: u(4) < 0.5,
             camera_file: u(5) < 0.5,
@@ -41,12 +42,12 @@ impl Factors {
         }
     }
 
-    /// Levels by which a table is cut.
+    /// Returns names and levels of the factors. The table is grouped by them.
     pub(crate) fn levels(&self) -> [(&'static str, String); 6] {
         [
             ("camera", self.camera.to_owned()),
-            ("base numbers off by", format!("{} %", 100.0 * self.base_off)),
-            ("lamps off by", format!("{} %", 100.0 * self.lamps)),
+            ("base numbers off by", format!("{} %", 100.0 * self.base_deviation)),
+            ("lamps off by", format!("{} %", 100.0 * self.lamp_deviation)),
             ("protocol", self.protocol.to_owned()),
             ("second set", self.second_set.to_string()),
             ("camera file", self.camera_file.to_string()),
@@ -57,9 +58,9 @@ impl Factors {
         if self.camera == "40 kHz" { 40_000.0 } else { 20_000.0 }
     }
 
-    /// The numbers of a clean sensor. Each base number is off by up to so much, in either direction.
+    /// Returns the parameters of a clean sensor. Each parameter deviates by up to `base_deviation` in either direction.
     pub(crate) fn physics(&self) -> Physics {
-        let off = |place: u64| 1.0 + self.base_off * (2.0 * uniform(self.seed, 600 + place) - 1.0);
+        let off = |place: u64| 1.0 + self.base_deviation * (2.0 * uniform_hash(self.seed, 600 + place) - 1.0);
         let plain = Physics::default();
         let mut p = Physics {
             electrons: plain.electrons * off(0),
@@ -71,9 +72,10 @@ impl Factors {
             ..plain
         };
         match self.camera {
-            // Half the time between readouts gathers half the charge.
+            // The time between readouts is half as long, so half as much charge is collected.
             "40 kHz" => (p.dark_mean, p.dark_spread) = (0.5 * p.dark_mean, 0.5 * p.dark_spread),
-            // A full well of a tenth, with as large a dark rate.
+            // The number of electrons per threshold is a tenth of the usual number. The dark current is scaled by the
+            // same factor, so the dark rate does not change.
             "few electrons" => {
                 p.electrons *= 0.1;
                 (p.dark_mean, p.dark_spread) = (0.1 * p.dark_mean, 0.1 * p.dark_spread);
@@ -84,7 +86,7 @@ impl Factors {
         p
     }
 
-    /// Recordings with their lengths.
+    /// Returns the recordings of the protocol: name, scene and number of readouts of each.
     pub(crate) fn scenes(&self) -> Vec<(String, Scene, usize)> {
         let flat = |light: f64| (format!("flat_{:04.0}", 1e4 * light), Scene::Flat(light), READOUTS);
         let steps = ("steps".to_owned(), Scene::Square { high: 0.8, low: 0.03, half_period: 500 }, READOUTS);
@@ -108,12 +110,13 @@ impl Factors {
         }
     }
 
-    /// A lamp's error of one recording; the hidden sensor adds a thousandth of its own.
-    pub(crate) fn lamp(&self, recording: usize, take: u64) -> f64 {
+    /// Returns the light of the lamp in one recording, divided by the stated light. The hidden sensor adds another deviation
+    /// of 0.001.
+    pub(crate) fn lamp_error(&self, recording: usize, take: u64) -> f64 {
         let place = 700 + 50 * take + 2 * recording as u64;
-        let (u, v) = (uniform(self.seed, place).max(1e-12), uniform(self.seed, place + 1));
+        let (u, v) = (uniform_hash(self.seed, place).max(1e-12), uniform_hash(self.seed, place + 1));
         let normal = (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos();
-        let beyond = (self.lamps * self.lamps - 1e-6).max(0.0).sqrt();
+        let beyond = (self.lamp_deviation * self.lamp_deviation - 1e-6).max(0.0).sqrt();
         1.0 + beyond * normal
     }
 }

@@ -1,8 +1,15 @@
 """Spike-camera simulation: light in, bit-packed spike streams out.
 
-A camera (`Camera`) and a light give spikes: `Simulator` for one stream, `simulate_batch` for many, `spikelane.torch` for
-training. `open_stream` and `write_stream` read and write files in the layouts of the field; `tfp`, `tfi` and `span_rate` make
-pictures; `measure`, `calibrate` and `diagnose` tell what a recording says of its camera; `Scene` draws traffic with labels.
+A camera (`Camera`) and light give spikes (`SpikeFrames`): use `Simulator` for one stream, `simulate_batch` for many, and
+`spikelane.torch` for training. `open_stream` and `write_stream` read and write files. `tfp`, `tfi` and `span_rates`
+reconstruct images. `measure`, `calibrate` and `diagnose` analyze recordings of a camera. `Scene` renders traffic with labels.
+
+    >>> import numpy as np
+    >>> import spikelane as sl
+    >>> camera = sl.Camera.preset("physical")
+    >>> light = np.full(camera.shape, 51, np.uint8)
+    >>> spikes = sl.Simulator(camera, seed=1).run(light, 1000)
+    >>> image = sl.tfp(spikes, at=500, half_window=20)
 
 The same camera, seeds and light give the same bits as the program `spikelane` and the Rust library, on every machine and with
 any number of threads.
@@ -20,6 +27,7 @@ from ._native import (
     Camera,
     CameraDistribution,
     Simulator,
+    SpikeFrames,
     Stream,
     __version__,
     effects,
@@ -28,7 +36,7 @@ from ._native import (
     pack,
     presets,
     simulate_batch,
-    span_rate,
+    span_rates,
     tfi,
     tfp,
     unpack,
@@ -38,21 +46,21 @@ from ._reports import (
     Calibration,
     Defects,
     Diagnosis,
+    Discrepancy,
     Estimate,
     FoundEffect,
-    Gap,
     Lamp,
     Measurement,
-    Misfit,
     Parameter,
+    ParameterMismatch,
     SpectralLine,
     Statistic,
-    Unexplained,
+    UnexplainedStatistic,
     calibrate,
     diagnose,
     measure,
 )
-from ._scene import Rendered, Scene, VehicleBox
+from ._scene import RenderedFrame, Scene, VehicleBox
 
 __all__ = [
     "Calibration",
@@ -61,17 +69,18 @@ __all__ = [
     "ClipSampler",
     "Defects",
     "Diagnosis",
+    "Discrepancy",
     "Estimate",
     "FoundEffect",
-    "Gap",
     "Lamp",
     "Measurement",
-    "Misfit",
     "Parameter",
-    "Rendered",
+    "ParameterMismatch",
+    "RenderedFrame",
     "Scene",
     "Simulator",
     "SpectralLine",
+    "SpikeFrames",
     "SpikelaneError",
     "SpikelaneFileExistsError",
     "SpikelaneFileNotFoundError",
@@ -79,7 +88,7 @@ __all__ = [
     "SpikelaneTypeError",
     "Statistic",
     "Stream",
-    "Unexplained",
+    "UnexplainedStatistic",
     "VehicleBox",
     "__version__",
     "calibrate",
@@ -91,7 +100,7 @@ __all__ = [
     "pack",
     "presets",
     "simulate_batch",
-    "span_rate",
+    "span_rates",
     "tfi",
     "tfp",
     "unpack",

@@ -39,7 +39,9 @@ class SpikelaneFileExistsError(SpikelaneOSError, FileExistsError):
     """A file that is there already, and nobody allowed replacing it; also a FileExistsError."""
 
 
-def make(message: str, fields: tuple[str, str, str, str, str], number: int | None, missing: bool) -> BaseException:
+def make_error(
+    message: str, fields: tuple[str, str, str, str, str], number: int | None, missing: bool
+) -> BaseException:
     """The exception of the fitting class, with its fields."""
     kind = fields[0]
     if kind == "interrupted":

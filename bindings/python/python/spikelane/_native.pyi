@@ -1,4 +1,4 @@
-# Types of the native half; its docstrings say shapes, ranges, units and errors.
+# Types of the native part; its docstrings describe shapes, ranges, units and errors.
 from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path
@@ -14,6 +14,7 @@ __all__ = [
     "CameraDistribution",
     "Scene",
     "Simulator",
+    "SpikeFrames",
     "Stream",
     "__version__",
     "calibrate",
@@ -26,7 +27,7 @@ __all__ = [
     "pack",
     "presets",
     "simulate_batch",
-    "span_rate",
+    "span_rates",
     "tfi",
     "tfp",
     "unpack",
@@ -51,7 +52,7 @@ class Camera:
     @classmethod
     def ideal(cls, height: int, width: int, readout_hz: float = 20_000.0) -> Camera: ...
     def with_effect(self, name: str, /, **values: float | str) -> Camera: ...
-    def without(self, name: str) -> Camera: ...
+    def without_effect(self, name: str) -> Camera: ...
     def with_sensor(
         self,
         *,
@@ -68,7 +69,7 @@ class Camera:
         capacitance_ff: NDArray[np.float64] | None = None,
         swing_v: NDArray[np.float64] | None = None,
     ) -> Camera: ...
-    def resized(self, height: int, width: int) -> Camera: ...
+    def with_shape(self, height: int, width: int) -> Camera: ...
     def window(self, row: int, col: int, height: int, width: int) -> Camera: ...
     def clean_twin(self) -> Camera: ...
     @property
@@ -82,7 +83,7 @@ class Camera:
     @property
     def source(self) -> str: ...
     @property
-    def place(self) -> tuple[int, int, int, int] | None: ...
+    def window_crop(self) -> tuple[int, int, int, int] | None: ...
     @property
     def effects(self) -> dict[str, dict[str, float | str]]: ...
     @property
@@ -120,36 +121,42 @@ class Simulator:
         camera_seed: int = 0,
         threads: int = 1,
         backend: str | None = None,
-        greatest_light: float = 1.0,
+        max_light: float = 1.0,
     ) -> Simulator: ...
-    def push(
+    def run(
         self,
-        frames: _Light,
-        readouts_per_frame: int = 1,
-        *,
-        insertion: str = "linear",
+        light: _Light,
         readouts: int | None = None,
-        out: _Bytes | None = None,
+        *,
+        readouts_per_frame: int | None = None,
+        interpolation: str = "hold",
         progress: _Progress = None,
-        copy: bool = True,
-    ) -> _Bytes: ...
-    def push_bits(
+    ) -> SpikeFrames: ...
+    def fill(
         self,
-        frames: _Light,
-        readouts_per_frame: int = 1,
+        light: _Light,
+        out: _Bytes,
         *,
-        insertion: str = "linear",
-        readouts: int | None = None,
-        out: _Bytes | None = None,
+        readouts_per_frame: int | None = None,
+        interpolation: str = "hold",
         progress: _Progress = None,
-        copy: bool = True,
+    ) -> None: ...
+    def run_dense(
+        self,
+        light: _Light,
+        readouts: int | None = None,
+        *,
+        readouts_per_frame: int | None = None,
+        interpolation: str = "hold",
+        progress: _Progress = None,
+        out: _Bytes | None = None,
     ) -> _Bytes: ...
     @property
     def camera(self) -> Camera: ...
     @property
     def shape(self) -> tuple[int, int]: ...
     @property
-    def readout(self) -> int: ...
+    def next_readout(self) -> int: ...
     @property
     def backend(self) -> str: ...
     @property
@@ -162,6 +169,37 @@ class Simulator:
     def __setstate__(self, state: bytes) -> None: ...
 
 @final
+class SpikeFrames:
+    @classmethod
+    def from_dense(cls, array: _Bytes | NDArray[np.bool_]) -> SpikeFrames: ...
+    @classmethod
+    def from_packed(cls, packed: _Bytes, height: int, width: int) -> SpikeFrames: ...
+    @property
+    def packed(self) -> _Bytes: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def readouts(self) -> int: ...
+    @property
+    def shape(self) -> tuple[int, int, int]: ...
+    @property
+    def spike_count(self) -> int: ...
+    def to_dense(self) -> _Bytes: ...
+    def spikes(self) -> NDArray[np.int64]: ...
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]: ...
+    def __len__(self) -> int: ...
+    @overload
+    def __getitem__(self, index: int, /) -> _Bytes: ...
+    @overload
+    def __getitem__(self, index: slice, /) -> SpikeFrames: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    __hash__: None  # type: ignore[assignment]
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
 class Stream:
     @property
     def shape(self) -> tuple[int, int, int]: ...
@@ -171,7 +209,7 @@ class Stream:
     def path(self) -> Path: ...
     @property
     def closed(self) -> bool: ...
-    def bits(self, first: int = 0, end: int | None = None) -> _Bytes: ...
+    def read_bits(self, first: int = 0, end: int | None = None) -> _Bytes: ...
     def close(self) -> None: ...
     def __len__(self) -> int: ...
     @overload
@@ -211,7 +249,7 @@ class Scene:
         self,
         t: float,
         frames: int,
-        hz: float,
+        fps: float,
         *,
         samples: int = 4,
         threads: int = 1,
@@ -233,29 +271,37 @@ def simulate_batch(
     seed: int = 0,
     camera_seed: int | Iterable[int] | None = None,
     windows: Iterable[Iterable[int]] | None = None,
-    insertion: str = "linear",
+    interpolation: str = "hold",
     readouts: int | None = None,
     threads: int = 1,
     bits: bool = True,
-    greatest_light: float = 1.0,
+    max_light: float = 1.0,
     out: _Bytes | None = None,
     progress: _Progress = None,
     copy: bool = True,
 ) -> _Bytes: ...
 def light_at(
-    frames: _Light, at: Sequence[int], readouts_per_frame: int = 1, *, insertion: str = "linear"
+    frames: _Light, readouts: Sequence[int], readouts_per_frame: int = 1, *, interpolation: str = "hold"
 ) -> NDArray[np.float32]: ...
-def unpack(packed: _Bytes, height: int, width: int, *, out: _Bytes | None = None) -> _Bytes: ...
+def unpack(
+    spikes: SpikeFrames | _Bytes, height: int | None = None, width: int | None = None, *, out: _Bytes | None = None
+) -> _Bytes: ...
 def pack(bits: _Bytes) -> _Bytes: ...
-def tfp(packed: _Bytes, height: int, width: int, at: int, half_window: int) -> NDArray[np.float32]: ...
-def tfi(packed: _Bytes, height: int, width: int, at: int, search: int = 20) -> NDArray[np.float32]: ...
-def span_rate(packed: _Bytes, height: int, width: int, at: int, half_window: int) -> NDArray[np.float32]: ...
+def tfp(
+    spikes: SpikeFrames | _Bytes, height: int | None = None, width: int | None = None, *, at: int, half_window: int
+) -> NDArray[np.float32]: ...
+def tfi(
+    spikes: SpikeFrames | _Bytes, height: int | None = None, width: int | None = None, *, at: int, search: int = 20
+) -> NDArray[np.float32]: ...
+def span_rates(
+    spikes: SpikeFrames | _Bytes, height: int | None = None, width: int | None = None, *, at: int, half_window: int
+) -> NDArray[np.float32]: ...
 def open_stream(
     path: _Path, *, layout: str | None = None, height: int | None = None, width: int | None = None
 ) -> Stream: ...
 def write_stream(
     path: _Path,
-    spikes: _Bytes,
+    spikes: SpikeFrames | _Bytes,
     *,
     height: int | None = None,
     width: int | None = None,
@@ -266,15 +312,18 @@ def write_stream(
     progress: _Progress = None,
 ) -> str: ...
 def measure(
-    stream: Stream | _Bytes, height: int | None = None, width: int | None = None, progress: _Progress = None
+    stream: Stream | SpikeFrames | _Bytes,
+    height: int | None = None,
+    width: int | None = None,
+    progress: _Progress = None,
 ) -> str: ...
 def calibrate(
     recordings: _Path,
     out: _Path | None = None,
-    dead_time: float = 0.002,
+    dead_time_fraction: float = 0.002,
     light_uncertainty: float | None = None,
-    precision: float | None = None,
-    paper: bool = False,
+    max_gain_error: float | None = None,
+    snee: bool = False,
     force: bool = False,
     progress: _Progress = None,
 ) -> tuple[str, Camera]: ...
@@ -283,7 +332,7 @@ def diagnose(
     camera: Camera | None = None,
     holdout: _Path | None = None,
     seed: int = 1,
-    everything: bool = False,
+    all_readouts: bool = False,
     out: _Path | None = None,
     force: bool = False,
     progress: _Progress = None,

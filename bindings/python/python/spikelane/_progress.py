@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-Callback = Callable[[float, float], object]
+ProgressCallback = Callable[[float, float], object]
 
 
-def native_bar(wanted: bool, unit: str) -> Callback | None:
+def progress_callback(wanted: bool, unit: str) -> ProgressCallback | None:
     """What the native half calls with (done, total) for `progress=True`: tqdm's bar, closed at the end.
 
     Without tqdm it is None: a bar is a convenience, and no reason to fail.
@@ -20,10 +20,10 @@ def native_bar(wanted: bool, unit: str) -> Callback | None:
         return None
     shown = tqdm(unit=unit)
 
-    def tell(done: float, total: float) -> None:
+    def update_bar(done: float, total: float) -> None:
         shown.total = total
         shown.update(done - shown.n)
         if done >= total:
             shown.close()
 
-    return tell
+    return update_bar

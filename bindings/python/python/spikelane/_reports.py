@@ -11,22 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._progress import Callback
+from ._progress import ProgressCallback
 
 __all__ = [
     "Calibration",
     "Defects",
     "Diagnosis",
+    "Discrepancy",
     "Estimate",
     "FoundEffect",
-    "Gap",
     "Lamp",
     "Measurement",
-    "Misfit",
     "Parameter",
+    "ParameterMismatch",
     "SpectralLine",
     "Statistic",
-    "Unexplained",
+    "UnexplainedStatistic",
     "calibrate",
     "diagnose",
     "measure",
@@ -43,7 +43,7 @@ class Estimate:
     error: float
 
     @classmethod
-    def _of(cls, said: Any) -> Estimate:
+    def _from_json(cls, said: Any) -> Estimate:
         value, error = (_number(said or {}, key) for key in ("value", "error"))
         return cls(value, error)
 
@@ -55,25 +55,30 @@ def _number(said: dict[str, Any], key: str) -> float:
 
 @dataclass(frozen=True)
 class Statistic:
-    """A statistic of a recording: ``key`` without spaces, ``words`` with its unit; NaN stands for what cannot be told.
+    """A statistic of a recording: ``key`` without spaces, ``description`` with its unit; NaN stands for what cannot be told.
 
-    ``recording_error`` is one standard deviation of what another recording of this sensor would give (no more than
-    that, where ``at_most``), ``sensor_error`` of what another sensor of this kind would. A value that may be 0 is NaN, and is
-    less than ``below`` with 95 % confidence.
+    ``recording_error`` is the standard deviation between recordings of this sensor, or an upper bound of it if
+    ``recording_error_is_bound``. ``sensor_error`` is the standard deviation between sensors of this kind. A value that may
+    be 0 is NaN, and is less than ``upper_limit`` with 95 % confidence.
     """
 
     key: str
-    words: str
+    description: str
     value: float
-    below: float
+    upper_limit: float
     recording_error: float
     sensor_error: float
-    at_most: bool
+    recording_error_is_bound: bool
 
     @classmethod
-    def _of(cls, said: dict[str, Any]) -> Statistic:
-        numbers = {k: _number(said, k) for k in ("value", "below", "recording_error", "sensor_error")}
-        return cls(key=said["key"], words=said["words"], at_most=said.get("at_most", False), **numbers)
+    def _from_json(cls, said: dict[str, Any]) -> Statistic:
+        numbers = {k: _number(said, k) for k in ("value", "upper_limit", "recording_error", "sensor_error")}
+        return cls(
+            key=said["key"],
+            description=said["description"],
+            recording_error_is_bound=said.get("recording_error_is_bound", False),
+            **numbers,
+        )
 
 
 @dataclass(frozen=True)
@@ -104,20 +109,20 @@ class Defects:
 class Measurement:
     """What a recording says of its camera, in the words of EMVA 1288; rates in spikes per readout.
 
-    ``rate`` and ``pattern`` (rate less its 5x5 surroundings) are float64 (H, W); ``interval_histogram`` is int64,
-    entry n the number of intervals of n readouts. ``moves`` says that the scene moved; errors are then not those of a
+    ``rate`` and ``local_pattern`` (rate less its 5x5 surroundings) are float64 (H, W); ``interval_histogram`` is int64,
+    entry n the number of intervals of n readouts. ``is_moving`` says that the scene moved; errors are then not those of a
     still one, and ``moving_share`` of the pixels changed.
     """
 
     readouts: int
-    temporal_of_rate: float
-    moves: bool
+    temporal_rate_sd: float
+    is_moving: bool
     moving_share: float
     defects: Defects
     statistics: tuple[Statistic, ...]
     frame_total_lines: tuple[SpectralLine, ...]
     rate: NDArray[np.float64] = field(repr=False)
-    pattern: NDArray[np.float64] = field(repr=False)
+    local_pattern: NDArray[np.float64] = field(repr=False)
     interval_histogram: NDArray[np.int64] = field(repr=False)
 
     def __getitem__(self, key: str) -> Statistic:
@@ -132,23 +137,23 @@ class Measurement:
 class Lamp:
     """A light level as the recording set states it and as it was found.
 
-    ``change`` is by how much, relatively, the light of the second half of its recording differs from the first's. ``rate`` is
-    the mean of the pixels that have a line, in spikes per readout; ``scatter`` the spread of their rates about their own
-    lines, relative to it; ``readouts`` is 0 for a map of unknown length.
+    ``light_change`` is the relative difference of the light between the second and the first half of its recording.
+    ``mean_rate`` is the mean of the fitted pixels in spikes per readout. ``rate_scatter`` is the spread of their rates about
+    their fitted lines, relative to ``mean_rate``. ``readouts`` is 0 for a map of unknown length.
     """
 
     file: str
-    stated: float
+    stated_light: float
     stated_uncertainty: float
-    found: float
+    found_light: float
     deviation: Estimate
-    wrong: bool
-    saturated: bool
+    is_outlier: bool
+    is_saturated: bool
     drifts: bool
     readouts: int
-    rate: float
-    scatter: float
-    change: Estimate
+    mean_rate: float
+    rate_scatter: float
+    light_change: Estimate
 
 
 @dataclass(frozen=True)
@@ -157,9 +162,9 @@ class Calibration:
 
     ``gain`` and ``dark_rate`` are means over the pixels in thresholds per readout (at full light, and in the dark),
     with their spreads; ``threshold_noise`` is relative to the threshold; ``electrons_per_spike`` in electrons.
-    ``camera`` has the maps; ``dead``, ``hot``, ``misfits``, ``unknown_pixels`` are int64 indices row * W + col.
-    ``verdict`` says in a sentence how far to trust the camera, ``cautions`` why no further; ``raw`` is all of
-    calibration.json.
+    ``camera`` has the maps. ``dead_pixels``, ``hot_pixels``, ``poor_fit_pixels`` and ``unfitted_pixels`` are int64 indices
+    row * W + col. ``verdict`` is a sentence about the reliability of the camera, and ``cautions`` lists its limits. ``raw``
+    is the content of calibration.json.
     """
 
     camera: _native.Camera
@@ -170,12 +175,12 @@ class Calibration:
     threshold_spread: Estimate
     threshold_noise: Estimate
     electrons_per_spike: Estimate
-    redraw: str
-    levels: tuple[Lamp, ...]
-    dead: NDArray[np.int64]
-    hot: NDArray[np.int64]
-    misfits: NDArray[np.int64]
-    unknown_pixels: NDArray[np.int64]
+    noise_sampling: str
+    lamps: tuple[Lamp, ...]
+    dead_pixels: NDArray[np.int64]
+    hot_pixels: NDArray[np.int64]
+    poor_fit_pixels: NDArray[np.int64]
+    unfitted_pixels: NDArray[np.int64]
     verdict: str
     cautions: tuple[str, ...]
     notes: tuple[str, ...]
@@ -194,29 +199,29 @@ class Parameter:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that a diagnosis added; ``resembles`` if its name is a likeness only."""
+    """An effect that a diagnosis added; ``is_tentative`` if its name is a likeness only."""
 
     name: str
     parameters: tuple[Parameter, ...]
-    tied_with: tuple[str, ...]
-    resembles: bool
+    ambiguous_with: tuple[str, ...]
+    is_tentative: bool
     evidence: str
 
 
 @dataclass(frozen=True)
-class Misfit:
+class ParameterMismatch:
     """A number of the model that the recordings contradict, with the 95 % interval of what was fitted."""
 
     parameter: str
-    model: float
-    fitted: float
+    model_value: float
+    fitted_value: float
     low: float
     high: float
-    tied_with: tuple[str, ...]
+    ambiguous_with: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Unexplained:
+class UnexplainedStatistic:
     """A statistic of a recording (``where``) that nothing explains, ``z`` standard deviations off."""
 
     where: str
@@ -224,13 +229,13 @@ class Unexplained:
 
 
 @dataclass(frozen=True)
-class Gap:
+class Discrepancy:
     """Distance of model and data after each step, on fitted and held-out recordings, and its floor."""
 
-    train: tuple[float, ...]
-    heldout: tuple[float, ...]
-    floor: float
-    floor_sd: float
+    fitted_set: tuple[float, ...]
+    held_out_set: tuple[float, ...]
+    noise_floor: float
+    noise_floor_sd: float
 
 
 @dataclass(frozen=True)
@@ -244,11 +249,11 @@ class Diagnosis:
     verdict: str
     camera: _native.Camera
     effects: tuple[FoundEffect, ...]
-    misfits: tuple[Misfit, ...]
-    unknown: tuple[Unexplained, ...]
-    gap: Gap
-    settle: tuple[str, ...]
-    not_testable: tuple[str, ...]
+    parameter_mismatches: tuple[ParameterMismatch, ...]
+    unexplained: tuple[UnexplainedStatistic, ...]
+    discrepancy: Discrepancy
+    recommended_recordings: tuple[str, ...]
+    undetectable: tuple[str, ...]
     notes: tuple[str, ...]
     seconds: float
     raw: dict[str, Any] = field(repr=False)
@@ -259,17 +264,17 @@ def _indices(said: Any) -> NDArray[np.int64]:
 
 
 def measure(
-    stream: _native.Stream | NDArray[np.uint8] | PathLike,
+    stream: _native.Stream | _native.SpikeFrames | NDArray[np.uint8] | PathLike,
     height: int | None = None,
     width: int | None = None,
     *,
-    progress: Callback | bool | None = None,
+    progress: ProgressCallback | bool | None = None,
 ) -> Measurement:
     """Measures a stream of a uniform, dark or static scene.
 
-    ``stream`` is a Stream, a path, or bit-packed uint8 (T, ceil(H * W / 8)) with ``height`` and ``width``.
-    ``progress(share, 1.0)`` hears about the work; True shows tqdm's bar where tqdm is installed. Ctrl-C stops it.
-    Raises as ``open_stream``.
+    ``stream`` is a Stream, SpikeFrames, a path, or bit-packed uint8 (T, ceil(H * W / 8)) with ``height`` and ``width``.
+    ``progress(share, 1.0)`` is called during the work; True shows a bar if tqdm is installed. Ctrl-C stops it.
+    Raises the errors of ``open_stream``.
     """
     if isinstance(stream, str | os.PathLike):
         stream = _native.open_stream(os.fspath(stream), height=height, width=width)
@@ -278,14 +283,14 @@ def measure(
     defects = said["defects"]
     return Measurement(
         readouts=said["readouts"],
-        temporal_of_rate=_number(said, "temporal_of_rate"),
-        moves=said["scene"]["moves"],
-        moving_share=said["scene"]["share"],
+        temporal_rate_sd=_number(said, "temporal_rate_sd"),
+        is_moving=said["scene_motion"]["is_moving"],
+        moving_share=said["scene_motion"]["moving_share"],
         defects=Defects(**{kind: _indices(defects[kind]) for kind in ("dead", "stuck", "hot", "weak")}),
-        statistics=tuple(Statistic._of(statistic) for statistic in said["statistics"]),
+        statistics=tuple(Statistic._from_json(statistic) for statistic in said["statistics"]),
         frame_total_lines=tuple(SpectralLine(**line) for line in said["frame_total_lines"]),
         rate=np.array(said["rate"], dtype=np.float64).reshape(shape),
-        pattern=np.array(said["pattern"], dtype=np.float64).reshape(shape),
+        local_pattern=np.array(said["local_pattern"], dtype=np.float64).reshape(shape),
         interval_histogram=_indices(said["interval_histogram"]),
     )
 
@@ -294,34 +299,34 @@ def calibrate(
     recordings: PathLike,
     *,
     out: PathLike | None = None,
-    dead_time: float = 0.002,
+    dead_time_fraction: float = 0.002,
     light_uncertainty: float | None = None,
-    precision: float | None = None,
-    paper: bool = False,
+    max_gain_error: float | None = None,
+    snee: bool = False,
     force: bool = False,
-    progress: Callback | bool | None = None,
+    progress: ProgressCallback | bool | None = None,
 ) -> Calibration:
     """Fits a camera to a recording set (a .toml file; `docs/why/calibration.md` has its form).
 
     ``out`` is a folder for camera.toml, its maps, calibration.json and report.html; without it nothing is written.
-    ``dead_time`` is the share of the first increment after a spike that the reset loses, ``light_uncertainty`` the
-    relative standard deviation of the levels, ``precision`` a relative standard error of the gain to insist on,
-    ``paper`` also runs the SCSim paper's estimator. ``progress`` and Ctrl-C as in ``measure``.
+    ``dead_time_fraction`` is the share of the first increment after a spike that the reset loses, ``light_uncertainty`` the
+    relative standard deviation of the levels, ``max_gain_error`` a relative standard error of the gain to insist on,
+    ``snee`` also runs the SCSim paper's estimator. ``progress`` and Ctrl-C as in ``measure``.
     Raises SpikelaneError when the set is bad, FileExistsError unless ``force``.
     """
     text, camera = _native.calibrate(
         os.fspath(recordings),
         None if out is None else os.fspath(out),
-        dead_time,
+        dead_time_fraction,
         light_uncertainty,
-        precision,
-        paper,
+        max_gain_error,
+        snee,
         force,
         progress,
     )
     said = json.loads(text)
     people = said["population"]
-    estimate = Estimate._of
+    estimate = Estimate._from_json
     return Calibration(
         camera=camera,
         gain=estimate(people["mean_a"]),
@@ -331,15 +336,21 @@ def calibrate(
         threshold_spread=estimate(people["sigma_phi"]),
         threshold_noise=estimate(said["sigma_t"]),
         electrons_per_spike=estimate(said["electrons_per_spike"]),
-        redraw=said["redraw"],
-        levels=tuple(
-            Lamp(**{**level, "deviation": estimate(level["deviation"]), "change": estimate(level.get("change"))})
-            for level in said["levels"]
+        noise_sampling=said["noise_sampling"],
+        lamps=tuple(
+            Lamp(
+                **{
+                    **level,
+                    "deviation": estimate(level["deviation"]),
+                    "light_change": estimate(level.get("light_change")),
+                }
+            )
+            for level in said["lamps"]
         ),
-        dead=_indices(said["dead"]),
-        hot=_indices(said["hot"]),
-        misfits=_indices(said["misfits"]),
-        unknown_pixels=_indices(said["unknown_pixels"]),
+        dead_pixels=_indices(said["dead_pixels"]),
+        hot_pixels=_indices(said["hot_pixels"]),
+        poor_fit_pixels=_indices(said["poor_fit_pixels"]),
+        unfitted_pixels=_indices(said["unfitted_pixels"]),
         verdict=said["verdict"],
         cautions=tuple(said["cautions"]),
         notes=tuple(said["notes"]),
@@ -353,15 +364,15 @@ def diagnose(
     *,
     holdout: PathLike | None = None,
     seed: int = 1,
-    everything: bool = False,
+    all_readouts: bool = False,
     out: PathLike | None = None,
     force: bool = False,
-    progress: Callback | bool | None = None,
+    progress: ProgressCallback | bool | None = None,
 ) -> Diagnosis:
     """Finds what a camera has that its model lacks, names it and adds it (`docs/why/diagnosis.md`).
 
     ``recordings`` and ``holdout`` are recording sets (.toml); ``camera`` the model to start from, without it the
-    published one calibrated. The same ``seed`` gives the same diagnosis. ``everything`` judges all readouts of
+    published one calibrated. The same ``seed`` gives the same diagnosis. ``all_readouts`` judges all readouts of
     large recordings. ``out`` is a folder for diagnosis.json, camera.toml and report.html. ``progress`` and Ctrl-C
     as in ``measure``. Raises SpikelaneError when a set is bad, FileExistsError unless ``force``.
     """
@@ -370,13 +381,13 @@ def diagnose(
         camera,
         None if holdout is None else os.fspath(holdout),
         seed,
-        everything,
+        all_readouts,
         None if out is None else os.fspath(out),
         force,
         progress,
     )
     said = json.loads(text)
-    gap = said["gap"]
+    discrepancy = said["discrepancy"]
     return Diagnosis(
         verdict=said["verdict"],
         camera=found,
@@ -384,17 +395,25 @@ def diagnose(
             FoundEffect(
                 name=e["name"],
                 parameters=tuple(Parameter(**p) for p in e["parameters"]),
-                tied_with=tuple(e["tied_with"]),
-                resembles=e["resembles"],
+                ambiguous_with=tuple(e["ambiguous_with"]),
+                is_tentative=e["is_tentative"],
                 evidence=e["evidence"],
             )
             for e in said["effects"]
         ),
-        misfits=tuple(Misfit(**{**m, "tied_with": tuple(m["tied_with"])}) for m in said["misfits"]),
-        unknown=tuple(Unexplained(**u) for u in said["unknown"]),
-        gap=Gap(tuple(gap["train"]), tuple(gap["heldout"]), gap["floor"], gap["floor_sd"]),
-        settle=tuple(said["settle"]),
-        not_testable=tuple(said["not_testable"]),
+        parameter_mismatches=tuple(
+            ParameterMismatch(**{**m, "ambiguous_with": tuple(m["ambiguous_with"])})
+            for m in said["parameter_mismatches"]
+        ),
+        unexplained=tuple(UnexplainedStatistic(**u) for u in said["unexplained"]),
+        discrepancy=Discrepancy(
+            fitted_set=tuple(discrepancy["fitted_set"]),
+            held_out_set=tuple(discrepancy["held_out_set"]),
+            noise_floor=discrepancy["noise_floor"],
+            noise_floor_sd=discrepancy["noise_floor_sd"],
+        ),
+        recommended_recordings=tuple(said["recommended_recordings"]),
+        undetectable=tuple(said["undetectable"]),
         notes=tuple(said["notes"]),
         seconds=said["seconds"],
         raw=said,

@@ -8,39 +8,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._progress import Callback
+from ._progress import ProgressCallback
 
-__all__ = ["Rendered", "Scene", "VehicleBox"]
+__all__ = ["RenderedFrame", "Scene", "VehicleBox"]
 
 
 @dataclass(frozen=True)
 class VehicleBox:
     """A vehicle in a picture. Boxes are (left, top, right, bottom) in pixels, right and bottom not included.
 
-    ``visible`` is that of its visible pixels, None if there are none; ``amodal`` that of the whole vehicle, which may
-    leave the picture. ``occlusion`` and ``truncation`` are shares, 0 to 1. ``centre_m`` is in the camera's frame
+    ``visible_box`` encloses its visible pixels, None if there are none; ``amodal_box`` the whole vehicle, which may
+    leave the picture. ``occlusion`` and ``truncation`` are shares, 0 to 1. ``center_m`` is in the camera's frame
     (right, down, forward), ``size_m`` (length, width, height), ``rotation_y`` in radians as KITTI has it.
     """
 
     track_id: int
-    category: str
-    visible: tuple[float, float, float, float] | None
-    amodal: tuple[float, float, float, float]
+    vehicle_class: str
+    visible_box: tuple[float, float, float, float] | None
+    amodal_box: tuple[float, float, float, float]
     visible_pixels: int
     occlusion: float
     truncation: float
-    centre_m: tuple[float, float, float]
+    center_m: tuple[float, float, float]
     size_m: tuple[float, float, float]
     rotation_y: float
     speed_mps: float
 
 
 @dataclass(frozen=True)
-class Rendered:
+class RenderedFrame:
     """A scene at ``t`` seconds, with exact labels.
 
     ``light`` float32 (H, W), linear, 1.0 at white (lamps and highlights lie above); ``rgb`` float32 (H, W, 3),
-    linear; ``depth`` float32 (H, W) in metres, infinite in the sky; ``instances`` uint32 (H, W), 0 for none, else the
+    linear; ``depth`` float32 (H, W) in meters, infinite in the sky; ``instances`` uint32 (H, W), 0 for none, else the
     ``track_id`` of the boxes; ``semantic`` uint8 (H, W), see ``Scene.semantic_names``; ``flow`` float32 (2, H, W) in
     pixels, columns and rows, to ``flow_to`` seconds; ``occluded`` bool (H, W), hidden there then.
     """
@@ -111,8 +111,8 @@ class Scene:
         """Vehicles besides the camera's; instance numbers run from 1 to this."""
         return self._native.vehicles
 
-    def render(self, t: float, *, flow_to: float | None = None, samples: int = 4, threads: int = 1) -> Rendered:
-        """Light and labels at ``t`` seconds, with ``samples`` (4 or 16) colour samples a pixel.
+    def render(self, t: float, *, flow_to: float | None = None, samples: int = 4, threads: int = 1) -> RenderedFrame:
+        """Light and labels at ``t`` seconds, with ``samples`` (4 or 16) color samples a pixel.
 
         ``flow_to`` is the instant to which the flow goes: one millisecond later unless given (earlier at the end).
         Raises SpikelaneError when an instant lies outside the drive.
@@ -122,7 +122,7 @@ class Scene:
         said = self._native._render(t, samples, threads)
         flow, occluded = self._native.flow(t, flow_to, threads)
         boxes = tuple(VehicleBox(**box) for box in said.pop("boxes"))
-        return Rendered(boxes=boxes, flow=flow, occluded=occluded, flow_to=flow_to, **said)
+        return RenderedFrame(boxes=boxes, flow=flow, occluded=occluded, flow_to=flow_to, **said)
 
     def flow(self, t: float, to: float, *, threads: int = 1) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Where the pixels of instant ``t`` are at instant ``to`` (seconds, earlier or later).
@@ -135,17 +135,17 @@ class Scene:
         self,
         t: float,
         frames: int,
-        hz: float,
+        fps: float,
         *,
         samples: int = 4,
         threads: int = 1,
-        progress: Callback | bool | None = None,
+        progress: ProgressCallback | bool | None = None,
     ) -> NDArray[np.float32]:
-        """Light of ``frames`` instants from ``t`` on, ``hz`` a second: float32 (frames, H, W), 1.0 at white.
+        """Light of ``frames`` instants from ``t`` on, ``fps`` a second: float32 (frames, H, W), 1.0 at white.
 
-        What ``Simulator.push`` and ``simulate_batch`` take. ``progress(done, total)`` hears about frames.
+        ``Simulator.run`` and ``simulate_batch`` take this light. ``progress(done, total)`` is called with numbers of frames.
         """
-        return self._native.clip(t, frames, hz, samples=samples, threads=threads, progress=progress)
+        return self._native.clip(t, frames, fps, samples=samples, threads=threads, progress=progress)
 
     @staticmethod
     def semantic_names() -> dict[int, str]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._clips import _hash, _usage
+from ._clips import _hash, _usage_error
 from ._native import unpack
 
 SPLITS = ("train", "validation", "test")
@@ -32,25 +32,27 @@ class ShardReader:
         seed: int,
     ) -> None:
         if split is not None and split not in SPLITS:
-            raise _usage("split", repr(split), "'train', 'validation', 'test' or None", "None gives all sequences")
-        self.tars = _tars(source)
+            raise _usage_error(
+                "split", repr(split), "'train', 'validation', 'test' or None", "None gives all sequences"
+            )
+        self.tars = _find_tars(source)
         self.split = split
         self.clean = clean
         self.members = tuple(members)
         self.shuffle = shuffle
         self.seed = seed
 
-    def part(self, epoch: int, of: int, own: int) -> list[Path]:
-        """The tars that are the share of part ``own`` of ``of``, in the order of the epoch."""
+    def part_tars(self, epoch: int, part_count: int, part_index: int) -> list[Path]:
+        """The tars that are the share of part ``part_index`` of ``part_count``, in the order of the epoch."""
         order = list(range(len(self.tars)))
         if self.shuffle:
             order.sort(key=lambda index: _hash(self.seed, 0x5AD5, epoch, index))
-        return [self.tars[index] for index in order[own::of]]
+        return [self.tars[index] for index in order[part_index::part_count]]
 
-    def items(self, tars: Sequence[Path]) -> Iterator[dict[str, Any]]:
+    def read_items(self, tars: Sequence[Path]) -> Iterator[dict[str, Any]]:
         """Every sequence of the split, in the order in which it lies."""
         for path in tars:
-            for key, files in _sequences(path):
+            for key, files in _read_sequences(path):
                 found = files.get("split.txt")
                 if self.split is None or (found is not None and found.decode() == self.split):
                     yield self._item(path, key, files)
@@ -62,13 +64,13 @@ class ShardReader:
                 "id": key,
                 "split": files["split.txt"].decode(),
                 "record": json.loads(files["json"]),
-                "spikes": _spikes(files["spk.dat"], about),
+                "spikes": _decode_spikes(files["spk.dat"], about),
             }
             if self.clean:
-                item["clean"] = _spikes(files["clean.dat"], about)
-            item.update({name: _member(name, files[name]) for name in self.members})
+                item["clean"] = _decode_spikes(files["clean.dat"], about)
+            item.update({name: _decode_member(name, files[name]) for name in self.members})
         except KeyError as missing:
-            raise _usage(
+            raise _usage_error(
                 str(path),
                 f"no {missing.args[0]} of {key}",
                 "a sequence as 'spikelane dataset run' packs it",
@@ -77,19 +79,19 @@ class ShardReader:
         return item
 
 
-def _tars(source: str | Path | Sequence[str | Path]) -> list[Path]:
+def _find_tars(source: str | Path | Sequence[str | Path]) -> list[Path]:
     if isinstance(source, (str, Path)):
         folder = Path(source)
         found = sorted(folder.glob("shards/*.tar")) or sorted(folder.glob("*.tar"))
         if not found:
-            raise _usage(
+            raise _usage_error(
                 str(source), "no tar", "the folder of a dataset that was planned with --pack", "run its shards"
             )
         return found
     return [Path(path) for path in source]
 
 
-def _sequences(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
+def _read_sequences(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
     """Members that follow one another and share what is before their first dot."""
     key, files = "", dict[str, bytes]()
     with tarfile.open(path, "r|") as tar:
@@ -107,7 +109,7 @@ def _sequences(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
         yield key, files
 
 
-def _spikes(stream: bytes, about: dict[str, Any]) -> NDArray[np.uint8]:
+def _decode_spikes(stream: bytes, about: dict[str, Any]) -> NDArray[np.uint8]:
     """uint8 of 0 and 1, (T, H, W), the top row first."""
     width, height, readouts = about["width"], about["height"], about["readouts"]
     packed = np.frombuffer(stream, np.uint8).reshape(readouts, (width * height + 7) // 8)
@@ -116,7 +118,7 @@ def _spikes(stream: bytes, about: dict[str, Any]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(bits[:, ::-1])
 
 
-def _member(name: str, body: bytes) -> Any:
+def _decode_member(name: str, body: bytes) -> Any:
     if name.endswith(".npy"):
         return np.load(io.BytesIO(body))
     if name.endswith(".json"):

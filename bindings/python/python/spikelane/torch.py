@@ -25,7 +25,7 @@ __all__ = ["SpikeClipStream", "SpikeClips", "SpikeShards"]
 Clips = Sequence[NDArray[Any]] | NDArray[Any]
 
 
-def _tensors(item: dict[str, Any]) -> dict[str, Any]:
+def _to_tensors(item: dict[str, Any]) -> dict[str, Any]:
     """Arrays as tensors on the same memory; seeds, which may exceed torch's integers, as text."""
     made: dict[str, Any] = {}
     for key, value in item.items():
@@ -69,16 +69,16 @@ class SpikeClips(Dataset[dict[str, Any]]):
         return len(self.sampler)
 
     def __getitem__(self, index: int) -> dict[str, Any]:
-        return _tensors(self.sampler.item(int(index), self.epoch))
+        return _to_tensors(self.sampler.item(int(index), self.epoch))
 
 
-def _worker() -> tuple[int, int]:
+def _worker_index_and_count() -> tuple[int, int]:
     """Number of this worker, and how many there are."""
     worker: Any = get_worker_info()  # type: ignore[no-untyped-call, unused-ignore]
     return (worker.id, worker.num_workers) if worker else (0, 1)
 
 
-class _Passes(IterableDataset[dict[str, Any]]):
+class _EpochDataset(IterableDataset[dict[str, Any]]):
     """Passes over items of which this rank takes a part: ``epoch`` and ``rank`` of ``ranks``."""
 
     def __init__(self, rank: int, ranks: int) -> None:
@@ -98,7 +98,7 @@ class _Passes(IterableDataset[dict[str, Any]]):
         return int(self._epoch[0])
 
 
-class SpikeClipStream(_Passes):
+class SpikeClipStream(_EpochDataset):
     """An iterable dataset of streams: one pass over all clips, in an order drawn anew in every epoch.
 
     Arguments and items are those of ``spikelane.ClipSampler``, arrays as tensors. Of W workers (and R ranks, with
@@ -129,12 +129,12 @@ class SpikeClipStream(_Passes):
         epoch, order = self.epoch, list(range(len(self.sampler)))
         if self.shuffle:
             order.sort(key=lambda index: _hash(self.sampler.seed, 0x5807, epoch, index))
-        own, workers = _worker()
+        own, workers = _worker_index_and_count()
         for index in order[self.rank :: self.ranks][own::workers]:
-            yield _tensors(self.sampler.item(index, epoch))
+            yield _to_tensors(self.sampler.item(index, epoch))
 
 
-class SpikeShards(_Passes):
+class SpikeShards(_EpochDataset):
     """Sequences of packed shards: one pass over those of a split, read tar by tar.
 
     ``source`` is the folder of a dataset that was planned with ``--pack``, or a list of tars. Items hold ``id``, ``split``,
@@ -162,7 +162,7 @@ class SpikeShards(_Passes):
         self.reader = ShardReader(source, split, clean=clean, members=members, shuffle=shuffle, seed=seed)
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        own, workers = _worker()
-        tars = self.reader.part(self.epoch, self.ranks * workers, self.rank * workers + own)
-        for item in self.reader.items(tars):
-            yield _tensors(item)
+        own, workers = _worker_index_and_count()
+        tars = self.reader.part_tars(self.epoch, self.ranks * workers, self.rank * workers + own)
+        for item in self.reader.read_items(tars):
+            yield _to_tensors(item)

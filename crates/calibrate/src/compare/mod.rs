@@ -1,39 +1,44 @@
-//! Simulated cameras against a measured one.
+//! Compares simulated cameras with a measured camera.
 //!
-//! [`grey_levels`] compares the response over uniform levels and the interval histograms of
-//! single levels; [`static_scene`] compares temporal noise with one recording of an unknown
-//! static scene. [`realism`] asks whether a discriminator tells a camera's recordings from a real one.
+//! [`compare_gray_levels`] compares the responses to uniform light levels, and the interval histograms at single levels.
+//! [`compare_static_scene`] compares the temporal noise with one recording of an unknown static scene.
+//! [`compare_realism`] tests whether a discriminator can distinguish simulated recordings from a real recording.
 
-mod areas;
-mod grey;
-mod grey_page;
+mod gray;
+mod gray_report;
 mod realism;
-mod row;
+mod row_bands;
 mod scene;
-mod scene_page;
-mod steady;
+mod scene_report;
+mod scene_statistics;
+mod steady_pixels;
 
-pub use steady::steady;
+pub use steady_pixels::steady_pixels;
 
-pub use areas::Area;
-pub use grey::{CameraDistance, Floor, GreyComparison, grey_levels};
+pub use gray::{CameraDistance, GrayComparison, NoiseFloor, compare_gray_levels};
 pub use realism::{
-    Auc, Numbers, Part, Realism, RealismOptions, RealismRow, Tell, Window, realism, still_pixels,
+    Auc, FeatureSeparation, RealismComparison, RealismOptions, RealismRow, RecordingStatistics, WindowSize,
+    WindowSubset, compare_realism, static_pixels,
 };
-pub use row::SceneRow;
-pub use scene::{SceneComparison, static_scene};
+pub use row_bands::RowBand;
+pub use scene::{SceneComparison, compare_static_scene};
+pub use scene_statistics::SceneStatistics;
 
 use spikelane::error::Result;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs;
 
-/// The models that the paper compares, and this crate's own.
-pub const MODELS: [&str; 6] = ["scsim-code", "scsim-paper", "neuspike", "spikingsim", "spcs", "physical"];
+/// Presets of the models that the SCSim paper compares, and the preset of this library's own model.
+pub const DEFAULT_MODELS: [&str; 6] =
+    ["scsim-code", "scsim-paper", "neuspike", "spikingsim", "spcs", "physical"];
 
-/// The most memory that a comparison takes for each pixel, in bytes: maps of the recording and of one camera, and lines through
-/// the times of spikes of both.
-const BYTES_PER_PIXEL: usize = 320;
+/// Upper bound of the memory of a comparison in bytes per pixel. It covers the maps and the fitted rates of the
+/// recording and of one camera.
+const MAX_BYTES_PER_PIXEL: usize = 320;
 
-fn check_memory(geometry: Geometry) -> Result<()> {
-    inputs::check_memory(format_args!("comparison of {geometry} pixels"), BYTES_PER_PIXEL * geometry.pixels())
+fn check_comparison_memory(geometry: Geometry) -> Result<()> {
+    inputs::check_memory(
+        format_args!("comparison of {geometry} pixels"),
+        MAX_BYTES_PER_PIXEL * geometry.pixels(),
+    )
 }

@@ -1,14 +1,15 @@
-//! Finding, naming and adding what the model of a camera lacks.
+//! Diagnosis: finds, names and adds the effects that a camera model is missing.
 //!
-//! [`diagnose`] measures a recording set (bits to one vector of [`Statistic`]s), simulates many sensors of
-//! the calibrated model under the same protocol ([`Reference`]), and where the set is beyond what those
-//! show, tries every effect of the catalogue: by its simulated signature first, then fitted in a
-//! tournament. A name is kept only where recordings that were not fitted come nearer too.
+//! [`diagnose`] reduces a recording set to one vector of statistics ([`DiagnosticStatistic`]). It simulates many
+//! sensors of the calibrated model under the same protocol ([`NullModel`]). If the set deviates significantly from
+//! these, it tries every effect of the catalog: first by simulated signatures, then by fits in a tournament. An
+//! effect is kept only if the model also approaches recordings that were not fitted.
 //!
-//! Maps are not fitted pixel by pixel: statistics of simulated *populations* are compared, so that
-//! no map can swallow a spatial effect, and one simulation serves temporal and spatial statistics alike.
+//! Maps are not fitted pixel by pixel. The diagnosis compares statistics of simulated *populations*, so that no map
+//! can absorb a spatial effect. One simulation serves both temporal and spatial statistics.
 
 mod answer;
+mod detectability;
 mod events;
 mod fit;
 mod given;
@@ -21,30 +22,32 @@ mod run;
 mod search;
 mod sensors;
 mod statistics;
-mod strengths;
 
-pub use answer::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
-pub use answer::page::write;
-pub use answer::pictures::{Picture, Trace};
+pub use answer::diagnosis::{
+    Diagnosis, Discrepancy, FoundEffect, Parameter, ParameterMismatch, ReportData, UnexplainedStatistic,
+    Verdict,
+};
+pub use answer::page::write_diagnosis;
+pub use answer::pictures::{NamedCurve, SetPlots};
 pub use lab::fault::{Fault, FaultKind};
-pub use null::first_look::FirstLook;
-pub use null::nameable::Nameable;
-pub use null::nameable::SCORE;
-pub use null::reference::Reference;
-pub use null::watched::Progress;
-pub use protocol::extent::{Extent, Part};
+pub use null::first_look::PreliminaryResult;
+pub use null::nameable::DETECTION_SCORE;
+pub use null::nameable::Detectability;
+pub use null::reference::NullModel;
+pub use null::watched::ProgressCallback;
+pub use protocol::extent::{ReadoutSelection, RecordingPart};
 pub use protocol::recorded_set::Setup;
-pub use run::diagnose_and_tell;
-pub use run::{Options as DiagnoseOptions, diagnose};
+pub use run::diagnose_with_preliminary;
+pub use run::{DiagnoseOptions, diagnose};
 
-pub use search::round::Fate;
-pub use statistics::entry::Statistic;
-pub use strengths::{Strengths, strengths};
+pub use detectability::{DetectabilityReport, detectability};
+pub use search::round::EliminationReason;
+pub use statistics::entry::DiagnosticStatistic;
 
-/// The published model at the size and rate of a set: what a diagnosis starts from.
+/// Returns the published model with the size and the rate of a set: the initial model of a diagnosis.
 ///
 /// # Errors
-/// Never, in practice: the model is built in.
-pub fn published(setup: &Setup) -> spikelane::error::Result<spikelane::effects::Camera> {
+/// Never in practice: the model is built in.
+pub fn published_camera(setup: &Setup) -> spikelane::error::Result<spikelane::effects::Camera> {
     sensors::published::published(setup)
 }

@@ -1,67 +1,74 @@
-//! The light levels' own errors, which all pixels share.
+//! Fit of the light levels, whose errors all pixels share.
 //!
-//! They are found together with every pixel's line, and before any pixel is judged: while a level is wrong, no pixel's rates lie on a
-//! line, so a pixel is left out only where it fits much worse than the others do.
+//! The levels and the lines of all pixels are fitted together, before any pixel is tested for defects. If a level is
+//! wrong, no pixel follows a line. A pixel is therefore excluded only if its fit is much worse than the fit of other
+//! pixels.
 
-use super::doubt::Stated;
-use super::lamps::{Alignment, align};
-use super::state::{Fitter, Point};
+use super::alignment::{Alignment, align_levels};
+use super::scale_posterior::StatedLevel;
+use super::state::{Fitter, LevelPoint};
+use crate::formulas::cholesky::solve_cholesky;
 use crate::formulas::fit::fit_line;
-use crate::formulas::solve::solve;
-use crate::result::Redrawn;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::pixel::NoiseSampling;
 use spikelane::unstable::threads;
 use spikelane_measure::{Estimate, median};
 
-/// Pixels whose equations one thread adds up.
-const PART: usize = 512;
+/// Number of pixels whose equations one task adds to the sums.
+const PIXELS_PER_TASK: usize = 512;
 
-/// Relative deviation of a level of which nothing is believed.
-const FREE: f64 = 0.3;
+/// Relative standard deviation of a level in a fit that ignores the stated light.
+const UNCONSTRAINED_LEVEL_SD: f64 = 0.3;
 
-/// Levels stay where they are when none would move by more than this, relative: a tenth of what the longest recordings tell.
-const SETTLED: f64 = 1e-7;
+/// The iteration ends when no level changes by more than this share. It is a tenth of the resolution of the longest
+/// recordings.
+const LEVEL_TOLERANCE: f64 = 1e-7;
 
-/// Most rounds until they do. The model is a product of gains and levels; three rounds are usual.
-const ROUNDS: usize = 12;
+/// Maximum number of iterations. Three iterations usually suffice, because the model is a product of gains and levels.
+const MAX_ITERATIONS: usize = 12;
 
 impl Fitter<'_> {
-    /// Finds the levels: first by the recordings alone, then by those of the stated ones that agree with each other.
+    /// Fits the levels twice: from the recordings alone, and then with the stated levels that agree with each other.
     ///
     /// # Errors
-    /// When more than a third of the levels lie off the line of the others.
-    pub(super) fn find_levels(&mut self) -> Result<()> {
-        let lit = |l: &crate::sets::observed::Level| l.light > 0.0;
-        self.level_sd =
-            self.observed.levels.iter().map(|l| if lit(l) { FREE * l.light } else { 0.0 }).collect();
-        self.settle(false);
-        let used: Vec<usize> = (0..self.offsets.len()).filter(|k| !self.saturated[*k]).collect();
-        let stated: Vec<Stated> = used.iter().map(|k| self.stated(*k)).collect();
-        let aligned = align(&stated).ok_or_else(|| self.disagreement(&stated))?;
-        self.believe(&used, &stated, aligned);
-        self.settle(false);
+    /// If more than a third of the levels are off the line through the other levels.
+    pub(super) fn fit_and_align_levels(&mut self) -> Result<()> {
+        let lit = |l: &crate::recordings::observations::LightLevel| l.light > 0.0;
+        self.level_sd = self
+            .observed
+            .levels
+            .iter()
+            .map(|l| if lit(l) { UNCONSTRAINED_LEVEL_SD * l.light } else { 0.0 })
+            .collect();
+        self.iterate_until_converged(false);
+        let used: Vec<usize> = (0..self.level_offsets.len()).filter(|k| !self.is_saturated[*k]).collect();
+        let stated: Vec<StatedLevel> = used.iter().map(|k| self.stated_level(*k)).collect();
+        let aligned = align_levels(&stated).ok_or_else(|| self.disagreement_error(&stated))?;
+        self.apply_alignment(&used, &stated, aligned);
+        self.iterate_until_converged(false);
         Ok(())
     }
 
-    fn stated(&self, k: usize) -> Stated {
+    fn stated_level(&self, k: usize) -> StatedLevel {
         let level = &self.observed.levels[k];
-        let found = level.light + self.offsets[k].value;
-        // The dark is dark.
-        let sd = if level.light == 0.0 { 0.0 } else { self.uncertainty(k) * level.light };
-        Stated { found, light: level.light, sd }
+        let found = level.light + self.level_offsets[k].value;
+        // The light of a dark level is exactly 0, so it has no uncertainty.
+        let sd = if level.light == 0.0 { 0.0 } else { self.level_uncertainty(k) * level.light };
+        StatedLevel { found_light: found, stated_light: level.light, sd }
     }
 
-    /// Relative uncertainty of a stated level: what the caller says, else the set, else one per cent.
-    pub(super) fn uncertainty(&self, k: usize) -> f64 {
+    /// Returns the relative standard deviation of a stated level. The options have priority over the set. The default is
+    /// 1 %.
+    pub(super) fn level_uncertainty(&self, k: usize) -> f64 {
         self.light_uncertainty
-            .or(self.observed.levels[k].uncertainty)
-            .unwrap_or(crate::result::LIGHT_UNCERTAINTY)
+            .or(self.observed.levels[k].light_uncertainty)
+            .unwrap_or(crate::result::DEFAULT_LIGHT_UNCERTAINTY)
     }
 
-    fn believe(&mut self, used: &[usize], stated: &[Stated], aligned: Alignment) {
-        for ((k, s), wrong) in used.iter().zip(stated).zip(&aligned.wrong) {
-            self.offsets[*k].value = aligned.scale * s.found + aligned.shift - s.light;
-            self.wrong[*k] = *wrong;
+    fn apply_alignment(&mut self, used: &[usize], stated: &[StatedLevel], aligned: Alignment) {
+        for ((k, s), wrong) in used.iter().zip(stated).zip(&aligned.is_outlier) {
+            self.level_offsets[*k].value = aligned.scale * s.found_light + aligned.shift - s.stated_light;
+            self.is_outlier[*k] = *wrong;
             if !wrong {
                 self.level_sd[*k] = s.sd;
             }
@@ -69,69 +76,82 @@ impl Fitter<'_> {
         self.alignment = Some(aligned);
     }
 
-    fn disagreement(&self, stated: &[Stated]) -> Error {
-        let list: Vec<String> =
-            stated.iter().map(|s| format!("{:.5} stated, {:.5} in proportion", s.light, s.found)).collect();
-        Error::new(Kind::Input, "light levels of the recording set")
-            .found(format_args!("{} of which more than a third contradict the others: {}", stated.len(), list.join("; ")))
+    fn disagreement_error(&self, stated: &[StatedLevel]) -> Error {
+        let list: Vec<String> = stated
+            .iter()
+            .map(|s| format!("{:.5} stated, {:.5} estimated in proportion", s.stated_light, s.found_light))
+            .collect();
+        Error::new(ErrorKind::Input, "light levels of the recording set")
+            .found(format_args!(
+                "{} levels, of which more than a third contradict the others: {}",
+                stated.len(),
+                list.join("; ")
+            ))
             .expected("levels of which two thirds agree within their stated uncertainty")
-            .remedy("measure the light again, correct the levels, or state how uncertain they are (--light-uncertainty)")
+            .remedy(format_args!(
+                "measure the light again, correct the levels, or set {} to their uncertainty",
+                Setting("light_uncertainty")
+            ))
     }
 
-    /// Lines and levels in turn, until the levels stay; with `test`, how much of the rate bias is there as well.
-    pub(super) fn settle(&mut self, test: bool) {
-        for _ in 0..ROUNDS {
-            self.fits = threads::map(0..self.fits.len(), |p| self.line(p));
-            self.misfit_scale = self.typical_misfit();
-            if self.fit_levels(test) < SETTLED {
+    /// Fits lines and levels in turn until the levels converge. If `test` is true, the share of the rate bias is fitted
+    /// too.
+    pub(super) fn iterate_until_converged(&mut self, test: bool) {
+        for _ in 0..MAX_ITERATIONS {
+            self.fits = threads::map(0..self.fits.len(), |p| self.weighted_line(p));
+            self.chi2_scale = self.median_chi2_ratio();
+            if self.fit_levels(test) < LEVEL_TOLERANCE {
                 break;
             }
         }
     }
 
-    /// Chi-square per degree of freedom of the median pixel, over that of a model that fits; never below 1.
-    fn typical_misfit(&self) -> f64 {
-        let mut all: Vec<f64> = self.fits.iter().filter_map(crate::formulas::fit::PixelFit::misfit).collect();
+    /// Returns the chi-square of the median pixel divided by the chi-square of a model that fits. The result is at least 1.
+    fn median_chi2_ratio(&self) -> f64 {
+        let mut all: Vec<f64> =
+            self.fits.iter().filter_map(crate::formulas::fit::PixelFit::chi2_ratio).collect();
         if all.is_empty() { 1.0 } else { median(&mut all).max(1.0) }
     }
 
-    /// Deviations of the light levels, shared by all pixels: Gauss-Newton with every pixel's
-    /// line eliminated, and the levels' own deviations as prior. How far the furthest moved, relative to its light.
+    /// Changes the deviations of the light levels by one Gauss-Newton step. Returns the largest step divided by the light.
+    ///
+    /// All pixels share the deviations. The line of every pixel is eliminated from the equations. The prior of a
+    /// deviation is normal with the standard deviation of the level.
     fn fit_levels(&mut self, test: bool) -> f64 {
         let k = self.observed.levels.len() + usize::from(test);
-        // Parts of equal size, added in their order: a sum must not depend on which thread took what.
+        // All parts have the same size and are added in order, so the sums do not depend on the number of threads.
         let of_part = |part: usize| {
             let mut sums = (vec![0.0; k * k], vec![0.0; k]);
-            let end = ((part + 1) * PART).min(self.fits.len());
-            (part * PART..end).for_each(|p| self.add_pixel(p, test, k, &mut sums));
+            let end = ((part + 1) * PIXELS_PER_TASK).min(self.fits.len());
+            (part * PIXELS_PER_TASK..end).for_each(|p| self.add_pixel_equations(p, test, k, &mut sums));
             sums
         };
-        let parts: Vec<_> = threads::map(0..self.fits.len().div_ceil(PART), of_part);
+        let parts: Vec<_> = threads::map(0..self.fits.len().div_ceil(PIXELS_PER_TASK), of_part);
         let (mut h, mut g) = (vec![0.0; k * k], vec![0.0; k]);
         for part in &parts {
             h.iter_mut().zip(&part.0).for_each(|(x, y)| *x += y);
             g.iter_mut().zip(&part.1).for_each(|(x, y)| *x += y);
         }
         for (i, level) in self.observed.levels.iter().enumerate() {
-            // The dark is dark.
+            // The light of a dark level is exactly 0, so its prior is very narrow.
             let sd = if level.light == 0.0 { 1e-12 } else { self.level_sd[i] };
             h[i * k + i] += 1.0 / (sd * sd);
-            g[i] -= self.offsets[i].value / (sd * sd);
+            g[i] -= self.level_offsets[i].value / (sd * sd);
         }
         if test {
-            // Anything from none to twice the bias.
+            // The prior of the bias share has a standard deviation of 2.
             h[k * k - 1] += 0.25;
         }
-        let Some((step, variance)) = solve(&h, &g, k) else { return 0.0 };
+        let Some((step, variance)) = solve_cholesky(&h, &g, k) else { return 0.0 };
         let mut furthest = 0.0_f64;
-        for (i, offset) in self.offsets.iter_mut().enumerate() {
+        for (i, offset) in self.level_offsets.iter_mut().enumerate() {
             offset.value += step[i];
             offset.error = variance[i].sqrt();
             offset.samples = self.fits.len();
             furthest = furthest.max(step[i].abs() / self.observed.levels[i].light.max(1e-3));
         }
         if test {
-            let taken = if self.noise.redrawn == Redrawn::EveryReadout { 1.0 } else { 0.0 };
+            let taken = if self.noise.noise_sampling == NoiseSampling::EveryReadout { 1.0 } else { 0.0 };
             self.bias_share = Estimate {
                 value: taken + step[k - 1],
                 error: variance[k - 1].sqrt(),
@@ -141,21 +161,24 @@ impl Fitter<'_> {
         furthest
     }
 
-    fn add_pixel(&self, p: usize, test: bool, k: usize, (h, g): &mut (Vec<f64>, Vec<f64>)) {
+    fn add_pixel_equations(&self, p: usize, test: bool, k: usize, (h, g): &mut (Vec<f64>, Vec<f64>)) {
         let fit = &self.fits[p];
-        if !fit.a.is_finite() || fit.is_misfit(self.misfit_scale) {
+        if !fit.a.is_finite() || fit.is_poor_fit(self.chi2_scale) {
             return;
         }
         let mut points = self.points(p);
-        // A pixel of one spike or none is known by a count, and that it is one tells that the pixel is slow.
-        points.retain(|q| q.timed || !test);
-        // With these weights: of another line's residuals a part would look like a change of all levels at once.
-        let Some(line) = fit_line(&points.iter().map(|q| (q.light, q.x, q.variance)).collect::<Vec<_>>())
+        // If a pixel has fewer than two spikes, its rate is computed from its count. Only slow pixels have such rates, so
+        // they would bias the test of the bias share and are removed.
+        points.retain(|q| q.is_timed || !test);
+        // The line is fitted with the weights of the equations below. With other weights, a part of the residuals would look
+        // like a common change of all levels.
+        let Some(line) =
+            fit_line(&points.iter().map(|q| (q.light, q.increment, q.variance)).collect::<Vec<_>>())
         else {
             return;
         };
-        // Column of each unknown: derivative of the model by it, at each point.
-        let column = |unknown: usize, q: &Point| {
+        // Returns the derivative of the model with respect to an unknown, at a point.
+        let column = |unknown: usize, q: &LevelPoint| {
             if unknown == q.level {
                 line.a
             } else if test && unknown == k - 1 {
@@ -164,7 +187,7 @@ impl Fitter<'_> {
                 0.0
             }
         };
-        // Weighted projections onto the pixel's own line.
+        // Weighted sums for the projection onto the pixel's own line.
         let (mut s0, mut s1, mut s2) = (0.0, 0.0, 0.0);
         for q in &points {
             let w = 1.0 / q.variance;
@@ -189,7 +212,7 @@ impl Fitter<'_> {
         let projections: Vec<(f64, f64)> = used.iter().map(|u| onto(*u)).collect();
         for (i, u) in used.iter().enumerate() {
             for q in points.iter().filter(|q| *u == q.level || test && *u == k - 1) {
-                g[*u] += column(*u, q) / q.variance * (q.x - line.a * q.light - line.d);
+                g[*u] += column(*u, q) / q.variance * (q.increment - line.a * q.light - line.d);
             }
             for (j, v) in used.iter().enumerate() {
                 let (a, b) = (projections[i], projections[j]);

@@ -1,11 +1,11 @@
-//! The default estimator, step by step.
+//! The default estimator. [`estimate`] lists its steps.
 
-mod doubt;
+pub(super) mod alignment;
+pub(super) mod diagnostics;
 pub(super) mod estimate;
-pub(super) mod identify;
-pub(super) mod lamps;
+pub(super) mod identifiability;
 pub(super) mod levels;
 pub(super) mod noise;
-pub(super) mod rule;
-pub(super) mod said;
+pub(super) mod noise_sampling;
+mod scale_posterior;
 pub(super) mod state;

@@ -1,148 +1,159 @@
-//! What the estimator knows while it works, and its view of one pixel.
+//! State of the estimator, and the quantities that it computes for one pixel.
+//!
+//! * `f`: rate in spikes per readout.
+//! * `x`: charge per readout, in thresholds of the pixel.
+//! * `sigma`: standard deviation of the threshold noise of the pixel, in thresholds of the pixel.
+//! * `phi`: threshold of the pixel, divided by the nominal threshold.
+//! * `K`: quanta of light per spike of a nominal pixel.
+//! * `psi`: rate that redrawn noise adds, divided by the variance of the noise. [`noise_rate_gain`] returns it.
 
-use super::lamps::Alignment;
-use crate::formulas::fit::{PixelFit, Weighting, without_end_bias};
-use crate::formulas::selection::{nu, psi};
-use crate::result::{CalibrateOptions, Redrawn};
-use crate::sets::check::{SATURATED, TIMED};
-use crate::sets::observed::{Level, Observed};
-use spikelane::error::{Error, Kind, Result};
+use super::alignment::Alignment;
+use crate::formulas::fit::{PixelFit, RateWeighting, correct_end_bias};
+use crate::formulas::selection::{firing_draw_variance, noise_rate_gain};
+use crate::recordings::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
+use crate::recordings::observations::{LightLevel, Observations};
+use crate::result::CalibrateOptions;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::pixel::NoiseSampling;
 use spikelane::sensor::Sensor;
 use spikelane_measure::Estimate;
 
-/// Noise as far as it is known.
+/// Current estimate of the noise.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Noise {
-    /// Variance of the threshold noise of a nominal pixel.
-    pub(super) square: f64,
-    /// `1 / K`.
-    pub(super) light: f64,
-    pub(super) dark: f64,
-    pub(super) redrawn: Redrawn,
-    pub(super) lost: f64,
+pub(super) struct NoiseEstimate {
+    /// Variance of the threshold noise of a nominal pixel, in thresholds squared.
+    pub(super) threshold_variance: f64,
+    /// Variance per spike that the quanta of light cause, `1 / K`, in thresholds squared.
+    pub(super) inverse_light_quanta: f64,
+    pub(super) inverse_dark_quanta: f64,
+    pub(super) noise_sampling: NoiseSampling,
+    pub(super) dead_time_fraction: f64,
 }
 
-/// One level of one pixel: index, light, corrected rate, its variance, and the bias taken out.
-pub(super) struct Point {
+/// One light level of one pixel. `level` is the index of the level. `increment` is `x`, and `variance` is the variance of
+/// `x`. `bias` is the rate bias that was subtracted.
+pub(super) struct LevelPoint {
     pub(super) level: usize,
     pub(super) light: f64,
-    pub(super) x: f64,
+    pub(super) increment: f64,
     pub(super) variance: f64,
     pub(super) bias: f64,
-    /// Whether it was timed, from spike to spike, and not counted.
-    pub(super) timed: bool,
-    /// By how much `x` moves when the pixel's threshold moves by its standard deviation.
-    pub(super) by_threshold: f64,
+    /// Whether the rate was computed from spike times. Otherwise it was computed from a spike count.
+    pub(super) is_timed: bool,
+    /// Change of `x` if the threshold of the pixel changes by its standard deviation.
+    pub(super) threshold_sensitivity: f64,
 }
 
 pub(super) struct Fitter<'a> {
-    pub(super) observed: &'a Observed,
+    pub(super) observed: &'a Observations,
     pub(super) sensor: Sensor,
-    pub(super) noise: Noise,
+    pub(super) noise: NoiseEstimate,
     pub(super) light_uncertainty: Option<f64>,
     pub(super) fits: Vec<PixelFit>,
-    pub(super) threshold: Vec<[f64; 2]>,
-    pub(super) offsets: Vec<Estimate>,
-    /// Standard deviation of each level about what is stated: large where that is not believed.
+    pub(super) threshold_posteriors: Vec<[f64; 2]>,
+    pub(super) level_offsets: Vec<Estimate>,
+    /// Standard deviation of each level about its stated light. It is large if the stated light is ignored.
     pub(super) level_sd: Vec<f64>,
-    /// Levels off the line of the others.
-    pub(super) wrong: Vec<bool>,
-    /// Levels at which most pixels fire at nearly every readout. The few slow pixels that do not would be judged by a light that nobody knows.
-    pub(super) saturated: Vec<bool>,
+    /// Whether each level is off the line through the other levels.
+    pub(super) is_outlier: Vec<bool>,
+    /// For each level, whether most pixels fire at nearly every readout. The light of such a level cannot be
+    /// determined. The few slow pixels of such a level are therefore not used either.
+    pub(super) is_saturated: Vec<bool>,
     pub(super) alignment: Option<Alignment>,
-    /// By how much the typical pixel's chi-square is larger than it should be; 1 where the model holds.
-    pub(super) misfit_scale: f64,
-    pub(super) redrawn_told: bool,
-    /// What remembered phases make of the rate that low draws add, by level.
-    pub(super) remembered: Vec<f64>,
+    /// Ratio of the typical chi-square of a pixel to its expectation. It is 1 if the model fits.
+    pub(super) chi2_scale: f64,
+    pub(super) is_noise_sampling_identified: bool,
+    /// For each level, the correction factor for the rate that low draws add. It accounts for correlated phases.
+    pub(super) phase_corrections: Vec<f64>,
     pub(super) bias_share: Estimate,
     pub(super) sigma_t: Estimate,
     pub(super) electrons: Estimate,
     pub(super) notes: Vec<String>,
 }
 
-pub(super) const NOTHING: Estimate = Estimate { value: 0.0, error: 0.0, samples: 0 };
+pub(super) const ZERO_ESTIMATE: Estimate = Estimate { value: 0.0, error: 0.0, samples: 0 };
 
 impl<'a> Fitter<'a> {
-    pub(super) fn new(observed: &'a Observed, options: &CalibrateOptions) -> Result<Self> {
+    pub(super) fn new(observed: &'a Observations, options: &CalibrateOptions) -> Result<Self> {
         let geometry = observed.geometry;
-        let usable = observed.levels.iter().filter(|l| l.median_rate() <= SATURATED).count();
+        let usable = observed.levels.iter().filter(|l| l.median_rate() <= SATURATION_RATE).count();
         if usable < 2 || observed.levels.iter().all(|l| l.light == 0.0) {
-            return Err(Error::new(Kind::Input, "recording set")
+            return Err(Error::new(ErrorKind::Input, "recording set")
                 .found(format_args!("{usable} usable levels"))
-                .expected("two or more below saturation, one of them lit"));
+                .expected("at least two below saturation, of which at least one is lit"));
         }
         let mut sensor = Sensor::new(geometry.width() as u32, geometry.height() as u32, observed.readout_hz)?;
         sensor.capacitance_ff = options.capacitance_ff;
         sensor.swing_v = options.swing_v;
-        let electrons = Sensor::electrons(sensor.capacitance_ff * sensor.swing_v);
+        let electrons = Sensor::electrons_from_fc(sensor.capacitance_ff * sensor.swing_v);
         if options.light_uncertainty.is_some_and(|u| !(u > 0.0 && u < 1.0)) {
-            return Err(Error::new(Kind::Usage, "light uncertainty")
+            return Err(Error::new(ErrorKind::Usage, "light uncertainty")
                 .expected("a relative standard deviation above 0 and below 1, such as 0.01"));
         }
-        let redrawn = options.redrawn.unwrap_or(Redrawn::EveryReadout);
+        let redrawn = options.noise_sampling.unwrap_or(NoiseSampling::EveryReadout);
         Ok(Self {
             observed,
-            sensor: sensor.validated()?,
-            noise: Noise {
-                square: 0.0,
-                light: 1.0 / electrons,
-                dark: 0.0,
-                redrawn,
-                lost: options.lost_increment,
+            sensor: sensor.validate()?,
+            noise: NoiseEstimate {
+                threshold_variance: 0.0,
+                inverse_light_quanta: 1.0 / electrons,
+                inverse_dark_quanta: 0.0,
+                noise_sampling: redrawn,
+                dead_time_fraction: options.dead_time_fraction,
             },
             light_uncertainty: options.light_uncertainty,
-            fits: vec![PixelFit::UNKNOWN; geometry.pixels()],
-            threshold: vec![[1.0, 0.0]; geometry.pixels()],
-            offsets: vec![NOTHING; observed.levels.len()],
+            fits: vec![PixelFit::NAN; geometry.pixels()],
+            threshold_posteriors: vec![[1.0, 0.0]; geometry.pixels()],
+            level_offsets: vec![ZERO_ESTIMATE; observed.levels.len()],
             level_sd: vec![0.0; observed.levels.len()],
-            wrong: vec![false; observed.levels.len()],
-            saturated: observed.levels.iter().map(|l| l.median_rate() > SATURATED).collect(),
+            is_outlier: vec![false; observed.levels.len()],
+            is_saturated: observed.levels.iter().map(|l| l.median_rate() > SATURATION_RATE).collect(),
             alignment: None,
-            misfit_scale: 1.0,
-            redrawn_told: options.redrawn.is_some(),
-            remembered: vec![1.0; observed.levels.len()],
+            chi2_scale: 1.0,
+            is_noise_sampling_identified: options.noise_sampling.is_some(),
+            phase_corrections: vec![1.0; observed.levels.len()],
             bias_share: Estimate { value: f64::NAN, error: f64::INFINITY, samples: 0 },
-            sigma_t: NOTHING,
-            electrons: NOTHING,
+            sigma_t: ZERO_ESTIMATE,
+            electrons: ZERO_ESTIMATE,
             notes: Vec::new(),
         })
     }
 
-    /// Variance per spike and per `sigma^2`, at an increment of `x` thresholds a readout.
-    pub(super) fn share(&self, x: f64, sigma: f64) -> f64 {
-        match self.noise.redrawn {
-            Redrawn::EveryReadout if sigma > 0.0 => nu(x / sigma),
+    /// Returns the variance per spike divided by `sigma^2`, at an increment of `x` thresholds per readout.
+    pub(super) fn variance_share(&self, x: f64, sigma: f64) -> f64 {
+        match self.noise.noise_sampling {
+            NoiseSampling::EveryReadout if sigma > 0.0 => firing_draw_variance(x / sigma),
             _ => 1.0,
         }
     }
 
-    /// The increment at which a pixel fires at rate `f`, from the balance of charge.
+    /// Returns the increment at which a pixel fires at the rate `f`, computed from the charge balance.
     pub(super) fn increment(&self, f: f64, sigma: f64) -> f64 {
-        (f - self.taken(f, sigma)) / (1.0 - self.noise.lost * f)
+        (f - self.rate_bias(f, sigma)) / (1.0 - self.noise.dead_time_fraction * f)
     }
 
-    /// The rate that is due to low draws of the noise.
-    pub(super) fn taken(&self, f: f64, sigma: f64) -> f64 {
-        match self.noise.redrawn {
-            Redrawn::EveryReadout => bias(f, sigma),
-            Redrawn::EveryReset => 0.0,
+    /// Returns the part of the rate `f` that low draws of the noise add.
+    pub(super) fn rate_bias(&self, f: f64, sigma: f64) -> f64 {
+        match self.noise.noise_sampling {
+            NoiseSampling::EveryReadout => sampling_rate_bias(f, sigma),
+            NoiseSampling::EveryReset => 0.0,
         }
     }
 
-    pub(super) fn points(&self, p: usize) -> Vec<Point> {
+    pub(super) fn points(&self, p: usize) -> Vec<LevelPoint> {
         let levels = self.observed.levels.iter().enumerate();
         levels.filter_map(|(k, level)| self.point(p, k, level)).collect()
     }
 
-    /// Means of functions of the pixel's threshold over its posterior, by Gauss and Hermite's three points, and by how much
-    /// each moves with the threshold's standard deviation.
-    pub(super) fn over_threshold<const N: usize>(
+    /// Returns the means of functions of a pixel's threshold over the posterior of the threshold, by three-point
+    /// Gauss-Hermite quadrature. The second value of each pair is the change of the function if the threshold changes by
+    /// its standard deviation.
+    pub(super) fn mean_over_threshold<const N: usize>(
         &self,
         p: usize,
         of: impl Fn(f64) -> [f64; N],
     ) -> [(f64, f64); N] {
-        let [mean, sd] = self.threshold[p];
+        let [mean, sd] = self.threshold_posteriors[p];
         let step = (3.0_f64.sqrt() * sd).min(0.5 * mean);
         let middle = of(mean);
         if step == 0.0 {
@@ -154,64 +165,79 @@ impl<'a> Fitter<'a> {
         })
     }
 
-    /// The share of the charge that light brought to a pixel of rate `f`.
-    pub(super) fn lit(&self, p: usize, level: &Level, f: f64) -> f64 {
+    /// Returns the share of the charge that comes from light, for a pixel that fires at the rate `f`.
+    pub(super) fn light_share(&self, p: usize, level: &LightLevel, f: f64) -> f64 {
         let known = self.fits[p].d;
         let dark = if known.is_finite() { known } else { self.observed.levels[0].rate[p] };
         if level.light == 0.0 { 0.0 } else { 1.0 - dark / f }
     }
 
-    /// Charge of a quantum of light in the pixel's own thresholds, over that of a nominal pixel: quanta are
-    /// photons, counted before the gain, as in the published model.
+    /// Returns the charge of a quantum of light in thresholds of the pixel, divided by the charge for a nominal pixel.
+    /// Quanta are photons, and they are counted before the gain is applied. The published model does the same.
     pub(super) fn quantum(&self, p: usize) -> f64 {
         let a = self.fits[p].a;
         if a.is_finite() { a } else { 1.0 }
     }
 
-    pub(super) fn point(&self, p: usize, k: usize, level: &Level) -> Option<Point> {
+    pub(super) fn point(&self, p: usize, k: usize, level: &LightLevel) -> Option<LevelPoint> {
         let (f, n) = (level.rate[p], level.spikes[p]);
         let of_length = level.readouts > 0;
-        // Silence in the dark says that the dark current is small; the lit levels alone would leave it anywhere about
-        // zero, and a camera file holds what lies above. Silence in light is a dead pixel's.
-        if self.saturated[k] || f.is_nan() || f > SATURATED || (of_length && n == 0 && level.light > 0.0) {
+        // A silent pixel in the dark has a small dark current, so its rate of 0 is used. A dark rate that is fitted to the
+        // lit levels alone scatters about zero, and a camera file stores only positive values. A silent pixel in light is
+        // dead and is skipped.
+        if self.is_saturated[k]
+            || f.is_nan()
+            || f > SATURATION_RATE
+            || (of_length && n == 0 && level.light > 0.0)
+        {
             return None;
         }
-        let by_time = of_length && n >= TIMED;
-        let f = if by_time { without_end_bias(f, f64::from(n - 1)) } else { f };
-        // The noise is a voltage, and nearly all spread of thresholds is one of voltages.
-        let own = |phi: f64| self.noise.square.sqrt() / phi;
-        let added = |phi: f64| [self.remembered[k] * bias(f, own(phi))];
-        let [(bias, by_threshold)] = self.over_threshold(p, added);
-        let taken = if self.noise.redrawn == Redrawn::EveryReadout { bias } else { 0.0 };
-        let kept = 1.0 - self.noise.lost * f;
+        let by_time = of_length && n >= MIN_TIMED_SPIKES;
+        let f = if by_time { correct_end_bias(f, f64::from(n - 1)) } else { f };
+        // The noise is a voltage. The spread of thresholds is almost entirely a spread of voltages too.
+        let own = |phi: f64| self.noise.threshold_variance.sqrt() / phi;
+        let added = |phi: f64| [self.phase_corrections[k] * sampling_rate_bias(f, own(phi))];
+        let [(bias, by_threshold)] = self.mean_over_threshold(p, added);
+        let taken = if self.noise.noise_sampling == NoiseSampling::EveryReadout { bias } else { 0.0 };
+        let kept = 1.0 - self.noise.dead_time_fraction * f;
         let x = (f - taken) / kept;
-        let lit = self.lit(p, level, f);
-        let sigma = own(self.threshold[p][0]);
-        let weighting = Weighting {
-            threshold: sigma * sigma * self.share(x, sigma),
-            light: self.noise.light * self.quantum(p),
-            dark: self.noise.dark,
+        let lit = self.light_share(p, level, f);
+        let sigma = own(self.threshold_posteriors[p][0]);
+        let weighting = RateWeighting {
+            threshold_variance: sigma * sigma * self.variance_share(x, sigma),
+            light_variance: self.noise.inverse_light_quanta * self.quantum(p),
+            dark_variance: self.noise.inverse_dark_quanta,
         };
         let variance = match (of_length, by_time) {
             (true, true) => weighting.variance(f, f64::from(n - 1), lit),
-            // A spike or none: a count at a random phase is off by half a spike at most.
+            // With at most one spike and a random phase, the spike count is wrong by at most half a spike.
             (true, false) => 0.25 / (f64::from(level.readouts)).powi(2),
-            // A map of unknown length: as after a thousand spikes.
+            // A map does not contain its number of readouts, so the variance after a thousand spikes is assumed.
             (false, _) => weighting.variance(f, 1000.0, lit) + 1e-14,
         };
-        let light = level.light + self.offsets[k].value;
+        let light = level.light + self.level_offsets[k].value;
         let timed = by_time || !of_length;
-        Some(Point { level: k, light, x, variance, bias, timed, by_threshold: -by_threshold / kept })
+        Some(LevelPoint {
+            level: k,
+            light,
+            increment: x,
+            variance,
+            bias,
+            is_timed: timed,
+            threshold_sensitivity: -by_threshold / kept,
+        })
     }
 }
 
-/// The rate that noise redrawn at every readout adds at rate `f`: a spike takes `1 - sigma^2 psi(x / sigma) / x` of its threshold in
-/// the mean, so `x = f - sigma^2 psi(x / sigma) f / x`. Two rounds are enough: the bias is half a per cent.
-fn bias(f: f64, sigma: f64) -> f64 {
+/// Returns the rate that noise redrawn at every readout adds to a pixel that fires at the rate `f`.
+///
+/// A spike consumes the share `1 - sigma^2 psi(x / sigma) / x` of the threshold on average. Therefore
+/// `x = f - sigma^2 psi(x / sigma) f / x`. Two iterations suffice, because the bias is only half a percent.
+fn sampling_rate_bias(f: f64, sigma: f64) -> f64 {
     if sigma <= 0.0 || f <= 0.0 {
         return 0.0;
     }
-    let added = |x: f64| sigma * sigma * psi(x / sigma) * f / x;
+    let added = |x: f64| sigma * sigma * noise_rate_gain(x / sigma) * f / x;
     let left = |x: f64| f - added(x);
     added(left(left(f)))
 }

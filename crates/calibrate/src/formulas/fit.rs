@@ -1,48 +1,57 @@
-//! The line `x = a light + d` of one pixel.
+//! The fitted line `x = a light + d` of one pixel.
+//!
+//! * `x`: charge per readout, in thresholds of the pixel.
+//! * `light`: light level. Light 1 is full light and causes one spike per readout.
+//! * `a`: gain in thresholds per readout at full light. `d`: dark rate in thresholds per readout.
+//! * `f`: rate in spikes per readout, computed from the spike times of `N` intervals.
+//! * `s`: phase variance per spike, in thresholds squared.
+//! * `K`: quanta of light per spike.
 
-/// What determines the weight of a rate: `var f = f^2 s / N + f^4 / (6 N^2)` for `N`
-/// intervals, phase noise `s` per spike and the quantisation of the two ends.
+/// The noise that determines the variance of a rate, `var f = f^2 s / N + f^4 / (6 N^2)`.
+///
+/// The first term is the phase noise. The second term is the quantization of the first and last spike to readouts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Weighting {
-    /// Variance per spike, in thresholds squared, of threshold noise.
-    pub threshold: f64,
-    /// Variance per spike of the light's quanta, `1 / K`.
-    pub light: f64,
-    /// Variance per spike of the dark current's quanta.
-    pub dark: f64,
+pub struct RateWeighting {
+    /// Variance per spike that the threshold noise causes, in thresholds squared.
+    pub threshold_variance: f64,
+    /// Variance per spike that the quanta of light cause, `1 / K`, in thresholds squared.
+    pub light_variance: f64,
+    /// Variance per spike that the quanta of the dark current cause, in thresholds squared.
+    pub dark_variance: f64,
 }
 
-impl Weighting {
-    /// Variance of a time-based rate `f` over `intervals` intervals; `lit` is the share of
-    /// the charge that light brought.
+impl RateWeighting {
+    /// Returns the variance of a rate `f` that was computed from the spike times of `intervals` intervals. `lit` is the
+    /// share of the charge that comes from light, 0 to 1.
     #[must_use]
     pub fn variance(&self, f: f64, intervals: f64, lit: f64) -> f64 {
         let lit = lit.clamp(0.0, 1.0);
-        let s = self.threshold + self.light * lit + self.dark * (1.0 - lit);
+        let s = self.threshold_variance + self.light_variance * lit + self.dark_variance * (1.0 - lit);
         f * f * s / intervals + (f * f / intervals).powi(2) / 6.0
     }
 }
 
-/// A time-based rate `f` over `intervals` intervals without the bias of its ends.
+/// Corrects a rate `f`, computed from the spike times of `intervals` intervals, for the bias that the two ends cause.
 ///
-/// The first spike of a window lies up to one readout behind its crossing of the threshold, and the
-/// last one too, but not evenly: crossings are uniform over one period `1/f = k + r` after the start and
-/// before the end, and the odd `r` readouts belong to late crossings at the start and to early
-/// ones at the end. The span is short by `f r (1 - r)`, which is up to 0.4 standard errors of a single rate
-/// and the same for all pixels of a level.
+/// A spike is read up to one readout after the charge crosses the threshold. For the first and the last spike of a
+/// window, this delay is not uniformly distributed. Write the period as `1/f = k + r` with `k` whole readouts and a
+/// remainder `r`. The first crossing is uniform over one period after the start, and the last crossing is uniform over one
+/// period before the end. The remainder of `r` readouts favors late first crossings and early last crossings. The span
+/// is therefore too short by `f r (1 - r)` readouts on average. The bias is up to 0.4 standard errors of a single rate. It
+/// is equal for all pixels of a level.
 #[must_use]
-pub(crate) fn without_end_bias(f: f64, intervals: f64) -> f64 {
+pub(crate) fn correct_end_bias(f: f64, intervals: f64) -> f64 {
     let r = (1.0 / f).fract();
     f / (1.0 + f * f * r * (1.0 - r) / intervals)
 }
 
-/// One pixel's line.
+/// The fitted line of one pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PixelFit {
-    /// Thresholds per readout at full-scale light.
+    /// Gain in thresholds per readout at full light.
     pub a: f64,
-    /// Thresholds per readout in the dark.
+    /// Dark rate in thresholds per readout.
     pub d: f64,
     /// Variance of `a`.
     pub var_a: f64,
@@ -50,49 +59,52 @@ pub struct PixelFit {
     pub var_d: f64,
     /// Covariance of `a` and `d`.
     pub cov: f64,
-    /// Sum of squared residuals over their variances.
+    /// Sum of the squared residuals, each divided by its variance.
     pub chi2: f64,
-    /// Levels used, less two.
-    pub freedom: u32,
-    /// Whether the least-absolute fit replaced the weighted one.
-    pub robust: bool,
-    /// How far `a` and `d` move when the pixel's unknown threshold moves by its standard deviation.
-    pub by_threshold: [f64; 2],
+    /// Number of used levels minus 2.
+    pub degrees_of_freedom: u32,
+    /// Whether the fit of least absolute residuals replaced the weighted fit.
+    pub is_robust: bool,
+    /// Changes of `a` and `d` if the unknown threshold of the pixel changes by its standard deviation.
+    pub threshold_sensitivity: [f64; 2],
 }
 
 impl PixelFit {
-    /// Chi-square over the median of its law (Wilson and Hilferty's cube root); `None` without a degree of freedom.
-    pub(crate) fn misfit(&self) -> Option<f64> {
-        let n = f64::from(self.freedom);
-        (self.freedom > 0 && self.chi2.is_finite()).then(|| self.chi2 / n / (1.0 - 2.0 / (9.0 * n)).powi(3))
+    /// Returns chi-square divided by the median of its distribution (cube root of Wilson and Hilferty). Returns `None` if
+    /// there is no degree of freedom.
+    pub(crate) fn chi2_ratio(&self) -> Option<f64> {
+        let n = f64::from(self.degrees_of_freedom);
+        (self.degrees_of_freedom > 0 && self.chi2.is_finite())
+            .then(|| self.chi2 / n / (1.0 - 2.0 / (9.0 * n)).powi(3))
     }
 
-    /// Whether the chi-square is beyond five deviations (Wilson and Hilferty), where that of the typical pixel is `scale` times
-    /// what it should be.
-    pub(crate) fn is_misfit(&self, scale: f64) -> bool {
-        if self.freedom < 2 {
+    /// Returns whether chi-square exceeds its expectation by more than five standard deviations (Wilson and Hilferty).
+    /// `scale` is the ratio of the typical chi-square of a pixel to its expectation.
+    pub(crate) fn is_poor_fit(&self, scale: f64) -> bool {
+        if self.degrees_of_freedom < 2 {
             return false;
         }
-        let n = f64::from(self.freedom);
+        let n = f64::from(self.degrees_of_freedom);
         let c = 2.0 / (9.0 * n);
         ((self.chi2 / n / scale).cbrt() - 1.0 + c) / c.sqrt() > 5.0
     }
 
-    /// A pixel that could not be fitted: NaN.
-    pub const UNKNOWN: Self = Self {
+    /// The fit of a pixel that could not be fitted. All values are NaN.
+    pub const NAN: Self = Self {
         a: f64::NAN,
         d: f64::NAN,
         var_a: f64::NAN,
         var_d: f64::NAN,
         cov: f64::NAN,
         chi2: f64::NAN,
-        freedom: 0,
-        robust: false,
-        by_threshold: [0.0; 2],
+        degrees_of_freedom: 0,
+        is_robust: false,
+        threshold_sensitivity: [0.0; 2],
     };
 }
 
-/// Weighted least squares over `(light, x, variance)`; `None` below two different levels.
+/// Fits a line to points `(light, x, variance)` by weighted least squares. Returns `None` if the points have fewer than
+/// two different light levels.
 #[must_use]
 pub fn fit_line(points: &[(f64, f64, f64)]) -> Option<PixelFit> {
     let (mut s0, mut s1, mut s2, mut y0, mut y1) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -118,16 +130,18 @@ pub fn fit_line(points: &[(f64, f64, f64)]) -> Option<PixelFit> {
         var_d: s2 / det,
         cov: -s1 / det,
         chi2,
-        freedom,
-        robust: false,
-        by_threshold: [0.0; 2],
+        degrees_of_freedom: freedom,
+        is_robust: false,
+        threshold_sensitivity: [0.0; 2],
     })
 }
 
-/// The line of least weighted absolute residuals, exactly: an optimum of this linear
-/// program passes through two of the points, and there are few enough to try all pairs.
+/// Returns the line `(a, d)` with the least sum of weighted absolute residuals for points `(light, x, variance)`.
+///
+/// The line is exact, because an optimum of this linear program passes through two of the points. The points are few
+/// enough to try all pairs. Returns `None` if the points have fewer than two different light levels.
 #[must_use]
-pub fn least_absolute(points: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
+pub fn fit_line_least_absolute(points: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
     let mut best: Option<(f64, f64, f64)> = None;
     for (i, p) in points.iter().enumerate() {
         for q in points[i + 1..].iter().filter(|q| q.0 != p.0) {
@@ -147,8 +161,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rate_by_time_of_an_integrator_has_no_bias_left() {
-        // All start phases of an integrator of rate 0.7 in 100 readouts: by time alone 1.7e-3 too fast.
+    fn corrected_rate_of_an_integrator_is_unbiased() {
+        // The test computes the mean over all start phases of an integrator with rate 0.7 in 100 readouts. Without the
+        // correction the mean rate is too high by 1.7e-3.
         let (rate, readouts, phases) = (0.7_f64, 100, 10_000);
         let (mut plain, mut corrected) = (0.0, 0.0);
         for i in 0..phases {
@@ -161,7 +176,7 @@ mod tests {
             let intervals = times.len() as f64 - 1.0;
             let f = intervals / f64::from(times[times.len() - 1] - times[0]);
             plain += f / rate - 1.0;
-            corrected += without_end_bias(f, intervals) / rate - 1.0;
+            corrected += correct_end_bias(f, intervals) / rate - 1.0;
         }
         let n = f64::from(phases);
         assert!((plain / n - 1.7e-3).abs() < 2e-4, "{}", plain / n);
@@ -173,7 +188,7 @@ mod tests {
         let mut points: Vec<_> =
             (0..8).map(|k| (f64::from(k) / 8.0, 0.9 * f64::from(k) / 8.0 + 0.01, 1e-8)).collect();
         points[5].1 += 0.3;
-        let (a, d) = least_absolute(&points).unwrap();
+        let (a, d) = fit_line_least_absolute(&points).unwrap();
         assert!((a - 0.9).abs() < 1e-12 && (d - 0.01).abs() < 1e-12);
         assert!((fit_line(&points).unwrap().a - 0.9).abs() > 0.01);
     }

@@ -1,7 +1,7 @@
-//! The mathematics behind the estimators, without a recording.
+//! The formulas of the estimators. They do not depend on recordings.
 
-pub(super) mod below;
+pub(super) mod cholesky;
+pub(super) mod draw_integrals;
 pub(super) mod fit;
 pub(super) mod phase;
 pub(super) mod selection;
-pub(super) mod solve;

@@ -1,92 +1,112 @@
-//! How the variance of a pixel's spike times grows where successive spikes know of each other.
+//! Growth of the variance of a pixel's spike times if the phases of successive spikes are correlated.
 //!
-//! Let a pixel bring the charge of one readout per readout, and count charge in readouts: thresholds come at
-//! distances of `c`, a spike subtracts one more draw `v` of standard deviation `kappa = sigma / x`, and the quanta of a
-//! spike add a normal draw of standard deviation `w`. The readouts that meet an approach lie at `u + j` from the
-//! threshold, with the phase `u` in `0..1` and whole numbers `j`. The pixel fires at the first `j` whose draw
-//! lies below `u + j`, and the next phase is `u - v + w e - c`, less its whole part. So the phase is a Markov chain,
-//! and `n` intervals last
+//! # Model
+//! The unit of charge is the charge of one readout, and the unit is called "readout" too. A pixel gains one unit per
+//! readout.
 //!
-//! `t_n - t_0 = n c + sum (v_k - w e_k) + y_n - y_0`,
+//! * `c`: distance between successive mean thresholds, in readouts.
+//! * `x`: charge per readout, in thresholds. `sigma`: standard deviation of the threshold noise, in thresholds.
+//! * `v`: threshold draw of a spike, in readouts, with standard deviation `kappa = sigma / x`. A spike subtracts
+//!   `c + v`.
+//! * `w`: standard deviation, in readouts, of the charge of one spike that the quanta cause. `e`: a standard normal draw.
+//! * `u`: phase in `0..1` readouts. While the charge approaches the threshold, it is `u + j` above the threshold at
+//!   readout `j`. `j` is a whole number and can be negative.
+//! * `y`: the value of `u + j` at the readout that fires.
+//! * `t_k`: time of spike `k`, in readouts.
+//! * `nu`: variance of the draws that fire, divided by the variance of all draws. See
+//!   [`firing_draw_variance`](crate::firing_draw_variance).
+//! * `q`: contribution of both ends of a span to the variance of the span, in readouts squared.
 //!
-//! where `y = u + j` at the spike. Draws depend on the phase (a readout just below the threshold fires only at low draws), and
-//! the phase on earlier draws. Where noise spreads the phase over a readout from spike to spike,
-//! each spike meets a phase of its own, and the variance is `n (kappa^2 nu + w^2) + q`. In brighter light it does
-//! not: at 24 readouts a spike the published camera remembers its phase for two spikes, at 8 for
-//! fourteen. Whole numbers of spikes apart, phases then agree more often than chance has it, for some `c`.
+//! The pixel fires at the first `j` whose draw is below `u + j`. The next phase is the fractional part of
+//! `u - v + w e - c`. The phase is therefore a Markov chain. The duration of `n` intervals is
 //!
-//! The mean over all `c` is computed: pixels of one level differ in `c` by more than a
-//! readout. Functions of the phase are Fourier series; a draw damps harmonic `k` by
-//! `exp(-2 pi^2 k^2 kappa^2)`, so few are needed.
+//! `t_n - t_0 = n c + sum (v_k - w e_k) + y_n - y_0`.
+//!
+//! A draw that fires depends on the phase: a readout just below the threshold fires only at low draws. The phase depends
+//! on earlier draws.
+//!
+//! If noise spreads the phase over a whole readout between two spikes, the phases of spikes are independent. The
+//! variance of a span is then `n (kappa^2 nu + w^2) + q`. In brighter light the phases are correlated. In the published
+//! camera the phase stays correlated for two spikes at 24 readouts per spike, and for fourteen spikes at 8 readouts per
+//! spike. For some `c`, the phases of spikes at certain distances then agree more often than by chance.
+//!
+//! # Method
+//! The functions return means over all `c`, because the values of `c` of the pixels of one level differ by more than a
+//! readout. Functions of the phase are written as Fourier series. A draw multiplies harmonic `k` by
+//! `exp(-2 pi^2 k^2 kappa^2)`, so a few harmonics suffice.
 
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::below::{C, Draws, turn};
+use super::draw_integrals::{Complex64, DrawIntegrals, unit_phasor};
 
-/// Sums of nothing, of values and of their squares, as Fourier series over the phase.
-type Moments = [DVector<C>; 3];
+/// Fourier series of functions of the phase: the density, the density times a value, and the density times its square.
+type Moments = [DVector<Complex64>; 3];
 
-/// Values of `c` over which the mean is taken. A prime: no lag makes a round of them.
-const TURNS: u32 = 61;
-/// Points of the integrals for one standard deviation of a draw.
-const POINTS: f64 = 16.0;
-/// Most harmonics; enough for draws of 1/50 of a readout. Of smaller ones the finest effects are left out.
-const MOST: f64 = 40.0;
-/// The least deviation of draws, in readouts, for which integrals are made.
-const LEAST: f64 = 0.005;
+/// Number of values of `c` over which the mean is computed. It is prime, so the multiples of `c` by any lag cover all values.
+const PHASE_COUNT: u32 = 61;
+/// Points of the integrals per standard deviation of a draw.
+const POINTS_PER_SD: f64 = 16.0;
+/// Largest number of harmonics. It suffices for draws of 1/50 readout. For smaller draws the finest effects are neglected.
+const MAX_HARMONICS: f64 = 40.0;
+/// Smallest standard deviation of draws for which the integrals are computed, in readouts.
+const MIN_DRAW_SD: f64 = 0.005;
 
-/// Variance of spans of some intervals, mean over all periods.
-struct Chain {
+/// The Markov chain of the phase, written as operators on Fourier series.
+struct PhaseChain {
     harmonics: i32,
-    /// From the phase of one spike to that of the next: weights by powers of `v`.
-    link: [DMatrix<C>; 3],
-    /// The same from the spike at which a span begins: powers of `v - y`.
-    start: [DMatrix<C>; 3],
-    /// Means of powers of `y` by phase.
-    end: [DVector<C>; 2],
-    /// Quanta: powers of `-w e`.
+    /// Transition from the phase of one spike to the phase of the next spike, weighted by `v^m` for `m` of 0, 1 and 2.
+    link: [DMatrix<Complex64>; 3],
+    /// Transition from the phase of the first spike of a span to the next phase, weighted by `(v - y)^m`.
+    start: [DMatrix<Complex64>; 3],
+    /// Means of `y` and of `y^2` as functions of the phase.
+    end: [DVector<Complex64>; 2],
+    /// Effect of the quanta on the phase, weighted by `(-w e)^m` for `m` of 0, 1 and 2.
     quanta: Moments,
 }
 
-/// The factor by which the growth per spike, fitted to spans of `lags` intervals by least squares, differs from
-/// `nu sigma^2 + quanta`: `kappa` is the threshold noise and `w` the root of the variance of a spike's quanta, both over the
-/// increment of a readout. 1 where these spread the phase over a readout, as in the dark.
+/// Returns the ratio of the fitted growth of the variance per spike to the growth for independent phases. The growth for
+/// independent phases is `nu sigma^2 + quanta`.
+///
+/// The growth is fitted by least squares to spans of `lags` intervals. `kappa` is the standard deviation of the threshold
+/// noise, and `w` the standard deviation that the quanta of one spike cause. Both are divided by the increment of one
+/// readout. The ratio is 1 if the two noises spread the phase over a readout, as in the dark.
 #[must_use]
-pub fn growth_ratio(kappa: f64, w: f64, lags: &[u32]) -> f64 {
+pub fn interval_growth_ratio(kappa: f64, w: f64, lags: &[u32]) -> f64 {
     if kappa.hypot(w) > 1.0 {
         return 1.0;
     }
-    let chain = Chain::new(kappa.max(LEAST), w);
+    let chain = PhaseChain::new(kappa.max(MIN_DRAW_SD), w);
     let variance = chain.variances(lags);
     let n = lags.len() as f64;
     let (x, y) = (lags.iter().map(|l| f64::from(*l)).sum::<f64>() / n, variance.iter().sum::<f64>() / n);
     let pairs = || lags.iter().map(|l| f64::from(*l) - x).zip(&variance);
     let slope = pairs().map(|(x, v)| x * (v - y)).sum::<f64>() / pairs().map(|(x, _)| x * x).sum::<f64>();
-    slope / chain.independent(w)
+    slope / chain.independent_variance(w)
 }
 
-/// The factor by which the draws at which a pixel fires lie lower in the mean than if every spike met a phase of its own, and
-/// with them the rate that they add: `kappa` and `w` as in [`growth_ratio`].
+/// Returns the ratio of the mean draw at which a pixel fires to the mean for independent phases.
+///
+/// The rate that low draws add is multiplied by the same ratio. [`interval_growth_ratio`] defines `kappa` and `w`.
 #[must_use]
-pub(crate) fn draw_ratio(kappa: f64, w: f64) -> f64 {
+pub(crate) fn mean_draw_ratio(kappa: f64, w: f64) -> f64 {
     if kappa.hypot(w) > 1.0 {
         return 1.0;
     }
-    let chain = Chain::new(kappa.max(LEAST), w);
+    let chain = PhaseChain::new(kappa.max(MIN_DRAW_SD), w);
     let zero = chain.harmonics as usize;
     let row = chain.link[1].row(zero).transpose();
-    let of_turn = |i: u32| Some(row.dot(&chain.stationary(f64::from(i) / f64::from(TURNS))?).re);
-    let sum: Option<f64> = (0..TURNS).map(of_turn).sum();
-    sum.map_or(1.0, |sum| sum / f64::from(TURNS) / row[zero].re)
+    let of_turn = |i: u32| Some(row.dot(&chain.stationary_phases(f64::from(i) / f64::from(PHASE_COUNT))?).re);
+    let sum: Option<f64> = (0..PHASE_COUNT).map(of_turn).sum();
+    sum.map_or(1.0, |sum| sum / f64::from(PHASE_COUNT) / row[zero].re)
 }
 
-impl Chain {
+impl PhaseChain {
     fn new(kappa: f64, w: f64) -> Self {
-        let harmonics = (0.8 / kappa).ceil().clamp(3.0, MOST) as i32;
+        let harmonics = (0.8 / kappa).ceil().clamp(3.0, MAX_HARMONICS) as i32;
         let n = (2 * harmonics + 1) as usize;
-        let points = (POINTS / kappa).ceil().max(8.0 * f64::from(harmonics)) as i32;
+        let points = (POINTS_PER_SD / kappa).ceil().max(8.0 * f64::from(harmonics)) as i32;
         let mut chain = Self {
             harmonics,
             link: [0; 3].map(|_| DMatrix::zeros(n, n)),
@@ -95,7 +115,7 @@ impl Chain {
             quanta: [0; 3].map(|_| DVector::zeros(n)),
         };
         chain.add_quanta(w);
-        let draws = Draws::new(kappa, f64::from(points).recip(), harmonics);
+        let draws = DrawIntegrals::new(kappa, f64::from(points).recip(), harmonics);
         for i in 0..points {
             chain.add_phase(&draws, i, 1.0 / f64::from(points));
         }
@@ -106,26 +126,27 @@ impl Chain {
         (-self.harmonics..=self.harmonics).map(f64::from).enumerate()
     }
 
-    /// Means of `(-w e)^m exp(-2 pi i k w e)`.
+    /// Sets the means of `(-w e)^m exp(-2 pi i k w e)` for `m` of 0, 1 and 2.
     fn add_quanta(&mut self, w: f64) {
         for (i, k) in self.orders() {
             let angle = 2.0 * PI * k * w;
             let damped = (-0.5 * angle * angle).exp();
-            self.quanta[0][i] = C::from(damped);
-            self.quanta[1][i] = C::new(0.0, w * angle * damped);
-            self.quanta[2][i] = C::from(w * w * (1.0 - angle * angle) * damped);
+            self.quanta[0][i] = Complex64::from(damped);
+            self.quanta[1][i] = Complex64::new(0.0, w * angle * damped);
+            self.quanta[2][i] = Complex64::from(w * w * (1.0 - angle * angle) * damped);
         }
     }
 
-    /// The `i`-th phase of the integrals: every readout of its approach, with what the draws below it do.
-    fn add_phase(&mut self, draws: &Draws, i: i32, step: f64) {
+    /// Adds the `i`-th phase to the operators. For every readout of the approach, the function adds the integrals over the
+    /// draws below `y`.
+    fn add_phase(&mut self, draws: &DrawIntegrals, i: i32, step: f64) {
         let n = draws.orders;
-        let (mut link, mut start) = (vec![[C::from(0.0); 3]; n], vec![[C::from(0.0); 3]; n]);
+        let (mut link, mut start) = (vec![[Complex64::from(0.0); 3]; n], vec![[Complex64::from(0.0); 3]; n]);
         let u = (f64::from(i) + 0.5) * step;
         let (mut waited, mut ends) = (1.0, [0.0; 2]);
-        for j in draws.first.. {
+        for j in draws.first_readout.. {
             let y = u + f64::from(j);
-            let below = draws.below(y);
+            let below = draws.integrals_below(y);
             for (k, sums) in below.iter().enumerate() {
                 let [a, b, c] = sums.map(|s| s * waited);
                 link[k][0] += a;
@@ -143,7 +164,7 @@ impl Chain {
                 break;
             }
         }
-        let waves: Vec<C> = self.orders().map(|(_, k)| turn(k * u)).collect();
+        let waves: Vec<Complex64> = self.orders().map(|(_, k)| unit_phasor(k * u)).collect();
         for (col, wave) in waves.iter().enumerate() {
             self.end[0][col] += wave * (ends[0] * step);
             self.end[1][col] += wave * (ends[1] * step);
@@ -157,62 +178,62 @@ impl Chain {
         }
     }
 
-    /// Variance per spike if every spike met a phase of its own.
-    fn independent(&self, w: f64) -> f64 {
+    /// Returns the variance per spike for independent phases, in readouts squared.
+    fn independent_variance(&self, w: f64) -> f64 {
         let zero = self.harmonics as usize;
         let [mean, square] = [1, 2].map(|m| self.link[m][(zero, zero)].re);
         square - mean * mean + w * w
     }
 
-    /// Variances of spans of `lags` intervals, which rise.
+    /// Returns the variances of spans of `lags` intervals. The lags must be in ascending order.
     fn variances(&self, lags: &[u32]) -> Vec<f64> {
         let mut sums = vec![0.0; lags.len()];
-        for i in 0..TURNS {
-            let c = f64::from(i) / f64::from(TURNS);
-            let Some(phases) = self.stationary(c) else {
+        for i in 0..PHASE_COUNT {
+            let c = f64::from(i) / f64::from(PHASE_COUNT);
+            let Some(phases) = self.stationary_phases(c) else {
                 return vec![f64::NAN; lags.len()];
             };
-            let mut span = self.next(&self.start, &[phases], c);
+            let mut span = self.advance(&self.start, &[phases], c);
             let mut at = 1;
             for (sum, lag) in sums.iter_mut().zip(lags) {
                 while at < *lag {
-                    span = self.next(&self.link, &span, c);
+                    span = self.advance(&self.link, &span, c);
                     at += 1;
                 }
-                *sum += self.variance(&span) / f64::from(TURNS);
+                *sum += self.variance(&span) / f64::from(PHASE_COUNT);
             }
         }
         sums
     }
 
-    /// The phases that one spike hands to the next unchanged.
-    fn stationary(&self, c: f64) -> Option<DVector<C>> {
+    /// Returns the stationary distribution of the phase. One spike transforms this distribution into itself.
+    fn stationary_phases(&self, c: f64) -> Option<DVector<Complex64>> {
         let zero = self.harmonics as usize;
         let mut matrix = self.link[0].clone();
         for (row, k) in self.orders() {
-            let factor = self.quanta[0][row] * turn(-k * c);
+            let factor = self.quanta[0][row] * unit_phasor(-k * c);
             matrix.row_mut(row).iter_mut().for_each(|x| *x *= factor);
-            matrix[(row, row)] -= C::from(1.0);
+            matrix[(row, row)] -= Complex64::from(1.0);
         }
-        // All probabilities sum to 1, in place of the equation that they do not change.
-        matrix.row_mut(zero).fill(C::from(0.0));
-        matrix[(zero, zero)] = C::from(1.0);
+        // One equation is redundant. It is replaced by the condition that all probabilities sum to 1.
+        matrix.row_mut(zero).fill(Complex64::from(0.0));
+        matrix[(zero, zero)] = Complex64::from(1.0);
         let mut right = DVector::zeros(matrix.nrows());
-        right[zero] = C::from(1.0);
+        right[zero] = Complex64::from(1.0);
         matrix.lu().solve(&right)
     }
 
-    /// One spike further: threshold's draw, quanta, the next period.
-    fn next(&self, by: &[DMatrix<C>; 3], from: &[DVector<C>], c: f64) -> Moments {
+    /// Advances the moments by one spike: applies the threshold draw, the quanta and the next period.
+    fn advance(&self, by: &[DMatrix<Complex64>; 3], from: &[DVector<Complex64>], c: f64) -> Moments {
         let zero = DVector::zeros(self.quanta[0].len());
         let f = [0, 1, 2].map(|m| from.get(m).unwrap_or(&zero));
         let mut g = [
             &by[0] * f[0],
             &by[0] * f[1] + &by[1] * f[0],
-            &by[0] * f[2] + (&by[1] * f[1]) * C::from(2.0) + &by[2] * f[0],
+            &by[0] * f[2] + (&by[1] * f[1]) * Complex64::from(2.0) + &by[2] * f[0],
         ];
         for (i, k) in self.orders() {
-            let [q0, q1, q2] = [0, 1, 2].map(|m| self.quanta[m][i] * turn(-k * c));
+            let [q0, q1, q2] = [0, 1, 2].map(|m| self.quanta[m][i] * unit_phasor(-k * c));
             let [a, b, s] = [0, 1, 2].map(|m| g[m][i]);
             g[0][i] = a * q0;
             g[1][i] = b * q0 + a * q1;
@@ -235,9 +256,15 @@ mod tests {
     use super::*;
     use spikelane::unstable::draws::hash::mix64;
 
-    /// Increment per readout, deviation of the quanta of a spike, growth over spans of 4 to 16 and of 4 to 32
-    /// intervals, variance of one interval: the same chain on a plain grid of 305 phases, without Fourier series.
-    const OF_A_GRID: [[f64; 5]; 7] = [
+    /// Results for the same Markov chain, computed on a plain grid of 305 phases without Fourier series.
+    ///
+    /// The columns are:
+    ///
+    /// * the increment per readout, in thresholds,
+    /// * the standard deviation `w` that the quanta of a spike cause, in readouts,
+    /// * the growth ratio for spans of 4 to 16 intervals, and for spans of 4 to 32 intervals,
+    /// * the variance of one interval, in readouts squared.
+    const GRID_REFERENCE: [[f64; 5]; 7] = [
         [0.004_68, 0.0, 1.000_00, 1.000_00, 1.9393],
         [0.043_896, 0.0963, 0.998_90, 0.999_13, 0.2118],
         [0.043_896, 0.0, 0.995_35, 0.996_61, 0.2034],
@@ -249,28 +276,33 @@ mod tests {
 
     #[test]
     fn the_series_agree_with_a_grid_of_phases() {
-        for [x, w, short, long, one] in OF_A_GRID {
+        for [x, w, short, long, one] in GRID_REFERENCE {
             let kappa = 0.006_36 / 1.0924 / x;
-            let ratios = [&[4, 8, 16][..], &[4, 8, 16, 32]].map(|lags| growth_ratio(kappa, w, lags));
+            let ratios = [&[4, 8, 16][..], &[4, 8, 16, 32]].map(|lags| interval_growth_ratio(kappa, w, lags));
             assert!(
                 (ratios[0] - short).abs() < 2e-4 && (ratios[1] - long).abs() < 2e-4,
                 "{x} {w}: {ratios:?}"
             );
-            let variance = Chain::new(kappa, w).variances(&[1])[0];
+            let variance = PhaseChain::new(kappa, w).variances(&[1])[0];
             assert!((variance - one).abs() < 2e-4, "{x} {w}: {variance}");
         }
     }
 
     #[test]
     fn independent_draws_have_the_variance_of_the_integrals() {
-        // Ends of a series and of two quadratures: no error above the grid's step squared over 24.
+        // The errors come from truncating the series and from two quadratures. No error exceeds the squared step of the
+        // grid divided by 24.
         for g in [0.3, 0.8, 2.0, 7.5, 20.0] {
-            let own = Chain::new(1.0 / g, 0.0).independent(0.0) * g * g;
-            assert!((own / super::super::selection::nu(g) - 1.0).abs() < 1e-3, "{g}: {own}");
+            let own = PhaseChain::new(1.0 / g, 0.0).independent_variance(0.0) * g * g;
+            assert!(
+                (own / super::super::selection::firing_draw_variance(g) - 1.0).abs() < 1e-3,
+                "{g}: {own}"
+            );
         }
     }
 
-    /// Mean of the draws at which pixels fire whose periods lie between 20 and 30 readouts, over `kappa`; readout by readout.
+    /// Simulates each readout. Returns the mean of the draws at which pixels fire, divided by `kappa`. The periods of the
+    /// pixels are between 20 and 30 readouts.
     fn mean_draw(kappa: f64, w: f64, pixels: u32, spikes: u32) -> f64 {
         let mut state = 7_u64;
         let mut uniform = move || {
@@ -281,7 +313,7 @@ mod tests {
         let mut sum = 0.0;
         for p in 0..pixels {
             let period = 20.0 + 10.0 * (f64::from(p) + 0.5) / f64::from(pixels);
-            // Charge above the threshold, at the first readout that draws can reach.
+            // The simulation starts at the first readout at which a draw can fire. `charge` is the charge above the threshold.
             let mut charge = -9.0 * kappa;
             for spike in 0..spikes {
                 let draw = loop {
@@ -302,18 +334,19 @@ mod tests {
     #[test]
     fn draws_lie_lower_where_phases_are_remembered() {
         let (kappa, w) = (0.133, 0.096);
-        let even = -super::super::selection::psi(1.0 / kappa) * kappa;
-        // Draws at spikes deviate by 0.75 of all draws' deviation: the mean of 1.2e7 of them is known to 0.19 %.
+        let even = -super::super::selection::noise_rate_gain(1.0 / kappa) * kappa;
+        // The draws at spikes have 0.75 times the standard deviation of all draws. The error of the mean of 1.2e7 such draws
+        // is 0.19 %.
         let found = mean_draw(kappa, w, 1000, 12_000) / even;
-        assert!((found - draw_ratio(kappa, w)).abs() < 0.006, "{found}");
-        assert!((draw_ratio(kappa, w) - 1.006).abs() < 5e-4);
-        // Even phases in the dark.
-        assert_eq!(draw_ratio(1.2, 0.1), 1.0);
+        assert!((found - mean_draw_ratio(kappa, w)).abs() < 0.006, "{found}");
+        assert!((mean_draw_ratio(kappa, w) - 1.006).abs() < 5e-4);
+        // In the dark the phases are uniform, so the ratio is 1.
+        assert_eq!(mean_draw_ratio(1.2, 0.1), 1.0);
     }
 
     #[test]
     fn quanta_alone_leave_the_phase_alone() {
-        // Draws that are small beside the quanta: successive phases are as good as independent.
-        assert!((growth_ratio(0.02, 0.5, &[4, 8, 16]) - 1.0).abs() < 1e-4);
+        // The draws are small compared with the quanta, so the phases of successive spikes are nearly independent.
+        assert!((interval_growth_ratio(0.02, 0.5, &[4, 8, 16]) - 1.0).abs() < 1e-4);
     }
 }

@@ -1,28 +1,36 @@
-//! What threshold noise that is redrawn at every readout does to a pixel.
+//! Effects of threshold noise that is redrawn at every readout.
 //!
-//! A pixel fires at the first draw `z` with `1 + sigma z` below its charge, so
-//! the draws at which it fires are not typical ones. With `g = x / sigma` the
-//! increment in units of the noise, and the charge approaching the threshold
-//! through positions `y, y + g, ...` (uniform phase), the draw at a spike has
-//! `E[h(z)] = 1/g * integral H(y) prod_(i>=1) Phi(y + i g) dy`, `H(y) = E[h(z); z <= -y]`.
-//! From `h = z`, the rate gains `sigma^2 psi(g)`, with
-//! `psi(g) = integral phi(y) prod_(i>=1) Phi(y + i g) dy`, and from `h = z^2` the
-//! variance that one spike adds to the phase is `sigma^2 nu(g)`.
+//! * `z`: a standard normal draw. `sigma`: standard deviation of the noise, in thresholds.
+//! * `x`: charge per readout in thresholds. `g = x / sigma`: charge per readout in units of `sigma`.
+//! * `y`: distance of the charge below the threshold, in units of `sigma`.
+//! * `phi` and `Phi`: density and distribution function of the standard normal distribution.
+//!
+//! A pixel fires at the first draw `z` for which `1 + sigma z` is below the charge. The draws at which it fires are
+//! therefore not typical. The charge approaches the threshold in steps of `g`, and its phase is uniform. The mean of a
+//! function `h` of the draw at a spike is
+//! `E[h(z)] = 1/g * integral H(y) prod_(i>=1) Phi(y + i g) dy`, with `H(y) = E[h(z); z <= -y]`.
+//!
+//! * For `h = z`: the rate increases by `sigma^2 psi(g)`, with `psi(g) = integral phi(y) prod_(i>=1) Phi(y + i g) dy`.
+//!   [`noise_rate_gain`] returns `psi(g)`.
+//! * For `h = z^2`: one spike adds the variance `sigma^2 nu(g)` to the phase. [`firing_draw_variance`] returns
+//!   `nu(g)`.
 
 use std::sync::OnceLock;
 
 use spikelane::unstable::threads;
 
-/// Grid of the tables: `ln g` from `ln 1e-3` to `ln 100`.
-const POINTS: usize = 512;
-const LOWEST: f64 = 1e-3;
-const HIGHEST: f64 = 100.0;
+/// Number of grid points of each table. The points are uniform in `ln g`.
+const GRID_POINTS: usize = 512;
+/// Smallest `g` in the tables.
+const MIN_INCREMENT: f64 = 1e-3;
+/// Largest `g` in the tables.
+const MAX_INCREMENT: f64 = 100.0;
 
 static TABLES: OnceLock<(Vec<f64>, Vec<f64>)> = OnceLock::new();
 
-/// Makes the tables of [`psi`] and [`nu`], if they are not made yet. Parallel work that uses them calls it first, so that its
-/// threads do not wait for one.
-pub(crate) fn prepare() {
+/// Computes the tables of [`noise_rate_gain`] and [`firing_draw_variance`] unless they exist. Call this function before
+/// parallel work that uses the tables. Otherwise all threads wait until one thread has computed them.
+pub(crate) fn prepare_tables() {
     tables();
 }
 
@@ -30,21 +38,23 @@ fn tables() -> &'static (Vec<f64>, Vec<f64>) {
     if let Some(tables) = TABLES.get() {
         return tables;
     }
-    // Outside the lock: parallel work that waited for the lock would wait for itself.
-    let step = (HIGHEST / LOWEST).ln() / (POINTS - 1) as f64;
-    let each = threads::map(0..POINTS, |i| integrals(LOWEST * (step * i as f64).exp()));
+    // The tables are computed before the lock is taken. Parallel work inside the lock could wait for the same lock and
+    // never end.
+    let step = (MAX_INCREMENT / MIN_INCREMENT).ln() / (GRID_POINTS - 1) as f64;
+    let each = threads::map(0..GRID_POINTS, |i| gain_and_variance(MIN_INCREMENT * (step * i as f64).exp()));
     TABLES.get_or_init(|| each.into_iter().unzip())
 }
 
-/// The rate that threshold noise adds, over its variance: 0 for slow pixels, 1 for fast ones.
+/// Returns `psi(g)`, the rate that threshold noise adds divided by the variance of the noise. `psi` is 0 for slow pixels
+/// and 1 for fast pixels.
 #[must_use]
-pub fn psi(g: f64) -> f64 {
+pub fn noise_rate_gain(g: f64) -> f64 {
     lookup(&tables().0, g)
 }
 
-/// Variance of the draws at which a pixel fires, over that of all draws.
+/// Returns `nu(g)`, the variance of the draws at which a pixel fires divided by the variance of all draws.
 #[must_use]
-pub fn nu(g: f64) -> f64 {
+pub fn firing_draw_variance(g: f64) -> f64 {
     lookup(&tables().1, g)
 }
 
@@ -52,46 +62,48 @@ fn lookup(table: &[f64], g: f64) -> f64 {
     if g.is_nan() || g <= 0.0 {
         return 0.0;
     }
-    let step = (HIGHEST / LOWEST).ln() / (POINTS - 1) as f64;
-    let at = ((g / LOWEST).ln() / step).clamp(0.0, (POINTS - 1) as f64);
-    let i = (at as usize).min(POINTS - 2);
+    let step = (MAX_INCREMENT / MIN_INCREMENT).ln() / (GRID_POINTS - 1) as f64;
+    let at = ((g / MIN_INCREMENT).ln() / step).clamp(0.0, (GRID_POINTS - 1) as f64);
+    let i = (at as usize).min(GRID_POINTS - 2);
     table[i] + (at - i as f64) * (table[i + 1] - table[i])
 }
 
-fn density(y: f64) -> f64 {
+fn normal_pdf(y: f64) -> f64 {
     (-0.5 * y * y).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
-fn cumulative(y: f64) -> f64 {
+fn normal_cdf(y: f64) -> f64 {
     0.5 * libm::erfc(-y / std::f64::consts::SQRT_2)
 }
 
-/// `psi` and `nu` by the midpoint rule, which converges faster than any power for such integrands.
-fn integrals(g: f64) -> (f64, f64) {
-    // A charge may already lie a whole increment above the threshold.
+/// Returns `psi(g)` and `nu(g)`, computed by the midpoint rule. For such integrands the error decreases faster than any
+/// power of the step.
+fn gain_and_variance(g: f64) -> (f64, f64) {
+    // The charge can be a whole increment above the threshold, so the range is extended by `g`.
     let (low, high) = (-8.0 - g, 8.0);
     let cells = ((high - low) / 0.02).ceil();
     let h = (high - low) / cells;
     let (mut first, mut second) = (0.0, 0.0);
     for i in 0..cells as i32 {
         let y = low + h * (f64::from(i) + 0.5);
-        let waited = survived(y, g);
+        let waited = survival_probability(y, g);
         if waited == 0.0 {
             continue;
         }
-        first += density(y) * waited * h;
-        second += (cumulative(-y) + y * density(y)) * waited * h;
+        first += normal_pdf(y) * waited * h;
+        second += (normal_cdf(-y) + y * normal_pdf(y)) * waited * h;
     }
     let mean = -first / g;
     (first, (second / g - mean * mean).max(0.0))
 }
 
-/// Probability that no earlier readout of the approach fired: the product over `y + i g`, `i >= 1`.
-fn survived(y: f64, g: f64) -> f64 {
+/// Returns the probability that no earlier readout of the approach fired. It is the product of `Phi(y + i g)` over
+/// `i >= 1`.
+fn survival_probability(y: f64, g: f64) -> f64 {
     let mut log = 0.0;
     let mut at = y + g;
     while at < 8.0 {
-        log += cumulative(at).max(1e-300).ln();
+        log += normal_cdf(at).max(1e-300).ln();
         if log < -40.0 {
             return 0.0;
         }
@@ -106,7 +118,7 @@ mod tests {
 
     #[test]
     fn psi_has_the_values_of_direct_simulation() {
-        // Simulated rates of single pixels, good to about 0.01.
+        // The expected values are simulated rates of single pixels. They are accurate to about 0.01.
         for (g, expected) in [
             (0.1, 0.170),
             (0.2, 0.282),
@@ -116,12 +128,19 @@ mod tests {
             (2.0, 0.917),
             (20.0, 0.995),
         ] {
-            assert!((psi(g) - expected).abs() < 0.012, "psi({g}) = {}", psi(g));
+            assert!((noise_rate_gain(g) - expected).abs() < 0.012, "psi({g}) = {}", noise_rate_gain(g));
         }
     }
 
     #[test]
     fn a_fast_pixel_fires_at_typical_draws() {
-        assert!((nu(100.0) - 1.0).abs() < 0.01 && nu(0.1) < nu(1.0), "{} {} {}", nu(0.1), nu(1.0), nu(100.0));
+        assert!(
+            (firing_draw_variance(100.0) - 1.0).abs() < 0.01
+                && firing_draw_variance(0.1) < firing_draw_variance(1.0),
+            "{} {} {}",
+            firing_draw_variance(0.1),
+            firing_draw_variance(1.0),
+            firing_draw_variance(100.0)
+        );
     }
 }

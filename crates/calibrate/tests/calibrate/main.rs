@@ -1,8 +1,8 @@
-//! Calibrations of sensors whose numbers are known.
+//! Tests calibrations of sensors whose parameters are known.
 
 #[path = "../calibrate_support/mod.rs"]
 mod calibrate_support;
 
+mod recording_sets;
 mod recovery;
 mod round_trip;
-mod sets;

@@ -1,36 +1,43 @@
-//! Whether the estimator finds a camera of known truth again, against the Cramer-Rao bound.
+//! Tests that the estimator recovers the known parameters of a camera, with errors near the Cramer-Rao bound.
 
-use crate::calibrate_support::score::{Firing, Score, observed, observed_at, score, spread};
-use crate::calibrate_support::{PUBLISHED, Pixel, pixels};
-use spikelane_calibrate::{CalibrateOptions, Calibration, PixelFit, calibrate, nu, psi};
+use crate::calibrate_support::score::{Firing, Score, mean_and_sd, observations, observations_at, score};
+use crate::calibrate_support::{PUBLISHED_NOISE, Pixel, pixels};
+use spikelane_calibrate::{
+    CalibrateOptions, Calibration, PixelFit, calibrate, firing_draw_variance, noise_rate_gain,
+};
 
 fn report(found: &Calibration, s: &Score, readouts: u32) {
     println!("{} pixels, {readouts} readouts", found.fits.len());
-    println!("rmse a {:.6} % d {:.4} %", 100.0 * s.rmse[0], 100.0 * s.rmse[1] / PUBLISHED.dark);
+    println!("rmse a {:.6} % d {:.4} %", 100.0 * s.rmse[0], 100.0 * s.rmse[1] / PUBLISHED_NOISE.dark);
     println!("over the bound {:.3?} ({:.3?} of known thresholds)", s.ratio, s.ratio_known);
     println!("coverage {:.4?}", s.coverage);
     println!("{:#?}", found.population);
-    println!("sigma_t {:?} true {}", found.sigma_t, PUBLISHED.sigma_t);
-    println!("electrons {:?}, share {:?}, {:?}", found.electrons, found.bias_share, found.redrawn);
-    println!("misfits {} chi2 {:?}", found.misfits.len(), found.chi2_per_freedom());
+    println!("sigma_t {:?} true {}", found.sigma_t, PUBLISHED_NOISE.sigma_t);
+    println!(
+        "electrons {:?}, share {:?}, {:?}",
+        found.electrons_per_spike, found.bias_share, found.noise_sampling
+    );
+    println!("misfits {} chi2 {:?}", found.poor_fit_pixels.len(), found.reduced_chi2());
 }
 
 fn check(width: u32, height: u32, readouts: u32, seed: u64) {
-    let noise = PUBLISHED;
+    let noise = PUBLISHED_NOISE;
     let truth = pixels(&noise, (width * height) as usize, seed);
-    let found = calibrate(&observed(&noise, &truth, width, readouts), &CalibrateOptions::default()).unwrap();
+    let found =
+        calibrate(&observations(&noise, &truth, width, readouts), &CalibrateOptions::default()).unwrap();
     let line = |f: &PixelFit| [f.a, f.d, f.var_a, f.var_d];
     let lines: Vec<_> = found.fits.iter().map(line).collect();
     let s = score(&noise, &truth, &lines, readouts);
     report(&found, &s, readouts);
     let n = truth.len() as f64;
-    // RMSE of n pixels has a relative error of 1/sqrt(2 n), coverage one of sqrt(.05 * .95 / n).
+    // For `n` pixels, the relative error of the RMSE is `1/sqrt(2 n)`, and the error of the coverage is
+    // `sqrt(.05 * .95 / n)`.
     let slack = 4.0 / (2.0 * n).sqrt();
     assert!(s.ratio.iter().all(|r| *r < 1.15 + slack && *r > 0.95 - slack), "{:?}", s.ratio);
     let slack = 4.0 * (0.05 * 0.95 / n).sqrt();
     assert!(s.coverage.iter().all(|c| (0.92 - slack..0.98 + slack).contains(c)), "{:?}", s.coverage);
-    let (mean_a, sd_a) = spread(truth.iter().map(Pixel::a));
-    let (mean_d, sd_d) = spread(truth.iter().map(Pixel::d));
+    let (mean_a, sd_a) = mean_and_sd(truth.iter().map(Pixel::a));
+    let (mean_d, sd_d) = mean_and_sd(truth.iter().map(Pixel::d));
     let p = &found.population;
     for (found, truth) in [(p.mean_a, mean_a), (p.sd_a, sd_a), (p.mean_d, mean_d), (p.sd_d, sd_d)] {
         println!("{:.7} for {truth:.7}, {:+.4} %", found.value, 100.0 * (found.value / truth - 1.0));
@@ -50,22 +57,22 @@ fn a_camera_of_known_truth_is_recovered_near_the_bound() {
     check(64, 40, 10_000, 5);
 }
 
-/// Spread of thresholds, threshold noise and electrons of cameras that differ in pixels and noise: distances from
-/// the truth in their own standard errors.
+/// Returns the deviations of three estimates from the truth, in standard errors of the estimates. The estimates are the
+/// spread of the thresholds, the threshold noise and the electrons. The cameras differ in pixels and noise.
 ///
-/// The dark and three dim levels hold all that there is of the noise; the bright one is for the gain.
-fn noise_of(width: u32, height: u32, readouts: u32, cameras: u64) -> Vec<[f64; 3]> {
-    let noise = PUBLISHED;
+/// The dark level and three dim levels contain all information about the noise. The bright level determines the gain.
+fn calibrated_noise(width: u32, height: u32, readouts: u32, cameras: u64) -> Vec<[f64; 3]> {
+    let noise = PUBLISHED_NOISE;
     let lights = [0.0, 10.0 / 255.0, 20.0 / 255.0, 30.0 / 255.0, 0.3];
     let one = |camera: u64| {
         let truth = pixels(&noise, (width * height) as usize, 1000 + camera);
-        let observed = observed_at(&lights, &noise, &truth, width, readouts, 10 * camera);
+        let observed = observations_at(&lights, &noise, &truth, width, readouts, 10 * camera);
         let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
-        let phi = spread(truth.iter().map(|p| p.phi)).1;
+        let phi = mean_and_sd(truth.iter().map(|p| p.phi)).1;
         let all = [
             (found.population.sigma_phi, phi),
             (found.sigma_t, noise.sigma_t),
-            (found.electrons, noise.photons),
+            (found.electrons_per_spike, noise.photons),
         ];
         println!(
             "{camera}: {}",
@@ -76,9 +83,10 @@ fn noise_of(width: u32, height: u32, readouts: u32, cameras: u64) -> Vec<[f64; 3
     (0..cameras).map(one).collect()
 }
 
-/// Every camera within three standard errors, and their means within three of theirs.
+/// Checks that the estimates of every camera are within three standard errors of the truth. Also checks that their mean
+/// over the cameras is within three standard errors of the mean.
 fn check_noise(width: u32, height: u32, readouts: u32, cameras: u64) {
-    let all = noise_of(width, height, readouts, cameras);
+    let all = calibrated_noise(width, height, readouts, cameras);
     for (i, name) in ["spread of thresholds", "threshold noise", "electrons"].into_iter().enumerate() {
         let off: Vec<f64> = all.iter().map(|z| z[i]).collect();
         let mean = off.iter().sum::<f64>() / off.len() as f64 * (off.len() as f64).sqrt();
@@ -89,23 +97,25 @@ fn check_noise(width: u32, height: u32, readouts: u32, cameras: u64) {
 }
 
 #[test]
-fn noise_lies_within_its_errors_for_many_cameras() {
-    // Six cameras together know threshold noise to 0.5 % and electrons to 2 %.
+fn noise_estimates_are_within_their_errors() {
+    // With six cameras, the error of the threshold noise is 0.5 %, and the error of the electrons is 2 %.
     check_noise(64, 40, 10_000, 6);
 }
 
-/// Their dark rates, read as those of low thresholds, told the rule of the noise wrongly: thresholds of a tenth have ten times the noise.
+/// A hot pixel must not be mistaken for a pixel with a low threshold. A tenth of the threshold would mean ten times the
+/// noise, and the fit would choose the wrong sampling rule.
 #[test]
 fn hot_pixels_have_thresholds_like_the_others() {
-    let noise = PUBLISHED;
+    let noise = PUBLISHED_NOISE;
     let mut truth = pixels(&noise, 32 * 20, 77);
     truth[..15].iter_mut().for_each(|p| p.dark = 0.05);
     let lights = [0.0, 0.04, 0.08, 0.3, 0.6];
-    let found = calibrate(&observed_at(&lights, &noise, &truth, 32, 4000, 900), &CalibrateOptions::default())
-        .unwrap();
-    assert_eq!(found.hot, (0..15).collect::<Vec<_>>());
+    let found =
+        calibrate(&observations_at(&lights, &noise, &truth, 32, 4000, 900), &CalibrateOptions::default())
+            .unwrap();
+    assert_eq!(found.hot_pixels, (0..15).collect::<Vec<_>>());
     for p in 0..15 {
-        let [threshold, sd] = found.threshold[p];
+        let [threshold, sd] = found.threshold_posteriors[p];
         assert!((threshold - truth[p].phi).abs() < 4.0 * sd && sd < 0.06, "{p}: {threshold} +- {sd}");
     }
     let share = found.bias_share;
@@ -115,25 +125,31 @@ fn hot_pixels_have_thresholds_like_the_others() {
 #[test]
 #[ignore = "takes minutes"]
 fn noise_of_whole_sensors_lies_within_its_errors() {
-    // Six cameras see 0.27 % of the photons: without the phases that spikes remember these were 1.4 % high.
+    // With six cameras, the error of the photons is 0.27 %. Without the correction for correlated phases, the photons
+    // would be too high by 1.4 %.
     check_noise(400, 250, 10_000, 6);
 }
 
 #[test]
-fn the_draws_at_which_a_pixel_fires_are_those_of_the_integrals() {
+fn simulated_firing_draws_match_the_integrals() {
     let firing = Firing::new();
     for g in [0.1, 0.3, 0.8, 2.0, 6.0, 40.0] {
-        // Twice the errors of the simulation and of its interpolation, 0.6 % and 0.5 %.
+        // The tolerance is about twice the sum of the error of the simulation, 0.6 %, and of its interpolation, 0.5 %.
         assert!(
-            (firing.variance(g) / nu(g) - 1.0).abs() < 0.025,
+            (firing.variance(g) / firing_draw_variance(g) - 1.0).abs() < 0.025,
             "{g}: {} and {}",
             firing.variance(g),
-            nu(g)
+            firing_draw_variance(g)
         );
     }
-    // The mean of 50,000 draws, times g: only there is it as sharp as the integral.
+    // The gain is the mean of 50,000 draws times `g`. It is as accurate as the integral only for these values of `g`.
     for g in [0.1, 0.3, 0.8, 2.0] {
-        assert!((firing.gain(g) / psi(g) - 1.0).abs() < 0.03, "{g}: {} and {}", firing.gain(g), psi(g));
+        assert!(
+            (firing.gain(g) / noise_rate_gain(g) - 1.0).abs() < 0.03,
+            "{g}: {} and {}",
+            firing.gain(g),
+            noise_rate_gain(g)
+        );
     }
 }
 

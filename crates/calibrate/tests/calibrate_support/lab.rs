@@ -1,20 +1,21 @@
-//! A random laboratory: a camera of known truth, lamps that are not what they are said to be, and one fault.
+//! A random laboratory. It has a camera with known parameters, lamps whose light differs from the stated light, and one
+//! fault.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use spikelane::spikes::Geometry;
-use spikelane_calibrate::{Level, Observed};
+use spikelane_calibrate::{LightLevel, Observations};
 
-use super::calibrate_support::{Lit, Noise, Pixel, Random, level_of, pixels, traces};
+use super::calibrate_support::{LightCourse, Noise, Pixel, Random, level_from_times, pixels, traces};
 
-/// What is wrong in a laboratory, in the order in which they are drawn.
+/// The faults. Laboratory `i` has the fault `i` modulo the number of faults.
 pub(crate) const FAULTS: [&str; 15] = [
     "nothing; lamps exact",
     "lamps within 0.1 %",
     "lamps within 1 %, as stated",
     "a third of the lamps off by up to 10 %",
-    "one lamp mislabelled by 5 to 10 %",
+    "one lamp mislabeled by 5 to 10 %",
     "no dark recording",
     "hot and dead pixels",
     "a stuck column",
@@ -27,43 +28,44 @@ pub(crate) const FAULTS: [&str; 15] = [
     "a response that bends alike in all pixels",
 ];
 
-/// Pixels of the sensors.
+/// Width of the sensors in pixels.
 const WIDTH: u32 = 24;
+/// Height of the sensors in pixels.
 const HEIGHT: u32 = 16;
 
-/// One recording: the light that falls and the light that is stated, how long, and which pixels see it.
+/// One recording: its true light, its stated light, its number of readouts and its pixels.
 pub(crate) struct Shot {
     pub light: f64,
     pub stated: f64,
     pub readouts: u32,
     pixels: Vec<Pixel>,
-    lit: Lit,
+    light_course: LightCourse,
     seed: u64,
 }
 
-pub(crate) struct Lab {
+pub(crate) struct Laboratory {
     pub fault: &'static str,
     pub noise: Noise,
     pub truth: Vec<Pixel>,
-    /// By rising stated light.
+    /// The recordings in ascending order of stated light.
     pub shots: Vec<Shot>,
 }
 
-impl Lab {
-    /// The `index`-th laboratory: faults take turns, everything else is drawn by the index.
+impl Laboratory {
+    /// Creates the laboratory `index`. The index determines the fault and seeds all random numbers.
     pub(crate) fn new(index: u64) -> Self {
         let fault = FAULTS[index as usize % FAULTS.len()];
         let mut random = Random::new(0x1AB0_0000 + index);
         let noise = population(&mut random);
         let mut truth = pixels(&noise, (WIDTH * HEIGHT) as usize, 7_000 + index);
-        spoil(fault, &mut truth, &mut random);
-        let levels = lamps(fault, &mut random);
+        add_defects(fault, &mut truth, &mut random);
+        let levels = lamp_levels(fault, &mut random);
         let base = 2000 + (2000.0 * random.uniform()) as u32;
         let bend = if fault.starts_with("a response") { 0.01 + 0.03 * random.uniform() } else { 0.0 };
         let mut shots = Vec::new();
         for (k, [light, stated]) in levels.into_iter().enumerate() {
             let longer = if fault == "unequal lengths" { 1 + (4.0 * random.uniform()) as u32 } else { 1 };
-            // A tenth of the spikes of a dim level would be none at all.
+            // A dim recording is long enough for 60 spikes of an average pixel, so that slow pixels fire too.
             let readouts = (base * longer).max(if light > 0.0 { (60.0 / light) as u32 } else { 0 });
             let mut shown = truth.clone();
             if fault.starts_with("pixels that blink") {
@@ -74,45 +76,51 @@ impl Lab {
             let drifts = fault.starts_with("lamps that drift") && light > 0.0;
             let either_way = |random: &mut Random| if random.uniform() < 0.5 { 0.01 } else { -0.01 };
             let rise = if drifts { either_way(&mut random) } else { 0.0 };
-            let lit = Lit { light: light * (1.0 - bend * light), rise };
+            let lit = LightCourse { light: light * (1.0 - bend * light), rise };
             let seed = index * 100 + k as u64;
-            shots.push(Shot { light, stated, readouts, pixels: shown, lit, seed });
+            shots.push(Shot { light, stated, readouts, pixels: shown, light_course: lit, seed });
         }
         Self { fault, noise, truth, shots }
     }
 
-    /// Pixels that are as the population says.
-    pub(crate) fn usual(&self) -> impl Iterator<Item = &Pixel> + Clone {
+    /// Returns the pixels without defects.
+    pub(crate) fn defect_free_pixels(&self) -> impl Iterator<Item = &Pixel> + Clone {
         let (noise, dead) = (self.noise, |p: &&Pixel| p.gain > 0.0);
         self.truth.iter().filter(dead).filter(move |p| p.dark < noise.dark + 6.0 * noise.dark_sd)
     }
 
-    /// What is counted of the recordings, without a file between.
-    pub(crate) fn observed(&self) -> Observed {
+    /// Measures the recordings in memory, without files.
+    pub(crate) fn observations(&self) -> Observations {
         let one = |(k, shot): (usize, &Shot)| {
-            let times = traces(&self.noise, &shot.pixels, shot.lit, shot.readouts, shot.seed);
-            // Intervals are looked at where it is dim.
-            let mut level = level_of(&times, shot.lit.light, shot.readouts, shot.lit.light < 0.12);
+            let times = traces(&self.noise, &shot.pixels, shot.light_course, shot.readouts, shot.seed);
+            // Intervals are measured only in dim light.
+            let mut level = level_from_times(
+                &times,
+                shot.light_course.light,
+                shot.readouts,
+                shot.light_course.light < 0.12,
+            );
             (level.light, level.name) = (shot.stated, file(k));
             level
         };
-        let levels: Vec<Level> = self.shots.iter().enumerate().map(one).collect();
-        Observed {
+        let levels: Vec<LightLevel> = self.shots.iter().enumerate().map(one).collect();
+        Observations {
             geometry: Geometry::new(WIDTH, HEIGHT).unwrap(),
             readout_hz: 20_000.0,
             levels,
-            others: Vec::new(),
+            other_recordings: Vec::new(),
         }
     }
 
-    /// The recordings as files, bit by bit: readouts of whole bytes, the upper row first. The path of the set that names them.
+    /// Writes the recordings as files with the top row first. Returns the path of their recording set. The number of
+    /// pixels is a multiple of 8, so each readout has a whole number of bytes.
     pub(crate) fn write(&self, folder: &Path) -> PathBuf {
         let pixels = (WIDTH * HEIGHT) as usize;
         let mut set =
             format!("width = {WIDTH}\nheight = {HEIGHT}\nreadout_hz = 20000.0\nlayout = \"dat-top\"\n");
         for (k, shot) in self.shots.iter().enumerate() {
             let mut bytes = vec![0_u8; pixels / 8 * shot.readouts as usize];
-            let times = traces(&self.noise, &shot.pixels, shot.lit, shot.readouts, shot.seed);
+            let times = traces(&self.noise, &shot.pixels, shot.light_course, shot.readouts, shot.seed);
             for (p, times) in times.iter().enumerate() {
                 for t in times {
                     bytes[pixels / 8 * *t as usize + p / 8] |= 1 << (p % 8);
@@ -131,7 +139,7 @@ fn file(k: usize) -> String {
     format!("level_{k}.dat")
 }
 
-/// Spreads and noise of a kind of camera.
+/// Draws the spreads and the noise of a camera.
 fn population(random: &mut Random) -> Noise {
     let mut between = |low: f64, high: f64| low + (high - low) * random.uniform();
     let dark = between(0.003, 0.008);
@@ -142,12 +150,12 @@ fn population(random: &mut Random) -> Noise {
         dark_sd: dark * between(0.15, 0.33),
         sigma_t: 5e-4 * 16.0_f64.powf(between(0.0, 1.0)),
         photons: between(2e4, 8e4),
-        lost: 0.002,
+        dead_time_fraction: 0.002,
     }
 }
 
-/// Makes defects.
-fn spoil(fault: &str, truth: &mut [Pixel], random: &mut Random) {
+/// Adds the pixel defects that belong to `fault`.
+fn add_defects(fault: &str, truth: &mut [Pixel], random: &mut Random) {
     let dead = |p: &mut Pixel| (p.gain, p.dark) = (0.0, 0.0);
     match fault {
         "hot and dead pixels" => {
@@ -159,22 +167,23 @@ fn spoil(fault: &str, truth: &mut [Pixel], random: &mut Random) {
     }
 }
 
-/// Lit levels: 2 to 29, as many laboratories with 2 to 4 as with 8 to 16.
+/// Returns the number of lit levels, 2 to 29. Its logarithm is uniformly distributed, so 2 to 4 levels are as likely as 8
+/// to 16 levels.
 fn lit_levels(fault: &str, random: &mut Random) -> usize {
     let drawn = (2.0 * 15.0_f64.powf(random.uniform())) as usize;
     match fault {
         "dark and one or two levels only" => 1 + (2.0 * random.uniform()) as usize,
         "dark and 29 levels" => 29,
-        // Of two lamps nobody tells which one is off.
+        // With two lamps, it is impossible to decide which lamp is wrong.
         _ if fault.starts_with("a third") || fault.starts_with("one lamp") => drawn.max(3),
         _ => drawn,
     }
 }
 
-/// Levels as they are and as they are said to be.
-fn lamps(fault: &str, random: &mut Random) -> Vec<[f64; 2]> {
+/// Returns the true light and the stated light of each level.
+fn lamp_levels(fault: &str, random: &mut Random) -> Vec<[f64; 2]> {
     let lit = lit_levels(fault, random);
-    // One of each part of the range, so that none coincide.
+    // The range is divided into equal parts, and each part contains one level. All levels therefore differ.
     let step = 0.92 / lit as f64;
     let mut stated: Vec<f64> =
         (0..lit).map(|k| 0.02 + step * (k as f64 + 0.1 + 0.8 * random.uniform())).collect();

@@ -1,5 +1,5 @@
-//! Cameras of known truth, simulated pixel by pixel in f64, with nothing of the library but
-//! its types for results.
+//! Simulates cameras with known parameters, pixel by pixel in f64. From the library, this module uses only the types of
+//! the results.
 #![allow(dead_code, reason = "each test takes what it needs")]
 
 pub(crate) mod score;
@@ -8,9 +8,9 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
-use spikelane_calibrate::Level;
+use spikelane_calibrate::LightLevel;
 
-/// A generator that the library does not use, and normal draws of another library.
+/// A generator of random numbers that the library does not use. Normal draws come from another crate.
 pub(crate) struct Random(Pcg64Dxsm);
 
 impl Random {
@@ -27,7 +27,7 @@ impl Random {
     }
 }
 
-/// The published noise: relative to nominal threshold and to the light that saturates.
+/// The published noise. Thresholds are divided by the nominal threshold, and light by the light that saturates.
 #[derive(Clone, Copy)]
 pub(crate) struct Noise {
     pub threshold_sd: f64,
@@ -36,20 +36,21 @@ pub(crate) struct Noise {
     pub dark_sd: f64,
     pub sigma_t: f64,
     pub photons: f64,
-    pub lost: f64,
+    pub dead_time_fraction: f64,
 }
 
-pub(crate) const PUBLISHED: Noise = Noise {
+pub(crate) const PUBLISHED_NOISE: Noise = Noise {
     threshold_sd: 0.0497 / 1.0924,
     gain_sd: 0.0577,
     dark: 0.00468,
     dark_sd: 0.00182,
     sigma_t: 0.00636 / 1.0924,
     photons: 5e4,
-    lost: 0.002,
+    dead_time_fraction: 0.002,
 };
 
-/// A pixel of known truth: threshold (of its voltage alone), gain and dark current.
+/// A pixel with known parameters. `phi` and `gain` are divided by their nominal values. `dark` is the dark current in
+/// nominal thresholds per readout. Only the voltage of the threshold differs from the nominal pixel.
 #[derive(Clone, Copy)]
 pub(crate) struct Pixel {
     pub phi: f64,
@@ -77,31 +78,40 @@ pub(crate) fn pixels(noise: &Noise, count: usize, seed: u64) -> Vec<Pixel> {
     (0..count).map(|_| pixel()).collect()
 }
 
-/// When a pixel fired, in readouts.
-pub(crate) struct Trace {
+/// Spike times of a pixel in readouts.
+pub(crate) struct SpikeTrace {
     pub times: Vec<u32>,
 }
 
-/// Light on the sensor, and by how much of it it rises while it is recorded.
+/// Mean light on the sensor, and its relative rise during the recording.
 #[derive(Clone, Copy)]
-pub(crate) struct Lit {
+pub(crate) struct LightCourse {
     pub light: f64,
     pub rise: f64,
 }
 
-impl Lit {
-    pub(crate) const fn steady(light: f64) -> Self {
+impl LightCourse {
+    pub(crate) const fn constant(light: f64) -> Self {
         Self { light, rise: 0.0 }
     }
 }
 
-/// One pixel under one light. Between the zone where threshold noise can decide and a
-/// spike, charge is added in one step of many readouts: the sum of that many normal draws.
-pub(crate) fn run(noise: &Noise, pixel: &Pixel, lit: Lit, readouts: u32, random: &mut Random) -> Trace {
+/// Simulates one pixel in the light `lit`.
+///
+/// While the charge is too far from the threshold for noise to cause a spike, the charge of many readouts is added in one
+/// step. This charge is the sum of as many normal draws.
+pub(crate) fn simulate_pixel(
+    noise: &Noise,
+    pixel: &Pixel,
+    lit: LightCourse,
+    readouts: u32,
+    random: &mut Random,
+) -> SpikeTrace {
     let light = lit.light;
     let mean_at =
         |t: f64| pixel.gain * light * (1.0 + lit.rise * (t / f64::from(readouts) - 0.5)) + pixel.dark;
-    // Photons before the gain; a normal law is exact enough above some hundred of them.
+    // Photons are counted before the gain is applied. For more than about a hundred photons, a normal distribution is exact
+    // enough.
     let sd = if light > 0.0 { pixel.gain * (light / noise.photons).sqrt() } else { 0.0 };
     let reach = pixel.phi - 6.0 * noise.sigma_t;
     let mut charge = random.uniform() * pixel.phi;
@@ -119,7 +129,7 @@ pub(crate) fn run(noise: &Noise, pixel: &Pixel, lit: Lit, readouts: u32, random:
         }
         let mut step = mean + sd * random.normal();
         if fired {
-            step *= 1.0 - noise.lost;
+            step *= 1.0 - noise.dead_time_fraction;
         }
         charge += step;
         fired = false;
@@ -133,18 +143,21 @@ pub(crate) fn run(noise: &Noise, pixel: &Pixel, lit: Lit, readouts: u32, random:
         }
         t += 1;
     }
-    Trace { times }
+    SpikeTrace { times }
 }
 
-/// Phase variance per spike from spans of a few intervals, by regression on what their variances are made of.
+/// Returns the phase variance per spike. It is computed from spans of a few intervals, by regression of the variances of
+/// the spans.
 ///
-/// True spans of `l` intervals vary by `V(l) = l s + q`, where `q` is what the readouts cut off at both ends. About the mean
-/// of the same `n` intervals that becomes `s (l - l^2/n) + q (1 + l^2/n^2 - 2l/(nK))`, `K = n - l + 1`. In the dark `q` is
-/// five times the 1/6 of a noise-free pixel, as the charge left by a redrawn threshold varies with its
-/// noise: forgotten, it would add 1.1 % to `s` of a pixel of 46 intervals.
-fn slope(times: &[u32]) -> f64 {
+/// A span of `l` intervals has the variance `V(l) = l s + q` in readouts squared. `s` is the phase variance per spike. `q`
+/// is the contribution of rounding both ends to readouts. The variance about the mean of the same `n` intervals is
+/// `s (l - l^2/n) + q (1 + l^2/n^2 - 2l/(nK))`, with `K = n - l + 1`.
+///
+/// For a pixel without noise `q` is 1/6. In the dark `q` is five times as large, because the charge after a spike varies
+/// with the redrawn threshold. If `q` were neglected, `s` of a pixel with 46 intervals would be too high by 1.1 %.
+fn phase_variance_slope(times: &[u32]) -> f64 {
     let n = times.len().saturating_sub(1);
-    // A dim pixel's spans of one and two intervals are long enough to lie anywhere between two readouts.
+    // In a dim pixel, even spans of one and two intervals are long enough to end at any phase between two readouts.
     let spans: &[usize] = if n < 32 { &[1, 2, 4, 8] } else { &[4, 8, 16] };
     let used = spans.iter().filter(|lag| **lag * 2 <= n);
     if n < 4 {
@@ -168,34 +181,41 @@ fn slope(times: &[u32]) -> f64 {
     (sv * qq - qv * sq) / (ss * qq - sq * sq) / (mean * mean)
 }
 
-/// When each pixel fired, at one light.
-pub(crate) fn traces(noise: &Noise, pixels: &[Pixel], lit: Lit, readouts: u32, seed: u64) -> Vec<Vec<u32>> {
+/// Returns the spike times of each pixel in the light `lit`.
+pub(crate) fn traces(
+    noise: &Noise,
+    pixels: &[Pixel],
+    lit: LightCourse,
+    readouts: u32,
+    seed: u64,
+) -> Vec<Vec<u32>> {
     let trace = |(p, pixel): (usize, &Pixel)| {
         let mut random = Random::new(seed.wrapping_mul(1_000_003).wrapping_add(p as u64));
-        run(noise, pixel, lit, readouts, &mut random).times
+        simulate_pixel(noise, pixel, lit, readouts, &mut random).times
     };
     pixels.par_iter().enumerate().map(trace).collect()
 }
 
-/// What is counted of spikes at a light; intervals are looked at where `dim`.
-pub(crate) fn level_of(times: &[Vec<u32>], light: f64, readouts: u32, dim: bool) -> Level {
+/// Creates a level from the spike times of each pixel. If `dim` is true, the level includes interval noise.
+pub(crate) fn level_from_times(times: &[Vec<u32>], light: f64, readouts: u32, dim: bool) -> LightLevel {
     let count = times.iter().map(|t| t.len() as u32).collect();
     let ends = |at: fn(&Vec<u32>) -> Option<&u32>| -> Vec<u32> {
         times.iter().map(|t| at(t).copied().unwrap_or(u32::MAX)).collect()
     };
     let (first, last) = (ends(|t| t.first()), ends(|t| t.last()));
     let early: Vec<u32> = times.iter().map(|t| t.partition_point(|t| *t < readouts / 2) as u32).collect();
-    let mut level = Level::from_counts(&format!("light {light:.4}"), light, readouts, count, &first, &last)
-        .with_first_half(&early);
+    let mut level =
+        LightLevel::from_counts(&format!("light {light:.4}"), light, readouts, count, &first, &last)
+            .with_first_half(&early);
     if dim {
-        let map = times.par_iter().map(|t| slope(t)).collect();
-        // The dark alone may have fewer spikes than these spans ask for; there it makes no difference.
-        level.noise = Some(spikelane_calibrate::IntervalNoise { map, lags: vec![4, 8, 16] });
+        let map = times.par_iter().map(|t| phase_variance_slope(t)).collect();
+        // Only dark levels can have too few spikes for these lags. In the dark the lags make no difference.
+        level.interval_noise = Some(spikelane_calibrate::IntervalNoise { map, lags: vec![4, 8, 16] });
     }
     level
 }
 
-/// All pixels at one steady light.
+/// Simulates and measures all pixels in constant light.
 pub(crate) fn level(
     noise: &Noise,
     pixels: &[Pixel],
@@ -203,6 +223,11 @@ pub(crate) fn level(
     readouts: u32,
     seed: u64,
     dim: bool,
-) -> Level {
-    level_of(&traces(noise, pixels, Lit::steady(light), readouts, seed), light, readouts, dim)
+) -> LightLevel {
+    level_from_times(
+        &traces(noise, pixels, LightCourse::constant(light), readouts, seed),
+        light,
+        readouts,
+        dim,
+    )
 }

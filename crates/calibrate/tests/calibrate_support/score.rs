@@ -1,47 +1,53 @@
-//! What an estimator found against the truth, and against the Cramer-Rao bound.
+//! Compares the errors of an estimator with the Cramer-Rao bound.
+//!
+//! * `a`: gain of a pixel in thresholds per readout at full light. `d`: dark rate of a pixel in thresholds per readout.
+//! * `sigma`: standard deviation of the threshold noise in thresholds.
+//! * `g`: increment per readout in units of `sigma`.
 
 use rayon::prelude::*;
 use spikelane::spikes::Geometry;
-use spikelane_calibrate::{Observed, Weighting};
+use spikelane_calibrate::{Observations, RateWeighting};
 
 use super::{Noise, Pixel, Random, level};
 
-/// The paper's 25 grey levels.
+/// Number of gray levels in the paper.
 pub(crate) const LEVELS: u32 = 25;
 
-pub(crate) fn light(k: u32) -> f64 {
+pub(crate) fn gray_level_light(k: u32) -> f64 {
     f64::from(10 * k) / 255.0
 }
 
-/// The paper's levels of all pixels.
-pub(crate) fn observed(noise: &Noise, truth: &[Pixel], width: u32, readouts: u32) -> Observed {
-    let lights: Vec<f64> = (0..LEVELS).map(light).collect();
-    observed_at(&lights, noise, truth, width, readouts, 77)
+/// Simulates all pixels at the levels of the paper.
+pub(crate) fn observations(noise: &Noise, truth: &[Pixel], width: u32, readouts: u32) -> Observations {
+    let lights: Vec<f64> = (0..LEVELS).map(gray_level_light).collect();
+    observations_at(&lights, noise, truth, width, readouts, 77)
 }
 
-/// Some levels of all pixels; the generators' seeds count up from `seed`.
-pub(crate) fn observed_at(
+/// Simulates all pixels at the levels `lights`. Level `i` uses the seed `seed + i`.
+pub(crate) fn observations_at(
     lights: &[f64],
     noise: &Noise,
     truth: &[Pixel],
     width: u32,
     readouts: u32,
     seed: u64,
-) -> Observed {
+) -> Observations {
     let one = |(l, k): (&f64, u64)| level(noise, truth, *l, readouts, k, *l < 0.12);
-    Observed {
+    Observations {
         geometry: Geometry::new(width, truth.len() as u32 / width).unwrap(),
         readout_hz: 20_000.0,
         levels: lights.iter().zip(seed..).map(one).collect(),
-        others: Vec::new(),
+        other_recordings: Vec::new(),
     }
 }
 
-/// The draws at which a pixel fires, by increment in units of the noise. It fires at the first draw below its
-/// charge, so a slow pixel fires at low draws of little variance. Simulated directly: 50,000
-/// spikes a point, so 0.6 % of the variance.
+/// Statistics of the draws at which a pixel fires, as functions of the increment in units of the noise.
+///
+/// A pixel fires at the first draw below its charge, so a slow pixel fires at low draws with a small variance. The draws
+/// are simulated directly, with 50,000 spikes per point. The error of the variance is then 0.6 %.
 pub(crate) struct Firing {
-    /// Logarithm of the increment, variance over that of all draws, rate gained over `sigma^2`.
+    /// Each row contains three numbers: the logarithm of the increment, the relative variance of the draws that fire,
+    /// and the added rate divided by `sigma^2`. The relative variance is divided by the variance of all draws.
     by_log: Vec<[f64; 3]>,
 }
 
@@ -50,24 +56,25 @@ impl Firing {
         let at = |i: i32| {
             let g = (0.25 * f64::from(i)).exp();
             let (mean, variance) = simulate(g, (1000 + i) as u64);
-            // Charge balances: what low draws save is gained in rate.
+            // The charge balances: the rate increases by the charge that low draws save.
             [g.ln(), variance, -g * mean]
         };
         Self { by_log: (-12..=20).into_par_iter().map(at).collect() }
     }
 
-    /// Variance of the draws that fire, over that of all draws.
+    /// Returns the variance of the draws that fire, divided by the variance of all draws.
     pub(crate) fn variance(&self, g: f64) -> f64 {
         self.at(g, 1)
     }
 
-    /// Rate that the noise adds, over its variance. Above 4 only one draw decides a spike, all fire
-    /// alike within 0.3 %, and the simulated mean would be less sharp than that.
+    /// Returns the rate that the noise adds, divided by the variance of the noise. Above `g = 4` a single draw decides
+    /// whether a pixel fires, and all draws are equally likely to fire within 0.3 %. The exact value 1 is then more accurate
+    /// than the simulated mean.
     pub(crate) fn gain(&self, g: f64) -> f64 {
         if g > 4.0 { 1.0 } else { self.at(g, 2) }
     }
 
-    /// Beyond the table as at its ends.
+    /// Interpolates a column of the table. Outside the table, the first or last value is returned.
     fn at(&self, g: f64, column: usize) -> f64 {
         let x = g.ln();
         let next = self.by_log.partition_point(|p| p[0] <= x);
@@ -79,13 +86,13 @@ impl Firing {
     }
 }
 
-/// Mean and variance of the draws that fire.
+/// Simulates the draws that fire. Returns their mean and their variance.
 fn simulate(g: f64, seed: u64) -> (f64, f64) {
     let mut random = Random::new(seed);
     let (mut sum, mut squares) = (0.0, 0.0);
     let n = 50_000;
     for _ in 0..n {
-        // The threshold is far away in units of its noise: every approach has a phase of its own.
+        // The charge starts far below the threshold in units of the noise, so the phase of every approach is independent.
         let mut charge = -6.0 - random.uniform() * g;
         let z = loop {
             charge += g;
@@ -101,27 +108,33 @@ fn simulate(g: f64, seed: u64) -> (f64, f64) {
     (mean, squares / n - mean * mean)
 }
 
-/// Bounds on the variances of `a` and `d` of a pixel.
+/// Lower bounds of the variances of `a` and `d` of a pixel.
 pub(crate) struct Bound {
-    /// With the pixel's threshold known.
-    pub known: [f64; 2],
-    /// With the threshold known as far as `a`, `d` and the population tell it.
-    pub unknown: [f64; 2],
+    /// Bounds if the threshold is known.
+    pub known_threshold: [f64; 2],
+    /// Bounds if only `a`, `d` and the population provide information about the threshold.
+    pub unknown_threshold: [f64; 2],
 }
 
-/// Fisher information of a pixel's rates by time about `a`, `d` and its threshold, with the phase noise of
-/// each level (light's quanta only where there is light). The threshold moves the rate that
-/// redrawn noise adds; its own prior is that of normal thresholds, gains and currents, of which `(a, d)` is given.
+/// Returns the bounds from the Fisher information of a pixel's rates about `a`, `d` and the threshold.
+///
+/// The rates are computed from spike times and have the phase noise of each level. Quanta of light contribute only at lit
+/// levels. The threshold changes the rate that redrawn noise adds. The prior of the threshold follows from normal
+/// thresholds, gains and dark currents, given `(a, d)`.
 pub(crate) fn bound(noise: &Noise, firing: &Firing, pixel: &Pixel, readouts: u32) -> Bound {
     let mut j = [[0.0; 3]; 3];
-    for light in (0..LEVELS).map(light) {
+    for light in (0..LEVELS).map(gray_level_light) {
         let x = pixel.a() * light + pixel.d();
         if x > 0.983 {
             continue;
         }
         let sigma = noise.sigma_t / pixel.phi;
         let threshold = sigma * sigma * firing.variance(x / sigma);
-        let weights = Weighting { threshold, light: pixel.a() / noise.photons, dark: 0.0 };
+        let weights = RateWeighting {
+            threshold_variance: threshold,
+            light_variance: pixel.a() / noise.photons,
+            dark_variance: 0.0,
+        };
         let v = weights.variance(x, x * f64::from(readouts), pixel.a() * light / x);
         let gained = |phi: f64| {
             let sigma = noise.sigma_t / phi;
@@ -141,26 +154,29 @@ pub(crate) fn bound(noise: &Noise, firing: &Firing, pixel: &Pixel, readouts: u32
         + square(pixel.d() / noise.dark_sd);
     let left = |r: usize, c: usize| j[r][c] - j[r][2] * j[c][2] / j[2][2];
     let inverse = |aa: f64, ad: f64, dd: f64| [dd, aa].map(|x| x / (aa * dd - ad * ad));
-    Bound { known: inverse(j[0][0], j[0][1], j[1][1]), unknown: inverse(left(0, 0), left(0, 1), left(1, 1)) }
+    Bound {
+        known_threshold: inverse(j[0][0], j[0][1], j[1][1]),
+        unknown_threshold: inverse(left(0, 0), left(0, 1), left(1, 1)),
+    }
 }
 
 /// Errors of `a` and `d`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Score {
-    /// Root mean square error over the bound's, thresholds unknown.
+    /// Root mean square error divided by the bound for unknown thresholds.
     pub ratio: [f64; 2],
-    /// The same, thresholds known.
+    /// Root mean square error divided by the bound for known thresholds.
     pub ratio_known: [f64; 2],
     /// Root mean square error.
     pub rmse: [f64; 2],
-    /// Share of the pixels whose 95 % interval holds the truth.
+    /// Share of the pixels whose 95 % interval contains the truth.
     pub coverage: [f64; 2],
 }
 
-/// One pixel's result: `a`, `d` and their variances.
+/// Result for one pixel: `a`, `d` and their variances.
 pub(crate) type Line = [f64; 4];
 
-/// All pixels with a dark rate (three spikes or more expected, so that a bound exists).
+/// Scores the pixels with at least three expected dark spikes. Other pixels have no bound.
 pub(crate) fn score(noise: &Noise, truth: &[Pixel], found: &[Line], readouts: u32) -> Score {
     let firing = Firing::new();
     let (mut squares, mut bounds, mut known) = ([0.0; 2], [0.0; 2], [0.0; 2]);
@@ -173,8 +189,8 @@ pub(crate) fn score(noise: &Noise, truth: &[Pixel], found: &[Line], readouts: u3
         let off = [a - pixel.a(), d - pixel.d()];
         for (i, v) in [var_a, var_d].into_iter().enumerate() {
             squares[i] += off[i] * off[i];
-            bounds[i] += bound.unknown[i];
-            known[i] += bound.known[i];
+            bounds[i] += bound.unknown_threshold[i];
+            known[i] += bound.known_threshold[i];
             inside[i] += f64::from(u8::from(off[i].abs() < 1.96 * v.sqrt()));
         }
         n += 1.0;
@@ -187,8 +203,8 @@ pub(crate) fn score(noise: &Noise, truth: &[Pixel], found: &[Line], readouts: u3
     }
 }
 
-/// Mean and standard deviation.
-pub(crate) fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
+/// Returns the mean and the standard deviation of `values`.
+pub(crate) fn mean_and_sd(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let values: Vec<f64> = values.collect();
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let squares = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>();

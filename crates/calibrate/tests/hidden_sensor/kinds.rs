@@ -1,9 +1,9 @@
-//! Every hidden effect by its canonical name, and those from outside of the catalogue.
+//! The hidden effects and their canonical names. Some of them are in the catalog, and some are not.
 
 use super::physics::Physics;
 
-/// A way to be imperfect: the name, the largest strength of the catalogue's table, and what a
-/// strength (with three uniform values for the other parameters) does to a sensor.
+/// A kind of imperfection. `largest` is the largest strength in the table of the catalog. `set` changes the parameters of
+/// a sensor. Its arguments are the strength and three uniform values, which determine the other parameters.
 pub struct Kind {
     pub name: &'static str,
     pub largest: f64,
@@ -18,8 +18,8 @@ fn sign(u: f64) -> f64 {
     if u < 0.5 { -1.0 } else { 1.0 }
 }
 
-/// The catalogue.
-pub const INSIDE: [Kind; 35] = [
+/// Effects of the catalog.
+pub const CATALOG_KINDS: [Kind; 35] = [
     Kind { name: "dead_time", largest: 0.1, set: |p, s, _| p.dead_time += s },
     Kind { name: "response_nonlinearity", largest: 0.1, set: |p, s, u| p.quadratic = s * sign(u[0]) },
     Kind { name: "partial_reset", largest: 1.0, set: |p, s, _| p.lost_remainder = s },
@@ -62,7 +62,7 @@ pub const INSIDE: [Kind; 35] = [
     Kind { name: "false_spikes", largest: 0.01, set: |p, s, _| p.spurious = s },
     Kind { name: "dropped_readouts", largest: 0.05, set: |p, s, _| p.dropped = s },
     Kind { name: "repeated_readouts", largest: 0.05, set: |p, s, _| p.repeated = s },
-    // The strength is how far the clamp cuts below two thresholds.
+    // The clamp is two thresholds minus the strength.
     Kind { name: "saturation_clamp", largest: 1.0, set: |p, s, _| p.clamp = 2.0 - s },
     Kind { name: "dark_tail", largest: 1.0, set: |p, s, _| p.dark_log_sigma = s },
     Kind { name: "gain_dark_correlation", largest: 1.0, set: |p, s, u| p.gain_dark = s * sign(u[0]) },
@@ -73,14 +73,14 @@ pub const INSIDE: [Kind; 35] = [
         largest: 0.03,
         set: |p, s, u| p.undecided = (s, 48.0 * u[0], log(16.0, 500.0, u[1])),
     },
-    // The published model with another number: misfits.
+    // These kinds are parameter mismatches: one parameter of the published model has another value.
     Kind { name: "thermal_noise", largest: 3.0, set: |p, s, _| p.threshold_noise *= 1.0 + s },
     Kind { name: "prnu", largest: 2.0, set: |p, s, _| p.gain_spread *= 1.0 + s },
     Kind { name: "dark_current", largest: 3.0, set: |p, s, _| p.dark_mean *= 1.0 + s },
 ];
 
-/// What the catalogue does not hold; strengths are fixed so that the sensor is plainly not clean.
-pub const OUTSIDE: [Kind; 8] = [
+/// Effects that are not in the catalog. Their fixed strengths make the sensor clearly different from a clean sensor.
+pub const OUTSIDE_KINDS: [Kind; 8] = [
     Kind { name: "two-tap parity", largest: 0.03, set: |p, s, _| p.parity = s },
     Kind { name: "supply bursts", largest: 0.05, set: |p, s, u| p.burst = (log(1e-3, 1e-2, u[0]), s) },
     Kind { name: "wake-up transient", largest: 0.2, set: |p, s, u| p.wake = (s, log(20.0, 200.0, u[0])) },
@@ -99,7 +99,11 @@ pub const OUTSIDE: [Kind; 8] = [
     Kind { name: "after-pulses", largest: 0.05, set: |p, s, _| p.after_pulse = s },
 ];
 
-/// The kind called `name`.
+/// Returns the kind called `name`.
 pub fn kind(name: &str) -> &'static Kind {
-    INSIDE.iter().chain(&OUTSIDE).find(|k| k.name == name).unwrap_or_else(|| panic!("no kind {name}"))
+    CATALOG_KINDS
+        .iter()
+        .chain(&OUTSIDE_KINDS)
+        .find(|k| k.name == name)
+        .unwrap_or_else(|| panic!("no kind {name}"))
 }

@@ -1,9 +1,9 @@
-//! A spike camera that shares no code with the library: the truth of the diagnosis' tests.
+//! A simulated spike camera that shares no code with the library. Tests of diagnoses use it as the truth.
 //!
-//! It imports nothing from `spikelane`. Charge is counted in electrons and kept as what is *missing* to
-//! the threshold, the comparison stands at the start of a readout, on the charge of the ones before, the generator
-//! is xoshiro256++, and every effect is written anew from the catalogue's table. Where the library
-//! precomputes tables of integers, this goes pixel by pixel in `f64`.
+//! The module imports nothing from `spikelane`. Charge is counted in electrons. The state of a pixel is the charge that is
+//! *missing* to the threshold. Each readout first adds its charge and then compares. The generator is xoshiro256++. Every
+//! effect is implemented again from the table of the catalog. The library precomputes tables of integers, but this
+//! simulator computes each pixel in `f64`.
 
 #![allow(dead_code, unused_imports, reason = "each test and the study use a part of it")]
 
@@ -11,7 +11,7 @@ mod kinds;
 mod physics;
 mod run;
 
-pub use kinds::{INSIDE, Kind, OUTSIDE, kind};
+pub use kinds::{CATALOG_KINDS, Kind, OUTSIDE_KINDS, kind};
 pub use physics::{Physics, Sensor};
 
 use std::fmt::Write as _;
@@ -20,7 +20,7 @@ use std::path::Path;
 /// Readouts per second of every hidden sensor.
 pub const READOUT_HZ: f64 = 20_000.0;
 
-/// What stands in front of the sensor, in fractions of the light that saturates.
+/// The light in front of the sensor. Light 1 is the light that saturates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scene {
     Flat(f64),
@@ -76,7 +76,7 @@ pub const SCENES: [(&str, Scene); 8] = [
     ("checker", Scene::Checkerboard { high: 0.8, low: 0.03, cell: 8 }),
 ];
 
-/// How large a set is.
+/// Size of a recording set: width and height in pixels, and readouts per recording.
 #[derive(Clone, Copy, Debug)]
 pub struct Size {
     pub width: usize,
@@ -84,14 +84,14 @@ pub struct Size {
     pub readouts: usize,
 }
 
-/// The study's size.
-pub const SMALL: Size = Size { width: 48, height: 48, readouts: 4000 };
+/// Size of the recording sets of the study.
+pub const SMALL_SIZE: Size = Size { width: 48, height: 48, readouts: 4000 };
 
-/// The large size.
-pub const LARGE: Size = Size { width: 128, height: 96, readouts: 10_000 };
+/// Size of large recording sets.
+pub const LARGE_SIZE: Size = Size { width: 128, height: 96, readouts: 10_000 };
 
-/// Whether a sensor of these numbers gives other bits than a clean one of the same seed; recordings in
-/// which most effects show come first.
+/// Returns whether a sensor with these parameters produces other bits than a clean sensor with the same seed. The
+/// recordings in which most effects are visible are compared first.
 pub fn changes_bits(physics: &Physics, size: Size, seed: u64) -> bool {
     let [own, clean] =
         [physics.clone(), Physics::default()].map(|p| Sensor::new(p, size.width, size.height, seed));
@@ -105,8 +105,8 @@ pub fn changes_bits(physics: &Physics, size: Size, seed: u64) -> bool {
     })
 }
 
-/// Writes the eight recordings of `sensor` and `recordings.toml` into `folder`; `take` numbers
-/// repeated sets of one sensor, whose temporal noise and lamp differ.
+/// Writes the eight recordings of `sensor` and `recordings.toml` into `folder`. If two sets of one sensor have different
+/// `take` numbers, their temporal noise and their lamp differ.
 pub fn write_set(sensor: &Sensor, size: Size, take: u64, folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
     let streams = streams(sensor, size, take);
@@ -119,7 +119,7 @@ pub fn write_set(sensor: &Sensor, size: Size, take: u64, folder: &Path) {
     std::fs::write(folder.join("recordings.toml"), toml).unwrap();
 }
 
-/// The bytes of all eight recordings, bottom row first, on as many threads as there are processors.
+/// Simulates all eight recordings and returns their bytes, with the bottom row first. Uses one thread per processor.
 pub fn streams(sensor: &Sensor, size: Size, take: u64) -> Vec<Vec<u8>> {
     let next = std::sync::atomic::AtomicUsize::new(0);
     let done = std::sync::Mutex::new(vec![Vec::new(); SCENES.len()]);
@@ -139,7 +139,7 @@ pub fn streams(sensor: &Sensor, size: Size, take: u64) -> Vec<Vec<u8>> {
     done.into_inner().unwrap()
 }
 
-/// One recording.
+/// Simulates one recording and returns its bytes.
 pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Vec<u8> {
     run::record(sensor, scene, readouts, number)
 }

@@ -1,13 +1,13 @@
-//! The numbers of a hidden sensor, and the maps drawn from them.
+//! The parameters of a hidden sensor, and the per-pixel maps that are drawn with these parameters.
 
 use rand::rngs::Xoshiro256PlusPlus as Generator;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 
-/// Everything that can be wrong with a sensor; what a field is called says which effect it belongs to.
+/// All parameters of a sensor. The names of the fields are the names of the effects.
 #[derive(Clone, Debug)]
 pub struct Physics {
-    // The published model.
+    // Parameters of the published model.
     pub electrons: f64,
     pub threshold_spread: f64,
     pub gain_spread: f64,
@@ -15,15 +15,15 @@ pub struct Physics {
     pub dark_spread: f64,
     pub threshold_noise: f64,
     pub dead_time: f64,
-    // The catalogue.
+    // Effects of the catalog.
     pub quadratic: f64,
     pub lost_remainder: f64,
     pub leak: f64,
     pub dark_shot: f64,
     pub comparator: f64,
-    /// Readouts over which what quanta stray by flows in.
+    /// Time constant, in readouts, with which a deviation of the quanta from their mean arrives in the pixel.
     pub settle: f64,
-    /// Width in thresholds, row in the middle, rows of the band.
+    /// Largest width in thresholds, center row of the band, and number of rows of the band.
     pub undecided: (f64, f64, f64),
     pub slow: (f64, f64),
     pub adaptation: (f64, f64),
@@ -49,7 +49,7 @@ pub struct Physics {
     pub dark_log_sigma: f64,
     pub gain_dark: f64,
     pub edge: f64,
-    // Outside of the catalogue.
+    // Effects outside of the catalog.
     pub parity: f64,
     pub burst: (f64, f64),
     pub wake: (f64, f64),
@@ -61,7 +61,8 @@ pub struct Physics {
 }
 
 impl Default for Physics {
-    /// The published model: 4.348 fF, 1.0924 V, 6.36 mV, 0.4442 pA, 50 us.
+    /// Returns the published model: capacitance 4.348 fF, swing 1.0924 V, threshold noise 6.36 mV, dark current
+    /// 0.4442 pA, period 50 us.
     fn default() -> Self {
         let electron_fc = 1.602_176_634e-4;
         let electrons = 4.348 * 1.0924 / electron_fc;
@@ -117,7 +118,7 @@ impl Default for Physics {
     }
 }
 
-/// A sensor with its maps, in electrons, row 0 on top.
+/// A sensor and its maps. Row 0 is the top row. Thresholds and dark currents are in electrons.
 #[derive(Clone, Debug)]
 pub struct Sensor {
     pub physics: Physics,
@@ -127,13 +128,14 @@ pub struct Sensor {
     pub threshold: Vec<f64>,
     pub gain: Vec<f64>,
     pub dark: Vec<f64>,
-    /// Threshold noise relative to its nominal strength.
+    /// Threshold noise of each pixel, divided by the nominal threshold noise.
     pub noise: Vec<f64>,
-    /// Whether the dark current switches.
+    /// Whether the dark current of each pixel switches.
     pub switching: Vec<bool>,
 }
 
-/// A generator for one purpose: adding an effect moves no other one's numbers.
+/// Returns a generator for one purpose. Because of the separate generators, a new effect does not change the random
+/// numbers of other effects.
 pub fn generator(seed: u64, purpose: &str, number: u64) -> Generator {
     let mut mixed = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ number.wrapping_mul(0xD1B5_4A32_D192_ED03);
     for byte in purpose.bytes() {
@@ -207,7 +209,8 @@ impl Sensor {
     }
 }
 
-/// White noise under a Gaussian of the given length in pixels, cut at three lengths, with variance one.
+/// Filters white noise with a Gaussian and scales the result to variance 1. `length` is the standard deviation of the
+/// Gaussian in pixels. The Gaussian is cut off at three standard deviations.
 fn smooth_field(white: &[f64], width: usize, length: f64) -> Vec<f64> {
     let height = white.len() / width;
     let reach = (3.0 * length).ceil() as isize;

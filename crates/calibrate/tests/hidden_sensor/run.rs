@@ -1,4 +1,4 @@
-//! The readouts of a hidden sensor.
+//! Simulates the readouts of a hidden sensor.
 
 use rand::RngExt;
 use rand::rngs::Xoshiro256PlusPlus as Generator;
@@ -7,10 +7,11 @@ use rand_distr::{Distribution, Poisson};
 use super::physics::{Physics, Sensor, generator, normal};
 use super::{READOUT_HZ, Scene};
 
-/// A light level is known to a thousandth.
+/// Relative standard deviation of the light of the lamp.
 const LAMP: f64 = 1e-3;
 
-/// A whole number of electrons; above 400 a rounded normal value has the same distribution to 1e-3.
+/// Draws a Poisson-distributed number of electrons. Above a mean of 400 the function rounds a normal draw instead, whose
+/// distribution differs by at most 1e-3.
 fn electrons(rng: &mut Generator, mean: f64) -> f64 {
     match mean {
         ..=0.0 => 0.0,
@@ -53,21 +54,21 @@ impl Streams {
 }
 
 struct Pixels {
-    /// Electrons that are missing to the threshold.
-    missing: Vec<f64>,
+    /// Number of electrons that are missing to the threshold.
+    missing_electrons: Vec<f64>,
     fired: Vec<bool>,
-    raised: Vec<f64>,
-    wandered: Vec<f64>,
-    stored: Vec<f64>,
-    switched: Vec<bool>,
-    /// Electrons too many that have not flowed in yet.
-    strayed: Vec<f64>,
-    remembered: Vec<f64>,
-    /// What fired at the readout before.
+    threshold_rise: Vec<f64>,
+    threshold_wander: Vec<f64>,
+    stored_light: Vec<f64>,
+    is_switched: Vec<bool>,
+    /// Surplus electrons that have not arrived in the pixel yet.
+    pending_electrons: Vec<f64>,
+    remembered_light: Vec<f64>,
+    /// Whether each pixel fired at the previous readout.
     echo: Vec<bool>,
 }
 
-/// One recording; `number` seeds its temporal noise.
+/// Simulates one recording. `number` seeds its temporal noise.
 pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Vec<u8> {
     let p = &sensor.physics;
     let (width, height) = (sensor.width, sensor.height);
@@ -76,21 +77,21 @@ pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Ve
     let lamp = 1.0 + LAMP * normal(&mut generator(sensor.seed, "lamp", number + 1));
     let mut start = generator(sensor.seed, "start", number + 1);
     let mut pixels = Pixels {
-        missing: (0..n).map(|i| sensor.threshold[i] * (1.0 - start.random::<f64>())).collect(),
+        missing_electrons: (0..n).map(|i| sensor.threshold[i] * (1.0 - start.random::<f64>())).collect(),
         fired: vec![false; n],
-        raised: vec![0.0; n],
-        wandered: (0..n)
+        threshold_rise: vec![0.0; n],
+        threshold_wander: (0..n)
             .map(|_| if p.slow.0 > 0.0 { p.slow.0 * normal(&mut streams.slow) } else { 0.0 })
             .collect(),
-        stored: vec![0.0; n],
-        switched: (0..n).map(|i| sensor.switching[i] && streams.switching.random::<bool>()).collect(),
-        strayed: vec![0.0; n],
-        remembered: vec![0.0; n],
+        stored_light: vec![0.0; n],
+        is_switched: (0..n).map(|i| sensor.switching[i] && streams.switching.random::<bool>()).collect(),
+        pending_electrons: vec![0.0; n],
+        remembered_light: vec![0.0; n],
         echo: vec![false; n],
     };
     let levels = |t: usize| -> Vec<f64> {
         let plain: Vec<f64> = (0..n).map(|i| lamp * scene.at(i / width, i % width, t)).collect();
-        shared(&plain, width, p.crosstalk)
+        with_crosstalk(&plain, width, p.crosstalk)
     };
     let hold = if let Scene::Square { half_period, .. } = scene { half_period } else { usize::MAX };
     let mut light = levels(0);
@@ -120,21 +121,22 @@ pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Ve
     out
 }
 
-/// Every pixel gives `share` of its light to its four neighbours; what would leave the sensor stays.
-fn shared(light: &[f64], width: usize, share: f64) -> Vec<f64> {
+/// Moves the share `share` of every pixel's light to its four neighbors. Light that would leave the sensor stays in the
+/// pixel.
+fn with_crosstalk(light: &[f64], width: usize, share: f64) -> Vec<f64> {
     if share == 0.0 {
         return light.to_vec();
     }
     let height = light.len() / width;
     let of_pixel = |i: usize| {
         let mut sum = light[i];
-        neighbours(i, width, height, |j| sum += 0.25 * share * (light[j] - light[i]));
+        neighbors(i, width, height, |j| sum += 0.25 * share * (light[j] - light[i]));
         sum
     };
     (0..light.len()).map(of_pixel).collect()
 }
 
-fn neighbours(i: usize, width: usize, height: usize, mut each: impl FnMut(usize)) {
+fn neighbors(i: usize, width: usize, height: usize, mut each: impl FnMut(usize)) {
     let (row, col) = (i / width, i % width);
     if row > 0 {
         each(i - width);
@@ -150,7 +152,7 @@ fn neighbours(i: usize, width: usize, height: usize, mut each: impl FnMut(usize)
     }
 }
 
-/// Bits in file order: the bottom row first.
+/// Appends the bits of a frame in file order, with the bottom row first.
 fn pack(frame: &[bool], width: usize, height: usize, out: &mut Vec<u8>) {
     let start = out.len();
     out.resize(start + frame.len().div_ceil(8), 0);
@@ -184,23 +186,23 @@ fn readout(
         .collect();
     let mut kick = vec![0.0; if p.coupling == 0.0 { 0 } else { n }];
     for i in 0..kick.len() {
-        neighbours(i, sensor.width, sensor.height, |j| {
+        neighbors(i, sensor.width, sensor.height, |j| {
             kick[i] += if pixels.fired[j] { p.coupling * sensor.threshold[i] } else { 0.0 };
         });
     }
     pixels.echo.copy_from_slice(&pixels.fired);
     let mut frame = vec![false; n];
     for i in 0..n {
-        let mean = arriving(sensor, light[i] * lamp, i, pixels);
+        let mean = arriving_electrons(sensor, light[i] * lamp, i, pixels);
         let lit = electrons(&mut streams.light, mean);
-        let (dark, dark_mean) = dark(sensor, i, pixels, streams);
+        let (dark, dark_mean) = dark_electrons(sensor, i, pixels, streams);
         let mut gathered = lit + dark;
         if p.settle > 0.0 {
-            // A reservoir empties by the same share of what it holds at every readout.
-            pixels.strayed[i] += gathered - mean - dark_mean;
-            let stays = (-1.0 / p.settle).exp() * pixels.strayed[i];
-            gathered = mean + dark_mean + pixels.strayed[i] - stays;
-            pixels.strayed[i] = stays;
+            // The reservoir releases the same share of its content at every readout.
+            pixels.pending_electrons[i] += gathered - mean - dark_mean;
+            let stays = (-1.0 / p.settle).exp() * pixels.pending_electrons[i];
+            gathered = mean + dark_mean + pixels.pending_electrons[i] - stays;
+            pixels.pending_electrons[i] = stays;
         }
         if pixels.fired[i] {
             gathered *= 1.0 - p.dead_time;
@@ -210,42 +212,42 @@ fn readout(
         }
         let own = sensor.threshold[i];
         if p.leak > 0.0 {
-            gathered -= p.leak * (own - pixels.missing[i]).max(0.0);
+            gathered -= p.leak * (own - pixels.missing_electrons[i]).max(0.0);
         }
-        pixels.missing[i] = (pixels.missing[i] - gathered).max(own * (1.0 - p.clamp));
-        frame[i] = compare(sensor, i, common * (1.0 + rows[i / sensor.width]), pixels, streams);
+        pixels.missing_electrons[i] = (pixels.missing_electrons[i] - gathered).max(own * (1.0 - p.clamp));
+        frame[i] = fires(sensor, i, common * (1.0 + rows[i / sensor.width]), pixels, streams);
     }
-    report(p, sensor, frame, pixels, streams)
+    reported_bits(p, sensor, frame, pixels, streams)
 }
 
-/// Mean electrons of the light in this readout.
-fn arriving(sensor: &Sensor, light: f64, i: usize, pixels: &mut Pixels) -> f64 {
+/// Returns the mean number of electrons that the light causes in this readout.
+fn arriving_electrons(sensor: &Sensor, light: f64, i: usize, pixels: &mut Pixels) -> f64 {
     let p = &sensor.physics;
     let bent = light * (1.0 + p.quadratic * light);
     let now = p.electrons * sensor.gain[i] * bent;
     if p.lag.0 == 0.0 {
         return now;
     }
-    // What is held back leaves a store exponentially.
-    let late = pixels.stored[i] / p.lag.1;
-    pixels.stored[i] += p.lag.0 * now - late;
+    // A store contains the delayed part and releases it exponentially.
+    let late = pixels.stored_light[i] / p.lag.1;
+    pixels.stored_light[i] += p.lag.0 * now - late;
     (1.0 - p.lag.0) * now + late
 }
 
-/// Electrons of the dark current, and their mean.
-fn dark(sensor: &Sensor, i: usize, pixels: &mut Pixels, streams: &mut Streams) -> (f64, f64) {
+/// Returns the number of electrons of the dark current in this readout, and the mean of this number.
+fn dark_electrons(sensor: &Sensor, i: usize, pixels: &mut Pixels, streams: &mut Streams) -> (f64, f64) {
     let p = &sensor.physics;
     let mut mean = sensor.dark[i];
     if sensor.switching[i] {
         if streams.switching.random::<f64>() < p.telegraph.2 {
-            pixels.switched[i] = !pixels.switched[i];
+            pixels.is_switched[i] = !pixels.is_switched[i];
         }
-        mean *= if pixels.switched[i] { 1.0 + p.telegraph.0 } else { 1.0 - p.telegraph.0 };
+        mean *= if pixels.is_switched[i] { 1.0 + p.telegraph.0 } else { 1.0 - p.telegraph.0 };
     }
     if p.dark_memory.0 > 0.0 {
         let spike = if pixels.fired[i] { 1.0 } else { 0.0 };
-        pixels.remembered[i] += (spike - pixels.remembered[i]) / p.dark_memory.1;
-        mean *= 1.0 + p.dark_memory.0 * pixels.remembered[i];
+        pixels.remembered_light[i] += (spike - pixels.remembered_light[i]) / p.dark_memory.1;
+        mean *= 1.0 + p.dark_memory.0 * pixels.remembered_light[i];
     }
     if p.dark_shot == 0.0 {
         return (mean, mean);
@@ -253,26 +255,26 @@ fn dark(sensor: &Sensor, i: usize, pixels: &mut Pixels, streams: &mut Streams) -
     (mean + p.dark_shot.sqrt() * (electrons(&mut streams.dark, mean) - mean), mean)
 }
 
-/// Whether the pixel fires; noise is drawn only where it can decide.
-fn compare(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams: &mut Streams) -> bool {
+/// Returns whether the pixel fires. Noise is drawn only if it can change the result.
+fn fires(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams: &mut Streams) -> bool {
     let p = &sensor.physics;
     let own = sensor.threshold[i];
     if p.slow.0 > 0.0 {
         let kept = (-1.0 / p.slow.1).exp();
-        pixels.wandered[i] =
-            kept * pixels.wandered[i] + p.slow.0 * (1.0 - kept * kept).sqrt() * normal(&mut streams.slow);
+        pixels.threshold_wander[i] = kept * pixels.threshold_wander[i]
+            + p.slow.0 * (1.0 - kept * kept).sqrt() * normal(&mut streams.slow);
     }
     if p.adaptation.0 > 0.0 {
-        pixels.raised[i] *= p.adaptation.1;
+        pixels.threshold_rise[i] *= p.adaptation.1;
     }
-    let moved = own * (common * (1.0 + pixels.wandered[i] + pixels.raised[i]) - 1.0);
+    let moved = own * (common * (1.0 + pixels.threshold_wander[i] + pixels.threshold_rise[i]) - 1.0);
     let sigma = p.electrons * p.threshold_noise * sensor.noise[i];
     let silent = p.electrons * p.comparator;
     let (widest, middle, rows) = p.undecided;
     let away = ((i / sensor.width) as f64 - middle) / rows;
     let width = own * widest * (-away * away / 2.0).exp();
     let reach = 6.5 * sigma.hypot(silent) + width;
-    let gap = pixels.missing[i] + moved;
+    let gap = pixels.missing_electrons[i] + moved;
     pixels.fired[i] = false;
     if gap > reach {
         return false;
@@ -282,8 +284,8 @@ fn compare(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams:
     let short = gap + noise + unseen;
     let mut gap = gap;
     if short.abs() < width {
-        // Drawn to the threshold, then heads or tails.
-        pixels.missing[i] -= short;
+        // The charge is set to the threshold, and a random bit decides whether the pixel fires.
+        pixels.missing_electrons[i] -= short;
         gap -= short;
         if streams.coins.random::<bool>() {
             return false;
@@ -293,13 +295,13 @@ fn compare(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams:
     }
     pixels.fired[i] = true;
     let remainder = -(gap + noise) * (1.0 - p.lost_remainder);
-    pixels.missing[i] = own - remainder;
-    pixels.raised[i] += p.adaptation.0;
+    pixels.missing_electrons[i] = own - remainder;
+    pixels.threshold_rise[i] += p.adaptation.0;
     true
 }
 
-/// Bits as they leave the sensor.
-fn report(
+/// Returns the bits that the sensor transmits.
+fn reported_bits(
     p: &Physics,
     sensor: &Sensor,
     mut frame: Vec<bool>,

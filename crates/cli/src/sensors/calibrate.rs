@@ -1,46 +1,60 @@
-//! `spikelane calibrate`: from recordings to a camera file.
+//! Implements `spikelane calibrate`, which fits a camera file to recordings.
 
 use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
 use serde_json::json;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane_calibrate::{
-    CalibrateOptions, Calibration, Files as Written, RecordingSet, SneeOptions, calibrate, import_maps,
-    observe, snee, write,
+    CalibrateOptions, Calibration, CalibrationFiles as Written, RecordingSet, SneeOptions, calibrate,
+    estimate_snee, import_maps, measure_levels, write_calibration,
 };
 use spikelane_measure::Estimate;
 
-use crate::shared::output::Out;
-use crate::shared::outputs;
-use crate::shared::progress::Files;
-use crate::shared::stream::warn_of_set;
+use crate::common::console::Console;
+use crate::common::output_claims;
+use crate::common::progress::FileProgress;
+use crate::common::stream::print_set_warnings;
 
-/// Fit a camera to recordings of known light.
+/// Fit a camera to recordings of known light
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Args {
-    /// The recording set (TOML), or published calibration maps D_light, Nd and Nl (.npz)
+    /// Read a recording set (.toml) or calibration maps (.npz)
+    ///
+    /// The maps are D_light, Nd and Nl.
     recordings: PathBuf,
-    /// Folder for camera.toml with its maps, calibration.json and report.html.
+    /// Write camera.toml and reports to this folder
+    ///
+    /// The files are camera.toml with its maps, calibration.json and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "calibration")]
     output: PathBuf,
-    /// Share of the first increment after a spike that the reset loses.
-    #[arg(long, default_value_t = 0.002)]
-    dead_time: f64,
-    /// Relative standard deviation of the light levels [default: what the set states, else 0.01].
+    /// Set the share of light lost after a spike
+    ///
+    /// The increment after a spike, which a reset reduces, loses this share.
+    #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.002)]
+    dead_time_fraction: f64,
+    /// Set the relative error of levels [default: 0.01]
+    ///
+    /// It is a standard deviation. The value in the set takes precedence over the default.
     #[arg(long, value_name = "SHARE")]
     light_uncertainty: Option<f64>,
-    /// Refuse a set that gives the gain of a pixel less precisely than this (relative).
-    #[arg(long)]
-    precision: Option<f64>,
-    /// Also run the SCSim paper's estimator, and say what it could not identify.
+    /// Limit the error of pixel gains [default: none]
+    ///
+    /// A set with a larger relative error is rejected.
+    #[arg(long, value_name = "SHARE")]
+    max_gain_error: Option<f64>,
+    /// Also run SNEE, the estimator of the SCSim paper
+    ///
+    /// The result reports the parameters that it could not identify.
     #[arg(long)]
     snee: bool,
-    /// With --snee: take the conversion rate from the dynamic range, not from the levels.
+    /// With --snee, ignore the stated levels
+    ///
+    /// The conversion rate then follows from the dynamic range.
     #[arg(long, requires = "snee")]
-    levels_unknown: bool,
-    /// Replace existing files.
+    unknown_levels: bool,
+    /// Overwrite existing files
     #[arg(long)]
     force: bool,
 }
@@ -48,19 +62,19 @@ pub(crate) struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// When the set is bad, or a file cannot be written.
-pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    refuse_streams(&args.recordings)?;
+/// If the recording set is invalid, or if a file cannot be written.
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    check_not_stream(&args.recordings)?;
     let imported = args.recordings.extension().is_some_and(|e| e == "npz");
     let own = ["camera.toml", "calibration.json", "report.html"];
     let maps: &[&str] = if imported { &["rate_dark.npy", "rate_light.npy", "recordings.toml"] } else { &[] };
     let files = own.iter().chain(maps).map(|name| args.output.join(name));
-    // Held until the last file has its name.
-    let _claim = outputs::claim(files, args.force)?;
+    // The claim lasts until the last file has its final name.
+    let _claim = output_claims::claim(files, args.force)?;
     let set = if imported {
         let path = import_maps(&args.recordings, &args.output, args.force)?;
-        out.say(format_args!(
-            "{}: rates in the dark and under 335 lux, in {}",
+        out.print_message(format_args!(
+            "{}: dark rates and rates under 335 lux, in {}",
             args.recordings.display(),
             path.display()
         ));
@@ -68,70 +82,72 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     } else {
         RecordingSet::open(&args.recordings)?
     };
-    warn_of_set(&set, out)?;
-    let paper = SneeOptions { levels_known: !args.levels_unknown, ..SneeOptions::default() };
+    print_set_warnings(&set, out)?;
+    let paper = SneeOptions { has_known_levels: !args.unknown_levels, ..SneeOptions::default() };
     if args.snee {
         paper.check()?;
     }
-    let mut progress = Files::new(out);
-    let observed = observe(&set, &mut |name, share| progress.step(name, share))?;
+    let mut progress = FileProgress::new(out);
+    let observed = measure_levels(&set, &mut |name, share| progress.update(name, share))?;
     drop(progress);
     let options = CalibrateOptions {
-        lost_increment: args.dead_time,
+        dead_time_fraction: args.dead_time_fraction,
         light_uncertainty: args.light_uncertainty,
-        precision: args.precision,
+        max_gain_error: args.max_gain_error,
         ..CalibrateOptions::default()
     };
     let mut calibration = calibrate(&observed, &options)?;
     if args.snee {
-        calibration.paper = Some(snee(&observed, &paper)?);
+        calibration.snee = Some(estimate_snee(&observed, &paper)?);
     }
-    let files = write(&calibration, &args.output, args.force)?;
+    let files = write_calibration(&calibration, &args.output, args.force)?;
     let mut result = calibration.to_json();
     result["event"] = json!("done");
-    result["files"] = json!([&files.camera, &files.json, &files.report].map(|f| f.display().to_string()));
-    out.result(&result, &text(&calibration, &files))
+    result["files"] =
+        json!([&files.camera, &files.calibration_json, &files.report].map(|f| f.display().to_string()));
+    out.print_result(&result, &result_text(&calibration, &files))
 }
 
-/// A stream alone says nothing of its light: what to type for a set.
-fn refuse_streams(path: &Path) -> Result<()> {
+/// Returns an error if `path` is a stream instead of a recording set, because the light of a stream is unknown. The remedy
+/// is the command that lists recordings.
+fn check_not_stream(path: &Path) -> Result<()> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if !path.is_dir() && !["dat", "npy", "h5", "hdf5"].contains(&&*ending) {
         return Ok(());
     }
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new(".")) };
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    Err(Error::new(Kind::Usage, path.display())
+    Err(Error::new(ErrorKind::Usage, path.display())
         .found(if path.is_dir() { "a folder" } else { "one recording" })
-        .expected("a recording set (.toml): the dark and flat fields of known light")
+        .expected("a recording set (.toml): dark and flat fields of known light")
         .remedy(format_args!(
-            "'spikelane record --template {}' lists the recordings there",
+            "'spikelane record --template {}' writes a list of the recordings in it",
             folder.display()
         )))
 }
 
-fn text(calibration: &Calibration, files: &Written) -> String {
-    let mut lines = found(calibration);
+fn result_text(calibration: &Calibration, files: &Written) -> String {
+    let mut lines = result_lines(calibration);
     lines.push(calibration.verdict());
     lines.extend(calibration.cautions().iter().map(|caution| format!("* {caution}")));
     lines.extend(calibration.notes.iter().cloned());
-    if let Some(paper) = &calibration.paper {
-        let edges = paper.edges();
+    if let Some(paper) = &calibration.snee {
+        let edges = paper.edge_counts();
         lines.push(format!(
-            "The paper's estimator put {} thresholds on the lower edge of its box of +-{:.0} %, {} on the upper one and {} between ({} not solved): on an edge the split into C_S and V_S is the box, not a measurement.",
-            edges.lower,
-            100.0 * paper.box_width,
-            edges.upper,
-            edges.inside,
-            edges.failed
+            "The paper's estimator placed {} thresholds at the lower limit of +-{:.0} %, {} at the upper limit and {} between ({} not solved). At a limit, the split into C_S and V_S is not a measurement.",
+            edges.at_lower_edge,
+            100.0 * paper.box_half_width,
+            edges.at_upper_edge,
+            edges.between_edges,
+            edges.unsolved
         ));
     }
-    lines.extend([&files.camera, &files.json, &files.report].map(|f| f.display().to_string()));
+    lines.extend([&files.camera, &files.calibration_json, &files.report].map(|f| f.display().to_string()));
     lines.join("\n") + "\n"
 }
 
-/// The numbers found, a line each, and every lamp.
-fn found(c: &Calibration) -> Vec<String> {
+/// Returns one line for each fitted number and each lamp.
+fn result_lines(c: &Calibration) -> Vec<String> {
     let p = &c.population;
     let value = |e: Estimate, digits: usize| match e.error.is_finite() {
         true => format!("{:.digits$} +- {:.digits$}", e.value, e.error),
@@ -139,37 +155,37 @@ fn found(c: &Calibration) -> Vec<String> {
     };
     let mut lines = vec![
         format!(
-            "gain                  {} thresholds a readout at full light, spread {}",
+            "gain                  {} thresholds per readout at full light, spread {}",
             value(p.mean_a, 5),
             value(p.sd_a, 5)
         ),
         format!(
-            "dark rate             {} thresholds a readout, spread {}",
+            "dark rate             {} thresholds per readout, spread {}",
             value(p.mean_d, 6),
             value(p.sd_d, 6)
         ),
-        format!("electrons a spike     {}", value(c.electrons, 0)),
+        format!("electrons per spike   {}", value(c.electrons_per_spike, 0)),
         format!("threshold noise       {} of the threshold", value(c.sigma_t, 6)),
         format!(
-            "defects               {} dead, {} hot, {} off their line, {} unknown",
-            c.dead.len(),
-            c.hot.len(),
-            c.misfits.len(),
-            c.unknown().len()
+            "defects               {} dead, {} hot, {} nonlinear, {} unknown",
+            c.dead_pixels.len(),
+            c.hot_pixels.len(),
+            c.poor_fit_pixels.len(),
+            c.unfitted_pixels().len()
         ),
     ];
-    for lamp in c.levels.iter().filter(|l| l.stated > 0.0) {
-        let said = match (lamp.saturated, lamp.wrong) {
-            (true, _) => "saturated: not told".to_owned(),
+    for lamp in c.lamps.iter().filter(|l| l.stated_light > 0.0) {
+        let said = match (lamp.is_saturated, lamp.is_outlier) {
+            (true, _) => "saturated: not estimated".to_owned(),
             (_, wrong) => format!(
-                "found {:.5} ({:+.3} % +- {:.3} %){}",
-                lamp.found(),
-                100.0 * lamp.deviation.value / lamp.stated,
-                100.0 * lamp.deviation.error / lamp.stated,
-                if wrong { ", off" } else { "" }
+                "estimated {:.5} ({:+.3} % +- {:.3} %){}",
+                lamp.found_light(),
+                100.0 * lamp.deviation.value / lamp.stated_light,
+                100.0 * lamp.deviation.error / lamp.stated_light,
+                if wrong { ", deviates" } else { "" }
             ),
         };
-        lines.push(format!("light {:<15.5} {said}; {}", lamp.stated, lamp.file));
+        lines.push(format!("light {:<15.5} {said}; {}", lamp.stated_light, lamp.file));
     }
     lines
 }

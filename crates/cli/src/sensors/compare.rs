@@ -1,4 +1,4 @@
-//! `spikelane compare`: models against a measured camera.
+//! Implements `spikelane compare`, which compares models with a measured camera.
 
 use std::path::{Path, PathBuf};
 
@@ -6,64 +6,78 @@ use clap::Args as ClapArgs;
 
 use serde_json::{Value, json};
 use spikelane::effects::Camera;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets;
 use spikelane::unstable::draws::Seeds;
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::compare::{
-    CameraDistance, MODELS, RealismOptions, RealismRow, SceneComparison, SceneRow, Window, grey_levels,
-    realism, static_scene,
+    CameraDistance, DEFAULT_MODELS, RealismOptions, RealismRow, SceneComparison, SceneStatistics, WindowSize,
+    compare_gray_levels, compare_realism, compare_static_scene,
 };
 use spikelane_io::storage::FileGroup;
 
-use crate::shared::output::Out;
-use crate::shared::outputs;
-use crate::shared::progress::Files;
-use crate::shared::seeds::SeedArgs;
-use crate::shared::stream::{StreamArgs, warn_of_set};
+use crate::common::console::Console;
+use crate::common::output_claims;
+use crate::common::progress::FileProgress;
+use crate::common::seeds::SeedArgs;
+use crate::common::stream::{StreamArgs, print_set_warnings};
 
-/// Compare presets or camera files with a recording set (.toml) or one static recording.
+/// Compare camera models with a recording set (.toml) or a static recording
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Args {
-    /// A recording set, or a stream.
-    measured: PathBuf,
-    /// The same as --camera
+    /// Read this recording set or stream
+    recording: PathBuf,
+    /// Same as --camera
     #[arg(value_name = "CAMERA", conflicts_with = "camera")]
-    named: Vec<String>,
-    /// Preset or camera file; may be repeated [default: the paper's five and physical]
+    positional_cameras: Vec<String>,
+    /// Compare this camera (repeatable) [default: six presets]
+    ///
+    /// The default is scsim-code, scsim-paper, neuspike, spikingsim, spcs and physical.
     #[arg(long, value_name = "NAME|FILE")]
     camera: Vec<String>,
     #[command(flatten)]
     stream: StreamArgs,
-    /// Longest simulation, in readouts: of a level, or of a recording
-    #[arg(long, default_value_t = 2000)]
-    longest: usize,
-    /// Ask whether a discriminator tells simulated windows from real ones, and by what
+    /// Limit the readouts of each simulation
+    #[arg(long, value_name = "N", default_value_t = 2000)]
+    max_readouts: usize,
+    /// Test whether a classifier detects simulations
+    ///
+    /// It compares windows of the recording and of simulations, and lists the features that separate them.
     #[arg(long)]
     realism: bool,
-    /// With --realism: side in pixels and readouts of a window
-    #[arg(long, value_name = "SIDE,READOUTS", default_value = "32,100", requires = "realism",
-          value_parser = window)]
-    window: Window,
-    /// With --realism: only rows from FROM up to TO of the upright picture
-    #[arg(long, value_name = "FROM..TO", requires = "realism", value_parser = rows)]
+    /// With --realism, set the window
+    ///
+    /// SIDE is in pixels.
+    #[arg(hide_short_help = true, long, value_name = "SIDE,READOUTS", default_value = "32,100", requires = "realism",
+          value_parser = parse_window)]
+    window: WindowSize,
+    /// With --realism, use only these rows
+    ///
+    /// Rows count from the top of the upright image.
+    #[arg(hide_short_help = true, long, value_name = "FROM..TO", requires = "realism", value_parser = parse_rows)]
     rows: Option<std::ops::Range<usize>>,
-    /// With --realism: simulated light drifts as the recording's does
-    #[arg(long, requires = "realism")]
-    drifting: bool,
-    /// With --realism: recordings simulated by each camera
-    #[arg(long, value_name = "N", default_value_t = 10, requires = "realism",
+    /// With --realism, simulate drifting light
+    ///
+    /// The light drifts like that of the recording.
+    #[arg(hide_short_help = true, long, requires = "realism")]
+    drifting_light: bool,
+    /// With --realism, simulate N recordings
+    #[arg(hide_short_help = true, long, value_name = "N", default_value_t = 10, requires = "realism",
           value_parser = clap::value_parser!(u16).range(2..))]
-    simulated: u16,
-    /// With --realism: a map of a real camera's dark rates (.npy, spikes a readout), listed beside those of the cameras
-    #[arg(long, value_name = "FILE", requires = "realism")]
-    dark: Option<PathBuf>,
+    recordings_per_camera: u16,
+    /// With --realism, add dark rates (.npy)
+    ///
+    /// The map has spikes per readout. It is listed beside those of the simulated cameras.
+    #[arg(hide_short_help = true, long, value_name = "FILE", requires = "realism")]
+    dark_rates: Option<PathBuf>,
     #[command(flatten)]
     seeds: SeedArgs,
-    /// Folder for comparison.json and comparison.html.
+    /// Write the reports to this folder
+    ///
+    /// The files are comparison.json and comparison.html.
     #[arg(short, long, value_name = "DIR", default_value = "comparison")]
     output: PathBuf,
-    /// Replace existing files.
+    /// Overwrite existing files
     #[arg(long)]
     force: bool,
 }
@@ -71,30 +85,31 @@ pub(crate) struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// When an input is bad, or a file cannot be written.
-pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
+/// If an input is invalid, or if a file cannot be written.
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let files = ["comparison.json", "comparison.html", "features.csv"].map(|name| args.output.join(name));
-    // Held until the last file has its name.
-    let _claim = outputs::claim(&files, args.force)?;
-    let given = args.named.iter().chain(&args.camera).map(String::as_str);
-    let names: Vec<&str> = if given.clone().next().is_none() { MODELS.to_vec() } else { given.collect() };
+    // The claim lasts until the last file has its final name.
+    let _claim = output_claims::claim(&files, args.force)?;
+    let given = args.positional_cameras.iter().chain(&args.camera).map(String::as_str);
+    let names: Vec<&str> =
+        if given.clone().next().is_none() { DEFAULT_MODELS.to_vec() } else { given.collect() };
     let cameras = names.into_iter().map(presets::load).collect::<Result<Vec<_>>>()?;
     let seeds = args.seeds.seeds();
-    let is_set = args.measured.extension().is_some_and(|e| e == "toml");
+    let is_set = args.recording.extension().is_some_and(|e| e == "toml");
     let found = match (is_set, args.realism) {
-        (true, false) => grey(args, &cameras, seeds, out)?,
-        (false, false) => still(args, &cameras, seeds, out)?,
-        (false, true) => windows(args, &cameras, seeds, out)?,
+        (true, false) => compare_gray(args, &cameras, seeds, out)?,
+        (false, false) => compare_static(args, &cameras, seeds, out)?,
+        (false, true) => compare_windows(args, &cameras, seeds, out)?,
         (true, true) => {
-            return Err(Error::new(Kind::Usage, args.measured.display())
+            return Err(Error::new(ErrorKind::Usage, args.recording.display())
                 .found("a recording set")
                 .expected("one recording of a scene for --realism")
-                .remedy("give a stream of the set, or leave --realism out"));
+                .remedy("use a stream of the set, or omit --realism"));
         }
     };
-    let json_error = |e| Error::new(Kind::Config, "comparison").found(e);
-    let all = serde_json::to_string_pretty(&found.all).map_err(json_error)?;
-    let texts = [Some(&*all), Some(&*found.page), found.features.as_deref()];
+    let json_error = |e| Error::new(ErrorKind::Config, "comparison").found(e);
+    let all = serde_json::to_string_pretty(&found.json).map_err(json_error)?;
+    let texts = [Some(&*all), Some(&*found.html), found.features.as_deref()];
     let mut group = FileGroup::new(args.force);
     let mut names = Vec::new();
     for (path, text) in files.iter().zip(texts).filter_map(|(path, text)| Some((path, text?))) {
@@ -105,156 +120,163 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     let mut summary = found.summary;
     summary["event"] = json!("done");
     summary["files"] = json!(names);
-    out.result(&summary, &format!("{}{}\n", found.text, names.join("\n")))
+    out.print_result(&summary, &format!("{}{}\n", found.text, names.join("\n")))
 }
 
-/// What a comparison leaves: everything, the page, and the distances as JSON and as text.
-struct Found {
-    all: Value,
-    page: String,
+/// Output of a comparison: complete JSON, the HTML page, and the distances as JSON and as text.
+struct ComparisonOutput {
+    json: Value,
+    html: String,
     summary: Value,
     text: String,
-    /// Windows as a table for other discriminators.
+    /// The features of all windows as CSV, for other classifiers.
     features: Option<String>,
 }
 
 fn to_value(found: &impl serde::Serialize) -> Result<Value> {
-    serde_json::to_value(found).map_err(|e| Error::new(Kind::Config, "comparison").found(e))
+    serde_json::to_value(found).map_err(|e| Error::new(ErrorKind::Config, "comparison").found(e))
 }
 
-fn grey(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Found> {
-    let set = RecordingSet::open(&args.measured)?;
-    warn_of_set(&set, out)?;
-    let mut progress = Files::new(out);
-    let mut tell = |name: &str, share: f64| progress.step(name, share);
-    let found = grey_levels(&set, cameras, seeds, args.longest, &mut tell)?;
+fn compare_gray(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
+    let set = RecordingSet::open(&args.recording)?;
+    print_set_warnings(&set, out)?;
+    let mut progress = FileProgress::new(out);
+    let mut tell = |name: &str, share: f64| progress.update(name, share);
+    let found = compare_gray_levels(&set, cameras, seeds, args.max_readouts, &mut tell)?;
     drop(progress);
     let mut text = String::new();
     let mut line = |name: &str, response: f64, histograms: &[f64]| {
         let cells: Vec<String> = histograms.iter().map(|d| format!("{d:.4}")).collect();
         text += &format!(
-            "{name:<14} response off by {response:.5} spikes a readout, histograms by {} (0 equal, 1 disjoint)\n",
+            "{name:<14} response differs by {response:.5} spikes per readout, histograms by {} (0 equal, 1 disjoint)\n",
             cells.join(" ")
         );
         json!({"name": name, "response": response, "histograms": histograms})
     };
     let row = |m: &CameraDistance| line(&m.name, m.response_distance, &m.histogram_distance);
     let models: Vec<Value> = found.models.iter().map(row).collect();
-    let floor = line("noise floor", found.floor.response, &found.floor.histograms);
-    Ok(Found {
-        all: to_value(&found)?,
-        page: found.page()?,
-        summary: json!({"models": models, "floor": floor}),
+    let floor = line("noise floor", found.noise_floor.response, &found.noise_floor.histograms);
+    Ok(ComparisonOutput {
+        json: to_value(&found)?,
+        html: found.html_report()?,
+        summary: json!({"models": models, "noise_floor": floor}),
         text,
         features: None,
     })
 }
 
-/// Share of outliers and distance in every band of rows.
-fn bands(found: &SceneComparison) -> String {
+/// Returns a table with the outlier share and the distance of each model in each band of rows.
+fn row_band_table(found: &SceneComparison) -> String {
     let mut text = format!("\n{:<12}{:>9}", "rows", "measured");
     found.models.iter().for_each(|m| text += &format!("{:>17}", m.name));
-    for (i, area) in found.areas.iter().enumerate() {
+    for (i, area) in found.row_bands.iter().enumerate() {
         let [first, last] = area.rows;
-        text += &format!("\n{:<12}{:>9.1e}", format!("{first} to {last}"), area.outliers);
+        text += &format!("\n{:<12}{:>9.1e}", format!("{first} to {last}"), area.outlier_share);
         for m in &found.models {
-            text += &format!("{:>10.1e} ({:.2})", m.area_outliers[i], m.area_distances[i]);
+            text += &format!("{:>10.1e} ({:.2})", m.row_band_outlier_shares[i], m.row_band_distances[i]);
         }
     }
     text += "\n(share of outliers, and distance in brackets)\n";
     text
 }
 
-fn still(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Found> {
-    let found = static_scene(&args.stream.open(&args.measured, out)?, cameras, seeds)?;
+fn compare_static(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
+    let found = compare_static_scene(&args.stream.open(&args.recording, out)?, cameras, seeds)?;
     let mut text = format!(
-        "{} static pixels, mean rate {:.4} spikes a readout; distances are sums of |ln(model / measured)|, of the recording's own errors {:.3}\n",
-        found.pixels, found.mean_rate, found.floor
+        "{} static pixels, mean rate {:.4} spikes per readout; distances are sums of |ln(model / measured)|, of which {:.3} are errors of the recording\n",
+        found.pixels, found.mean_rate, found.noise_floor_distance
     );
-    let mut row = |m: &SceneRow| {
-        let (near, far) = (m.distance, m.slow_distance);
+    let mut row = |m: &SceneStatistics| {
+        let (near, far) = (m.distance, m.long_lag_distance);
         text += &format!("{:<14} distance {near:.3}, beyond lag 8 {far:.3}\n", m.name);
-        json!({"name": m.name, "distance": near, "slow_distance": far, "behind": m.behind, "behind_error": m.behind_error})
+        json!({"name": m.name, "distance": near, "long_lag_distance": far, "excess_distance": m.excess_distance, "excess_distance_error": m.excess_distance_error})
     };
     let models: Vec<Value> = found.models.iter().map(&mut row).collect();
-    text += &format!("{}\n{}", bands(&found), found.verdict());
+    text += &format!("{}\n{}", row_band_table(&found), found.verdict());
     text.push('\n');
-    let summary = json!({"pixels": found.pixels, "mean_rate": found.mean_rate, "floor": found.floor, "models": models, "verdict": found.verdict()});
-    Ok(Found { all: to_value(&found)?, page: found.page()?, summary, text, features: None })
+    let summary = json!({"pixels": found.pixels, "mean_rate": found.mean_rate, "noise_floor_distance": found.noise_floor_distance, "models": models, "verdict": found.verdict()});
+    Ok(ComparisonOutput {
+        json: to_value(&found)?,
+        html: found.html_report()?,
+        summary,
+        text,
+        features: None,
+    })
 }
 
-/// Windows of the recording and of every camera, told apart.
-fn windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Out) -> Result<Found> {
+/// Compares windows of the recording with windows of simulated recordings of every camera.
+fn compare_windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
     let options = RealismOptions {
         window: args.window,
-        simulated: usize::from(args.simulated),
-        longest: args.longest,
+        recordings_per_camera: usize::from(args.recordings_per_camera),
+        max_readouts: args.max_readouts,
         rows: args.rows.clone(),
-        drifting: args.drifting,
+        drifting_light: args.drifting_light,
         seeds,
-        dark: args.dark.as_deref().map(dark_map).transpose()?,
+        dark_rates: args.dark_rates.as_deref().map(read_dark_rates).transpose()?,
     };
-    let recording = args.stream.open(&args.measured, out)?;
-    let mut progress = Files::new(out);
-    let found = realism(&recording, cameras, &options, &mut |name, share| progress.step(name, share))?;
+    let recording = args.stream.open(&args.recording, out)?;
+    let mut progress = FileProgress::new(out);
+    let found =
+        compare_realism(&recording, cameras, &options, &mut |name, share| progress.update(name, share))?;
     drop(progress);
     let mut text = format!(
-        "{} windows at {} places, mean rate {:.4}; {:.1} % of the pixels left out\n",
+        "{} windows at {} places, mean rate {:.4}; {:.1} % of the pixels excluded\n",
         found.windows,
         found.places,
-        found.rate,
-        100.0 * found.left_out
+        found.mean_rate,
+        100.0 * found.excluded_share
     );
     let mut row = |r: &RealismRow| {
-        let tell = r.tells.first().map_or("", |t| t.name.as_str());
-        let open = if r.is_decided() { "" } else { "; not decided with this much data" };
+        let tell = r.features.first().map_or("", |t| t.name.as_str());
+        let open = if r.is_conclusive() { "" } else { "; not decided with this amount of data" };
         text += &format!(
-            "{:<14} told {:.3} ({:.2} to {:.2}), floor {:.3}; most by {tell}{open}\n",
-            r.name, r.auc.value, r.auc.low, r.auc.high, r.floor.value
+            "{:<14} distinguishability {:.3} ({:.2} to {:.2}), noise floor {:.3}; mainly by {tell}{open}\n",
+            r.name, r.auc.value, r.auc.low, r.auc.high, r.self_auc.value
         );
-        json!({"name": r.name, "auc": r.auc, "floor": r.floor, "decided": r.is_decided(), "tell": tell})
+        json!({"name": r.name, "auc": r.auc, "self_auc": r.self_auc, "is_conclusive": r.is_conclusive(), "best_feature": tell})
     };
-    let models: Vec<Value> = found.rows.iter().map(&mut row).collect();
-    let lines = found.numbers.iter().map(|n| n.text() + "\n").collect::<String>();
-    let head = found.numbers.first().map_or_else(String::new, |n| n.head() + "\n");
+    let models: Vec<Value> = found.cameras.iter().map(&mut row).collect();
+    let lines = found.recording_statistics.iter().map(|n| n.table_row() + "\n").collect::<String>();
+    let head = found.recording_statistics.first().map_or_else(String::new, |n| n.table_header() + "\n");
     text += &format!(
-        "\n{head}{lines}(D in readouts squared; early and late intervals in a million)\n\n{}\n",
+        "\n{head}{lines}(D in readouts squared; early and late intervals per million)\n\n{}\n",
         found.verdict()
     );
     let summary = json!({
-        "numbers": found.numbers,
-        "windows": found.windows, "places": found.places, "rate": found.rate, "left_out": found.left_out,
+        "recording_statistics": found.recording_statistics,
+        "windows": found.windows, "places": found.places, "mean_rate": found.mean_rate, "excluded_share": found.excluded_share,
         "models": models, "verdict": found.verdict(),
     });
-    let (page, features) = (found.page()?, Some(found.features.clone()));
-    Ok(Found { all: to_value(&found)?, page, summary, text, features })
+    let (page, features) = (found.html_report()?, Some(found.features_csv.clone()));
+    Ok(ComparisonOutput { json: to_value(&found)?, html: page, summary, text, features })
 }
 
-/// Rates of every pixel in the dark.
-fn dark_map(path: &Path) -> Result<Vec<f64>> {
+/// Reads the dark rate of every pixel.
+fn read_dark_rates(path: &Path) -> Result<Vec<f64>> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path.display(), e))?;
     let (_, rates) = spikelane::unstable::npy::read_values(&path.display().to_string(), &bytes)?;
     if rates.is_empty() || rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
-        return Err(Error::new(Kind::Input, path.display())
-            .found("rates outside of 0 to 1, or none")
-            .expected("spikes a readout in the dark, one per pixel"));
+        return Err(Error::new(ErrorKind::Input, path.display())
+            .found("rates outside 0 to 1, or none")
+            .expected("dark rates in spikes per readout, one per pixel"));
     }
     Ok(rates)
 }
 
-/// `SIDE,READOUTS`.
-fn window(text: &str) -> std::result::Result<Window, String> {
+/// Parses `SIDE,READOUTS`.
+fn parse_window(text: &str) -> std::result::Result<WindowSize, String> {
     let parsed = text.split_once(',').and_then(|(side, readouts)| {
-        Some(Window { side: side.trim().parse().ok()?, readouts: readouts.trim().parse().ok()? })
+        Some(WindowSize { side: side.trim().parse().ok()?, readouts: readouts.trim().parse().ok()? })
     });
     parsed.filter(|w| w.side >= 4 && w.readouts >= 20).ok_or_else(|| {
-        format!("`{text}`: give SIDE,READOUTS with 4 pixels and 20 readouts or more, such as 32,100")
+        format!("`{text}`: expected SIDE,READOUTS with at least 4 pixels and 20 readouts, such as 32,100")
     })
 }
 
-/// `FROM..TO`.
-fn rows(text: &str) -> std::result::Result<std::ops::Range<usize>, String> {
+/// Parses `FROM..TO`.
+fn parse_rows(text: &str) -> std::result::Result<std::ops::Range<usize>, String> {
     let parsed =
         text.split_once("..").and_then(|(from, to)| Some(from.trim().parse().ok()?..to.trim().parse().ok()?));
-    parsed.filter(|r| r.start < r.end).ok_or_else(|| format!("`{text}`: give FROM..TO, such as 100..180"))
+    parsed.filter(|r| r.start < r.end).ok_or_else(|| format!("`{text}`: expected FROM..TO, such as 100..180"))
 }

@@ -1,4 +1,4 @@
-//! `spikelane diagnose`: what a camera has that its model lacks.
+//! Implements `spikelane diagnose`, which finds effects that a camera model is missing.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -10,58 +10,68 @@ use spikelane::error::Result;
 use spikelane::presets;
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{
-    DiagnoseOptions, Diagnosis, Extent, Fault, FirstLook, Nameable, Strengths, Verdict, diagnose_and_tell,
-    strengths, write,
+    Detectability, DetectabilityReport, DiagnoseOptions, Diagnosis, Fault, PreliminaryResult,
+    ReadoutSelection, Verdict, detectability, diagnose_with_preliminary, write_diagnosis,
 };
 use spikelane_measure::report::today;
 
-use crate::shared::output::{Out, command_line, recorded};
-use crate::shared::outputs;
-use crate::shared::progress::Files;
-use crate::shared::stream::warn_of_set;
+use crate::common::console::{Console, command_line, recorded_path};
+use crate::common::output_claims;
+use crate::common::progress::FileProgress;
+use crate::common::stream::print_set_warnings;
 
-/// Find what the model of a camera lacks, name it, and add it.
+/// Find, name and add the effects that a camera model is missing
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Args {
-    /// The recording set (TOML).
+    /// Read this recording set (.toml)
     recordings: PathBuf,
-    /// The model to start from, a preset or camera file; without one the published model is calibrated.
-    #[arg(long)]
+    /// Start from this camera [default: calibrate the set]
+    ///
+    /// By default the published model is calibrated on the recording set.
+    #[arg(long, value_name = "NAME|FILE")]
     camera: Option<String>,
-    /// A second set of the same scenes, which judges what the first one names.
-    #[arg(long)]
+    /// Test the effects on this second recording set
+    ///
+    /// It must show the same scenes.
+    #[arg(long, value_name = "FILE")]
     holdout: Option<PathBuf>,
-    /// Seed of the simulations: the same seed gives the same diagnosis.
-    #[arg(long, default_value_t = 0)]
+    /// Set the seed of the simulations
+    #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Judge all readouts of large recordings, however long that takes: as a rule only the first 35 million
-    /// pixel-readouts of each are, but 1,250 readouts and five half periods of a square wave at least.
+    /// Use all readouts of large recordings
+    ///
+    /// By default only the first 35 million pixel-readouts of each recording are used. The minimum is 1,250 readouts
+    /// and five half periods of a square wave.
     #[arg(long)]
-    everything: bool,
-    /// Folder that keeps simulations, some megabytes a diagnosis: the same recordings, camera and seed again, after Ctrl-C
-    /// for one, take them from there, and the numbers are the same. Each version of the program has its own.
+    all_readouts: bool,
+    /// Store simulations in this folder, for resuming
+    ///
+    /// A run with the same recordings, camera and seed reads them and returns the same numbers. They need some
+    /// megabytes. Each version of the program stores its own simulations.
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
-    /// Only print how strong each effect must be before this set can name it.
+    /// Only print the detectable strength of each effect
     #[arg(long)]
-    nameable: bool,
-    /// Folder for diagnosis.json, camera.toml and report.html.
+    detectability: bool,
+    /// Write the reports to this folder
+    ///
+    /// The files are diagnosis.json, camera.toml and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "diagnosis")]
     output: PathBuf,
-    /// Replace existing files.
+    /// Overwrite existing files
     #[arg(long)]
     force: bool,
 }
 
 impl Args {
-    /// What stays after a stop.
-    pub(crate) fn kept(&self) -> String {
+    /// Returns the remedy of an interrupted diagnosis. It describes the remaining files.
+    pub(crate) fn interrupt_message(&self) -> String {
         match &self.cache {
             Some(folder) => format!(
-                "no report was written; the simulations so far are in '{}': run the same command again to go on",
+                "no report was written; the simulations so far are in '{}': run the same command again to continue",
                 folder.display()
             ),
-            None => "nothing was written; with --cache DIR the simulations so far are kept".to_owned(),
+            None => "nothing was written; --cache DIR keeps the simulations".to_owned(),
         }
     }
 }
@@ -69,90 +79,92 @@ impl Args {
 /// Runs the command.
 ///
 /// # Errors
-/// When a set is bad, or a file cannot be written.
-pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
+/// If a set is invalid, or if a file cannot be written.
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let files = ["diagnosis.json", "report.html", "camera.toml"].map(|name| args.output.join(name));
-    // Held until the last file has its name.
-    let _claim = (!args.nameable).then(|| outputs::claim(&files, args.force)).transpose()?;
+    // The claim lasts until the last file has its final name.
+    let _claim = (!args.detectability).then(|| output_claims::claim(&files, args.force)).transpose()?;
     let set = RecordingSet::open(&args.recordings)?;
     let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
-    [Some(&set), holdout.as_ref()].into_iter().flatten().try_for_each(|set| warn_of_set(set, out))?;
+    [Some(&set), holdout.as_ref()].into_iter().flatten().try_for_each(|set| print_set_warnings(set, out))?;
     let camera = args.camera.as_deref().map(presets::load).transpose()?;
-    let extent = if args.everything { Extent::Everything } else { Extent::Enough };
+    let extent = if args.all_readouts { ReadoutSelection::All } else { ReadoutSelection::Leading };
     let start = Instant::now();
-    let mut bar = Files::new(out);
-    let line = bar.clone_of_bar();
-    let mut progress = |what: &str, share: f64| bar.step(what, share);
+    let mut bar = FileProgress::new(out);
+    let line = bar.clone_bar();
+    let mut progress = |what: &str, share: f64| bar.update(what, share);
     let options = DiagnoseOptions {
         camera: camera.as_ref(),
         seed: args.seed,
-        extent,
+        readout_selection: extent,
         cache: args.cache.as_deref(),
         ..DiagnoseOptions::default()
     };
-    if args.nameable {
-        let found = strengths(&set, options, &mut progress)?;
+    if args.detectability {
+        let found = detectability(&set, options, &mut progress)?;
         drop(bar);
-        return out.result(&as_json(&found), &as_text(&found));
+        return out.print_result(&detectability_json(&found), &detectability_text(&found));
     }
-    let mut first = |look: &FirstLook| {
+    let mut first = |look: &PreliminaryResult| {
         let seconds = start.elapsed().as_secs_f64();
-        line.suspend(|| out.say(format_args!("first look ({seconds:.0} s): {}", look.sentence())));
-        // A reader that went away is no reason to stop the work.
-        let _ = out.event(
-            &json!({"event": "first-look", "agrees": look.agrees, "likely": look.likely, "seconds": seconds}),
+        line.suspend(|| {
+            out.print_message(format_args!("first result ({seconds:.0} s): {}", look.sentence()))
+        });
+        // If standard output cannot be written, the work still continues.
+        let _ = out.print_event(
+            &json!({"event": "preliminary", "is_consistent": look.is_consistent, "likely_effects": look.likely_effects, "seconds": seconds}),
         );
     };
-    let mut found = diagnose_and_tell(&set, holdout.as_ref(), options, &mut progress, &mut first)?;
+    let mut found = diagnose_with_preliminary(&set, holdout.as_ref(), options, &mut progress, &mut first)?;
     drop(bar);
-    if let Some([had, made]) = found.cached {
-        out.say(format_args!("simulations: {had} from the cache, {made} made"));
+    if let Some([had, made]) = found.cache_counts {
+        out.print_message(format_args!("simulations: {had} from the cache, {made} new"));
     }
-    if let Some(about) = &mut found.about {
-        about.set = Some(recorded(&args.recordings));
-        about.command = Some(typed());
+    if let Some(about) = &mut found.provenance {
+        about.set_file = Some(recorded_path(&args.recordings));
+        about.command = Some(recorded_command());
         if let Some(path) = &args.holdout {
-            about.held_out += &format!(", {}", recorded(path));
+            about.held_out += &format!(", {}", recorded_path(path));
         }
         about.date = Some(today());
     }
-    let mut result = write(&found, &args.output, args.force)?;
+    let mut result = write_diagnosis(&found, &args.output, args.force)?;
     result["event"] = json!("done");
-    out.result(&result, &told(&found, args))
+    out.print_result(&result, &diagnosis_text(&found, args))
 }
 
-/// What was typed, without the folder of the program.
-fn typed() -> String {
+/// Returns the command line. The program is written as `spikelane`, without its folder.
+fn recorded_command() -> String {
     let words = command_line().into_iter().skip(1);
     std::iter::once("spikelane".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-fn as_json(found: &Strengths) -> Value {
-    let row = |n: &Nameable| json!({"name": n.name, "parameter": n.key, "strength": n.strength, "nearest": n.nearest, "cosine": n.alike});
-    let rows: Vec<Value> = found.nameable.iter().map(row).collect();
+fn detectability_json(found: &DetectabilityReport) -> Value {
+    let row = |n: &Detectability| json!({"name": n.name, "parameter": n.parameter, "strength": n.strength, "nearest_candidate": n.nearest_candidate, "cosine": n.cosine});
+    let rows: Vec<Value> = found.detectabilities.iter().map(row).collect();
     let faults: Vec<String> = found.faults.iter().map(Fault::sentence).collect();
-    json!({"event": "done", "nameable": rows, "not_testable": found.not_testable, "faults": faults, "notes": found.notes})
+    json!({"event": "done", "detectability": rows, "undetectable": found.undetectable, "faults": faults, "notes": found.notes})
 }
 
-fn as_text(found: &Strengths) -> String {
+fn detectability_text(found: &DetectabilityReport) -> String {
     let mut text = String::new();
     found.faults.iter().for_each(|f| text += &format!("fault: {}\n", f.sentence()));
-    for n in &found.nameable {
+    for n in &found.detectabilities {
         let _ = writeln!(
             text,
-            "{:<24} {} {:.3e}   most like {} ({:+.2})",
-            n.name, n.key, n.strength, n.nearest, n.alike
+            "{:<24} {} {:.3e}   most similar: {} ({:+.2})",
+            n.name, n.parameter, n.strength, n.nearest_candidate, n.cosine
         );
     }
-    if !found.not_testable.is_empty() {
-        let _ = writeln!(text, "not shown by this set, however strong: {}", found.not_testable.join(", "));
+    if !found.undetectable.is_empty() {
+        let _ = writeln!(text, "not detectable with this set: {}", found.undetectable.join(", "));
     }
-    text += "With a second set as --holdout; without one every recording is cut in two, and strengths are 1.4 times these.\n";
+    text += "With --holdout and a second set. Without it, every recording is split in two, and the strengths are 1.4 times these.\n";
     found.notes.iter().for_each(|n| text += &format!("{n}\n"));
     text
 }
 
-fn told(found: &Diagnosis, args: &Args) -> String {
+fn diagnosis_text(found: &Diagnosis, args: &Args) -> String {
     let verdict = match found.verdict {
         Verdict::Agrees => "agrees",
         Verdict::Explained => "explained",
@@ -164,25 +176,26 @@ fn told(found: &Diagnosis, args: &Args) -> String {
         let _ = writeln!(text, "fault: {}", fault.sentence());
     }
     for effect in &found.effects {
-        let ties = if effect.tied_with.is_empty() {
+        let ties = if effect.ambiguous_with.is_empty() {
             String::new()
         } else {
-            format!(", or {}", effect.tied_with.join(", "))
+            format!(", or {}", effect.ambiguous_with.join(", "))
         };
-        let _ = writeln!(text, "{}{}{ties}", if effect.resembles { "resembles " } else { "" }, effect.name);
+        let _ =
+            writeln!(text, "{}{}{ties}", if effect.is_tentative { "resembles " } else { "" }, effect.name);
         for p in &effect.parameters {
             let _ = writeln!(text, "  {} {:.5} ({:.5} to {:.5})", p.name, p.value, p.low, p.high);
         }
     }
-    for m in &found.misfits {
+    for m in &found.parameter_mismatches {
         let _ = writeln!(
             text,
-            "misfit {}: {:.5} ({:.5} to {:.5}), the model has {:.5}",
-            m.parameter, m.fitted, m.low, m.high, m.model
+            "mismatch {}: {:.5} ({:.5} to {:.5}), the model has {:.5}",
+            m.parameter, m.fitted_value, m.low, m.high, m.model_value
         );
     }
-    for u in &found.unknown {
-        let _ = writeln!(text, "left: {} ({:+.1} standard deviations)", u.r#where, u.z);
+    for u in &found.unexplained {
+        let _ = writeln!(text, "unexplained: {} ({:+.1} standard deviations)", u.r#where, u.z);
     }
     for note in &found.notes {
         let _ = writeln!(text, "note: {note}");

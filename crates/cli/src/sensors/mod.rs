@@ -1,4 +1,4 @@
-//! Commands that learn a sensor from its recordings.
+//! Commands that analyze the recordings of a sensor.
 
 pub(super) mod calibrate;
 pub(super) mod compare;

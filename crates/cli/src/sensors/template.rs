@@ -1,21 +1,22 @@
-//! `spikelane record --template`: from a folder of own recordings to a recording set that waits for its levels.
+//! Implements `spikelane record --template`. It writes a recording set for a folder of recordings. The user adds the light
+//! levels.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use spikelane::{Error, Geometry, Kind, Result};
-use spikelane_calibrate::UNTOLD;
-use spikelane_io::formats::Reader;
+use spikelane::{Error, ErrorKind, Geometry, Result};
+use spikelane_calibrate::UNSPECIFIED_LIGHT;
+use spikelane_io::formats::StreamReader;
 use spikelane_io::simulate::Sidecar;
 use spikelane_io::storage;
 
-use crate::shared::stream::{file_name, spikes_in};
+use crate::common::stream::{count_spikes, file_name};
 
-/// Readouts that are counted to tell recordings apart.
-const LOOK: usize = 500;
+/// Number of readouts from which the rate of a recording is measured. The rate helps users to identify recordings.
+const RATE_SAMPLE_READOUTS: usize = 500;
 
-/// A stream of the folder.
-struct Found {
+/// A stream in the folder.
+struct StreamInfo {
     file: String,
     geometry: Geometry,
     readouts: usize,
@@ -24,25 +25,27 @@ struct Found {
     layout: &'static str,
 }
 
-/// Writes `folder/recordings.toml`, which lists every stream of the folder, and returns its path.
+/// Writes `folder/recordings.toml`, which lists every stream in the folder. Returns the path of this file.
 ///
 /// # Errors
-/// [`Kind::Input`] when the folder holds no stream or streams of different sizes; those of reading and writing.
+/// * [`ErrorKind::Input`] if the folder contains no stream, or streams of different sizes.
+/// * If a file cannot be read or written.
 pub(crate) fn write(
     folder: &Path,
     size: Option<Geometry>,
     readout_hz: Option<f64>,
     force: bool,
 ) -> Result<PathBuf> {
-    let mut found = streams(folder)?.iter().map(|path| look(path, size)).collect::<Result<Vec<_>>>()?;
-    // Darkest first, as a person lists them.
+    let mut found =
+        find_streams(folder)?.iter().map(|path| read_stream_info(path, size)).collect::<Result<Vec<_>>>()?;
+    // The recordings are sorted from dark to bright, so that users can compare the order with their light levels.
     found.sort_by(|a, b| a.rate.total_cmp(&b.rate));
     let path = folder.join("recordings.toml");
-    storage::write_small(&path, text(folder, &found, readout_hz)?.as_bytes(), force)?;
+    storage::write_small(&path, template_text(folder, &found, readout_hz)?.as_bytes(), force)?;
     Ok(path)
 }
 
-fn streams(folder: &Path) -> Result<Vec<PathBuf>> {
+fn find_streams(folder: &Path) -> Result<Vec<PathBuf>> {
     let refused = |e| Error::io(folder.display(), e);
     let mut all = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(refused)? {
@@ -54,22 +57,22 @@ fn streams(folder: &Path) -> Result<Vec<PathBuf>> {
     }
     all.sort();
     if all.is_empty() {
-        return Err(Error::new(Kind::Input, folder.display())
+        return Err(Error::new(ErrorKind::Input, folder.display())
             .found("no recording")
-            .expected("streams that end in .dat, .npy or .npz: the dark, and flat fields of known light"));
+            .expected("streams that end in .dat, .npy or .npz: dark and flat fields of known light"));
     }
     Ok(all)
 }
 
-fn look(path: &Path, size: Option<Geometry>) -> Result<Found> {
-    let reader = Reader::open(path, None, size)?;
+fn read_stream_info(path: &Path, size: Option<Geometry>) -> Result<StreamInfo> {
+    let reader = StreamReader::open(path, None, size)?;
     let readouts = reader.readouts();
-    let first = readouts / 2 - LOOK.min(readouts) / 2;
-    let range = first..first + LOOK.min(readouts);
+    let first = readouts / 2 - RATE_SAMPLE_READOUTS.min(readouts) / 2;
+    let range = first..first + RATE_SAMPLE_READOUTS.min(readouts);
     let looked = range.len();
-    let count = spikes_in(&reader, range)?;
-    let sidecar = Sidecar::beside(path).ok().flatten();
-    Ok(Found {
+    let count = count_spikes(&reader, range)?;
+    let sidecar = Sidecar::read_beside(path).ok().flatten();
+    Ok(StreamInfo {
         file: file_name(path),
         geometry: reader.geometry(),
         readouts,
@@ -79,24 +82,22 @@ fn look(path: &Path, size: Option<Geometry>) -> Result<Found> {
     })
 }
 
-fn text(folder: &Path, found: &[Found], readout_hz: Option<f64>) -> Result<String> {
+fn template_text(folder: &Path, found: &[StreamInfo], readout_hz: Option<f64>) -> Result<String> {
     let one = &found[0];
     if let Some(other) = found.iter().find(|f| f.geometry != one.geometry) {
-        return Err(Error::new(Kind::Input, folder.join(&other.file).display())
+        return Err(Error::new(ErrorKind::Input, folder.join(&other.file).display())
             .found(other.geometry)
             .expected(format_args!("{}, the size of {}", one.geometry, one.file))
-            .remedy("keep the recordings of one camera in a folder of their own"));
+            .remedy("put the recordings of each camera into their own folder"));
     }
     let hz = readout_hz.or_else(|| found.iter().find_map(|f| f.readout_hz));
     let mut text = format!(
-        "# Recordings of one camera. Each needs its light: 0 with the cap on, else the fraction of the light that gives\n\
-         # one spike per readout (a pixel that fires every fourth readout sees 0.25). Then: spikelane calibrate {}\n\
-         width = {}\nheight = {}\nreadout_hz = {:.1}{}\n# light_uncertainty = 0.01  # relative, of all levels\n",
+        "# Recordings of one camera. Each needs its light: 0 in the dark, otherwise a fraction of the light that gives\n# one spike per readout (0.25 if a pixel fires at every fourth readout). Then run: spikelane calibrate {}\nwidth = {}\nheight = {}\nreadout_hz = {:.1}{}\n# light_uncertainty = 0.01  # relative, of all levels\n",
         folder.join("recordings.toml").display(),
         one.geometry.width(),
         one.geometry.height(),
         hz.unwrap_or(20_000.0),
-        if hz.is_none() { "  # assumed: say what yours has" } else { "" },
+        if hz.is_none() { "  # assumed: set the rate of your camera" } else { "" },
     );
     for f in found {
         let _ = write!(
@@ -106,7 +107,7 @@ fn text(folder: &Path, found: &[Found], readout_hz: Option<f64>) -> Result<Strin
             f.rate,
             f.file.replace('\\', "\\\\").replace('"', "\\\""),
             f.layout,
-            UNTOLD
+            UNSPECIFIED_LIGHT
         );
     }
     Ok(text)

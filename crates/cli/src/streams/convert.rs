@@ -1,131 +1,137 @@
-//! `spikelane convert`.
+//! Implements `spikelane convert`.
 
 use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
 use indicatif::DecimalBytes;
 use serde_json::json;
-use spikelane::{Error, Geometry, Kind, Result};
+use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::{
-    EVENTS, Finished, Layout, Opening, StreamWriter, convert, own_sidecar, write_events,
+    EVENTS_LAYOUT, Layout, OpenOptions, StreamSummary, StreamWriter, convert, sidecar_path, write_events,
 };
-use spikelane_io::simulate::{Sidecar, StreamFacts, Written};
+use spikelane_io::simulate::{Sidecar, StreamFacts, WrittenStream};
 use spikelane_io::storage::OutputSet;
-use spikelane_measure::report::with_known;
+use spikelane_measure::report::insert_present;
 
-use crate::shared::output::{Out, command_line};
-use crate::shared::outputs;
-use crate::shared::progress::{Progress, stop_flag};
-use crate::shared::range::{Readouts, Rectangle};
-use crate::shared::stream::{StreamArgs, file_name, spikes_in};
+use crate::common::console::{Console, command_line};
+use crate::common::output_claims;
+use crate::common::progress::{CountProgress, stop_flag};
+use crate::common::readout_range::{CropArg, ReadoutRange};
+use crate::common::stream::{StreamArgs, count_spikes, file_name};
 
-/// Copy a stream into another layout, or a part of it
+/// Convert a stream, or a part of it, to another layout
 ///
 /// Writes OUT and its sidecar OUT.json.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Stream file to read
+    /// Read this stream file
     input: PathBuf,
-    /// Stream file to write
+    /// Write this stream file
     output: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
-    /// Layout to write, or events: a row (x, y, readout) for each spike, as .npy
-    /// [default: npy-bytes for a name that ends in .npy, dat for .dat, .bin, .raw or no ending]
-    #[arg(long, value_name = "LAYOUT",
-          value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name).into_iter().chain([EVENTS])))]
+    /// Set the output layout [default: by extension]
+    ///
+    /// A layout, or events: an .npy with a row (x, y, readout) for each spike. The default is npy-bytes for
+    /// .npy, else dat.
+    #[arg(long, value_name = "LAYOUT", hide_possible_values = true,
+          value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name).into_iter().chain([EVENTS_LAYOUT])))]
     to: Option<String>,
-    /// Take only these readouts, such as 100..500
+    /// Copy only these readouts, such as 100..500
     #[arg(long, value_name = "A..B", default_value = "..")]
-    readouts: Readouts,
-    /// Take only these pixels, from the upper left corner
+    readouts: ReadoutRange,
+    /// Copy only this rectangle of pixels
+    ///
+    /// X and Y count from the upper left corner.
     #[arg(long, value_name = "X,Y,W,H")]
-    crop: Option<Rectangle>,
-    /// Overwrite files of the same name
+    crop: Option<CropArg>,
+    /// Overwrite existing files
     #[arg(long)]
     force: bool,
 }
 
 impl Args {
-    /// What the file will hold; the ending has to agree.
-    fn form(&self) -> Result<Form> {
-        let named = self.to.as_deref().filter(|name| *name != EVENTS).map(Layout::parse).transpose()?;
+    /// Returns the form of the output. Returns an error if the extension of the output does not match the form.
+    fn output_form(&self) -> Result<OutputForm> {
+        let named =
+            self.to.as_deref().filter(|name| *name != EVENTS_LAYOUT).map(Layout::parse).transpose()?;
         if self.to.is_none() || named.is_some() {
-            return Layout::for_name(&self.output, named).map(Form::Stream);
+            return Layout::for_path(&self.output, named).map(OutputForm::Stream);
         }
-        Layout::for_name(&self.output, Some(Layout::NpyBytes)).map(|_| Form::Events)
+        Layout::for_path(&self.output, Some(Layout::NpyBytes)).map(|_| OutputForm::Events)
     }
 
-    /// Claims the stream and its sidecar, unless the output is the input.
+    /// Claims the stream and its sidecar. Returns an error if output and input are the same file.
     fn claim(&self, sidecar: &Path) -> Result<OutputSet> {
         let same = |a: &Path| std::fs::canonicalize(a).ok();
         if same(&self.input).is_some() && same(&self.input) == same(&self.output) {
-            return Err(Error::new(Kind::Usage, self.output.display())
+            return Err(Error::new(ErrorKind::Usage, self.output.display())
                 .found("the input itself")
-                .expected("another file to write"));
+                .expected("another file for the output"));
         }
-        outputs::claim([&*self.output, sidecar], self.force)
+        output_claims::claim([&*self.output, sidecar], self.force)
     }
 
     fn sidecar(&self) -> PathBuf {
-        own_sidecar(&self.output)
+        sidecar_path(&self.output)
     }
 }
 
-/// What is written.
+/// Form of the output: a stream or a list of events.
 #[derive(Clone, Copy)]
-enum Form {
+enum OutputForm {
     Stream(Layout),
     Events,
 }
 
-impl Form {
+impl OutputForm {
     const fn name(self) -> &'static str {
         match self {
             Self::Stream(layout) => layout.name(),
-            Self::Events => EVENTS,
+            Self::Events => EVENTS_LAYOUT,
         }
     }
 }
 
-pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    let (form, sidecar) = (args.form()?, args.sidecar());
-    // Held until the sidecar has its name.
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    let (form, sidecar) = (args.output_form()?, args.sidecar());
+    // The claim lasts until the sidecar has its final name.
     let _claim = args.claim(&sidecar)?;
     let reader = args.stream.open(&args.input, out)?;
-    let original = Sidecar::beside(&args.input).ok().flatten().map(|(_, sidecar)| sidecar);
-    let range = args.readouts.of(reader.readouts());
+    let original = Sidecar::read_beside(&args.input).ok().flatten().map(|(_, sidecar)| sidecar);
+    let range = args.readouts.resolve(reader.readouts());
     reader.frames(range.clone())?;
     let crop = args.crop.map(|r| r.0);
     let geometry = crop.map_or(Ok(reader.geometry()), |c| c.geometry(reader.geometry()))?;
-    let mut progress = Progress::new(out, stop_flag()?);
+    let mut progress = CountProgress::new(out, stop_flag()?);
     let total = Some(range.len() as u64);
-    let step = |done: u64| progress.step(done, total);
-    let result: Result<(Finished, u64)> = match form {
-        Form::Stream(layout) => {
+    let step = |done: u64| progress.update(done, total);
+    let result: Result<(StreamSummary, u64)> = match form {
+        OutputForm::Stream(layout) => {
             let writer =
                 StreamWriter::create(&args.output, layout, geometry, range.len() as u64, args.force)?;
             convert(&reader, range.clone(), crop, writer, step)
-                .and_then(|done| Ok((done, count(&args.output, layout, geometry)?)))
+                .and_then(|done| Ok((done, count_written_spikes(&args.output, layout, geometry)?)))
         }
-        Form::Events => write_events(&reader, range.clone(), crop, &args.output, args.force, step),
+        OutputForm::Events => write_events(&reader, range.clone(), crop, &args.output, args.force, step),
     };
-    let (finished, spikes) = result.map_err(|e| progress.cause(e))?;
+    let (finished, spikes) = result.map_err(|e| progress.error_or_interrupt(e))?;
     drop(progress);
-    let written = Written { spikes, path: finished.path, bytes: finished.bytes, digest: finished.digest };
+    let written =
+        WrittenStream { spikes, path: finished.path, bytes: finished.bytes, digest: finished.digest };
     let origin = original
         .as_ref()
         .map(serde_json::to_value)
         .transpose()
-        .map_err(|e| Error::new(Kind::Config, sidecar.display()).found(e))?;
+        .map_err(|e| Error::new(ErrorKind::Config, sidecar.display()).found(e))?;
     let from = json!({
         "file": file_name(&args.input), "layout": reader.layout().name(), "readouts": [range.start, range.end],
-        "lost_readouts": reader.lost(),
+        "missing_frames": reader.missing_frames(),
     });
     let crop_facts = crop.map(|c| json!([c.x, c.y, c.width, c.height]));
     let facts = Sidecar {
         readout_hz: original.as_ref().and_then(|s| s.readout_hz),
-        converted_from: Some(with_known(from, [("crop", crop_facts), ("sidecar", origin)])),
+        converted_from: Some(insert_present(from, [("crop", crop_facts), ("sidecar", origin)])),
         layout: form.name().to_owned(),
         command: command_line(),
         ..Sidecar::new(
@@ -136,17 +142,23 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
         )
     };
     facts.write(&sidecar, args.force)?;
-    say(args, form, (range.len(), geometry), written.bytes, out);
-    out.event(&json!({
+    print_summary(args, form, (range.len(), geometry), written.bytes, out);
+    out.print_event(&json!({
         "event": "done", "file": args.output.display().to_string(), "layout": form.name(),
         "readouts": range.len(), "width": geometry.width(), "height": geometry.height(),
         "digest": written.digest, "sidecar": sidecar.display().to_string(),
     }))
 }
 
-/// Tells of the stream and its sidecar, and of what readers of the layout have to know.
-fn say(args: &Args, form: Form, (readouts, geometry): (usize, Geometry), bytes: u64, out: &Out) {
-    out.say(format_args!(
+/// Prints a summary of the stream, its sidecar and the limitations of the layout.
+fn print_summary(
+    args: &Args,
+    form: OutputForm,
+    (readouts, geometry): (usize, Geometry),
+    bytes: u64,
+    out: &Console,
+) {
+    out.print_message(format_args!(
         "{}  {} readouts of {geometry}, layout {}, {}\n{}",
         args.output.display(),
         readouts,
@@ -154,16 +166,16 @@ fn say(args: &Args, form: Form, (readouts, geometry): (usize, Geometry), bytes: 
         DecimalBytes(bytes),
         args.sidecar().display()
     ));
-    if let Form::Stream(layout) = form
+    if let OutputForm::Stream(layout) = form
         && let Some(caveat) = layout.caveat(geometry)
     {
-        out.say(format_args!("note: {}: {caveat}", args.output.display()));
+        out.print_message(format_args!("note: {}: {caveat}", args.output.display()));
     }
 }
 
-/// Spikes of what was written: reading it back also shows that it reads back.
-fn count(path: &Path, layout: Layout, geometry: Geometry) -> Result<u64> {
-    let written = Opening { layout: Some(layout), geometry: Some(geometry), ..Opening::default() };
+/// Counts the spikes of the written file. This also verifies that the file can be read.
+fn count_written_spikes(path: &Path, layout: Layout, geometry: Geometry) -> Result<u64> {
+    let written = OpenOptions { layout: Some(layout), geometry: Some(geometry), ..OpenOptions::default() };
     let reader = written.open_written(path)?;
-    spikes_in(&reader, 0..reader.readouts())
+    count_spikes(&reader, 0..reader.readouts())
 }

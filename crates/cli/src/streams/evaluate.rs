@@ -1,85 +1,86 @@
-//! `spikelane evaluate`: how good a picture the spikes give, with and without its clear original.
+//! Implements `spikelane evaluate`, which scores reconstructed pictures with and without a reference.
 
 use serde_json::json;
-use spikelane::{Error, Kind, Result};
+use spikelane::{Error, ErrorKind, Result};
 
-use crate::shared::output::Out;
+use crate::common::console::Console;
 use spikelane::unstable::inputs;
 
 mod args;
-mod many;
-mod marks;
+mod dataset;
 mod picture;
-mod set;
-mod still;
-mod truth;
+mod reference;
+mod scores;
+mod sequence;
+mod static_scene;
 
 pub(crate) use args::Args;
-use marks::HEADER;
-use picture::{Beside, Picture, details, pictures};
-use still::Still;
+use picture::{Comparison, EvaluatedPicture, detail_table, evaluate_pictures};
+use scores::HEADER;
+use static_scene::StaticScene;
 
-pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    if args.full.is_some_and(|f| !(f.is_finite() && f > 0.0)) {
-        return Err(Error::new(Kind::Usage, "--full").expected("a positive rate"));
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    if args.full_scale_rate.is_some_and(|f| !(f.is_finite() && f > 0.0)) {
+        return Err(Error::new(ErrorKind::Usage, "--full-scale-rate").expected("a positive rate"));
     }
-    if args.file.is_dir() { set::run(args, out) } else { stream(args, out) }
+    if args.file.is_dir() { dataset::run(args, out) } else { evaluate_stream(args, out) }
 }
 
-fn stream(args: &Args, out: &Out) -> Result<()> {
-    if args.clear_transfer.is_some() && args.clear.is_none() {
-        return Err(Error::new(Kind::Usage, "--clear-transfer")
-            .found("no clear image")
-            .expected("--clear, whose codes it is about"));
+fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {
+    if args.reference_transfer.is_some() && args.reference.is_none() {
+        return Err(Error::new(ErrorKind::Usage, "--reference-transfer")
+            .found("no reference image")
+            .expected("--reference, to which it applies"));
     }
     let reader = args.stream.open(&args.file, out)?;
     let geometry = reader.geometry();
-    let bytes_per_pixel = match (&args.clear, args.still) {
-        // Pictures by each method.
+    let bytes_per_pixel = match (&args.reference, args.static_scene) {
+        // Memory for the pictures of each method.
         (None, false) => 32,
-        // The clear picture as well, and the maps of both that are compared.
+        // Memory for the pictures, the reference image, and the compared maps.
         (Some(_), false) => 112,
-        // Pictures of the readouts before and behind as well.
+        // Memory for all of these and the pictures of the readouts before and after.
         (_, true) => 160,
     };
-    inputs::check_memory(format_args!("pictures of {geometry} pixels"), bytes_per_pixel * geometry.pixels())?;
-    let folder = args.clear.as_deref().filter(|clear| clear.is_dir());
+    inputs::check_memory(format_args!("images of {geometry} pixels"), bytes_per_pixel * geometry.pixels())?;
+    let folder = args.reference.as_deref().filter(|clear| clear.is_dir());
     if args.every.is_some() || folder.is_some() {
-        return many::run(args, &reader, folder, out);
+        return sequence::run(args, &reader, folder, out);
     }
     let at = args.at.unwrap_or(reader.readouts() / 2);
-    let truth = args.clear.as_ref().map(|clear| args.truth(&args.file, clear, &reader)).transpose()?;
-    let still = args.still.then(|| Still::read(&reader, at)).transpose()?;
+    let truth =
+        args.reference.as_ref().map(|clear| args.read_reference(&args.file, clear, &reader)).transpose()?;
+    let still = args.static_scene.then(|| StaticScene::read(&reader, at)).transpose()?;
     let beside = match (&truth, &still) {
-        (Some(truth), _) => Beside::Clear(truth),
-        (None, Some(still)) => Beside::Others(still),
-        (None, None) => Beside::Nothing,
+        (Some(truth), _) => Comparison::Image(truth),
+        (None, Some(still)) => Comparison::StaticScene(still),
+        (None, None) => Comparison::None,
     };
-    let pictures = pictures(&args.wanted, &reader, at, beside)?;
+    let pictures = evaluate_pictures(&args.reconstruction, &reader, at, beside)?;
     let mut all = json!({
         "file": args.file.display().to_string(), "readout": at,
-        "pictures": pictures.iter().map(Picture::json).collect::<Vec<_>>(),
+        "pictures": pictures.iter().map(EvaluatedPicture::json).collect::<Vec<_>>(),
     });
     let mut text = format!("{}, readout {at}\n", args.file.display());
     if let Some(truth) = &truth {
-        all["clear"] = truth.json();
-        text += &format!("{}\n", truth.line());
+        all["reference"] = truth.json();
+        text += &format!("{}\n", truth.text_line());
     }
     if let Some(still) = &still {
-        all["still"] = json!({ "share_of_pixels": still.share() });
+        all["static_scene"] = json!({ "share_of_pixels": still.steady_share() });
         text += &format!(
-            "still scene: {:.1} % of the pixels, around which nothing changes, are compared\n",
-            100.0 * still.share()
+            "static scene: {:.1} % of the pixels, without changes around them, are compared\n",
+            100.0 * still.steady_share()
         );
     }
     text += HEADER;
-    text.extend(pictures.iter().map(Picture::text));
-    let second = details(pictures.iter().map(Picture::detail));
+    text.extend(pictures.iter().map(EvaluatedPicture::text));
+    let second = detail_table(pictures.iter().map(EvaluatedPicture::detail));
     if let (Some(still), true) = (&still, second.is_empty()) {
         still.reference(at..at + 1)?;
-        return Err(still::without_detail(&args.file));
+        return Err(static_scene::no_detail_error(&args.file));
     }
     text += &second;
     text.extend(pictures.iter().filter_map(|p| Some(format!("note: {}: {}\n", p.name, p.note.as_ref()?))));
-    out.result(&all, &text)
+    out.print_result(&all, &text)
 }

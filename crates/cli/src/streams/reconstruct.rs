@@ -1,64 +1,73 @@
-//! `spikelane reconstruct`.
+//! Implements `spikelane reconstruct`.
 
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use serde_json::json;
-use spikelane::reconstruct::{isi_map, span, tfi_at, tfp};
-use spikelane::spikes::Packed;
-use spikelane::{Error, Kind, Result};
-use spikelane_io::formats::Reader;
+use spikelane::reconstruct::{isi_map, span_rates, tfi_with_open_pixels, tfp};
+use spikelane::spikes::SpikeFramesRef;
+use spikelane::{Error, ErrorKind, Result};
+use spikelane_io::formats::StreamReader;
 
-use crate::shared::output::Out;
-use crate::shared::outputs;
-use crate::shared::picture::{around, bright, moments};
-use crate::shared::progress::{Progress, stop_flag};
-use crate::shared::stream::StreamArgs;
-use crate::shared::video::{Pictures, Video};
+use crate::common::console::Console;
+use crate::common::images::{frames_around, sample_readouts, white_rate};
+use crate::common::output_claims;
+use crate::common::progress::{CountProgress, stop_flag};
+use crate::common::stream::StreamArgs;
+use crate::common::video::{FrameEncoding, VideoWriter};
 use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
 
-mod array;
+mod npy_sink;
 mod sinks;
 
-use sinks::{Film, Folder, One, Shown, Sink};
+use sinks::{FolderSink, GrayScale, PictureSink, PngSink, VideoSink};
 
-/// Pictures that a thread makes before they are written.
-const BATCH: usize = 4;
+/// Number of pictures that a thread reconstructs per batch. The pictures of a batch are written when it is complete.
+const BATCH_PICTURES: usize = 4;
 
-/// Make pictures of spikes
+/// Reconstruct images from a stream
 ///
-/// One picture (.png), an array of all (.npy, spikes per readout as f32; intervals in readouts for
-/// isi), a folder of numbered PNGs, or a video through ffmpeg (.mp4, .mkv, .mov, .avi, .webm).
+/// Writes one image (.png), an array (.npy, f32), a folder of numbered PNGs, or a video with ffmpeg (.mp4, .mkv,
+/// .mov, .avi, .webm). Values of an array are spikes per readout, or intervals in readouts for isi.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Stream file
+    /// Read this stream file
     file: PathBuf,
-    /// Where to write: .png, .npy, a video, or a folder
-    #[arg(short, long, value_name = "OUT")]
+    /// Write a .png, an .npy, a video or a folder
+    #[arg(short, long, value_name = "PATH")]
     output: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
-    /// tfp counts spikes in a window, span times its first to its last spike, tfi takes one over the
-    /// interval around a moment, isi its length
-    #[arg(long, value_enum, default_value_t = Method::Tfp)]
+    /// Use tfp, span, tfi or isi
+    ///
+    /// tfp counts the spikes in a window. span divides them by the time from the first to the last spike. tfi is
+    /// one spike per interval around the readout, and isi is the length of that interval.
+    #[arg(long, value_enum, value_name = "METHOD", hide_possible_values = true, default_value_t = Method::Tfp)]
     method: Method,
-    /// Readout to look at [default: the middle]
+    /// Reconstruct at this readout [default: the middle]
     #[arg(long, value_name = "READOUT", conflicts_with = "every")]
     at: Option<usize>,
-    /// Readouts in the window of tfp and span; for tfi and isi, readouts searched on either side
+    /// Set the window [default: 161]
+    ///
+    /// It applies to tfp and span. For tfi and isi, it is the number of readouts to search on either side, 300
+    /// by default.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     window: Option<u32>,
-    /// Make a picture every so many readouts (folder, .npy and video) [default there: the window]
+    /// Write an image every N readouts
+    ///
+    /// The output is a folder, .npy or video. The default is the window, or one image for .npy.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
-    /// Value that is shown white [default: what one pixel in 500 of the first picture exceeds]
+    /// Set the rate of white [default: automatic]
+    ///
+    /// By default, one pixel in 500 of the first image is brighter.
     #[arg(long, value_name = "RATE")]
     white: Option<f32>,
-    /// Pictures per second of a video
+    /// Set the frames per second of a video
     #[arg(long, value_name = "HZ", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..))]
     fps: u32,
-    /// Overwrite files of the same name
+    /// Overwrite existing files
     #[arg(long)]
     force: bool,
 }
@@ -83,8 +92,8 @@ impl Method {
 }
 
 impl Args {
-    /// Readouts on either side that a picture needs.
-    fn half(&self) -> usize {
+    /// Returns the number of readouts that a picture needs before and after its center.
+    fn half_window(&self) -> usize {
         match (self.method, self.window) {
             (Method::Tfp | Method::Span, Some(window)) => (window / 2) as usize,
             (Method::Tfp | Method::Span, None) => 80,
@@ -93,142 +102,153 @@ impl Args {
         }
     }
 
-    /// The picture at a readout, and whether the stream goes on far enough on both sides.
-    fn picture(&self, reader: &Reader, at: usize) -> Result<(Vec<f32>, bool)> {
-        let half = self.half();
-        let (bytes, centre) = around(reader, at, half)?;
-        let packed = Packed::new(reader.geometry(), &bytes)?;
+    /// Returns the picture at a readout. The second value is whether the stream is long enough before and after the readout.
+    fn reconstruct_at(&self, reader: &StreamReader, at: usize) -> Result<(Vec<f32>, bool)> {
+        let half = self.half_window();
+        let (bytes, center) = frames_around(reader, at, half)?;
+        let packed = SpikeFramesRef::new(reader.geometry(), &bytes)?;
         match self.method {
-            Method::Tfp => Ok((tfp(packed, centre, half)?, true)),
-            Method::Span => Ok((span(packed, centre, half)?, true)),
+            Method::Tfp => Ok((tfp(packed, center, half)?, true)),
+            Method::Span => Ok((span_rates(packed, center, half)?, true)),
             Method::Tfi => {
-                let tfi = tfi_at(packed, centre, half)?;
+                let tfi = tfi_with_open_pixels(packed, center, half)?;
                 let whole = tfi.is_measurable();
                 Ok((tfi.rates, whole))
             }
             Method::Isi => {
-                let lengths = isi_map(packed, centre)?.into_iter().map(|n| n as f32).collect();
-                Ok((lengths, tfi_at(packed, centre, half)?.is_measurable()))
+                let lengths = isi_map(packed, center)?.into_iter().map(|n| n as f32).collect();
+                Ok((lengths, tfi_with_open_pixels(packed, center, half)?.is_measurable()))
             }
         }
     }
 
-    /// The readouts of the pictures: one, or one in each step, in its middle.
-    fn moments(&self, readouts: usize, many: bool) -> Vec<usize> {
+    /// Returns the readouts of the pictures: a single readout, or the middle of each step.
+    fn picture_readouts(&self, readouts: usize, many: bool) -> Vec<usize> {
         if !many || self.at.is_some() {
             return vec![self.at.unwrap_or(readouts / 2)];
         }
-        moments(readouts, self.every.map_or(2 * self.half() + 1, |n| n as usize))
+        sample_readouts(readouts, self.every.map_or(2 * self.half_window() + 1, |n| n as usize))
     }
 }
 
-/// What the name of the output asks for.
-enum Target {
+/// Kind of output. The output name determines it.
+enum OutputKind {
     Png,
     Npy,
     Video,
     Folder,
 }
 
-fn target(path: &Path) -> Result<Target> {
+fn output_kind(path: &Path) -> Result<OutputKind> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     match ending.as_deref() {
-        Some("png") => Ok(Target::Png),
-        Some("npy") => Ok(Target::Npy),
-        Some("mp4" | "mkv" | "mov" | "avi" | "webm") => Ok(Target::Video),
-        None => Ok(Target::Folder),
-        Some(_) if path.is_dir() => Ok(Target::Folder),
-        Some(other) => Err(Error::new(Kind::Usage, path.display())
-            .found(format_args!("the ending .{other}"))
-            .expected(".png, .npy, .mp4, .mkv, .mov, .avi, .webm, or a folder's name without an ending")),
+        Some("png") => Ok(OutputKind::Png),
+        Some("npy") => Ok(OutputKind::Npy),
+        Some("mp4" | "mkv" | "mov" | "avi" | "webm") => Ok(OutputKind::Video),
+        None => Ok(OutputKind::Folder),
+        Some(_) if path.is_dir() => Ok(OutputKind::Folder),
+        Some(other) => Err(Error::new(ErrorKind::Usage, path.display())
+            .found(format_args!("the extension .{other}"))
+            .expected(".png, .npy, .mp4, .mkv, .mov, .avi, .webm, or a folder name without an extension")),
     }
 }
 
-pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
-    let target = target(&args.output)?;
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    let target = output_kind(&args.output)?;
     let reader = args.stream.open(&args.file, out)?;
     let geometry = reader.geometry();
-    // A picture, its sorted copy, its levels and their code.
-    inputs::check_memory(format_args!("picture of {geometry} pixels"), 28 * geometry.pixels())?;
+    // Memory for a picture, a sorted copy of it, its gray levels, and their encoding.
+    inputs::check_memory(format_args!("image of {geometry} pixels"), 28 * geometry.pixels())?;
     if args.white.is_some_and(|w| !(w.is_finite() && w > 0.0)) {
-        return Err(Error::new(Kind::Usage, "--white").expected("a positive number"));
+        return Err(Error::new(ErrorKind::Usage, "--white").expected("a positive number"));
     }
     let many = match target {
-        Target::Png if args.every.is_some() => {
-            return Err(Error::new(Kind::Usage, "--every")
-                .found("one picture to write")
+        OutputKind::Png if args.every.is_some() => {
+            return Err(Error::new(ErrorKind::Usage, "--every")
+                .found("one image to write")
                 .expected("a folder, .npy or a video as output"));
         }
-        Target::Png => false,
-        Target::Npy => args.every.is_some(),
-        Target::Video | Target::Folder => true,
+        OutputKind::Png => false,
+        OutputKind::Npy => args.every.is_some(),
+        OutputKind::Video | OutputKind::Folder => true,
     };
-    let moments = args.moments(reader.readouts(), many);
+    let moments = args.picture_readouts(reader.readouts(), many);
     let _claim = match target {
-        Target::Folder => {
-            sinks::refuse_used(&args.output, args.force)?;
-            outputs::claim_folder(&args.output)?
+        OutputKind::Folder => {
+            sinks::check_empty_folder(&args.output, args.force)?;
+            output_claims::claim_folder(&args.output)?
         }
-        _ => outputs::claim([&args.output], args.force)?,
+        _ => output_claims::claim([&args.output], args.force)?,
     };
-    let first = args.picture(&reader, moments[0])?;
-    let white = args.white.unwrap_or_else(|| bright(&first.0));
-    let shown = Shown { white, geometry: reader.geometry() };
-    let mut sink: Box<dyn Sink> = match target {
-        Target::Png => Box::new(One { path: args.output.clone(), force: args.force, shown }),
-        Target::Folder => Box::new(Folder { path: args.output.clone(), force: args.force, shown }),
-        Target::Npy => Box::new(array::Npy::new(
+    let first = args.reconstruct_at(&reader, moments[0])?;
+    let white = args.white.unwrap_or_else(|| white_rate(&first.0));
+    let shown = GrayScale { white, geometry: reader.geometry() };
+    let mut sink: Box<dyn PictureSink> = match target {
+        OutputKind::Png => {
+            Box::new(PngSink { path: args.output.clone(), force: args.force, gray_scale: shown })
+        }
+        OutputKind::Folder => {
+            Box::new(FolderSink { path: args.output.clone(), force: args.force, gray_scale: shown })
+        }
+        OutputKind::Npy => Box::new(npy_sink::NpySink::new(
             &args.output,
             args.force,
             reader.geometry(),
             many.then_some(moments.len()),
         )?),
-        Target::Video => {
-            let pictures = Pictures::Grey(reader.geometry());
-            let video = Video::start(&args.output, pictures, f64::from(args.fps), args.force)?;
-            Box::new(Film { video, shown })
+        OutputKind::Video => {
+            let pictures = FrameEncoding::Gray(reader.geometry());
+            let video = VideoWriter::start(&args.output, pictures, f64::from(args.fps), args.force)?;
+            Box::new(VideoSink { video, gray_scale: shown })
         }
     };
-    let mut progress = Progress::new(out, stop_flag()?);
+    let mut progress = CountProgress::new(out, stop_flag()?);
     let mut cut = Vec::new();
     let mut done = 0;
-    for batch in moments.chunks(BATCH * threads::count()) {
+    for batch in moments.chunks(BATCH_PICTURES * threads::thread_count()) {
         let encode = |&at: &usize| {
-            let (picture, whole) = if at == moments[0] { first.clone() } else { args.picture(&reader, at)? };
+            let (picture, whole) =
+                if at == moments[0] { first.clone() } else { args.reconstruct_at(&reader, at)? };
             Ok((at, whole, sink.encode(&picture)?))
         };
-        // Kept one by one, so that what stands before a fault is written whoever was faster.
+        // Each picture has its own result. The pictures before an error are therefore always written, for any order of the
+        // threads.
         let ready: Vec<Result<_>> = threads::map(batch, encode);
         for picture in ready {
             let (at, whole, encoded) = picture?;
-            sink.put(at, &encoded).map_err(|e| progress.cause(e))?;
+            sink.write(at, &encoded).map_err(|e| progress.error_or_interrupt(e))?;
             cut.extend((!whole).then_some(at));
             done += 1;
-            progress.step(done, Some(moments.len() as u64))?;
+            progress.update(done, Some(moments.len() as u64))?;
         }
     }
     sink.finish()?;
     drop(progress);
-    out.say(format_args!("{}  {} of {}", args.output.display(), pictures(moments.len()), reader.geometry()));
-    say_cut(&cut, out);
-    out.event(&json!({
+    out.print_message(format_args!(
+        "{}  {} of {}",
+        args.output.display(),
+        count_text(moments.len()),
+        reader.geometry()
+    ));
+    print_cut_warning(&cut, out);
+    out.print_event(&json!({
         "event": "done", "file": args.output.display().to_string(), "pictures": moments.len(),
         "method": args.method.name(), "white": white, "readouts": moments,
         "not_measurable": cut,
     }))
 }
 
-/// Warns of pictures that the ends of the stream leave open.
-fn say_cut(cut: &[usize], out: &Out) {
+/// Prints a warning about pictures that are unreliable because they are near the start or the end of the stream.
+fn print_cut_warning(cut: &[usize], out: &Console) {
     let (Some(first), Some(last)) = (cut.first(), cut.last()) else { return };
     let place =
         if first == last { format!("readout {first}") } else { format!("readouts {first} to {last}") };
-    out.say(format_args!(
-        "note: {} at {place} not to be trusted: the stream begins or ends within the intervals of too many pixels",
-        pictures(cut.len())
+    out.print_message(format_args!(
+        "note: {} at {place} not reliable: for too many pixels, the stream begins or ends within an interval",
+        count_text(cut.len())
     ));
 }
 
-fn pictures(n: usize) -> String {
-    if n == 1 { "1 picture".into() } else { format!("{n} pictures") }
+fn count_text(n: usize) -> String {
+    if n == 1 { "1 image".into() } else { format!("{n} images") }
 }

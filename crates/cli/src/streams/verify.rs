@@ -1,45 +1,47 @@
-//! `spikelane verify`.
+//! Implements `spikelane verify`.
 
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use spikelane::unstable::inputs::Access;
-use spikelane::{Error, Geometry, Kind, Result};
-use spikelane_io::formats::{EVENTS, Layout, Reader};
+use spikelane::{Error, ErrorKind, Geometry, Result};
+use spikelane_io::formats::{EVENTS_LAYOUT, Layout, StreamReader};
 use spikelane_io::simulate::{Sidecar, StreamFacts};
 use spikelane_io::storage;
 
-use crate::shared::output::Out;
-use crate::shared::stream::{file_name, spikes_in};
+use crate::common::console::Console;
+use crate::common::stream::{count_spikes, file_name};
 
-/// Check streams against their sidecars
+/// Verify streams against their sidecars
 ///
-/// Compares the digest of every byte, then reads every frame. Exit code 9 when a file is not what
-/// its sidecar says. A sidecar may be named in place of its streams; its clear images are then checked too.
+/// Compares the digest of each file, then reads every frame. The exit code is 9 if a file differs from its sidecar.
+/// If you name a sidecar instead of its streams, its reference images are verified too.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Stream files, or sidecars (.json)
+    /// Verify these streams, or all files of sidecars (.json)
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// Read the files of a sidecar through links that leave its folder; without it they are refused
+    /// Follow links that leave the folder
+    ///
+    /// Otherwise such links are an error.
     #[arg(long)]
     follow_links: bool,
 }
 
-pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut failed = None;
     for path in &args.files {
-        for checked in check(path, Access::reading(args.follow_links)) {
+        for checked in check(path, Access::for_reading(args.follow_links)) {
             match checked {
-                Ok((file, facts)) => out.result(
+                Ok((file, facts)) => out.print_result(
                     &json!({"file": file.display().to_string(), "ok": true, "digest": facts.digest}),
                     &format!("{}: good, {}\n", file.display(), facts.digest),
                 )?,
                 Err(error) => {
-                    out.event(&json!({"file": path.display().to_string(), "ok": false}))?;
-                    // All files are looked at; the first error is the exit code.
+                    out.print_event(&json!({"file": path.display().to_string(), "ok": false}))?;
+                    // All files are verified, even after an error. The first error determines the exit code.
                     if failed.is_some() {
-                        out.say(format_args!("spikelane: {error}"));
+                        out.print_message(format_args!("spikelane: {error}"));
                     }
                     failed = failed.or(Some(error));
                 }
@@ -49,71 +51,73 @@ pub(crate) fn run(args: &Args, out: &Out) -> Result<()> {
     failed.map_or(Ok(()), Err)
 }
 
-type Checked = Result<(PathBuf, StreamFacts)>;
+type CheckResult = Result<(PathBuf, StreamFacts)>;
 
-fn check(path: &Path, access: Access) -> Vec<Checked> {
+fn check(path: &Path, access: Access) -> Vec<CheckResult> {
     if path.extension().is_some_and(|e| e == "json") {
         return match Sidecar::read(path) {
             Err(e) => vec![Err(e)],
             Ok(sidecar) => {
                 let streams = [Some(&sidecar.stream), sidecar.clean.as_ref()];
-                let check = |facts: &StreamFacts| compare(&facts.beside(path, access)?, &sidecar, facts);
-                let mut checked: Vec<Checked> = streams.into_iter().flatten().map(check).collect();
-                checked.extend(pictures(path, &sidecar, access).err().map(Err));
+                let check = |facts: &StreamFacts| {
+                    compare_with_sidecar(&facts.path_beside(path, access)?, &sidecar, facts)
+                };
+                let mut checked: Vec<CheckResult> = streams.into_iter().flatten().map(check).collect();
+                checked.extend(verify_images(path, &sidecar, access).err().map(Err));
                 checked
             }
         };
     }
-    vec![beside(path)]
+    vec![check_sidecar(path)]
 }
 
-/// Compares the clear images that the sidecar lists.
-fn pictures(path: &Path, sidecar: &Sidecar, access: Access) -> Result<()> {
-    for (file, expected) in sidecar.images_beside(path, access)? {
-        let digest = storage::Digest::of_file(&file)?;
+/// Verifies the digests of the reference images that the sidecar lists.
+fn verify_images(path: &Path, sidecar: &Sidecar, access: Access) -> Result<()> {
+    for (file, expected) in sidecar.image_paths(path, access)? {
+        let digest = storage::Digest::hash_file(&file)?;
         if digest != expected {
-            return Err(Error::new(Kind::Corrupt, file.display())
+            return Err(Error::new(ErrorKind::Corrupt, file.display())
                 .found(digest)
-                .expected(format_args!("{expected}, as the sidecar says"))
-                .remedy("the image was changed or cut; copy or simulate it again"));
+                .expected(format_args!("{expected}, as in the sidecar"))
+                .remedy("the image was changed or truncated; copy or simulate it again"));
         }
     }
     Ok(())
 }
 
-fn beside(path: &Path) -> Checked {
+fn check_sidecar(path: &Path) -> CheckResult {
     std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
-    let Some((_, sidecar)) = Sidecar::beside(path)? else {
-        return Err(Error::new(Kind::Usage, path.display())
-            .found("no sidecar beside it")
+    let Some((_, sidecar)) = Sidecar::read_beside(path)? else {
+        return Err(Error::new(ErrorKind::Usage, path.display())
+            .found("no sidecar next to it")
             .expected("the .json file that was written with the stream")
-            .remedy("'spikelane inspect --digest' shows the digest of any stream"));
+            .remedy("'spikelane inspect --digest' prints the digest of any stream"));
     };
-    let facts = sidecar.facts(&file_name(path)).clone();
-    compare(path, &sidecar, &facts)
+    let facts = sidecar.stream_facts(&file_name(path)).clone();
+    compare_with_sidecar(path, &sidecar, &facts)
 }
 
-fn compare(path: &Path, sidecar: &Sidecar, facts: &StreamFacts) -> Checked {
-    let digest = storage::Digest::of_file(path)?;
+fn compare_with_sidecar(path: &Path, sidecar: &Sidecar, facts: &StreamFacts) -> CheckResult {
+    let digest = storage::Digest::hash_file(path)?;
     if digest != facts.digest {
         let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
-        return Err(Error::new(Kind::Corrupt, path.display())
+        return Err(Error::new(ErrorKind::Corrupt, path.display())
             .found(format_args!("{bytes} bytes with {digest}"))
-            .expected(format_args!("{} bytes with {}, as its sidecar says", facts.bytes, facts.digest))
-            .remedy("the file was changed or cut; copy or simulate it again"));
+            .expected(format_args!("{} bytes with {}, as in the sidecar", facts.bytes, facts.digest))
+            .remedy("the file was changed or truncated; copy or simulate it again"));
     }
-    if sidecar.layout == EVENTS {
-        // A list has no frames to be read.
+    if sidecar.layout == EVENTS_LAYOUT {
+        // A list of events contains no frames, so the checks below do not apply.
         return Ok((path.to_path_buf(), facts.clone()));
     }
     let layout = Layout::parse(&sidecar.layout)?;
     let geometry = Geometry::new(sidecar.width, sidecar.height)?;
-    let reader = Reader::open(path, Some(layout), Some(geometry))?;
-    let count = spikes_in(&reader, 0..reader.readouts())?;
+    let reader = StreamReader::open(path, Some(layout), Some(geometry))?;
+    let count = count_spikes(&reader, 0..reader.readouts())?;
     if (reader.readouts() as u64, count) != (sidecar.readouts, facts.spikes) {
-        return Err(Error::new(Kind::Corrupt, path.display())
+        return Err(Error::new(ErrorKind::Corrupt, path.display())
             .found(format_args!("{} readouts with {count} spikes", reader.readouts()))
-            .expected(format_args!("{} with {}, as its sidecar says", sidecar.readouts, facts.spikes))
+            .expected(format_args!("{} with {}, as in the sidecar", sidecar.readouts, facts.spikes))
             .remedy("the sidecar belongs to another stream"));
     }
     Ok((path.to_path_buf(), facts.clone()))

@@ -3,9 +3,9 @@
 
     pip install spikezoo
     git clone https://github.com/Zyj061/SpikeCV
-    spikelane dataset -o set --kind tiny --images 200 --label-every 0 --structure spike-zoo
+    spikelane dataset -o set --scene-preset tiny --images-per-scene 200 --label-every 0 --dataset-layout spike-zoo
     python crates/cli/tests/clients/read_dataset.py set
-    spikelane dataset -o set-cv --kind tiny --images 200 --label-every 0
+    spikelane dataset -o set-cv --scene-preset tiny --images-per-scene 200 --label-every 0
     python crates/cli/tests/clients/read_dataset.py set-cv --spikecv SpikeCV
 
 Spike-Zoo: its BaseDataset finds streams and clear images, its TFPModel makes the picture, which is divided
@@ -44,7 +44,7 @@ READOUTS = 41
 def allowed_db(root, sequence, clear, rate, codes):
     """PSNR that counting and motion allow; `codes` if the picture is cut to whole codes of 255."""
     folder = root / "sequences" / sequence
-    middle = json.loads((folder / "record.json").read_text())["about"]["clear_readout"]
+    middle = json.loads((folder / "record.json").read_text())["facts"]["reference_readout"]
     near = range(middle - READOUTS // 2, middle + READOUTS // 2 + 1)
     seen = np.mean([light(folder / "images" / f"{readout:06}.png") for readout in near], axis=0)
     part = READOUTS * seen * rate % 1.0

@@ -8,16 +8,16 @@ command -v faketime >/dev/null || { echo "clocks.sh: needs faketime" >&2; exit 2
 place=$(mktemp -d "${TMPDIR:-/tmp}/spikelane-clocks.XXXXXX")
 trap 'rm -rf "$place"' EXIT
 cd "$place"
-scenes="--kind tiny --sequences 4 --images 3 --label-every 2 --width 32 --height 24"
+scenes="--scene-preset tiny --sequences 4 --images-per-scene 3 --label-every 2 --width 32 --height 24"
 echo "date       $(date -u +%Y-%m-%d)"
 one=$("$program" dataset $scenes -o one 2>/dev/null | sed -n 's/^digest //p')
 echo "one clock  $one"
-"$program" dataset plan $scenes -o set --per-shard 2 >/dev/null
-faketime '10 days ago' "$program" dataset run set --shard 0 >/dev/null
-faketime '+10 days' "$program" dataset run set --shard 1 >/dev/null
+"$program" dataset plan $scenes -o set --sequences-per-shard 2 >/dev/null
+faketime '10 days ago' "$program" dataset run set --shards 0 >/dev/null
+faketime '+10 days' "$program" dataset run set --shards 1 >/dev/null
 made=$(find set -name record.json -printf '%p %i %T@\n' | sort)
 for clock in '10 days ago' '+0 days' '+10 days'; do
-    faketime "$clock" "$program" dataset run set --shard all >/dev/null
+    faketime "$clock" "$program" dataset run set --shards all >/dev/null
     [ "$made" = "$(find set -name record.json -printf '%p %i %T@\n' | sort)" ] || { echo "MADE AGAIN at $clock"; exit 1; }
 done
 merged=$(faketime '10 days ago' "$program" dataset merge set | sed -n 's/^digest //p')

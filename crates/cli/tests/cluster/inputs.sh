@@ -32,7 +32,7 @@ print(f"{sys.argv[1]:<28}{time.time() - begun:>9.2f} s{memory:>9.0f} MB")
 PY
 }
 shard=$((inputs / 100))
-flags="--width 8 --height 8 --readouts-per-frame 1 --insertion hold"
+flags="--width 8 --height 8 --readouts-per-frame 1 --interpolation hold"
 echo "date                        $(date -u +%Y-%m-%d)"
 echo "inputs                      $inputs of 8x8 pixels, one frame each, $shard a shard"
 mkdir -p "$place/some"
@@ -40,16 +40,16 @@ find "$place/clips" -name '*.y4m' | sort >"$place/some/all.txt"
 for part in 100 10 1; do
     head -n $((inputs / part)) "$place/some/all.txt" >"$place/some/list.txt"
     measured "plan from a list of $((inputs / part))" "$program" dataset plan --from-list "$place/some/list.txt" $flags \
-        -o "$place/list-$part" --per-shard "$shard"
+        -o "$place/list-$part" --sequences-per-shard "$shard"
 done
-measured "plan from a folder" "$program" dataset plan --from "$place/clips" $flags -o "$place/set" --per-shard "$shard"
-measured "one shard, first" "$program" dataset run "$place/set" --shard 0
-measured "one shard, nothing to do" "$program" dataset run "$place/set" --shard 0
-measured "one shard, digests" "$program" dataset run "$place/set" --shard 0 --verify
+measured "plan from a folder" "$program" dataset plan --from "$place/clips" $flags -o "$place/set" --sequences-per-shard "$shard"
+measured "one shard, first" "$program" dataset run "$place/set" --shards 0
+measured "one shard, nothing to do" "$program" dataset run "$place/set" --shards 0
+measured "one shard, digests" "$program" dataset run "$place/set" --shards 0 --verify
 measured "status" "$program" dataset status "$place/set"
 if [ "${3:-}" = all ]; then
-    measured "all shards" "$program" dataset run "$place/set" --shard all
-    measured "all shards, nothing to do" "$program" dataset run "$place/set" --shard all
-    measured "merge --quick --no-links" "$program" dataset merge "$place/set" --quick --no-links
+    measured "all shards" "$program" dataset run "$place/set" --shards all
+    measured "all shards, nothing to do" "$program" dataset run "$place/set" --shards all
+    measured "merge --no-verify --no-links" "$program" dataset merge "$place/set" --no-verify --no-links
     measured "merge --no-links" "$program" dataset merge "$place/set" --no-links
 fi

@@ -12,7 +12,7 @@ import time
 from hashlib import sha256
 from pathlib import Path
 
-SCENES = "--kind tiny --sequences 2 --images 3 --label-every 2 --width 32 --height 24".split()
+SCENES = "--scene-preset tiny --sequences 2 --images-per-scene 3 --label-every 2 --width 32 --height 24".split()
 
 
 def main() -> int:
@@ -69,12 +69,12 @@ def fail(text: str) -> int:
 
 
 def plan(program: str, folder: Path, pack: bool) -> None:
-    line = [program, "dataset", "plan", *SCENES, "-o", str(folder), "--per-shard", "2"]
+    line = [program, "dataset", "plan", *SCENES, "-o", str(folder), "--sequences-per-shard", "2"]
     subprocess.run(line + ["--pack"] * pack, check=True, capture_output=True)
 
 
 def command_line(program: str, command: str, folder: Path) -> list[str]:
-    more = ["--shard", "0", "--threads", "1"] if command == "run" else []
+    more = ["--shards", "0", "--threads", "1"] if command == "run" else []
     return [program, "dataset", command, str(folder), *more]
 
 

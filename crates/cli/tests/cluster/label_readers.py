@@ -115,7 +115,7 @@ def with_motmetrics(root: Path, sets: dict[str, list[Path]]) -> str:
             for n, frame in enumerate(frames(sequence), 1):
                 for box in seen(frame):
                     row = table.loc[(n, box["track_id"])]
-                    x0, y0, x1, y1 = box["amodal_in_image"]
+                    x0, y0, x1, y1 = box["clipped_amodal_box"]
                     expected = [x0, y0, x1 - x0, y1 - y0]
                     # Two places are in the text.
                     assert np.allclose(row[["X", "Y", "Width", "Height"]].astype(float), expected, atol=0.0051)
@@ -170,7 +170,7 @@ def with_trackeval(root: Path, sets: dict[str, list[Path]]) -> str:
                     assert sorted(ids) == sorted(there), sequence
                     for track, kind, box in zip(ids, kinds, boxes, strict=True):
                         assert kind == {"Car": 1, "Van": 2, "Truck": 3, "Misc": 8}[there[track]["class"]]
-                        x0, y0, x1, y1 = there[track]["amodal_in_image"]
+                        x0, y0, x1, y1 = there[track]["clipped_amodal_box"]
                         assert np.allclose(box, [x0, y0, x1 - 1, y1 - 1], atol=0.0051)
                         kitti += 1
     return f"MotChallenge2DBox {mot} boxes, Kitti2DBox {kitti}, equal labels.json"
@@ -208,7 +208,7 @@ def with_pykitti(root: Path, sets: dict[str, list[Path]]) -> str:
                 size = max(box[2] - box[0], box[3] - box[1])
                 outside = max(slack[0], slack[1], -slack[2], -slack[3])
                 inside = max(-slack[0], -slack[1], slack[2], slack[3])
-                # A hundredth of a metre and of a radian are what the text holds.
+                # A hundredth of a meter and of a radian are what the text holds.
                 rounding = projection[0, 0] * (0.01 + 0.005 * max(l, h)) / (z - l / 2)
                 assert outside <= rounding + 0.52 and inside <= 0.2 * size + rounding + 1, (sequence, line, slack)
                 worst = max(worst, inside / size)

@@ -20,17 +20,17 @@ mounted() { mount.exfat-fuse "$loop" "$place/disk" >/dev/null 2>&1; }
 mounted || { echo "no-links.sh: needs exfat-fuse and FUSE" >&2; exit 2; }
 touch "$place/disk/a"
 if ln "$place/disk/a" "$place/disk/b" 2>/dev/null; then echo "no-links.sh: this file system has links" >&2; exit 2; fi
-scenes="--kind tiny --sequences 3 --images 3 --label-every 2 --width 32 --height 24"
+scenes="--scene-preset tiny --sequences 3 --images-per-scene 3 --label-every 2 --width 32 --height 24"
 echo "date       $(date -u +%Y-%m-%d)"
 one=$("$program" dataset $scenes -o "$place/one" 2>/dev/null | sed -n 's/^digest //p')
 echo "elsewhere  $one"
 for pack in "" --pack; do
     set="$place/disk/set$pack"
-    "$program" dataset plan $scenes -o "$set" --per-shard 2 $pack >/dev/null
-    "$program" dataset run "$set" --shard all >/dev/null
+    "$program" dataset plan $scenes -o "$set" --sequences-per-shard 2 $pack >/dev/null
+    "$program" dataset run "$set" --shards all >/dev/null
     # Times that this file system keeps less exactly than they were must not make everything again.
     umount "$place/disk" && sleep 1 && mounted
-    "$program" dataset run "$set" --shard all
+    "$program" dataset run "$set" --shards all
     "$program" dataset merge "$set" 2>&1 | sed "s|$place/disk/||" | tee "$place/merged.txt"
     grep -q "$one" "$place/merged.txt" || { echo DIFFERENT; exit 1; }
 done

@@ -15,9 +15,9 @@ for pack in "" --pack; do
         counts=()
         for sequences in 1 3; do
             set=$place/$images-$sequences$pack
-            "$program" dataset plan --kind tiny --sequences "$sequences" --images "$images" --label-every 0 --width 32 \
-                --height 24 -o "$set" --per-shard "$sequences" $pack >/dev/null
-            strace -f -c -e "trace=$calls" -o "$place/counts" "$program" dataset run "$set" --shard 0 --threads 1 >/dev/null 2>&1
+            "$program" dataset plan --scene-preset tiny --sequences "$sequences" --images-per-scene "$images" --label-every 0 --width 32 \
+                --height 24 -o "$set" --sequences-per-shard "$sequences" $pack >/dev/null
+            strace -f -c -e "trace=$calls" -o "$place/counts" "$program" dataset run "$set" --shards 0 --threads 1 >/dev/null 2>&1
             counts+=("$(awk '$NF == "total" {print $4}' "$place/counts")")
         done
         # The sequence's own files: images, two streams, sidecar, clear image, ground truth, record.

@@ -23,7 +23,7 @@ def main() -> None:
 def same(plain: Path, key: str, files: dict) -> None:
     """The bytes of a sample's files are those of the sequence."""
     folder = plain / "sequences" / key
-    for name, path in [("spk.dat", "stream.dat"), ("clean.dat", "stream.clean.dat"), ("png", "clear.png"), ("gt.png", "gt.png")]:
+    for name, path in [("spk.dat", "stream.dat"), ("clean.dat", "stream.clean.dat"), ("png", "reference.png"), ("gt.png", "gt.png")]:
         assert files[name] == (folder / path).read_bytes(), (key, name)
     assert json.loads(files["json"])["id"] == key
     labels = sorted(p.name for p in (folder / "labels").glob("*.npy"))

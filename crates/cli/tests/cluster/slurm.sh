@@ -8,7 +8,7 @@
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
 python=${2:-}
-guide=$(realpath "$(dirname "$0")/../../../../../../docs/guides/clusters.md")
+guide=$(realpath "$(dirname "$0")/../../../../docs/guides/clusters.md")
 [ "$(id -u)" = 0 ] || { echo "slurm.sh: needs root for the node daemons and a small tmpfs" >&2; exit 2; }
 
 if ! command -v slurmctld >/dev/null || ! command -v slurmd >/dev/null || ! command -v sbatch >/dev/null; then
@@ -87,7 +87,7 @@ for _ in $(seq 60); do
 done
 sinfo -h -o '%N %T' | grep -q idle || { cat "$place"/logs/* >&2; echo "slurm.sh: Slurm did not come up" >&2; exit 1; }
 
-scenes="--kind tiny --sequences 80 --images 240 --label-every 60 --width 64 --height 40"
+scenes="--scene-preset tiny --sequences 80 --images-per-scene 240 --label-every 60 --width 64 --height 40"
 echo "date            $(date -u +%Y-%m-%d)"
 echo "slurm           $(slurmctld -V)"
 echo "dataset         $scenes, 2 sequences a shard"
@@ -95,7 +95,7 @@ echo "dataset         $scenes, 2 sequences a shard"
 one=$(sed -n 's/^digest //p' "$place/one.txt")
 echo "one thread      $one"
 
-"$program" dataset plan $scenes -o "$place/set" --per-shard 2 >/dev/null
+"$program" dataset plan $scenes -o "$place/set" --sequences-per-shard 2 >/dev/null
 sed -n '/^```bash$/,/^```$/p' "$guide" | sed '1d;$d' >"$place/job.sh"
 submit() { # ARRAY: runs the guide's job in the place of the set
     (cd "$place" && sbatch --parsable --array="$1" --cpus-per-task=1 --output="$place/logs/%a.txt" job.sh)
@@ -157,7 +157,7 @@ done
 echo "node killed     b, tasks $on_b"
 finished "$job"
 status=$("$program" dataset status "$place/set" --json)
-array=$(printf '%s' "$status" | sed -n 's/.*"array":"\([^"]*\)".*/\1/p')
+array=$(printf '%s' "$status" | sed -n 's/.*"shard_array":"\([^"]*\)".*/\1/p')
 echo "after the array ${array:-nothing} missing"
 grep -q "queue the same command again" "$place/logs/$termed.txt" || { echo "shard $termed did not end on SIGTERM"; exit 1; }
 echo "SIGTERM ended   shard $termed with code 75, and the job queued it again"
@@ -173,19 +173,19 @@ echo "merged          $merged"
 
 # One full disk: a shard on a tmpfs that holds less than it needs, and then room.
 mount -t tmpfs -o size=300k tmpfs "$place/small"
-"$program" dataset plan $scenes -o "$place/small/set" --per-shard 80 >/dev/null
-code=0; "$program" dataset run "$place/small/set" --shard 0 >/dev/null 2>"$place/full.err" || code=$?
+"$program" dataset plan $scenes -o "$place/small/set" --sequences-per-shard 80 >/dev/null
+code=0; "$program" dataset run "$place/small/set" --shards 0 >/dev/null 2>"$place/full.err" || code=$?
 echo "full disk       code $code: $(tail -1 "$place/full.err" | sed "s|$place/||g" | cut -c1-100)"
 half=$(find "$place/small/set/shards" -name '*.partial' | wc -l)
 mount -o remount,size=200m "$place/small"
-"$program" dataset run "$place/small/set" --shard 0 >/dev/null 2>&1
+"$program" dataset run "$place/small/set" --shards 0 >/dev/null 2>&1
 small=$("$program" dataset merge "$place/small/set" 2>/dev/null | sed -n 's/^digest //p')
 echo "after room      $half files half-written left by the full disk; $small"
 both="one thread, 40 shards of Slurm, and the disk that was full"
 
 if [ -n "$python" ]; then
     rm -rf "$place/set"
-    "$program" dataset plan $scenes -o "$place/set" --per-shard 2 >/dev/null
+    "$program" dataset plan $scenes -o "$place/set" --sequences-per-shard 2 >/dev/null
     finished "$(submit 0-11)"
     echo "begun by Slurm  $("$program" dataset status "$place/set" | head -1)"
     sed -n '/^```python needs python:ray$/,/^```$/p' "$guide" | sed '1d;$d' | sed 's/^shards = .*/shards = 40/' >"$place/finish.py"

@@ -1,14 +1,14 @@
-//! Looks at commands without running them: do the command, its target and its flags exist?
+//! Checks commands without running them. The command, its cargo target and its flags must exist.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::process::Command;
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 
 use super::{files, root};
 
-/// Flags of cargo itself that pages use.
-const CARGO: &[&str] = &[
+/// Flags of cargo that pages may use.
+const CARGO_FLAGS: &[&str] = &[
     "--release",
     "-p",
     "--example",
@@ -29,26 +29,26 @@ const CARGO: &[&str] = &[
     "-e",
 ];
 
-/// Flags of the program that runs cargo's tests.
-const TESTS: &[&str] = &["--ignored", "--nocapture", "--exact", "--include-ignored", "--test-threads"];
+/// Flags of the test harness that pages may use.
+const TEST_FLAGS: &[&str] = &["--ignored", "--nocapture", "--exact", "--include-ignored", "--test-threads"];
 
-/// Programs of a Unix system that pages call without more ado.
-const SYSTEM: &[&str] =
+/// Unix programs that a page may use without listing them as a requirement.
+const SYSTEM_PROGRAMS: &[&str] =
     &["cat", "cd", "cp", "echo", "export", "head", "ls", "mkdir", "mv", "rm", "sed", "printf"];
 
-/// What is wrong with the commands of a block, a line each.
-pub(crate) fn wrong(text: &str) -> Vec<String> {
+/// Returns one line for each error in the commands of a block.
+pub(crate) fn command_errors(text: &str) -> Vec<String> {
     let commands = commands(text);
-    // Functions of the block itself, `name() {`.
+    // `own` contains the functions that the block defines as `name() {`.
     let own: Vec<&str> = commands.iter().filter_map(|words| words[0].strip_suffix("()")).collect();
     let known = |name: &str| own.contains(&name.trim_end_matches("()")) || matches!(name, "{" | "}");
-    commands.iter().filter(|words| !known(&words[0])).filter_map(|words| one(words).err()).collect()
+    commands.iter().filter(|words| !known(&words[0])).filter_map(|words| check_command(words).err()).collect()
 }
 
-/// The words of each command: continued lines joined, comments, assignments and files behind `>` left out.
+/// Returns the words of each command. Continued lines are joined. Comments, assignments and redirections are removed.
 fn commands(text: &str) -> Vec<Vec<String>> {
     let text = text.replace("\\\n", " ");
-    let mut all: Vec<Vec<String>> = text.lines().flat_map(line).collect();
+    let mut all: Vec<Vec<String>> = text.lines().flat_map(parse_line).collect();
     for words in &mut all {
         let assigned = words.iter().take_while(|word| is_assignment(word)).count();
         words.drain(..assigned);
@@ -63,8 +63,8 @@ fn is_assignment(word: &str) -> bool {
     word.split_once('=').is_some_and(|(name, _)| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'))
 }
 
-/// A line's commands, which `|`, `;` and `&` part; quotes are taken off.
-fn line(line: &str) -> Vec<Vec<String>> {
+/// Splits a line into commands at `|`, `;` and `&`. Removes quotes.
+fn parse_line(line: &str) -> Vec<Vec<String>> {
     let mut all = vec![Vec::new()];
     let (mut word, mut begun, mut quote) = (String::new(), false, None);
     for c in line.chars().chain([' ']) {
@@ -89,25 +89,25 @@ fn line(line: &str) -> Vec<Vec<String>> {
     all
 }
 
-fn one(words: &[String]) -> Result<(), String> {
+fn check_command(words: &[String]) -> Result<(), String> {
     let line = words.join(" ");
     let fail = |what: &str| Err(format!("{line}: {what}"));
     match words[0].as_str() {
-        "spikelane" => program(&words[1..]).map_err(|e| format!("{line}: {e}")),
-        "cargo" => cargo(&words[1..]).map_err(|e| format!("{line}: {e}")),
+        "spikelane" => check_program(&words[1..]).map_err(|e| format!("{line}: {e}")),
+        "cargo" => check_cargo(&words[1..]).map_err(|e| format!("{line}: {e}")),
         "pip" | "python" | "python3" => match words.iter().skip(1).find(|w| w.ends_with(".py")) {
             Some(script) if !root().join(script).is_file() => fail("no such script"),
             _ => Ok(()),
         },
         name if name.contains('/') && !root().join(name).is_file() => fail("no such script"),
-        name if name.contains('/') || SYSTEM.contains(&name) || found(name) => Ok(()),
-        // Programs of other people that pages name, here or not.
+        name if name.contains('/') || SYSTEM_PROGRAMS.contains(&name) || is_installed(name) => Ok(()),
+        // Pages may use these external programs, even if they are not installed here.
         "ffmpeg" | "jq" | "parallel" | "sbatch" => Ok(()),
         _ => fail("an unknown command"),
     }
 }
 
-/// The folders of the workspace's packages, from the root.
+/// Returns the folders of all packages in the workspace, relative to the repository root.
 fn packages() -> Vec<String> {
     let mut all: Vec<String> =
         [".", "bindings/c", "bindings/python", "studies", "tests/outside_effect"].map(str::to_owned).into();
@@ -116,8 +116,8 @@ fn packages() -> Vec<String> {
     all
 }
 
-/// Whether the shell finds a program of that name.
-pub(crate) fn found(name: &str) -> bool {
+/// Whether the shell finds a program with this name.
+pub(crate) fn is_installed(name: &str) -> bool {
     let said = Command::new("sh").args(["-c", "command -v \"$0\"", name]).output();
     said.is_ok_and(|out| out.status.success())
 }
@@ -126,7 +126,7 @@ fn flags(words: &[String]) -> impl Iterator<Item = &str> {
     words.iter().filter(|w| w.starts_with('-') && w.len() > 1).map(|w| w.split('=').next().unwrap())
 }
 
-fn program(words: &[String]) -> Result<(), String> {
+fn check_program(words: &[String]) -> Result<(), String> {
     let path: Vec<&str> = match words.first().map(String::as_str) {
         None => vec![],
         Some(first) if first.starts_with('-') => vec![],
@@ -136,7 +136,7 @@ fn program(words: &[String]) -> Result<(), String> {
         }
         Some(first) => vec![first],
     };
-    let help = help(&path)?;
+    let help = help_text(&path)?;
     let known = |flag: &str| {
         let ends = |rest: &str| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '-');
         help.match_indices(flag).any(|(at, _)| ends(&help[at + flag.len()..]))
@@ -147,8 +147,39 @@ fn program(words: &[String]) -> Result<(), String> {
     }
 }
 
-/// What a command's `--help` prints, asked for once.
-fn help(path: &[&str]) -> Result<String, String> {
+/// Whether a command of the program, of cargo, of a study or of a script has this flag.
+pub(crate) fn is_flag(flag: &str) -> bool {
+    static KNOWN: OnceLock<BTreeSet<String>> = OnceLock::new();
+    let known = KNOWN.get_or_init(|| {
+        let mut found =
+            BTreeSet::from_iter([CARGO_FLAGS, TEST_FLAGS].concat().into_iter().map(str::to_owned));
+        add_program_flags(&[], &mut found);
+        let sources = files("studies/src").into_iter().chain(files("bindings/python"));
+        for source in sources.filter(|name| name.ends_with(".rs") || name.ends_with(".py")) {
+            let text = fs::read_to_string(root().join(source)).unwrap();
+            found.extend(text.split('"').filter(|word| word.starts_with("--")).map(str::to_owned));
+        }
+        found
+    });
+    known.contains(flag)
+}
+
+/// Adds the flags in the help of a command and of its subcommands.
+fn add_program_flags(path: &[&str], found: &mut BTreeSet<String>) {
+    let help = help_text(path).unwrap();
+    let word = |c: char| c.is_ascii_alphanumeric() || c == '-';
+    found.extend(help.split(|c| !word(c)).filter(|w| w.starts_with("--")).map(str::to_owned));
+    let Some((_, list)) = help.split_once("Commands:\n") else { return };
+    for row in list.lines().take_while(|line| !line.is_empty()).filter(|line| !line.starts_with("   ")) {
+        let name = row.split_whitespace().next().unwrap();
+        if name != "help" {
+            add_program_flags(&[path, &[name]].concat(), found);
+        }
+    }
+}
+
+/// Returns the `--help` text of a command. Texts are cached.
+fn help_text(path: &[&str]) -> Result<String, String> {
     static KNOWN: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
     let key = path.join(" ");
     if let Some(text) = KNOWN.lock().unwrap().get(&key) {
@@ -163,12 +194,12 @@ fn help(path: &[&str]) -> Result<String, String> {
     Ok(text)
 }
 
-fn cargo(words: &[String]) -> Result<(), String> {
+fn check_cargo(words: &[String]) -> Result<(), String> {
     let end = words.iter().position(|w| w == "--").unwrap_or(words.len());
     let (own, rest) = (&words[..end], &words[(end + 1).min(words.len())..]);
     let of =
         |flag: &str| own.iter().position(|w| w == flag).and_then(|at| own.get(at + 1)).map(String::as_str);
-    if let Some(flag) = flags(own).find(|flag| !CARGO.contains(flag)) {
+    if let Some(flag) = flags(own).find(|flag| !CARGO_FLAGS.contains(flag)) {
         return Err(format!("an unknown flag {flag} of cargo"));
     }
     for (flag, folder) in
@@ -188,16 +219,16 @@ fn cargo(words: &[String]) -> Result<(), String> {
     }
     let study_of = of("--bin").filter(|name| name.starts_with("study-")).or(of("--example"));
     match (own.first().map(String::as_str), study_of, of("--test")) {
-        (Some("run"), None, _) => program(rest),
-        (Some("run"), Some(name), _) => study(name, rest),
-        (Some("test"), _, name) => test(name, rest),
+        (Some("run"), None, _) => check_program(rest),
+        (Some("run"), Some(name), _) => check_study(name, rest),
+        (Some("test"), _, name) => check_test_filter(name, rest),
         (Some("bench" | "build" | "install" | "doc" | "check" | "clippy" | "fmt" | "tree"), _, _) => Ok(()),
         _ => Err("an unknown command of cargo".into()),
     }
 }
 
-/// The flags of a study are words of its source.
-fn study(name: &str, words: &[String]) -> Result<(), String> {
+/// Checks that the source code of a study contains the flags in `words`.
+fn check_study(name: &str, words: &[String]) -> Result<(), String> {
     let folder = format!("studies/src/{}", name.strip_prefix("study-").unwrap_or(name));
     let sources = files(&folder).into_iter().chain([format!("examples/{name}.rs")]);
     let text: String = sources.filter_map(|file| fs::read_to_string(root().join(file)).ok()).collect();
@@ -207,13 +238,13 @@ fn study(name: &str, words: &[String]) -> Result<(), String> {
     }
 }
 
-/// Filters of tests are names of tests, or begin one.
-fn test(file: Option<&str>, words: &[String]) -> Result<(), String> {
-    if let Some(flag) = flags(words).find(|flag| !TESTS.contains(flag)) {
+/// Checks that each test filter is the beginning of the name of a test.
+fn check_test_filter(file: Option<&str>, words: &[String]) -> Result<(), String> {
+    if let Some(flag) = flags(words).find(|flag| !TEST_FLAGS.contains(flag)) {
         return Err(format!("tests know no {flag}"));
     }
     let Some(file) = file else { return Ok(()) };
-    // A binary of tests is a file, or a folder of modules.
+    // A test binary is either one file or a folder of modules.
     let sources: Vec<String> = packages()
         .iter()
         .flat_map(|package| {

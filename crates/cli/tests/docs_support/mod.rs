@@ -1,4 +1,4 @@
-//! The pages of the documentation, and what stands in them.
+//! Reads the pages of the documentation.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 pub(crate) mod check;
@@ -8,15 +8,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 pub(crate) struct Page {
-    /// From the root of the repository, with `/` between folders.
+    /// Path from the repository root, with `/` between folders.
     pub name: String,
     pub text: String,
 }
 
-/// A fenced block: the words behind its fence, what it holds, and the line on which it begins.
+/// A fenced block: the words after the opening fence, the text, and the line number of the opening fence.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
-    pub words: Vec<String>,
+    pub fence_words: Vec<String>,
     pub text: String,
     pub line: usize,
 }
@@ -31,7 +31,7 @@ pub(crate) fn page(name: &str) -> Page {
     Page { name: name.to_owned(), text }
 }
 
-/// The README, the changelog and every page below `docs`, in the order of their names.
+/// Returns README, the changelog and every page below `docs`, sorted by name.
 pub(crate) fn pages() -> Vec<Page> {
     let mut names: Vec<String> = files("docs").into_iter().filter(|name| name.ends_with(".md")).collect();
     names.extend(["README.md", "CHANGELOG.md"].map(str::to_owned));
@@ -39,7 +39,19 @@ pub(crate) fn pages() -> Vec<Page> {
     names.iter().map(|name| page(name)).collect()
 }
 
-/// All files below a folder of the repository, named from its root.
+/// Returns [`pages`] without the changelog, and the pages of single packages.
+pub(crate) fn current_pages() -> Vec<Page> {
+    let mut all = pages();
+    all.retain(|page| page.name != "CHANGELOG.md");
+    let crates = fs::read_dir(root().join("crates")).unwrap();
+    let folders = crates.map(|entry| format!("crates/{}", entry.unwrap().file_name().to_string_lossy()));
+    let folders = folders.chain(["src", "bindings/c"].map(str::to_owned));
+    all.extend(folders.map(|folder| page(&format!("{folder}/README.md"))));
+    all.extend(["CONTRIBUTING.md", "SECURITY.md", "SHORTCOMINGS.md"].map(page));
+    all
+}
+
+/// Returns all files below a folder of the repository, as paths relative to the repository root.
 pub(crate) fn files(folder: &str) -> Vec<String> {
     let mut found = Vec::new();
     let Ok(entries) = fs::read_dir(root().join(folder)) else { return found };
@@ -65,7 +77,7 @@ impl Page {
                 Some(words) => {
                     let words =
                         words.split([' ', ',']).filter(|w| !w.is_empty()).map(str::to_owned).collect();
-                    found.push(Block { words, text: String::new(), line: i + 1 });
+                    found.push(Block { fence_words: words, text: String::new(), line: i + 1 });
                     open = true;
                 }
                 None if open => {
@@ -80,7 +92,7 @@ impl Page {
         found
     }
 
-    /// The page without its blocks.
+    /// Returns the text of the page without its fenced blocks.
     pub(crate) fn prose(&self) -> String {
         let mut open = false;
         let mut text = String::new();
@@ -95,6 +107,11 @@ impl Page {
         text
     }
 
+    /// Returns the texts between backticks outside of blocks.
+    pub(crate) fn code_spans(&self) -> Vec<String> {
+        self.prose().split('`').skip(1).step_by(2).map(|span| span.replace('\n', " ")).collect()
+    }
+
     pub(crate) fn title(&self) -> &str {
         self.text.lines().find_map(|line| line.strip_prefix("# ")).unwrap_or(&self.name)
     }
@@ -103,7 +120,7 @@ impl Page {
         self.text.split_whitespace().count()
     }
 
-    /// The folder below `docs` that says of what kind the page is.
+    /// Returns the folder of the page below `docs`. This folder is the kind of the page.
     pub(crate) fn kind(&self) -> Option<&str> {
         self.name.strip_prefix("docs/")?.split_once('/').map(|(kind, _)| kind)
     }
@@ -111,42 +128,42 @@ impl Page {
 
 impl Block {
     pub(crate) fn language(&self) -> &str {
-        self.words.first().map_or("", String::as_str)
+        self.fence_words.first().map_or("", String::as_str)
     }
 
-    pub(crate) fn is(&self, word: &str) -> bool {
-        self.words.iter().any(|w| w == word)
+    pub(crate) fn has_word(&self, word: &str) -> bool {
+        self.fence_words.iter().any(|w| w == word)
     }
 
-    /// What has to be there before the block can run: programs, `python:MODULE`, or `./FILE`.
-    pub(crate) fn needs(&self) -> &[String] {
-        match self.words.iter().position(|w| w == "needs") {
-            Some(at) => &self.words[at + 1..],
+    /// Returns the requirements of the block. A requirement is a program, `python:MODULE`, or `./FILE`.
+    pub(crate) fn requirements(&self) -> &[String] {
+        match self.fence_words.iter().position(|w| w == "needs") {
+            Some(at) => &self.fence_words[at + 1..],
             None => &[],
         }
     }
 
-    /// Whether it is a command block.
-    pub(crate) fn commands(&self) -> bool {
+    /// Whether the block contains shell commands.
+    pub(crate) fn is_command_block(&self) -> bool {
         self.language() == "sh"
     }
 }
 
-/// The text of `docs/README.md` between its marks, and the page around it.
-pub(crate) fn between<'a>(page: &'a Page, begin: &str, end: &str) -> [&'a str; 3] {
+/// Returns three texts of a page: before the first marker, between the markers, and after the second marker.
+pub(crate) fn split_at_markers<'a>(page: &'a Page, begin: &str, end: &str) -> [&'a str; 3] {
     let (head, rest) = page.text.split_once(begin).unwrap_or_else(|| panic!("{}: no {begin}", page.name));
     let (found, tail) = rest.split_once(end).unwrap_or_else(|| panic!("{}: no {end}", page.name));
     [head, found, tail]
 }
 
-/// Writes `text` between the marks of a page.
-pub(crate) fn put(name: &str, begin: &str, end: &str, text: &str) {
+/// Replaces the text between the markers of a page with `text`.
+pub(crate) fn write_between_markers(name: &str, begin: &str, end: &str, text: &str) {
     let page = page(name);
-    let [head, _, tail] = between(&page, begin, end);
+    let [head, _, tail] = split_at_markers(&page, begin, end);
     fs::write(root().join(name), format!("{head}{begin}{text}{end}{tail}")).unwrap();
 }
 
-/// Whether a link's target is in the repository.
-pub(crate) fn exists(name: &str) -> bool {
+/// Whether the target `name` of a link exists in the repository.
+pub(crate) fn exists_in_repository(name: &str) -> bool {
     Path::new(&root()).join(name).exists()
 }

@@ -1,4 +1,4 @@
-//! Runs the blocks of a page, one after the other, in a folder of their own.
+//! Runs the blocks of a page in order in a new folder.
 
 use std::path::Path;
 use std::process::Command;
@@ -7,11 +7,14 @@ use tempfile::TempDir;
 
 use super::{Block, Page, check};
 
-/// Runs what can run, looks at the rest, and says what was left out and why. `prepare` puts into the folder what a reader of
-/// the page has.
+/// Runs the blocks of a page. Blocks that cannot run on this machine are only checked. Prints which blocks are skipped and
+/// why.
 ///
-/// Panics with the block and its output where one fails.
-pub(crate) fn page(page: &Page, variables: &[(&str, &str)], prepare: fn(&str, &Path)) {
+/// `prepare` creates the files that readers of the page have.
+///
+/// # Panics
+/// If a block fails. The message contains the block and its output.
+pub(crate) fn run_page(page: &Page, variables: &[(&str, &str)], prepare: fn(&str, &Path)) {
     let place = TempDir::new().unwrap();
     prepare(&page.name, place.path());
     let bin = TempDir::new().unwrap();
@@ -19,16 +22,16 @@ pub(crate) fn page(page: &Page, variables: &[(&str, &str)], prepare: fn(&str, &P
     let run = Runner { page, place: place.path(), bin: bin.path(), variables };
     for block in page.blocks() {
         match block.language() {
-            "sh" => run.commands(&block),
-            "python" => run.python(&block),
-            "toml" => drop(toml_of(page, &block)),
+            "sh" => run.run_commands(&block),
+            "python" => run.run_python(&block),
+            "toml" => drop(parse_toml(page, &block)),
             _ => {}
         }
     }
 }
 
-/// A block of TOML has to be TOML.
-fn toml_of(page: &Page, block: &Block) -> toml::Table {
+/// Parses a TOML block.
+fn parse_toml(page: &Page, block: &Block) -> toml::Table {
     block.text.parse().unwrap_or_else(|e| panic!("{}:{}: {e}", page.name, block.line))
 }
 
@@ -40,14 +43,14 @@ struct Runner<'a> {
 }
 
 impl Runner<'_> {
-    fn commands(&self, block: &Block) {
-        let wrong = check::wrong(&block.text);
+    fn run_commands(&self, block: &Block) {
+        let wrong = check::command_errors(&block.text);
         assert!(wrong.is_empty(), "{}:{}: {wrong:#?}", self.page.name, block.line);
-        if block.is("study") {
+        if block.has_word("study") {
             self.skip(block, "a study, which takes long");
-        } else if block.is("build") {
+        } else if block.has_word("build") {
             self.first_run(block);
-        } else if let Some(missing) = block.needs().iter().find(|what| !self.here(what)) {
+        } else if let Some(missing) = block.requirements().iter().find(|what| !self.is_available(what)) {
             self.skip(block, &format!("it needs {missing}, which is not here"));
         } else {
             let mut shell = Command::new("bash");
@@ -56,7 +59,7 @@ impl Runner<'_> {
         }
     }
 
-    /// What compiles or installs is not done inside of a test; `cargo run` is the program that is there.
+    /// Runs the `cargo run` lines of a block with the program that is already built. Skips builds and installations.
     fn first_run(&self, block: &Block) {
         for line in block.text.lines().filter(|line| line.starts_with("cargo run --release")) {
             let rest = line.split('#').next().unwrap().trim_start_matches("cargo run --release").trim();
@@ -67,11 +70,11 @@ impl Runner<'_> {
         self.skip(block, "the rest of it builds or installs");
     }
 
-    fn python(&self, block: &Block) {
-        if !self.here("python:numpy") {
+    fn run_python(&self, block: &Block) {
+        if !self.is_available("python:numpy") {
             return self.skip(block, "it needs numpy, which is not here");
         }
-        if let Some(missing) = block.needs().iter().find(|what| !self.here(what)) {
+        if let Some(missing) = block.requirements().iter().find(|what| !self.is_available(what)) {
             return self.skip(block, &format!("it needs {missing}, which is not here"));
         }
         let mut python = Command::new("python3");
@@ -79,16 +82,16 @@ impl Runner<'_> {
         self.run(block, python);
     }
 
-    fn here(&self, what: &str) -> bool {
+    fn is_available(&self, what: &str) -> bool {
         match (what.strip_prefix("python:"), what.strip_prefix("./")) {
             (Some(module), _) => {
                 let said = Command::new("python3").args(["-c", &format!("import {module}")]).output();
                 said.is_ok_and(|out| out.status.success())
             }
             (_, Some(file)) => self.place.join(file).exists(),
-            // The client without a controller is no cluster.
+            // The Slurm client can be installed without a controller, so `sinfo` must succeed too.
             _ if what == "sbatch" => Command::new("sinfo").output().is_ok_and(|out| out.status.success()),
-            _ => check::found(what),
+            _ => check::is_installed(what),
         }
     }
 

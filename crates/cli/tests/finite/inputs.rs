@@ -1,9 +1,9 @@
-//! Streams, light and recording sets of which something is odd.
+//! Unusual streams, unusual light and unusual recording sets.
 
-use super::super::program_support::{Place, npy_f32};
+use super::super::program_support::{TestFolder, npy_f32};
 
-/// A stream of which something is odd: size, readouts, and whether a pixel fires at a readout.
-pub(crate) struct Odd {
+/// An unusual stream: its size, its number of readouts, and a function that returns whether a pixel fires at a readout.
+pub(crate) struct OddStream {
     pub name: &'static str,
     pub width: usize,
     pub height: usize,
@@ -11,29 +11,29 @@ pub(crate) struct Odd {
     fires: fn(usize, usize) -> bool,
 }
 
-const fn odd(
+const fn odd_stream(
     name: &'static str,
     [width, height, readouts]: [usize; 3],
     fires: fn(usize, usize) -> bool,
-) -> Odd {
-    Odd { name, width, height, readouts, fires }
+) -> OddStream {
+    OddStream { name, width, height, readouts, fires }
 }
 
-pub(crate) const ODD: [Odd; 10] = [
-    odd("one_readout", [16, 12, 1], |p, _| p % 5 == 0),
-    odd("two_readouts", [16, 12, 2], |p, t| (p + t) % 3 == 0),
-    odd("dark", [16, 12, 300], |_, _| false),
-    odd("saturated", [16, 12, 300], |_, _| true),
-    odd("one_pixel", [1, 1, 300], |_, t| t % 7 == 3),
-    odd("one_row", [64, 1, 300], |p, t| (p + t) % 6 == 0),
-    odd("one_column", [1, 48, 300], |p, t| (7 * p + t) % 6 == 0),
-    odd("one_spike", [16, 12, 300], |p, t| p == 17 && t == 4),
-    odd("all_together", [16, 12, 300], |_, t| t % 4 == 2),
-    odd("half_dead_half_saturated", [16, 12, 300], |p, _| p % 16 < 8),
+pub(crate) const ODD_STREAMS: [OddStream; 10] = [
+    odd_stream("one_readout", [16, 12, 1], |p, _| p % 5 == 0),
+    odd_stream("two_readouts", [16, 12, 2], |p, t| (p + t) % 3 == 0),
+    odd_stream("dark", [16, 12, 300], |_, _| false),
+    odd_stream("saturated", [16, 12, 300], |_, _| true),
+    odd_stream("one_pixel", [1, 1, 300], |_, t| t % 7 == 3),
+    odd_stream("one_row", [64, 1, 300], |p, t| (p + t) % 6 == 0),
+    odd_stream("one_column", [1, 48, 300], |p, t| (7 * p + t) % 6 == 0),
+    odd_stream("one_spike", [16, 12, 300], |p, t| p == 17 && t == 4),
+    odd_stream("all_together", [16, 12, 300], |_, t| t % 4 == 2),
+    odd_stream("half_dead_half_saturated", [16, 12, 300], |p, _| p % 16 < 8),
 ];
 
-impl Odd {
-    /// The bits, the upper row first, each readout padded to whole bytes.
+impl OddStream {
+    /// Returns the bits of the stream with the top row first. Each readout is padded to whole bytes.
     fn bytes(&self) -> Vec<u8> {
         let pixels = self.width * self.height;
         let mut bytes = vec![0; pixels.div_ceil(8) * self.readouts];
@@ -45,12 +45,13 @@ impl Odd {
         bytes
     }
 
-    /// A place with the stream, a set that names it four times, and a clear image of its size.
-    pub(crate) fn place(&self) -> Place {
-        let place = Place::new();
+    /// Creates a folder with the stream, a recording set that lists the stream four times, and a reference image of the
+    /// same size.
+    pub(crate) fn place(&self) -> TestFolder {
+        let place = TestFolder::new();
         place.write("odd.dat", self.bytes());
         place.write("flat.npy", npy_f32([1, self.height, self.width], &vec![0.2; self.width * self.height]));
-        place.picture("clear.png", self.width as u32, self.height as u32, 128);
+        place.picture("reference.png", self.width as u32, self.height as u32, 128);
         let recording = |light: f64| {
             format!("[[recording]]\nfile = \"odd.dat\"\nlayout = \"dat-top\"\nlight = {light:?}\n")
         };
@@ -61,10 +62,10 @@ impl Odd {
     }
 }
 
-pub(crate) type Light = (&'static str, [usize; 3], fn(usize) -> f32);
+pub(crate) type OddLight = (&'static str, [usize; 3], fn(usize) -> f32);
 
-/// Light of which something is odd, as an array of f32: frames, height, width, and a value.
-pub(crate) const ODD_LIGHT: [Light; 10] = [
+/// Unusual light as an array of f32: name; frames, height and width; and a function of the array index.
+pub(crate) const ODD_LIGHT: [OddLight; 10] = [
     ("black", [3, 12, 16], |_| 0.0),
     ("white", [3, 12, 16], |_| 1.0),
     ("beyond", [3, 12, 16], |_| 1.9),
@@ -77,8 +78,8 @@ pub(crate) const ODD_LIGHT: [Light; 10] = [
     ("checks", [3, 12, 16], |i| (i % 2) as f32),
 ];
 
-/// A recording of a set that is replaced by one of which something is odd: its file, and every byte of it; and whether the set still gives a
-/// camera.
+/// A recording set with unusual recordings: its name, the replaced files with the byte that fills them, and whether
+/// `calibrate` still returns a camera.
 pub(crate) type OddRecording = (&'static str, &'static [(&'static str, u8)], bool);
 
 pub(crate) const ODD_RECORDINGS: [OddRecording; 4] = [
@@ -88,10 +89,10 @@ pub(crate) const ODD_RECORDINGS: [OddRecording; 4] = [
     ("half_of_the_columns_fire", &[("flat_6000.dat", 0x55)], false),
 ];
 
-/// A place with a small recorded set, one recording of it replaced.
-pub(crate) fn recorded((_, files, _): OddRecording) -> Place {
-    let place = Place::new();
-    place.good("record physical -o recorded --width 16 --height 12 --readouts 1500");
+/// Creates a folder with a small recording set. Some of its recordings are replaced.
+pub(crate) fn place_with_odd_recording((_, files, _): OddRecording) -> TestFolder {
+    let place = TestFolder::new();
+    place.run_ok("record physical -o recorded --width 16 --height 12 --readouts 1500");
     for (name, byte) in files {
         let name = format!("recorded/{name}");
         let length = place.read(&name).len();

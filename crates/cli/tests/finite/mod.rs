@@ -1,4 +1,4 @@
-//! Looks for numbers that are not finite in whatever a program leaves.
+//! Searches the outputs of a program for numbers that are not finite.
 
 pub(crate) mod inputs;
 
@@ -6,20 +6,20 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-/// Words that a number which is not finite becomes in text.
-const WORDS: [&str; 4] = ["nan", "inf", "infinity", "infinite"];
+/// Words that represent non-finite numbers in text.
+const NON_FINITE_WORDS: [&str; 4] = ["nan", "inf", "infinity", "infinite"];
 
-/// What is wrong in a text: lines with such a word.
+/// Returns the lines of a text that contain one of [`NON_FINITE_WORDS`]. Lines are cut off at 160 characters.
 pub(crate) fn text(text: &str) -> Vec<String> {
     let wrong = |line: &&str| {
         let lower = line.to_lowercase();
         let words = lower.split(|c: char| !c.is_alphanumeric() && c != '_');
-        words.into_iter().any(|w| WORDS.contains(&w))
+        words.into_iter().any(|w| NON_FINITE_WORDS.contains(&w))
     };
     text.lines().filter(wrong).map(|l| l.chars().take(160).collect()).collect()
 }
 
-/// What is wrong in a JSON value: a number that is not finite has become `null`, and some writers make a string of it.
+/// Returns the non-finite numbers in a JSON value. JSON writers store them as `null` or as a string.
 pub(crate) fn json(place: &str, value: &Value) -> Vec<String> {
     match value {
         Value::Null => vec![format!("{place} is null")],
@@ -32,7 +32,7 @@ pub(crate) fn json(place: &str, value: &Value) -> Vec<String> {
     }
 }
 
-/// What is wrong in a text of JSON objects, one a line or one in all.
+/// Returns the non-finite numbers in JSON text. The text contains a single value, or one value per line.
 pub(crate) fn json_text(content: &str) -> Vec<String> {
     if let Ok(whole) = serde_json::from_str::<Value>(content) {
         return json("", &whole);
@@ -44,7 +44,7 @@ pub(crate) fn json_text(content: &str) -> Vec<String> {
     content.lines().flat_map(line).collect()
 }
 
-/// What is wrong in a NumPy file of floats.
+/// Returns a message if a NumPy file of floats contains non-finite values.
 pub(crate) fn npy(bytes: &[u8]) -> Vec<String> {
     let short = u16::from_le_bytes([bytes[8], bytes[9]]) as usize;
     let header = String::from_utf8_lossy(&bytes[10..10 + short]).into_owned();
@@ -61,7 +61,8 @@ pub(crate) fn npy(bytes: &[u8]) -> Vec<String> {
     if bad == 0 { Vec::new() } else { vec![format!("{bad} values of {header} are not finite")] }
 }
 
-/// What is wrong in a Middlebury flow file: a mark and two sizes of four bytes, then floats.
+/// Returns a message if a Middlebury flow file contains non-finite values. The file contains a tag and two sizes of four
+/// bytes each, followed by floats.
 pub(crate) fn flo(bytes: &[u8]) -> Vec<String> {
     let all = bytes[12..].chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().unwrap()));
     let bad = all.filter(|v| !v.is_finite()).count();
@@ -74,7 +75,7 @@ fn exr(path: &Path) -> Vec<String> {
     if bad == 0 { Vec::new() } else { vec![format!("{bad} values are not finite")] }
 }
 
-/// What is wrong in the files below a folder, by name; those of other kinds hold whole numbers.
+/// Returns the non-finite numbers in all files below a folder. Files of other types contain only integers.
 pub(crate) fn folder(root: &Path) -> Vec<String> {
     let mut wrong = Vec::new();
     for path in files(root) {

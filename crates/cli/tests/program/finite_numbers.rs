@@ -1,19 +1,21 @@
-//! Every command on odd inputs: whatever it says or leaves holds finite numbers only.
+//! Tests that every command writes only finite numbers, even for unusual inputs.
 
 use std::collections::BTreeSet;
 
-use crate::finite::inputs::{Light, ODD, ODD_LIGHT, ODD_RECORDINGS, Odd, recorded};
-use crate::program_support::{Place, npy_f32};
+use crate::finite::inputs::{
+    ODD_LIGHT, ODD_RECORDINGS, ODD_STREAMS, OddLight, OddStream, place_with_odd_recording,
+};
+use crate::program_support::{TestFolder, npy_f32};
 
-/// Runs commands for people and for programs; what is wrong in what they say and leave.
-fn wrong(place: &Place, commands: &[String]) -> Vec<String> {
+/// Runs each command twice, with text output and with JSON output. Returns the non-finite numbers in all outputs.
+fn non_finite_values(place: &TestFolder, commands: &[String]) -> Vec<String> {
     let mut wrong = Vec::new();
     for command in commands {
         for line in [command.clone(), format!("{command} --json")] {
             let ran = place.run(&line);
             assert!((0..=9).contains(&ran.code), "{line}: exit {}", ran.code);
-            // Scripts and pages are not turned into JSON.
-            let json = line.ends_with("--json") && !AS_THEY_ARE.iter().any(|c| line.starts_with(c));
+            // These commands print scripts and pages as text, even with `--json`.
+            let json = line.ends_with("--json") && !TEXT_ONLY_COMMANDS.iter().any(|c| line.starts_with(c));
             let said =
                 if json { crate::finite::json_text(&ran.stdout) } else { crate::finite::text(&ran.stdout) };
             wrong.extend(
@@ -25,14 +27,14 @@ fn wrong(place: &Place, commands: &[String]) -> Vec<String> {
     wrong
 }
 
-const AS_THEY_ARE: [&str; 2] = ["completions", "man"];
+const TEXT_ONLY_COMMANDS: [&str; 2] = ["completions", "man"];
 
-fn all_finite(wrong: &[String]) {
+fn assert_all_finite(wrong: &[String]) {
     assert!(wrong.is_empty(), "{} places, the first: {:#?}", wrong.len(), &wrong[..wrong.len().min(40)]);
 }
 
-/// What reads a stream without measuring all of it.
-fn readers(odd: &Odd) -> Vec<String> {
+/// Returns the commands that read a stream but do not measure all of it.
+fn reader_commands(odd: &OddStream) -> Vec<String> {
     let size = size_of(odd);
     vec![
         format!("inspect odd.dat {size} --png look.png --force"),
@@ -42,43 +44,43 @@ fn readers(odd: &Odd) -> Vec<String> {
         format!("reconstruct odd.dat -o isi.npy {size} --method isi --force"),
         format!("reconstruct odd.dat -o span.npy {size} --method span --force"),
         format!("evaluate odd.dat {size}"),
-        format!("evaluate odd.dat {size} --clear clear.png --full 0.6"),
-        format!("compare odd.dat {size} --longest 50 -o compared --force"),
+        format!("evaluate odd.dat {size} --reference reference.png --full-scale-rate 0.6"),
+        format!("compare odd.dat {size} --max-readouts 50 -o compared --force"),
     ]
 }
 
-fn measurers(odd: &Odd) -> Vec<String> {
+fn measure_commands(odd: &OddStream) -> Vec<String> {
     vec![format!("measure odd.dat {} --report measure.html --force", size_of(odd))]
 }
 
-fn size_of(odd: &Odd) -> String {
+fn size_of(odd: &OddStream) -> String {
     format!("--width {} --height {} --layout dat-top", odd.width, odd.height)
 }
 
-fn of_sets() -> Vec<String> {
+fn set_commands() -> Vec<String> {
     let all = [
         "calibrate set.toml -o calibrated --snee --force",
-        "compare set.toml ideal physical --longest 50 -o compared --force",
+        "compare set.toml ideal physical --max-readouts 50 -o compared --force",
         "diagnose set.toml -o diagnosed --camera physical --force",
     ];
     all.map(str::to_owned).to_vec()
 }
 
-fn of_recorded_sets() -> Vec<String> {
+fn recorded_set_commands() -> Vec<String> {
     let all = [
         "calibrate recorded/recordings.toml -o calibrated --snee --force",
-        "compare recorded/recordings.toml ideal physical --longest 200 -o compared --force",
+        "compare recorded/recordings.toml ideal physical --max-readouts 200 -o compared --force",
         "diagnose recorded/recordings.toml -o diagnosed --camera physical --force",
     ];
     all.map(str::to_owned).to_vec()
 }
 
-fn makers(size: &str) -> Vec<String> {
+fn light_commands(size: &str) -> Vec<String> {
     vec![
         format!(
-            "simulate in/light.npy -o run --readouts-per-frame 7 {size} --clean --insertion linear --force"
+            "simulate in/light.npy -o run --readouts-per-frame 7 {size} --clean --interpolation linear --force"
         ),
-        format!("simulate in/light.npy -o flow --readouts-per-frame 3 {size} --insertion flow --force"),
+        format!("simulate in/light.npy -o flow --readouts-per-frame 3 {size} --interpolation flow --force"),
         format!(
             "simulate in/light.npy -o one --readouts-per-frame 7 --readouts 1 {size} --camera scsim-code --force"
         ),
@@ -90,7 +92,7 @@ fn makers(size: &str) -> Vec<String> {
     ]
 }
 
-fn dataset_makers(size: &str) -> Vec<String> {
+fn dataset_commands(size: &str) -> Vec<String> {
     vec![
         format!("dataset --from in -o set {size} --readouts-per-frame 3 --test-share 0"),
         format!("dataset --from in -o set {size} --readouts-per-frame 3 --test-share 0 --resume"),
@@ -98,23 +100,23 @@ fn dataset_makers(size: &str) -> Vec<String> {
     ]
 }
 
-fn without_input() -> Vec<String> {
+fn inputless_commands() -> Vec<String> {
     let all = [
         "record physical -o recorded --width 8 --height 6 --readouts 300 --force",
-        "record scsim-code -o grey --protocol grey --width 8 --height 6 --readouts 20 --force",
-        "record physical -o planned --plan",
-        "record ideal -o planned --plan",
+        "record scsim-code -o gray --protocol gray --width 8 --height 6 --readouts 20 --force",
+        "record physical -o planned --dry-run",
+        "record ideal -o planned --dry-run",
         "scene -o street --width 32 --height 20 --frames 2 --lighting night --force",
-        "dataset -o drives --sequences 1 --images 3 --width 32 --height 20 --label-every 1 --npy --exr --kitti --test-share 0",
-        "dataset -o drives --dry-run --resume --sequences 1 --images 3 --width 32 --height 20",
-        "dataset plan -o cut --sequences 2 --images 3 --width 32 --height 20 --label-every 1 --per-shard 1",
-        "dataset run cut --shard all",
+        "dataset -o drives --sequences 1 --images-per-scene 3 --width 32 --height 20 --label-every 1 --npy --exr --kitti --test-share 0",
+        "dataset -o drives --dry-run --resume --sequences 1 --images-per-scene 3 --width 32 --height 20",
+        "dataset plan -o cut --sequences 2 --images-per-scene 3 --width 32 --height 20 --label-every 1 --sequences-per-shard 1",
+        "dataset run cut --shards all",
         "dataset status cut",
         "dataset merge cut",
         "dataset stats cut --report cut.html --force",
-        "simulate --source objects -o objects --width 32 --height 20 --readouts 10 --force",
-        "simulate --source chart -o chart --width 32 --height 20 --readouts 10 --force",
-        "live --source chart --readouts 60 --width 32 --height 20 --sink shm:./ring",
+        "simulate --builtin-light objects -o objects --width 32 --height 20 --readouts 10 --force",
+        "simulate --builtin-light chart -o chart --width 32 --height 20 --readouts 10 --force",
+        "live --builtin-light chart --readouts 60 --width 32 --height 20 --sink shm:./ring",
         "evaluate drives",
         "partials",
         "preset list",
@@ -125,8 +127,8 @@ fn without_input() -> Vec<String> {
         "calibrate recorded/recordings.toml -o calibrated --force",
         "completions bash",
         "man",
-        "bench --quick --seconds 0.1",
-        // Without a command: the first run.
+        "speed --quick --seconds 0.1",
+        // The empty line runs the program without arguments.
         "",
     ];
     all.map(str::to_owned).to_vec()
@@ -135,18 +137,18 @@ fn without_input() -> Vec<String> {
 #[test]
 fn every_command_is_run_here() {
     let lines = [
-        readers(&ODD[0]),
-        measurers(&ODD[0]),
-        of_sets(),
-        of_recorded_sets(),
-        makers(""),
-        dataset_makers(""),
-        without_input(),
+        reader_commands(&ODD_STREAMS[0]),
+        measure_commands(&ODD_STREAMS[0]),
+        set_commands(),
+        recorded_set_commands(),
+        light_commands(""),
+        dataset_commands(""),
+        inputless_commands(),
     ];
     let first = |line: &String| line.split(' ').next().unwrap_or_default().to_owned();
     let mut run: BTreeSet<String> = lines.concat().iter().map(first).filter(|c| !c.is_empty()).collect();
     run.insert("help".to_owned());
-    let help = Place::new().good("--help").stdout;
+    let help = TestFolder::new().run_ok("--help").stdout;
     let (_, rest) = help.split_once("Commands:\n").expect("the list of commands");
     let listed = rest.lines().take_while(|l| !l.is_empty());
     let name = |l: &str| l.strip_prefix("  ").filter(|l| !l.starts_with(' ')).map(first_word);
@@ -158,48 +160,50 @@ fn first_word(line: &str) -> String {
     line.split(' ').next().unwrap_or_default().to_owned()
 }
 
-fn of_odd_streams(commands: fn(&Odd) -> Vec<String>) {
+fn check_odd_streams(commands: fn(&OddStream) -> Vec<String>) {
     let mut found = Vec::new();
-    for odd in &ODD {
+    for odd in &ODD_STREAMS {
         let place = odd.place();
-        found.extend(wrong(&place, &commands(odd)).into_iter().map(|w| format!("{}: {w}", odd.name)));
+        found.extend(
+            non_finite_values(&place, &commands(odd)).into_iter().map(|w| format!("{}: {w}", odd.name)),
+        );
     }
-    all_finite(&found);
+    assert_all_finite(&found);
 }
 
 #[test]
 fn of_odd_streams_every_reader_says_finite_numbers() {
-    of_odd_streams(readers);
+    check_odd_streams(reader_commands);
 }
 
 #[test]
 fn of_odd_streams_measure_says_finite_numbers() {
-    of_odd_streams(measurers);
+    check_odd_streams(measure_commands);
 }
 
 #[test]
 fn of_sets_of_odd_streams_calibration_comparison_and_diagnosis_say_finite_numbers() {
-    of_odd_streams(|_| of_sets());
+    check_odd_streams(|_| set_commands());
 }
 
 #[test]
 fn of_recorded_sets_with_an_odd_recording_every_number_is_finite() {
     let mut found = Vec::new();
     for odd in ODD_RECORDINGS {
-        let place = recorded(odd);
-        let commands = of_recorded_sets();
+        let place = place_with_odd_recording(odd);
+        let commands = recorded_set_commands();
         let calibrated = place.run(&commands[0]);
         assert_eq!(calibrated.code == 0, odd.2, "{}: {}", odd.0, calibrated.stderr);
-        found.extend(wrong(&place, &commands).into_iter().map(|w| format!("{}: {w}", odd.0)));
+        found.extend(non_finite_values(&place, &commands).into_iter().map(|w| format!("{}: {w}", odd.0)));
     }
-    all_finite(&found);
+    assert_all_finite(&found);
 }
 
-/// A place with light of which something is odd, and the size of its frames.
-fn lit((_, shape, value): Light) -> (Place, String) {
+/// Creates a folder with unusual light. Returns the folder and the size flags for its frames.
+fn place_with_odd_light((_, shape, value): OddLight) -> (TestFolder, String) {
     let [frames, height, width] = shape;
     let values: Vec<f32> = (0..frames * height * width).map(value).collect();
-    let place = Place::new();
+    let place = TestFolder::new();
     std::fs::create_dir(place.path("in")).unwrap();
     place.write("in/light.npy", npy_f32(shape, &values));
     (place, format!("--width {width} --height {height}"))
@@ -209,22 +213,24 @@ fn lit((_, shape, value): Light) -> (Place, String) {
 fn of_odd_light_every_maker_leaves_finite_numbers() {
     let mut found = Vec::new();
     for light in ODD_LIGHT {
-        for commands in [makers, dataset_makers] {
-            let (place, size) = lit(light);
-            found.extend(wrong(&place, &commands(&size)).into_iter().map(|w| format!("{}: {w}", light.0)));
+        for commands in [light_commands, dataset_commands] {
+            let (place, size) = place_with_odd_light(light);
+            found.extend(
+                non_finite_values(&place, &commands(&size)).into_iter().map(|w| format!("{}: {w}", light.0)),
+            );
         }
     }
-    all_finite(&found);
+    assert_all_finite(&found);
 }
 
 #[test]
 fn what_is_drawn_recorded_and_printed_holds_finite_numbers() {
-    let place = Place::new();
-    all_finite(&wrong(&place, &without_input()));
+    let place = TestFolder::new();
+    assert_all_finite(&non_finite_values(&place, &inputless_commands()));
 }
 
 #[test]
-fn what_is_not_finite_is_seen() {
+fn non_finite_values_are_detected() {
     assert_eq!(crate::finite::text("rate NaN +- 1\nrate 1 +- -inf\ninformation").len(), 2);
     assert_eq!(crate::finite::json_text("{\"a\": [1, null], \"b\": \"inf\"}").len(), 2);
     assert_eq!(crate::finite::npy(&npy_f32([1, 1, 2], &[1.0, f32::NAN])).len(), 1);

@@ -1,31 +1,31 @@
-//! Inputs that are no regular files, that change, or that claim more than they hold.
+//! Tests inputs that are not regular files, that change, or that declare more data than they contain.
 
 use std::os::unix::fs::symlink;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::program_support::{Place, Ran, npy_f32, y4m};
+use crate::program_support::{CommandResult, TestFolder, npy_f32, y4m};
 
-/// Longer than any of these commands takes, for one that waits without end.
-const LIMIT: Duration = Duration::from_secs(60);
+/// Maximum run time. All of these commands normally take less time. A command that exceeds it would wait forever.
+const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Runs a command that has to end by itself.
-fn run(place: &Place, line: &str) -> Ran {
+/// Runs a command that must end without further input. If it does not, the function kills it.
+fn run(place: &TestFolder, line: &str) -> CommandResult {
     let mut child =
         place.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program");
     let start = Instant::now();
     while child.try_wait().unwrap().is_none() {
-        if start.elapsed() > LIMIT {
+        if start.elapsed() > TIMEOUT {
             child.kill().unwrap();
             panic!("{line}: waits without end");
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    Ran::of(line, child.wait_with_output().unwrap())
+    CommandResult::from_output(line, child.wait_with_output().unwrap())
 }
 
-/// Every kind of input: its name, and a command that reads it.
-const ENTRIES: [(&str, &str); 17] = [
+/// Every kind of input: a file name, and a command that reads this file.
+const INPUT_COMMANDS: [(&str, &str); 17] = [
     ("a.png", "simulate a.png --readouts 5 -o o"),
     ("a.jpg", "simulate a.jpg --readouts 5 -o o"),
     ("a.exr", "simulate a.exr --readouts 5 -o o"),
@@ -35,7 +35,7 @@ const ENTRIES: [(&str, &str); 17] = [
     ("a.npz", "simulate a.npz -o o"),
     ("folder/1.png", "simulate folder -o o --width 8 --height 8"),
     ("timed/timestamps.txt", "simulate timed -o o --width 8 --height 8"),
-    ("camera.toml", "simulate --source chart --readouts 5 --camera camera.toml -o o"),
+    ("camera.toml", "simulate --builtin-light chart --readouts 5 --camera camera.toml -o o"),
     ("shown.toml", "preset show shown.toml"),
     ("recordings.toml", "calibrate recordings.toml -o o"),
     ("maps.npz", "calibrate maps.npz -o o"),
@@ -45,8 +45,8 @@ const ENTRIES: [(&str, &str); 17] = [
     ("v.dat", "convert v.dat o.npy --width 8 --height 2"),
 ];
 
-fn place() -> Place {
-    let place = Place::new();
+fn place() -> TestFolder {
+    let place = TestFolder::new();
     for folder in ["folder", "timed"] {
         std::fs::create_dir(place.path(folder)).unwrap();
         place.picture(&format!("{folder}/0.png"), 8, 8, 100);
@@ -58,7 +58,7 @@ fn place() -> Place {
 #[test]
 fn a_pipe_is_refused_at_once_at_every_entry() {
     let place = place();
-    for (name, line) in ENTRIES {
+    for (name, line) in INPUT_COMMANDS {
         assert!(Command::new("mkfifo").arg(place.path(name)).status().unwrap().success());
         let ran = run(&place, line);
         assert_eq!(ran.code, 4, "{line}: {}", ran.stderr);
@@ -69,7 +69,7 @@ fn a_pipe_is_refused_at_once_at_every_entry() {
 #[test]
 fn a_device_without_end_is_refused_at_every_entry() {
     let place = place();
-    for (name, line) in ENTRIES {
+    for (name, line) in INPUT_COMMANDS {
         symlink("/dev/zero", place.path(name)).unwrap();
         let ran = run(&place, line);
         assert_eq!(ran.code, 4, "{line}: {}", ran.stderr);
@@ -80,18 +80,19 @@ fn a_device_without_end_is_refused_at_every_entry() {
 #[test]
 fn a_folder_is_refused_where_a_file_is_meant() {
     let place = place();
-    // A folder with the name of a picture or video is one of pictures, and a picture that is a folder is left out.
-    for (name, line) in ENTRIES.into_iter().filter(|(name, _)| !name.starts_with("folder/")) {
+    // If a folder has the extension of an image or a video, it is read as a folder of images. Folders inside it are
+    // skipped.
+    for (name, line) in INPUT_COMMANDS.into_iter().filter(|(name, _)| !name.starts_with("folder/")) {
         std::fs::create_dir(place.path(name)).unwrap();
         let ran = run(&place, line);
-        // `calibrate` offers to list the recordings of a folder.
+        // `calibrate` suggests the command that lists the recordings of a folder.
         let code = if line.starts_with("calibrate") { 2 } else { 4 };
         assert_eq!(ran.code, code, "{line}: {}", ran.stderr);
     }
 }
 
-/// A command on one thread with `megabytes` of address space.
-fn within(place: &Place, megabytes: u32, line: &str) -> Command {
+/// Returns a command that runs on one thread and with at most `megabytes` of address space.
+fn limited_command(place: &TestFolder, megabytes: u32, line: &str) -> Command {
     let shell = format!("ulimit -v {}; exec {} {line}", megabytes << 10, env!("CARGO_BIN_EXE_spikelane"));
     let mut command = Command::new("sh");
     command.args(["-c", &shell]).current_dir(place.path(".")).env("RAYON_NUM_THREADS", "1");
@@ -99,15 +100,15 @@ fn within(place: &Place, megabytes: u32, line: &str) -> Command {
     command
 }
 
-fn run_within(place: &Place, megabytes: u32, line: &str) -> Ran {
-    Ran::of(line, within(place, megabytes, line).output().unwrap())
+fn run_within(place: &TestFolder, megabytes: u32, line: &str) -> CommandResult {
+    CommandResult::from_output(line, limited_command(place, megabytes, line).output().unwrap())
 }
 
 #[cfg(target_os = "linux")]
 #[test]
 fn memory_that_is_missing_for_an_input_is_an_error_with_a_code() {
-    let place = Place::new();
-    // A bitmap of 12000 x 12000 pixels, all of which are holes in the file.
+    let place = TestFolder::new();
+    // The bitmap has 12000 x 12000 pixels. The pixel data are a hole in a sparse file.
     let mut header = b"BM".to_vec();
     for word in [54 + 432_000_000_u32, 0, 54, 40, 12_000, 12_000, 24 << 16 | 1, 0, 0, 0, 0, 0, 0] {
         header.extend(word.to_le_bytes());
@@ -128,20 +129,21 @@ fn memory_that_is_missing_for_an_input_is_an_error_with_a_code() {
     }
 }
 
-/// Under each limit a command succeeds or ends with the code of missing memory, and under the lowest with the latter.
+/// For each memory limit, a command must succeed or exit with the code for missing memory. With the lowest limit it fails.
 #[cfg(target_os = "linux")]
 #[test]
 fn tables_of_each_pixel_end_with_a_code_where_memory_is_missing() {
-    let place = Place::new();
-    // A sensor of 1024 x 1024 pixels, whose tables take 30 MB to 1 GB.
+    let place = TestFolder::new();
+    // The sensor has 1024 x 1024 pixels. The tables of the commands need between 30 MB and 1 GB.
     place.write("a.dat", vec![0x55; 17 * 1024 * 128]);
-    place.good("record --width 192 --height 192 --readouts 300 -o set");
-    // Program code takes address space too, most in a debug build.
-    let loaded = |megabytes: &u32| within(&place, *megabytes, "--version").output().unwrap().status.success();
+    place.run_ok("record --width 192 --height 192 --readouts 300 -o set");
+    // The limit includes the address space of the program itself, which is large in a debug build.
+    let loaded =
+        |megabytes: &u32| limited_command(&place, *megabytes, "--version").output().unwrap().status.success();
     let program = (16..1024).step_by(16).find(loaded).unwrap();
     let read = "a.dat --width 1024 --height 1024 --layout dat";
     for line in [
-        "simulate --source chart --width 1024 --height 1024 --readouts 4 -o o --force".to_owned(),
+        "simulate --builtin-light chart --width 1024 --height 1024 --readouts 4 -o o --force".to_owned(),
         format!("measure {read}"),
         format!("inspect {read} --png i.png --force"),
         format!("evaluate {read}"),
@@ -164,7 +166,7 @@ fn tables_of_each_pixel_end_with_a_code_where_memory_is_missing() {
 
 #[test]
 fn archives_and_headers_that_claim_more_than_a_sensor_has_are_refused() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let file = std::fs::File::create(place.path("bomb.npz")).unwrap();
     let mut zip = zip::ZipWriter::new(file);
     for name in ["D_light", "Nd"] {
@@ -172,42 +174,44 @@ fn archives_and_headers_that_claim_more_than_a_sensor_has_are_refused() {
         std::io::Write::write_all(&mut zip, &npy_f32([1, 16_384, 16_383], &[])).unwrap();
     }
     zip.finish().unwrap();
-    place.refused("calibrate bomb.npz -o o", 4, &["at most 16777216 values"]);
+    place.run_refused("calibrate bomb.npz -o o", 4, &["at most 16777216 values"]);
     let head = |w: u32, h: u32| format!("YUV4MPEG2 W{w} H{h} F25:1 Ip A1:1 C444\n");
     place.write("bomb.y4m", head(16_000, 16_000));
-    place.refused("simulate bomb.y4m -o o", 4, &["frames of more than 536870912 bytes"]);
+    place.run_refused("simulate bomb.y4m -o o", 4, &["frames of more than 536870912 bytes"]);
     place.write("bomb.npy", npy_f32([3, 16_000, 16_000], &[]));
-    place.refused("simulate bomb.npy -o o", 4, &["frames of at most 536870912 bytes"]);
+    place.run_refused("simulate bomb.npy -o o", 4, &["frames of at most 536870912 bytes"]);
     place.write("good.y4m", y4m(8, 8, &[9]));
-    place.good("simulate good.y4m -o good --width 8 --height 8 --readouts 4");
+    place.run_ok("simulate good.y4m -o good --width 8 --height 8 --readouts 4");
 }
 
 #[test]
 fn a_playlist_under_the_name_of_a_video_reads_no_other_file() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("other.y4m", y4m(64, 48, &[9; 30]));
     let text = format!("#EXTM3U\n#EXT-X-MEDIA-SEQUENCE:0\n#EXTINF:10.0,\n{}\n#EXT-X-ENDLIST\n", "other.y4m");
     for name in ["clip.mp4", "-clip.mp4", "clip:1.mp4"] {
         place.write(name, &text);
-        // Without ffmpeg the code is the same.
-        place.refused(&format!("simulate -o o --width 32 --height 24 -- {name}"), 8, &[]);
+        // The exit code is also 8 if ffmpeg is not installed.
+        place.run_refused(&format!("simulate -o o --width 32 --height 24 -- {name}"), 8, &[]);
     }
 }
 
 #[test]
 fn a_ring_that_is_emptied_ends_the_camera_with_a_code_and_removes_the_name() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let ring = place.path("ring");
-    let line =
-        format!("live --source chart --width 32 --height 24 --readout-hz 2000 --sink shm:{}", ring.display());
+    let line = format!(
+        "live --builtin-light chart --width 32 --height 24 --readout-hz 2000 --sink shm:{}",
+        ring.display()
+    );
     let child = place.command(&line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let start = Instant::now();
     while !std::fs::metadata(&ring).is_ok_and(|about| about.len() > 0) {
-        assert!(start.elapsed() < LIMIT, "no ring");
+        assert!(start.elapsed() < TIMEOUT, "no ring");
         std::thread::sleep(Duration::from_millis(5));
     }
     std::fs::File::create(&ring).unwrap();
-    let ran = Ran::of(&line, child.wait_with_output().unwrap());
+    let ran = CommandResult::from_output(&line, child.wait_with_output().unwrap());
     assert_eq!(ran.code, 5, "{}", ran.stderr);
     assert!(ran.stderr.contains("shortened"), "{}", ran.stderr);
     assert!(!ring.exists());
@@ -215,25 +219,25 @@ fn a_ring_that_is_emptied_ends_the_camera_with_a_code_and_removes_the_name() {
 
 #[test]
 fn a_request_to_stop_ends_the_wait_for_standard_input() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let head = "YUV4MPEG2 W8 H8 F25:1 Ip A1:1 Cmono\n";
-    // Before the first byte, and before the first frame.
+    // The input stops before the first byte, or after the header and before the first frame.
     for sent in ["", head] {
         let line = "simulate - -o o --width 8 --height 8";
         let mut child = place.command(line).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut pipe = child.stdin.take().unwrap();
         std::io::Write::write_all(&mut pipe, sent.as_bytes()).unwrap();
-        // The request is repeated, since the first may come before the program listens.
+        // The signal is sent repeatedly, because the first one can arrive before the program has installed its handler.
         let start = Instant::now();
         while child.try_wait().unwrap().is_none() {
-            assert!(start.elapsed() < LIMIT, "waits without end");
+            assert!(start.elapsed() < TIMEOUT, "waits without end");
             std::thread::sleep(Duration::from_millis(300));
             Command::new("kill").arg(child.id().to_string()).status().unwrap();
         }
         let status = child.wait().unwrap();
         let by_default = std::os::unix::process::ExitStatusExt::signal(&status) == Some(15);
         assert!(status.code() == Some(130) || by_default, "{status}");
-        assert!(place.names().is_empty());
+        assert!(place.file_names().is_empty());
         drop(pipe);
     }
 }

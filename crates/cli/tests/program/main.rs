@@ -1,4 +1,4 @@
-//! The program as its users run it.
+//! Tests the program by running it as users do.
 
 #[path = "../finite/mod.rs"]
 mod finite;
@@ -6,16 +6,17 @@ mod finite;
 mod program_support;
 
 mod dataset;
-mod doors;
 mod errors;
 mod evaluate;
 mod finite_numbers;
+mod help;
 #[cfg(unix)]
 mod inputs;
+mod inputs_and_outputs;
+#[cfg(unix)]
+mod interruption;
 #[cfg(unix)]
 mod outputs;
 mod shards;
 mod simulate;
-#[cfg(unix)]
-mod stopped;
 mod streams;

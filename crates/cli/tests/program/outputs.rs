@@ -1,28 +1,28 @@
-//! Outputs: what may be replaced, one writer at a time, and folders that are tested before work begins.
+//! Tests outputs: overwriting files, locking against a second writer, and checking folders before the work begins.
 
 use std::fs;
 use std::os::unix::fs::FileTypeExt as _;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::program_support::{Place, Ran, exists};
+use crate::program_support::{CommandResult, TestFolder, exists};
 
-const CHART: &str = "simulate --source chart --width 32 --height 24 --readouts 20";
+const CHART: &str = "simulate --builtin-light chart --width 32 --height 24 --readouts 20";
 
-/// A place with the stream `c.dat`.
-fn with_stream() -> Place {
-    let place = Place::new();
-    place.good(&format!("{CHART} -o c"));
+/// Creates a folder that contains the stream `c.dat`.
+fn with_stream() -> TestFolder {
+    let place = TestFolder::new();
+    place.run_ok(&format!("{CHART} -o c"));
     place
 }
 
-/// A `simulate` that has claimed `t` and waits for light.
-fn waiting(place: &Place) -> Child {
+/// Starts a `simulate` process that claims the outputs of the stem `t` and then waits for light.
+fn spawn_waiting(place: &TestFolder) -> Child {
     let line = "simulate - --width 20 --height 10 --readouts-per-frame 50 --clean -o t --force";
     let child = place.command(line).stdin(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
     let start = Instant::now();
-    while !place.names().contains(&".t.png.lock".to_owned()) {
-        assert!(start.elapsed() < Duration::from_secs(60), "no claim: {:?}", place.names());
+    while !place.file_names().contains(&".t.png.lock".to_owned()) {
+        assert!(start.elapsed() < Duration::from_secs(60), "no claim: {:?}", place.file_names());
         std::thread::sleep(Duration::from_millis(5));
     }
     child
@@ -36,58 +36,58 @@ fn force_replaces_files_and_links_and_nothing_else() {
     std::os::unix::fs::symlink("/dev/null", place.path("null.dat")).unwrap();
     fs::create_dir(place.path("folder.dat")).unwrap();
     for name in ["pipe.dat", "null.dat", "folder.dat"] {
-        place.refused(&format!("convert c.dat {name} --force"), 7, &[name, "only plain files"]);
+        place.run_refused(&format!("convert c.dat {name} --force"), 7, &[name, "only plain files"]);
         let stem = name.trim_end_matches(".dat");
-        place.refused(&format!("{CHART} -o {stem} --force"), 7, &[name]);
+        place.run_refused(&format!("{CHART} -o {stem} --force"), 7, &[name]);
     }
     assert!(fs::symlink_metadata(place.path("pipe.dat")).unwrap().file_type().is_fifo());
     place.write("target", "mine");
     std::os::unix::fs::symlink("target", place.path("link.dat")).unwrap();
-    place.refused("convert c.dat link.dat", 7, &["link.dat"]);
-    place.good("convert c.dat link.dat --force");
+    place.run_refused("convert c.dat link.dat", 7, &["link.dat"]);
+    place.run_ok("convert c.dat link.dat --force");
     assert_eq!((place.read("target"), place.read("link.dat")), (b"mine".to_vec(), place.read("c.dat")));
 }
 
 #[test]
 fn a_second_writer_of_a_stem_is_told_that_another_process_writes_it() {
     let place = with_stream();
-    let mut first = waiting(&place);
+    let mut first = spawn_waiting(&place);
     for line in [
         format!("{CHART} -o t --force"),
         format!("{CHART} -o t"),
         "convert c.dat t.dat --force".to_owned(),
         "reconstruct c.dat -o t.png --force".to_owned(),
     ] {
-        place.refused(&line, 10, &["t.", "another process"]);
+        place.run_refused(&line, 10, &["t.", "another process"]);
     }
-    // Another stem of the folder is free.
-    place.good(&format!("{CHART} -o u"));
+    // Another stem in the same folder can be written at the same time.
+    place.run_ok(&format!("{CHART} -o u"));
     drop(first.stdin.take());
     assert_eq!(first.wait().unwrap().code(), Some(4));
-    place.good(&format!("{CHART} -o t"));
-    assert!(!place.names().iter().any(|name| name.starts_with('.')), "{:?}", place.names());
+    place.run_ok(&format!("{CHART} -o t"));
+    assert!(!place.file_names().iter().any(|name| name.starts_with('.')), "{:?}", place.file_names());
 }
 
 #[test]
 fn the_lock_of_a_killed_writer_blocks_nobody() {
     let place = with_stream();
-    let mut first = waiting(&place);
+    let mut first = spawn_waiting(&place);
     first.kill().unwrap();
     first.wait().unwrap();
-    let listed = place.good("partials").stdout;
+    let listed = place.run_ok("partials").stdout;
     assert!(listed.contains(".t.png.lock: process") && listed.contains("ended"), "{listed}");
-    place.good(&format!("{CHART} -o t --clean"));
-    place.good("verify t.json");
-    assert!(!place.names().iter().any(|name| name.starts_with('.')), "{:?}", place.names());
+    place.run_ok(&format!("{CHART} -o t --clean"));
+    place.run_ok("verify t.json");
+    assert!(!place.file_names().iter().any(|name| name.starts_with('.')), "{:?}", place.file_names());
 }
 
 #[test]
 fn what_a_running_process_writes_is_listed_and_never_deleted() {
-    let place = Place::new();
-    let mut first = waiting(&place);
+    let place = TestFolder::new();
+    let mut first = spawn_waiting(&place);
     place.write(".u.dat.77-0.partial", "half");
-    let before = place.names();
-    let ran = place.good("partials --delete --json");
+    let before = place.file_names();
+    let ran = place.run_ok("partials --delete --json");
     let events = ran.events();
     let of =
         |name: &str| events.iter().find(|e| e["file"].as_str().is_some_and(|f| f.ends_with(name))).unwrap();
@@ -98,12 +98,12 @@ fn what_a_running_process_writes_is_listed_and_never_deleted() {
         (&left["running"], &left["deleted"], &left["process"]),
         (&false.into(), &true.into(), &77.into())
     );
-    assert_eq!(place.names().len(), before.len() - 1);
+    assert_eq!(place.file_names().len(), before.len() - 1);
     first.kill().unwrap();
     first.wait().unwrap();
 }
 
-/// Commands with an output, and their inputs, none of which is there.
+/// Commands that write an output. Their inputs do not exist.
 const WRITERS: &[&str] = &[
     "simulate missing.png --readouts 5 -o OUT/a",
     "convert missing.dat OUT/a.dat",
@@ -115,33 +115,34 @@ const WRITERS: &[&str] = &[
     "measure missing.dat --report OUT/a.html",
     "inspect missing.dat --png OUT/a.png",
     "scene -o OUT",
-    "dataset --kind tiny --sequences 1 --images 3 -o OUT",
+    "dataset --scene-preset tiny --sequences 1 --images-per-scene 3 -o OUT",
     "dataset stats missing --report OUT/a.html",
     "dataset preview missing -o OUT/a.mp4",
     "preset show physical -o OUT",
-    "man --dir OUT",
+    "man --output OUT",
 ];
 
 #[test]
 fn images_that_a_killed_run_left_half_written_stop_no_later_run() {
-    let place = Place::new();
-    let line = "simulate --source chart --width 64 --height 48 --readouts 20 --images-every 10 -o out/a";
-    place.good(line);
+    let place = TestFolder::new();
+    let line =
+        "simulate --builtin-light chart --width 64 --height 48 --readouts 20 --images-every 10 -o out/a";
+    place.run_ok(line);
     std::fs::create_dir_all(place.path("out/.a.images.partial")).unwrap();
     place.write("out/.a.images.partial/.000000.png.4194304-2.partial", "half of a picture");
-    place.good(&format!("{line} --force"));
+    place.run_ok(&format!("{line} --force"));
     assert!(!place.path("out/.a.images.partial").exists());
     assert!(place.path("out/a.images/000000.png").exists());
 }
 
 #[test]
 fn a_folder_that_cannot_be_made_is_named_before_work_begins() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("file", "mine");
     for line in WRITERS {
-        // `reconstruct` learns from the stream how many pictures it makes.
+        // `reconstruct` reads the stream before it checks the output, because it needs the number of pictures.
         if !line.starts_with("reconstruct") {
-            place.refused(&line.replace("OUT", "file/out"), 5, &["file", "choose another folder"]);
+            place.run_refused(&line.replace("OUT", "file/out"), 5, &["file", "choose another output folder"]);
         }
     }
     assert_eq!(place.read("file"), b"mine");
@@ -149,56 +150,57 @@ fn a_folder_that_cannot_be_made_is_named_before_work_begins() {
 
 #[test]
 fn a_folder_that_was_made_for_nothing_is_removed() {
-    let place = Place::new();
+    let place = TestFolder::new();
     for line in WRITERS.iter().filter(|line| line.contains("missing")) {
         let ran = place.run(&line.replace("OUT", "new/deep"));
         assert!([2, 5].contains(&ran.code), "{line}: {} {}", ran.code, ran.stderr);
-        assert_eq!(place.names(), Vec::<String>::new(), "{line}");
+        assert_eq!(place.file_names(), Vec::<String>::new(), "{line}");
     }
 }
 
 #[test]
 fn the_folder_of_a_stem_is_made_with_its_parents() {
     let place = with_stream();
-    place.good(&format!("{CHART} -o out/of/light/run"));
-    place.good("verify out/of/light/run.dat");
-    place.good("convert c.dat other/c.npy");
-    place.good("reconstruct c.dat -o pictures/one.png");
-    place.good("inspect c.dat --png looks/c.png");
+    place.run_ok(&format!("{CHART} -o out/of/light/run"));
+    place.run_ok("verify out/of/light/run.dat");
+    place.run_ok("convert c.dat other/c.npy");
+    place.run_ok("reconstruct c.dat -o pictures/one.png");
+    place.run_ok("inspect c.dat --png looks/c.png");
     assert!(exists(&place.path("looks/c.png")));
 }
 
-/// Runs a line under a limit of the shell.
-fn limited(place: &Place, limit: &str, line: &str) -> Ran {
+/// Runs a command with a `ulimit` of the shell.
+fn run_limited(place: &TestFolder, limit: &str, line: &str) -> CommandResult {
     let script = format!("ulimit {limit}; exec {} {line}", env!("CARGO_BIN_EXE_spikelane"));
     let output = Command::new("bash").args(["-c", &script]).current_dir(place.path("")).output().unwrap();
-    Ran::of(line, output)
+    CommandResult::from_output(line, output)
 }
 
 #[test]
 fn a_file_beyond_the_size_limit_is_an_error_and_leaves_nothing() {
-    let place = Place::new();
-    place.good("simulate --source chart --width 64 --height 64 --readouts 400 -o c");
-    let before = place.names();
-    // 20 blocks of 1024 bytes; the streams have 200 kB, which are reserved, or grow where the length is unknown.
+    let place = TestFolder::new();
+    place.run_ok("simulate --builtin-light chart --width 64 --height 64 --readouts 400 -o c");
+    let before = place.file_names();
+    // The limit is 20 blocks of 1024 bytes. The streams have 200 kB. This space is reserved in advance. If the length is
+    // not known, the stream is written step by step.
     for line in [
-        "simulate --source chart --width 64 --height 64 --readouts 400 -o a --clean",
+        "simulate --builtin-light chart --width 64 --height 64 --readouts 400 -o a --clean",
         "convert c.dat new/b.npy",
         "reconstruct c.dat -o all.npy --every 10",
         "record --width 64 --height 64 --readouts 400 -o set",
     ] {
-        let ran = limited(&place, "-f 20", line);
+        let ran = run_limited(&place, "-f 20", line);
         assert_eq!(ran.code, 6, "{line}: {}", ran.stderr);
         assert!(ran.stderr.contains("ulimit -f"), "{line}: {}", ran.stderr);
-        assert_eq!(place.names(), before, "{line}");
+        assert_eq!(place.file_names(), before, "{line}");
     }
 }
 
 #[test]
 fn a_request_to_stop_ends_commands_that_do_not_look_for_it() {
-    let place = Place::new();
-    place.good("record --width 16 --height 12 --readouts 2600 -o set");
-    let before = place.names();
+    let place = TestFolder::new();
+    place.run_ok("record --width 16 --height 12 --readouts 2600 -o set");
+    let before = place.file_names();
     let line = "calibrate set/recordings.toml -o made";
     let mut child = place.command(line).stderr(Stdio::piped()).spawn().unwrap();
     let start = Instant::now();
@@ -209,15 +211,19 @@ fn a_request_to_stop_ends_commands_that_do_not_look_for_it() {
     let sent = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(sent.success());
     let code = child.wait().unwrap().code();
-    // It may have been done before.
-    assert!(code == Some(130) && place.names() == before || code == Some(0), "{code:?} {:?}", place.names());
+    // The command can end before the signal arrives.
+    assert!(
+        code == Some(130) && place.file_names() == before || code == Some(0),
+        "{code:?} {:?}",
+        place.file_names()
+    );
 }
 
 #[test]
 fn what_is_recorded_names_no_folder_of_the_machine() {
     let place = with_stream();
     place.picture("light.png", 16, 8, 100);
-    place.good("record --width 16 --height 12 --readouts 1100 -o set");
+    place.run_ok("record --width 16 --height 12 --readouts 1100 -o set");
     let here = place.path("").canonicalize().unwrap();
     let here = here.to_str().unwrap().trim_end_matches('/').to_owned();
     let lines = |flags: &str| {
@@ -227,18 +233,20 @@ fn what_is_recorded_names_no_folder_of_the_machine() {
             ),
             format!("convert {here}/c.dat {here}/OUT/c.npy {flags}"),
             format!("measure {here}/c.dat --report {here}/OUT/m.html {flags}"),
-            format!("compare {here}/set/recordings.toml ideal --longest 50 -o {here}/OUT/compared {flags}"),
+            format!(
+                "compare {here}/set/recordings.toml ideal --max-readouts 50 -o {here}/OUT/compared {flags}"
+            ),
             format!("calibrate {here}/set/recordings.toml -o {here}/OUT/calibrated {flags}"),
             format!("preset show physical -o {here}/OUT/camera {flags}"),
             format!("record {flags} --width 16 --height 12 --readouts 20 -o {here}/OUT/set"),
         ]
     };
     for line in lines("") {
-        place.good(&line.replace("OUT", "out"));
+        place.run_ok(&line.replace("OUT", "out"));
     }
     let found = Command::new("grep").args(["-rlF", &here, "out"]).current_dir(&here).output().unwrap();
     assert_eq!(String::from_utf8_lossy(&found.stdout), "");
     assert_eq!(place.json("out/light.json")["command"][2], "light.png");
-    place.good(&lines("--record-paths")[0].replace("OUT", "kept"));
+    place.run_ok(&lines("--record-paths")[0].replace("OUT", "kept"));
     assert_eq!(place.json("kept/light.json")["command"][2], format!("{here}/light.png"));
 }

@@ -1,4 +1,4 @@
-//! Datasets in shards: the same bytes however the work is cut, and what goes wrong is named.
+//! Tests datasets in shards. The bytes must not depend on the division into shards, and errors must be reported.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,11 +6,12 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::program_support::{Place, exists, y4m};
+use crate::program_support::{TestFolder, exists, y4m};
 
-const SCENES: &str = "--kind tiny --sequences 5 --images 3 --label-every 2 --width 32 --height 24";
+const SCENES: &str =
+    "--scene-preset tiny --sequences 5 --images-per-scene 3 --label-every 2 --width 32 --height 24";
 
-/// Files below a folder by their last parts, with their bytes.
+/// Returns the files below several folders. The keys are the paths relative to these folders.
 fn sequences(roots: &[std::path::PathBuf]) -> BTreeMap<String, Vec<u8>> {
     fn walk(root: &Path, folder: &Path, into: &mut BTreeMap<String, Vec<u8>>) {
         for entry in fs::read_dir(folder).unwrap() {
@@ -32,8 +33,8 @@ fn digest(stdout: &str) -> String {
     stdout.lines().find_map(|l| l.strip_prefix("digest ")).unwrap_or_else(|| panic!("{stdout}")).to_owned()
 }
 
-/// `n` clips of two frames each; their light tells them apart.
-fn clips(place: &Place, n: u8) {
+/// Writes `n` clips of two frames each. The light of the clips differs.
+fn clips(place: &TestFolder, n: u8) {
     fs::create_dir_all(place.path("clips")).unwrap();
     for i in 0..n {
         place.write(&format!("clips/{i:03}.y4m"), y4m(32, 24, &[20 * i + 30, 90]));
@@ -44,14 +45,14 @@ const CLIPS: &str = "--from clips --width 32 --height 24 --readouts-per-frame 4"
 
 #[test]
 fn a_dataset_is_the_same_however_it_is_cut() {
-    let place = Place::new();
-    let whole = digest(&place.good(&format!("dataset {SCENES} -o whole --threads 1")).stdout);
+    let place = TestFolder::new();
+    let whole = digest(&place.run_ok(&format!("dataset {SCENES} -o whole --threads 1")).stdout);
     let plain = sequences(&[place.path("whole/sequences")]);
     for (per_shard, shards) in [(1u32, "4,2-3,0-1"), (2, "all"), (7, "0")] {
         let out = format!("cut{per_shard}");
-        place.good(&format!("dataset plan {SCENES} -o {out} --per-shard {per_shard}"));
-        place.good(&format!("dataset run {out} --shard {shards}"));
-        assert_eq!(digest(&place.good(&format!("dataset merge {out}")).stdout), whole, "{per_shard}");
+        place.run_ok(&format!("dataset plan {SCENES} -o {out} --sequences-per-shard {per_shard}"));
+        place.run_ok(&format!("dataset run {out} --shards {shards}"));
+        assert_eq!(digest(&place.run_ok(&format!("dataset merge {out}")).stdout), whole, "{per_shard}");
         let roots: Vec<_> = (0..5u32.div_ceil(per_shard))
             .map(|k| place.path(&format!("{out}/shards/{k:06}/sequences")))
             .collect();
@@ -59,7 +60,7 @@ fn a_dataset_is_the_same_however_it_is_cut() {
         for split in ["train", "test"] {
             let names = |set: &str| {
                 let mut all = sequences(&[place.path(&format!("{set}/{split}"))]);
-                // It names pictures where they lie.
+                // The file contains the paths of images. The part of the path that names the shard is removed before comparing.
                 let coco = String::from_utf8(all["coco.json"].clone()).unwrap();
                 let parts = coco.split("shards/").enumerate();
                 let plain: String = parts.map(|(i, part)| &part[if i > 0 { 7 } else { 0 }..]).collect();
@@ -73,17 +74,17 @@ fn a_dataset_is_the_same_however_it_is_cut() {
         let folder = |set: &str| sequences(&[place.path(&format!("{set}/spikecv/{kind}/train"))]);
         assert!(!folder("whole").is_empty() && folder("cut2") == folder("whole"), "{kind}");
     }
-    assert!(place.good("evaluate cut2 --window 1").stdout.contains("5 sequences"));
+    assert!(place.run_ok("evaluate cut2 --window 1").stdout.contains("5 sequences"));
 }
 
 #[test]
 fn a_pack_holds_every_sequence_in_webdatasets_naming_with_a_fixed_digest() {
-    let place = Place::new();
-    let whole = digest(&place.good(&format!("dataset {SCENES} -o whole")).stdout);
+    let place = TestFolder::new();
+    let whole = digest(&place.run_ok(&format!("dataset {SCENES} -o whole")).stdout);
     for (out, threads) in [("a", 1), ("b", 2)] {
-        place.good(&format!("dataset plan {SCENES} -o {out} --per-shard 2 --pack"));
-        place.good(&format!("dataset run {out} --shard all --threads {threads}"));
-        assert_eq!(digest(&place.good(&format!("dataset merge {out}")).stdout), whole);
+        place.run_ok(&format!("dataset plan {SCENES} -o {out} --sequences-per-shard 2 --pack"));
+        place.run_ok(&format!("dataset run {out} --shards all --threads {threads}"));
+        assert_eq!(digest(&place.run_ok(&format!("dataset merge {out}")).stdout), whole);
         assert!(!exists(&place.path(&format!("{out}/shards/000000/sequences"))));
     }
     let plain = sequences(&[place.path("whole/sequences")]);
@@ -108,59 +109,59 @@ fn a_pack_holds_every_sequence_in_webdatasets_naming_with_a_fixed_digest() {
     for (file, name) in [
         ("stream.dat", "spk.dat"),
         ("stream.clean.dat", "clean.dat"),
-        ("clear.png", "png"),
+        ("reference.png", "png"),
         ("labels/000002.depth.npy", "labels-000002-depth.npy"),
     ] {
         let (plain, packed) = (&plain[&format!("scene-0003/{file}")], &seen[&format!("scene-0003.{name}")]);
         assert!(plain == packed, "{file}");
     }
-    // Seeds beyond 63 bits are texts in the pack: Arrow has no such integers.
+    // Seeds above 63 bits are stored as strings in the pack, because Arrow has no integers of this size.
     for k in 0..5 {
         let json = |bytes: &[u8]| -> serde_json::Value { serde_json::from_slice(bytes).unwrap() };
         let own = json(&plain[&format!("scene-000{k}/record.json")]);
         let packed = json(&seen[&format!("scene-000{k}.json")]);
         assert_eq!((&packed["id"], &packed["files"]), (&own["id"], &own["files"]));
-        let (seed, text) = (&packed["about"]["scene_seed"], own["about"]["scene_seed"].to_string());
-        assert!(seed.as_i64().is_some() && *seed == own["about"]["scene_seed"] || *seed == text.as_str());
+        let (seed, text) = (&packed["facts"]["scene_seed"], own["facts"]["scene_seed"].to_string());
+        assert!(seed.as_i64().is_some() && *seed == own["facts"]["scene_seed"] || *seed == text.as_str());
     }
     let splits = names.iter().filter(|n| n.ends_with(".split.txt")).count();
     assert_eq!((names.len(), splits), (plain.len() + 5, 5));
-    // What needs folders says that there are none.
-    place.refused("dataset stats a", 4, &["in a pack", "--pack"]);
-    place.refused("evaluate a", 4, &["in a pack"]);
+    // Commands that need folders report that the dataset is packed.
+    place.run_refused("dataset stats a", 4, &["a packed sequence", "--pack"]);
+    place.run_refused("evaluate a", 4, &["a packed sequence"]);
 }
 
 #[test]
 fn a_shard_that_is_there_is_kept_and_what_was_damaged_is_made_again() {
-    let place = Place::new();
-    place.good(&format!("dataset plan {SCENES} -o set --per-shard 5"));
-    assert!(place.good("dataset run set --shard 0").stdout.contains("5 made, 0 kept"));
-    assert!(place.good("dataset run set --shard 0").stdout.contains("0 made, 5 kept"));
+    let place = TestFolder::new();
+    place.run_ok(&format!("dataset plan {SCENES} -o set --sequences-per-shard 5"));
+    assert!(place.run_ok("dataset run set --shards 0").stdout.contains("5 generated, 0 kept"));
+    assert!(place.run_ok("dataset run set --shards 0").stdout.contains("0 generated, 5 kept"));
     let before = sequences(&[place.path("set/shards/000000/sequences")]);
-    // Cut, gone, and of the same size and time.
+    // The test truncates one file, removes a second file, and changes a third file but not its size and time.
     let at = |file: &str| place.path(&format!("set/shards/000000/sequences/{file}"));
     fs::write(at("scene-0000/gt.png"), "cut").unwrap();
     fs::remove_file(at("scene-0002/stream.dat")).unwrap();
-    assert!(place.run("dataset merge set --quick").stderr.contains("--shard 0"));
-    assert!(place.good("dataset run set --shard 0").stdout.contains("2 made, 3 kept"));
+    assert!(place.run("dataset merge set --no-verify").stderr.contains("--shards to 0"));
+    assert!(place.run_ok("dataset run set --shards 0").stdout.contains("2 generated, 3 kept"));
     assert!(sequences(&[place.path("set/shards/000000/sequences")]) == before);
     let time = fs::metadata(at("scene-0004/stream.dat")).unwrap().modified().unwrap();
     let mut bytes = fs::read(at("scene-0004/stream.dat")).unwrap();
     bytes[0] ^= 1;
     fs::write(at("scene-0004/stream.dat"), bytes).unwrap();
     fs::File::options().write(true).open(at("scene-0004/stream.dat")).unwrap().set_modified(time).unwrap();
-    assert!(place.good("dataset run set --shard 0").stdout.contains("0 made, 5 kept"));
+    assert!(place.run_ok("dataset run set --shards 0").stdout.contains("0 generated, 5 kept"));
     let ran = place.run("dataset merge set");
-    assert!(ran.code == 9 && ran.stderr.contains("--shard 0 --verify"), "{}", ran.stderr);
-    assert!(place.good("dataset run set --shard 0 --verify").stdout.contains("1 made, 4 kept"));
+    assert!(ran.code == 9 && ran.stderr.contains("set --shards to 0 and enable --verify"), "{}", ran.stderr);
+    assert!(place.run_ok("dataset run set --shards 0 --verify").stdout.contains("1 generated, 4 kept"));
     assert!(sequences(&[place.path("set/shards/000000/sequences")]) == before);
-    place.good("dataset merge set");
+    place.run_ok("dataset merge set");
 }
 
 #[test]
 fn what_a_killed_run_left_is_removed() {
-    let place = Place::new();
-    place.good(&format!("dataset plan {SCENES} -o set --per-shard 3 --pack"));
+    let place = TestFolder::new();
+    place.run_ok(&format!("dataset plan {SCENES} -o set --sequences-per-shard 3 --pack"));
     for hidden in ["shards/000000/sequences/.scene-0000.partial", "shards/000000"] {
         fs::create_dir_all(place.path(&format!("set/{hidden}"))).unwrap();
     }
@@ -172,9 +173,9 @@ fn what_a_killed_run_left_is_removed() {
     ] {
         place.write(&format!("set/{file}"), "half");
     }
-    // A line that was cut, behind one that is whole but whose sequence is not there.
+    // The journal ends with an incomplete line.
     place.write("set/shards/000000/journal.jsonl", "{\"id\": \"scene-0000\"");
-    place.good("dataset run set --shard 0");
+    place.run_ok("dataset run set --shards 0");
     let mut left: Vec<_> = fs::read_dir(place.path("set/shards/000000"))
         .unwrap()
         .map(|e| e.unwrap().file_name().into_string().unwrap())
@@ -187,74 +188,78 @@ fn what_a_killed_run_left_is_removed() {
 
 #[test]
 fn inputs_are_frozen_and_one_that_changed_or_is_poisoned_is_set_aside() {
-    let place = Place::new();
+    let place = TestFolder::new();
     clips(&place, 7);
     place.write("clips/bad.y4m", "YUV4MPEG2 W48");
-    place.good(&format!("dataset plan {CLIPS} -o set --per-shard 3"));
-    // A changed folder moves no shard.
+    place.run_ok(&format!("dataset plan {CLIPS} -o set --sequences-per-shard 3"));
+    // Adding a file to the folder does not change the division into shards.
     place.write("clips/000a.y4m", y4m(32, 24, &[1, 2]));
-    let again = place.good(&format!("dataset plan {CLIPS} -o set --per-shard 3"));
+    let again = place.run_ok(&format!("dataset plan {CLIPS} -o set --sequences-per-shard 3"));
     assert!(
-        again.stdout.contains("8 sequences in 3 shards") && again.stdout.contains("stays"),
+        again.stdout.contains("8 sequences in 3 shards") && again.stdout.contains("was not changed"),
         "{}",
         again.stdout
     );
     place.write("clips/004.y4m", y4m(32, 24, &[1, 2, 3]));
-    let ran = place.good("dataset run set --shard all --json");
+    let ran = place.run_ok("dataset run set --shards all --json");
     let told: Vec<_> = ran.events().into_iter().filter(|e| e["event"] == "shard").collect();
-    let aside = |k: usize| told[k]["set_aside"].as_array().unwrap().clone();
+    let aside = |k: usize| told[k]["failures"].as_array().unwrap().clone();
     assert_eq!([aside(0).len(), aside(1).len(), aside(2).len()], [0, 1, 1]);
     assert_eq!(aside(1)[0]["input"], "004.y4m");
-    assert!(aside(1)[0]["reason"].as_str().unwrap().contains("as planned"), "{:?}", aside(1));
+    assert!(aside(1)[0]["reason"].as_str().unwrap().contains("as in the plan"), "{:?}", aside(1));
     assert_eq!(aside(2)[0]["input"], "bad.y4m");
     let merged = place.run("dataset merge set");
     assert_eq!(merged.code, 4, "{}", merged.stderr);
-    assert!(merged.stdout.contains("6 sequences, 2 set aside"), "{}", merged.stdout);
-    // Those that are left are what plain dataset makes of them.
+    assert!(merged.stdout.contains("6 sequences, 2 failed"), "{}", merged.stdout);
+    // For the remaining inputs, 'dataset' computes the same digest.
     for name in ["004", "bad", "000a"] {
         fs::remove_file(place.path(&format!("clips/{name}.y4m"))).unwrap();
     }
-    let plain = place.good(&format!("dataset {CLIPS} -o plain"));
+    let plain = place.run_ok(&format!("dataset {CLIPS} -o plain"));
     assert_eq!(digest(&plain.stdout), digest(&merged.stdout));
 }
 
 #[test]
 fn a_list_names_inputs_and_one_that_is_not_there_is_named() {
-    let place = Place::new();
+    let place = TestFolder::new();
     clips(&place, 3);
     place.write("clips/list.txt", "002.y4m\n\n000.y4m\n002.y4m\n");
     let from = CLIPS.replace("--from clips", "--from-list clips/list.txt");
-    place.good(&format!("dataset plan {from} -o set --per-shard 1"));
-    place.good("dataset run set --shard all");
-    let listed = digest(&place.good("dataset merge set").stdout);
+    place.run_ok(&format!("dataset plan {from} -o set --sequences-per-shard 1"));
+    place.run_ok("dataset run set --shards all");
+    let listed = digest(&place.run_ok("dataset merge set").stdout);
     fs::remove_file(place.path("clips/001.y4m")).unwrap();
-    assert_eq!(digest(&place.good(&format!("dataset {CLIPS} -o plain")).stdout), listed);
+    assert_eq!(digest(&place.run_ok(&format!("dataset {CLIPS} -o plain")).stdout), listed);
     place.write("clips/list.txt", "002.y4m\nnowhere.y4m\n");
-    place.refused(&format!("dataset plan {from} -o other --per-shard 1"), 5, &["line 2", "nowhere.y4m"]);
+    place.run_refused(
+        &format!("dataset plan {from} -o other --sequences-per-shard 1"),
+        5,
+        &["line 2", "nowhere.y4m"],
+    );
 }
 
 #[test]
 fn a_plan_whose_inputs_lie_outside_of_its_folder_is_run_with_a_line_that_names_their_folder() {
-    let place = Place::new();
+    let place = TestFolder::new();
     clips(&place, 1);
     fs::create_dir_all(place.path("set/clips")).unwrap();
     place.write("set/clips/000.y4m", y4m(32, 24, &[30, 90]));
     place.write("clips/list.txt", "000.y4m\n");
     for (from, line) in [
         ("--from set/clips -o set", None),
-        ("--from clips -o other", Some("clips, which the plan names\n")),
+        ("--from clips -o other", Some("clips, as stated in the plan\n")),
         (
             "--from-list clips/list.txt -o listed",
-            Some("clips and at the paths of a list, which the plan names\n"),
+            Some("clips and from the paths of a list, as stated in the plan\n"),
         ),
     ] {
         let output = from.rsplit(' ').next().unwrap();
-        place.good(&format!(
-            "dataset plan {from} --width 32 --height 24 --readouts-per-frame 4 --per-shard 1"
+        place.run_ok(&format!(
+            "dataset plan {from} --width 32 --height 24 --readouts-per-frame 4 --sequences-per-shard 1"
         ));
-        for command in [format!("run {output} --shard all"), format!("merge {output}")] {
-            let ran = place.good(&format!("dataset {command}"));
-            let found = ran.stderr.contains("inputs are read below ");
+        for command in [format!("run {output} --shards all"), format!("merge {output}")] {
+            let ran = place.run_ok(&format!("dataset {command}"));
+            let found = ran.stderr.contains("inputs are read from ");
             assert_eq!(found, line.is_some(), "{command}: {}", ran.stderr);
             assert!(line.is_none_or(|line| ran.stderr.contains(line)), "{command}: {}", ran.stderr);
         }
@@ -263,31 +268,36 @@ fn a_plan_whose_inputs_lie_outside_of_its_folder_is_run_with_a_line_that_names_t
 
 #[test]
 fn a_plan_is_never_changed_and_only_its_own_version_runs_it() {
-    let place = Place::new();
-    place.good(&format!("dataset plan {SCENES} -o set --per-shard 2"));
+    let place = TestFolder::new();
+    place.run_ok(&format!("dataset plan {SCENES} -o set --sequences-per-shard 2"));
     let before = place.read("set/plan.json");
-    for other in ["--per-shard 3", "--per-shard 2 --seed 9", "--per-shard 2 --pack"] {
-        place.refused(&format!("dataset plan {SCENES} -o set {other}"), 7, &["another plan"]);
+    for other in
+        ["--sequences-per-shard 3", "--sequences-per-shard 2 --seed 9", "--sequences-per-shard 2 --pack"]
+    {
+        place.run_refused(&format!("dataset plan {SCENES} -o set {other}"), 7, &["another plan"]);
     }
     assert_eq!(place.read("set/plan.json"), before);
     for shard in ["3", "x", "2-1", ""] {
-        place.refused(&format!("dataset run set --shard={shard}"), 2, &["0 to 2"]);
+        place.run_refused(&format!("dataset run set --shards={shard}"), 2, &["0 to 2"]);
     }
-    place.refused("dataset run nowhere --shard 0", 5, &["plan.json", "dataset plan"]);
-    place.refused("dataset merge set", 4, &["--array=0-2"]);
+    place.run_refused("dataset run nowhere --shards 0", 5, &["plan.json", "plan the dataset first"]);
+    place.run_refused("dataset merge set", 4, &["run the shards 0-2"]);
     let text = String::from_utf8(before).unwrap();
     let version = env!("CARGO_PKG_VERSION");
     place.write(
         "set/plan.json",
-        text.replacen(&format!("\"version\": \"{version}\""), "\"version\": \"0.0.9\"", 1),
+        text.replacen(&format!("\"program_version\": \"{version}\""), "\"program_version\": \"0.0.9\"", 1),
     );
-    place.refused("dataset run set --shard 0", 3, &["0.0.9", version]);
-    place.write("set/plan.json", text.replacen("\"plan\": 1", "\"plan\": 2, \"new\": 1", 1));
-    place.refused("dataset run set --shard 0", 3, &["version 2"]);
+    place.run_refused("dataset run set --shards 0", 3, &["0.0.9", version]);
+    place.write(
+        "set/plan.json",
+        text.replacen("\"format_version\": 1", "\"format_version\": 2, \"new\": 1", 1),
+    );
+    place.run_refused("dataset run set --shards 0", 3, &["version 2"]);
 }
 
-/// A run that a person or a scheduler stops in its middle.
-fn started(place: &Place, line: &str) -> std::process::Child {
+/// Starts a run and waits until its journal exists. The caller stops the run.
+fn spawn(place: &TestFolder, line: &str) -> std::process::Child {
     let mut command: Command = place.command(line);
     let child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let begun = Instant::now();
@@ -301,48 +311,52 @@ fn started(place: &Place, line: &str) -> std::process::Child {
 #[test]
 #[cfg(unix)]
 fn two_workers_on_one_shard_and_a_request_to_end_have_codes_of_their_own() {
-    let place = Place::new();
-    let long = SCENES.replace("--images 3", "--images 4000 --readouts-per-image 5");
-    place.good(&format!("dataset plan {long} -o set --per-shard 5"));
-    let mut child = started(&place, "dataset run set --shard 0");
-    let second = place.run("dataset run set --shard 0");
+    let place = TestFolder::new();
+    let long = SCENES.replace("--images-per-scene 3", "--images-per-scene 4000 --readouts-per-image 5");
+    place.run_ok(&format!("dataset plan {long} -o set --sequences-per-shard 5"));
+    let mut child = spawn(&place, "dataset run set --shards 0");
+    let second = place.run("dataset run set --shards 0");
     assert_eq!(second.code, 10, "{}", second.stderr);
     assert!(second.stderr.contains(&format!("process {}", child.id())), "{}", second.stderr);
-    let told = place.good("dataset status set --json").events();
-    assert_eq!((&told[0]["running"][0]["shard"], &told[0]["missing"]), (&0.into(), &0.into()));
+    let told = place.run_ok("dataset status set --json").events();
+    assert_eq!((&told[0]["running_shards"][0]["shard"], &told[0]["missing_shards"]), (&0.into(), &0.into()));
     let kill = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(kill.success());
     assert_eq!(child.wait().unwrap().code(), Some(75));
-    let told = place.good("dataset status set --json").events();
-    assert_eq!((&told[0]["array"], &told[0]["done"]), (&"0".into(), &0.into()));
+    let told = place.run_ok("dataset status set --json").events();
+    assert_eq!((&told[0]["shard_array"], &told[0]["done_shards"]), (&"0".into(), &0.into()));
     let hidden = fs::read_dir(place.path("set/shards/000000/sequences")).unwrap();
     assert_eq!(hidden.count(), 0, "something half-written is left");
 }
 
 #[test]
 fn a_dataset_is_a_text_that_makes_it_again() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let flags = format!("{SCENES} --lighting dusk --effect prnu.sigma=0.031 --seed 18446744073709551615");
-    let text = place.good(&format!("dataset {flags} -o a --write")).stdout;
+    let text = place.run_ok(&format!("dataset {flags} -o a --print-config")).stdout;
     assert!(!exists(&place.path("a")));
     place.write("dataset.toml", &text);
-    assert_eq!(place.good("dataset --config dataset.toml -o b --write").stdout, text);
-    let by_flags = digest(&place.good(&format!("dataset {flags} -o a")).stdout);
-    assert_eq!(digest(&place.good("dataset --config dataset.toml -o b").stdout), by_flags);
-    place.refused("dataset --config dataset.toml -o c --images 3", 2, &["--config", "--images"]);
+    assert_eq!(place.run_ok("dataset --config dataset.toml -o b --print-config").stdout, text);
+    let by_flags = digest(&place.run_ok(&format!("dataset {flags} -o a")).stdout);
+    assert_eq!(digest(&place.run_ok("dataset --config dataset.toml -o b").stdout), by_flags);
+    place.run_refused(
+        "dataset --config dataset.toml -o c --images-per-scene 3",
+        2,
+        &["--config", "--images-per-scene"],
+    );
     place.write("wrong.toml", text.replace("label_every", "labels_every"));
-    place.refused("dataset --config wrong.toml -o c", 3, &["labels_every", "did you mean label_every"]);
-    place.write("wrong.toml", text.replace("dataset = 1", "dataset = 7"));
-    place.refused("dataset --config wrong.toml -o c", 3, &["version 7"]);
+    place.run_refused("dataset --config wrong.toml -o c", 3, &["labels_every", "did you mean label_every"]);
+    place.write("wrong.toml", text.replace("format_version = 1", "format_version = 7"));
+    place.run_refused("dataset --config wrong.toml -o c", 3, &["version 7"]);
 }
 
-/// A process that comes while another one plans ends with code 10, and one that comes later with code 7.
+/// While one process plans, other processes exit with code 10. After the plan exists, they exit with code 7.
 #[test]
 fn of_many_processes_that_plan_at_once_one_makes_a_whole_plan() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let children: Vec<_> = (1..=6_u64)
         .map(|per_shard| {
-            let line = format!("dataset plan {SCENES} -o set --per-shard {per_shard}");
+            let line = format!("dataset plan {SCENES} -o set --sequences-per-shard {per_shard}");
             let mut command = place.command(&line);
             (per_shard, command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap())
         })
@@ -357,6 +371,6 @@ fn of_many_processes_that_plan_at_once_one_makes_a_whole_plan() {
         }
     }
     let plan: serde_json::Value = serde_json::from_slice(&place.read("set/plan.json")).unwrap();
-    assert_eq!(made, [plan["per_shard"].as_u64().unwrap()]);
+    assert_eq!(made, [plan["sequences_per_shard"].as_u64().unwrap()]);
     assert!(!place.path("set/.folder.lock").exists());
 }

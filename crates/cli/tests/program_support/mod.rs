@@ -1,4 +1,4 @@
-//! Runs the program from outside and looks at what it leaves.
+//! Runs the program and reads its outputs.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 use std::path::{Path, PathBuf};
@@ -8,9 +8,9 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// A folder in which the program runs.
-pub(crate) struct Place(TempDir);
+pub(crate) struct TestFolder(TempDir);
 
-impl Place {
+impl TestFolder {
     pub(crate) fn new() -> Self {
         Self(TempDir::new().unwrap())
     }
@@ -26,30 +26,30 @@ impl Place {
         command
     }
 
-    pub(crate) fn run(&self, line: &str) -> Ran {
-        Ran::of(line, self.command(line).output().unwrap())
+    pub(crate) fn run(&self, line: &str) -> CommandResult {
+        CommandResult::from_output(line, self.command(line).output().unwrap())
     }
 
-    /// Runs what has to succeed.
-    pub(crate) fn good(&self, line: &str) -> Ran {
+    /// Runs a command that must succeed.
+    pub(crate) fn run_ok(&self, line: &str) -> CommandResult {
         let ran = self.run(line);
         assert_eq!(ran.code, 0, "{line}: {}", ran.stderr);
         ran
     }
 
-    /// Runs what has to fail with `code`, say `words`, and leave the folder as it was.
-    pub(crate) fn refused(&self, line: &str, code: i32, words: &[&str]) {
-        let before = self.names();
+    /// Runs a command that must fail with `code`, print each of `words`, and leave the folder unchanged.
+    pub(crate) fn run_refused(&self, line: &str, code: i32, words: &[&str]) {
+        let before = self.file_names();
         let ran = self.run(line);
         assert_eq!(ran.code, code, "{line}: {}", ran.stderr);
         for word in words {
             assert!(ran.stderr.contains(word), "{line}: no '{word}' in: {}", ran.stderr);
         }
-        assert_eq!(self.names(), before, "{line} left something behind");
+        assert_eq!(self.file_names(), before, "{line} left something behind");
     }
 
-    /// Names in the folder, hidden ones included.
-    pub(crate) fn names(&self) -> Vec<String> {
+    /// Returns the names of the entries in the folder, including hidden entries.
+    pub(crate) fn file_names(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> =
             entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
@@ -70,7 +70,7 @@ impl Place {
         serde_json::from_slice(&self.read(name)).unwrap()
     }
 
-    /// A grey PNG whose pixels are `level`.
+    /// Writes a gray PNG with `level` in every pixel.
     pub(crate) fn picture(&self, name: &str, width: u32, height: u32, level: u8) -> PathBuf {
         let image = image::GrayImage::from_pixel(width, height, image::Luma([level]));
         let path = self.path(name);
@@ -79,14 +79,14 @@ impl Place {
     }
 }
 
-pub(crate) struct Ran {
+pub(crate) struct CommandResult {
     pub code: i32,
     pub stdout: String,
     pub stderr: String,
 }
 
-impl Ran {
-    pub(crate) fn of(line: &str, output: Output) -> Self {
+impl CommandResult {
+    pub(crate) fn from_output(line: &str, output: Output) -> Self {
         let text = |bytes| String::from_utf8(bytes).unwrap();
         let code = output.status.code().unwrap_or_else(|| panic!("{line}: ended by a signal"));
         let ran = Self { code, stdout: text(output.stdout), stderr: text(output.stderr) };
@@ -94,13 +94,13 @@ impl Ran {
         ran
     }
 
-    /// Standard output as JSON, line by line.
+    /// Parses each line of standard output as one JSON value.
     pub(crate) fn events(&self) -> Vec<Value> {
         self.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     }
 }
 
-/// A NumPy file of f32 in the shape (frames, height, width).
+/// Returns the bytes of a NumPy file of f32 with the shape (frames, height, width).
 pub(crate) fn npy_f32(shape: [usize; 3], values: &[f32]) -> Vec<u8> {
     let [t, h, w] = shape;
     let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({t}, {h}, {w}), }}");
@@ -113,7 +113,7 @@ pub(crate) fn npy_f32(shape: [usize; 3], values: &[f32]) -> Vec<u8> {
     bytes
 }
 
-/// A mono y4m video whose frame `i` has every pixel at `levels[i]`.
+/// Returns a mono y4m video in which every pixel of frame `i` is `levels[i]`.
 pub(crate) fn y4m(width: usize, height: usize, levels: &[u8]) -> Vec<u8> {
     let mut bytes = format!("YUV4MPEG2 W{width} H{height} F25:1 Ip A1:1 Cmono\n").into_bytes();
     for &level in levels {

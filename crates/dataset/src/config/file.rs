@@ -6,25 +6,29 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::camera;
-use crate::asked::texts;
-use crate::{DatasetOptions, Drives, Images, Inputs, Splits, Structure, Work};
-use spikelane::error::{Error, Kind, Result};
+use crate::spec::serde_text;
+use crate::{
+    Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions, SceneContent, Splits,
+};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::Access;
 
-/// The version of the text that this program writes and reads.
-const VERSION: i64 = 1;
+/// Version of the file format.
+const FORMAT_VERSION: i64 = 1;
 
-/// Replaces the `kind` of `[scenes]` by the options of that kind that the table does not set.
-pub(super) fn expand_kind(table: &mut Table) -> Result<()> {
+/// Removes the key `preset` of `[scenes]`. Every option that the table does not contain is set to the value in this
+/// preset.
+pub(super) fn expand_preset(table: &mut Table) -> Result<()> {
     let Some(scenes) = table.get_mut("scenes").and_then(Value::as_table_mut) else { return Ok(()) };
-    let Some(kind) = scenes.remove("kind") else { return Ok(()) };
-    let drives = kind.as_str().and_then(Drives::preset).ok_or_else(|| {
-        Error::new(Kind::Config, "scenes.kind")
+    let Some(kind) = scenes.remove("preset") else { return Ok(()) };
+    let drives = kind.as_str().and_then(SceneContent::from_preset).ok_or_else(|| {
+        Error::new(ErrorKind::Config, "scenes.preset")
             .found(&kind)
-            .expected(Drives::PRESETS.join(", "))
-            .or_nearest(kind.as_str().unwrap_or_default(), Drives::PRESETS)
+            .expected(SceneContent::PRESETS.join(", "))
+            .with_suggestion(kind.as_str().unwrap_or_default(), SceneContent::PRESETS)
     })?;
-    let options = Table::try_from(&drives).map_err(|e| Error::new(Kind::Config, "scenes.kind").found(e))?;
+    let options =
+        Table::try_from(&drives).map_err(|e| Error::new(ErrorKind::Config, "scenes.preset").found(e))?;
     for (key, value) in options {
         scenes.entry(key).or_insert(value);
     }
@@ -33,77 +37,84 @@ pub(super) fn expand_kind(table: &mut Table) -> Result<()> {
 
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct File {
-    dataset: i64,
-    #[serde(default = "zero")]
+pub(super) struct DatasetFile {
+    format_version: i64,
+    #[serde(default = "default_seed")]
     seed: Value,
-    #[serde(default = "zero")]
+    #[serde(default = "default_seed")]
     scene_seed: Value,
-    #[serde(default = "zero")]
+    #[serde(default = "default_seed")]
     camera_seed: Value,
-    #[serde(default, deserialize_with = "texts::read", serialize_with = "texts::write")]
-    structure: Structure,
+    #[serde(
+        default,
+        deserialize_with = "serde_text::deserialize_text",
+        serialize_with = "serde_text::serialize_text"
+    )]
+    dataset_layout: DatasetLayout,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    version: Option<String>,
+    data_version: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    licence: Option<String>,
+    license: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    scenes: Option<Drives>,
+    scenes: Option<SceneContent>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    inputs: Option<Inputs>,
+    inputs: Option<InputContent>,
     #[serde(default)]
-    images: Images,
-    #[serde(default = "Splits::usual")]
+    images: ReferenceImageOptions,
+    #[serde(default = "Splits::default_shares")]
     splits: Splits,
-    #[serde(default = "physical")]
+    #[serde(default = "default_camera")]
     camera: Value,
 }
 
-fn zero() -> Value {
+fn default_seed() -> Value {
     Value::Integer(0)
 }
 
-fn physical() -> Value {
+fn default_camera() -> Value {
     Value::String("physical".to_owned())
 }
 
-/// A seed beyond what TOML's integers hold is a text.
+/// Returns a seed as a TOML integer. If the seed exceeds the range of TOML integers, returns the seed as text.
 fn seed_value(seed: u64) -> Value {
     i64::try_from(seed).map_or_else(|_| Value::String(seed.to_string()), Value::Integer)
 }
 
-fn seed_of(key: &str, value: &Value) -> Result<u64> {
+fn parse_seed(key: &str, value: &Value) -> Result<u64> {
     let read = match value {
         Value::Integer(n) => u64::try_from(*n).ok(),
         Value::String(text) => text.parse().ok(),
         _ => None,
     };
     read.ok_or_else(|| {
-        Error::new(Kind::Config, key).found(value).expected("a whole number from 0 to 18446744073709551615")
+        Error::new(ErrorKind::Config, key)
+            .found(value)
+            .expected("a whole number from 0 to 18446744073709551615")
     })
 }
 
-/// The inputs by absolute paths: the text may lie in another folder.
-fn absolute(inputs: &Inputs) -> Result<Inputs> {
+/// Returns the inputs with absolute paths. The text of the options may be stored in another folder, where relative
+/// paths would be wrong.
+fn with_absolute_paths(inputs: &InputContent) -> Result<InputContent> {
     let whole = |path: &Path| std::path::absolute(path).map_err(|e| Error::io(path.display(), e));
     let list = inputs.list.as_deref().map(whole).transpose()?;
-    Ok(Inputs { folder: whole(&inputs.folder)?, list, ..inputs.clone() })
+    Ok(InputContent { folder: whole(&inputs.folder)?, list, ..inputs.clone() })
 }
 
-impl File {
-    pub(super) fn of(options: &DatasetOptions, maps: &mut Vec<(String, Vec<u8>)>) -> Result<Self> {
-        let (scenes, inputs) = match &options.work {
-            Work::Drives(drives) => (Some(drives.clone()), None),
-            Work::Inputs(inputs) => (None, Some(absolute(inputs)?)),
+impl DatasetFile {
+    pub(super) fn from_options(options: &DatasetOptions, maps: &mut Vec<(String, Vec<u8>)>) -> Result<Self> {
+        let (scenes, inputs) = match &options.content {
+            Content::Scenes(drives) => (Some(drives.clone()), None),
+            Content::Inputs(inputs) => (None, Some(with_absolute_paths(inputs)?)),
         };
         Ok(Self {
-            dataset: VERSION,
+            format_version: FORMAT_VERSION,
             seed: seed_value(options.seed),
             scene_seed: seed_value(options.scene_seed),
             camera_seed: seed_value(options.camera_seed),
-            structure: options.structure,
-            version: options.data_version.clone(),
-            licence: options.licence.clone(),
+            dataset_layout: options.dataset_layout,
+            data_version: options.data_version.clone(),
+            license: options.license.clone(),
             scenes,
             inputs,
             images: options.images,
@@ -112,38 +123,38 @@ impl File {
         })
     }
 
-    pub(super) fn options(self, folder: &Path, access: Access) -> Result<DatasetOptions> {
-        if self.dataset != VERSION {
-            return Err(Error::new(Kind::Config, "dataset")
-                .found(format_args!("version {} of the text", self.dataset))
-                .expected(VERSION)
-                .remedy("make it with the version of the program that wrote it"));
+    pub(super) fn into_options(self, folder: &Path, access: Access) -> Result<DatasetOptions> {
+        if self.format_version != FORMAT_VERSION {
+            return Err(Error::new(ErrorKind::Config, "dataset")
+                .found(format_args!("version {} of the format", self.format_version))
+                .expected(FORMAT_VERSION)
+                .remedy("use the version of spikelane that wrote the file"));
         }
         let work = match (self.scenes, self.inputs) {
-            (Some(drives), None) => Work::Drives(drives),
-            (None, Some(inputs)) => Work::Inputs(Inputs {
+            (Some(drives), None) => Content::Scenes(drives),
+            (None, Some(inputs)) => Content::Inputs(InputContent {
                 folder: folder.join(inputs.folder),
                 list: inputs.list.map(|list| folder.join(list)),
                 ..inputs
             }),
-            (None, None) => Work::Drives(Drives::rhdd()),
+            (None, None) => Content::Scenes(SceneContent::rhdd()),
             (Some(_), Some(_)) => {
-                return Err(Error::new(Kind::Config, "dataset.toml")
+                return Err(Error::new(ErrorKind::Config, "dataset.toml")
                     .found("[scenes] and [inputs]")
-                    .expected("one of them"));
+                    .expected("only one of them"));
             }
         };
         let (camera, cameras) = camera::read(&self.camera, folder, access)?;
         Ok(DatasetOptions {
             cameras,
-            seed: seed_of("seed", &self.seed)?,
-            scene_seed: seed_of("scene_seed", &self.scene_seed)?,
-            camera_seed: seed_of("camera_seed", &self.camera_seed)?,
+            seed: parse_seed("seed", &self.seed)?,
+            scene_seed: parse_seed("scene_seed", &self.scene_seed)?,
+            camera_seed: parse_seed("camera_seed", &self.camera_seed)?,
             images: self.images,
-            structure: self.structure,
+            dataset_layout: self.dataset_layout,
             splits: self.splits,
-            data_version: self.version,
-            licence: self.licence,
+            data_version: self.data_version,
+            license: self.license,
             ..DatasetOptions::new(PathBuf::new(), work, camera)
         })
     }

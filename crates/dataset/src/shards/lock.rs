@@ -1,4 +1,5 @@
-//! One process at a shard: a lock that the system drops with its holder.
+//! The lock of a shard, which only one process at a time can have. The operating system releases the lock when the
+//! process ends.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -6,74 +7,77 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::inputs::read_bytes;
-use spikelane_io::storage::{has_other_names, host, open_own};
+use spikelane_io::storage::{has_other_links, host_name, open_no_follow};
 
-/// Somebody who asks whether a lock is held has it himself for a moment.
-const TRIES: u32 = 10;
-const BETWEEN: Duration = Duration::from_millis(30);
+/// A process that tests a lock acquires the lock for a moment. Therefore a failed attempt is repeated.
+const MAX_LOCK_ATTEMPTS: u32 = 10;
+const RETRY_INTERVAL: Duration = Duration::from_millis(30);
 
-/// A lock that is held until it is dropped.
+/// A lock that is released when this value is dropped.
 #[derive(Debug)]
 pub(super) struct Lock {
     _file: File,
 }
 
 impl Lock {
-    /// Takes the lock at `path` and writes there who has it.
+    /// Acquires the lock at `path`, and writes the host name and the process id to the lock file.
     ///
     /// # Errors
-    /// [`Kind::Busy`] with the holder when another process has it; [`Kind::Io`] where the file system has no locks.
-    pub(crate) fn take(path: &Path) -> Result<Self> {
+    /// * [`ErrorKind::Busy`] if another process has the lock. The error names the host and the process.
+    /// * [`ErrorKind::Input`] if the lock file has other hard links.
+    /// * [`ErrorKind::Io`] if the file system does not support locks.
+    pub(crate) fn acquire(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path.display(), e);
         let mut file =
-            open_own(OpenOptions::new().read(true).write(true).create(true).truncate(false), path)?;
+            open_no_follow(OpenOptions::new().read(true).write(true).create(true).truncate(false), path)?;
         for attempt in 1.. {
             match file.try_lock() {
                 Ok(()) => break,
-                Err(TryLockError::WouldBlock) if attempt < TRIES => std::thread::sleep(BETWEEN),
-                Err(TryLockError::WouldBlock) => {
-                    return Err(Error::new(Kind::Busy, path.display())
-                        .found(format_args!("held by {}", said(path)))
-                        .expected("a shard that nobody is at")
-                        .remedy("let it finish; if it is gone, its lock went with it"));
+                Err(TryLockError::WouldBlock) if attempt < MAX_LOCK_ATTEMPTS => {
+                    std::thread::sleep(RETRY_INTERVAL)
                 }
-                Err(TryLockError::Error(e)) => return Err(without_locks(path, e)),
+                Err(TryLockError::WouldBlock) => {
+                    return Err(Error::new(ErrorKind::Busy, path.display())
+                        .found(format_args!("a lock of {}", holder_text(path)))
+                        .expected("a shard without a running process")
+                        .remedy("wait until the process ends; a process that ended holds no lock"));
+                }
+                Err(TryLockError::Error(e)) => return Err(unsupported_error(path, e)),
             }
         }
-        if has_other_names(&file.metadata().map_err(io)?) {
-            return Err(Error::new(Kind::Input, path.display())
-                .found("a file that has other names as well")
-                .expected("a lock that this program made")
-                .remedy("remove this name; the file keeps the others"));
+        if has_other_links(&file.metadata().map_err(io)?) {
+            return Err(Error::new(ErrorKind::Input, path.display())
+                .found("a file with several names (hard links)")
+                .expected("a lock file written by spikelane")
+                .remedy("remove this name; the file keeps its other names"));
         }
         file.set_len(0).map_err(io)?;
-        writeln!(file, "{} process {}", host(), std::process::id()).map_err(io)?;
+        writeln!(file, "{} process {}", host_name(), std::process::id()).map_err(io)?;
         Ok(Self { _file: file })
     }
 }
 
-fn without_locks(path: &Path, e: io::Error) -> Error {
+fn unsupported_error(path: &Path, e: io::Error) -> Error {
     Error::io(path.display(), e).expected("a file system with locks (flock)").remedy(
-        "give --no-lock where the scheduler starts each shard once, or mount the file system with locks \
-         (Lustre: -o flock)",
+        format_args!("set {} if the scheduler starts each shard only once, or mount the file system with locks (Lustre: -o flock)", Setting("no_lock")),
     )
 }
 
-/// Who holds the lock at `path`, if somebody does.
+/// Returns the host and the process that have the lock at `path`. Returns `None` if no process has the lock.
 pub(super) fn holder(path: &Path) -> Option<String> {
-    let file = open_own(OpenOptions::new().read(true), path).ok()?;
+    let file = open_no_follow(OpenOptions::new().read(true), path).ok()?;
     match file.try_lock_shared() {
-        Err(TryLockError::WouldBlock) => Some(said(path)),
+        Err(TryLockError::WouldBlock) => Some(holder_text(path)),
         _ => None,
     }
 }
 
-/// The longest text of a lock that is shown: the name of a machine and the number of a process.
+/// Maximum length of the text in a lock file. The text consists of a host name and a process id.
 const MAX_HOLDER_BYTES: u64 = 512;
 
-fn said(path: &Path) -> String {
+fn holder_text(path: &Path) -> String {
     let text = read_bytes(path, "a lock", MAX_HOLDER_BYTES).unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
     let text = text.trim();
@@ -84,8 +88,8 @@ fn said(path: &Path) -> String {
     }
 }
 
-/// Where the lock of the shard in `folder` is.
-pub(super) fn place(folder: &Path) -> PathBuf {
+/// Returns the path of the lock of the shard in `folder`.
+pub(super) fn lock_path(folder: &Path) -> PathBuf {
     folder.join("lock")
 }
 
@@ -96,19 +100,20 @@ mod tests {
     #[test]
     fn a_lock_is_held_by_one_and_says_by_whom() {
         let dir = tempfile::tempdir().unwrap();
-        let path = place(dir.path());
+        let path = lock_path(dir.path());
         assert_eq!(holder(&path), None);
-        let first = Lock::take(&path).unwrap();
-        let error = Lock::take(&path).unwrap_err();
-        assert_eq!(error.kind(), Kind::Busy);
+        let first = Lock::acquire(&path).unwrap();
+        let error = Lock::acquire(&path).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Busy);
         assert!(error.to_string().contains(&format!("process {}", std::process::id())), "{error}");
         assert!(holder(&path).is_some());
         drop(first);
         assert_eq!(holder(&path), None);
-        Lock::take(&path).unwrap();
+        Lock::acquire(&path).unwrap();
     }
 
-    /// What a lock's name leads to keeps its bytes: the file of a link, the file of another name, a pipe.
+    /// The lock file must not change other files. The test uses a link to a file, a file with a second name, and a
+    /// pipe.
     #[test]
     fn a_lock_that_is_no_file_of_its_own_is_refused_at_once() {
         let dir = tempfile::tempdir().unwrap();
@@ -128,19 +133,19 @@ mod tests {
         )
         .unwrap();
         for name in ["link", "dangling", "hard", "folder", "pipe"] {
-            let error = Lock::take(&at(name)).unwrap_err();
-            assert!(matches!(error.kind(), Kind::Input | Kind::Io), "{name}: {error}");
+            let error = Lock::acquire(&at(name)).unwrap_err();
+            assert!(matches!(error.kind(), ErrorKind::Input | ErrorKind::Io), "{name}: {error}");
             assert_eq!(holder(&at(name)), None, "{name}");
         }
         assert_eq!(std::fs::read(&mine).unwrap(), b"precious");
         assert!(!at("nowhere").exists());
     }
 
-    /// The seam for a file system without locks, which a test cannot mount.
+    /// Tests the error message directly, because a test cannot mount a file system without locks.
     #[test]
     fn a_file_system_without_locks_is_named_with_what_to_do() {
-        let error = without_locks(Path::new("lock"), rustix::io::Errno::NOLCK.into());
-        assert_eq!(error.kind(), Kind::Io);
-        assert!(error.to_string().contains("--no-lock"), "{error}");
+        let error = unsupported_error(Path::new("lock"), rustix::io::Errno::NOLCK.into());
+        assert_eq!(error.kind(), ErrorKind::Io);
+        assert!(error.to_string().contains("`no_lock`"), "{error}");
     }
 }

@@ -1,93 +1,103 @@
-//! Shards become a dataset: verified, listed, split and described.
+//! Merges shards into a dataset. The merge verifies the shards and writes the manifest, the links and the datasheet.
 
 use std::path::PathBuf;
 
 use super::journal;
 use super::lock::{self, Lock};
-use super::numbers;
-use super::plan::Plan;
-use crate::manifest::{self, DigestOf, sequence_path};
-use crate::views::{self, Views};
-use crate::{Entry, Record, Status, card};
-use spikelane::error::{Error, Kind, Result};
+use super::plan::ShardPlan;
+use super::shard_numbers;
+use crate::exporters::{self, Exporters};
+use crate::manifest::{self, DatasetDigest, sequence_path};
+use crate::{SequenceEntry, SequenceRecord, SequenceStatus, datasheet};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 
-/// How shards are merged.
+/// Options of a merge.
 #[derive(Clone, Copy, Debug)]
-pub struct Merging {
-    /// Trust sizes and times; else every digest is verified.
-    pub quick: bool,
-    /// Link sequences into the folders that loaders read; packed ones have no files to link.
-    pub links: bool,
-    /// Take the folder's lock, see [`super::Running::lock`].
-    pub lock: bool,
+pub struct MergeOptions {
+    /// Whether every digest is verified. If false, only sizes and modification times are compared.
+    pub verify_digests: bool,
+    /// Whether links to the files of the sequences are created in the loaders' folders. Packed sequences have no files
+    /// that can be linked.
+    pub create_links: bool,
+    /// Whether the folder is locked; see [`ShardOptions::take_lock`](super::ShardOptions::take_lock).
+    pub take_lock: bool,
 }
 
-/// A merged dataset.
+/// Result of a merge.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Merged {
-    /// Sequences that are done.
+pub struct MergeReport {
+    /// Number of finished sequences.
     pub sequences: u64,
-    /// Sequences set aside, and why.
-    pub set_aside: Vec<(String, String)>,
-    /// The digest of all records: the same however the work was cut.
+    /// Name of each sequence that failed, and the reason.
+    pub failures: Vec<(String, String)>,
+    /// Digest of the records of all sequences. The digest does not depend on the division into shards.
     pub digest: String,
-    /// Files that were copied into the loaders' folders, since the file system has no hard links.
-    pub copied: u64,
+    /// Number of files that were copied to the loaders' folders because the file system does not support hard links.
+    pub copied_files: u64,
 }
 
-/// Verifies every shard and writes `manifest.jsonl`, the folders of loaders, and the datasheet. `watch` hears of every
-/// shard and of how many there are.
+/// Verifies every shard. Writes `manifest.jsonl`, the loaders' folders and the datasheet.
+///
+/// `progress` receives the number of the current shard and the total number of shards. If `progress` returns an error,
+/// the merge stops.
 ///
 /// # Errors
-/// [`Kind::Input`] with the numbers of the shards that are missing; [`Kind::Corrupt`] with the first that is damaged;
-/// [`Kind::Busy`] while another process merges; those of reading and writing.
-pub fn merge(plan: &Plan, how: &Merging, watch: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Merged> {
-    // One at a time: the next one removes what a killed one left.
-    let _lock = how.lock.then(|| Lock::take(&lock::place(&plan.folder))).transpose()?;
-    views::clean(&plan.folder)?;
-    let missing = missing(plan, watch)?;
+/// * [`ErrorKind::Input`] if shards are missing. The error lists the numbers of the missing shards.
+/// * [`ErrorKind::Corrupt`] if a shard is damaged. The error names the first damaged shard.
+/// * [`ErrorKind::Busy`] if another process is merging the shards.
+/// * Errors of reading and writing.
+pub fn merge(
+    plan: &ShardPlan,
+    options: &MergeOptions,
+    progress: &mut dyn FnMut(u64, u64) -> Result<()>,
+) -> Result<MergeReport> {
+    // A merge removes the partial files of merges that were killed. Two merges at the same time would remove each
+    // other's files.
+    let _lock = options.take_lock.then(|| Lock::acquire(&lock::lock_path(&plan.folder))).transpose()?;
+    exporters::remove_partials(&plan.folder)?;
+    let missing = missing_shards(plan, progress)?;
     if !missing.is_empty() {
-        return Err(Error::new(Kind::Input, plan.folder.display())
+        return Err(Error::new(ErrorKind::Input, plan.folder.display())
             .found(format_args!("{} of {} shards missing", missing.len(), plan.shards()))
-            .expected("all of them")
-            .remedy(format_args!("run them: --array={}", numbers::text(&missing))));
+            .expected("all shards")
+            .remedy(format_args!("run the shards {}", shard_numbers::format_shards(&missing))));
     }
-    let mut merged = Merged::default();
-    let mut digest = DigestOf::default();
-    let mut counts = card::Counts::default();
-    let mut views = Views::new();
-    let mut list = manifest::Listing::begin(&plan.folder, &plan.options.facts()?)?;
+    let mut merged = MergeReport::default();
+    let mut digest = DatasetDigest::default();
+    let mut counts = datasheet::Counts::default();
+    let mut views = Exporters::new();
+    let mut list = manifest::ManifestWriter::begin(&plan.folder, &plan.options.manifest_options()?)?;
     for number in 0..plan.shards() {
-        watch(number, plan.shards())?;
-        for entry in verified(plan, number, how, &mut || watch(number, plan.shards()))? {
+        progress(number, plan.shards())?;
+        for entry in verified_entries(plan, number, options, &mut || progress(number, plan.shards()))? {
             digest.add(&entry);
             counts.add(&entry);
             match entry.status {
-                Status::Done => merged.sequences += 1,
+                SequenceStatus::Done => merged.sequences += 1,
                 _ => {
                     let name = entry.input.clone().unwrap_or_else(|| entry.id.to_string());
-                    merged.set_aside.push((name, entry.reason.clone().unwrap_or_default()));
+                    merged.failures.push((name, entry.reason.clone().unwrap_or_default()));
                 }
             }
-            watch(number, plan.shards())?;
-            if how.links && !plan.pack && entry.status == Status::Done {
-                merged.copied += views::place(&plan.options, &entry)?;
-                merged.copied += views.add(&plan.options, &entry)?;
+            progress(number, plan.shards())?;
+            if options.create_links && !plan.pack_shards && entry.status == SequenceStatus::Done {
+                merged.copied_files += exporters::link_sequence(&plan.options, &entry)?;
+                merged.copied_files += views.add(&plan.options, &entry)?;
             }
             list.add(&entry)?;
         }
     }
     list.finish()?;
-    if how.links && !plan.pack {
-        views.finish(&plan.options, &card::origin(&plan.options))?;
+    if options.create_links && !plan.pack_shards {
+        views.finish(&plan.options, &datasheet::content_description(&plan.options))?;
     }
-    views::config(&plan.options)?;
+    exporters::write_config(&plan.options)?;
     merged.digest = digest.text();
-    card::write(&plan.options, &counts, &merged.digest)?;
+    datasheet::write(&plan.options, &counts, &merged.digest)?;
     Ok(merged)
 }
 
-fn missing(plan: &Plan, watch: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Vec<u64>> {
+fn missing_shards(plan: &ShardPlan, watch: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Vec<u64>> {
     let access = plan.options.access();
     let mut all = Vec::new();
     for number in 0..plan.shards() {
@@ -99,52 +109,52 @@ fn missing(plan: &Plan, watch: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result
     Ok(all)
 }
 
-/// The sequences of a shard that is as it was left; an error of `stop` ends it at once.
-fn verified(
-    plan: &Plan,
+/// Verifies a shard and returns its sequences. If `stop` returns an error, the verification ends immediately.
+fn verified_entries(
+    plan: &ShardPlan,
     number: u64,
-    how: &Merging,
+    how: &MergeOptions,
     stop: &mut dyn FnMut() -> Result<()>,
-) -> Result<Vec<Entry>> {
+) -> Result<Vec<SequenceEntry>> {
     let access = plan.options.access();
     let folder = plan.shard_folder(number, access)?;
-    // Other errors, such as a request to stop, have a remedy of their own.
+    // For other errors, such as a request to stop, this remedy would be wrong.
     let again = |e: Error| match e.kind() {
-        Kind::Corrupt | Kind::Config | Kind::Io => {
-            e.remedy(format_args!("run the shard again: --shard {number} --verify"))
-        }
+        ErrorKind::Corrupt | ErrorKind::Config | ErrorKind::Io => e.remedy(format_args!(
+            "run the shards again: set {} to {number} and enable {}",
+            Setting("shards"),
+            Setting("verify")
+        )),
         _ => e,
     };
     let damaged = |place: PathBuf| {
         again(
-            Error::new(Kind::Corrupt, place.display())
-                .found("files missing, or of another size or time")
-                .expected("what the shard's manifest lists"),
+            Error::new(ErrorKind::Corrupt, place.display())
+                .found("missing files, or files with another size or time")
+                .expected("the files in the manifest of the shard"),
         )
     };
-    let read = journal::read_manifest(&folder, plan.sequences_of(number), access)?;
+    let read = journal::read_manifest(&folder, plan.shard_sequences(number), access)?;
     let (head, lines) = read.ok_or_else(|| damaged(folder.clone()))?;
-    if let Some(packed) = &head.pack {
-        let path = plan.shard_pack(number, access)?;
-        if !packed.holds(&path, !how.quick, stop)? {
+    if let Some(packed) = &head.tar {
+        let path = plan.shard_tar_path(number, access)?;
+        if !packed.is_intact(&path, how.verify_digests, stop)? {
             return Err(damaged(path));
         }
     }
     let mut entries = Vec::with_capacity(lines.len());
     for line in lines {
         stop()?;
-        if head.pack.is_none() && line.entry.status == Status::Done {
-            let place = sequence_path(&line.entry.id).below(&folder, access)?;
-            if how.quick {
-                if !line.holds(&place, access)? {
-                    return Err(damaged(place));
-                }
-            } else {
+        if head.tar.is_none() && line.entry.status == SequenceStatus::Done {
+            let place = sequence_path(&line.entry.id).resolve_in(&folder, access)?;
+            if how.verify_digests {
                 let digest = line.entry.digest.as_deref().unwrap_or_default();
-                Record::verify_below(&place, digest, access, stop).map_err(again)?;
+                SequenceRecord::verify_with_access(&place, digest, access, stop).map_err(again)?;
+            } else if !line.is_intact(&place, access)? {
+                return Err(damaged(place));
             }
         }
-        entries.push(Entry { shard: Some(plan.shard_name(number)), ..line.entry });
+        entries.push(SequenceEntry { shard: Some(plan.shard_name(number)), ..line.entry });
     }
     Ok(entries)
 }

@@ -1,32 +1,33 @@
-//! Datasets that outgrow one machine: a plan, shards that run anywhere and in any order, and their merging.
+//! Datasets that are too large for one machine. Such a dataset is planned, generated in shards and merged.
 //!
-//! A [`Plan`] fixes what each shard makes. [`run`] makes what is missing of one, under a lock, and may be killed at any
-//! moment. [`status`] says what is left, and [`merge`] verifies all and makes the dataset. A sequence's
-//! name, seeds and bytes do not depend on how the work is cut.
+//! A [`ShardPlan`] defines the sequences of each shard. [`generate_shard`] generates the missing sequences of one
+//! shard while the shard is locked. The process may be killed at any moment and started again. Shards can be generated
+//! on any machine and in any order. [`plan_status`] reports the remaining work. [`merge()`] verifies all shards and
+//! completes the dataset. The names, seeds and bytes of a sequence do not depend on the division into shards.
 
+mod input_list;
 mod journal;
-mod list;
 mod lock;
 mod merge;
-pub mod numbers;
 mod pack;
-mod packed;
 mod plan;
 mod run;
+pub mod shard_numbers;
 mod status;
+mod tar_file;
 
 #[cfg(test)]
-mod order;
+mod write_order_tests;
 
-/// Returns how many whole lines the journal in `folder` has; for fuzzing.
+/// Returns the number of complete lines of the journal in `folder`. Fuzz tests use this function.
 ///
 /// # Errors
-/// When the journal cannot be read.
-pub fn journal_lines(folder: &std::path::Path) -> spikelane::Result<usize> {
-    Ok(journal::Journal::of(folder, spikelane::unstable::inputs::Access::Read)?.read()?.len())
+/// [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the journal cannot be read.
+pub fn count_journal_lines(folder: &std::path::Path) -> spikelane::Result<usize> {
+    Ok(journal::Journal::open(folder, spikelane::unstable::inputs::Access::Read)?.read()?.len())
 }
 
-pub use merge::{Merged, Merging, merge};
-pub use plan::Plan;
-pub use run::{Running, ShardReport, run};
-pub use status::{AtWork, Standing, status};
+pub use merge::{MergeOptions, MergeReport, merge};
+pub use plan::ShardPlan;
+pub use run::{ShardOptions, ShardReport, generate_shard};
+pub use status::{PlanStatus, RunningShard, plan_status};

@@ -1,30 +1,32 @@
-//! A shard as one tar, in webdataset's naming.
+//! Writes a shard as one tar file. The member names follow the convention of webdataset.
 //!
-//! The members of a sequence follow one another; their names are the sequence's, a dot, and what the file is. Members are
-//! sorted, their times are zero and their owner is nobody, so that the tar's digest follows from the sequences.
+//! The members of a sequence are consecutive. The name of a member consists of the name of the sequence, a dot, and
+//! the kind of the file. Members are sorted, and their times and owners are zero. The digest of the tar therefore
+//! depends only on the sequences.
 
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::journal::Line;
-use super::packed::Packed;
-use crate::Status;
+use super::journal::JournalEntry;
+use super::tar_file::ShardTar;
+use crate::SequenceStatus;
+use crate::fingerprint::{self, Fingerprint};
 use crate::manifest::sequence_path;
-use crate::record::{self, Record};
-use crate::stamp::{self, Stamp};
-use spikelane::error::{Error, Kind, Result};
+use crate::record::{self, SequenceRecord};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName, read_bytes};
-use spikelane_io::storage::{Digest, Writer};
+use spikelane_io::storage::{Digest, FileWriter};
 
-/// The name of a sequence's file in the tar: all before the first dot is the sequence.
-pub(super) fn member(id: &PlainName, path: &InnerPath) -> String {
+/// Returns the name of a sequence's file in the tar. The part of the name before the first dot is the name of the
+/// sequence.
+pub(super) fn member_name(id: &PlainName, path: &InnerPath) -> String {
     let what = match path.as_str() {
-        record::NAME => "json".to_owned(),
+        record::FILE_NAME => "json".to_owned(),
         "stream.dat" => "spk.dat".to_owned(),
         "stream.clean.dat" => "clean.dat".to_owned(),
-        "clear.png" => "png".to_owned(),
+        "reference.png" => "png".to_owned(),
         other => {
             let (stem, ending) = other.rsplit_once('.').unwrap_or((other, "bin"));
             format!("{}.{ending}", stem.replace(['/', '.'], "-"))
@@ -33,61 +35,64 @@ pub(super) fn member(id: &PlainName, path: &InnerPath) -> String {
     format!("{id}.{what}")
 }
 
-/// A member: its name, and where its bytes are.
+/// A member of the tar, with its name, its size, and the source of its bytes.
 struct Member {
     name: String,
     bytes: u64,
-    from: From,
+    source: MemberSource,
 }
 
-enum From {
+enum MemberSource {
     File(PathBuf),
     Text(String),
 }
 
 impl Member {
-    /// The file at `path`; of JSON with `seeds` what stands for it.
-    fn of(name: String, path: PathBuf, seeds: bool) -> Result<Self> {
+    /// Returns the member for the file at `path`. If `seeds` is true, the file is JSON, and integers of more than 63
+    /// bits are converted to text.
+    fn from_file(name: String, path: PathBuf, seeds: bool) -> Result<Self> {
         if seeds {
-            let text = read_bytes(&path, "a record or sidecar", record::MAX_BYTES)?;
+            let text = read_bytes(&path, "a record or sidecar", record::MAX_RECORD_BYTES)?;
             let read = serde_json::from_slice(&text);
-            let mut value: Value = read.map_err(|e| Error::new(Kind::Corrupt, path.display()).found(e))?;
-            if narrow(&mut value) {
+            let mut value: Value =
+                read.map_err(|e| Error::new(ErrorKind::Corrupt, path.display()).found(e))?;
+            if integers_to_text(&mut value) {
                 let text = format!("{value:#}");
-                return Ok(Self { name, bytes: text.len() as u64, from: From::Text(text) });
+                return Ok(Self { name, bytes: text.len() as u64, source: MemberSource::Text(text) });
             }
         }
         let bytes = InputFile::open(&path)?.len();
-        Ok(Self { name, bytes, from: From::File(path) })
+        Ok(Self { name, bytes, source: MemberSource::File(path) })
     }
 }
 
-/// Whether a file of a sequence is JSON that holds seeds.
-fn with_seeds(path: &str) -> bool {
-    matches!(path, record::NAME | "stream.json")
+/// Returns whether a file of a sequence is a JSON file that contains seeds.
+fn holds_seeds(path: &str) -> bool {
+    matches!(path, record::FILE_NAME | "stream.json")
 }
 
-/// Makes integers beyond 63 bits texts, since Arrow has none and readers of packs put JSON into its tables. Says whether
-/// there were any.
-fn narrow(value: &mut Value) -> bool {
+/// Converts integers of more than 63 bits to text. Returns whether `value` contained such integers.
+///
+/// Programs that read packed shards load JSON into Arrow tables, and Arrow tables do not accept larger integers.
+fn integers_to_text(value: &mut Value) -> bool {
     match value {
         Value::Number(n) if n.is_u64() && !n.is_i64() => {
             *value = n.to_string().into();
             true
         }
-        Value::Array(all) => all.iter_mut().fold(false, |any, v| narrow(v) | any),
-        Value::Object(all) => all.values_mut().fold(false, |any, v| narrow(v) | any),
+        Value::Array(all) => all.iter_mut().fold(false, |any, v| integers_to_text(v) | any),
+        Value::Object(all) => all.values_mut().fold(false, |any, v| integers_to_text(v) | any),
         _ => false,
     }
 }
 
-/// The bytes of a member that lies in a file.
-struct Contents {
+/// Reads the bytes of a member from a file.
+struct MemberReader {
     file: InputFile,
     position: u64,
 }
 
-impl Read for Contents {
+impl Read for MemberReader {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let left = self.file.len() - self.position;
         let len = usize::try_from(left).map_or(bytes.len(), |left| left.min(bytes.len()));
@@ -97,77 +102,78 @@ impl Read for Contents {
     }
 }
 
-/// Writes the sequences in the shard's folder that are done as one tar at `path`; an error of `stop` ends it at once.
-pub(super) fn write(
+/// Writes the finished sequences in the shard's folder as one tar file at `path`. If `stop` returns an error, the
+/// function ends immediately.
+pub(super) fn write_tar(
     path: &Path,
     folder: &Path,
-    lines: &[Line],
+    lines: &[JournalEntry],
     access: Access,
     stop: &mut dyn FnMut() -> Result<()>,
-) -> Result<Packed> {
-    let members = members(folder, lines, access, stop)?;
-    // The length first, so that the disk is reserved at once.
+) -> Result<ShardTar> {
+    let members = list_members(folder, lines, access, stop)?;
+    // The length is computed first, so that the disk space can be reserved before the first write.
     let length = {
-        let mut counter = Counter::default();
-        build(&mut counter, &members, &|m| Ok(Box::new(io::repeat(0).take(m.bytes))))
+        let mut counter = ByteCounter::default();
+        build_tar(&mut counter, &members, &|m| Ok(Box::new(io::repeat(0).take(m.bytes))))
             .map_err(|e| Error::io(path.display(), e))?;
         counter.0
     };
-    let writer = Writer::create(path, length, true)?;
-    let mut out = Out { writer, digest: Digest::new(), failed: None, stop };
-    let built = build(&mut out, &members, &|m| match &m.from {
-        From::File(path) => {
+    let writer = FileWriter::create(path, length, true)?;
+    let mut out = DigestWriter { writer, digest: Digest::new(), failed: None, stop };
+    let built = build_tar(&mut out, &members, &|m| match &m.source {
+        MemberSource::File(path) => {
             let file = InputFile::open(path).map_err(io::Error::other)?;
-            Ok(Box::new(Contents { file, position: 0 }.take(m.bytes)))
+            Ok(Box::new(MemberReader { file, position: 0 }.take(m.bytes)))
         }
-        From::Text(text) => Ok(Box::new(text.as_bytes())),
+        MemberSource::Text(text) => Ok(Box::new(text.as_bytes())),
     });
     if let Some(error) = out.failed.take() {
         return Err(error);
     }
     built.map_err(|e| Error::io(path.display(), e))?;
-    let digest = out.digest.text();
+    let digest = out.digest.to_text();
     out.writer.finish()?;
-    let Stamp { bytes, time_ns } = stamp::at(path)?;
+    let Fingerprint { bytes, mtime_ns: time_ns } = fingerprint::file_fingerprint(path)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let file = PlainName::parse(Kind::Input, path.display(), &name)?;
-    Ok(Packed { file, bytes, time_ns, digest })
+    let file = PlainName::parse(ErrorKind::Input, path.display(), &name)?;
+    Ok(ShardTar { file, bytes, mtime_ns: time_ns, digest })
 }
 
-fn members(
+fn list_members(
     shard: &Path,
-    lines: &[Line],
+    lines: &[JournalEntry],
     access: Access,
     stop: &mut dyn FnMut() -> Result<()>,
 ) -> Result<Vec<Member>> {
     let mut all = Vec::new();
-    let mut done: Vec<_> = lines.iter().filter(|l| l.entry.status == Status::Done).collect();
+    let mut done: Vec<_> = lines.iter().filter(|l| l.entry.status == SequenceStatus::Done).collect();
     done.sort_by(|a, b| a.entry.id.cmp(&b.entry.id));
     for line in done {
         let id = &line.entry.id;
-        let folder = sequence_path(id).below(shard, access)?;
+        let folder = sequence_path(id).resolve_in(shard, access)?;
         let digest = line.entry.digest.as_deref().unwrap_or_default();
-        let record = Record::verify_below(&folder, digest, access, stop)?;
+        let record = SequenceRecord::verify_with_access(&folder, digest, access, stop)?;
         let mut own = Vec::new();
-        for file in record.files.iter().map(|f| f.path.clone()).chain([record::NAME.into()]) {
-            let path = file.below(&folder, access)?;
-            own.push(Member::of(member(id, &file), path, with_seeds(file.as_str()))?);
+        for file in record.files.iter().map(|f| f.path.clone()).chain([record::FILE_NAME.into()]) {
+            let path = file.resolve_in(&folder, access)?;
+            own.push(Member::from_file(member_name(id, &file), path, holds_seeds(file.as_str()))?);
         }
         let split = line.entry.split.name().to_owned();
         let name = format!("{id}.split.txt");
-        own.push(Member { name, bytes: split.len() as u64, from: From::Text(split) });
+        own.push(Member { name, bytes: split.len() as u64, source: MemberSource::Text(split) });
         own.sort_by(|a, b| a.name.cmp(&b.name));
         if let Some(pair) = own.windows(2).find(|pair| pair[0].name == pair[1].name) {
-            return Err(Error::new(Kind::Config, folder.display())
-                .found(format_args!("two files that would both be {}", pair[0].name))
-                .expected("names that differ in the pack"));
+            return Err(Error::new(ErrorKind::Config, folder.display())
+                .found(format_args!("two files with the name {} in the archive", pair[0].name))
+                .expected("different names"));
         }
         all.append(&mut own);
     }
     Ok(all)
 }
 
-fn build<'a>(
+fn build_tar<'a>(
     out: &mut dyn Write,
     members: &'a [Member],
     open: &dyn Fn(&'a Member) -> io::Result<Box<dyn Read + 'a>>,
@@ -187,9 +193,9 @@ fn build<'a>(
 }
 
 #[derive(Default)]
-struct Counter(u64);
+struct ByteCounter(u64);
 
-impl Write for Counter {
+impl Write for ByteCounter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0 += bytes.len() as u64;
         Ok(bytes.len())
@@ -199,15 +205,15 @@ impl Write for Counter {
     }
 }
 
-/// Into the file, through the digest.
-struct Out<'a> {
-    writer: Writer,
+/// Writes bytes to the file and adds the bytes to the digest.
+struct DigestWriter<'a> {
+    writer: FileWriter,
     digest: Digest,
     failed: Option<Error>,
     stop: &'a mut dyn FnMut() -> Result<()>,
 }
 
-impl Write for Out<'_> {
+impl Write for DigestWriter<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.digest.update(bytes);
         match (self.stop)().and_then(|()| self.writer.write_all(bytes)) {
@@ -232,10 +238,10 @@ mod tests {
     fn integers_beyond_arrow_become_texts_and_others_stay() {
         let mut value =
             serde_json::json!({"a": [u64::MAX, 1, -3, 2.5], "b": {"c": 1u64 << 63, "d": i64::MAX}});
-        assert!(narrow(&mut value));
+        assert!(integers_to_text(&mut value));
         let expected = serde_json::json!({"a": ["18446744073709551615", 1, -3, 2.5], "b": {"c": "9223372036854775808", "d": i64::MAX}});
         assert_eq!(value, expected);
-        assert!(!narrow(&mut value), "nothing is left to change");
+        assert!(!integers_to_text(&mut value), "nothing is left to change");
     }
 
     #[test]
@@ -245,14 +251,14 @@ mod tests {
             ("stream.dat", "scene-0001.spk.dat"),
             ("stream.clean.dat", "scene-0001.clean.dat"),
             ("stream.json", "scene-0001.stream.json"),
-            ("clear.png", "scene-0001.png"),
+            ("reference.png", "scene-0001.png"),
             ("gt.png", "scene-0001.gt.png"),
             ("images/000022.png", "scene-0001.images-000022.png"),
             ("labels/000012.depth.npy", "scene-0001.labels-000012-depth.npy"),
             ("labels/000012.backward.flo", "scene-0001.labels-000012-backward.flo"),
         ] {
-            let id = PlainName::parse(Kind::Input, "id", "scene-0001").unwrap();
-            assert_eq!(member(&id, &InnerPath::from(path)), name);
+            let id = PlainName::parse(ErrorKind::Input, "id", "scene-0001").unwrap();
+            assert_eq!(member_name(&id, &InnerPath::from(path)), name);
         }
     }
 }

@@ -1,292 +1,328 @@
-//! What is to be made, and by which shard: fixed before the first sequence, and never changed.
+//! The plan of a dataset that is generated in shards. The plan is written before the first sequence is generated, and
+//! never changes.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::list::{self, Frozen, Piece, freeze, frozen};
+use super::input_list::{self, ListSlice, PlannedInput, read_inputs, write_list};
 use crate::config;
-use crate::entries::{new_input, planned_scene};
-use crate::{DatasetOptions, Entry, Input, Inputs, Split, Stamp, Work};
-use spikelane::error::{Error, Kind, Result};
+use crate::entries::{planned_input_entry, planned_scene_entry};
+use crate::{Content, DatasetOptions, Fingerprint, Input, InputContent, SequenceEntry, Split};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::inputs::{Access, InnerPath, PlainName, read_bytes};
-use spikelane_io::storage::{self, OutputSet, trees};
+use spikelane_io::storage::{self, OutputSet, folders};
 
-/// The version of the plan's form.
-const VERSION: u32 = 1;
-const NAME: &str = "plan.json";
+/// Version of the format of `plan.json`.
+const FORMAT_VERSION: u32 = 1;
+const FILE_NAME: &str = "plan.json";
 
-/// The most that a plan may hold, in bytes: a million shards of inputs have some 200 MB.
-const MAX_BYTES: u64 = 256 << 20;
+/// Maximum size of a plan in bytes. A plan with a million shards of inputs has about 200 MB.
+const MAX_PLAN_BYTES: u64 = 256 << 20;
 
-/// The work of many machines: a folder with a plan, which every shard reads and none writes.
+/// The plan of a dataset that many machines generate. The plan is a folder that every shard reads and no shard
+/// changes.
 #[derive(Clone, Debug)]
-pub struct Plan {
-    /// The folder of the dataset.
+pub struct ShardPlan {
+    /// Folder of the dataset.
     pub folder: PathBuf,
-    /// The options of the dataset; its output is the folder.
+    /// Options of the dataset. The output folder in the options is `folder`.
     pub options: DatasetOptions,
-    /// Sequences of all shards.
+    /// Number of sequences in all shards.
     pub sequences: u64,
-    /// Sequences of a shard; the last one may have fewer.
-    pub per_shard: u64,
-    /// Whether a finished shard becomes one tar.
-    pub pack: bool,
-    pieces: Vec<Piece>,
+    /// Number of sequences per shard. The last shard may have fewer sequences.
+    pub sequences_per_shard: u64,
+    /// Whether each finished shard is converted to one tar file.
+    pub pack_shards: bool,
+    list_slices: Vec<ListSlice>,
 }
 
-/// The keys of `plan.json` by which its other keys are known.
+/// The keys of `plan.json` that determine how the other keys are parsed.
 #[derive(Deserialize)]
-struct Versions {
-    plan: Option<serde_json::Value>,
-    version: Option<serde_json::Value>,
+struct PlanVersions {
+    format_version: Option<serde_json::Value>,
+    program_version: Option<serde_json::Value>,
 }
 
-/// `plan.json`.
+/// The content of `plan.json`.
 #[derive(Deserialize, Serialize)]
-struct OnDisk {
-    plan: u32,
-    version: String,
+struct PlanFile {
+    format_version: u32,
+    program_version: String,
     sequences: u64,
-    per_shard: u64,
+    sequences_per_shard: u64,
     shards: u64,
-    pack: bool,
+    pack_shards: bool,
     /// The text of `dataset.toml`.
     options: String,
-    /// Where each shard's part of the list of inputs lies.
+    /// For each shard, the slice of the input list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pieces: Vec<Piece>,
+    list_slices: Vec<ListSlice>,
 }
 
-/// A sequence of a shard.
+/// A sequence that a shard generates.
 #[derive(Clone, Debug)]
-pub(super) struct Task {
-    pub entry: Entry,
-    /// How its input was when the plan was made.
-    pub stamp: Option<Stamp>,
+pub(super) struct SequenceTask {
+    pub entry: SequenceEntry,
+    /// Size and modification time of the input when the plan was made. `None` for scenes.
+    pub fingerprint: Option<Fingerprint>,
 }
 
-impl Plan {
-    /// Plans the dataset of `options` in its output folder, `per_shard` sequences a shard. Of inputs names, sizes and
-    /// times are listed and nothing is read. Where the same was planned before, that plan stays, with its list; the
-    /// second value then is true.
+impl ShardPlan {
+    /// Creates the plan of the dataset `options` in the output folder. Each shard has `per_shard` sequences.
+    ///
+    /// The plan lists the names, sizes and modification times of the inputs. The content of the inputs is not read. If
+    /// the same plan already exists, the existing plan and its list are used, and the second returned value is true.
     ///
     /// # Errors
-    /// As [`DatasetOptions::check`]; [`Kind::Exists`] where another plan or a dataset is; those of listing and writing.
-    pub fn make(options: &DatasetOptions, per_shard: u64, pack: bool) -> Result<(Self, bool)> {
+    /// * The errors of [`DatasetOptions::check`].
+    /// * [`ErrorKind::Exists`] if the folder contains another plan or a dataset.
+    /// * Errors of listing the inputs and of writing the plan.
+    pub fn create(options: &DatasetOptions, per_shard: u64, pack: bool) -> Result<(Self, bool)> {
         options.check()?;
         if per_shard == 0 {
-            return Err(Error::new(Kind::Usage, "--per-shard").found(0).expected("at least one sequence"));
+            return Err(Error::new(ErrorKind::Usage, Setting("sequences_per_shard"))
+                .found(0)
+                .expected("at least one sequence"));
         }
         let folder = options.output.clone();
-        let written = config::write(options)?;
+        let written = config::to_toml(options)?;
         let existing = || -> Result<Option<Self>> {
-            if !folder.join(NAME).exists() {
+            if !folder.join(FILE_NAME).exists() {
                 return Ok(None);
             }
-            let plan = Self::read(&folder)?;
-            plan.same(&written.text, per_shard, pack)?;
+            let plan = Self::open(&folder)?;
+            plan.check_same_plan(&written.text, per_shard, pack)?;
             Ok(Some(plan))
         };
         if let Some(plan) = existing()? {
             return Ok((plan, true));
         }
-        // A plan that is refused leaves no folder; one that is not empty stays.
+        // If the function returns an error, dropping `_claim` removes the folder, provided that the folder is empty.
         let _claim = OutputSet::claim_folder(&folder)?;
-        // Another process may have made the plan meanwhile.
+        // Another process may have written the plan before the folder was locked.
         if let Some(plan) = existing()? {
             return Ok((plan, true));
         }
-        if folder.join(crate::manifest::NAME).exists() {
-            return Err(Error::new(Kind::Exists, folder.display())
+        if folder.join(crate::manifest::FILE_NAME).exists() {
+            return Err(Error::new(ErrorKind::Exists, folder.display())
                 .found("a dataset without a plan")
-                .expected("a free folder"));
+                .expected("a folder without a dataset"));
         }
-        Self::begin(options, per_shard, pack, &written)?;
-        Self::read(&folder).map(|plan| (plan, false))
+        Self::write_plan_files(options, per_shard, pack, &written)?;
+        Self::open(&folder).map(|plan| (plan, false))
     }
 
-    fn begin(options: &DatasetOptions, per_shard: u64, pack: bool, written: &config::Written) -> Result<()> {
+    fn write_plan_files(
+        options: &DatasetOptions,
+        per_shard: u64,
+        pack: bool,
+        written: &config::DatasetText,
+    ) -> Result<()> {
         let folder = &options.output;
-        trees::remove_partials(folder, |_| true)?;
+        folders::remove_partials(folder, |_| true)?;
         for (name, bytes) in &written.maps {
-            let name = PlainName::parse(Kind::Config, "map of a camera", name)?;
-            storage::write_small(&trees::prepare(folder, &InnerPath::from(name))?, bytes, true)?;
+            let name = PlainName::parse(ErrorKind::Config, "map of a camera", name)?;
+            storage::write_small(&folders::create_parents(folder, &InnerPath::from(name))?, bytes, true)?;
         }
-        let (sequences, pieces) = match &options.work {
-            Work::Drives(drives) => (u64::from(drives.sequences), Vec::new()),
-            Work::Inputs(inputs) => freeze(options, inputs, per_shard)?,
+        let (sequences, pieces) = match &options.content {
+            Content::Scenes(drives) => (u64::from(drives.sequences), Vec::new()),
+            Content::Inputs(inputs) => write_list(options, inputs, per_shard)?,
         };
-        let on_disk = OnDisk {
-            plan: VERSION,
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+        let on_disk = PlanFile {
+            format_version: FORMAT_VERSION,
+            program_version: env!("CARGO_PKG_VERSION").to_owned(),
             sequences,
-            per_shard,
+            sequences_per_shard: per_shard,
             shards: sequences.div_ceil(per_shard),
-            pack,
+            pack_shards: pack,
             options: written.text.clone(),
-            pieces,
+            list_slices: pieces,
         };
-        let path = folder.join(NAME);
+        let path = folder.join(FILE_NAME);
         let bytes = serde_json::to_vec_pretty(&on_disk)
-            .map_err(|e| Error::new(Kind::Config, path.display()).found(e))?;
-        if bytes.len() as u64 > MAX_BYTES {
-            return Err(Error::new(Kind::Usage, "--per-shard")
+            .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
+        if bytes.len() as u64 > MAX_PLAN_BYTES {
+            return Err(Error::new(ErrorKind::Usage, Setting("sequences_per_shard"))
                 .found(format_args!("a plan of {} bytes for {} shards", bytes.len(), on_disk.shards))
-                .expected(format_args!("at most {MAX_BYTES} bytes"))
-                .remedy("give each shard more sequences"));
+                .expected(format_args!("at most {MAX_PLAN_BYTES} bytes"))
+                .remedy("increase the number of sequences per shard"));
         }
         storage::write_small(&path, &bytes, false)
     }
 
-    /// Reads the plan of a folder. Links may not leave the folder.
+    /// Reads the plan in a folder. Links to files outside the folder are rejected.
     ///
     /// # Errors
-    /// [`Kind::Io`] where there is none, [`Kind::Config`] for one of another version of its form or of the program, and for
-    /// one whose numbers of sequences and shards are not those of its options.
-    pub fn read(folder: &Path) -> Result<Self> {
-        Self::read_with(folder, false)
+    /// * [`ErrorKind::Io`] if there is no plan.
+    /// * [`ErrorKind::Config`] if the format version or the program version of the plan differs.
+    /// * [`ErrorKind::Config`] if the numbers of sequences and shards do not match the options.
+    pub fn open(folder: &Path) -> Result<Self> {
+        Self::open_with_links(folder, false)
     }
 
-    /// The same; with `follow_links` links may leave the folder when its files are read.
+    /// Reads a plan as [`ShardPlan::open`] does. If `follow_links` is true, files may be links to files outside the
+    /// folder.
     ///
     /// # Errors
-    /// As [`Plan::read`].
-    pub fn read_with(folder: &Path, follow_links: bool) -> Result<Self> {
-        let access = Access::reading(follow_links);
-        let path = InnerPath::from(NAME).below(folder, access)?;
-        let text = read_bytes(&path, "a plan", MAX_BYTES).map_err(|e| match e.kind() {
-            Kind::Io => e.expected("a plan").remedy("make one with 'spikelane dataset plan'"),
+    /// The errors of [`ShardPlan::open`].
+    pub fn open_with_links(folder: &Path, follow_links: bool) -> Result<Self> {
+        let access = Access::for_reading(follow_links);
+        let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
+        let text = read_bytes(&path, "a plan", MAX_PLAN_BYTES).map_err(|e| match e.kind() {
+            ErrorKind::Io => e.expected("a plan").remedy("plan the dataset first"),
             _ => e,
         })?;
-        let bad = |found: &dyn std::fmt::Display| Error::new(Kind::Config, path.display()).found(found);
-        // The version first: another one may have other keys.
-        let head: Versions = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
+        let bad = |found: &dyn std::fmt::Display| Error::new(ErrorKind::Config, path.display()).found(found);
+        // The version is checked first, because a plan of another version may have other keys.
+        let head: PlanVersions = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
         let own = env!("CARGO_PKG_VERSION");
         let shown = |value: Option<serde_json::Value>| value.unwrap_or_default().to_string();
-        if head.plan != Some(VERSION.into()) {
-            return Err(bad(&format_args!("version {} of the plan's form", shown(head.plan)))
-                .expected(VERSION)
-                .remedy("use the version of the program that planned it"));
+        if head.format_version != Some(FORMAT_VERSION.into()) {
+            return Err(bad(&format_args!("version {} of the plan format", shown(head.format_version)))
+                .expected(FORMAT_VERSION)
+                .remedy("use the version of spikelane that wrote the plan"));
         }
-        if head.version != Some(own.into()) {
-            return Err(bad(&format_args!("a plan of spikelane {}", shown(head.version)))
+        if head.program_version != Some(own.into()) {
+            return Err(bad(&format_args!("a plan of spikelane {}", shown(head.program_version)))
                 .expected(own)
-                .remedy("sequences of two versions may differ; use the one that planned it, or plan anew"));
+                .remedy("sequences may differ between versions; use the version that wrote the plan, or plan again"));
         }
-        let on_disk: OnDisk = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
-        let options = config::parse_with(&on_disk.options, folder, follow_links)
+        let on_disk: PlanFile = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
+        let options = config::from_toml_with(&on_disk.options, folder, follow_links)
             .and_then(|options| options.check().map(|()| options))
-            .map_err(|e| e.usage_as_config().within(path.display()))?;
+            .map_err(|e| e.usage_as_config().with_context(path.display()))?;
         let options = DatasetOptions { output: folder.to_owned(), follow_links, ..options };
-        let OnDisk { sequences, per_shard, pack, pieces, shards, .. } = on_disk;
+        let PlanFile {
+            sequences,
+            sequences_per_shard: per_shard,
+            pack_shards: pack,
+            list_slices: pieces,
+            shards,
+            ..
+        } = on_disk;
         if per_shard == 0 || shards != sequences.div_ceil(per_shard) {
             return Err(bad(&format_args!("{shards} shards of {per_shard} for {sequences} sequences")));
         }
-        match &options.work {
-            Work::Drives(drives) if sequences != u64::from(drives.sequences) => {
+        match &options.content {
+            Content::Scenes(drives) if sequences != u64::from(drives.sequences) => {
                 return Err(bad(&format_args!("{sequences} sequences"))
-                    .expected(format_args!("{}, as its options have", drives.sequences))
-                    .remedy("copy the plan again, or plan anew"));
+                    .expected(format_args!("{}, as required by its options", drives.sequences))
+                    .remedy("copy the plan again, or plan again"));
             }
-            Work::Drives(_) => {}
-            Work::Inputs(_) => list::check(&pieces, shards).map_err(|e| e.within(path.display()))?,
+            Content::Scenes(_) => {}
+            Content::Inputs(_) => {
+                input_list::check_slices(&pieces, shards).map_err(|e| e.with_context(path.display()))?
+            }
         }
-        Ok(Self { folder: folder.to_owned(), options, sequences, per_shard, pack, pieces })
+        Ok(Self {
+            folder: folder.to_owned(),
+            options,
+            sequences,
+            sequences_per_shard: per_shard,
+            pack_shards: pack,
+            list_slices: pieces,
+        })
     }
 
-    fn same(&self, text: &str, per_shard: u64, pack: bool) -> Result<()> {
-        let own = config::write(&self.options)?.text;
+    fn check_same_plan(&self, text: &str, per_shard: u64, pack: bool) -> Result<()> {
+        let own = config::to_toml(&self.options)?.text;
         let found = if own != text {
             let differs = own.lines().zip(text.lines()).find(|(a, b)| a != b);
             differs.map_or("other options".to_owned(), |(a, b)| format!("`{a}`, not `{b}`"))
-        } else if self.per_shard != per_shard {
-            format!("{} sequences a shard, not {per_shard}", self.per_shard)
-        } else if self.pack != pack {
-            format!("pack = {}", self.pack)
+        } else if self.sequences_per_shard != per_shard {
+            format!("{} sequences per shard, not {per_shard}", self.sequences_per_shard)
+        } else if self.pack_shards != pack {
+            format!("pack = {}", self.pack_shards)
         } else {
             return Ok(());
         };
-        Err(Error::new(Kind::Exists, self.folder.join(NAME).display())
+        Err(Error::new(ErrorKind::Exists, self.folder.join(FILE_NAME).display())
             .found(format_args!("another plan: {found}"))
-            .expected("this one, or a free folder")
-            .remedy("a plan is never changed; choose another folder"))
+            .expected("this plan, or a folder without a plan")
+            .remedy("plans are never changed; choose another folder"))
     }
 
-    /// Bytes on the disk, about; of drawn scenes, as the length of inputs is not known.
+    /// Returns the approximate number of bytes on disk. Returns `None` for inputs, because their length is unknown.
     ///
     /// # Errors
-    /// When a file would exceed what can be counted.
+    /// [`ErrorKind::Config`] if a sequence has more than 2^64 - 1 bytes.
     pub fn estimated_bytes(&self) -> Result<Option<u64>> {
-        let Work::Drives(drives) = &self.options.work else { return Ok(None) };
-        let each = planned_scene(&self.options, drives, 0)?.bytes;
+        let Content::Scenes(drives) = &self.options.content else { return Ok(None) };
+        let each = planned_scene_entry(&self.options, drives, 0)?.bytes;
         Ok(each.map(|bytes| bytes.saturating_mul(self.sequences)))
     }
 
-    /// Number of shards.
+    /// Returns the number of shards.
     #[must_use]
     pub fn shards(&self) -> u64 {
-        self.sequences.div_ceil(self.per_shard)
+        self.sequences.div_ceil(self.sequences_per_shard)
     }
 
-    /// Sequences of shard `number`.
+    /// Returns the number of sequences of shard `number`.
     #[must_use]
-    pub fn sequences_of(&self, number: u64) -> u64 {
-        let first = number.saturating_mul(self.per_shard);
-        self.sequences.saturating_sub(first).min(self.per_shard)
+    pub fn shard_sequences(&self, number: u64) -> u64 {
+        let first = number.saturating_mul(self.sequences_per_shard);
+        self.sequences.saturating_sub(first).min(self.sequences_per_shard)
     }
 
-    /// The name of shard `number`: six digits, or as many as the last one needs.
+    /// Returns the name of shard `number`. The name has six digits, or more if the number of the last shard has more
+    /// digits.
     #[must_use]
     pub fn shard_name(&self, number: u64) -> PlainName {
         let width = self.shards().saturating_sub(1).to_string().len().max(6);
-        PlainName::number(number, width)
+        PlainName::from_number(number, width)
     }
 
-    /// The folder of shard `number`, for `access`.
+    /// Returns the folder of shard `number`. `access` determines whether links are allowed.
     pub(super) fn shard_folder(&self, number: u64, access: Access) -> Result<PathBuf> {
-        InnerPath::from("shards").join(self.shard_name(number)).below(&self.folder, access)
+        InnerPath::from("shards").join(self.shard_name(number)).resolve_in(&self.folder, access)
     }
 
-    /// The tar that shard `number` becomes, if shards are packed, for `access`.
-    pub(super) fn shard_pack(&self, number: u64, access: Access) -> Result<PathBuf> {
-        InnerPath::from("shards").join(self.shard_name(number).with(".tar")).below(&self.folder, access)
+    /// Returns the path of the tar file of shard `number`. The file exists only if shards are packed. `access`
+    /// determines whether links are allowed.
+    pub(super) fn shard_tar_path(&self, number: u64, access: Access) -> Result<PathBuf> {
+        InnerPath::from("shards")
+            .join(self.shard_name(number).with_ending(".tar"))
+            .resolve_in(&self.folder, access)
     }
 
-    /// Splits of all sequences by their number; none for inputs, whose split needs their name alone.
+    /// Returns the split of every scene, indexed by scene number.
+    ///
+    /// For inputs, the result is empty, because the split of an input depends only on its name.
     pub(super) fn scene_splits(&self) -> Vec<Split> {
-        match self.options.work {
-            Work::Drives(_) => self.options.scene_splits(),
-            Work::Inputs(_) => Vec::new(),
+        match self.options.content {
+            Content::Scenes(_) => self.options.scene_splits(),
+            Content::Inputs(_) => Vec::new(),
         }
     }
 
-    /// The sequences of shard `number`; `splits` are those of [`Self::scene_splits`].
-    pub(super) fn tasks(&self, number: u64, splits: &[Split]) -> Result<Vec<Task>> {
-        let sequences = self.sequences_of(number);
-        let first = number.saturating_mul(self.per_shard);
-        match &self.options.work {
-            Work::Drives(drives) => (first..first + sequences)
+    /// Returns the sequences of shard `number`. `splits` must be the result of [`Self::scene_splits`].
+    pub(super) fn tasks(&self, number: u64, splits: &[Split]) -> Result<Vec<SequenceTask>> {
+        let sequences = self.shard_sequences(number);
+        let first = number.saturating_mul(self.sequences_per_shard);
+        match &self.options.content {
+            Content::Scenes(drives) => (first..first + sequences)
                 .map(|i| {
-                    let mut entry = planned_scene(&self.options, drives, i)?;
+                    let mut entry = planned_scene_entry(&self.options, drives, i)?;
                     entry.split = splits[i as usize];
-                    Ok(Task { entry, stamp: None })
+                    Ok(SequenceTask { entry, fingerprint: None })
                 })
                 .collect(),
-            Work::Inputs(inputs) => {
+            Content::Inputs(inputs) => {
                 let access = self.options.access();
-                frozen(&self.folder, &self.pieces, number, sequences, access)?
+                read_inputs(&self.folder, &self.list_slices, number, sequences, access)?
                     .into_iter()
-                    .map(|frozen| self.task(inputs, frozen))
+                    .map(|frozen| self.input_task(inputs, frozen))
                     .collect()
             }
         }
     }
 
-    fn task(&self, inputs: &Inputs, frozen: Frozen) -> Result<Task> {
-        let Frozen { id, path, frames, bytes, time_ns } = frozen;
-        let mut entry = new_input(&self.options, inputs, Input { id, path, frames })?;
-        entry.split = self.options.split_alone(entry.id.as_str());
-        Ok(Task { entry, stamp: Some(Stamp { bytes, time_ns }) })
+    fn input_task(&self, inputs: &InputContent, frozen: PlannedInput) -> Result<SequenceTask> {
+        let PlannedInput { id, path, frames, bytes, mtime_ns: time_ns } = frozen;
+        let mut entry = planned_input_entry(&self.options, inputs, Input { id, path, frames })?;
+        entry.split = self.options.input_split(entry.id.as_str());
+        Ok(SequenceTask { entry, fingerprint: Some(Fingerprint { bytes, mtime_ns: time_ns }) })
     }
 }

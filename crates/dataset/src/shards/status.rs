@@ -1,71 +1,76 @@
-//! How far the work of a plan is.
+//! The progress of a plan.
 
 use super::journal;
 use super::lock;
-use super::plan::Plan;
+use super::plan::ShardPlan;
 use spikelane::error::Result;
 use spikelane_measure::upper_median;
 
-/// A shard that somebody is at.
+/// A shard that a process is generating.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AtWork {
-    /// Its number.
+pub struct RunningShard {
+    /// Number of the shard.
     pub shard: u64,
-    /// Host and process.
+    /// Host and process that have the lock.
     pub holder: String,
-    /// Its sequences that are settled.
-    pub settled: u64,
+    /// Number of sequences of the shard that are processed.
+    pub processed: u64,
 }
 
-/// How far the shards of a plan are.
+/// Progress of the shards of a plan.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Standing {
-    /// All shards.
+pub struct PlanStatus {
+    /// Number of shards.
     pub shards: u64,
-    /// All sequences.
+    /// Number of sequences.
     pub sequences: u64,
-    /// Shards that are done.
-    pub done: u64,
-    /// Shards that somebody is at.
-    pub running: Vec<AtWork>,
-    /// Shards that are neither done nor somebody's.
-    pub missing: Vec<u64>,
-    /// Sequences set aside, of shards that are done.
-    pub set_aside: u64,
-    /// Median seconds of the shards that are done.
+    /// Number of finished shards.
+    pub done_shards: u64,
+    /// Shards that a process is generating.
+    pub running_shards: Vec<RunningShard>,
+    /// Shards that are neither finished nor running.
+    pub missing_shards: Vec<u64>,
+    /// Number of failed sequences in finished shards.
+    pub failed_sequences: u64,
+    /// Median processing time of the finished shards in seconds.
     pub seconds_per_shard: Option<f64>,
 }
 
-impl Standing {
-    /// Seconds that one process would still take, by the median.
+impl PlanStatus {
+    /// Returns the number of seconds that one process needs for the remaining shards. The estimate uses the median
+    /// time per shard.
     #[must_use]
     pub fn seconds_left(&self) -> Option<f64> {
-        let left = self.shards - self.done;
+        let left = self.shards - self.done_shards;
         if left == 0 { Some(0.0) } else { self.seconds_per_shard.map(|s| s * left as f64) }
     }
 }
 
-/// Looks at every shard: one file of those that are done, the lock of the others. `watch` hears of every shard, and its
-/// error ends it.
+/// Reads the progress of every shard. For a finished shard, the manifest is read. For any other shard, the lock is
+/// tested.
+///
+/// `progress` receives the number of every shard. If `progress` returns an error, the function ends.
 ///
 /// # Errors
-/// When a shard's manifest is damaged or cannot be read.
-pub fn status(plan: &Plan, watch: &mut dyn FnMut(u64) -> Result<()>) -> Result<Standing> {
+/// [`ErrorKind::Corrupt`](spikelane::ErrorKind::Corrupt) if the manifest of a shard is damaged. Also errors of
+/// reading.
+pub fn plan_status(plan: &ShardPlan, progress: &mut dyn FnMut(u64) -> Result<()>) -> Result<PlanStatus> {
     let access = plan.options.access();
-    let mut standing = Standing { shards: plan.shards(), sequences: plan.sequences, ..Standing::default() };
+    let mut standing =
+        PlanStatus { shards: plan.shards(), sequences: plan.sequences, ..PlanStatus::default() };
     let mut seconds = Vec::new();
     for shard in 0..plan.shards() {
-        watch(shard)?;
+        progress(shard)?;
         let folder = plan.shard_folder(shard, access)?;
         if let Some(head) = journal::read_head(&folder, access)? {
-            standing.done += 1;
-            standing.set_aside = standing.set_aside.saturating_add(head.failed);
+            standing.done_shards += 1;
+            standing.failed_sequences = standing.failed_sequences.saturating_add(head.failed_sequences);
             seconds.push(head.seconds);
-        } else if let Some(holder) = lock::holder(&lock::place(&folder)) {
-            let settled = journal::Journal::of(&folder, access)?.read()?.len() as u64;
-            standing.running.push(AtWork { shard, holder, settled });
+        } else if let Some(holder) = lock::holder(&lock::lock_path(&folder)) {
+            let settled = journal::Journal::open(&folder, access)?.read()?.len() as u64;
+            standing.running_shards.push(RunningShard { shard, holder, processed: settled });
         } else {
-            standing.missing.push(shard);
+            standing.missing_shards.push(shard);
         }
     }
     standing.seconds_per_shard = (!seconds.is_empty()).then(|| upper_median(&mut seconds));

@@ -1,9 +1,9 @@
-//! Data sets.
+//! Tests of datasets.
 
-mod asked;
-mod make;
+mod exporters;
+mod generate;
+mod ground_truth;
 mod scene_drive;
 mod scene_light;
-mod strangers;
-mod truth;
-mod views;
+mod spec;
+mod untrusted;

@@ -1,4 +1,5 @@
-//! The light of a drive at every readout: rendered in tiles, carried between, against whole renders.
+//! Compares the light of a drive with complete renders at the same readouts. The drive renders tiles and warps the
+//! light between the renders of a tile.
 
 use spikelane_dataset::Drive;
 use spikelane_io::light::{Frame, Rate, Source};
@@ -13,10 +14,10 @@ fn scene(lighting: Lighting) -> Scene {
         .with_lighting(Some(lighting))
         .with_duration_s(0.5)
         .with_speed_kmh(Some(70.0));
-    Scene::random(6, &options).unwrap()
+    Scene::from_seed(6, &options).unwrap()
 }
 
-/// Light in units of white, frame by frame.
+/// Returns the light of each readout in units of white.
 fn light(lighting: Lighting, hz: u64, readouts: usize, threads: usize) -> Vec<Vec<f32>> {
     let rate = Rate::new(hz, 1).unwrap();
     let samples = SamplesPerPixel::Sixteen;
@@ -29,13 +30,13 @@ fn light(lighting: Lighting, hz: u64, readouts: usize, threads: usize) -> Vec<Ve
     all
 }
 
-fn rendered(lighting: Lighting, t: f64) -> Vec<f32> {
+fn render_light(lighting: Lighting, t: f64) -> Vec<f32> {
     let scene = scene(lighting);
     let white = scene.white_cd_m2();
     scene.render(t, SamplesPerPixel::Sixteen, 1).unwrap().light.iter().map(|l| l / white).collect()
 }
 
-/// Mean absolute difference of what a sensor sees, up to twice white.
+/// Returns the mean absolute difference between two images. The light is clamped to twice white before the comparison.
 fn difference(x: &[f32], y: &[f32]) -> f64 {
     let sum: f64 = x.iter().zip(y).map(|(x, y)| f64::from((x.min(2.0) - y.min(2.0)).abs())).sum();
     sum / x.len() as f64
@@ -46,14 +47,16 @@ fn light_of_readouts_is_that_of_renders_of_their_instants() {
     for lighting in [Lighting::Noon, Lighting::Night] {
         let all = light(lighting, 20_000, READOUTS, 2);
         assert_eq!(all.len(), READOUTS);
-        // The ends of spans are renders.
-        assert!(difference(&all[0], &rendered(lighting, 0.0)) < 1e-6);
+        // The first readout of a span is rendered, so it must equal a complete render.
+        assert!(difference(&all[0], &render_light(lighting, 0.0)) < 1e-6);
         for readout in [7, 38, 101] {
-            let truth = rendered(lighting, readout as f64 / 20_000.0);
+            let truth = render_light(lighting, readout as f64 / 20_000.0);
             let (drawn, held) = (difference(&all[readout], &truth), difference(&all[0], &truth));
-            // Sixteen samples put an edge off by a thirtieth of a pixel, in every render anew.
+            // With sixteen samples, the position of an edge has an error of about 1/30 px. The error differs between
+            // renders.
             assert!(drawn < 0.006, "{}, readout {readout}: {drawn} of white", lighting.name());
-            // By night little but the edges of lamps changes, which each render puts a little elsewhere.
+            // At night, only the edges of lamps change noticeably, and these edges differ slightly between renders.
+            // Therefore the comparison with a constant image is made only at noon.
             let moved = readout > 30 && lighting == Lighting::Noon;
             assert!(!moved || drawn < 0.7 * held, "{}: {drawn}, held {held}", lighting.name());
         }
@@ -61,11 +64,11 @@ fn light_of_readouts_is_that_of_renders_of_their_instants() {
 }
 
 #[test]
-fn what_moves_far_from_one_frame_to_the_next_is_rendered_for_each() {
-    // At 50 frames a second all but the sky moves by pixels.
+fn fast_motion_is_rendered_for_every_readout() {
+    // At 50 readouts per second, all objects except the sky move by several pixels per readout.
     let all = light(Lighting::Overcast, 50, 5, 1);
     for (k, drawn) in all.iter().enumerate() {
-        let error = difference(drawn, &rendered(Lighting::Overcast, k as f64 / 50.0));
+        let error = difference(drawn, &render_light(Lighting::Overcast, k as f64 / 50.0));
         assert!(error < 1e-3, "frame {k} is off by {error} of white");
     }
 }

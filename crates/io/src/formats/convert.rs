@@ -1,19 +1,19 @@
-//! From one file into another: layout, range of readouts, crop.
+//! Copies a range of readouts or a crop of a stream to another layout.
 
 use std::ops::Range;
 use std::sync::mpsc;
 
 use crate::formats::layouts::copy_bits;
-use crate::formats::{Finished, Reader, StreamWriter};
-use spikelane::error::{Error, Kind, Result};
+use crate::formats::{StreamReader, StreamSummary, StreamWriter};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::{Crop, Geometry};
 use spikelane::unstable::threads;
 
-/// Bytes of packed frames in hand at a time.
-const BATCH: usize = 1 << 20;
+/// Number of bytes of packed frames in one batch.
+const BATCH_BYTES: usize = 1 << 20;
 
-/// Cuts the rectangle out of one packed frame of geometry `of`.
-fn cut(crop: Crop, of: Geometry, from: &[u8], to: &mut [u8]) {
+/// Copies the rectangle `crop` of the packed frame `from` to the packed frame `to`. `of` is the geometry of `from`.
+fn crop_frame(crop: Crop, of: Geometry, from: &[u8], to: &mut [u8]) {
     to.fill(0);
     for row in 0..crop.height {
         let start = (crop.y + row) * of.width() + crop.x;
@@ -21,50 +21,55 @@ fn cut(crop: Crop, of: Geometry, from: &[u8], to: &mut [u8]) {
     }
 }
 
-/// Writes `readouts` of `reader`, cropped, into `writer` and finishes it, in constant
-/// memory. After each batch `progress` hears how many readouts are done; its error stops
-/// the conversion, and nothing is left behind.
+/// Writes the frames of `readouts`, reduced to `crop`, from `reader` to `writer`, then finishes `writer`. Memory use
+/// does not depend on the length of the stream.
+///
+/// After each batch, `progress` receives the number of readouts written. If `progress` returns an error, the
+/// conversion stops and the incomplete output is removed.
 ///
 /// # Errors
-/// [`Kind::Usage`] when the writer was made for another geometry or number of readouts, or
-/// the range or the crop leave the stream; otherwise those of reader, writer and `progress`.
+/// * [`ErrorKind::Usage`] if the writer has another geometry or number of readouts, or if the range or the crop
+///   exceeds the stream.
+/// * Errors of the reader, the writer and `progress`.
 pub fn convert(
-    reader: &Reader,
+    reader: &StreamReader,
     readouts: Range<usize>,
     crop: Option<Crop>,
     mut writer: StreamWriter,
     mut progress: impl FnMut(u64) -> Result<()>,
-) -> Result<Finished> {
+) -> Result<StreamSummary> {
     let from = reader.geometry();
     let to = crop.map_or(Ok(from), |c| c.geometry(from))?;
-    // Also refuses a range beyond the end before anything is read.
+    // A range beyond the end of the stream must fail before any frame is read.
     reader.frames(readouts.clone())?;
     if writer.geometry() != to || writer.readouts() != readouts.len() as u64 {
-        return Err(Error::new(Kind::Usage, "output stream")
+        return Err(Error::new(ErrorKind::Usage, "output stream")
             .found(format_args!("{} readouts of {}", writer.readouts(), writer.geometry()))
             .expected(format_args!("{} readouts of {to}", readouts.len())));
     }
-    batches(reader, readouts, crop, |packed| {
+    for_each_batch(reader, readouts, crop, |packed| {
         writer.write_frames(writer.written(), packed)?;
         progress(writer.written())
     })?;
     writer.finish()
 }
 
-/// Hands the packed frames of `readouts`, cropped, to `take`, a megabyte at a time: the next are read meanwhile.
+/// Passes the packed frames of `readouts`, reduced to `crop`, to `take` in batches of about 1 MiB. While `take`
+/// processes a batch, a second thread reads the next batch.
 ///
 /// # Errors
-/// [`Kind::Usage`] when the range or the crop leave the stream; otherwise those of the reader and of `take`.
-pub(super) fn batches(
-    reader: &Reader,
+/// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream.
+/// * Errors of the reader and of `take`.
+pub(super) fn for_each_batch(
+    reader: &StreamReader,
     readouts: Range<usize>,
     crop: Option<Crop>,
     mut take: impl FnMut(&[u8]) -> Result<()>,
 ) -> Result<()> {
     let to = crop.map_or(Ok(reader.geometry()), |c| c.geometry(reader.geometry()))?;
-    // Refuses a range beyond the end before anything is read.
+    // A range beyond the end of the stream must fail before any frame is read.
     reader.frames(readouts.clone())?;
-    let step = (BATCH / reader.geometry().frame_bytes().max(to.frame_bytes())).max(1);
+    let step = (BATCH_BYTES / reader.geometry().frame_bytes().max(to.frame_bytes())).max(1);
     let mut whole = Vec::new();
     let (first, end) = (readouts.clone().step_by(step), readouts.end);
     let read = move |first: usize, frames: &mut Vec<u8>| {
@@ -72,14 +77,14 @@ pub(super) fn batches(
     };
     std::thread::scope(|scope| {
         let (full, next) = mpsc::sync_channel(1);
-        // Memory goes round, so that none is asked for at each batch.
+        // Used buffers return to the reading thread, so the reading thread does not allocate a buffer for every batch.
         let (empty, again) = mpsc::channel::<Vec<u8>>();
         let batches = first.clone();
         let ahead = threads::spawn_scoped(scope, "read", (read, full), move |(mut read, full)| {
             for first in batches {
                 let mut frames = again.try_recv().unwrap_or_default();
                 let read = read(first, &mut frames);
-                // Nobody listens any more where `take` had an error.
+                // If `take` failed, the receiver is dropped and `send` returns an error.
                 if full.send(read.map(|()| frames)).is_err() {
                     break;
                 }
@@ -101,9 +106,10 @@ pub(super) fn batches(
     })
 }
 
-/// Reads `readouts` into `frames`, or into `whole` and from there what is cropped.
+/// Reads the packed frames of `readouts` into `frames`. If `crop` is given, the whole frames are read into `whole`,
+/// and only the crop is copied to `frames`.
 fn read(
-    reader: &Reader,
+    reader: &StreamReader,
     readouts: Range<usize>,
     crop: Option<(Crop, Geometry)>,
     whole: &mut Vec<u8>,
@@ -116,7 +122,7 @@ fn read(
     if let Some((crop, to)) = crop {
         frames.resize(readouts.len() * to.frame_bytes(), 0);
         let pairs = whole.chunks_exact(size).zip(frames.chunks_exact_mut(to.frame_bytes()));
-        pairs.for_each(|(a, b)| cut(crop, of, a, b));
+        pairs.for_each(|(a, b)| crop_frame(crop, of, a, b));
     }
     Ok(())
 }

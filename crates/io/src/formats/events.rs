@@ -1,53 +1,58 @@
-//! Spikes as a list: one row (x, y, t) for each, as an `.npy` array.
+//! Spikes as a list of events: one row (x, y, t) per spike, as an `.npy` array.
 
 use std::ops::Range;
 use std::path::Path;
 
-use crate::formats::convert::batches;
-use crate::formats::{Crop, Finished, Reader};
-use crate::storage::{Digest, Writer};
-use spikelane::error::{Error, Kind, Result};
+use crate::formats::convert::for_each_batch;
+use crate::formats::{Crop, StreamReader, StreamSummary};
+use crate::storage::{Digest, FileWriter};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::{self, firing_pixels};
 use spikelane::unstable::npy::{self, Element};
 
-/// Bytes of an event: three numbers of 32 bits.
-const EVENT: u64 = 12;
+/// Bytes of one event, which consists of three 32-bit integers.
+const EVENT_BYTES: u64 = 12;
 
-/// The name in arguments and sidecars.
-pub const EVENTS: &str = "events";
+/// The layout name of event lists in arguments and sidecars.
+pub const EVENTS_LAYOUT: &str = "events";
 
-/// Writes the spikes of `readouts` of `reader`, cropped, as an array of shape (N, 3) of little-endian `i32`: column
-/// and row of the pixel, from the upper left corner of the crop, and the readout, the first of the range being 0.
-/// Events are sorted by readout, then row, then column. Returns the file and N.
+/// Writes the spikes of `readouts` of `reader`, cropped, as an `.npy` array of events. Returns the file and the
+/// number N of events.
 ///
-/// The stream is read twice: once to count, so that the file has its length from the start.
+/// The array has shape (N, 3) and elements of type little-endian `i32`. The columns contain x, y and the readout
+/// number. x and y are 0 at the upper left corner of the crop. Readouts are numbered from 0 at the start of
+/// `readouts`. Events are sorted by readout, then by row, then by column.
+///
+/// The stream is read twice. The first pass counts the spikes, so that the file can be created with its final length.
+/// `progress` receives the number of readouts written. During the first pass this number is 0.
 ///
 /// # Errors
-/// [`Kind::Usage`] when the range or the crop leave the stream, or a readout does not fit in 31 bits;
-/// [`Kind::Exists`], [`Kind::Space`] and others as [`StreamWriter::create`](super::StreamWriter::create); those of the reader and of `progress`, which
-/// hears how many readouts are written.
+/// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream, or if the number of readouts exceeds 2^31 - 1.
+/// * [`ErrorKind::Exists`], [`ErrorKind::Space`] and others as in
+///   [`StreamWriter::create`](super::StreamWriter::create).
+/// * Errors of the reader and of `progress`.
 pub fn write_events(
-    reader: &Reader,
+    reader: &StreamReader,
     readouts: Range<usize>,
     crop: Option<Crop>,
     path: &Path,
     force: bool,
     mut progress: impl FnMut(u64) -> Result<()>,
-) -> Result<(Finished, u64)> {
+) -> Result<(StreamSummary, u64)> {
     let geometry = crop.map_or(Ok(reader.geometry()), |c| c.geometry(reader.geometry()))?;
     if i32::try_from(readouts.len()).is_err() {
-        return Err(Error::new(Kind::Usage, "readouts")
+        return Err(Error::new(ErrorKind::Usage, "readouts")
             .found(readouts.len())
-            .expected("at most 2147483647 in a list of events")
-            .remedy("take a part of them with a range"));
+            .expected("at most 2147483647 readouts in a list of events")
+            .remedy(format_args!("select a part of them with {}", Setting("readouts"))));
     }
     let mut count = 0;
-    batches(reader, readouts.clone(), crop, |packed| {
-        count += spikes::count(packed);
+    for_each_batch(reader, readouts.clone(), crop, |packed| {
+        count += spikes::count_spikes(packed);
         progress(0)
     })?;
-    let header = npy::header(Element::I32, &[count, 3]);
-    let mut writer = Writer::create(path, header.len() as u64 + EVENT * count, force)?;
+    let header = npy::header_bytes(Element::I32, &[count, 3]);
+    let mut writer = FileWriter::create(path, header.len() as u64 + EVENT_BYTES * count, force)?;
     let mut digest = Digest::new();
     let mut put = |bytes: &[u8]| {
         digest.update(bytes);
@@ -55,7 +60,7 @@ pub fn write_events(
     };
     put(&header)?;
     let (width, mut readout, mut rows) = (geometry.width(), 0i32, Vec::new());
-    batches(reader, readouts, crop, |packed| {
+    for_each_batch(reader, readouts, crop, |packed| {
         rows.clear();
         for frame in packed.chunks_exact(geometry.frame_bytes()) {
             for p in firing_pixels(frame) {
@@ -68,6 +73,11 @@ pub fn write_events(
         progress(readout as u64)
     })?;
     let done = writer.finish()?;
-    let finished = Finished { path: done.path, bytes: done.bytes, digest: digest.text(), sync: done.sync };
+    let finished = StreamSummary {
+        path: done.path,
+        bytes: done.bytes,
+        digest: digest.to_text(),
+        sync_time: done.sync_time,
+    };
     Ok((finished, count))
 }

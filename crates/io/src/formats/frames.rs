@@ -1,19 +1,19 @@
-//! The frames of a stream, one after the other.
+//! A reader that returns the frames of a stream in order.
 
 use std::ops::Range;
 
-use super::reader::Reader;
+use super::reader::StreamReader;
 use spikelane::error::Result;
 use spikelane::unstable::inputs;
 
-/// Bytes of packed frames that [`Frames`] reads at a time.
-const BLOCK: usize = 256 << 10;
+/// Number of bytes of packed frames that [`Frames`] reads in one block.
+const BLOCK_BYTES: usize = 256 << 10;
 
-/// The frames of a range of readouts; see [`Reader::frames`].
+/// The frames of a range of readouts; see [`StreamReader::frames`].
 #[derive(Debug)]
 pub struct Frames<'a> {
-    reader: &'a Reader,
-    /// Packed frames of the readouts `first..next`, and room for more.
+    reader: &'a StreamReader,
+    /// Packed frames of the readouts `first..read`, possibly followed by unused space.
     block: Vec<u8>,
     first: usize,
     read: usize,
@@ -22,9 +22,11 @@ pub struct Frames<'a> {
 }
 
 impl Frames<'_> {
-    /// The next packed frame, `None` behind the last. An error is that of the next frame or of one soon behind it.
+    /// Returns the next packed frame, or `None` after the last frame. Frames are read in blocks, so a returned error
+    /// can belong to a later frame of the block.
     ///
-    /// Not an [`Iterator`]: the frame lives until the next call, so none is allocated.
+    /// [`Frames`] does not implement [`Iterator`], because the returned frame borrows a buffer that the next call
+    /// overwrites.
     pub fn next_frame(&mut self) -> Option<Result<&[u8]>> {
         if self.next >= self.end {
             return None;
@@ -44,17 +46,18 @@ impl Frames<'_> {
     }
 }
 
-impl Reader {
-    /// The frames of `readouts`, one at a time, in constant memory.
+impl StreamReader {
+    /// Returns the frames of `readouts`, one frame per call of `next_frame`. Memory use does not depend on the length
+    /// of `readouts`.
     ///
     /// # Errors
-    /// [`Kind::Usage`](spikelane::Kind::Usage) when they are not all in the stream, [`Kind::Memory`](spikelane::Kind::Memory) when
-    /// memory for one of them is missing.
+    /// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `readouts` exceeds the stream.
+    /// * [`ErrorKind::Memory`](spikelane::ErrorKind::Memory) if the buffer cannot be allocated.
     pub fn frames(&self, readouts: Range<usize>) -> Result<Frames<'_>> {
         self.check(&readouts)?;
         let size = self.geometry().frame_bytes();
-        let count = (BLOCK / size).max(1).min(readouts.len());
-        let block = inputs::zeroed(self.name(), count * size)?;
+        let count = (BLOCK_BYTES / size).max(1).min(readouts.len());
+        let block = inputs::zeroed_vec(self.name(), count * size)?;
         let Range { start, end } = readouts;
         Ok(Frames { reader: self, block, first: start, read: start, next: start, end })
     }

@@ -1,36 +1,37 @@
-//! Stream formats: how packed frames lie in files.
+//! Stream formats: how packed frames are stored in files.
 //!
-//! One file per format ([`Layout`] lists them, `docs/reference/formats.md` states each by rule);
-//! [`Reader`] opens any of them, [`StreamWriter`] writes any, [`convert`] goes between.
+//! Each layout has its own file. [`Layout`] lists the layouts, and `docs/reference/formats.md` specifies the formats.
+//! [`StreamReader`] opens every format, and [`StreamWriter`] writes every layout. [`convert`] copies a stream to
+//! another layout.
 
-mod container;
 mod convert;
 mod dataset_config;
 mod events;
+mod foreign_format;
 mod frames;
+mod layout_guesses;
 mod layouts;
-mod opening;
+mod open_options;
 mod origin;
 mod reader;
-mod readings;
 mod sidecar;
 mod size;
 mod source;
 mod writer;
 
 pub use convert::convert;
-pub use events::EVENTS;
+pub use events::EVENTS_LAYOUT;
 pub use events::write_events;
 pub use frames::Frames;
+pub use layout_guesses::{LayoutGuess, LayoutGuesses};
 pub use layouts::codec::Codec;
 pub use layouts::layout::Layout;
-pub use opening::Opening;
-pub use origin::{Lost, Origin};
-pub use reader::Reader;
-pub use readings::{Reading, Readings};
-pub use sidecar::found_beside as sidecar_beside;
-pub use writer::own_sidecar;
-pub use writer::{Finished, StreamWriter};
+pub use open_options::OpenOptions;
+pub use origin::{GeometryOrigin, MissingFrames};
+pub use reader::StreamReader;
+pub use sidecar::find_sidecar;
+pub use writer::sidecar_path;
+pub use writer::{StreamSummary, StreamWriter};
 
 pub use crate::storage::{OutputSet, write_small};
 pub use spikelane::spikes::Crop;

@@ -1,56 +1,56 @@
-//! Where a stream's size was found, and what stands for its lost readouts.
+//! The source of a stream's geometry, and the handling of missing frames.
 
 use std::path::PathBuf;
 
-use spikelane::error::{Error, Kind};
+use spikelane::error::{Error, ErrorKind};
 
-/// What stands for readouts that a recording lost.
+/// How the reader handles frames that are missing in a recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Lost {
-    /// An empty readout, so that those behind keep their numbers and times.
+pub enum MissingFrames {
+    /// An empty frame replaces each missing frame, so that the numbers and times of later frames do not change.
     #[default]
     Mark,
-    /// Nothing: those behind move up.
+    /// Missing frames are removed, so that later frames have lower numbers.
     Drop,
 }
 
-impl std::str::FromStr for Lost {
+impl std::str::FromStr for MissingFrames {
     type Err = Error;
 
-    /// `mark` or `drop`.
+    /// Parses `mark` or `drop`.
     fn from_str(text: &str) -> Result<Self, Error> {
         match text {
             "mark" => Ok(Self::Mark),
             "drop" => Ok(Self::Drop),
-            _ => Err(Error::new(Kind::Usage, "lost readouts")
+            _ => Err(Error::new(ErrorKind::Usage, "missing frames")
                 .found(format_args!("`{text}`"))
                 .expected("mark or drop")),
         }
     }
 }
 
-/// Where the size of a stream's frames was found.
+/// The source from which the geometry of a stream was determined.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Origin {
-    /// The caller gave it.
-    Given,
+pub enum GeometryOrigin {
+    /// The caller specified the geometry.
+    Caller,
     /// A sidecar.
     Sidecar(PathBuf),
     /// The `config.yaml` of a data set.
-    DataSet(PathBuf),
-    /// The header of an array, or its shape.
+    Dataset(PathBuf),
+    /// The header of the file, or the shape of an array.
     Header,
-    /// The camera whose rows the layout has.
+    /// The camera that defines the layout.
     Camera,
 }
 
-impl std::fmt::Display for Origin {
+impl std::fmt::Display for GeometryOrigin {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Given => f.write_str("as given"),
-            Self::Sidecar(path) | Self::DataSet(path) => write!(f, "from {}", path.display()),
+            Self::Caller => f.write_str("as specified"),
+            Self::Sidecar(path) | Self::Dataset(path) => write!(f, "from {}", path.display()),
             Self::Header => f.write_str("from the array's header"),
             Self::Camera => f.write_str("the camera's"),
         }

@@ -1,161 +1,178 @@
-//! A stream, opened: any frame of any layout.
+//! An open stream in any layout.
 
 use std::ops::Range;
 
-use super::origin::{Lost, Origin};
-use super::source::{BLOCK, Buffers, Place, Source};
+use super::origin::{GeometryOrigin, MissingFrames};
+use super::source::{BLOCK_BYTES, BufferPool, ByteSource, FrameOffsets};
 use crate::formats::{Codec, Layout};
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 
-/// Numbers of lost readouts that a warning lists.
-const LISTED: usize = 12;
+/// Maximum number of missing frames that a warning lists.
+const MAX_LISTED_READOUTS: usize = 12;
 
-/// A stream, opened: any frame, in any order, from any thread.
+/// An open stream. Frames can be read in any order and by several threads at the same time.
 #[derive(Debug)]
-pub struct Reader {
-    pub(super) source: Source,
-    buffers: Buffers,
+pub struct StreamReader {
+    pub(super) source: ByteSource,
+    buffers: BufferPool,
     name: String,
     layout: Layout,
     codec: Codec,
-    pub(super) place: Place,
-    /// Bytes of partial frames before the first whole one and behind the last.
-    leading: usize,
-    trailing: usize,
+    pub(super) frame_offsets: FrameOffsets,
+    /// Bytes of a partial frame before the first whole frame.
+    leading_bytes: usize,
+    /// Bytes of a partial frame after the last whole frame.
+    trailing_bytes: usize,
     readouts: usize,
-    lost: Vec<usize>,
-    dropped: usize,
-    origin: Origin,
+    missing_frames: Vec<usize>,
+    omitted_readouts: usize,
+    origin: GeometryOrigin,
     warnings: Vec<String>,
 }
 
-impl Reader {
-    /// `readouts` frames from the first byte on.
+impl StreamReader {
+    /// Creates a reader of `readouts` frames that start at offset 0.
     pub(super) fn new(
-        source: Source,
+        source: ByteSource,
         name: &str,
         layout: Layout,
         codec: Codec,
         readouts: usize,
-        origin: Origin,
+        origin: GeometryOrigin,
     ) -> Self {
         Self {
             source,
-            buffers: Buffers::default(),
+            buffers: BufferPool::default(),
             name: name.to_owned(),
             layout,
             codec,
-            place: Place::Even(0),
-            leading: 0,
-            trailing: 0,
+            frame_offsets: FrameOffsets::Contiguous(0),
+            leading_bytes: 0,
+            trailing_bytes: 0,
             readouts,
-            lost: Vec::new(),
-            dropped: 0,
+            missing_frames: Vec::new(),
+            omitted_readouts: 0,
             origin,
             warnings: Vec::new(),
         }
     }
 
-    /// Adds to what the user should know.
+    /// Adds a warning for the user.
     pub(super) fn warn(&mut self, text: String) {
         self.warnings.push(text);
     }
 
-    /// Notes bytes of partial frames.
-    pub(super) fn cut(&mut self, leading: usize, trailing: usize) {
-        (self.leading, self.trailing) = (leading, trailing);
+    /// Stores the number of bytes of the partial frames at both ends of the stream, and adds a warning.
+    pub(super) fn set_partial_bytes(&mut self, leading: usize, trailing: usize) {
+        (self.leading_bytes, self.trailing_bytes) = (leading, trailing);
         if trailing > 0 {
             self.warn(format!(
-                "stops inside readout {}: {trailing} bytes behind the {} whole readouts are left out",
+                "the stream ends inside readout {}: {trailing} bytes after the {} whole readouts are ignored",
                 self.readouts, self.readouts
             ));
         }
         if leading > 0 {
             self.warn(format!(
-                "starts inside a readout: {leading} bytes before the first whole one are left out"
+                "the stream starts inside a readout: {leading} bytes before the first whole readout are ignored"
             ));
         }
     }
 
-    /// Notes lost readouts, by their numbers among all.
-    pub(super) fn lose(&mut self, numbers: Vec<usize>, all: usize, how: Lost) {
+    /// Stores the numbers of the missing frames among `all` frames, and adds a warning.
+    pub(super) fn set_missing_frames(&mut self, numbers: Vec<usize>, all: usize, how: MissingFrames) {
         if numbers.is_empty() {
             return;
         }
-        let mut listed: Vec<String> = numbers.iter().take(LISTED).map(usize::to_string).collect();
-        if numbers.len() > LISTED {
+        let mut listed: Vec<String> =
+            numbers.iter().take(MAX_LISTED_READOUTS).map(usize::to_string).collect();
+        if numbers.len() > MAX_LISTED_READOUTS {
             listed.push("...".to_owned());
         }
         let one = numbers.len() == 1;
-        let (were, number) = if one { ("readout was", "number") } else { ("readouts were", "numbers") };
+        let (are, number) = if one { ("readout is", "number") } else { ("readouts are", "numbers") };
+        let missing = Setting("missing_frames");
         let what = match (how, one) {
-            (Lost::Mark, true) => "an empty one stands in its place (--lost drop leaves it out)",
-            (Lost::Mark, false) => "empty ones stand in their place (--lost drop leaves them out)",
-            (Lost::Drop, _) => "those behind move up (--lost mark puts empty ones in place)",
+            (MissingFrames::Mark, true) => {
+                format!("an empty readout replaces it (set {missing} to drop to omit it)")
+            }
+            (MissingFrames::Mark, false) => {
+                format!("empty readouts replace them (set {missing} to drop to omit them)")
+            }
+            (MissingFrames::Drop, _) => {
+                format!("they are omitted (set {missing} to mark to insert empty readouts)")
+            }
         };
-        self.warn(format!("{} {were} lost of {all}, {number} {}: {what}", numbers.len(), listed.join(", ")));
-        self.dropped = if how == Lost::Drop { numbers.len() } else { 0 };
-        self.lost = numbers;
+        self.warn(format!(
+            "{} of {all} {are} missing, {number} {}: {what}",
+            numbers.len(),
+            listed.join(", ")
+        ));
+        self.omitted_readouts = if how == MissingFrames::Drop { numbers.len() } else { 0 };
+        self.missing_frames = numbers;
     }
 
-    /// Readouts that the file has numbers for, those that were left out included.
-    pub(super) fn numbered(&self) -> usize {
-        self.readouts + self.dropped
+    /// Returns the number of readouts in the file, including missing readouts that were removed.
+    pub(super) fn numbered_readouts(&self) -> usize {
+        self.readouts + self.omitted_readouts
     }
 
     pub(super) const fn codec(&self) -> Codec {
         self.codec
     }
 
-    /// What the user should know before the numbers are trusted, one line each: a recording that was cut, readouts that
-    /// were lost, a sidecar that says otherwise. Whether the picture fits is [`Reader::readings`]' to say.
+    /// Returns warnings about problems that affect the results, one line per warning. The problems are a truncated
+    /// recording, missing frames, and a sidecar that differs from the stream.
+    ///
+    /// [`StreamReader::layout_guesses`] checks whether layout and geometry fit.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Where the size of the frames was found.
+    /// Returns the source from which the geometry was determined.
     #[must_use]
-    pub const fn origin(&self) -> &Origin {
+    pub const fn origin(&self) -> &GeometryOrigin {
         &self.origin
     }
 
-    /// Numbers of the readouts that the recording lost, as far as its tags tell.
+    /// Returns the numbers of the missing frames. Only layouts with tags reveal missing frames.
     #[must_use]
-    pub fn lost(&self) -> &[usize] {
-        &self.lost
+    pub fn missing_frames(&self) -> &[usize] {
+        &self.missing_frames
     }
 
-    /// The number of whole frames, at least one.
+    /// Returns the number of frames. A stream has at least one frame.
     #[must_use]
     pub const fn readouts(&self) -> usize {
         self.readouts
     }
 
-    /// Width and height.
+    /// Returns the width and height.
     #[must_use]
     pub const fn geometry(&self) -> Geometry {
         self.codec.geometry()
     }
 
-    /// The layout; an `.npz` archive holds an array of `npy-bytes`.
+    /// Returns the layout. The layout of an `.npz` archive is `npy-bytes`.
     #[must_use]
     pub const fn layout(&self) -> Layout {
         self.layout
     }
 
-    /// The path or name it was opened by.
+    /// Returns the path or name under which the stream was opened.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Bytes of partial frames left out before the first whole frame (of `rows1024`, whose recordings start
-    /// anywhere) and behind the last one (where the recording stopped).
+    /// Returns the number of ignored bytes before the first whole frame and after the last whole frame. These bytes
+    /// belong to partial frames.
+    ///
+    /// Only `rows1024` recordings can start inside a frame.
     #[must_use]
-    pub const fn dropped_bytes(&self) -> (usize, usize) {
-        (self.leading, self.trailing)
+    pub const fn partial_frame_bytes(&self) -> (usize, usize) {
+        (self.leading_bytes, self.trailing_bytes)
     }
 
     /// Reads the packed frame of readout `i` into `packed`.
@@ -164,30 +181,32 @@ impl Reader {
     /// As [`read_frames`](Self::read_frames).
     pub fn read_frame(&self, i: usize, packed: &mut [u8]) -> Result<()> {
         if packed.len() != self.geometry().frame_bytes() {
-            return Err(Error::new(Kind::Usage, "frame buffer")
+            return Err(Error::new(ErrorKind::Usage, "frame buffer")
                 .found(format_args!("{} bytes", packed.len()))
                 .expected(format_args!("{}", self.geometry().frame_bytes())));
         }
         self.read_frames(i, packed)
     }
 
-    /// Reads as many packed frames as `packed` holds, from readout `first` on.
+    /// Fills `packed` with consecutive packed frames, starting at readout `first`.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when they are not all in the stream, or `packed` holds no whole
-    /// number of frames; [`Kind::Input`] as [`Layout::decode_frame`].
+    /// * [`ErrorKind::Usage`] if a frame is not in the stream, or if the length of `packed` is not a whole number of
+    ///   frames.
+    /// * [`ErrorKind::Input`] as in [`Layout::decode_frame`].
     pub fn read_frames(&self, first: usize, packed: &mut [u8]) -> Result<()> {
         let size = self.geometry().frame_bytes();
         let end = first.saturating_add(packed.len() / size);
         self.check(&(first..end))?;
-        let within = |e: Error, readout| e.within(format_args!("{} from readout {readout} on", self.name));
+        let within =
+            |e: Error, readout| e.with_context(format_args!("{} from readout {readout} on", self.name));
         if !packed.len().is_multiple_of(size) {
             return self.codec.decode(&[], packed);
         }
-        if let (Place::Even(start), true) = (&self.place, self.codec.is_identity()) {
+        if let (FrameOffsets::Contiguous(start), true) = (&self.frame_offsets, self.codec.is_identity()) {
             return self.source.read(start + first * size, packed);
         }
-        self.stored(first..end, |readout, file| {
+        self.for_each_stored_piece(first..end, |readout, file| {
             let count = file.map_or(1, |file| file.len() / self.codec.frame_bytes());
             let packed = &mut packed[(readout - first) * size..][..count * size];
             match file {
@@ -200,39 +219,45 @@ impl Reader {
         })
     }
 
-    /// Hands the bytes of `readouts`, as the file has them, to `take`: several frames at a time with the number of the
-    /// first, and `None` for a lost one.
-    pub(super) fn stored(
+    /// Passes the frames of `readouts` to `take` in the encoding of the file.
+    ///
+    /// Each call of `take` receives a readout number and the bytes of one or more frames. The readout number is the
+    /// number of the first of these frames. For a missing frame, the call receives `None` instead of bytes.
+    pub(super) fn for_each_stored_piece(
         &self,
         readouts: Range<usize>,
         mut take: impl FnMut(usize, Option<&[u8]>) -> Result<()>,
     ) -> Result<()> {
         self.check(&readouts)?;
         let bytes = self.codec.frame_bytes();
-        match &self.place {
-            Place::Even(start) => {
+        match &self.frame_offsets {
+            FrameOffsets::Contiguous(start) => {
                 let file = start + readouts.start * bytes..start + readouts.end * bytes;
-                self.pieces(file, bytes, |at, file| take((at - start) / bytes, Some(file)))
+                self.for_each_piece(file, bytes, |at, file| take((at - start) / bytes, Some(file)))
             }
-            Place::Each(frames) => {
+            FrameOffsets::Individual(frames) => {
                 readouts.clone().zip(&frames[readouts]).try_for_each(|(readout, at)| match at {
-                    Some(at) => self.pieces(*at..at + bytes, bytes, |_, file| take(readout, Some(file))),
+                    Some(at) => {
+                        self.for_each_piece(*at..at + bytes, bytes, |_, file| take(readout, Some(file)))
+                    }
                     None => take(readout, None),
                 })
             }
         }
     }
 
-    /// Hands the bytes of `file`, whole frames of `bytes` bytes, to `take`: several frames at a time with the place of the
-    /// first.
-    pub(super) fn pieces(
+    /// Passes the byte range `file` to `take` in pieces. The range consists of whole frames of `bytes` bytes, and each
+    /// piece contains one or more whole frames.
+    ///
+    /// Each call of `take` receives the file offset of the first frame in the piece.
+    pub(super) fn for_each_piece(
         &self,
         file: Range<usize>,
         bytes: usize,
         mut take: impl FnMut(usize, &[u8]) -> Result<()>,
     ) -> Result<()> {
-        let step = (BLOCK / bytes).max(1) * bytes;
-        self.buffers.with(step.min(file.len()), |buffer| {
+        let step = (BLOCK_BYTES / bytes).max(1) * bytes;
+        self.buffers.with_buffer(step.min(file.len()), |buffer| {
             for at in file.clone().step_by(step) {
                 let piece = &mut buffer[..step.min(file.end - at)];
                 self.source.read(at, piece)?;
@@ -244,7 +269,7 @@ impl Reader {
 
     pub(super) fn check(&self, readouts: &Range<usize>) -> Result<()> {
         if readouts.start > readouts.end || readouts.end > self.readouts {
-            return Err(Error::new(Kind::Usage, &self.name)
+            return Err(Error::new(ErrorKind::Usage, &self.name)
                 .found(format_args!("readouts {}..{}", readouts.start, readouts.end))
                 .expected(format_args!("a range within 0..{}", self.readouts)));
         }

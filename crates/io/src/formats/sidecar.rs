@@ -1,27 +1,27 @@
-//! The few facts a reader needs from the JSON file beside a stream.
+//! The facts about a stream that the reader reads from the JSON sidecar.
 
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::formats::writer::own_sidecar;
-use crate::formats::{EVENTS, Layout};
-use spikelane::error::{Error, Kind, Result};
+use crate::formats::writer::sidecar_path;
+use crate::formats::{EVENTS_LAYOUT, Layout};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::{Access, MAX_TEXT_BYTES, check_link, read_bytes};
 
-/// What a sidecar says of a stream; keys it lacks are `None`, others are left alone.
+/// The facts about a stream in its sidecar. Fields of missing keys are `None`, and unknown keys are ignored.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Facts {
+pub(super) struct SidecarFacts {
     pub(super) geometry: Option<Geometry>,
     pub(super) layout: Option<Layout>,
     pub(super) readouts: Option<u64>,
-    /// The sidecar itself.
+    /// The path of the sidecar.
     pub(super) path: Option<PathBuf>,
 }
 
 #[derive(Deserialize)]
-struct Keys {
+struct SidecarKeys {
     width: Option<u32>,
     height: Option<u32>,
     layout: Option<String>,
@@ -29,33 +29,36 @@ struct Keys {
     file: Option<String>,
 }
 
-/// The facts of the sidecar beside `path`, all `None` when there is no sidecar.
-pub(super) fn beside(path: &Path) -> Result<Facts> {
-    found_beside(path)?.map_or(Ok(Facts::default()), |sidecar| read(&sidecar, path))
+/// Returns the facts in the sidecar beside `path`. If no sidecar exists, all facts are `None`.
+pub(super) fn read_beside(path: &Path) -> Result<SidecarFacts> {
+    find_sidecar(path)?.map_or(Ok(SidecarFacts::default()), |sidecar| read(&sidecar, path))
 }
 
-/// Returns the path of the sidecar that lies beside a stream; `None` when there is none.
+/// Returns the path of the sidecar beside a stream, or `None` if there is no sidecar.
 ///
 /// # Errors
-/// [`Kind::Input`] for a link that leads neither into the folder of its name nor to where the stream itself lies: nobody
-/// named the file that it leads to.
-pub fn found_beside(stream: &Path) -> Result<Option<PathBuf>> {
+/// [`ErrorKind::Input`] if the sidecar is a symbolic link to a file in another folder, because the user did not name
+/// that file. If the stream is a symbolic link, the folder of its target is also allowed.
+pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
     let Some(found) = candidates(stream).into_iter().find(|path| path.is_file()) else { return Ok(None) };
     let folder = |path: &Path| path.canonicalize().ok().and_then(|real| real.parent().map(Path::to_owned));
     match check_link(found.parent().unwrap_or(Path::new("")), &found, Access::Read) {
-        Err(e) if folder(&found) != folder(stream) => {
-            Err(e.remedy("put a copy there, or remove the link and give width, height and layout"))
-        }
+        Err(e) if folder(&found) != folder(stream) => Err(e.remedy(format_args!(
+            "copy the sidecar there, or remove the link and set {}, {} and {}",
+            Setting("width"),
+            Setting("height"),
+            Setting("layout")
+        ))),
         _ => Ok(Some(found)),
     }
 }
 
-/// Where the sidecar of a stream may lie, the likeliest first.
+/// Returns the possible paths of the sidecar of a stream. The most specific path is first.
 ///
-/// `STEM.dat.json` (as `convert` writes it, since two layouts may share a stem), then `STEM.json`;
-/// the clean twin `STEM.clean.dat` shares that with `STEM.dat`.
+/// `STEM.dat.json` comes before `STEM.json`. `convert` writes `STEM.dat.json`, because two streams with different
+/// layouts may share a stem. The clean stream `STEM.clean.dat` shares `STEM.json` with `STEM.dat`.
 fn candidates(path: &Path) -> Vec<PathBuf> {
-    let mut found = vec![own_sidecar(path), path.with_extension("json")];
+    let mut found = vec![sidecar_path(path), path.with_extension("json")];
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     if let Some(stem) = stem.strip_suffix(".clean") {
         found.push(path.with_file_name(format!("{stem}.json")));
@@ -63,21 +66,32 @@ fn candidates(path: &Path) -> Vec<PathBuf> {
     found
 }
 
-fn read(path: &Path, stream: &Path) -> Result<Facts> {
-    let text = read_bytes(path, "a sidecar", MAX_TEXT_BYTES)
-        .map_err(|e| e.remedy("give width, height and layout, and it is not read"))?;
+fn read(path: &Path, stream: &Path) -> Result<SidecarFacts> {
+    let text = read_bytes(path, "a sidecar", MAX_TEXT_BYTES).map_err(|e| {
+        e.remedy(format_args!(
+            "set {}, {} and {} to ignore the sidecar",
+            Setting("width"),
+            Setting("height"),
+            Setting("layout")
+        ))
+    })?;
     let facts = parse(&path.display().to_string(), &text, stream)?;
-    Ok(Facts { path: Some(path.to_path_buf()), ..facts })
+    Ok(SidecarFacts { path: Some(path.to_path_buf()), ..facts })
 }
 
-fn parse(name: &str, text: &[u8], stream: &Path) -> Result<Facts> {
+fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFacts> {
     let bad = |found: String| {
-        Error::new(Kind::Config, name)
+        Error::new(ErrorKind::Config, name)
             .found(found)
             .expected("a JSON object with width, height, layout, readouts")
-            .remedy("give width, height and layout, and it is not read")
+            .remedy(format_args!(
+                "set {}, {} and {} to ignore the sidecar",
+                Setting("width"),
+                Setting("height"),
+                Setting("layout")
+            ))
     };
-    let keys: Keys = serde_json::from_slice(text).map_err(|e| bad(e.to_string()))?;
+    let keys: SidecarKeys = serde_json::from_slice(text).map_err(|e| bad(e.to_string()))?;
     let geometry = match (keys.width, keys.height) {
         (Some(w), Some(h)) => {
             Some(Geometry::new(w, h).map_err(|_| bad(format!("a camera of {w}x{h} pixels")))?)
@@ -85,22 +99,23 @@ fn parse(name: &str, text: &[u8], stream: &Path) -> Result<Facts> {
         (None, None) => None,
         _ => return Err(bad("only one of width and height".into())),
     };
-    if keys.layout.as_deref() == Some(EVENTS) {
-        return Err(Error::new(Kind::Input, stream.display())
-            .found("a list of events, as its sidecar says")
+    if keys.layout.as_deref() == Some(EVENTS_LAYOUT) {
+        return Err(Error::new(ErrorKind::Input, stream.display())
+            .found("a list of events, as stated in the sidecar")
             .expected("a stream of frames")
-            .remedy("name the stream that the list was made of"));
+            .remedy("select the stream from which the list was made"));
     }
     let layout = match keys.layout {
         Some(name) => Some(Layout::parse(&name).map_err(|_| bad(format!("layout '{name}'")))?),
         None => None,
     };
-    // `STEM.npy` beside a sidecar of `STEM.dat`: the same camera perhaps, but not the same layout.
+    // A `STEM.npy` may have the camera of `STEM.dat`, whose sidecar is `STEM.json`, but has another layout. Therefore
+    // only the geometry is used.
     let about = keys.file.as_deref().map_or(stream, Path::new);
     if about.extension() != stream.extension() {
-        return Ok(Facts { geometry, ..Facts::default() });
+        return Ok(SidecarFacts { geometry, ..SidecarFacts::default() });
     }
-    Ok(Facts { geometry, layout, readouts: keys.readouts, path: None })
+    Ok(SidecarFacts { geometry, layout, readouts: keys.readouts, path: None })
 }
 
 #[cfg(test)]
@@ -123,7 +138,7 @@ mod tests {
             b"{",
             b"",
         ] {
-            assert_eq!(parse("s", wrong, Path::new("s.dat")).unwrap_err().kind(), Kind::Config);
+            assert_eq!(parse("s", wrong, Path::new("s.dat")).unwrap_err().kind(), ErrorKind::Config);
         }
     }
 
@@ -131,7 +146,7 @@ mod tests {
     fn a_sidecar_of_another_extension_tells_the_geometry_only() {
         let text = br#"{"width":8,"height":2,"layout":"dat","readouts":3,"file":"run.dat"}"#;
         let facts = parse("s", text, Path::new("a/run.npy")).unwrap();
-        assert_eq!(facts, Facts { geometry: Geometry::new(8, 2).ok(), ..Facts::default() });
+        assert_eq!(facts, SidecarFacts { geometry: Geometry::new(8, 2).ok(), ..SidecarFacts::default() });
         let moved = parse("s", text, Path::new("b/moved.dat")).unwrap();
         assert_eq!((moved.layout, moved.readouts), (Some(Layout::Dat), Some(3)));
     }
@@ -156,13 +171,13 @@ mod tests {
         std::fs::write(at("data/c.json"), r#"{"width":8,"height":2}"#).unwrap();
         symlink(at("data/c.dat"), at("links/c.dat")).unwrap();
         symlink(at("data/c.json"), at("links/c.json")).unwrap();
-        assert_eq!(beside(&at("links/c.dat")).unwrap().geometry, Geometry::new(8, 2).ok());
+        assert_eq!(read_beside(&at("links/c.dat")).unwrap().geometry, Geometry::new(8, 2).ok());
         std::fs::write(at("other/c.dat"), [0; 8]).unwrap();
         symlink(at("data/c.json"), at("other/c.json")).unwrap();
-        assert_eq!(beside(&at("other/c.dat")).unwrap_err().kind(), Kind::Input);
+        assert_eq!(read_beside(&at("other/c.dat")).unwrap_err().kind(), ErrorKind::Input);
         symlink(at("other/c.dat"), at("other/d.dat")).unwrap();
         std::fs::write(at("other/e.json"), r#"{"width":8,"height":2}"#).unwrap();
         symlink("e.json", at("other/d.json")).unwrap();
-        assert_eq!(beside(&at("other/d.dat")).unwrap().geometry, Geometry::new(8, 2).ok());
+        assert_eq!(read_beside(&at("other/d.dat")).unwrap().geometry, Geometry::new(8, 2).ok());
     }
 }

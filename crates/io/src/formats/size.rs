@@ -1,11 +1,11 @@
-//! Does a file hold whole frames, and if not, what could it be?
+//! Checks that a headerless file contains whole frames, and lists other frame sizes that match the file length.
 
 use crate::formats::{Codec, Layout};
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 
-/// Sizes of known cameras and data sets, for hints.
-pub(super) const KNOWN: [(u32, u32, Layout); 5] = [
+/// Frame sizes and layouts of known cameras and data sets.
+pub(super) const KNOWN_SIZES: [(u32, u32, Layout); 5] = [
     (400, 250, Layout::Dat),
     (400, 250, Layout::Rows416),
     (1000, 1000, Layout::Dat),
@@ -13,11 +13,12 @@ pub(super) const KNOWN: [(u32, u32, Layout); 5] = [
     (250, 250, Layout::Dat),
 ];
 
-/// The number of whole frames in `data` bytes of a file without header.
+/// Returns the number of whole frames in `data` bytes of a headerless file.
 ///
-/// A recording may stop inside a frame. But where another reading holds whole frames, of a known camera or what the
-/// sidecar told, the one that was wanted is the likelier mistake.
-pub(super) fn readouts(
+/// A recording may end inside a frame. However, the file length may be a whole number of frames of a known camera, or
+/// of the sidecar's geometry `told`. In that case, the requested geometry is probably wrong, and the function returns
+/// an error.
+pub(super) fn whole_readouts(
     name: &str,
     codec: &Codec,
     data: usize,
@@ -32,15 +33,15 @@ pub(super) fn readouts(
     let other = told.filter(|t| t != codec).is_some_and(|t| data.is_multiple_of(t.frame_bytes()));
     let sure = told == Some(*codec);
     if whole == 0 || other || !sure && !hints(data, Some(*codec)).is_empty() {
-        return Err(mismatch(name, codec, data));
+        return Err(size_mismatch_error(name, codec, data));
     }
     Ok(whole)
 }
 
-/// The error for a file that holds no whole number of frames.
-pub(super) fn mismatch(name: &str, codec: &Codec, data: usize) -> Error {
+/// Returns the error for a file whose length is not a whole number of frames.
+pub(super) fn size_mismatch_error(name: &str, codec: &Codec, data: usize) -> Error {
     let frame = codec.frame_bytes();
-    let error = Error::new(Kind::Input, name);
+    let error = Error::new(ErrorKind::Input, name);
     let error = if data == 0 {
         error.found("an empty file, 0 bytes")
     } else {
@@ -55,10 +56,10 @@ pub(super) fn mismatch(name: &str, codec: &Codec, data: usize) -> Error {
         .remedy(remedy(data, Some(*codec)))
 }
 
-/// The error for a file of which nothing tells the size of a frame.
-pub(super) fn unknown(name: &str, data: usize) -> Error {
-    Error::new(Kind::Usage, name)
-        .found(format_args!("{data} bytes, no sidecar and no config.yaml that give width and height"))
+/// Returns the error for a file whose frame size cannot be determined.
+pub(super) fn unknown_size_error(name: &str, data: usize) -> Error {
+    Error::new(ErrorKind::Usage, name)
+        .found(format_args!("{data} bytes, and neither a sidecar nor a config.yaml with width and height"))
         .expected("width and height of the camera")
         .remedy(remedy(data, None))
 }
@@ -66,9 +67,20 @@ pub(super) fn unknown(name: &str, data: usize) -> Error {
 fn remedy(data: usize, tried: Option<Codec>) -> String {
     let hints = hints(data, tried);
     if hints.is_empty() {
-        return "check width, height and layout, or whether the file was cut short".into();
+        return format!(
+            "check {}, {} and {}, and whether the file is truncated",
+            Setting("width"),
+            Setting("height"),
+            Setting("layout")
+        );
     }
-    format!("give the width, height and layout it was written with: {}", hints.join("; "))
+    format!(
+        "set {}, {} and {} to those of the file: {}",
+        Setting("width"),
+        Setting("height"),
+        Setting("layout"),
+        hints.join("; ")
+    )
 }
 
 fn hints(data: usize, tried: Option<Codec>) -> Vec<String> {
@@ -76,7 +88,7 @@ fn hints(data: usize, tried: Option<Codec>) -> Vec<String> {
         let codec = Codec::new(layout, Geometry::new(w, h).ok()?).ok()?;
         let frame = codec.frame_bytes();
         let fits = data > 0 && data.is_multiple_of(frame) && Some(codec) != tried;
-        fits.then(|| format!("{frame} bytes a frame would be {w}x{h} in layout {layout}"))
+        fits.then(|| format!("{frame} bytes per frame match {w}x{h} in layout {layout}"))
     };
-    KNOWN.iter().filter_map(fits).collect()
+    KNOWN_SIZES.iter().filter_map(fits).collect()
 }

@@ -1,4 +1,4 @@
-//! The bytes of a stream, and where its frames lie in them.
+//! The bytes of a stream and the offsets of its frames.
 
 use std::borrow::Cow;
 use std::io::{BufReader, Cursor, Read, Seek};
@@ -6,41 +6,42 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{self, InputFile};
 
-/// Bytes that are read from a file in one piece: enough for the system, few enough to stay in a core's cache until they are
-/// decoded.
-pub(super) const BLOCK: usize = 512 << 10;
+/// Number of bytes per read of a file. Larger reads need fewer system calls. Smaller reads stay in the cache of a core
+/// until the bytes are decoded.
+pub(super) const BLOCK_BYTES: usize = 512 << 10;
 
-/// Bytes at the start of a file that are compared with the marks of other formats. The header of a `.npy` is shorter.
-const HEAD: usize = 16 << 10;
+/// Number of bytes at the start of a file that are compared with the signatures of other formats. `.npy` headers are
+/// shorter.
+const HEAD_BYTES: usize = 16 << 10;
 
-/// Where frames lie.
+/// The offsets of the frames in the source.
 #[derive(Debug)]
-pub(super) enum Place {
-    /// One behind the other from this byte on.
-    Even(usize),
-    /// Each at a byte of its own; `None` for a lost one.
-    Each(Vec<Option<usize>>),
+pub(super) enum FrameOffsets {
+    /// Contiguous frames. The first frame starts at this offset.
+    Contiguous(usize),
+    /// An offset for each frame, or `None` for a missing frame.
+    Individual(Vec<Option<usize>>),
 }
 
 /// A file, or bytes in memory.
 #[derive(Debug)]
-pub(super) enum Source {
+pub(super) enum ByteSource {
     File { file: InputFile, len: usize },
     Memory(Vec<u8>),
 }
 
-impl Source {
+impl ByteSource {
     /// Opens a file.
     ///
     /// # Errors
-    /// As [`InputFile::open`]; [`Kind::Input`] when this machine cannot address all of it.
+    /// As [`InputFile::open`]. Also [`ErrorKind::Input`] if the file length does not fit in `usize`.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let file = InputFile::open(path)?;
         let len = usize::try_from(file.len()).map_err(|_| {
-            Error::new(Kind::Input, path.display())
+            Error::new(ErrorKind::Input, path.display())
                 .found(format_args!("{} bytes", file.len()))
                 .expected(format_args!("at most {}", usize::MAX))
         })?;
@@ -54,7 +55,7 @@ impl Source {
         }
     }
 
-    /// Fills `to` with the bytes from `at` on, which lie before the end.
+    /// Fills `to` with the bytes that start at offset `at`. The range must be inside the source.
     ///
     /// # Errors
     /// As [`InputFile::read_at`].
@@ -68,14 +69,14 @@ impl Source {
         }
     }
 
-    /// Returns the bytes of `range`, which lies before the end.
+    /// Returns the bytes of `range`, which must be inside the source.
     ///
     /// # Errors
-    /// As [`InputFile::read_at`]; [`Kind::Memory`] where memory for them is missing.
+    /// As [`InputFile::read_at`], and [`ErrorKind::Memory`] if the buffer cannot be allocated.
     pub(super) fn bytes(&self, range: Range<usize>) -> Result<Cow<'_, [u8]>> {
         match self {
             Self::File { file, .. } => {
-                let mut bytes = inputs::zeroed(file.path().display(), range.len())?;
+                let mut bytes = inputs::zeroed_vec(file.path().display(), range.len())?;
                 self.read(range.start, &mut bytes)?;
                 Ok(Cow::Owned(bytes))
             }
@@ -83,40 +84,41 @@ impl Source {
         }
     }
 
-    /// Returns the first bytes: all of a short file, else enough to know its kind by.
+    /// Returns the bytes at the start of the source that are needed to detect the format. A shorter source is returned
+    /// completely.
     ///
     /// # Errors
-    /// As [`Source::bytes`].
+    /// As [`ByteSource::bytes`].
     pub(super) fn head(&self) -> Result<Cow<'_, [u8]>> {
-        self.bytes(0..self.len().min(HEAD))
+        self.bytes(0..self.len().min(HEAD_BYTES))
     }
 
-    /// Returns a buffered reader, at the start.
+    /// Returns a buffered reader that starts at offset 0.
     pub(super) fn reader(&self) -> BufReader<Box<dyn ReadSeek + '_>> {
         let reader: Box<dyn ReadSeek + '_> = match self {
             Self::File { file, .. } => Box::new(file.reader()),
             Self::Memory(bytes) => Box::new(Cursor::new(bytes)),
         };
-        BufReader::with_capacity(BLOCK, reader)
+        BufReader::with_capacity(BLOCK_BYTES, reader)
     }
 }
 
 pub(super) trait ReadSeek: Read + Seek {}
 impl<T: Read + Seek> ReadSeek for T {}
 
-/// Buffers that the threads of a reader take in turns.
+/// Buffers that the threads of a reader share.
 #[derive(Debug, Default)]
-pub(super) struct Buffers(Mutex<Vec<Vec<u8>>>);
+pub(super) struct BufferPool(Mutex<Vec<Vec<u8>>>);
 
-impl Buffers {
-    /// Calls `work` with a buffer of `len` bytes, whose content is what its last user left.
+impl BufferPool {
+    /// Calls `work` with a buffer of `len` bytes whose content is unspecified.
     ///
     /// # Errors
-    /// [`Kind::Memory`] where memory is missing; otherwise those of `work`.
-    pub(super) fn with<T>(&self, len: usize, work: impl FnOnce(&mut [u8]) -> Result<T>) -> Result<T> {
+    /// [`ErrorKind::Memory`] if the buffer cannot be allocated; otherwise errors of `work`.
+    pub(super) fn with_buffer<T>(&self, len: usize, work: impl FnOnce(&mut [u8]) -> Result<T>) -> Result<T> {
         let mut buffer = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
         if buffer.len() < len {
-            buffer = inputs::zeroed("a buffer for readouts", len)?;
+            buffer = inputs::zeroed_vec("a buffer for readouts", len)?;
         }
         let done = work(&mut buffer[..len]);
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);

@@ -1,70 +1,72 @@
-//! Writing a stream in any layout.
+//! Writes a stream in any layout.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::formats::{Codec, Layout};
-use crate::storage::{Digest, Writer};
-use spikelane::error::{Error, Kind, Result};
+use crate::storage::{Digest, FileWriter};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::threads;
 
-/// Bytes translated and digested in one go: they stay in the second-level cache
-/// between the two, and are enough for all lanes of the digest.
-const PIECE: usize = 128 << 10;
+/// Number of bytes that are encoded and then hashed in one step. A piece of this size stays in the second-level cache
+/// between encoding and hashing, and fills all SIMD lanes of the hash.
+const PIECE_BYTES: usize = 128 << 10;
 
-/// The same where the system copies them while they are digested: enough to wake another thread for.
-const ASIDE: usize = 1 << 20;
+/// Number of bytes per step if writing and hashing run concurrently. Smaller steps do not justify a second thread.
+const CONCURRENT_PIECE_BYTES: usize = 1 << 20;
 
-/// A stream of unknown length reserves this much at first, and then a quarter more each
-/// time, at most [`MOST_AHEAD`]: few calls, and never far more of the disk than is used.
-const FIRST: u64 = 16 << 20;
-const MOST_AHEAD: u64 = 1 << 30;
+/// Number of bytes that a stream of unknown length reserves at first. Each later reservation adds a quarter of the
+/// current length, but at most [`MAX_RESERVED_AHEAD_BYTES`]. Such growth needs few system calls and reserves little
+/// unused space.
+const INITIAL_RESERVED_BYTES: u64 = 16 << 20;
+const MAX_RESERVED_AHEAD_BYTES: u64 = 1 << 30;
 
-/// A stream on its way into a file. Dropping it unfinished leaves nothing behind.
+/// A stream that is being written. If the writer is dropped before `finish`, the file is removed.
 #[derive(Debug)]
 pub struct StreamWriter {
-    writer: Writer,
+    writer: FileWriter,
     codec: Codec,
     digest: Digest,
     start: u64,
     readouts: u64,
     written: u64,
-    growing: bool,
-    /// Frames of a layout that adds something to them, before they are written.
+    is_growing: bool,
+    /// Buffer of encoded frames. Only layouts whose frames differ in length from packed frames use the buffer.
     encoded: Vec<u8>,
-    /// What was there may be overwritten.
-    replaces: bool,
+    /// Whether an existing file may be overwritten.
+    may_replace: bool,
 }
 
-/// A stream that is safe on the disk.
+/// A finished stream. The file is synced to the disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Finished {
+pub struct StreamSummary {
     /// The final path.
     pub path: PathBuf,
-    /// Length of the file.
+    /// Bytes of the file.
     pub bytes: u64,
     /// Digest of all bytes of the file, the header included, as `blake3:<hex>`.
     pub digest: String,
-    /// How long it took to bring the last bytes and the name to the disk.
-    pub sync: Duration,
+    /// Duration of the final sync and rename.
+    pub sync_time: Duration,
 }
 
 impl StreamWriter {
-    /// Begins a stream of exactly `readouts` frames that will be called `path`.
+    /// Creates a stream of exactly `readouts` frames at `path`. The file appears under this path when
+    /// [`finish`](Self::finish) is called.
     ///
     /// # Examples
     /// ```
     /// use spikelane::Geometry;
-    /// use spikelane_io::formats::{Layout, Reader, StreamWriter};
+    /// use spikelane_io::formats::{Layout, StreamReader, StreamWriter};
     /// let folder = std::env::temp_dir().join(format!("spikelane-example-{}", std::process::id()));
     /// std::fs::create_dir_all(&folder).map_err(|e| spikelane::Error::io("a folder", e))?;
     /// let (path, geometry) = (folder.join("run.dat"), Geometry::new(8, 2)?);
     /// let mut writer = StreamWriter::create(&path, Layout::Dat, geometry, 2, true)?;
     /// writer.write_frames(0, &[1, 0, 0, 128])?;
     /// writer.finish()?;
-    /// let reader = Reader::open(&path, None, Some(geometry))?;
+    /// let reader = StreamReader::open(&path, None, Some(geometry))?;
     /// let mut frame = [0; 2];
     /// reader.read_frame(1, &mut frame)?;
     /// assert_eq!(frame, [0, 128]);
@@ -73,8 +75,9 @@ impl StreamWriter {
     /// ```
     ///
     /// # Errors
-    /// [`Kind::Usage`] for zero readouts or a geometry the layout does not hold;
-    /// [`Kind::Exists`], [`Kind::Space`] and others of the system.
+    /// * [`ErrorKind::Usage`] if `readouts` is 0 or the layout does not support the geometry.
+    /// * [`ErrorKind::Exists`] if the file exists and `force` is false.
+    /// * [`ErrorKind::Space`] if the disk is full, and other errors of the system.
     pub fn create(
         path: &Path,
         layout: Layout,
@@ -84,12 +87,12 @@ impl StreamWriter {
     ) -> Result<Self> {
         let codec = Codec::new(layout, geometry)?;
         if readouts == 0 {
-            return Err(Error::new(Kind::Usage, path.display())
+            return Err(Error::new(ErrorKind::Usage, path.display())
                 .found("zero readouts")
-                .expected("at least one"));
+                .expected("at least one readout"));
         }
         let bytes = layout.file_bytes(geometry, readouts)?;
-        let mut writer = Writer::create(path, bytes, force)?;
+        let mut writer = FileWriter::create(path, bytes, force)?;
         let header = layout.header(geometry, readouts)?;
         writer.write_all(&header)?;
         let mut digest = Digest::new();
@@ -102,58 +105,61 @@ impl StreamWriter {
             start,
             readouts,
             written: 0,
-            growing: false,
+            is_growing: false,
             encoded: Vec::new(),
-            replaces: force,
+            may_replace: force,
         })
     }
 
-    /// Begins a stream that will be called `path` and ends wherever [`finish`](Self::finish)
-    /// is called, for sources of unknown length. Space is reserved as the stream grows,
-    /// so a full disk shows in [`write_frames`](Self::write_frames).
+    /// Creates a stream of unknown length at `path`. The stream ends when [`finish`](Self::finish) is called.
+    ///
+    /// Space is reserved while the stream grows, so [`write_frames`](Self::write_frames) can fail because the disk is
+    /// full.
     ///
     /// # Errors
     /// As [`create`](Self::create).
     pub fn create_growing(path: &Path, layout: Layout, geometry: Geometry, force: bool) -> Result<Self> {
         let frame = Codec::new(layout, geometry)?.frame_bytes() as u64;
-        let mut stream = Self::create(path, layout, geometry, (FIRST / frame).max(1), force)?;
-        stream.growing = true;
+        let mut stream =
+            Self::create(path, layout, geometry, (INITIAL_RESERVED_BYTES / frame).max(1), force)?;
+        stream.is_growing = true;
         Ok(stream)
     }
 
-    /// Makes room for `frames` in all.
+    /// Reserves space for a total of at least `frames` frames.
     fn grow(&mut self, frames: u64) -> Result<()> {
         let frame = self.codec.frame_bytes() as u64;
-        let ahead = (self.readouts / 4).min(MOST_AHEAD / frame);
+        let ahead = (self.readouts / 4).min(MAX_RESERVED_AHEAD_BYTES / frame);
         let frames = frames.saturating_add(ahead);
-        // Checks that the file can be that long at all.
+        // A length that exceeds file offsets must fail before the file is resized.
         self.layout().file_bytes(self.geometry(), frames)?;
         self.writer.resize(self.start + frames * frame)?;
         self.readouts = frames;
         Ok(())
     }
 
-    /// Cuts a growing stream to what was written and makes its header say so.
-    fn settle(&mut self) -> Result<()> {
+    /// Truncates a growing stream to the written frames, and updates the header.
+    fn trim_to_written(&mut self) -> Result<()> {
         self.writer.resize(self.start + self.written * self.codec.frame_bytes() as u64)?;
         self.readouts = self.written;
         let header = self.layout().header(self.geometry(), self.written)?;
         if header.is_empty() {
             return Ok(());
         }
-        // Both lengths round up to the same multiple for any number of readouts that fits a disk.
+        // Headers are padded to a multiple of a fixed length. The old and the new header therefore have the same
+        // length for every stream that fits on a disk.
         if header.len() as u64 != self.start {
-            return Err(Error::new(Kind::Usage, self.writer.path().display())
+            return Err(Error::new(ErrorKind::Usage, self.writer.path().display())
                 .found(format_args!("a header of {} bytes", header.len()))
                 .expected(format_args!("{}, as reserved", self.start))
-                .remedy("give the number of readouts"));
+                .remedy("set the number of readouts"));
         }
         self.writer.window(0, header.len())?.copy_from_slice(&header);
-        self.digest_again()
+        self.recompute_digest()
     }
 
-    /// The digest of a file whose first bytes have changed.
-    fn digest_again(&mut self) -> Result<()> {
+    /// Recomputes the digest of the whole file. The digest must be recomputed if the header was changed after hashing.
+    fn recompute_digest(&mut self) -> Result<()> {
         let mut digest = Digest::new();
         let mut at = 0;
         while at < self.writer.bytes() {
@@ -165,53 +171,53 @@ impl StreamWriter {
         Ok(())
     }
 
-    /// Width and height.
+    /// Returns the width and height.
     #[must_use]
     pub const fn geometry(&self) -> Geometry {
         self.codec.geometry()
     }
 
-    /// The layout.
+    /// Returns the layout.
     #[must_use]
     pub const fn layout(&self) -> Layout {
         self.codec.layout()
     }
 
-    /// The number of frames the finished stream will have; of a growing stream, those it
-    /// has room for at present.
+    /// Returns the number of frames that the finished stream will contain. For a growing stream, returns the number of
+    /// frames for which space is reserved.
     #[must_use]
     pub const fn readouts(&self) -> u64 {
         self.readouts
     }
 
-    /// Frames written so far.
+    /// Returns the number of frames written so far.
     #[must_use]
     pub const fn written(&self) -> u64 {
         self.written
     }
 
-    /// Writes packed frames, one after the other, as readouts `first` on. Frames come in
-    /// order and once each, since the digest follows the bytes.
+    /// Writes consecutive packed frames, starting with readout `first`. Every frame must be written exactly once and
+    /// in order, because the digest is computed while writing.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when `first` is not [`written`](Self::written), when `packed`
-    /// holds no whole number of frames, or more than are left.
+    /// [`ErrorKind::Usage`] if `first` differs from [`written`](Self::written), if the length of `packed` is not a
+    /// whole number of frames, or if `packed` contains more frames than are missing.
     pub fn write_frames(&mut self, first: u64, packed: &[u8]) -> Result<()> {
         let size = self.geometry().frame_bytes();
         let frames = (packed.len() / size) as u64;
-        if self.growing && first == self.written && frames > self.readouts - self.written {
+        if self.is_growing && first == self.written && frames > self.readouts - self.written {
             self.grow(self.written + frames)?;
         }
         let fits = packed.len().is_multiple_of(size) && frames <= self.readouts - self.written;
         if first != self.written || !fits {
-            return Err(Error::new(Kind::Usage, self.writer.path().display())
-                .found(format_args!("{} bytes as readout {first} on", packed.len()))
+            return Err(Error::new(ErrorKind::Usage, self.writer.path().display())
+                .found(format_args!("{} bytes from readout {first} on", packed.len()))
                 .expected(format_args!(
-                    "frames of {size} bytes as readouts {}..{}, in order",
+                    "frames of {size} bytes for readouts {}..{}, in order",
                     self.written, self.readouts
                 )));
         }
-        let piece = if self.is_straight() { PIECE } else { ASIDE };
+        let piece = if self.is_packed_layout() { PIECE_BYTES } else { CONCURRENT_PIECE_BYTES };
         let step = (piece / self.codec.frame_bytes()).max(1);
         for piece in packed.chunks(step * size) {
             let frames = piece.len() / size;
@@ -222,15 +228,18 @@ impl StreamWriter {
         Ok(())
     }
 
-    /// Whether the file's frames are spikes alone.
-    fn is_straight(&self) -> bool {
+    /// Returns whether a frame has the same length in the file and in memory.
+    fn is_packed_layout(&self) -> bool {
         self.codec.frame_bytes() == self.geometry().frame_bytes()
     }
 
-    /// Puts frames that take `len` bytes of the file at `offset`. Those of spikes alone go straight into the mapped file. Where a layout adds something,
-    /// the whole is made beside it first: pages that are written take no fault each.
+    /// Writes frames that occupy `len` bytes of the file at `offset`.
+    ///
+    /// If the layout has the frame length of packed frames, the frames are encoded directly into the mapped file.
+    /// Otherwise the frames are encoded into a buffer, and a system call writes the buffer. The system call avoids one
+    /// page fault per page.
     fn put(&mut self, offset: u64, packed: &[u8], len: usize) -> Result<()> {
-        if self.is_straight() {
+        if self.is_packed_layout() {
             let file = self.writer.window(offset, len)?;
             self.codec.encode(packed, file)?;
             self.digest.update(file);
@@ -243,30 +252,37 @@ impl StreamWriter {
         threads::join(|| writer.write_at(offset, file), || digest.update(file)).0
     }
 
-    /// Brings the stream to the disk and gives it its name.
+    /// Syncs the stream to the disk and renames it to its final name.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when frames are missing (nothing is left behind then);
-    /// otherwise what the system says of the last bytes and the name.
-    pub fn finish(mut self) -> Result<Finished> {
-        if self.growing && self.written > 0 {
-            self.settle()?;
+    /// * [`ErrorKind::Usage`] if frames are missing. No file remains in this case.
+    /// * Errors of the system during sync and rename.
+    pub fn finish(mut self) -> Result<StreamSummary> {
+        if self.is_growing && self.written > 0 {
+            self.trim_to_written()?;
         }
         if self.written != self.readouts {
-            return Err(Error::new(Kind::Usage, self.writer.path().display())
+            return Err(Error::new(ErrorKind::Usage, self.writer.path().display())
                 .found(format_args!("{} frames", self.written))
-                .expected(format_args!("{} before the end", self.readouts)));
+                .expected(format_args!("{} frames before the end", self.readouts)));
         }
-        // What speaks of the old stream goes before the new one gets its name.
-        let sidecar = own_sidecar(self.writer.path());
-        let stale: &[&Path] = if self.replaces { &[&sidecar] } else { &[] };
+        // The sidecar of the replaced stream must be removed before the new stream has its final name. Otherwise a
+        // reader could use the old sidecar for the new stream.
+        let sidecar = sidecar_path(self.writer.path());
+        let stale: &[&Path] = if self.may_replace { &[&sidecar] } else { &[] };
         let done = self.writer.finish_replacing(stale)?;
-        Ok(Finished { path: done.path, bytes: done.bytes, digest: self.digest.text(), sync: done.sync })
+        Ok(StreamSummary {
+            path: done.path,
+            bytes: done.bytes,
+            digest: self.digest.to_text(),
+            sync_time: done.sync_time,
+        })
     }
 }
 
-/// `STEM.dat.json`, which speaks of the stream of that name alone and is the first to be asked.
-pub fn own_sidecar(path: &Path) -> PathBuf {
+/// Returns the path of the sidecar that describes only this stream. For `STEM.dat`, the path is `STEM.dat.json`. The
+/// reader tries this path first.
+pub fn sidecar_path(path: &Path) -> PathBuf {
     let mut whole = path.as_os_str().to_os_string();
     whole.push(".json");
     PathBuf::from(whole)

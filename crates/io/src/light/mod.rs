@@ -1,21 +1,22 @@
-//! Light from files: pictures, folders of them, video and arrays become frames of linear, gray light at the camera's size.
+//! Light from files. Images, image folders, videos and arrays are converted to frames of linear gray light at the
+//! camera's size.
 //!
-//! The module re-exports [`spikelane::light`], so that one path has all of light.
+//! The module re-exports [`spikelane::light`], so that one path covers all light sources.
 
 mod arrays;
-mod fit;
-pub mod motion;
+pub mod camera_motion;
+mod images;
 mod open;
-mod pictures;
-mod scaled;
-mod times;
+mod resize_mode;
+mod scaled_source;
+mod timestamps;
 mod video;
 
 pub use arrays::{npy, npz};
-pub use fit::Fit;
-pub use motion::Motion;
-pub use open::{InputOptions, Moving, open, open_reader};
-pub use pictures::{folder, natural, picture, still};
+pub use camera_motion::CameraMotion;
+pub use images::{folder, image_file, natural_order, still_image};
+pub use open::{InputOptions, MotionClip, open, open_reader};
+pub use resize_mode::ResizeMode;
 pub use spikelane::light::*;
-pub use times::NAME as TIMES;
+pub use timestamps::TIMESTAMPS_FILE_NAME;
 pub use video::{ffmpeg, y4m};

@@ -1,98 +1,109 @@
-//! One door for every kind of input.
+//! Opens any supported light input.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::fit::Fit;
-use super::scaled::scaled;
+use super::resize_mode::ResizeMode;
+use super::scaled_source::scale_source;
 use crate::Stdin;
 use crate::light::arrays::npy;
-use crate::light::arrays::npy::Array;
+use crate::light::arrays::npy::ArraySource;
 use crate::light::arrays::npz;
-use crate::light::motion::Motion;
-use crate::light::pictures::folder::Folder;
-use crate::light::pictures::picture;
-use crate::light::pictures::picture::Linear;
-use crate::light::pictures::still::Still;
-use crate::light::video::ffmpeg::Decoded;
+use crate::light::camera_motion::CameraMotion;
+use crate::light::images::folder::ImageFolder;
+use crate::light::images::image_file;
+use crate::light::images::image_file::Linearization;
+use crate::light::images::still_image::StillImage;
+use crate::light::video::ffmpeg::FfmpegSource;
 use crate::light::video::y4m;
-use crate::light::video::y4m::Video;
+use crate::light::video::y4m::Y4mSource;
 use spikelane::effects::Camera;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::Rate;
 use spikelane::light::Source;
 use spikelane::light::Transfer;
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
 
-/// Endings of files that are handed to ffmpeg.
-const VIDEO: [&str; 16] = [
+/// Extensions of files that ffmpeg decodes.
+const VIDEO_EXTENSIONS: [&str; 16] = [
     "mp4", "mkv", "mov", "avi", "webm", "m4v", "mpg", "mpeg", "ts", "mts", "wmv", "flv", "ogv", "3gp", "gif",
     "mxf",
 ];
 
-const SUPPORTED: &str = "a folder of images, a PNG, JPEG, TIFF, EXR, BMP, PNM or WEBP image, .npy, .npz, .y4m, \
-                         a video that ffmpeg knows by its ending, or - for y4m or npy on standard input";
+const SUPPORTED_INPUTS: &str = "a folder of images, a PNG, JPEG, TIFF, EXR, BMP, PNM or WEBP image, .npy, .npz, .y4m, a video with an extension that ffmpeg reads, or - for y4m or npy on standard input";
 
-/// How an input is read.
+/// Options for reading a light input.
 #[derive(Clone, Debug)]
 pub struct InputOptions {
-    /// The camera's size, to which every frame is brought.
+    /// The camera's size. Every frame is converted to this size.
     pub camera: Geometry,
-    /// How it is brought there.
-    pub fit: Fit,
-    /// How the camera takes codes as light.
+    /// How frames are resized or cropped.
+    pub resize_mode: ResizeMode,
+    /// How the camera's front end converts codes to light.
     pub front_end: FrontEnd,
-    /// The declared transfer function, in place of the front end's and for EXR too; `None` for the front
-    /// end's, else sRGB in images and video, linear in arrays and EXR.
+    /// The declared transfer function. It overrides the transfer function of the front end and also applies to EXR.
+    ///
+    /// If `transfer` is `None`, the transfer function of the front end applies. If the front end has none either,
+    /// images and videos are sRGB, and arrays and EXR are linear.
     pub transfer: Option<Transfer>,
-    /// A motion over a single image.
-    pub moving: Option<Moving>,
-    /// The number in an array that is full scale; `None` for 255, 65535, true or 1.0.
+    /// A camera motion across a single image.
+    pub motion_clip: Option<MotionClip>,
+    /// The array value that represents full scale. If `scale` is `None`, full scale is 255 for `u8`, 65535 for `u16`,
+    /// true for `bool` and 1.0 for floats.
     pub scale: Option<f64>,
-    /// A request to stop, which ends the wait for standard input; `None` waits for its end.
+    /// If this flag becomes true, waiting for standard input is interrupted. If `stop` is `None`, the wait cannot be
+    /// interrupted.
     pub stop: Option<Arc<AtomicBool>>,
 }
 
 spikelane::unstable::with_methods!(InputOptions {
     with_camera: camera: Geometry,
-    with_fit: fit: Fit,
+    with_resize_mode: resize_mode: ResizeMode,
     with_front_end: front_end: FrontEnd,
     with_transfer: transfer: Option<Transfer>,
-    with_moving: moving: Option<Moving>,
+    with_motion_clip: motion_clip: Option<MotionClip>,
     with_scale: scale: Option<f64>,
     with_stop: stop: Option<Arc<AtomicBool>>,
 });
 
 impl InputOptions {
-    /// Everything by default, for a camera of this size that knows nothing of codes.
+    /// Creates default options for a camera of this size with the default front end.
     #[must_use]
     pub fn new(camera: Geometry) -> Self {
         let front_end = FrontEnd::default();
-        Self { camera, fit: Fit::Resize, front_end, transfer: None, moving: None, scale: None, stop: None }
+        Self {
+            camera,
+            resize_mode: ResizeMode::Cover,
+            front_end,
+            transfer: None,
+            motion_clip: None,
+            scale: None,
+            stop: None,
+        }
     }
 
-    /// The size and the front end of `camera`, everything else by default.
+    /// Creates default options with the geometry and the front end of `camera`.
     #[must_use]
-    pub fn of(camera: &Camera) -> Self {
-        Self { front_end: camera.light, ..Self::new(camera.sensor.geometry) }
+    pub fn from_camera(camera: &Camera) -> Self {
+        Self { front_end: camera.front_end, ..Self::new(camera.sensor.geometry) }
     }
 
-    fn linear(&self) -> Linear {
-        Linear::of(&self.front_end, self.transfer)
+    fn linearization(&self) -> Linearization {
+        Linearization::from_front_end(&self.front_end, self.transfer)
     }
 }
 
-/// A motion and how long it lasts.
+/// A camera motion and its duration.
 #[derive(Clone, Copy, Debug)]
-pub struct Moving {
+pub struct MotionClip {
     /// The motion.
-    pub motion: Motion,
-    /// Frames per second at which it is drawn.
+    pub motion: CameraMotion,
+    /// Frame rate of the motion.
     pub rate: Rate,
-    /// Number of frames; at least 1.
+    /// Number of frames, at least 1.
     pub frames: u64,
 }
 
@@ -108,99 +119,104 @@ pub struct Moving {
 /// ```
 ///
 /// # Errors
-/// [`Kind::Io`] when it cannot be opened; [`Kind::Usage`] when its kind is not known, or a motion is asked of
-/// anything but one image; otherwise as the source of its kind.
+/// * [`ErrorKind::Io`] if the input cannot be opened.
+/// * [`ErrorKind::Usage`] if the format of the input is unknown, or if a motion is requested and the input is not a
+///   single image.
+/// * Errors of the source that reads the format.
 pub fn open(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
     if path.as_os_str() == "-" {
         let stdin = Stdin::new(options.stop.clone().unwrap_or_default());
         let stdin = stdin.map_err(|e| Error::io("standard input", e))?;
         return open_reader(Box::new(stdin), "standard input", options);
     }
-    by_kind(path, options).map(scaled)
+    open_path(path, options).map(scale_source)
 }
 
-fn by_kind(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
-    let (camera, fit, linear) = (options.camera, options.fit, options.linear());
+fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
+    let (camera, fit, linear) = (options.camera, options.resize_mode, options.linearization());
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     if options.scale.is_some() && !matches!(ending.as_deref(), Some("npy" | "npz")) {
-        return Err(no_scale(&path.display()));
+        return Err(scale_error(&path.display()));
     }
     let about = std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
-    if picture::is_picture(path) && !about.is_dir() {
-        return Ok(Box::new(match options.moving {
-            None => Still::open(path, camera, fit, &linear)?,
+    if image_file::is_image(path) && !about.is_dir() {
+        return Ok(Box::new(match options.motion_clip {
+            None => StillImage::open(path, camera, fit, &linear)?,
             Some(m) => {
                 let motion = (m.motion, m.rate, m.frames);
-                Still::open_moving(path, camera, fit, &linear, motion)?
+                StillImage::open_moving(path, camera, fit, &linear, motion)?
             }
         }));
     }
-    no_motion(path.display(), options)?;
+    refuse_motion(path.display(), options)?;
     if about.is_dir() {
-        return Ok(Box::new(Folder::open(path, camera, fit, linear)?));
+        return Ok(Box::new(ImageFolder::open(path, camera, fit, linear)?));
     }
     match ending.as_deref() {
-        Some("npy") => coded(Array::open(path, camera, fit, options.transfer)?, options),
-        Some("npz") => coded(npz::open(path, camera, fit, options.transfer)?, options),
-        Some("y4m") => Ok(Box::new(Video::open(path, camera, fit, linear)?)),
-        Some(e) if VIDEO.contains(&e) => Ok(Box::new(Decoded::open(path, camera, fit, linear)?)),
-        _ => Err(Error::new(Kind::Usage, path.display())
-            .found("a kind of file that is not known")
-            .expected(SUPPORTED)
-            .remedy("convert it, or rename it if its ending is wrong")),
+        Some("npy") => array_source(ArraySource::open(path, camera, fit, options.transfer)?, options),
+        Some("npz") => array_source(npz::open(path, camera, fit, options.transfer)?, options),
+        Some("y4m") => Ok(Box::new(Y4mSource::open(path, camera, fit, linear)?)),
+        Some(e) if VIDEO_EXTENSIONS.contains(&e) => {
+            Ok(Box::new(FfmpegSource::open(path, camera, fit, linear)?))
+        }
+        _ => Err(Error::new(ErrorKind::Usage, path.display())
+            .found("an unknown type of file")
+            .expected(SUPPORTED_INPUTS)
+            .remedy("convert it, or rename it if its extension is wrong")),
     }
 }
 
-/// Opens a stream of y4m or npy; its first byte tells which.
+/// Opens a stream in y4m or npy format. The first byte determines the format.
 ///
 /// # Errors
-/// [`Kind::Input`] when it is neither; [`Kind::Usage`] when a motion is asked of it; otherwise as the source
-/// of its kind.
+/// * [`ErrorKind::Input`] if the stream is neither y4m nor npy.
+/// * [`ErrorKind::Usage`] if a motion is requested.
+/// * Errors of the source that reads the format.
 pub fn open_reader(
     reader: Box<dyn Read + Send>,
     name: &str,
     options: &InputOptions,
 ) -> Result<Box<dyn Source>> {
-    no_motion(name, options)?;
-    let (camera, fit) = (options.camera, options.fit);
+    refuse_motion(name, options)?;
+    let (camera, fit) = (options.camera, options.resize_mode);
     let mut reader = BufReader::new(reader);
-    // A pipe may hand over a single byte at first, and one is enough to decide.
+    // The first read from a pipe may return only one byte. One byte is sufficient to determine the format.
     let first = reader.fill_buf().map_err(|e| Error::io(name, e))?.first().copied();
     if first == npy::MAGIC.first().copied() {
-        let array = Array::from_reader(Box::new(reader), name, camera, fit, options.transfer)?;
-        return Ok(scaled(coded(array, options)?));
+        let array = ArraySource::from_reader(Box::new(reader), name, camera, fit, options.transfer)?;
+        return Ok(scale_source(array_source(array, options)?));
     }
     if options.scale.is_some() {
-        return Err(no_scale(&name));
+        return Err(scale_error(&name));
     }
     if first == y4m::MAGIC.first().copied() {
-        let video = Video::from_reader(Box::new(reader), name, camera, fit, options.linear())?;
-        return Ok(scaled(Box::new(video)));
+        let video = Y4mSource::from_reader(Box::new(reader), name, camera, fit, options.linearization())?;
+        return Ok(scale_source(Box::new(video)));
     }
-    Err(Error::new(Kind::Input, name)
+    Err(Error::new(ErrorKind::Input, name)
         .found(if first.is_none() { "nothing" } else { "other data" })
         .expected("a y4m video or a NumPy array")
         .remedy("pipe a video through ffmpeg -i FILE -pix_fmt yuv444p -f yuv4mpegpipe -"))
 }
 
-fn coded(array: Array, options: &InputOptions) -> Result<Box<dyn Source>> {
+fn array_source(array: ArraySource, options: &InputOptions) -> Result<Box<dyn Source>> {
     let array = array.with_front_end(&options.front_end, options.transfer);
     Ok(Box::new(array.with_scale(options.scale)?))
 }
 
-fn no_scale(name: &dyn std::fmt::Display) -> Error {
-    Error::new(Kind::Usage, name)
-        .found("a number of full scale for what is no array")
-        .expected("none: pictures and video have their own, the greatest code")
-        .remedy("leave --scale out")
+fn scale_error(name: &dyn std::fmt::Display) -> Error {
+    Error::new(ErrorKind::Usage, name)
+        .found("a full scale for an input that is not an array")
+        .expected("no full scale: images and video use their largest code")
+        .remedy(format_args!("omit {}", Setting("full_scale")))
 }
 
-fn no_motion(name: impl std::fmt::Display, options: &InputOptions) -> Result<()> {
-    if options.moving.is_none() {
+fn refuse_motion(name: impl std::fmt::Display, options: &InputOptions) -> Result<()> {
+    if options.motion_clip.is_none() {
         return Ok(());
     }
-    Err(Error::new(Kind::Usage, name)
-        .found("a motion")
-        .expected("one image to move over")
-        .remedy("leave the motion out, or give a single image"))
+    Err(Error::new(ErrorKind::Usage, name)
+        .found(format_args!("{} for an input that is not a single image", Setting("motion")))
+        .expected("one image")
+        .remedy(format_args!("omit {}, or use a single image", Setting("motion"))))
 }

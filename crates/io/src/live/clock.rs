@@ -1,22 +1,22 @@
-//! Time, so that tests have one of their own.
+//! A clock that tests can replace.
 
 use std::time::{Duration, Instant};
 
-/// A clock that starts at zero and can be waited for.
+/// A clock that starts at zero and can wait for an instant.
 pub trait Clock {
-    /// Time since the start.
+    /// Returns the time since the clock started.
     fn now(&self) -> Duration;
 
-    /// Returns not before `moment`, unless that is further away than `at_most`.
-    fn wait_until(&mut self, moment: Duration, at_most: Duration);
+    /// Waits until the clock reads `moment`, but at most for the duration `max_wait`.
+    fn wait_until(&mut self, moment: Duration, max_wait: Duration);
 }
 
-/// The computer's clock.
+/// The monotonic clock of the system.
 #[derive(Clone, Copy, Debug)]
 pub struct SystemClock(Instant);
 
 impl SystemClock {
-    /// A clock that starts now.
+    /// Creates a clock that reads zero now.
     #[must_use]
     pub fn start() -> Self {
         Self(Instant::now())

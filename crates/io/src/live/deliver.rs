@@ -1,115 +1,125 @@
-//! The thread that hands readouts over when they are due.
+//! The thread that delivers each readout when the readout is due.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 use crate::live::clock::Clock;
-use crate::live::pace::{Pace, Report};
-use crate::live::sink::{Delivery, Sink, Stop};
+use crate::live::delivery_rate::{DeliveryRate, LiveSummary};
+use crate::live::sink::{Delivery, Sink, StopFlag};
 use spikelane::error::Result;
 
-/// A wait is cut into pieces of this length, between which a request to stop is heard.
-pub(super) const PIECE: Duration = Duration::from_millis(50);
+/// A wait is divided into slices of at most this length. The stop flag is checked between two slices.
+pub(super) const WAIT_SLICE: Duration = Duration::from_millis(50);
 
-/// Readouts that are handed over together.
+/// Readouts that are delivered at the same instant.
 #[derive(Debug, Default)]
 pub(super) struct Burst {
     pub frames: Vec<u8>,
-    /// Of each frame, which readout it is.
+    /// The readout number of each frame.
     pub readouts: Vec<u64>,
-    /// Readouts that have passed when the burst is due.
-    pub passed: u64,
+    /// Number of readouts that have elapsed at the instant when the burst is due.
+    pub elapsed_readouts: u64,
 }
 
-/// One end of the way between who simulates and who delivers: full bursts go there, empty ones come back.
-pub(super) struct Bursts {
-    pub send: Sender<Burst>,
-    pub receive: Receiver<Burst>,
+/// One end of the channel between the simulating thread and the delivering thread. Full bursts are sent to the
+/// delivering thread, and empty bursts are sent back.
+pub(super) struct BurstChannel {
+    pub sender: Sender<Burst>,
+    pub receiver: Receiver<Burst>,
 }
 
-impl Bursts {
-    /// Both ends.
+impl BurstChannel {
+    /// Creates both ends of the channel. The first belongs to the simulating thread, the second to the delivering
+    /// thread.
     pub(super) fn new() -> (Self, Self) {
         let ((full, due), (empty, spare)) = (channel(), channel());
-        (Self { send: full, receive: spare }, Self { send: empty, receive: due })
+        (Self { sender: full, receiver: spare }, Self { sender: empty, receiver: due })
     }
 }
 
-/// Waits for the time of each burst and gives it to the sink.
+/// Waits until each burst is due, and then passes the burst to the sink.
 pub(super) struct Deliverer<'s, C> {
-    pace: Pace,
+    rate: DeliveryRate,
     sink: &'s mut dyn Sink,
     clock: C,
-    stop: &'s Stop,
-    bursts: Bursts,
-    report: Report,
+    stop: &'s StopFlag,
+    bursts: BurstChannel,
+    report: LiveSummary,
 }
 
 impl<'s, C: Clock> Deliverer<'s, C> {
-    pub(super) fn new(pace: Pace, sink: &'s mut dyn Sink, clock: C, stop: &'s Stop, bursts: Bursts) -> Self {
-        Self { pace, sink, clock, stop, bursts, report: Report::default() }
+    pub(super) fn new(
+        pace: DeliveryRate,
+        sink: &'s mut dyn Sink,
+        clock: C,
+        stop: &'s StopFlag,
+        bursts: BurstChannel,
+    ) -> Self {
+        Self { rate: pace, sink, clock, stop, bursts, report: LiveSummary::default() }
     }
 
-    /// Delivers until no burst comes, the consumer leaves or a stop is requested.
-    pub(super) fn run(mut self) -> Result<Report> {
-        while let Some(burst) = self.next() {
+    /// Delivers bursts until the channel is closed, the consumer disconnects, or a stop is requested.
+    pub(super) fn run(mut self) -> Result<LiveSummary> {
+        while let Some(burst) = self.wait_for_burst() {
             if !self.hand_over(&burst)? {
                 break;
             }
-            // Who simulates may have ended.
-            let _ = self.bursts.send.send(burst);
+            // `send` fails if the simulating thread has already ended. The burst is then not needed again.
+            let _ = self.bursts.sender.send(burst);
         }
         let Self { sink, stop, bursts, mut report, .. } = self;
-        // Who simulates hears that nobody delivers any more, before the sink waits for its consumer.
+        // The channel must be closed before the sink waits for its consumer. Otherwise the simulating thread would
+        // continue.
         drop(bursts);
-        report.left &= !stop.is_raised();
+        report.consumer_left &= !stop.is_raised();
         sink.finish()?;
         Ok(report)
     }
 
-    /// The next burst, at the moment when it is due or, where it was made too late, as soon as it is there.
-    fn next(&mut self) -> Option<Burst> {
+    /// Waits until the next burst is due, and returns the burst. An overdue burst is returned immediately. Returns
+    /// `None` if the channel is closed or a stop is requested.
+    fn wait_for_burst(&mut self) -> Option<Burst> {
         let burst = loop {
             if self.stop.is_raised() {
                 return None;
             }
-            match self.bursts.receive.recv_timeout(PIECE) {
+            match self.bursts.receiver.recv_timeout(WAIT_SLICE) {
                 Ok(burst) => break burst,
                 Err(RecvTimeoutError::Timeout) => (),
                 Err(RecvTimeoutError::Disconnected) => return None,
             }
         };
-        let due = self.pace.moment(burst.passed);
+        let due = self.rate.due_time(burst.elapsed_readouts);
         while !self.stop.is_raised() {
             if self.clock.now() >= due {
                 return Some(burst);
             }
-            self.clock.wait_until(due, PIECE);
+            self.clock.wait_until(due, WAIT_SLICE);
         }
         None
     }
 
-    /// Gives a burst to the sink; `false` when nobody wants more.
+    /// Passes a burst to the sink. Returns `false` if the consumer has disconnected.
     fn hand_over(&mut self, burst: &Burst) -> Result<bool> {
         let frames = burst.readouts.len() as u64;
-        let delivery = if frames == 0 { Delivery::Taken } else { self.sink.deliver(&burst.frames)? };
+        let delivery = if frames == 0 { Delivery::Accepted } else { self.sink.deliver(&burst.frames)? };
         let report = &mut self.report;
         report.elapsed = self.clock.now();
         match delivery {
-            Delivery::Taken => {
+            Delivery::Accepted => {
                 report.delivered += frames;
                 for readout in &burst.readouts {
-                    let late = report.elapsed.saturating_sub(self.pace.moment(readout + 1));
+                    let late = report.elapsed.saturating_sub(self.rate.due_time(readout + 1));
                     report.lateness.record(late);
                 }
             }
             Delivery::Dropped => report.dropped += frames,
-            Delivery::Gone => {
-                report.left = true;
+            Delivery::Closed => {
+                report.consumer_left = true;
                 return Ok(false);
             }
         }
-        report.readouts = burst.passed;
+        report.readouts = burst.elapsed_readouts;
         Ok(true)
     }
 }

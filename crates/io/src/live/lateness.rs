@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use hdrhistogram::Histogram;
 
-/// The longest delay that has a bucket of its own, in microseconds: a day.
+/// The longest delay that the histogram resolves, which is one day in microseconds.
 const MAX_DELAY_US: u64 = 24 * 3600 * 1_000_000;
 
-/// Delays in microseconds, in a histogram of fixed size.
+/// A histogram of delays in microseconds. Memory use does not depend on the number of delays.
 ///
-/// Delays below 256 us are exact, and a bucket above is at most a 128th of its values wide. All delays of more than a day share
-/// the last bucket; [`max`](Self::max) is exact.
+/// Delays below 256 us are exact. Larger delays are in buckets whose width is at most 1/128 of the delay. All delays
+/// longer than a day are in the last bucket, but [`max`](Self::max) is exact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lateness {
     delays: Histogram<u64>,
@@ -25,27 +25,29 @@ impl Default for Lateness {
 }
 
 impl Lateness {
-    /// Counts a readout that was `late`.
+    /// Records the delay of one readout.
     pub fn record(&mut self, late: Duration) {
         let us = u64::try_from(late.as_micros()).unwrap_or(u64::MAX);
         self.delays.saturating_record(us);
         self.max = self.max.max(Duration::from_micros(us));
     }
 
-    /// How many were counted.
+    /// Returns the number of recorded delays.
     #[must_use]
-    pub fn total(&self) -> u64 {
+    pub fn count(&self) -> u64 {
         self.delays.len()
     }
 
-    /// The smallest delay that at least the share `quantile` (0 to 1) of all stays within, rounded up by at most a 128th; zero
-    /// without any.
+    /// Returns the smallest delay `d` such that at least the fraction `quantile` (0 to 1) of all delays is at most
+    /// `d`.
+    ///
+    /// The result exceeds the exact value by at most 1/128. If no delay was recorded, the result is zero.
     #[must_use]
     pub fn quantile(&self, quantile: f64) -> Duration {
         Duration::from_micros(self.delays.value_at_quantile(quantile)).min(self.max)
     }
 
-    /// The greatest delay, in whole microseconds.
+    /// Returns the longest delay, in whole microseconds.
     #[must_use]
     pub const fn max(&self) -> Duration {
         self.max
@@ -66,7 +68,7 @@ mod tests {
             assert!((exact..=exact + exact / 128).contains(&found), "{quantile}: {found}");
         }
         assert_eq!(lateness.quantile(1.0), Duration::from_micros(1000));
-        assert_eq!((lateness.max(), lateness.total()), (Duration::from_micros(1000), 1000));
+        assert_eq!((lateness.max(), lateness.count()), (Duration::from_micros(1000), 1000));
     }
 
     #[test]

@@ -1,13 +1,14 @@
-//! Readouts at the pace of a camera: a virtual one, for consumers that are developed without hardware.
+//! Delivers readouts at the rate of a camera, so that consumers can be developed without hardware.
 //!
-//! [`run`] simulates ahead, hands readouts to a [`Sink`] when a camera would have finished them, and says how late
-//! they were. [`Pipe`] writes to a pipe or socket, [`Ring`] to shared memory.
+//! [`run`] simulates readouts before they are due, and passes each readout to a [`Sink`] when a camera would have
+//! finished the readout. [`run`] also reports how late the readouts are. [`PipeSink`] writes to a pipe or socket, and
+//! [`RingWriter`] writes to shared memory.
 
-mod ahead;
 mod clock;
 mod deliver;
+mod delivery_rate;
 mod lateness;
-mod pace;
+mod lookahead;
 mod pipe;
 mod ring;
 mod run;
@@ -16,9 +17,9 @@ mod sink;
 mod tests;
 
 pub use clock::{Clock, SystemClock};
+pub use delivery_rate::{DeliveryRate, LiveSummary};
 pub use lateness::Lateness;
-pub use pace::{Pace, Report};
-pub use pipe::Pipe;
-pub use ring::{Ring, RingReader, Slot};
+pub use pipe::PipeSink;
+pub use ring::{RingRead, RingReader, RingWriter};
 pub use run::run;
-pub use sink::{Delivery, Policy, Sink, Stop};
+pub use sink::{Delivery, OverflowPolicy, Sink, StopFlag};

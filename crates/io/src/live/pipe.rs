@@ -1,37 +1,38 @@
-//! A pipe or socket as a sink.
+//! A sink that writes to a pipe or socket.
 
-use std::io::{ErrorKind, Write};
+use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::live::sink::{Delivery, Policy, Sink, Stop, wait};
-use spikelane::error::{Error, Kind, Result};
+use crate::live::sink::{Delivery, OverflowPolicy, Sink, StopFlag, wait_for};
+use spikelane::error::{Error, ErrorKind, Result};
 
-/// How long the end waits for a consumer that takes nothing once the user has asked to stop.
-const PATIENCE: Duration = Duration::from_millis(500);
+/// Maximum time that `finish` waits for a consumer after the user requested a stop.
+const STOP_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Bursts on their way into anything that can be written to; a thread writes, so that a slow consumer is seen.
-pub struct Pipe {
+/// A sink that writes bursts to any writer. A separate thread writes, so that the sink can detect a slow consumer.
+pub struct PipeSink {
     bursts: Option<SyncSender<Vec<u8>>>,
     empty: Receiver<Vec<u8>>,
     thread: Option<JoinHandle<std::io::Result<()>>>,
-    policy: Policy,
-    stop: Stop,
-    about: String,
+    policy: OverflowPolicy,
+    stop: StopFlag,
+    description: String,
 }
 
-impl Pipe {
-    /// Writes to `into`, called `about` in errors, with room for `bursts` bursts (at least 1) before it.
+impl PipeSink {
+    /// Creates a sink that writes to `into`. The queue contains up to `bursts` bursts (at least 1). Error messages
+    /// refer to the sink as `about`.
     ///
     /// # Errors
-    /// When the system gives no thread.
+    /// If the system cannot start a thread.
     pub fn new(
         into: Box<dyn Write + Send>,
         about: &str,
         bursts: usize,
-        policy: Policy,
-        stop: Stop,
+        policy: OverflowPolicy,
+        stop: StopFlag,
     ) -> Result<Self> {
         let (sender, full) = sync_channel(bursts.max(1));
         let (back, empty) = channel();
@@ -39,20 +40,20 @@ impl Pipe {
         let thread = thread.spawn(move || write(into, &full, &back));
         let thread = thread.map_err(|e| Error::io("a thread to write readouts", e))?;
         let (bursts, thread) = (Some(sender), Some(thread));
-        Ok(Self { bursts, empty, thread, policy, stop, about: about.to_owned() })
+        Ok(Self { bursts, empty, thread, policy, stop, description: about.to_owned() })
     }
 
-    /// What made the writing thread end before its time.
-    fn ended(&mut self) -> Result<Delivery> {
+    /// Joins the writing thread. Returns the error that ended the thread, or `Closed` if the consumer disconnected.
+    fn join_writer(&mut self) -> Result<Delivery> {
         self.bursts = None;
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(Err(e)))
-                if e.kind() != ErrorKind::BrokenPipe && e.kind() != ErrorKind::ConnectionReset =>
+                if e.kind() != io::ErrorKind::BrokenPipe && e.kind() != io::ErrorKind::ConnectionReset =>
             {
-                Err(Error::io(&self.about, e))
+                Err(Error::io(&self.description, e))
             }
-            Some(Err(_)) => Err(Error::new(Kind::Io, &self.about).found("a thread that ended")),
-            _ => Ok(Delivery::Gone),
+            Some(Err(_)) => Err(Error::new(ErrorKind::Io, &self.description).found("a thread that ended")),
+            _ => Ok(Delivery::Closed),
         }
     }
 }
@@ -64,15 +65,15 @@ fn write(
 ) -> std::io::Result<()> {
     for burst in full {
         into.write_all(&burst)?;
-        // Nobody waits for it at the end.
+        // `send` fails if the sink was dropped. The buffer is then not needed again.
         let _ = back.send(burst);
     }
     into.flush()
 }
 
-impl Sink for Pipe {
+impl Sink for PipeSink {
     fn deliver(&mut self, frames: &[u8]) -> Result<Delivery> {
-        let Some(bursts) = &self.bursts else { return Ok(Delivery::Gone) };
+        let Some(bursts) = &self.bursts else { return Ok(Delivery::Closed) };
         let mut burst = self.empty.try_recv().unwrap_or_default();
         burst.clear();
         burst.extend_from_slice(frames);
@@ -80,19 +81,19 @@ impl Sink for Pipe {
         let mut offer = || {
             let burst = waiting.take()?;
             match bursts.try_send(burst) {
-                Ok(()) => Some(Some(Delivery::Taken)),
+                Ok(()) => Some(Some(Delivery::Accepted)),
                 Err(TrySendError::Disconnected(_)) => Some(None),
-                Err(TrySendError::Full(burst)) if self.policy == Policy::Block => {
+                Err(TrySendError::Full(burst)) if self.policy == OverflowPolicy::Block => {
                     waiting = Some(burst);
                     None
                 }
                 Err(TrySendError::Full(_)) => Some(Some(Delivery::Dropped)),
             }
         };
-        match wait(&self.stop, &mut offer) {
+        match wait_for(&self.stop, &mut offer) {
             Some(Some(delivery)) => Ok(delivery),
-            Some(None) => self.ended(),
-            None => Ok(Delivery::Gone),
+            Some(None) => self.join_writer(),
+            None => Ok(Delivery::Closed),
         }
     }
 
@@ -101,12 +102,13 @@ impl Sink for Pipe {
         let Some(thread) = &self.thread else { return Ok(()) };
         let mut asked = None;
         while !thread.is_finished() {
-            if self.stop.is_raised() && asked.get_or_insert_with(Instant::now).elapsed() > PATIENCE {
-                // The thread hangs in a write that nobody reads, and ends with the process.
+            if self.stop.is_raised() && asked.get_or_insert_with(Instant::now).elapsed() > STOP_TIMEOUT {
+                // The writing thread is blocked, because the consumer does not read. The thread ends when the process
+                // ends.
                 return Ok(());
             }
             std::thread::sleep(Duration::from_millis(1));
         }
-        self.ended().map(drop)
+        self.join_writer().map(drop)
     }
 }

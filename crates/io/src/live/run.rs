@@ -1,47 +1,50 @@
-//! A camera that runs: one thread simulates ahead, another delivers.
+//! Runs a live camera. One thread simulates readouts before they are due, and a second thread delivers the readouts.
 
 use crate::formats::Codec;
-use crate::live::ahead::Ahead;
 use crate::live::clock::Clock;
-use crate::live::deliver::{Bursts, Deliverer};
-use crate::live::pace::{Pace, Report};
-use crate::live::sink::{Sink, Stop};
-use crate::simulate::Readouts;
-use spikelane::error::{Error, Kind, Result};
+use crate::live::deliver::{BurstChannel, Deliverer};
+use crate::live::delivery_rate::{DeliveryRate, LiveSummary};
+use crate::live::lookahead::Lookahead;
+use crate::live::sink::{Sink, StopFlag};
+use crate::simulate::ReadoutStream;
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::threads;
 
-/// Hands the readouts of `source`, encoded by `codec`, to `sink` at the pace of a camera whose first readout starts
-/// when the first are ready, until the source ends, the consumer leaves, or `stop` is raised.
+/// Encodes the readouts of `source` with `codec` and passes them to `sink` at the rate of a camera.
 ///
-/// A thread of its own delivers, so that no delivery waits for what is being simulated while a core is free. `clock` starts when the first
-/// readouts are ready; `watch` hears, on the calling thread, how many readouts have passed.
+/// The run ends when the source ends, the consumer disconnects or `stop` is raised. A separate thread delivers the
+/// readouts. If a core is free, deliveries therefore do not wait for the simulation.
+///
+/// `clock` starts when the first readouts are ready. The first readout starts at this instant. The calling thread
+/// calls `progress` with the number of elapsed readouts.
 ///
 /// # Errors
-/// [`Kind::Usage`] for a pace that is none; otherwise those of the source, the sink and `watch`, and of a system that
-/// gives no thread.
+/// * [`ErrorKind::Usage`] if the rate is invalid.
+/// * Errors of the source, the sink and `progress`.
+/// * An error if the system cannot start a thread.
 pub fn run<C: Clock + Clone + Send>(
-    source: &mut Readouts<'_>,
+    source: &mut ReadoutStream<'_>,
     codec: &Codec,
-    pace: Pace,
+    rate: DeliveryRate,
     sink: &mut dyn Sink,
     clock: impl FnOnce() -> C,
-    stop: &Stop,
-    watch: &mut dyn FnMut(u64) -> Result<()>,
-) -> Result<Report> {
-    if !(pace.readout_hz.is_finite() && pace.readout_hz > 0.0) || pace.burst == 0 {
-        return Err(Error::new(Kind::Usage, "pace")
-            .found(format_args!("{} readouts a second, {} at a time", pace.readout_hz, pace.burst))
+    stop: &StopFlag,
+    progress: &mut dyn FnMut(u64) -> Result<()>,
+) -> Result<LiveSummary> {
+    if !(rate.readout_hz.is_finite() && rate.readout_hz > 0.0) || rate.burst_readouts == 0 {
+        return Err(Error::new(ErrorKind::Usage, "delivery_rate")
+            .found(format_args!("{} readouts per second, {} at a time", rate.readout_hz, rate.burst_readouts))
             .expected("positive numbers"));
     }
-    let (there, back) = Bursts::new();
-    let mut ahead = Ahead::new(source, codec, pace, there);
+    let (there, back) = BurstChannel::new();
+    let mut ahead = Lookahead::new(source, codec, rate, there);
     ahead.fill(stop)?;
     let clock = clock();
     std::thread::scope(|scope| {
-        let deliverer = Deliverer::new(pace, sink, clock.clone(), stop, back);
+        let deliverer = Deliverer::new(rate, sink, clock.clone(), stop, back);
         let thread = threads::spawn_scoped(scope, "deliver", deliverer, Deliverer::run);
-        let thread = thread.map_err(|_| threads::no_thread("deliver readouts"))?;
-        let made = ahead.run(&clock, stop, watch);
+        let thread = thread.map_err(|_| threads::no_thread_error("deliver readouts"))?;
+        let made = ahead.run(&clock, stop, progress);
         let delivered = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         made.and(delivered)
     })

@@ -1,86 +1,86 @@
-//! Where readouts go.
+//! Destinations of live readouts.
 
 use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 
-/// What happens to readouts that a slow consumer has no room for.
+/// What a sink does with readouts if the consumer is too slow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Policy {
-    /// They are lost, as a camera's are, and counted.
+pub enum OverflowPolicy {
+    /// The readouts are dropped and counted, as in a real camera.
     #[default]
     Drop,
-    /// The camera waits: nothing is lost, and later readouts are late.
+    /// The sink waits for the consumer. No readout is lost, but later readouts are late.
     Block,
 }
 
-impl FromStr for Policy {
+impl FromStr for OverflowPolicy {
     type Err = Error;
 
-    /// `drop` or `block`.
+    /// Parses `drop` or `block`.
     fn from_str(text: &str) -> Result<Self> {
         match text {
             "drop" => Ok(Self::Drop),
             "block" => Ok(Self::Block),
-            _ => Err(Error::new(Kind::Usage, "policy")
+            _ => Err(Error::new(ErrorKind::Usage, "overflow policy")
                 .found(format_args!("`{text}`"))
                 .expected("drop or block")),
         }
     }
 }
 
-/// What became of a burst.
+/// The outcome of a delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
-    /// The consumer has it, or the buffer before the consumer.
-    Taken,
-    /// There was no room for it.
+    /// The consumer or the buffer of the sink has accepted the burst.
+    Accepted,
+    /// The burst was dropped because the buffer was full.
     Dropped,
-    /// The consumer has left, or the user has asked to stop.
-    Gone,
+    /// The consumer has disconnected, or the user has requested a stop.
+    Closed,
 }
 
-/// A way to a consumer; a thread of its own delivers.
+/// A connection to a consumer, used by the delivery thread.
 pub trait Sink: Send {
-    /// Takes a burst of whole frames of `frame_bytes` bytes, in the order of time.
+    /// Delivers a burst of whole frames. The frames are in chronological order.
     ///
     /// # Errors
-    /// What the operating system refuses; a consumer that left is none.
+    /// Errors of the operating system. It is not an error if the consumer has disconnected.
     fn deliver(&mut self, frames: &[u8]) -> Result<Delivery>;
 
-    /// Brings what is buffered to the consumer and says that no more will come.
+    /// Delivers all buffered frames and signals the end of the stream.
     ///
     /// # Errors
     /// As [`Sink::deliver`].
     fn finish(&mut self) -> Result<()>;
 }
 
-/// A request to stop, which may be raised on any thread.
+/// A request to stop, which can be raised on any thread.
 #[derive(Clone, Debug, Default)]
-pub struct Stop(Arc<AtomicBool>);
+pub struct StopFlag(Arc<AtomicBool>);
 
-impl Stop {
-    /// A request that `flag` raises.
+impl StopFlag {
+    /// Creates a request that is raised when `flag` becomes true.
     #[must_use]
-    pub fn of(flag: Arc<AtomicBool>) -> Self {
+    pub fn from_flag(flag: Arc<AtomicBool>) -> Self {
         Self(flag)
     }
 
-    /// Whether it was raised.
+    /// Returns whether a stop was requested.
     #[must_use]
     pub fn is_raised(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// Between two looks whether a full buffer has room again.
-const LOOK: Duration = Duration::from_micros(200);
+/// Time between two checks whether a full buffer has free space again.
+const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
-/// Waits until `ready` says something or a stop is requested, which gives `None`.
-pub(super) fn wait<T>(stop: &Stop, mut ready: impl FnMut() -> Option<T>) -> Option<T> {
+/// Waits until `ready` returns a value, and returns that value. Returns `None` if a stop is requested first.
+pub(super) fn wait_for<T>(stop: &StopFlag, mut ready: impl FnMut() -> Option<T>) -> Option<T> {
     loop {
         if let Some(found) = ready() {
             return Some(found);
@@ -88,6 +88,6 @@ pub(super) fn wait<T>(stop: &Stop, mut ready: impl FnMut() -> Option<T>) -> Opti
         if stop.is_raised() {
             return None;
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_INTERVAL);
     }
 }

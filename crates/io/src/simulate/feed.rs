@@ -1,31 +1,31 @@
-//! Frames of a source, cut into the segments of one batch after the other.
+//! Divides the frames of a source into the light segments of successive batches.
 
 use std::sync::Arc;
 
-use crate::light::{Between, Frame, Insertion, OwnedSamples, Source, Timeline};
+use crate::light::{FlowInterpolator, Frame, Interpolation, OwnedSamples, Source, Timeline};
 use spikelane::error::Result;
-use spikelane::unstable::kernels::{Light, Segment};
-use spikelane::unstable::simulate::stops_before;
+use spikelane::unstable::kernels::{Segment, SegmentLight};
+use spikelane::unstable::simulate::ends_batch_before;
 
-/// Light of some readouts of a batch: one frame, or the way to the next.
-pub(super) struct Piece {
+/// The light of consecutive readouts in a batch. The light is one frame, or an interpolation between two frames.
+pub(super) struct LightPiece {
     from: Arc<Frame>,
     to: Option<Arc<Frame>>,
     weights: Vec<f32>,
     pub readouts: usize,
 }
 
-impl Piece {
+impl LightPiece {
     pub(crate) fn segment(&self) -> Segment<'_> {
-        let from = self.from.samples().borrowed();
+        let from = self.from.samples().as_samples();
         let light = match &self.to {
-            Some(to) => Light::Between { from, to: to.samples().borrowed(), weights: &self.weights },
-            None => Light::Held(from),
+            Some(to) => SegmentLight::Linear { from, to: to.samples().as_samples(), weights: &self.weights },
+            None => SegmentLight::Hold(from),
         };
         Segment { readouts: self.readouts, light }
     }
 
-    /// The light of its readout `i`, counted from 0.
+    /// Returns the light of readout `i` of this piece, counted from 0.
     pub(crate) fn light(&self, i: usize) -> Result<Frame> {
         match &self.to {
             Some(to) => Frame::blend(&self.from, to, self.weights.get(i).copied().unwrap_or(0.0)),
@@ -34,12 +34,12 @@ impl Piece {
     }
 }
 
-/// The light of a frame that is held.
-pub(super) fn held(frame: &Frame) -> Light<'_> {
-    Light::Held(frame.samples().borrowed())
+/// Returns light that equals `frame` in every readout.
+pub(super) fn constant_light(frame: &Frame) -> SegmentLight<'_> {
+    SegmentLight::Hold(frame.samples().as_samples())
 }
 
-fn bytes(frame: &Frame) -> usize {
+fn frame_memory_bytes(frame: &Frame) -> usize {
     let size = match frame.samples() {
         OwnedSamples::U8(_) => 1,
         OwnedSamples::U16(_) => 2,
@@ -48,32 +48,35 @@ fn bytes(frame: &Frame) -> usize {
     size * frame.samples().len()
 }
 
-/// A source and where on its timeline the run is.
-pub(super) struct Feeder<'a> {
+/// A source, with the next readout on its timeline.
+pub(super) struct LightFeeder<'a> {
     source: &'a mut dyn Source,
     timeline: Timeline,
     limit: u64,
-    /// The frame of the last piece, its index, and the one after it if that was read already.
-    current: Arc<Frame>,
+    /// The frame of the last piece. `index` is the number of this frame. `next_frame` is the following frame, if it
+    /// was already read.
+    current_frame: Arc<Frame>,
     index: u64,
-    next: Option<Arc<Frame>>,
-    /// The motion between the two, once asked for, and the index of the first.
-    motion: Option<(u64, Between)>,
-    over: bool,
-    at: u64,
-    greatest: f32,
+    next_frame: Option<Arc<Frame>>,
+    /// The motion between `current_frame` and `next_frame`, with the index of `current_frame`. `None` until the motion
+    /// is needed.
+    motion: Option<(u64, FlowInterpolator)>,
+    has_ended: bool,
+    next_readout: u64,
+    max_light: f32,
     pub frames: u64,
-    pub too_bright: u64,
+    pub frames_above_max_light: u64,
 }
 
-/// The next frame of `source`; `None` at its end.
+/// Returns the next frame of `source`, or `None` at the end of the source.
 pub(super) fn next_frame(source: &mut dyn Source) -> Result<Option<Frame>> {
     let mut frame = Frame::dark(source.geometry());
     Ok(source.next_frame(&mut frame)?.then_some(frame))
 }
 
-impl<'a> Feeder<'a> {
-    /// Starts with `first`, the source's first frame, and ends before readout `limit`.
+impl<'a> LightFeeder<'a> {
+    /// Creates a feeder whose first frame is `first`. `first` must be the first frame of the source. The feeder ends
+    /// before readout `limit`.
     pub(crate) fn new(
         source: &'a mut dyn Source,
         first: Frame,
@@ -85,131 +88,140 @@ impl<'a> Feeder<'a> {
             source,
             timeline,
             limit,
-            current: Arc::new(first),
+            current_frame: Arc::new(first),
             index: 0,
-            next: None,
+            next_frame: None,
             motion: None,
-            over: false,
-            at: 0,
-            greatest: greatest as f32,
+            has_ended: false,
+            next_readout: 0,
+            max_light: greatest as f32,
             frames: 0,
-            too_bright: 0,
+            frames_above_max_light: 0,
         };
-        feeder.count(&feeder.current.clone());
+        feeder.count(&feeder.current_frame.clone());
         feeder
     }
 
-    /// The next readout.
-    pub(crate) fn at(&self) -> u64 {
-        self.at
+    /// Returns the next readout.
+    pub(crate) fn next_readout(&self) -> u64 {
+        self.next_readout
     }
 
-    /// Goes on with readout `readout`; light that only earlier ones see is passed over.
+    /// Continues with readout `readout`. Frames whose light is used only in earlier readouts are skipped.
     pub(crate) fn skip_to(&mut self, readout: u64) {
-        self.at = self.at.max(readout);
+        self.next_readout = self.next_readout.max(readout);
     }
 
-    /// The frame that the last readout saw.
-    pub(crate) fn current(&self) -> &Frame {
-        &self.current
+    /// Returns the frame of the last piece.
+    pub(crate) fn current_frame(&self) -> &Frame {
+        &self.current_frame
     }
 
     fn count(&mut self, frame: &Frame) {
         self.frames += 1;
-        // Integers cannot exceed full scale, which every plan holds.
-        if matches!(frame.samples(), OwnedSamples::F32(_)) && frame.max() > self.greatest {
-            self.too_bright += 1;
+        // Integer samples cannot exceed full scale, and every plan supports full scale. Only float samples are
+        // checked.
+        if matches!(frame.samples(), OwnedSamples::F32(_)) && frame.max() > self.max_light {
+            self.frames_above_max_light += 1;
         }
     }
 
     fn read(&mut self) -> Result<Option<Arc<Frame>>> {
-        if self.over {
+        if self.has_ended {
             return Ok(None);
         }
         let Some(frame) = next_frame(self.source)? else {
-            self.over = true;
+            self.has_ended = true;
             return Ok(None);
         };
         self.count(&frame);
         Ok(Some(Arc::new(frame)))
     }
 
-    /// Goes on to frame `index`; frames that no readout sees are passed over. `false` at the end.
+    /// Advances to frame `index`. Frames without a readout are read and skipped. Returns `false` at the end of the
+    /// source.
     fn advance(&mut self, index: u64) -> Result<bool> {
         while self.index < index {
-            let next = match self.next.take() {
+            let next = match self.next_frame.take() {
                 Some(next) => Some(next),
                 None => self.read()?,
             };
             let Some(next) = next else { return Ok(false) };
-            self.current = next;
+            self.current_frame = next;
             self.index += 1;
         }
         Ok(true)
     }
 
-    /// Light of up to `readouts` readouts, whose frames hold little more than `room` bytes;
-    /// nothing at the end of the source or the limit. It ends with a whole frame where at least half of the
-    /// readouts are there: [`stops_before`].
-    pub(crate) fn fill(&mut self, readouts: usize, room: usize) -> Result<Vec<Piece>> {
+    /// Returns the light of up to `readouts` readouts. Returns an empty list at the end of the source or at the limit.
+    ///
+    /// No further frame is added once the frames of the batch occupy more than `room` bytes. A batch may end before a
+    /// frame whose readouts do not fit completely. The batch must then contain at least half of the readouts; see
+    /// [`ends_batch_before`].
+    pub(crate) fn next_pieces(&mut self, readouts: usize, room: usize) -> Result<Vec<LightPiece>> {
         let (mut pieces, mut left, mut held) = (Vec::new(), readouts as u64, 0);
-        while left > 0 && held <= room && self.at < self.limit {
-            let frame = self.timeline.at(self.at).frame;
+        while left > 0 && held <= room && self.next_readout < self.limit {
+            let frame = self.timeline.position(self.next_readout).frame;
             if !self.advance(frame)? {
                 break;
             }
             let end = self.timeline.first_readout(frame.saturating_add(1)).unwrap_or(u64::MAX);
-            if stops_before((end - self.at) as usize, left as usize, readouts) {
+            if ends_batch_before((end - self.next_readout) as usize, left as usize, readouts) {
                 break;
             }
-            let count = (end - self.at).min(left).min(self.limit - self.at);
-            let moved = self.moved()?;
-            let flows = self.timeline.insertion() == Insertion::Flow && !self.over;
+            let count = (end - self.next_readout).min(left).min(self.limit - self.next_readout);
+            let moved = self.interpolated_frame()?;
+            let flows = self.timeline.interpolation() == Interpolation::Flow && !self.has_ended;
             let count = if flows { 1 } else { count };
             let piece = match moved {
-                Some(frame) => Piece { from: Arc::new(frame), to: None, weights: Vec::new(), readouts: 1 },
+                Some(frame) => {
+                    LightPiece { from: Arc::new(frame), to: None, weights: Vec::new(), readouts: 1 }
+                }
                 None => self.piece(count as usize)?,
             };
-            held += bytes(&piece.from);
+            held += frame_memory_bytes(&piece.from);
             pieces.push(piece);
-            self.at += count;
+            self.next_readout += count;
             left -= count;
         }
         Ok(pieces)
     }
 
-    /// The light of the next readout when it moves along the flow and is none of the frames.
-    fn moved(&mut self) -> Result<Option<Frame>> {
-        let moment = self.timeline.at(self.at);
-        if self.timeline.insertion() != Insertion::Flow || moment.part == 0 {
+    /// Returns the light of the next readout, interpolated along the motion. Returns `None` if the light of this
+    /// readout equals a frame of the source.
+    fn interpolated_frame(&mut self) -> Result<Option<Frame>> {
+        let moment = self.timeline.position(self.next_readout);
+        if self.timeline.interpolation() != Interpolation::Flow || moment.numerator == 0 {
             return Ok(None);
         }
-        if self.next.is_none() {
-            self.next = self.read()?;
+        if self.next_frame.is_none() {
+            self.next_frame = self.read()?;
         }
-        // The last frame has nowhere to go, and stays.
-        let Some(next) = &self.next else { return Ok(None) };
+        // The last frame has no next frame, so its light is constant.
+        let Some(next) = &self.next_frame else { return Ok(None) };
         let between = match self.motion.take() {
             Some((index, between)) if index == self.index => between,
-            _ => Between::new(&self.current, next)?,
+            _ => FlowInterpolator::new(&self.current_frame, next)?,
         };
-        let frame = between.at(moment.weight())?;
+        let frame = between.interpolate(moment.weight())?;
         self.motion = Some((self.index, between));
         Ok(Some(frame))
     }
 
-    fn piece(&mut self, readouts: usize) -> Result<Piece> {
-        let moves = self.timeline.insertion() == Insertion::Linear
-            && (0..2).any(|i| self.timeline.at(self.at + i).part != 0);
-        if moves && self.next.is_none() {
-            self.next = self.read()?;
+    fn piece(&mut self, readouts: usize) -> Result<LightPiece> {
+        let moves = self.timeline.interpolation() == Interpolation::Linear
+            && (0..2).any(|i| self.timeline.position(self.next_readout + i).numerator != 0);
+        if moves && self.next_frame.is_none() {
+            self.next_frame = self.read()?;
         }
-        // The last frame has nowhere to go, and stays.
-        let to = self.next.clone().filter(|_| moves);
+        // The last frame has no next frame, so its light is constant.
+        let to = self.next_frame.clone().filter(|_| moves);
         let weights = match to {
-            Some(_) => (self.at..self.at + readouts as u64).map(|t| self.timeline.at(t).weight()).collect(),
+            Some(_) => (self.next_readout..self.next_readout + readouts as u64)
+                .map(|t| self.timeline.position(t).weight())
+                .collect(),
             None => Vec::new(),
         };
-        Ok(Piece { from: Arc::clone(&self.current), to, weights, readouts })
+        Ok(LightPiece { from: Arc::clone(&self.current_frame), to, weights, readouts })
     }
 }

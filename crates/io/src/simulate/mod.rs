@@ -1,19 +1,19 @@
-//! Whole runs from files to files: a source of light becomes a stream with its sidecar.
+//! Simulates a light source from files, and writes the stream and its sidecar to files.
 //!
-//! The module re-exports [`spikelane::simulate`], so that one path has all of simulation.
+//! The module re-exports [`spikelane::simulate`], so that one path covers the whole simulation.
 
-mod ahead;
-mod clear;
+mod batch_writer;
 mod feed;
+mod read_ahead;
 mod readouts;
+mod reference;
 mod run;
 mod sidecar;
-mod writing;
 
-pub use ahead::Ahead;
-pub use clear::images::{ImageFacts, ImageFile, ImageForm, linear_png};
-pub use clear::looks::{Glance, Looks, light_at};
-pub use readouts::Readouts;
-pub use run::{Outcome, Run, Written, run, run_looking};
+pub use read_ahead::ReadAhead;
+pub use readouts::ReadoutStream;
+pub use reference::images::{ImageFacts, ImageFile, ImageFormat, linear_png};
+pub use reference::light_tap::{LightSample, LightTap, light_at};
+pub use run::{RunOptions, RunSummary, WrittenStream, run, run_with_tap};
 pub use sidecar::{CameraFacts, LightFacts, SensorFacts, Sidecar, StreamFacts, save_camera};
 pub use spikelane::simulate::*;

@@ -1,54 +1,59 @@
-//! A run whose readouts are asked for as they are needed.
+//! A run that simulates readouts on request.
 
 use crate::light::Source;
-use crate::simulate::feed::{Feeder, Piece};
-use crate::simulate::run::{HELD, Start};
-use crate::simulate::{Run, Simulator};
+use crate::simulate::feed::{LightFeeder, LightPiece};
+use crate::simulate::run::{MAX_BUFFER_BYTES, PreparedRun};
+use crate::simulate::{RunOptions, Simulator};
 use spikelane::error::Result;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::kernels::Segment;
 
-/// The readouts of a [`Run`] in memory, some at a time; the bits are those of [`crate::simulate::run`].
+/// A run whose readouts are returned in memory, a part per call. The readouts equal those of [`crate::simulate::run`].
 ///
-/// Time goes on in readouts that the camera drops: they are missing, and nothing is made up for them.
-pub struct Readouts<'a> {
-    feeder: Feeder<'a>,
+/// Readouts that the camera drops elapse but produce no frame. Unlike [`crate::simulate::run`], the stream does not
+/// add readouts at the end to replace dropped readouts.
+pub struct ReadoutStream<'a> {
+    feeder: LightFeeder<'a>,
     simulator: Simulator,
 }
 
-impl<'a> Readouts<'a> {
-    /// Plans the camera and reads the first frame. Without [`Run::readouts`] a still picture has no end.
+impl<'a> ReadoutStream<'a> {
+    /// Plans the camera and reads the first frame. If the source is a single image and [`RunOptions::readouts`] is
+    /// `None`, the stream never ends.
     ///
     /// # Errors
-    /// `Kind::Input` when the source has no frame; otherwise those of the plan and the source.
-    pub fn new(job: &Run, source: &'a mut dyn Source) -> Result<Self> {
-        let Start { feeder, noisy: simulator, .. } = job.start(source, false)?;
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the source has no frame. Otherwise errors of the plan and
+    /// the source.
+    pub fn new(options: &RunOptions, source: &'a mut dyn Source) -> Result<Self> {
+        let PreparedRun { feeder, noisy: simulator, .. } = options.prepare(source, false)?;
         Ok(Self { feeder, simulator })
     }
 
-    /// Width and height.
+    /// Returns the width and height.
     #[must_use]
     pub fn geometry(&self) -> Geometry {
         self.simulator.plan().geometry()
     }
 
-    /// Simulates up to `readouts` readouts into `packed`, whose length becomes that of the frames that came out.
-    /// `kept` receives the index of each, counted from 0. Returns how many readouts passed, dropped ones
-    /// included; 0 at the end.
+    /// Simulates up to `readouts` readouts. Returns the number of elapsed readouts, including dropped readouts.
+    /// Returns 0 at the end of the stream.
+    ///
+    /// `packed` is resized to the simulated frames. `indices` receives the readout number of each frame, counted from
+    /// 0.
     ///
     /// # Errors
-    /// Those of the source.
-    pub fn fill(&mut self, readouts: usize, packed: &mut Vec<u8>, kept: &mut Vec<u64>) -> Result<usize> {
-        let first = self.feeder.at();
-        let pieces = self.feeder.fill(readouts, HELD)?;
+    /// Errors of the source.
+    pub fn fill(&mut self, readouts: usize, packed: &mut Vec<u8>, indices: &mut Vec<u64>) -> Result<usize> {
+        let first = self.feeder.next_readout();
+        let pieces = self.feeder.next_pieces(readouts, MAX_BUFFER_BYTES)?;
         let passed: usize = pieces.iter().map(|p| p.readouts).sum();
         let plan = self.simulator.plan();
-        kept.clear();
-        kept.extend((first..first + passed as u64).filter(|&readout| !plan.is_dropped(readout)));
+        indices.clear();
+        indices.extend((first..first + passed as u64).filter(|&readout| !plan.is_dropped(readout)));
         let bytes = plan.geometry().frame_bytes();
         packed.resize(passed * bytes, 0);
-        let segments: Vec<Segment<'_>> = pieces.iter().map(Piece::segment).collect();
-        let frames = self.simulator.run(&segments, packed);
+        let segments: Vec<Segment<'_>> = pieces.iter().map(LightPiece::segment).collect();
+        let frames = self.simulator.run_segments(&segments, packed);
         packed.truncate(frames * bytes);
         Ok(passed)
     }

@@ -1,60 +1,66 @@
-//! A whole run: light from a source into stream files.
+//! Simulates a light source and writes the streams to files.
 
+use spikelane::SimulatorOptions;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::formats::{Layout, StreamWriter};
 use crate::light::{OwnedSamples, Source, Timeline};
 use crate::simulate::Simulator;
-use crate::simulate::clear::looks::{Glance, Glances, Looks};
-use crate::simulate::feed::{self, Feeder, Piece};
-use crate::simulate::writing::{self, Stream, Writing};
+use crate::simulate::batch_writer::{self, BatchWriter, OutputStream};
+use crate::simulate::feed::{self, LightFeeder, LightPiece};
+use crate::simulate::reference::light_tap::{LightSample, LightSampler, LightTap};
 use crate::storage;
 use spikelane::effects::Camera;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::kernels::{Backend, Segment};
 use spikelane::unstable::plan::Plan;
 
-/// Readouts between two writes: two of the simulator's batches.
-const READOUTS: usize = 256;
+/// Number of readouts per write. A write contains two batches of the simulator.
+const BATCH_READOUTS: usize = 256;
 
-/// Bytes of light, and of packed readouts, held at a time; so memory grows neither with the
-/// length of a stream nor with the number of its frames.
-pub(super) const HELD: usize = 32 << 20;
+/// Size limit in bytes of the buffer of light and of the buffer of packed readouts. With this limit, memory use
+/// depends neither on the length of a stream nor on the number of frames.
+pub(super) const MAX_BUFFER_BYTES: usize = 32 << 20;
 
-/// Light that a plan is made for when float frames may exceed full scale and nobody says how far.
-const BEYOND: f64 = 2.0;
+/// The maximum light of the plan if the samples are floats and the caller gives no maximum.
+const FLOAT_MAX_LIGHT: f64 = 2.0;
 
-/// What to simulate, and how.
+/// Options of a run.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct RunOptions {
     /// The camera.
     pub camera: Camera,
-    /// Its randomness.
+    /// The seeds of the camera's random numbers.
     pub seeds: Seeds,
-    /// When each frame of the source is seen.
+    /// Maps each readout to a frame of the source.
     pub timeline: Timeline,
-    /// The most readouts; without it the stream ends with the source. A source that ends
-    /// earlier ends the stream, unless the timeline holds one frame for good.
+    /// Maximum number of readouts. If `readouts` is `None`, the stream ends with the source.
+    ///
+    /// If the source ends before `readouts`, the stream ends with the source, unless the timeline repeats one frame
+    /// forever.
     pub readouts: Option<u64>,
-    /// The brightest light in full scales, to which brighter light is cut. By default 1; for
-    /// a source whose first frame is of floats 2, if the camera's plan can hold that.
-    pub greatest_light: Option<f64>,
-    /// How frames lie in the files.
+    /// The maximum light in units of full scale. Brighter light is clipped. The default is 1.
+    ///
+    /// If the first frame of the source contains floats and the camera's plan supports a maximum of 2, the default is
+    /// 2.
+    pub max_light: Option<f64>,
+    /// The layout of the stream files.
     pub layout: Layout,
-    /// Whether files of the same name may be replaced.
+    /// Whether existing files may be replaced.
     pub force: bool,
-    /// How plans run.
+    /// The instruction set of the kernels.
     pub backend: Backend,
-    /// Threads that the plans' tiles are shared between; with more than one, another writes.
+    /// Number of threads that simulate. If the number exceeds 1, an additional thread writes the files.
     pub threads: usize,
-    /// Files that the new streams make untrue (an old sidecar); removed just before these get their names.
-    pub stale: Vec<PathBuf>,
+    /// Files that are invalid once the new streams exist, such as an old sidecar. These files are removed just before
+    /// the streams are renamed to their final names.
+    pub stale_files: Vec<PathBuf>,
 }
 
-impl Run {
-    /// A run to the end of the source, on the fastest backend, with one thread.
+impl RunOptions {
+    /// Creates options for a run that ends with the source, uses the fastest backend, and has one thread.
     #[must_use]
     pub fn new(camera: Camera, seeds: Seeds, timeline: Timeline) -> Self {
         Self {
@@ -62,243 +68,259 @@ impl Run {
             seeds,
             timeline,
             readouts: None,
-            greatest_light: None,
+            max_light: None,
             layout: Layout::default(),
             force: false,
             backend: Backend::best(),
             threads: 1,
-            stale: Vec::new(),
+            stale_files: Vec::new(),
         }
     }
 
-    /// The number of readouts that a source of `frames` frames gives; `None` when only its end will tell.
+    /// Returns the number of readouts of a run whose source has `frames` frames. Returns `None` if the number is
+    /// unknown until the source ends.
     #[must_use]
-    pub fn expected(&self, frames: Option<u64>) -> Option<u64> {
-        if self.timeline == Timeline::still() {
+    pub fn expected_readouts(&self, frames: Option<u64>) -> Option<u64> {
+        if self.timeline == Timeline::first_frame() {
             return self.readouts;
         }
         let of_source = self.timeline.readouts(frames?)?;
         Some(self.readouts.map_or(of_source, |n| n.min(of_source)))
     }
 
-    /// Reads the first frame of `source` and plans the camera, and its clean twin if `clean`, for its light.
-    pub(super) fn start<'a>(&self, source: &'a mut dyn Source, clean: bool) -> Result<Start<'a>> {
-        let limit = self.expected(source.frames()).or(self.readouts).unwrap_or(u64::MAX);
+    /// Reads the first frame of `source` and plans the camera for the light of this frame. If `clean` is true, also
+    /// plans the clean twin of the camera.
+    pub(super) fn prepare<'a>(&self, source: &'a mut dyn Source, clean: bool) -> Result<PreparedRun<'a>> {
+        let limit = self.expected_readouts(source.frames()).or(self.readouts).unwrap_or(u64::MAX);
         let first = feed::next_frame(source)?.ok_or_else(|| {
-            Error::new(Kind::Input, source.describe()).found("no frame").expected("at least one")
+            Error::new(ErrorKind::Input, source.describe()).found("no frame").expected("at least one frame")
         })?;
         let all = |light: f64| -> Result<(f64, Plan, Option<Plan>)> {
-            let plan = |camera: &Camera| Plan::with_light(camera, self.seeds, light);
+            let plan = |camera: &Camera| Plan::with_max_light(camera, self.seeds, light);
             let clean = clean.then(|| plan(&self.camera.clean_twin()));
             Ok((light, plan(&self.camera)?, clean.transpose()?))
         };
-        let (greatest_light, noisy, clean) = match (self.greatest_light, first.samples()) {
+        let (max_light, noisy, clean) = match (self.max_light, first.samples()) {
             (Some(light), _) => all(light),
-            // The second attempt reports the error if the light is not its cause.
-            (None, OwnedSamples::F32(_)) => all(BEYOND).or_else(|_| all(1.0)),
+            // If the first plan fails for a reason other than the maximum light, the second plan fails as well and
+            // returns the error.
+            (None, OwnedSamples::F32(_)) => all(FLOAT_MAX_LIGHT).or_else(|_| all(1.0)),
             (None, _) => all(1.0),
         }?;
-        let feeder = Feeder::new(source, first, self.timeline.clone(), limit, greatest_light);
+        let feeder = LightFeeder::new(source, first, self.timeline.clone(), limit, max_light);
         let clean = clean.map(|plan| self.simulator(plan)).transpose()?;
-        Ok(Start { feeder, greatest_light, noisy: self.simulator(noisy)?, clean })
+        Ok(PreparedRun { feeder, max_light, noisy: self.simulator(noisy)?, clean })
     }
 
     fn simulator(&self, plan: Plan) -> Result<Simulator> {
-        let simulator = Simulator::of_plan(plan).with_backend(self.backend)?;
-        let simulator = simulator.with_threads(self.threads)?;
-        Ok(simulator)
+        SimulatorOptions::new().backend(self.backend).threads(self.threads).build_from_plan(plan)
     }
 }
 
-/// A run before its first readout.
-pub(super) struct Start<'a> {
-    pub(super) feeder: Feeder<'a>,
-    /// The light that the plans are made for, in full scales.
-    greatest_light: f64,
+/// A run that is ready for its first readout.
+pub(super) struct PreparedRun<'a> {
+    pub(super) feeder: LightFeeder<'a>,
+    /// The maximum light of the plans, in units of full scale.
+    max_light: f64,
     pub(super) noisy: Simulator,
     clean: Option<Simulator>,
 }
 
-/// A stream that was written.
+/// A stream file that a run has written.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Written {
-    /// Where.
+pub struct WrittenStream {
+    /// Path of the file.
     pub path: PathBuf,
-    /// Length of the file.
+    /// Length of the file in bytes.
     pub bytes: u64,
-    /// Digest of the file, `blake3:<hex>`.
+    /// Digest of all bytes of the file, as `blake3:<hex>`.
     pub digest: String,
-    /// Spikes in it.
+    /// Number of spikes.
     pub spikes: u64,
 }
 
-/// What a run did.
+/// Results of a run.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Outcome {
+pub struct RunSummary {
     /// The noisy stream.
-    pub noisy: Written,
-    /// Its clean twin, if one was asked for.
-    pub clean: Option<Written>,
-    /// Readouts of each.
+    pub noisy: WrittenStream,
+    /// The stream of the clean twin, if requested.
+    pub clean: Option<WrittenStream>,
+    /// Number of readouts in each stream.
     pub readouts: u64,
-    /// Frames of the source that were read.
+    /// Number of frames that were read from the source.
     pub frames: u64,
-    /// The light that the plan was made for, in full scales.
-    pub greatest_light: f64,
-    /// Frames that held brighter light than that.
-    pub too_bright: u64,
-    /// A look at the light.
-    pub glance: Glance,
-    /// Time from the first batch to the last byte, reading light included.
-    pub simulated: Duration,
-    /// Of this, time in which nothing could be done but wait for light.
-    pub waited: Duration,
-    /// Of this, time in the kernels, all streams together.
-    pub kernel: Duration,
-    /// Time to bring the files to the disk.
-    pub synced: Duration,
+    /// The maximum light of the plan, in units of full scale.
+    pub max_light: f64,
+    /// Number of frames with light above `max_light`.
+    pub frames_above_max_light: u64,
+    /// The light of a readout near the middle of the run.
+    pub light_sample: LightSample,
+    /// Time between the start of the first batch and the write of the last byte, including the time for reading light.
+    pub simulation_time: Duration,
+    /// The part of `simulation_time` in which the run waited for light or interpolated frames.
+    pub wait_time: Duration,
+    /// The part of `simulation_time` in which the kernels ran, added up for all streams.
+    pub kernel_time: Duration,
+    /// Duration of the sync and rename of the files.
+    pub sync_time: Duration,
 }
 
-/// Simulates `source` into the file `noisy` and, if a path is given, the camera's clean twin
-/// into `clean`, in constant memory. After each batch `watch` hears how many readouts are
-/// done and how many are expected; its error stops the run, and nothing is left behind.
+/// Simulates `source` and writes the stream to `noisy`. If `clean` is a path, also writes the stream of the clean twin
+/// to that path.
+///
+/// Memory use does not depend on the length of the stream. After each batch, `progress` receives the number of
+/// simulated readouts and the expected total number. If `progress` returns an error, the run stops and all output
+/// files are removed.
 ///
 /// # Errors
-/// [`Kind::Usage`] when nothing would end the run; [`Kind::Input`] when the source has no frame or
-/// ends before the number it announced; otherwise those of the plan, the source, the files and `watch`.
+/// * [`ErrorKind::Usage`] if the run would never end.
+/// * [`ErrorKind::Input`] if the source has no frame or ends before its announced length.
+/// * Errors of the plan, the source, the files and `progress`.
 pub fn run(
-    job: &Run,
+    options: &RunOptions,
     source: &mut dyn Source,
     noisy: &Path,
     clean: Option<&Path>,
-    watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
-) -> Result<Outcome> {
-    run_looking(job, source, noisy, clean, None, watch)
+    progress: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
+) -> Result<RunSummary> {
+    run_with_tap(options, source, noisy, clean, None, progress)
 }
 
-/// As [`run`]; `looks` also hears the light of some readouts, each before the files get their names.
+/// As [`run`], but also passes the light of some readouts to `light_tap`. All calls are made before the files are
+/// renamed to their final names.
 ///
 /// # Errors
-/// As [`run`], and those of `looks`.
-pub fn run_looking(
-    job: &Run,
+/// As [`run`], and errors of `light_tap`.
+pub fn run_with_tap(
+    options: &RunOptions,
     source: &mut dyn Source,
     noisy: &Path,
     clean: Option<&Path>,
-    looks: Option<Looks<'_>>,
-    watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
-) -> Result<Outcome> {
+    light_tap: Option<LightTap<'_>>,
+    progress: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
+) -> Result<RunSummary> {
     let about = source.describe();
-    if job.timeline == Timeline::still() && job.readouts.is_none() {
-        return Err(Error::new(Kind::Usage, &about)
-            .found("one frame, held for good")
+    if options.timeline == Timeline::first_frame() && options.readouts.is_none() {
+        return Err(Error::new(ErrorKind::Usage, &about)
+            .found("one frame without an end")
             .expected("a number of readouts")
-            .remedy("give --readouts"));
+            .remedy(format_args!("set {}", Setting("readouts"))));
     }
-    let total = job.expected(source.frames());
-    let Start { mut feeder, greatest_light, noisy: simulator, clean: twin } =
-        job.start(source, clean.is_some())?;
+    let total = options.expected_readouts(source.frames());
+    let PreparedRun { mut feeder, max_light, noisy: simulator, clean: twin } =
+        options.prepare(source, clean.is_some())?;
     let mut simulators: Vec<Simulator> = [Some(simulator), twin].into_iter().flatten().collect();
     let paths = [Some(noisy), clean].into_iter().flatten();
-    let streams = simulators.iter().zip(paths).map(|(s, path)| stream(job, s.plan(), path, total));
-    let mut streams = streams.collect::<Result<Vec<Stream>>>()?;
+    let streams = simulators.iter().zip(paths).map(|(s, path)| stream(options, s.plan(), path, total));
+    let mut streams = streams.collect::<Result<Vec<OutputStream>>>()?;
     let start = Instant::now();
-    let (glance, waited, kernel) = writing::write(&mut streams, job.threads > 1, |writing| {
-        simulate(&mut feeder, &mut simulators, writing, looks, (total, total.or(job.readouts)), watch)
+    let (glance, waited, kernel) = batch_writer::with_writer(&mut streams, options.threads > 1, |writing| {
+        simulate(
+            &mut feeder,
+            &mut simulators,
+            writing,
+            light_tap,
+            (total, total.or(options.readouts)),
+            progress,
+        )
     })?;
-    let (readouts, frames, too_bright) = (feeder.at(), feeder.frames, feeder.too_bright);
+    let (readouts, frames, too_bright) =
+        (feeder.next_readout(), feeder.frames, feeder.frames_above_max_light);
     if let Some(total) = total.filter(|&n| n != readouts) {
-        return Err(Error::new(Kind::Input, about)
+        return Err(Error::new(ErrorKind::Input, about)
             .found(format_args!("light for {readouts} readouts"))
-            .expected(format_args!("{total}, from the number of frames it announces"))
-            .remedy("the input was cut short while it was read"));
+            .expected(format_args!("{total}, from the announced number of frames"))
+            .remedy("the input was truncated while it was read"));
     }
     let simulated = start.elapsed();
-    let (mut files, synced) = finish(job, streams)?;
+    let (mut files, synced) = finish(options, streams)?;
     let clean = clean.and_then(|_| files.pop());
-    let noisy = files.pop().ok_or_else(|| Error::new(Kind::Io, noisy.display()).found("no stream"))?;
-    Ok(Outcome {
+    let noisy = files.pop().ok_or_else(|| Error::new(ErrorKind::Io, noisy.display()).found("no stream"))?;
+    Ok(RunSummary {
         noisy,
         clean,
         readouts,
         frames,
-        greatest_light,
-        too_bright,
-        glance,
-        simulated,
-        waited,
-        kernel,
-        synced,
+        max_light,
+        frames_above_max_light: too_bright,
+        light_sample: glance,
+        simulation_time: simulated,
+        wait_time: waited,
+        kernel_time: kernel,
+        sync_time: synced,
     })
 }
 
-fn stream(job: &Run, plan: &Plan, path: &Path, total: Option<u64>) -> Result<Stream> {
+fn stream(job: &RunOptions, plan: &Plan, path: &Path, total: Option<u64>) -> Result<OutputStream> {
     let geometry = plan.geometry();
     let writer = match total {
         Some(total) => StreamWriter::create(path, job.layout, geometry, total, job.force)?,
         None => StreamWriter::create_growing(path, job.layout, geometry, job.force)?,
     };
-    Ok(Stream { writer, spikes: 0 })
+    Ok(OutputStream { writer, spikes: 0 })
 }
 
 fn simulate(
-    feeder: &mut Feeder<'_>,
+    feeder: &mut LightFeeder<'_>,
     simulators: &mut [Simulator],
-    mut writing: Writing<'_>,
-    mut looks: Option<Looks<'_>>,
+    mut writing: BatchWriter<'_>,
+    mut looks: Option<LightTap<'_>>,
     (exactly, total): (Option<u64>, Option<u64>),
     watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
-) -> Result<(Glance, Duration, Duration)> {
-    let bytes = feeder.current().geometry().frame_bytes();
-    let batch = READOUTS.min((HELD / bytes).max(1));
-    let mut glances = Glances::new(exactly, feeder.current());
-    let mut written = Made { readouts: vec![0; simulators.len()], kernel: Duration::ZERO };
+) -> Result<(LightSample, Duration, Duration)> {
+    let bytes = feeder.current_frame().geometry().frame_bytes();
+    let batch = BATCH_READOUTS.min((MAX_BUFFER_BYTES / bytes).max(1));
+    let mut glances = LightSampler::new(exactly, feeder.current_frame());
+    let mut written = KernelTotals { readouts: vec![0; simulators.len()], time: Duration::ZERO };
     watch(0, total)?;
     let mut waited = Duration::ZERO;
     loop {
         let asked = Instant::now();
-        let first = feeder.at();
-        let pieces = feeder.fill(batch, HELD)?;
+        let first = feeder.next_readout();
+        let pieces = feeder.next_pieces(batch, MAX_BUFFER_BYTES)?;
         waited += asked.elapsed();
         let readouts: usize = pieces.iter().map(|p| p.readouts).sum();
         if readouts == 0 {
-            // Dropped readouts are made up for in the last light.
-            let light = feed::held(feeder.current());
+            // If the camera dropped readouts, a stream has too few frames. The missing frames are simulated with the
+            // last light.
+            let light = feed::constant_light(feeder.current_frame());
             for (i, simulator) in simulators.iter_mut().enumerate() {
-                while written.readouts[i] < feeder.at() {
+                while written.readouts[i] < feeder.next_readout() {
                     let again = [Segment { readouts: 1, light }];
-                    step(&mut writing, i, simulator, &mut written, &again, feeder.at())?;
+                    step(&mut writing, i, simulator, &mut written, &again, feeder.next_readout())?;
                 }
             }
-            return Ok((glances.middle(feeder.at()), waited, written.kernel));
+            return Ok((glances.middle_sample(feeder.next_readout()), waited, written.time));
         }
-        let segments: Vec<_> = pieces.iter().map(Piece::segment).collect();
+        let segments: Vec<_> = pieces.iter().map(LightPiece::segment).collect();
         for (i, simulator) in simulators.iter_mut().enumerate() {
-            step(&mut writing, i, simulator, &mut written, &segments, feeder.at())?;
+            step(&mut writing, i, simulator, &mut written, &segments, feeder.next_readout())?;
         }
-        glances.look(first, &pieces)?;
+        glances.sample(first, &pieces)?;
         if let Some(looks) = &mut looks {
-            looks.batch(first, &pieces)?;
+            looks.tap_batch(first, &pieces)?;
         }
-        watch(feeder.at(), total)?;
+        watch(feeder.next_readout(), total)?;
     }
 }
 
-/// What the kernels have made so far.
-struct Made {
-    /// Readouts of each stream.
+/// Totals of the kernels up to the current batch.
+struct KernelTotals {
+    /// Number of readouts written to each stream.
     readouts: Vec<u64>,
-    /// Time that it took.
-    kernel: Duration,
+    /// Time spent in the kernels.
+    time: Duration,
 }
 
-/// Writes the readouts of `segments` that were not dropped to stream `i`, up to `limit` in all.
+/// Simulates `segments` and writes the readouts that the camera did not drop to stream `i`. Stream `i` has at most
+/// `limit` readouts afterwards.
 fn step(
-    writing: &mut Writing<'_>,
+    writing: &mut BatchWriter<'_>,
     i: usize,
     simulator: &mut Simulator,
-    made: &mut Made,
+    made: &mut KernelTotals,
     segments: &[Segment<'_>],
     limit: u64,
 ) -> Result<()> {
@@ -306,27 +328,28 @@ fn step(
     let readouts: usize = segments.iter().map(|s| s.readouts).sum();
     writing.append(i, readouts * bytes, |packed| {
         let start = Instant::now();
-        let kept = simulator.run(segments, packed) as u64;
-        made.kernel += start.elapsed();
+        let kept = simulator.run_segments(segments, packed) as u64;
+        made.time += start.elapsed();
         let frames = kept.min(limit.saturating_sub(made.readouts[i]));
         made.readouts[i] += frames;
         frames as usize * bytes
     })
 }
 
-/// Gives the files their names: all of them or none.
-fn finish(job: &Run, streams: Vec<Stream>) -> Result<(Vec<Written>, Duration)> {
-    job.stale.iter().try_for_each(|path| storage::remove_old(path))?;
+/// Renames all files to their final names. If a rename fails, all other files are removed.
+fn finish(job: &RunOptions, streams: Vec<OutputStream>) -> Result<(Vec<WrittenStream>, Duration)> {
+    job.stale_files.iter().try_for_each(|path| storage::remove_stale(path))?;
     let (mut files, mut synced) = (Vec::new(), Duration::ZERO);
-    for Stream { writer, spikes } in streams {
+    for OutputStream { writer, spikes } in streams {
         match writer.finish() {
             Ok(done) => {
-                synced += done.sync;
-                files.push(Written { path: done.path, bytes: done.bytes, digest: done.digest, spikes });
+                synced += done.sync_time;
+                files.push(WrittenStream { path: done.path, bytes: done.bytes, digest: done.digest, spikes });
             }
             Err(e) => {
-                // Half of a pair looks finished and is not; the first error is the one to tell.
-                files.iter().for_each(|f: &Written| drop(std::fs::remove_file(&f.path)));
+                // One stream of a pair would look complete, so the renamed stream is removed. Errors of the removal
+                // are ignored, because the first error is returned.
+                files.iter().for_each(|f: &WrittenStream| drop(std::fs::remove_file(&f.path)));
                 return Err(e);
             }
         }

@@ -1,4 +1,5 @@
-//! The JSON file beside a stream: what it is, and everything needed to make it again.
+//! The JSON sidecar of a stream. The sidecar describes the stream and contains all data that are needed to simulate
+//! the stream again.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -6,37 +7,38 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::formats::{Layout, sidecar_beside};
+use crate::formats::{Layout, find_sidecar};
 use crate::light::{Source, Transfer};
-use crate::simulate::{ImageFacts, ImageFile, Written};
+use crate::simulate::{ImageFacts, ImageFile, WrittenStream};
 use crate::storage;
 use spikelane::effects::Camera;
-use spikelane::effects::definition::Form;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::effects::definition::ParamKind;
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::presets;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, read_bytes};
 
-/// One file of a run.
+/// One stream file of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct StreamFacts {
-    /// Name, in the sidecar's folder.
+    /// Name of the file. The file is in the folder of the sidecar.
     pub file: String,
-    /// Length.
+    /// Length of the file in bytes.
     pub bytes: u64,
-    /// Digest of all bytes, `blake3:<hex>`; the same on every backend and any number of threads.
+    /// Digest of all bytes of the file, as `blake3:<hex>`. The digest does not depend on the backend or on the number
+    /// of threads.
     pub digest: String,
-    /// Spikes in it.
+    /// Number of spikes.
     pub spikes: u64,
-    /// Spikes per pixel and readout.
+    /// Mean number of spikes per pixel and readout.
     pub mean_rate: f64,
 }
 
 impl StreamFacts {
-    /// The facts of a file of `readouts` frames.
+    /// Describes a file of `readouts` frames.
     #[must_use]
-    pub fn new(written: &Written, geometry: Geometry, readouts: u64) -> Self {
+    pub fn new(written: &WrittenStream, geometry: Geometry, readouts: u64) -> Self {
         let name = written.path.file_name().unwrap_or_default();
         Self {
             file: name.to_string_lossy().into_owned(),
@@ -47,73 +49,78 @@ impl StreamFacts {
         }
     }
 
-    /// Returns the path of the file, which lies beside its sidecar at `sidecar`.
+    /// Returns the path of the file. The file is in the folder of the sidecar, whose path is `sidecar`.
     ///
     /// # Errors
-    /// [`Kind::Config`] when the sidecar names no file beside it, and [`Kind::Input`] for a link that leaves the folder,
-    /// unless `access` allows it.
-    pub fn beside(&self, sidecar: &Path, access: Access) -> Result<PathBuf> {
-        let name = PlainName::parse(Kind::Config, format_args!("{}: file", sidecar.display()), &self.file)
-            .map_err(|e| e.expected("a file beside the sidecar").remedy("name the stream itself"))?;
-        beside(sidecar, &InnerPath::from(name), access)
+    /// * [`ErrorKind::Config`] if the name in the sidecar is not a plain file name.
+    /// * [`ErrorKind::Input`] if the file is a link to a file in another folder and `access` does not permit such
+    ///   links.
+    pub fn path_beside(&self, sidecar: &Path, access: Access) -> Result<PathBuf> {
+        let name =
+            PlainName::parse(ErrorKind::Config, format_args!("{}: file", sidecar.display()), &self.file)
+                .map_err(|e| {
+                    e.expected("a file in the folder of the sidecar")
+                        .remedy("select the stream instead of the sidecar")
+                })?;
+        path_beside(sidecar, &InnerPath::from(name), access)
     }
 }
 
 /// Returns the path of `inner` in the folder of the sidecar.
-fn beside(sidecar: &Path, inner: &InnerPath, access: Access) -> Result<PathBuf> {
-    // Of a sidecar without a folder the paths are empty, and those of its files are their names alone.
-    inner.below(sidecar.parent().unwrap_or(Path::new("")), access)
+fn path_beside(sidecar: &Path, inner: &InnerPath, access: Access) -> Result<PathBuf> {
+    // If the sidecar path has no folder, the returned path is relative to the current folder as well.
+    inner.resolve_in(sidecar.parent().unwrap_or(Path::new("")), access)
 }
 
-/// Where the light came from and how it was read.
+/// The source of the light, and how the light was read.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct LightFacts {
-    /// The source in its own words.
+    /// Description of the source.
     pub source: String,
-    /// Transfer function that was undone: linear, srgb, or an exponent.
+    /// The transfer function that was reversed: `linear`, `srgb`, or an exponent.
     pub transfer: String,
-    /// Weights of red, green and blue.
+    /// Weights of red, green and blue in the luminance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub luminance: Option<[f64; 3]>,
-    /// Whether colour became a rounded grey code before the transfer function was undone.
+    /// Whether color was converted to a rounded gray code before the transfer function was reversed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub grey_codes: Option<bool>,
-    /// The 8-bit code of light 1.0, or `peak` for the brightest pixel of each frame.
+    pub gray_codes: Option<bool>,
+    /// The 8-bit code that represents light 1.0, or `peak` if the brightest pixel of each frame represents light 1.0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub full_scale: Option<String>,
-    /// How frames were brought to the camera's size.
-    pub fit: String,
-    /// A motion over a single image.
+    /// How frames were resized to the camera's geometry.
+    pub resize_mode: String,
+    /// The camera motion across a single image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<String>,
-    /// What the light does between frames.
-    pub insertion: String,
-    /// Readouts per frame, as a fraction; `None` when one frame is held.
+    /// How light is interpolated between frames.
+    pub interpolation: String,
+    /// Number of readouts per frame as a fraction. `None` if the source is one constant frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readouts_per_frame: Option<String>,
-    /// Frames per second that the source states or the user gave.
+    /// Number of frames per second. The number was specified by the source or by the user.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source_rate: Option<String>,
-    /// Frames read.
+    /// Number of frames that were read.
     pub frames: u64,
     /// Electrons per readout at full scale.
     pub exposure_electrons: f64,
-    /// Brightest light of the plan in full scales.
-    pub greatest_light: f64,
-    /// Frames that held brighter light, which was cut.
-    pub frames_beyond_greatest_light: u64,
+    /// Maximum light of the plan, in units of full scale.
+    pub max_light: f64,
+    /// Number of frames with light above `max_light`. Such light was clipped.
+    pub frames_above_max_light: u64,
 }
 
 impl LightFacts {
-    /// What `source` says of itself.
+    /// Returns the facts that `source` provides.
     #[must_use]
-    pub fn of(source: &dyn Source) -> Self {
+    pub fn from_source(source: &dyn Source) -> Self {
         let used = source.front_end();
         Self {
             source: source.describe(),
             transfer: used.transfer.unwrap_or(Transfer::Linear).to_string(),
             luminance: Some(used.luminance),
-            grey_codes: Some(used.grey_codes),
+            gray_codes: Some(used.gray_codes),
             full_scale: Some(used.full_scale.to_string()),
             source_rate: source.rate().map(|r| r.to_string()),
             ..Self::default()
@@ -121,35 +128,35 @@ impl LightFacts {
     }
 }
 
-/// The nominal circuit.
+/// The nominal values of the sensor circuit.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct SensorFacts {
-    /// Femtofarads.
+    /// Capacitance in femtofarads.
     pub capacitance_ff: f64,
-    /// Volts.
+    /// Voltage swing in volts.
     pub swing_v: f64,
-    /// Nominal thresholds per readout at full scale.
+    /// Number of nominal thresholds per readout at full scale.
     pub thresholds_at_full_scale: f64,
-    /// Electrons in a nominal threshold.
+    /// Electrons per nominal threshold.
     pub electrons_per_threshold: f64,
 }
 
-/// The camera, in numbers and as the text of a camera file.
+/// The camera as numbers, and as the text of a camera file.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CameraFacts {
-    /// Name.
+    /// Name of the camera.
     pub name: String,
-    /// Where its numbers come from.
+    /// Origin of the camera's parameters.
     pub source: String,
-    /// Circuit.
+    /// The nominal circuit.
     pub sensor: SensorFacts,
-    /// Effects and their parameters: numbers in the stored unit, or words.
+    /// Effects and their parameters. A parameter is a number in the stored unit, or a name.
     pub effects: BTreeMap<String, BTreeMap<String, Value>>,
     /// Names of the maps that the camera file refers to.
     pub maps: Vec<String>,
-    /// The camera file.
+    /// The text of the camera file.
     pub toml: String,
 }
 
@@ -163,8 +170,8 @@ impl CameraFacts {
         let effects = camera.effects().iter().map(|effect| {
             let params = effect.definition().params.iter().zip(effect.values());
             let values = params.map(|(p, &v)| {
-                let value = match p.form {
-                    Form::Number { .. } if v.is_finite() => Value::from(v),
+                let value = match p.kind {
+                    ParamKind::Number { .. } if v.is_finite() => Value::from(v),
                     _ => Value::from(p.format(v)),
                 };
                 (p.key.to_owned(), value)
@@ -178,7 +185,7 @@ impl CameraFacts {
                 capacitance_ff: camera.sensor.capacitance_ff,
                 swing_v: camera.sensor.swing_v,
                 thresholds_at_full_scale: camera.sensor.thresholds_at_full_scale,
-                electrons_per_threshold: camera.operating(0.0).electrons,
+                electrons_per_threshold: camera.operating_point(0.0).electrons,
             },
             effects: effects.collect(),
             maps: saved.maps.into_iter().map(|(name, _)| name).collect(),
@@ -187,50 +194,51 @@ impl CameraFacts {
     }
 }
 
-/// The sidecar. Files of other programs may lack everything but the first keys.
+/// The sidecar of a stream. Sidecars that other programs write may contain only the first keys.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Sidecar {
-    /// Pixels in a row.
+    /// Width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels.
     pub height: u32,
     /// Name of the layout.
     pub layout: String,
-    /// Frames of each stream.
+    /// Number of frames in each stream.
     pub readouts: u64,
     /// Readouts per second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readout_hz: Option<f64>,
-    /// The (noisy) stream.
+    /// The stream that the camera recorded, including noise.
     #[serde(flatten)]
     pub stream: StreamFacts,
-    /// Its clean twin.
+    /// The stream of the clean twin.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clean: Option<StreamFacts>,
-    /// What fixes the randomness.
+    /// The seeds of the random numbers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seeds: Option<BTreeMap<String, u64>>,
-    /// The light.
+    /// The light source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light: Option<LightFacts>,
     /// The camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraFacts>,
-    /// Clear images that were kept.
+    /// The reference images.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub images: Option<ImageFacts>,
-    /// Of a converted stream: the range, the crop, and the sidecar of the original.
+    /// The description of the original stream, if this stream was converted. It contains the range, the crop and the
+    /// sidecar of the original.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub converted_from: Option<Value>,
-    /// Version of the crate that made it.
+    /// Version of the crate that wrote the sidecar.
     pub version: String,
-    /// The command that made it, argument by argument.
+    /// The command line that wrote the sidecar.
     #[serde(default)]
     pub command: Vec<String>,
 }
 
 impl Sidecar {
-    /// The facts that every stream has.
+    /// Creates a sidecar that contains only the facts that every stream has.
     #[must_use]
     pub fn new(geometry: Geometry, layout: Layout, readouts: u64, stream: StreamFacts) -> Self {
         Self {
@@ -251,20 +259,20 @@ impl Sidecar {
         }
     }
 
-    /// Seeds as the sidecar keeps them.
+    /// Returns the seeds as the sidecar stores them.
     #[must_use]
     pub fn seed_facts(seeds: Seeds) -> BTreeMap<String, u64> {
         let named = [("camera", seeds.camera), ("shot", seeds.shot), ("sequence", seeds.sequence)];
         named.map(|(name, seed)| (name.to_owned(), seed)).into()
     }
 
-    /// Writes it, whole or not at all.
+    /// Writes the sidecar as a complete file.
     ///
     /// # Errors
     /// As [`storage::write_small`].
     pub fn write(&self, path: &Path, force: bool) -> Result<()> {
         let mut text = serde_json::to_string_pretty(self)
-            .map_err(|e| Error::new(Kind::Config, path.display()).found(e))?;
+            .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
         text.push('\n');
         storage::write_small(path, text.as_bytes(), force)
     }
@@ -272,60 +280,66 @@ impl Sidecar {
     /// Reads a sidecar.
     ///
     /// # Errors
-    /// [`Kind::Io`] when it cannot be read, [`Kind::Config`] when it is none.
+    /// * [`ErrorKind::Io`] if the file cannot be read.
+    /// * [`ErrorKind::Config`] if the file is not a sidecar.
     pub fn read(path: &Path) -> Result<Self> {
         let text = read_bytes(path, "a sidecar", MAX_TEXT_BYTES)?;
         serde_json::from_slice(&text).map_err(|e| {
-            Error::new(Kind::Config, path.display())
+            Error::new(ErrorKind::Config, path.display())
                 .found(e)
-                .expected("a sidecar that this program wrote")
-                .remedy("restore it, or give width, height and layout")
+                .expected("a sidecar written by this version")
+                .remedy("restore it; if an earlier version wrote it, simulate the stream again")
         })
     }
 
-    /// The sidecar that lies beside a stream, with its path; `None` when there is none.
+    /// Returns the sidecar of a stream and the path of the sidecar, or `None` if no sidecar exists.
     ///
     /// # Errors
-    /// As [`Sidecar::read`]; [`Kind::Input`] for a link that leads elsewhere.
-    pub fn beside(stream: &Path) -> Result<Option<(PathBuf, Self)>> {
-        sidecar_beside(stream)?.map(|path| Self::read(&path).map(|sidecar| (path, sidecar))).transpose()
+    /// As [`Sidecar::read`]. Also [`ErrorKind::Input`] if the sidecar is a link to a file in another folder.
+    pub fn read_beside(stream: &Path) -> Result<Option<(PathBuf, Self)>> {
+        find_sidecar(stream)?.map(|path| Self::read(&path).map(|sidecar| (path, sidecar))).transpose()
     }
 
-    /// Returns the paths and digests of the clear images that the sidecar at `path` lists, which lie in a folder beside it.
+    /// Returns the paths and digests of the reference images that the sidecar lists. `path` is the path of the
+    /// sidecar, and the folder of the images is beside the sidecar.
     ///
     /// # Errors
-    /// As [`StreamFacts::beside`].
-    pub fn images_beside(&self, path: &Path, access: Access) -> Result<Vec<(PathBuf, &str)>> {
+    /// As [`StreamFacts::path_beside`].
+    pub fn image_paths(&self, path: &Path, access: Access) -> Result<Vec<(PathBuf, &str)>> {
         let Some(images) = &self.images else { return Ok(Vec::new()) };
         let name = |key: &str, text: &str| {
-            PlainName::parse(Kind::Config, format_args!("{}: images: {key}", path.display()), text)
+            PlainName::parse(ErrorKind::Config, format_args!("{}: images: {key}", path.display()), text)
         };
         let folder = InnerPath::from(name("folder", &images.folder)?);
-        let image = |image: &'_ ImageFile| beside(path, &folder.join(name("file", &image.file)?), access);
+        let image =
+            |image: &'_ ImageFile| path_beside(path, &folder.join(name("file", &image.file)?), access);
         images.files.iter().map(|file| Ok((image(file)?, file.digest.as_str()))).collect()
     }
 
-    /// What it says of the file called `name`: the clean twin's facts for its name, else the stream's.
+    /// Returns the facts of the file `name`. If `name` is the name of the clean twin's file, these are the facts of
+    /// the clean stream. Otherwise these are the facts of the noisy stream.
     #[must_use]
-    pub fn facts(&self, name: &str) -> &StreamFacts {
+    pub fn stream_facts(&self, name: &str) -> &StreamFacts {
         self.clean.as_ref().filter(|clean| clean.file == name).unwrap_or(&self.stream)
     }
 }
 
-/// Writes `camera` as `camera.toml` into `folder` (made if missing), its maps beside it by
-/// relative path and digest, so that the folder can be moved; returns the camera file's path.
+/// Writes `camera` to `camera.toml` in `folder`. Returns the path of the camera file. A missing folder is created.
+///
+/// The maps are written beside the camera file. The camera file refers to each map by relative path and digest, so the
+/// folder can be moved.
 ///
 /// # Errors
-/// [`Kind::Exists`] when a file is there and `force` is false; what the system refuses.
+/// [`ErrorKind::Exists`] if a file exists and `force` is false. Also errors of the operating system.
 pub fn save_camera(camera: &Camera, folder: &Path, force: bool) -> Result<PathBuf> {
     let saved = presets::to_toml(camera)?;
     let path = folder.join("camera.toml");
     let mut all = saved.maps.iter().map(|(name, _)| folder.join(name)).chain([path.clone()]);
     if let Some(taken) = all.find(|p| !force && p.exists()) {
-        return Err(Error::new(Kind::Exists, taken.display())
-            .found("a file of that name")
-            .expected("a free name")
-            .remedy("choose another folder, or allow overwriting (--force)"));
+        return Err(Error::new(ErrorKind::Exists, taken.display())
+            .found("an existing file")
+            .expected("a path that does not exist")
+            .remedy(format_args!("choose another folder, or set {} to replace the file", Setting("force"))));
     }
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
     let mut group = storage::FileGroup::new(force);

@@ -1,62 +1,66 @@
-//! Small files that belong together and appear one right after the other.
+//! Groups of small files that are renamed to their final names together.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::storage::partial::{Partial, directory, remove_old};
-use crate::storage::steps;
+use crate::storage::partial_file::{PartialFile, parent_folder, remove_stale};
+use crate::storage::sync;
 use spikelane::error::{Error, Result};
 
-/// Files that are written under hidden names first and get their names together, so that a full disk or a request to
-/// stop leaves all old files or all new ones.
+/// Files that are first written under hidden names and then renamed together.
+///
+/// If the disk is full or a stop is requested before `commit`, all existing files are unchanged.
 #[derive(Debug)]
 pub struct FileGroup {
     force: bool,
-    files: Vec<Partial>,
+    files: Vec<PartialFile>,
 }
 
 impl FileGroup {
-    /// An empty group; with `force` its files replace those of the same names.
+    /// Creates an empty group. If `force` is true, the files of the group replace existing files.
     pub const fn new(force: bool) -> Self {
         Self { force, files: Vec::new() }
     }
 
     /// Writes a file under a hidden name.
     pub fn write(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
-        let partial = Partial::create(path, self.force)?;
+        let partial = PartialFile::create(path, self.force)?;
         partial.file().write_all(bytes).map_err(|e| Error::io(path.display(), e))?;
         self.files.push(partial);
         Ok(())
     }
 
-    /// Gives the files their names, in the order in which they were written: the last one vouches for the others.
+    /// Renames the files to their final names in the order of the calls of `write`. If the last file exists, the group
+    /// is complete.
     ///
-    /// Old files of those names go first, so that a kill in between leaves no old file beside new ones.
+    /// Existing files are removed before the first rename. Therefore an interruption never results in a mixture of old
+    /// and new files.
     pub fn commit(self) -> Result<()> {
-        self.files.iter().try_for_each(Partial::sync)?;
-        let mut folders: Vec<_> = self.files.iter().map(|f| directory(f.path()).to_path_buf()).collect();
+        self.files.iter().try_for_each(PartialFile::sync)?;
+        let mut folders: Vec<_> = self.files.iter().map(|f| parent_folder(f.path()).to_path_buf()).collect();
         folders.dedup();
         if self.force {
-            self.files.iter().rev().try_for_each(|file| remove_old(file.path()))?;
+            self.files.iter().rev().try_for_each(|file| remove_stale(file.path()))?;
         }
         let mut named: Vec<PathBuf> = Vec::new();
         for file in self.files {
             let path = file.path().to_path_buf();
             if let Err(e) = file.commit_unsynced() {
-                // A part of a group looks finished and is not; the first error is the one to report.
-                named.iter().for_each(|path| drop(remove_old(path)));
+                // A partly renamed group could be mistaken for a complete group, so the renamed files are removed.
+                // Errors of the removal are ignored, because the first error is returned.
+                named.iter().for_each(|path| drop(remove_stale(path)));
                 return Err(e);
             }
             named.push(path);
         }
-        folders.iter().try_for_each(|folder| steps::sync_folder(folder))
+        folders.iter().try_for_each(|folder| sync::sync_folder(folder))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spikelane::error::Kind;
+    use spikelane::error::ErrorKind;
     use std::fs;
 
     #[test]
@@ -68,7 +72,7 @@ mod tests {
         group.write(&b, b"2").unwrap();
         assert!(!a.exists() && !b.exists());
         fs::write(&b, "mine").unwrap();
-        assert_eq!(group.commit().unwrap_err().kind(), Kind::Exists);
+        assert_eq!(group.commit().unwrap_err().kind(), ErrorKind::Exists);
         assert!(!a.exists());
         assert_eq!(fs::read(&b).unwrap(), b"mine");
         assert_eq!(fs::read_dir(top.path()).unwrap().count(), 1);

@@ -1,79 +1,83 @@
-//! Bytes at rest: files that appear whole or not at all.
+//! Writes files so that a file is either complete or does not exist under its final name.
 //!
-//! A file is written under a hidden name beside its final one, its blocks
-//! reserved before the first byte, synced, and only then renamed; whatever
-//! interrupts that leaves the user's files as they were. Large files are
-//! mapped a window at a time, so that memory does not grow with their length.
+//! A file is written under a hidden name beside its final path. The blocks of the file are reserved before the first
+//! write. After the last write, the file is synced and then renamed. An interruption at any point does not change
+//! existing files. A large file is mapped one window at a time, so memory use does not depend on its length.
 
 mod digest;
+pub mod folders;
 mod group;
-mod lock;
+mod lock_file;
+mod mapping_guard;
 mod outputs;
-mod partial;
+mod partial_file;
 mod platform;
-mod shared;
-mod shortened;
-pub mod steps;
-pub mod trees;
+mod shared_memory;
+pub mod sync;
 pub mod unfinished;
-mod words;
+mod word_buffer;
 mod writer;
 
 pub use digest::Digest;
 pub use group::FileGroup;
 pub use outputs::OutputSet;
-pub use partial::Partial;
-pub use platform::{has_other_names, host, open_own, same_file};
-pub use shared::Shared;
-pub use words::Words;
-pub use writer::{Finished, Writer};
+pub use partial_file::PartialFile;
+pub use platform::{has_other_links, host_name, is_same_file, open_no_follow};
+pub use shared_memory::SharedMemory;
+pub use word_buffer::WordBuffer;
+pub use writer::{FileSummary, FileWriter};
 
 use std::io::Write as _;
 use std::path::Path;
 
 use spikelane::error::{Error, Result};
 
-/// Writes a small file (a sidecar, a picture) in one piece.
+/// Writes a small file, such as a sidecar or an image, in one call.
 ///
-/// Readers see the old file or the whole new one, never a part.
+/// Other processes read either the old file or the complete new file.
 ///
 /// # Errors
-/// [`Kind::Exists`](spikelane::Kind::Exists) when `path` exists and `force` is
-/// false, [`Kind::Space`](spikelane::Kind::Space) when the disk is full, and what
-/// the operating system refuses.
+/// * [`ErrorKind::Exists`](spikelane::ErrorKind::Exists) if `path` exists and `force` is false.
+/// * [`ErrorKind::Space`](spikelane::ErrorKind::Space) if the disk is full.
+/// * Other errors of the operating system.
 pub fn write_small(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
-    let partial = partial::Partial::create(path, force)?;
+    let partial = partial_file::PartialFile::create(path, force)?;
     partial.file().write_all(bytes).map_err(|e| Error::io(path.display(), e))?;
     partial.commit().map(drop)
 }
 
-/// Writes, or replaces, a small file that can be made again, such as one of thousands of intermediate results.
+/// Writes or replaces a small file that can be generated again, such as an intermediate result.
 ///
-/// Readers see the old file or the whole new one, as long as the machine runs. It is not synced, which would take ten times as long
-/// as writing it: after a power failure it may be short or hold zeros, so that its reader has to check it.
-pub fn write_renewable(path: &Path, bytes: &[u8]) -> Result<()> {
-    let partial = partial::Partial::create(path, true)?;
+/// Unless the machine loses power, other processes read either the old file or the complete new file. The file is not
+/// synced, because a sync takes ten times as long as the write. After a power failure, the file may be truncated or
+/// contain zeros, so programs that read the file must verify its content.
+pub fn write_small_unsynced(path: &Path, bytes: &[u8]) -> Result<()> {
+    let partial = partial_file::PartialFile::create(path, true)?;
     partial.file().write_all(bytes).map_err(|e| Error::io(path.display(), e))?;
     partial.commit_unsynced()
 }
 
-/// Whether `names` in `folder` may be written: asked before hours of work, not after.
+/// Checks that the files `names` in `folder` may be written. Callers check before a long computation, so that a
+/// conflict is reported early.
 ///
-/// # Errors
-/// [`Kind::Exists`](spikelane::Kind::Exists) when one exists and `force` is false, or when it is no plain file.
+/// # Errors [`ErrorKind::Exists`](spikelane::ErrorKind::Exists) if a file exists and `force` is false, or if an
+/// existing entry is not a regular file.
 pub fn refuse_existing(folder: &Path, names: &[&str], force: bool) -> Result<()> {
-    names.iter().try_for_each(|name| partial::refuse_existing(&folder.join(name), force))
+    names.iter().try_for_each(|name| partial_file::refuse_existing(&folder.join(name), force))
 }
 
-/// Removes a file that new ones replace or make untrue, if it is there.
-pub fn remove_old(path: &Path) -> Result<()> {
-    partial::remove_old(path)
+/// Removes a file that new files replace or invalidate. It is not an error if the file does not exist.
+pub fn remove_stale(path: &Path) -> Result<()> {
+    partial_file::remove_stale(path)
 }
 
-/// Bytes that an ordinary user may still write to the disk that holds (or will hold) `path`; none where the system cannot tell.
+/// Returns the number of free bytes for an unprivileged user on the disk of `path`. Returns `None` if the system
+/// cannot report the number.
+///
+/// `path` does not have to exist yet.
 ///
 /// # Errors
-/// When neither the directory of `path` nor one above it can be asked.
+/// If neither `path` nor one of its parent folders can be queried.
 pub fn free_space(path: &Path) -> Result<Option<u64>> {
     let mut at = path;
     loop {

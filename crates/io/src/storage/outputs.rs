@@ -1,53 +1,59 @@
-//! The files that one command writes together: checked, and claimed, before work begins.
+//! The output files of one command. The files are checked and locked before the computation starts.
 
 use std::fs;
-use std::io::ErrorKind;
+use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::storage::lock::LockFile;
-use crate::storage::partial::{directory, refuse_existing};
-use spikelane::error::{Error, Kind, Result};
+use crate::storage::lock_file::LockFile;
+use crate::storage::partial_file::{parent_folder, refuse_existing};
+use spikelane::error::{Error, ErrorKind, Result};
 
-/// The name on which a process locks a folder of numbered files.
+/// The name in the lock file of a whole folder.
 const FOLDER_LOCK: &str = "folder";
 
-/// Outputs that belong together, which this process alone may write until the set is dropped.
+/// Output files that only this process may write until the set is dropped.
 ///
-/// Keep it until the last of the files has its name. Folders that it made are removed again if they are empty then.
+/// Keep the set until the last file has its final name. When the set is dropped, the folders that the set created are
+/// removed if they are empty.
 #[derive(Debug)]
 #[must_use = "the claim ends when the set is dropped"]
 pub struct OutputSet {
-    // Declared first: a lock lies in a folder.
+    // The locks must be dropped before the folders are removed, because the lock files are in these folders.
     _locks: Vec<LockFile>,
     _folders: MadeFolders,
 }
 
 impl OutputSet {
-    /// Claims `files`: refuses those that may not be written, makes their folders with all parents, and keeps other
-    /// processes from writing them. A lock that can be made in a folder also shows that the folder takes files.
+    /// Locks `files`. The function checks that the files may be written, creates their folders, and prevents other
+    /// processes from writing the files.
+    ///
+    /// The creation of the lock files also proves that the folders are writable.
     ///
     /// # Errors
-    /// [`Kind::Exists`] when a file exists and `force` is false, or is a folder, a device, a pipe or a socket;
-    /// [`Kind::Busy`] when another process writes one of them; [`Kind::Io`] with the folder that takes no files.
+    /// * [`ErrorKind::Exists`] if a file exists and `force` is false, or if a path is a folder, a device, a pipe or a
+    ///   socket.
+    /// * [`ErrorKind::Busy`] if another process writes one of the files.
+    /// * [`ErrorKind::Io`] if a folder is not writable. The error message contains the path of the folder.
     pub fn claim<P: AsRef<Path>>(files: impl IntoIterator<Item = P>, force: bool) -> Result<Self> {
         let mut files: Vec<PathBuf> = files.into_iter().map(|file| file.as_ref().to_path_buf()).collect();
-        // Every process claims its files in the same order, so that two processes never each hold a file that the other needs.
+        // All processes lock files in the same order, so two processes cannot deadlock.
         files.sort_unstable();
         files.dedup();
         files.iter().try_for_each(|file| refuse_existing(file, force))?;
         let mut folders = MadeFolders::default();
-        files.iter().try_for_each(|file| folders.make(directory(file)))?;
+        files.iter().try_for_each(|file| folders.make(parent_folder(file)))?;
         let locks = files.iter().map(|file| lock(file, file)).collect::<Result<_>>()?;
         let set = Self { _locks: locks, _folders: folders };
-        // Another process may have finished them meanwhile.
+        // Another process may have written a file between the first check and the lock, so the check is repeated.
         files.iter().try_for_each(|file| refuse_existing(file, force))?;
         Ok(set)
     }
 
-    /// Claims a whole folder, made with all parents, for files whose names only the work will show.
+    /// Locks a folder whose file names are not known yet. Creates the folder and its parents.
     ///
     /// # Errors
-    /// [`Kind::Busy`] when another process has claimed it; [`Kind::Io`] when it takes no files.
+    /// * [`ErrorKind::Busy`] if another process has locked the folder.
+    /// * [`ErrorKind::Io`] if the folder is not writable.
     pub fn claim_folder(folder: &Path) -> Result<Self> {
         let mut folders = MadeFolders::default();
         folders.make(folder)?;
@@ -57,23 +63,23 @@ impl OutputSet {
 }
 
 fn lock(file: &Path, whole: &Path) -> Result<LockFile> {
-    LockFile::take(file, whole).map_err(|e| match e.io_error().map(std::io::Error::kind) {
-        Some(ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem) => {
-            let found = e.parts().found.to_owned();
-            unwritable(directory(file), found)
+    LockFile::acquire(file, whole).map_err(|e| match e.io_error().map(std::io::Error::kind) {
+        Some(io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem) => {
+            let found = e.parts().found.into_owned();
+            unwritable_folder_error(parent_folder(file), found)
         }
         _ => e,
     })
 }
 
-fn unwritable(folder: &Path, found: impl std::fmt::Display) -> Error {
-    Error::new(Kind::Io, folder.display())
+fn unwritable_folder_error(folder: &Path, found: impl std::fmt::Display) -> Error {
+    Error::new(ErrorKind::Io, folder.display())
         .found(found)
-        .expected("a folder that takes files")
-        .remedy("allow writing to it, or choose another folder for the output")
+        .expected("a writable folder")
+        .remedy("allow writing to it, or choose another output folder")
 }
 
-/// Folders that were made; dropping it removes those that are empty.
+/// Folders that this process created. When this value is dropped, the empty folders are removed.
 #[derive(Debug, Default)]
 struct MadeFolders(Vec<PathBuf>);
 
@@ -86,30 +92,31 @@ impl MadeFolders {
         for folder in missing.into_iter().rev() {
             match fs::create_dir(folder) {
                 Ok(()) => self.0.push(folder.to_path_buf()),
-                // Another process made it meanwhile.
-                Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
-                Err(e) => return Err(unmade(folder, e)),
+                // Another process created the folder in the meantime, so this process must not remove the folder.
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(e) => return Err(make_folder_error(folder, e)),
             }
         }
         match fs::metadata(folder) {
             Ok(found) if found.is_dir() => Ok(()),
-            Ok(_) => Err(unmade(folder, "a file of that name")),
-            Err(e) => Err(unmade(folder, e)),
+            Ok(_) => Err(make_folder_error(folder, "a file with this name")),
+            Err(e) => Err(make_folder_error(folder, e)),
         }
     }
 }
 
-fn unmade(folder: &Path, found: impl std::fmt::Display) -> Error {
-    Error::new(Kind::Io, folder.display())
+fn make_folder_error(folder: &Path, found: impl std::fmt::Display) -> Error {
+    Error::new(ErrorKind::Io, folder.display())
         .found(found)
-        .expected("a folder, or a place where one can be made")
-        .remedy("choose another folder for the output, or make this one")
+        .expected("a folder, or a path where a folder can be created")
+        .remedy("choose another output folder, or create this one")
 }
 
 impl Drop for MadeFolders {
     fn drop(&mut self) {
         for folder in self.0.iter().rev() {
-            // Refused by the system when anything is in it.
+            // `remove_dir` fails if the folder is not empty. Such a folder must not be removed, so the error is
+            // ignored.
             let _ = fs::remove_dir(folder);
         }
     }
@@ -138,7 +145,7 @@ mod tests {
         let top = tempfile::tempdir().unwrap();
         let [a, b, c] = ["a.dat", "b.json", "c.dat"].map(|name| top.path().join(name));
         let held = OutputSet::claim([&b, &a], false).unwrap();
-        assert_eq!(OutputSet::claim([&c, &b], false).unwrap_err().kind(), Kind::Busy);
+        assert_eq!(OutputSet::claim([&c, &b], false).unwrap_err().kind(), ErrorKind::Busy);
         let other = OutputSet::claim([&c], false).unwrap();
         drop((held, other));
         drop(OutputSet::claim([&b, &c], false).unwrap());
@@ -146,14 +153,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_there_is_refused_before_a_folder_is_made() {
+    fn existing_outputs_are_refused_before_a_folder_is_made() {
         let top = tempfile::tempdir().unwrap();
         let (old, new) = (top.path().join("old"), top.path().join("folder/new"));
         fs::write(&old, "mine").unwrap();
-        assert_eq!(OutputSet::claim([&old, &new], false).unwrap_err().kind(), Kind::Exists);
+        assert_eq!(OutputSet::claim([&old, &new], false).unwrap_err().kind(), ErrorKind::Exists);
         assert!(!top.path().join("folder").exists());
         let error = OutputSet::claim([old.join("below")], true).unwrap_err();
-        assert_eq!((error.kind(), error.subject()), (Kind::Io, &*old.display().to_string()));
+        assert_eq!((error.kind(), &*error.subject()), (ErrorKind::Io, &*old.display().to_string()));
         assert!(OutputSet::claim([&old, &new], true).is_ok());
     }
 
@@ -163,7 +170,7 @@ mod tests {
         let folder = top.path().join("frames");
         let held = OutputSet::claim_folder(&folder).unwrap();
         let error = OutputSet::claim_folder(&folder).unwrap_err();
-        assert_eq!((error.kind(), error.subject()), (Kind::Busy, &*folder.display().to_string()));
+        assert_eq!((error.kind(), &*error.subject()), (ErrorKind::Busy, &*folder.display().to_string()));
         drop(held);
         assert!(!folder.exists());
     }

@@ -1,40 +1,42 @@
-//! Hidden files and folders that processes left when they were killed.
+//! Hidden files and folders that killed processes did not remove.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::storage::lock::{is_held, process_in};
-use crate::storage::steps::io;
+use crate::storage::lock_file::{is_held, read_process_id};
+use crate::storage::sync::io;
 use spikelane::error::Result;
 
-/// A hidden file or folder of work that is not finished.
+/// A hidden file or folder of unfinished work.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unfinished {
-    /// Where it lies.
+pub struct UnfinishedOutput {
+    /// The path of the file or folder.
     pub path: PathBuf,
-    /// Its bytes, of a folder those of all files in it.
+    /// Number of bytes of the file, or of all files in the folder.
     pub bytes: u64,
-    /// The process that made it, where its name or text contains the number.
+    /// The id of the process that created the entry. `None` if neither the name nor the text of the entry contains a
+    /// process id.
     pub process: Option<u32>,
-    /// Whether its process still works on it; `None` where that cannot be seen.
-    pub running: Option<bool>,
+    /// Whether a process is still writing the entry, or `None` if this is unknown.
+    pub is_running: Option<bool>,
 }
 
-/// Every hidden file and folder below `folder` that this program makes while it works. Links are not followed.
+/// Returns all hidden files and folders below `folder` that unfinished runs of this program created. Links are not
+/// followed.
 ///
 /// # Errors
-/// When a folder cannot be read.
-pub fn unfinished(folder: &Path) -> Result<Vec<Unfinished>> {
+/// If a folder cannot be read.
+pub fn find_unfinished(folder: &Path) -> Result<Vec<UnfinishedOutput>> {
     let mut found = Vec::new();
-    // A data set is locked in its own folder, which may lie above the one that was named.
+    // The lock of a data set is in the top folder of the data set, which may be a parent of `folder`.
     let above = folder.canonicalize().is_ok_and(|f| f.ancestors().skip(1).any(is_claimed));
     walk(folder, above, &mut found)?;
     found.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(found)
 }
 
-/// Removes it, unless its process works on it meanwhile.
-pub fn remove(unfinished: &Unfinished) -> Result<bool> {
+/// Removes the entry unless a process is still writing the entry. Returns whether the entry was removed.
+pub fn remove(unfinished: &UnfinishedOutput) -> Result<bool> {
     let path = &unfinished.path;
     if is_held(path) == Some(true) {
         return Ok(false);
@@ -47,7 +49,7 @@ pub fn remove(unfinished: &Unfinished) -> Result<bool> {
     }
 }
 
-fn walk(folder: &Path, claimed: bool, found: &mut Vec<Unfinished>) -> Result<()> {
+fn walk(folder: &Path, claimed: bool, found: &mut Vec<UnfinishedOutput>) -> Result<()> {
     let mut entries = Vec::new();
     for entry in fs::read_dir(folder).map_err(io(folder))? {
         let entry = entry.map_err(io(folder))?;
@@ -64,13 +66,14 @@ fn walk(folder: &Path, claimed: bool, found: &mut Vec<Unfinished>) -> Result<()>
         if partial && kind.is_dir() {
             let (bytes, held) = contents(&path)?;
             let running = Some(busy || held);
-            found.push(Unfinished { bytes, process: process_of(&name), running, path });
+            found.push(UnfinishedOutput { bytes, process: process_id(&name), is_running: running, path });
         } else if kind.is_dir() {
             walk(&path, claimed, found)?;
         } else if is_partial(&name) || (kind.is_file() && is_lock(&path, &name)) {
             let bytes = fs::symlink_metadata(&path).map_or(0, |m| m.len());
-            let process = process_of(&name).or_else(|| process_in(&path).filter(|id| *id > 0));
-            // Files with a number behind the process's are locked by it, and so are locks.
+            let process = process_id(&name).or_else(|| read_process_id(&path).filter(|id| *id > 0));
+            // Lock files, and partial files with a number after the process id, are locked by the process that writes
+            // them. For other entries, a lock on a parent folder shows that a process is still writing.
             let running = match is_held(&path) {
                 Some(true) => Some(true),
                 Some(false) if name.ends_with(".lock") || is_numbered(&name) => Some(false),
@@ -78,18 +81,18 @@ fn walk(folder: &Path, claimed: bool, found: &mut Vec<Unfinished>) -> Result<()>
                 None if kind.is_symlink() => Some(busy),
                 None => None,
             };
-            found.push(Unfinished { path, bytes, process, running });
+            found.push(UnfinishedOutput { path, bytes, process, is_running: running });
         }
     }
     Ok(())
 }
 
-/// Whether a process has claimed the folder with all that is below it.
+/// Returns whether a process has locked the folder with all its content.
 fn is_claimed(folder: &Path) -> bool {
     ["lock", ".folder.lock"].iter().any(|name| is_held(&folder.join(name)) == Some(true))
 }
 
-/// The bytes of a hidden folder, and whether a process holds a file of it.
+/// Returns the number of bytes of a hidden folder, and whether a process has a lock on one of the files in the folder.
 fn contents(folder: &Path) -> Result<(u64, bool)> {
     let (mut bytes, mut held) = (0, false);
     for entry in fs::read_dir(folder).map_err(io(folder))? {
@@ -107,24 +110,26 @@ fn contents(folder: &Path) -> Result<(u64, bool)> {
     Ok((bytes, held))
 }
 
-/// `.NAME.PID-N.partial`, the same with the ending of a video behind it, `.NAME.PID.partial`, or `.NAME.partial`.
+/// Returns whether a name has one of the forms `.NAME.PID-N.partial`, `.NAME.PID-N.partial.EXT`, `.NAME.PID.partial`
+/// and `.NAME.partial`.
 fn is_partial(name: &str) -> bool {
     stem(name).is_some_and(|stem| stem.len() > 1)
 }
 
-/// The hidden name before `.partial`.
+/// Returns the part of a hidden name that precedes `.partial`.
 fn stem(name: &str) -> Option<&str> {
     let (stem, ending) = name.rsplit_once(".partial")?;
     let whole = ending.is_empty() || (ending.starts_with('.') && !ending[1..].contains('.'));
     (name.starts_with('.') && whole).then_some(stem)
 }
 
-fn process_of(name: &str) -> Option<u32> {
+fn process_id(name: &str) -> Option<u32> {
     let (_, number) = stem(name)?.rsplit_once('.')?;
     number.split('-').next()?.parse().ok()
 }
 
-/// Returns whether a name is that of a file in the making, with the process that makes it: `.NAME.PID-N.partial`.
+/// Returns whether a name has the form `.NAME.PID-N.partial`. A file with such a name is locked by the process that
+/// writes the file.
 #[must_use]
 pub fn is_numbered(name: &str) -> bool {
     let number = stem(name).and_then(|stem| stem.rsplit_once('.')).and_then(|(_, n)| n.split_once('-'));
@@ -132,13 +137,13 @@ pub fn is_numbered(name: &str) -> bool {
 }
 
 fn is_lock(path: &Path, name: &str) -> bool {
-    name.starts_with('.') && name.ends_with(".lock") && process_in(path).is_some()
+    name.starts_with('.') && name.ends_with(".lock") && read_process_id(path).is_some()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::storage::{OutputSet, partial::Partial};
+    use crate::storage::{OutputSet, partial_file::PartialFile};
 
     #[test]
     fn only_names_that_this_program_makes_are_unfinished() {
@@ -151,19 +156,19 @@ mod tests {
         {
             assert!(!is_partial(name), "{name}");
         }
-        assert_eq!(process_of(".a.dat.12-0.partial"), Some(12));
-        assert_eq!(process_of(".manifest.jsonl.7.partial"), Some(7));
-        assert_eq!(process_of(".scene-0001.partial"), None);
+        assert_eq!(process_id(".a.dat.12-0.partial"), Some(12));
+        assert_eq!(process_id(".manifest.jsonl.7.partial"), Some(7));
+        assert_eq!(process_id(".scene-0001.partial"), None);
         assert!(is_numbered(".a.dat.12-0.partial") && !is_numbered(".a.dat.12.partial"));
     }
 
     #[test]
-    fn what_is_at_work_runs_and_what_was_left_does_not() {
+    fn outputs_of_live_processes_are_running() {
         let top = tempfile::tempdir().unwrap();
         let at = |name: &str| top.path().join(name);
         let state = || -> Vec<(String, Option<bool>)> {
-            let name = |u: &Unfinished| u.path.file_name().unwrap().to_string_lossy().into_owned();
-            unfinished(top.path()).unwrap().iter().map(|u| (name(u), u.running)).collect()
+            let name = |u: &UnfinishedOutput| u.path.file_name().unwrap().to_string_lossy().into_owned();
+            find_unfinished(top.path()).unwrap().iter().map(|u| (name(u), u.is_running)).collect()
         };
         fs::create_dir_all(at("set/.s.partial")).unwrap();
         fs::write(at("set/.s.partial/stream.dat"), [0; 10]).unwrap();
@@ -178,12 +183,12 @@ mod tests {
         let claim = OutputSet::claim_folder(&at("set")).unwrap();
         assert!(state().contains(&(".s.partial".to_owned(), Some(true))));
         drop(claim);
-        let new = Partial::create(&at("new.dat"), false).unwrap();
+        let new = PartialFile::create(&at("new.dat"), false).unwrap();
         let running: Vec<_> = state().into_iter().filter(|(_, running)| *running == Some(true)).collect();
         assert_eq!(running.len(), 1);
-        assert!(!remove(&unfinished(top.path()).unwrap()[0]).unwrap());
+        assert!(!remove(&find_unfinished(top.path()).unwrap()[0]).unwrap());
         drop(new);
-        for found in unfinished(top.path()).unwrap() {
+        for found in find_unfinished(top.path()).unwrap() {
             assert!(remove(&found).unwrap());
         }
         assert!(state().is_empty() && at(".other.lock").exists());

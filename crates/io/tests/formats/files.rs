@@ -1,13 +1,14 @@
-//! Streams in files: there and back, refusals, and what is left on the disk.
+//! Tests of stream files. The tests cover round trips, rejected files, and files that remain after errors.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 use spikelane::spikes::{bit, set_bit};
-use spikelane::{Error, Geometry, Kind, Result};
+use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::{
-    Crop, Layout, Lost, Opening, Origin, Reader, StreamWriter, convert, write_events,
+    Crop, GeometryOrigin, Layout, MissingFrames, OpenOptions, StreamReader, StreamWriter, convert,
+    write_events,
 };
 use spikelane_io::storage::{Digest, write_small};
 use tempfile::TempDir;
@@ -16,7 +17,7 @@ fn geometry(width: u32, height: u32) -> Geometry {
     Geometry::new(width, height).unwrap()
 }
 
-/// `readouts` packed frames of spikes without rule, zero padding included.
+/// Returns `readouts` packed frames of pseudorandom spikes. The padding bits are zero.
 fn stream(g: Geometry, readouts: usize, seed: u64) -> Vec<u8> {
     let mut state = seed | 1;
     let mut frames = vec![0; readouts * g.frame_bytes()];
@@ -36,22 +37,22 @@ fn write(path: &Path, layout: Layout, g: Geometry, packed: &[u8]) {
     let mut writer = StreamWriter::create(path, layout, g, readouts, false).unwrap();
     writer.write_frames(0, packed).unwrap();
     let done = writer.finish().unwrap();
-    assert_eq!(done.digest, Digest::of(&fs::read(path).unwrap()));
+    assert_eq!(done.digest, Digest::hash_bytes(&fs::read(path).unwrap()));
     assert_eq!(done.bytes, layout.file_bytes(g, readouts).unwrap());
     assert_eq!(done.path, path);
 }
 
-fn read(reader: &Reader) -> Vec<u8> {
+fn read(reader: &StreamReader) -> Vec<u8> {
     let mut packed = vec![0; reader.readouts() * reader.geometry().frame_bytes()];
     reader.read_frames(0, &mut packed).unwrap();
     packed
 }
 
-fn open(path: &Path, layout: Layout, g: Geometry) -> Result<Reader> {
-    Reader::open(path, Some(layout), Some(g))
+fn open(path: &Path, layout: Layout, g: Geometry) -> Result<StreamReader> {
+    StreamReader::open(path, Some(layout), Some(g))
 }
 
-fn place(dir: &TempDir, name: &str) -> PathBuf {
+fn path(dir: &TempDir, name: &str) -> PathBuf {
     dir.path().join(name)
 }
 
@@ -77,7 +78,7 @@ proptest! {
         let dir = TempDir::new().unwrap();
         let (g, n) = (geometry(w, h), readouts as u64);
         let packed = stream(g, readouts, seed);
-        let paths = ["a", "b", "c"].map(|name| place(&dir, name));
+        let paths = ["a", "b", "c"].map(|name| path(&dir, name));
         write(&paths[0], a, g, &packed);
         for (from, to, (la, lb)) in [(0, 1, (a, b)), (1, 2, (b, a))] {
             let reader = open(&paths[from], la, g).unwrap();
@@ -103,9 +104,9 @@ proptest! {
         let crop = Crop { x, y, width: width.min(w - x), height: h - y };
         let to = crop.geometry(g).unwrap();
         let range = (cut[3] * 4.0) as usize..5;
-        write(&place(&dir, "a"), layout, g, &packed);
-        let reader = open(&place(&dir, "a"), layout, g).unwrap();
-        let out = place(&dir, "b");
+        write(&path(&dir, "a"), layout, g, &packed);
+        let reader = open(&path(&dir, "a"), layout, g).unwrap();
+        let out = path(&dir, "b");
         let writer =
             StreamWriter::create(&out, Layout::Dat, to, range.len() as u64, false).unwrap();
         convert(&reader, range.clone(), Some(crop), writer, |_| Ok(())).unwrap();
@@ -125,12 +126,12 @@ fn camera_rows_come_back_through_files() {
     let dir = TempDir::new().unwrap();
     for (layout, g) in [(Layout::Rows416, geometry(400, 250)), (Layout::Rows1024, geometry(1000, 1000))] {
         let packed = stream(g, 3, 11);
-        let path = place(&dir, layout.name());
+        let path = path(&dir, layout.name());
         write(&path, layout, g, &packed);
-        // The layout alone tells the camera.
-        let reader = Reader::open(&path, Some(layout), None).unwrap();
+        // The layout determines the geometry, so no geometry is given.
+        let reader = StreamReader::open(&path, Some(layout), None).unwrap();
         assert_eq!(reader.geometry(), g);
-        assert_eq!(reader.dropped_bytes(), (0, 0));
+        assert_eq!(reader.partial_frame_bytes(), (0, 0));
         assert!(read(&reader) == packed, "{layout}");
     }
 }
@@ -140,40 +141,41 @@ fn batches_of_any_size_make_the_same_file() {
     let dir = TempDir::new().unwrap();
     let g = geometry(400, 250);
     let packed = stream(g, 40, 3);
-    write(&place(&dir, "whole"), Layout::Dat, g, &packed);
-    let path = place(&dir, "pieces");
-    let mut writer = StreamWriter::create(&path, Layout::Dat, g, 40, false).unwrap();
+    write(&path(&dir, "whole"), Layout::Dat, g, &packed);
+    let pieces = path(&dir, "pieces");
+    let mut writer = StreamWriter::create(&pieces, Layout::Dat, g, 40, false).unwrap();
     let mut first = 0;
     for frames in [1, 2, 17, 20] {
         let bytes = &packed[first * 12_500..(first + frames) * 12_500];
         writer.write_frames(first as u64, bytes).unwrap();
         first += frames;
     }
-    assert_eq!(writer.finish().unwrap().digest, Digest::of_file(&place(&dir, "whole")).unwrap());
+    assert_eq!(writer.finish().unwrap().digest, Digest::hash_file(&path(&dir, "whole")).unwrap());
 }
 
 #[test]
-fn a_recording_that_starts_mid_frame_is_synchronised() {
+fn a_recording_that_starts_mid_frame_is_synchronized() {
     let dir = TempDir::new().unwrap();
     let g = geometry(1000, 1000);
     let packed = stream(g, 3, 21);
-    write(&place(&dir, "whole"), Layout::Rows1024, g, &packed);
-    let bytes = fs::read(place(&dir, "whole")).unwrap();
-    // From inside the first half row, at a half row, and just before the end of a frame.
+    write(&path(&dir, "whole"), Layout::Rows1024, g, &packed);
+    let bytes = fs::read(path(&dir, "whole")).unwrap();
+    // The recordings start inside the first half row, at a half row, just before the end of a frame, and in the middle
+    // of a frame.
     for lost in [16, 64, 127_936, 50_000] {
         let cut = bytes[lost..bytes.len() - 1000].to_vec();
-        let reader = Reader::from_bytes("cut", cut, Some(Layout::Rows1024), None).unwrap();
+        let reader = StreamReader::from_bytes("cut", cut, Some(Layout::Rows1024), None).unwrap();
         assert_eq!(reader.readouts(), 1);
-        assert_eq!(reader.dropped_bytes(), (128_000 - lost, 127_000));
+        assert_eq!(reader.partial_frame_bytes(), (128_000 - lost, 127_000));
         assert!(read(&reader) == packed[125_000..250_000], "lost {lost}");
     }
 }
 
 #[test]
-fn pixels_that_look_like_a_tag_do_not_catch_the_synchroniser() {
+fn pixels_that_look_like_a_tag_do_not_mislead_the_frame_search() {
     let g = geometry(1000, 1000);
-    // Bits 112 to 127 of a row are the first place the search looks at; give them the
-    // value of the first tag in every row.
+    // After the cut, the search first examines bits 112 to 127 of a row. In every row, these pixels have the value of
+    // the first tag.
     let mut packed = vec![0; 2 * 125_000];
     for row in packed.chunks_exact_mut(125) {
         row[14..16].copy_from_slice(&(500u16 << 4).to_le_bytes());
@@ -182,8 +184,8 @@ fn pixels_that_look_like_a_tag_do_not_catch_the_synchroniser() {
     let codec = spikelane_io::formats::Codec::new(Layout::Rows1024, g).unwrap();
     codec.encode(&packed, &mut bytes).unwrap();
     bytes.drain(..112);
-    let reader = Reader::from_bytes("tags", bytes, Some(Layout::Rows1024), None).unwrap();
-    assert_eq!(reader.dropped_bytes(), (127_888, 0));
+    let reader = StreamReader::from_bytes("tags", bytes, Some(Layout::Rows1024), None).unwrap();
+    assert_eq!(reader.partial_frame_bytes(), (127_888, 0));
     assert!(read(&reader) == packed[..125_000]);
 }
 
@@ -195,8 +197,8 @@ fn a_frame_that_lost_its_tags_is_an_empty_readout() {
     codec.encode(&vec![0; 250_000], &mut bytes).unwrap();
     bytes[128_063] = 0;
     bytes[128_062] = 0;
-    let reader = Reader::from_bytes("lost", bytes, Some(Layout::Rows1024), None).unwrap();
-    assert_eq!((reader.readouts(), reader.lost()), (2, &[1][..]));
+    let reader = StreamReader::from_bytes("lost", bytes, Some(Layout::Rows1024), None).unwrap();
+    assert_eq!((reader.readouts(), reader.missing_frames()), (2, &[1][..]));
     assert_eq!(read(&reader)[125_000..], vec![0; 125_000]);
 }
 
@@ -207,21 +209,23 @@ fn frames_behind_a_loss_are_found_and_keep_their_numbers() {
     let codec = spikelane_io::formats::Codec::new(Layout::Rows1024, g).unwrap();
     let mut whole = vec![0; 5 * 128_000];
     codec.encode(&packed, &mut whole).unwrap();
-    // Half a row, an odd number of bytes, most of a frame, the end of one and the start of the next.
+    // The missing bytes are half a row, an odd number of bytes, and most of a frame. The last missing range includes
+    // the end of one frame and the start of the next frame.
     for (start, bytes, lost) in
         [(130_000, 64, &[1][..]), (200_001, 333, &[1]), (128_100, 127_000, &[1]), (250_000, 20_000, &[1, 2])]
     {
         let mut cut = whole.clone();
         cut.drain(start..start + bytes);
-        let opening = |how| Opening::default().with_layout(Some(Layout::Rows1024)).with_lost(how);
-        let marked = opening(Lost::Mark).from_bytes("cut", cut.clone()).unwrap();
-        assert_eq!((marked.readouts(), marked.lost()), (5, lost), "{start}");
+        let opening =
+            |how| OpenOptions::default().with_layout(Some(Layout::Rows1024)).with_missing_frames(how);
+        let marked = opening(MissingFrames::Mark).from_bytes("cut", cut.clone()).unwrap();
+        assert_eq!((marked.readouts(), marked.missing_frames()), (5, lost), "{start}");
         let mut expected = packed.clone();
         lost.iter().for_each(|&t| expected[t * 125_000..][..125_000].fill(0));
         assert!(read(&marked) == expected, "{start}");
-        assert!(marked.warnings().iter().any(|w| w.contains("lost of 5")), "{:?}", marked.warnings());
-        let dropped = opening(Lost::Drop).from_bytes("cut", cut).unwrap();
-        assert_eq!((dropped.readouts(), dropped.lost()), (5 - lost.len(), lost));
+        assert!(marked.warnings().iter().any(|w| w.contains("missing, number")), "{:?}", marked.warnings());
+        let dropped = opening(MissingFrames::Drop).from_bytes("cut", cut).unwrap();
+        assert_eq!((dropped.readouts(), dropped.missing_frames()), (5 - lost.len(), lost));
         let kept = packed.chunks(125_000).enumerate().filter(|(t, _)| !lost.contains(t));
         assert!(read(&dropped) == kept.flat_map(|(_, f)| f.to_vec()).collect::<Vec<_>>(), "{start}");
     }
@@ -230,7 +234,7 @@ fn frames_behind_a_loss_are_found_and_keep_their_numbers() {
 #[test]
 fn empty_and_truncated_files_are_input_errors_that_count_bytes() {
     let dir = TempDir::new().unwrap();
-    let path = place(&dir, "s.dat");
+    let path = path(&dir, "s.dat");
     let g = geometry(400, 250);
     for (layout, bytes, texts) in [
         (Layout::Dat, 0, ["0 bytes", "12500"]),
@@ -241,25 +245,25 @@ fn empty_and_truncated_files_are_input_errors_that_count_bytes() {
     ] {
         fs::write(&path, vec![0; bytes]).unwrap();
         let error = failure(open(&path, layout, g));
-        assert_eq!(error.kind(), Kind::Input, "{error}");
+        assert_eq!(error.kind(), ErrorKind::Input, "{error}");
         for text in texts {
             assert!(error.to_string().contains(text), "{error}");
         }
     }
     fs::write(&path, vec![0; 128_000]).unwrap();
-    let error = failure(Reader::open(&path, Some(Layout::Rows1024), None));
-    assert_eq!(error.kind(), Kind::Input);
+    let error = failure(StreamReader::open(&path, Some(Layout::Rows1024), None));
+    assert_eq!(error.kind(), ErrorKind::Input);
 }
 
 #[test]
-fn a_wrong_geometry_is_answered_with_the_likely_one() {
+fn a_wrong_geometry_error_suggests_the_likely_one() {
     let bytes = vec![0; 13_000 * 3];
-    let found = Reader::from_bytes("s", bytes, Some(Layout::Dat), Some(geometry(400, 250)));
+    let found = StreamReader::from_bytes("s", bytes, Some(Layout::Dat), Some(geometry(400, 250)));
     let text = failure(found).to_string();
-    assert!(text.contains("13000 bytes a frame would be 400x250 in layout rows416"), "{text}");
-    let error = failure(Reader::from_bytes("s", vec![0; 25_000], None, None));
-    assert_eq!(error.kind(), Kind::Usage);
-    assert!(error.to_string().contains("12500 bytes a frame"), "{error}");
+    assert!(text.contains("13000 bytes per frame match 400x250 in layout rows416"), "{text}");
+    let error = failure(StreamReader::from_bytes("s", vec![0; 25_000], None, None));
+    assert_eq!(error.kind(), ErrorKind::Usage);
+    assert!(error.to_string().contains("12500 bytes per frame"), "{error}");
 }
 
 #[test]
@@ -275,14 +279,14 @@ fn a_recording_that_stops_inside_a_readout_is_read_up_to_there() {
         bytes.resize(start + 6 * codec.frame_bytes(), 0);
         codec.encode(&packed, &mut bytes[start..]).unwrap();
         bytes.truncate(bytes.len() - cut);
-        let reader = Reader::from_bytes("cut", bytes, Some(layout), Some(g)).unwrap();
+        let reader = StreamReader::from_bytes("cut", bytes, Some(layout), Some(g)).unwrap();
         assert_eq!(
-            (reader.readouts(), reader.dropped_bytes()),
+            (reader.readouts(), reader.partial_frame_bytes()),
             (5, (0, codec.frame_bytes() - cut)),
             "{layout}"
         );
         assert!(read(&reader) == packed[..5 * 45], "{layout}");
-        assert!(reader.warnings()[0].contains("stops inside readout 5"), "{:?}", reader.warnings());
+        assert!(reader.warnings()[0].contains("ends inside readout 5"), "{:?}", reader.warnings());
     }
 }
 
@@ -292,13 +296,13 @@ fn arrays_of_any_element_and_order_are_streams() {
     let packed = stream(g, 4, 8);
     let pixel = |t: usize, p: usize| u8::from(bit(&packed[t * 2..], p));
     let check = |name: &str, bytes: Vec<u8>, size| {
-        let reader = Reader::from_bytes(name, bytes, None, size).unwrap();
+        let reader = StreamReader::from_bytes(name, bytes, None, size).unwrap();
         assert_eq!((reader.geometry(), reader.readouts()), (g, 4), "{name}");
         assert_eq!(read(&reader), packed, "{name}");
     };
     let order: Vec<u8> = (0..60).map(|i| pixel(i / 15, i % 15)).collect();
     let array = |element, shape: &[u64], values: Vec<Vec<u8>>| {
-        let mut bytes = spikelane::unstable::npy::header(element, shape);
+        let mut bytes = spikelane::unstable::npy::header_bytes(element, shape);
         bytes.extend(values.concat());
         bytes
     };
@@ -312,7 +316,7 @@ fn arrays_of_any_element_and_order_are_streams() {
         check("u8", array(Element::U8, shape, all(&|v| vec![255 * v])), None);
         check("bool", array(Element::Bool, shape, all(&|v| vec![v])), None);
     }
-    // Fortran order: the first axis is the fastest.
+    // In Fortran order, the index of the first axis varies fastest.
     let columns: Vec<Vec<u8>> = (0..60).map(|i| vec![pixel(i % 4, i / 4 % 3 * 5 + i / 12)]).collect();
     let mut bytes = array(Element::U8, &[4, 3, 5], columns);
     let at = bytes.windows(5).position(|w| w == b"False").unwrap();
@@ -320,7 +324,8 @@ fn arrays_of_any_element_and_order_are_streams() {
     check("fortran", bytes, None);
     let mut values = vec![0f32.to_le_bytes().to_vec(); 60];
     values[4 + 5 + 15] = 0.37f32.to_le_bytes().to_vec();
-    let error = failure(Reader::from_bytes("light", array(Element::F32, &[4, 3, 5], values), None, None));
+    let error =
+        failure(StreamReader::from_bytes("light", array(Element::F32, &[4, 3, 5], values), None, None));
     assert!(
         error.to_string().contains("0.37") && error.to_string().contains("readout 1, row 1, col 4"),
         "{error}"
@@ -328,32 +333,32 @@ fn arrays_of_any_element_and_order_are_streams() {
 }
 
 #[test]
-fn packed_arrays_taken_for_pixels_are_told_their_layout() {
+fn a_packed_array_opened_as_pixels_names_its_layout() {
     let g = geometry(64, 4);
     let mut bytes = Layout::NpyBits.header(g, 3).unwrap();
     bytes.extend(stream(g, 3, 5));
-    let error = failure(Reader::from_bytes("a.npy", bytes, None, None));
-    assert_eq!(error.kind(), Kind::Input);
+    let error = failure(StreamReader::from_bytes("a.npy", bytes, None, None));
+    assert_eq!(error.kind(), ErrorKind::Input);
     assert!(error.to_string().contains("npy-bits-msb"), "{error}");
 }
 
 #[test]
-fn a_data_sets_configuration_tells_the_size() {
+fn the_dataset_config_gives_the_geometry() {
     let dir = TempDir::new().unwrap();
     let g = geometry(24, 10);
     let packed = stream(g, 3, 6);
-    fs::create_dir_all(place(&dir, "train/spike")).unwrap();
-    write(&place(&dir, "train/spike/a.dat"), Layout::Dat, g, &packed);
-    write_small(&place(&dir, "config.yaml"), b"filename: x\nspike_w: 24\nspike_h: 10\n", false).unwrap();
-    let reader = Reader::open(&place(&dir, "train/spike/a.dat"), None, None).unwrap();
+    fs::create_dir_all(path(&dir, "train/spike")).unwrap();
+    write(&path(&dir, "train/spike/a.dat"), Layout::Dat, g, &packed);
+    write_small(&path(&dir, "config.yaml"), b"filename: x\nspike_w: 24\nspike_h: 10\n", false).unwrap();
+    let reader = StreamReader::open(&path(&dir, "train/spike/a.dat"), None, None).unwrap();
     assert_eq!(read(&reader), packed);
-    assert!(matches!(reader.origin(), Origin::DataSet(path) if path.ends_with("config.yaml")));
-    // A sidecar is nearer, and what the caller says nearer still.
-    write_small(&place(&dir, "train/spike/a.json"), br#"{"width":12,"height":20}"#, false).unwrap();
-    let reader = Reader::open(&place(&dir, "train/spike/a.dat"), None, None).unwrap();
+    assert!(matches!(reader.origin(), GeometryOrigin::Dataset(path) if path.ends_with("config.yaml")));
+    // A sidecar overrides the configuration, and the caller overrides the sidecar.
+    write_small(&path(&dir, "train/spike/a.json"), br#"{"width":12,"height":20}"#, false).unwrap();
+    let reader = StreamReader::open(&path(&dir, "train/spike/a.dat"), None, None).unwrap();
     assert_eq!(reader.geometry(), geometry(12, 20));
-    let reader = Reader::open(&place(&dir, "train/spike/a.dat"), None, Some(g)).unwrap();
-    assert_eq!((reader.geometry(), reader.origin()), (g, &Origin::Given));
+    let reader = StreamReader::open(&path(&dir, "train/spike/a.dat"), None, Some(g)).unwrap();
+    assert_eq!((reader.geometry(), reader.origin()), (g, &GeometryOrigin::Caller));
     assert!(reader.warnings()[0].contains("its sidecar"), "{:?}", reader.warnings());
 }
 
@@ -363,18 +368,18 @@ fn other_files_are_refused_by_name() {
     let mut hdf5 = b"\x89HDF\r\n\x1a\n".to_vec();
     hdf5.resize(400, 0);
     for layout in [None, Some(Layout::Dat)] {
-        let error = failure(Reader::from_bytes("x.dat", hdf5.clone(), layout, Some(g)));
-        assert_eq!(error.kind(), Kind::Input);
+        let error = failure(StreamReader::from_bytes("x.dat", hdf5.clone(), layout, Some(g)));
+        assert_eq!(error.kind(), ErrorKind::Input);
         assert!(error.to_string().contains("HDF5") && error.to_string().contains("h5py"), "{error}");
     }
     let text = b"x,y,t,p\n12,40,1000,1\n17,9,1001,0\n".repeat(20);
     assert!(
-        failure(Reader::from_bytes("e.dat", text[..600].to_vec(), None, Some(g)))
+        failure(StreamReader::from_bytes("e.dat", text[..600].to_vec(), None, Some(g)))
             .to_string()
             .contains("text")
     );
-    // A layout that is named outweighs a mark that chance could have made.
-    Reader::from_bytes("e.dat", text[..600].to_vec(), Some(Layout::Dat), Some(g)).unwrap();
+    // A layout that the caller names overrides a signature that can occur by chance.
+    StreamReader::from_bytes("e.dat", text[..600].to_vec(), Some(Layout::Dat), Some(g)).unwrap();
 }
 
 #[test]
@@ -382,10 +387,10 @@ fn events_are_the_spikes_in_order() {
     let dir = TempDir::new().unwrap();
     let g = geometry(13, 5);
     let packed = stream(g, 6, 2);
-    write(&place(&dir, "s.dat"), Layout::Dat, g, &packed);
-    let reader = Reader::open(&place(&dir, "s.dat"), Some(Layout::Dat), Some(g)).unwrap();
+    write(&path(&dir, "s.dat"), Layout::Dat, g, &packed);
+    let reader = StreamReader::open(&path(&dir, "s.dat"), Some(Layout::Dat), Some(g)).unwrap();
     let crop = Crop { x: 3, y: 1, width: 9, height: 4 };
-    let path = place(&dir, "e.npy");
+    let path = path(&dir, "e.npy");
     let (done, count) = write_events(&reader, 2..5, Some(crop), &path, false, |_| Ok(())).unwrap();
     let (header, values) = spikelane::unstable::npy::read_values("e", &fs::read(&path).unwrap()).unwrap();
     assert_eq!((header.shape, header.element), (vec![count, 3], spikelane::unstable::npy::Element::I32));
@@ -396,12 +401,12 @@ fn events_are_the_spikes_in_order() {
         .flat_map(|(t, y, x)| [(x - 3) as f64, (y - 1) as f64, (t - 2) as f64])
         .collect();
     assert_eq!(values, wanted);
-    assert_eq!(done.digest, Digest::of(&fs::read(&path).unwrap()));
+    assert_eq!(done.digest, Digest::hash_bytes(&fs::read(&path).unwrap()));
 }
 
 #[test]
 fn the_name_and_the_layout_of_an_output_agree() {
-    let of = |name: &str, layout| Layout::for_name(Path::new(name), layout);
+    let of = |name: &str, layout| Layout::for_path(Path::new(name), layout);
     assert_eq!(of("a.npy", None).unwrap(), Layout::NpyBytes);
     assert_eq!(of("a.dat", None).unwrap(), Layout::Dat);
     assert_eq!(of("a", Some(Layout::Rows416)).unwrap(), Layout::Rows416);
@@ -411,12 +416,12 @@ fn the_name_and_the_layout_of_an_output_agree() {
         ("a.npy", Some(Layout::Dat)),
         ("a.dat", Some(Layout::NpyBits)),
     ] {
-        assert_eq!(failure(of(name, layout)).kind(), Kind::Usage, "{name}");
+        assert_eq!(failure(of(name, layout)).kind(), ErrorKind::Usage, "{name}");
     }
 }
 
 #[test]
-fn frames_of_no_whole_bytes_have_a_caveat() {
+fn frames_that_end_within_a_byte_have_a_caveat() {
     assert!(Layout::Dat.caveat(geometry(61, 45)).unwrap().contains("Spike-Zoo"));
     assert_eq!(Layout::Dat.caveat(geometry(64, 45)), None);
     assert_eq!(Layout::NpyBits.caveat(geometry(61, 45)), None);
@@ -425,13 +430,13 @@ fn frames_of_no_whole_bytes_have_a_caveat() {
 #[test]
 fn an_npy_without_a_whole_frame_is_refused() {
     let dir = TempDir::new().unwrap();
-    let (path, g) = (place(&dir, "a.npy"), geometry(9, 4));
+    let (path, g) = (path(&dir, "a.npy"), geometry(9, 4));
     write(&path, Layout::NpyBytes, g, &stream(g, 3, 1));
     let whole = fs::read(&path).unwrap();
     for keep in [128 + 35, 128, 127, 60, 9, 1] {
         fs::write(&path, &whole[..keep]).unwrap();
-        let error = failure(Reader::open(&path, Some(Layout::NpyBytes), None));
-        assert_eq!(error.kind(), Kind::Input, "{keep}: {error}");
+        let error = failure(StreamReader::open(&path, Some(Layout::NpyBytes), None));
+        assert_eq!(error.kind(), ErrorKind::Input, "{keep}: {error}");
     }
 }
 
@@ -442,11 +447,11 @@ fn a_value_that_is_no_bit_names_its_pixel() {
     bytes.extend(vec![1; 72]);
     let at = bytes.len() - 36 + 9 * 2 + 5;
     bytes[at] = 2;
-    let reader = Reader::from_bytes("a.npy", bytes, None, None).unwrap();
+    let reader = StreamReader::from_bytes("a.npy", bytes, None, None).unwrap();
     let mut frame = vec![0; g.frame_bytes()];
     reader.read_frame(0, &mut frame).unwrap();
     let error = failure(reader.read_frame(1, &mut frame));
-    assert_eq!(error.kind(), Kind::Input);
+    assert_eq!(error.kind(), ErrorKind::Input);
     assert!(error.to_string().contains("row 2, col 5"), "{error}");
 }
 
@@ -460,22 +465,22 @@ fn arrays_of_bool_are_bytes_and_other_types_are_refused() {
         bytes.extend(vec![1; 36]);
         bytes
     };
-    let reader = Reader::from_bytes("a", header("|b1"), None, None).unwrap();
+    let reader = StreamReader::from_bytes("a", header("|b1"), None, None).unwrap();
     assert_eq!((reader.layout(), reader.geometry()), (Layout::NpyBytes, g));
     for descr in ["|O1", "<c8"] {
-        let error = failure(Reader::from_bytes("a", header(descr), None, None));
-        assert_eq!(error.kind(), Kind::Input, "{descr}");
+        let error = failure(StreamReader::from_bytes("a", header(descr), None, None));
+        assert_eq!(error.kind(), ErrorKind::Input, "{descr}");
     }
 }
 
 #[test]
-fn packed_arrays_are_known_by_the_cameras_width() {
+fn packed_arrays_are_recognized_by_the_camera_width() {
     let g = geometry(13, 4);
     let mut bytes = Layout::NpyBits.header(g, 2).unwrap();
     bytes.extend(vec![0x1f; 16]);
-    let known = Reader::from_bytes("a", bytes.clone(), None, Some(g)).unwrap();
+    let known = StreamReader::from_bytes("a", bytes.clone(), None, Some(g)).unwrap();
     assert_eq!((known.layout(), known.readouts()), (Layout::NpyBits, 2));
-    let named = Reader::from_bytes("a", bytes, Some(Layout::NpyBits), None).unwrap();
+    let named = StreamReader::from_bytes("a", bytes, Some(Layout::NpyBits), None).unwrap();
     assert_eq!(named.geometry(), geometry(16, 4));
 }
 
@@ -485,34 +490,35 @@ fn a_sidecar_tells_layout_and_geometry_and_notices_lost_frames() {
     let g = geometry(13, 4);
     let packed = stream(g, 6, 2);
     for name in ["s.dat", "s.clean.dat"] {
-        write(&place(&dir, name), Layout::DatTop, g, &packed);
+        write(&path(&dir, name), Layout::DatTop, g, &packed);
     }
     let sidecar = br#"{"width":13,"height":4,"layout":"dat-top","readouts":6,"seeds":{}}"#;
-    write_small(&place(&dir, "s.json"), sidecar, false).unwrap();
+    write_small(&path(&dir, "s.json"), sidecar, false).unwrap();
     for name in ["s.dat", "s.clean.dat"] {
-        let reader = Reader::open(&place(&dir, name), None, None).unwrap();
+        let reader = StreamReader::open(&path(&dir, name), None, None).unwrap();
         assert_eq!(reader.layout(), Layout::DatTop);
         assert_eq!(read(&reader), packed);
     }
-    fs::write(place(&dir, "s.dat"), &packed[..5 * 7]).unwrap();
-    let reader = Reader::open(&place(&dir, "s.dat"), None, None).unwrap();
+    fs::write(path(&dir, "s.dat"), &packed[..5 * 7]).unwrap();
+    let reader = StreamReader::open(&path(&dir, "s.dat"), None, None).unwrap();
     assert_eq!(reader.readouts(), 5);
-    assert!(reader.warnings()[0].contains("sidecar says 6"), "{:?}", reader.warnings());
-    fs::write(place(&dir, "s.dat"), packed.repeat(2)).unwrap();
-    let error = failure(Reader::open(&place(&dir, "s.dat"), None, None));
-    assert_eq!(error.kind(), Kind::Input);
+    assert!(reader.warnings()[0].contains("sidecar states 6"), "{:?}", reader.warnings());
+    fs::write(path(&dir, "s.dat"), packed.repeat(2)).unwrap();
+    let error = failure(StreamReader::open(&path(&dir, "s.dat"), None, None));
+    assert_eq!(error.kind(), ErrorKind::Input);
     assert!(error.to_string().contains("expected 6"), "{error}");
-    fs::write(place(&dir, "s.json"), "{").unwrap();
-    let error = failure(Reader::open(&place(&dir, "s.dat"), None, None));
-    assert_eq!(error.kind(), Kind::Config);
-    // Named in full, a stream needs no sidecar.
-    open(&place(&dir, "s.dat"), Layout::DatTop, g).unwrap();
+    fs::write(path(&dir, "s.json"), "{").unwrap();
+    let error = failure(StreamReader::open(&path(&dir, "s.dat"), None, None));
+    assert_eq!(error.kind(), ErrorKind::Config);
+    // If layout and geometry are given, an invalid sidecar is not an error.
+    open(&path(&dir, "s.dat"), Layout::DatTop, g).unwrap();
 }
 
 #[test]
 fn frames_come_one_by_one_with_clean_padding() {
-    // Padding in a file may hold anything.
-    let reader = Reader::from_bytes("s", vec![0xff; 4], Some(Layout::DatTop), Some(geometry(5, 1))).unwrap();
+    // The padding bits in a file may have any value.
+    let reader =
+        StreamReader::from_bytes("s", vec![0xff; 4], Some(Layout::DatTop), Some(geometry(5, 1))).unwrap();
     let mut frames = reader.frames(1..3).unwrap();
     assert_eq!(frames.next_frame().unwrap().unwrap(), [0x1f]);
     assert_eq!(frames.next_frame().unwrap().unwrap(), [0x1f]);
@@ -522,11 +528,11 @@ fn frames_come_one_by_one_with_clean_padding() {
 #[test]
 fn threads_read_the_same_frames_from_a_file_as_one() {
     let dir = TempDir::new().unwrap();
-    // Frames of more than one block, and many in a block.
+    // The first stream has frames that are larger than a block. The second stream has many frames per block.
     for (g, readouts) in [(geometry(2500, 2000), 3), (geometry(40, 25), 9000)] {
         for layout in [Layout::Dat, Layout::DatTop, Layout::NpyBits, Layout::NpyBytes] {
             let packed = stream(g, readouts, 5);
-            let path = place(&dir, &format!("{}-{layout}", g.width()));
+            let path = path(&dir, &format!("{}-{layout}", g.width()));
             write(&path, layout, g, &packed);
             let reader = open(&path, layout, g).unwrap();
             let size = g.frame_bytes();
@@ -548,11 +554,11 @@ fn threads_read_the_same_frames_from_a_file_as_one() {
 #[test]
 fn readouts_beyond_the_end_are_refused() {
     let g = geometry(16, 3);
-    let reader = Reader::from_bytes("s", vec![0; 18], None, Some(g)).unwrap();
+    let reader = StreamReader::from_bytes("s", vec![0; 18], None, Some(g)).unwrap();
     let mut frame = [0; 6];
-    assert_eq!(failure(reader.read_frame(3, &mut frame)).kind(), Kind::Usage);
+    assert_eq!(failure(reader.read_frame(3, &mut frame)).kind(), ErrorKind::Usage);
     let last = failure(reader.read_frame(usize::MAX, &mut frame));
-    assert_eq!(last.kind(), Kind::Usage);
-    assert_eq!(failure(reader.frames(1..4)).kind(), Kind::Usage);
-    assert_eq!(failure(reader.read_frame(0, &mut [0; 7])).kind(), Kind::Usage);
+    assert_eq!(last.kind(), ErrorKind::Usage);
+    assert_eq!(failure(reader.frames(1..4)).kind(), ErrorKind::Usage);
+    assert_eq!(failure(reader.read_frame(0, &mut [0; 7])).kind(), ErrorKind::Usage);
 }

@@ -1,11 +1,11 @@
-//! Every layout against rules written bit by bit.
+//! Checks every layout against a rule that gives the position of each bit.
 
 use proptest::prelude::*;
 use spikelane::spikes::{bit, set_bit};
-use spikelane::{Geometry, Kind};
+use spikelane::{ErrorKind, Geometry};
 use spikelane_io::formats::Layout;
 
-/// Spikes without rule; any pattern would do, it must only not repeat by rows.
+/// Returns pseudorandom spikes. The test needs a pattern in which no two rows are equal.
 fn spikes(geometry: Geometry, seed: u64) -> Vec<u8> {
     let mut state = seed | 1;
     let mut frame = vec![0; geometry.frame_bytes()];
@@ -19,7 +19,7 @@ fn spikes(geometry: Geometry, seed: u64) -> Vec<u8> {
 }
 
 fn encoded(layout: Layout, geometry: Geometry, packed: &[u8]) -> Vec<u8> {
-    // Not zero: padding must be written, not inherited.
+    // The buffer is filled with nonzero bytes, so that the test detects padding that the encoder does not write.
     let mut file = vec![0xa5; layout.frame_bytes(geometry).unwrap()];
     layout.encode_frame(geometry, packed, &mut file).unwrap();
     file
@@ -31,7 +31,7 @@ fn decoded(layout: Layout, geometry: Geometry, file: &[u8]) -> Vec<u8> {
     packed
 }
 
-/// The bit of the file that holds pixel (row, col), by each layout's rule.
+/// Returns the bit position of pixel (row, col) in the file, according to the rule of the layout.
 fn place(layout: Layout, g: Geometry, row: usize, col: usize) -> usize {
     let from_bottom = g.height() - 1 - row;
     match layout {
@@ -41,15 +41,15 @@ fn place(layout: Layout, g: Geometry, row: usize, col: usize) -> usize {
         Layout::Rows1024 => row * 1024 + col + if col < 500 { 0 } else { 12 },
         Layout::NpyBits => row * g.width().div_ceil(8) * 8 + col,
         Layout::NpyBytes => (row * g.width() + col) * 8,
-        Layout::DatMsb => turned(place(Layout::Dat, g, row, col)),
-        Layout::DatTopMsb => turned(place(Layout::DatTop, g, row, col)),
-        Layout::NpyBitsMsb => turned(place(Layout::NpyBits, g, row, col)),
+        Layout::DatMsb => reversed_bit(place(Layout::Dat, g, row, col)),
+        Layout::DatTopMsb => reversed_bit(place(Layout::DatTop, g, row, col)),
+        Layout::NpyBitsMsb => reversed_bit(place(Layout::NpyBits, g, row, col)),
         _ => unreachable!("a layout without a rule here"),
     }
 }
 
-/// The bit that is as far from the other end of its byte.
-fn turned(bit: usize) -> usize {
+/// Returns the bit position that is mirrored within the same byte.
+fn reversed_bit(bit: usize) -> usize {
     bit / 8 * 8 + 7 - bit % 8
 }
 
@@ -65,7 +65,7 @@ fn check_rule(layout: Layout, g: Geometry, seed: u64) {
         }
     }
     if layout == Layout::Rows1024 {
-        // The twelve tag bits of each half row are not pixels: compared in a test of their own.
+        // The twelve tag bits of each half row are not pixels. A separate test checks the tags.
         for half in file.chunks(64).zip(expected.chunks_mut(64)) {
             half.1[62] |= half.0[62] & 0xf0;
             half.1[63] = half.0[63];
@@ -76,12 +76,12 @@ fn check_rule(layout: Layout, g: Geometry, seed: u64) {
 }
 
 fn any_size() -> impl Strategy<Value = Geometry> {
-    // Half of the widths are whole bytes, so that the fast paths are met as well.
+    // Half of the widths are multiples of 8, so that the faster code for such widths is tested as well.
     let width = prop_oneof![1u32..200, (1u32..40).prop_map(|w| w * 8)];
     (width, 1u32..40).prop_map(|(w, h)| Geometry::new(w, h).unwrap())
 }
 
-const OF_ANY_SIZE: [Layout; 7] = [
+const ANY_SIZE_LAYOUTS: [Layout; 7] = [
     Layout::Dat,
     Layout::DatTop,
     Layout::NpyBits,
@@ -94,14 +94,14 @@ const OF_ANY_SIZE: [Layout; 7] = [
 proptest! {
     #[test]
     fn each_pixel_lies_where_the_rule_says(g in any_size(), seed: u64) {
-        for layout in OF_ANY_SIZE {
+        for layout in ANY_SIZE_LAYOUTS {
             check_rule(layout, g, seed);
         }
     }
 
     #[test]
     fn bits_that_are_no_pixel_do_not_come_back(g in any_size(), seed: u64) {
-        for layout in OF_ANY_SIZE.into_iter().filter(|l| *l != Layout::NpyBytes) {
+        for layout in ANY_SIZE_LAYOUTS.into_iter().filter(|l| *l != Layout::NpyBytes) {
             let packed = spikes(g, seed);
             let mut file = encoded(layout, g, &packed);
             let mut is_pixel = vec![false; file.len() * 8];
@@ -119,7 +119,7 @@ proptest! {
 #[test]
 fn one_pixel_is_a_whole_byte_in_every_layout() {
     let g = Geometry::new(1, 1).unwrap();
-    for layout in OF_ANY_SIZE {
+    for layout in ANY_SIZE_LAYOUTS {
         let first = if layout.name().ends_with("msb") { 0x80 } else { 1 };
         assert_eq!(encoded(layout, g, &[1]), [first], "{layout}");
         check_rule(layout, g, 3);
@@ -129,7 +129,7 @@ fn one_pixel_is_a_whole_byte_in_every_layout() {
 #[test]
 fn camera_sizes_follow_the_rule() {
     for (w, h) in [(400, 250), (1000, 1000), (250, 250)] {
-        for layout in OF_ANY_SIZE {
+        for layout in ANY_SIZE_LAYOUTS {
             check_rule(layout, Geometry::new(w, h).unwrap(), 7);
         }
     }
@@ -153,7 +153,7 @@ fn header_bits_of_416_bit_rows_are_zero_and_ignored() {
 #[test]
 fn tags_of_1024_bit_rows_are_where_spikecv_reads_them() {
     let g = Geometry::new(1000, 1000).unwrap();
-    // Every pixel fires, so the four pixel bits beside the tag are set.
+    // Every pixel fires, so the four pixel bits beside each tag are set.
     let file = encoded(Layout::Rows1024, g, &vec![0xff; 125_000]);
     assert_eq!(file.len(), 128_000);
     let tag = |end: usize| {
@@ -173,7 +173,7 @@ fn a_camera_layout_holds_only_its_camera() {
     let other = Geometry::new(640, 480).unwrap();
     for layout in [Layout::Rows416, Layout::Rows1024] {
         let error = layout.frame_bytes(other).unwrap_err();
-        assert_eq!(error.kind(), Kind::Usage);
+        assert_eq!(error.kind(), ErrorKind::Usage);
         assert!(error.to_string().contains("640x480"), "{error}");
     }
 }
@@ -184,7 +184,7 @@ fn names_parse_back_and_an_unknown_one_lists_them() {
         assert_eq!(Layout::parse(layout.name()).unwrap(), layout);
     }
     let error = Layout::parse("avi").unwrap_err();
-    assert_eq!(error.kind(), Kind::Usage);
+    assert_eq!(error.kind(), ErrorKind::Usage);
     assert!(error.to_string().contains("rows1024"), "{error}");
 }
 
@@ -206,10 +206,10 @@ fn a_file_of_npy_begins_as_numpy_writes_it() {
 }
 
 #[test]
-fn a_stream_beyond_all_files_is_refused() {
+fn a_stream_longer_than_any_file_is_refused() {
     let g = Geometry::new(400, 250).unwrap();
     for layout in [Layout::Dat, Layout::NpyBytes] {
         let error = layout.file_bytes(g, u64::MAX / 2).unwrap_err();
-        assert_eq!(error.kind(), Kind::Usage);
+        assert_eq!(error.kind(), ErrorKind::Usage);
     }
 }

@@ -1,8 +1,8 @@
-//! Layouts and files of streams.
+//! Tests of stream layouts and files.
 
 mod files;
+mod layout_guesses;
 mod layouts;
 mod npz;
-mod readings;
-mod real;
+mod real_recordings;
 mod storage;

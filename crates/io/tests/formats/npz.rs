@@ -1,13 +1,13 @@
-//! Archives as two data sets have them.
+//! Tests of `.npz` archives that have the structure of published data sets.
 
 use std::io::{Cursor, Write as _};
 
 use spikelane::spikes::bit;
 use spikelane::unstable::npy::{Element, to_bytes};
-use spikelane::{Geometry, Kind};
-use spikelane_io::formats::{Layout, Opening, Reader};
+use spikelane::{ErrorKind, Geometry};
+use spikelane_io::formats::{Layout, OpenOptions, StreamReader};
 
-/// An archive of one deflated array of `u8`.
+/// Returns an archive with one compressed `u8` array.
 fn archive(name: &str, shape: &[u64], values: Vec<u8>) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
     zip.start_file(format!("{name}.npy"), zip::write::SimpleFileOptions::default()).unwrap();
@@ -24,7 +24,7 @@ fn size() -> Geometry {
 }
 
 fn check(bytes: Vec<u8>, size: Option<Geometry>) {
-    let reader = Reader::from_bytes("a.npz", bytes, None, size).unwrap();
+    let reader = StreamReader::from_bytes("a.npz", bytes, None, size).unwrap();
     assert_eq!(reader.geometry(), Geometry::new(13, 5).unwrap());
     assert_eq!((reader.readouts(), reader.layout()), (6, Layout::NpyBytes));
     let mut frame = vec![0; reader.geometry().frame_bytes()];
@@ -54,26 +54,25 @@ fn the_size_decides_the_order_of_axes() {
 }
 
 #[test]
-fn without_a_size_both_readings_are_named() {
+fn without_a_size_both_axis_orders_are_named() {
     for key in ["arr_0", "spikes"] {
-        let error =
-            Reader::from_bytes("a.npz", archive(key, &[6, 5, 13], vec![0; 390]), None, None).unwrap_err();
-        assert_eq!(error.kind(), Kind::Usage);
-        for text in
-            ["6 readouts of 13x5", "--width 13 --height 5", "13 readouts of 5x6", "--width 5 --height 6"]
-        {
+        let error = StreamReader::from_bytes("a.npz", archive(key, &[6, 5, 13], vec![0; 390]), None, None)
+            .unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Usage);
+        for text in ["6 readouts of 13x5", "13 readouts of 5x6", "set `width` and `height`"] {
             assert!(error.to_string().contains(text), "{error}");
         }
     }
-    // A cube is both even with a size; the name of the layout is then a reading of its own.
+    // If all three axes have the same length, the geometry matches both axis orders. Then only the name of the layout
+    // determines the order.
     let cube = archive("arr_0", &[4, 4, 4], vec![1; 64]);
     let size = Geometry::new(4, 4).ok();
-    let error = Reader::from_bytes("a.npz", cube.clone(), None, size).unwrap_err();
-    assert!(error.to_string().contains("--layout npy-bytes"), "{error}");
-    assert_eq!(Reader::from_bytes("a.npz", cube, Some(Layout::NpyBytes), None).unwrap().readouts(), 4);
+    let error = StreamReader::from_bytes("a.npz", cube.clone(), None, size).unwrap_err();
+    assert!(error.to_string().contains("set `layout` to npy-bytes"), "{error}");
+    assert_eq!(StreamReader::from_bytes("a.npz", cube, Some(Layout::NpyBytes), None).unwrap().readouts(), 4);
 }
 
-/// An archive of several arrays.
+/// Returns an archive with several arrays.
 fn arrays(all: &[(&str, &[u64], Vec<u8>)]) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
     for (name, shape, values) in all {
@@ -87,19 +86,19 @@ fn arrays(all: &[(&str, &[u64], Vec<u8>)]) -> Vec<u8> {
 fn a_key_chooses_among_arrays() {
     let values: Vec<u8> = (0..6 * 65).map(|i| fires(i / 65, i % 65 / 13, i % 13).into()).collect();
     let bytes = arrays(&[("noisy", &[6, 5, 13], vec![0; 390]), ("clean", &[6, 5, 13], values)]);
-    let error = Reader::from_bytes("a.npz", bytes.clone(), None, Some(size())).unwrap_err();
-    assert_eq!(error.kind(), Kind::Usage);
-    assert!(error.to_string().contains("noisy, clean") && error.to_string().contains("--key"), "{error}");
-    let opening = |key: &str| Opening::default().with_key(Some(key.into())).with_geometry(Some(size()));
+    let error = StreamReader::from_bytes("a.npz", bytes.clone(), None, Some(size())).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Usage);
+    assert!(error.to_string().contains("noisy, clean") && error.to_string().contains("`key`"), "{error}");
+    let opening = |key: &str| OpenOptions::default().with_key(Some(key.into())).with_geometry(Some(size()));
     let mut frame = vec![0; size().frame_bytes()];
     opening("clean").from_bytes("a.npz", bytes.clone()).unwrap().read_frame(0, &mut frame).unwrap();
     assert_eq!(bit(&frame, 0), fires(0, 0, 0));
-    assert_eq!(opening("none").from_bytes("a.npz", bytes).unwrap_err().kind(), Kind::Usage);
+    assert_eq!(opening("none").from_bytes("a.npz", bytes).unwrap_err().kind(), ErrorKind::Usage);
 }
 
 #[test]
 fn eight_readouts_in_a_byte_are_unpacked() {
-    // As RSIR has it: readout i of a pixel is bit i % 8 of byte i / 8 of its column, 11 of 16 in use.
+    // In RSIR archives, readout i of pixel p is bit i % 8 of byte (i / 8, p). This archive uses 11 of 16 readouts.
     let mut seq = vec![0; 2 * 65];
     for (t, p) in (0..11).flat_map(|t| (0..65).map(move |p| (t, p))) {
         seq[t / 8 * 65 + p] |= u8::from(fires(t, p / 13, p % 13)) << (t % 8);
@@ -109,7 +108,7 @@ fn eight_readouts_in_a_byte_are_unpacked() {
         ("tag", &[5, 13], vec![0; 65]),
         ("length", &[], vec![11]),
     ]);
-    let reader = Reader::from_bytes("a.npz", bytes, None, None).unwrap();
+    let reader = StreamReader::from_bytes("a.npz", bytes, None, None).unwrap();
     assert_eq!((reader.readouts(), reader.geometry()), (11, size()));
     let mut frame = vec![0; size().frame_bytes()];
     for t in 0..11 {
@@ -117,7 +116,7 @@ fn eight_readouts_in_a_byte_are_unpacked() {
         assert!((0..65).all(|p| bit(&frame, p) == fires(t, p / 13, p % 13)), "{t}");
     }
     let bytes = arrays(&[("seq", &[2, 5, 13], seq), ("length", &[], vec![17])]);
-    assert_eq!(Reader::from_bytes("a.npz", bytes, None, None).unwrap_err().kind(), Kind::Input);
+    assert_eq!(StreamReader::from_bytes("a.npz", bytes, None, None).unwrap_err().kind(), ErrorKind::Input);
 }
 
 #[test]
@@ -130,8 +129,8 @@ fn other_arrays_other_values_and_cut_archives_are_refused() {
         (archive("spk", &[0, 1, 8], vec![]), "[0, 1, 8]"),
         (good[..good.len() - 30].to_vec(), "a.npz"),
     ] {
-        let error = Reader::from_bytes("a.npz", bytes, Some(Layout::NpyBytes), None).unwrap_err();
-        assert_eq!(error.kind(), Kind::Input, "{error}");
+        let error = StreamReader::from_bytes("a.npz", bytes, Some(Layout::NpyBytes), None).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Input, "{error}");
         assert!(error.to_string().contains(text), "{error}");
     }
 }

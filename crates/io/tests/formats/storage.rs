@@ -1,11 +1,11 @@
-//! Files appear whole or not at all, and nobody's file is lost.
+//! Tests that a file is either complete or absent, and that existing files are never lost.
 
 use std::fs;
 use std::path::PathBuf;
 
-use spikelane::{Error, Geometry, Kind, Result};
-use spikelane_io::formats::{Layout, Reader, StreamWriter, convert};
-use spikelane_io::storage::{Digest, Writer, write_small};
+use spikelane::{Error, ErrorKind, Geometry, Result};
+use spikelane_io::formats::{Layout, StreamReader, StreamWriter, convert};
+use spikelane_io::storage::{Digest, FileWriter, write_small};
 use tempfile::TempDir;
 
 fn geometry(width: u32, height: u32) -> Geometry {
@@ -16,7 +16,7 @@ fn place(dir: &TempDir, name: &str) -> PathBuf {
     dir.path().join(name)
 }
 
-/// All names in a directory, hidden ones included.
+/// Returns all names in a folder, including hidden names.
 fn names(dir: &TempDir) -> Vec<String> {
     let entries = fs::read_dir(dir.path()).unwrap();
     let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
@@ -34,8 +34,8 @@ fn an_existing_output_is_refused_and_kept() {
     let (path, g) = (place(&dir, "s.dat"), geometry(8, 1));
     fs::write(&path, "mine").unwrap();
     let error = failure(StreamWriter::create(&path, Layout::Dat, g, 1, false));
-    assert_eq!(error.kind(), Kind::Exists);
-    assert_eq!(failure(write_small(&path, b"x", false)).kind(), Kind::Exists);
+    assert_eq!(error.kind(), ErrorKind::Exists);
+    assert_eq!(failure(write_small(&path, b"x", false)).kind(), ErrorKind::Exists);
     assert_eq!(fs::read(&path).unwrap(), b"mine");
     assert_eq!(names(&dir), ["s.dat"]);
     let mut writer = StreamWriter::create(&path, Layout::Dat, g, 1, true).unwrap();
@@ -50,10 +50,10 @@ fn an_existing_output_is_refused_and_kept() {
 fn a_file_that_appears_meanwhile_is_never_lost() {
     let dir = TempDir::new().unwrap();
     let path = place(&dir, "s.dat");
-    let mut writer = Writer::create(&path, 3, false).unwrap();
+    let mut writer = FileWriter::create(&path, 3, false).unwrap();
     writer.write_all(b"new").unwrap();
     fs::write(&path, "theirs").unwrap();
-    assert_eq!(failure(writer.finish()).kind(), Kind::Exists);
+    assert_eq!(failure(writer.finish()).kind(), ErrorKind::Exists);
     assert_eq!(fs::read(&path).unwrap(), b"theirs");
     assert_eq!(names(&dir), ["s.dat"]);
 }
@@ -70,7 +70,7 @@ fn a_writer_dropped_or_unfinished_leaves_nothing() {
     drop(writer);
     assert!(names(&dir).is_empty());
     let writer = StreamWriter::create(&path, Layout::Dat, g, 2, false).unwrap();
-    assert_eq!(failure(writer.finish()).kind(), Kind::Usage);
+    assert_eq!(failure(writer.finish()).kind(), ErrorKind::Usage);
     assert!(names(&dir).is_empty());
 }
 
@@ -78,11 +78,11 @@ fn a_writer_dropped_or_unfinished_leaves_nothing() {
 fn a_conversion_that_is_stopped_leaves_nothing() {
     let dir = TempDir::new().unwrap();
     let (path, g) = (place(&dir, "s.dat"), geometry(8, 1));
-    let reader = Reader::from_bytes("s", vec![5; 4], None, Some(g)).unwrap();
+    let reader = StreamReader::from_bytes("s", vec![5; 4], None, Some(g)).unwrap();
     let writer = StreamWriter::create(&path, Layout::NpyBytes, g, 4, false).unwrap();
-    let stop = |_| Err(Error::new(Kind::Interrupted, "conversion"));
+    let stop = |_| Err(Error::new(ErrorKind::Interrupted, "conversion"));
     let error = failure(convert(&reader, 0..4, None, writer, stop));
-    assert_eq!(error.kind(), Kind::Interrupted);
+    assert_eq!(error.kind(), ErrorKind::Interrupted);
     assert!(names(&dir).is_empty());
 }
 
@@ -93,20 +93,20 @@ fn frames_out_of_order_or_too_many_are_refused() {
     let mut writer = StreamWriter::create(&path, Layout::Dat, g, 2, false).unwrap();
     for (first, bytes) in [(1, 2), (0, 3), (0, 6)] {
         let error = failure(writer.write_frames(first, &vec![0; bytes]));
-        assert_eq!(error.kind(), Kind::Usage, "{first} {bytes}");
+        assert_eq!(error.kind(), ErrorKind::Usage, "{first} {bytes}");
     }
     assert_eq!(writer.written(), 0);
     let zero = StreamWriter::create(&place(&dir, "z"), Layout::Dat, g, 0, false);
-    assert_eq!(failure(zero).kind(), Kind::Usage);
+    assert_eq!(failure(zero).kind(), ErrorKind::Usage);
 }
 
 #[test]
 fn a_full_disk_is_known_before_the_first_byte() {
     let dir = TempDir::new().unwrap();
     let path = place(&dir, "s.dat");
-    // A million terabytes: more than any disk has free.
-    let error = failure(Writer::create(&path, 1 << 60, false));
-    assert_eq!(error.kind(), Kind::Space);
+    // The length is 2^60 bytes, which exceeds the free space of any disk.
+    let error = failure(FileWriter::create(&path, 1 << 60, false));
+    assert_eq!(error.kind(), ErrorKind::Space);
     let text = error.to_string();
     assert!(text.contains("bytes free") && text.contains(&(1u64 << 60).to_string()));
     assert!(names(&dir).is_empty());
@@ -116,10 +116,10 @@ fn a_full_disk_is_known_before_the_first_byte() {
 fn a_missing_directory_is_an_io_error() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("no").join("s.dat");
-    assert_eq!(failure(Writer::create(&path, 1, false)).kind(), Kind::Io);
-    assert_eq!(failure(Reader::open(&path, None, None)).kind(), Kind::Io);
-    let found = failure(Reader::open(dir.path(), None, None));
-    assert_eq!(found.kind(), Kind::Input);
+    assert_eq!(failure(FileWriter::create(&path, 1, false)).kind(), ErrorKind::Io);
+    assert_eq!(failure(StreamReader::open(&path, None, None)).kind(), ErrorKind::Io);
+    let found = failure(StreamReader::open(dir.path(), None, None));
+    assert_eq!(found.kind(), ErrorKind::Input);
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn the_digest_of_a_file_is_that_of_its_bytes() {
         let path = place(&dir, &len.to_string());
         let bytes: Vec<u8> = (0..len).map(|i| ((i * 7) >> 3) as u8).collect();
         write_small(&path, &bytes, false).unwrap();
-        assert_eq!(Digest::of_file(&path).unwrap(), Digest::of(&bytes), "{len}");
+        assert_eq!(Digest::hash_file(&path).unwrap(), Digest::hash_bytes(&bytes), "{len}");
     }
 }
 
@@ -145,23 +145,23 @@ fn a_file_that_is_cut_while_it_is_read_is_an_error_in_every_layout() {
         let mut writer = StreamWriter::create(&path, layout, g, 400, false).unwrap();
         writer.write_frames(0, &vec![0; 400 * g.frame_bytes()]).unwrap();
         writer.finish().unwrap();
-        let reader = Reader::open(&path, Some(layout), Some(g)).unwrap();
+        let reader = StreamReader::open(&path, Some(layout), Some(g)).unwrap();
         let file = fs::OpenOptions::new().write(true).open(&path).unwrap();
         file.set_len(file.metadata().unwrap().len() / 2).unwrap();
         let mut frame = vec![0; g.frame_bytes()];
         reader.read_frame(0, &mut frame).unwrap();
         let found = failure(reader.read_frame(399, &mut frame));
-        assert_eq!(found.kind(), Kind::Input, "{layout}");
+        assert_eq!(found.kind(), ErrorKind::Input, "{layout}");
         assert!(found.to_string().contains(name), "{layout}: {found}");
         let out = place(&dir, "out.dat");
         let writer = StreamWriter::create(&out, Layout::Dat, g, 400, false).unwrap();
         assert_eq!(
             failure(convert(&reader, 0..400, None, writer, |_| Ok(()))).kind(),
-            Kind::Input,
+            ErrorKind::Input,
             "{layout}"
         );
         assert_eq!(names(&dir), [name], "{layout}: a part of the output is left");
-        // The digest opens the file anew.
-        assert!(Digest::of_file(&path).is_ok());
+        // `hash_file` fails if the file is not readable under its final name.
+        assert!(Digest::hash_file(&path).is_ok());
     }
 }

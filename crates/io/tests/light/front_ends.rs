@@ -1,20 +1,21 @@
-//! Pictures in color become the light that the programs behind the presets make of them.
+//! Tests that color images produce the same light as the programs that the presets model.
 
 use image::{Rgb, RgbImage};
 use spikelane::presets;
 use spikelane_io::light::{Frame, InputOptions, open};
 
-/// Pillow's convert('L').
+/// Computes gray as `convert('L')` of Pillow does.
 fn pillow([r, g, b]: [u8; 3]) -> f64 {
     f64::from((19595 * u32::from(r) + 38470 * u32::from(g) + 7471 * u32::from(b) + 32768) >> 16)
 }
 
-/// OpenCV's cvtColor(COLOR_BGR2GRAY) of 8 bits.
+/// Computes gray as `cvtColor(COLOR_BGR2GRAY)` of OpenCV does for 8 bits.
 fn opencv([r, g, b]: [u8; 3]) -> f64 {
     f64::from((9798 * u32::from(r) + 19235 * u32::from(g) + 3735 * u32::from(b) + 16384) >> 15)
 }
 
-/// The light of a color by the original's rule, in full scales; `peak` is the brightest gray code of the picture.
+/// Returns the light of a color as the original program computes it, in units of full scale. `peak` is the largest
+/// gray code of the image.
 fn expected(name: &str, color: [u8; 3], peak: f64) -> f64 {
     match name {
         "spcs" | "scsim-code" | "scsim-paper" => pillow(color) / 255.0,
@@ -24,8 +25,8 @@ fn expected(name: &str, color: [u8; 3], peak: f64) -> f64 {
     }
 }
 
-/// A mean of three codes is kept in 16 bits, to half a step of 1/65535: 7.7e-6. A gray code that is rounded the other way would
-/// be off by 4e-3.
+/// The mean of three codes is stored in 16 bits with an error of half a step, which is 0.5 / 65535 = 7.6e-6. A gray
+/// code that is rounded in the wrong direction would cause an error of 4e-3.
 #[test]
 fn pictures_become_the_light_of_the_original_programs() {
     let gray = [40, 77, 128, 160, 201, 230].map(|code| [code; 3]);
@@ -48,7 +49,7 @@ fn pictures_become_the_light_of_the_original_programs() {
         for name in names {
             let mut camera = presets::builtin(name).unwrap();
             camera.sensor = spikelane::Sensor::new(colors.len() as u32, 1, 20_000.0).unwrap();
-            let mut source = open(&path, &InputOptions::of(&camera)).unwrap();
+            let mut source = open(&path, &InputOptions::from_camera(&camera)).unwrap();
             let mut frame = Frame::dark(source.geometry());
             assert!(source.next_frame(&mut frame).unwrap());
             for (color, found) in colors.iter().zip(frame.to_f32()) {

@@ -1,7 +1,7 @@
-//! Light: pictures, video, arrays, and what is made of them.
+//! Tests of light sources. The sources are images, videos, arrays and interpolated frames.
 
 mod files;
+mod frames_and_timeline;
 mod front_ends;
-mod insertion;
-mod pure;
+mod interpolation;
 mod streams;

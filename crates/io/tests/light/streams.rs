@@ -1,4 +1,4 @@
-//! Arrays and video: round trips, damage, pipes and ffmpeg.
+//! Tests of arrays and videos. The tests cover round trips, damaged files, pipes and ffmpeg.
 
 use std::fs;
 use std::io::{Cursor, Write as _};
@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use spikelane::unstable::npy::Element;
-use spikelane::{Error, Geometry, Kind};
-use spikelane_io::light::ffmpeg::Decoded;
-use spikelane_io::light::picture::Linear;
+use spikelane::{Error, ErrorKind, Geometry};
+use spikelane_io::light::ffmpeg::FfmpegSource;
+use spikelane_io::light::image_file::Linearization;
 use spikelane_io::light::{
-    Fit, Frame, InputOptions, OwnedSamples, Rate, Source, Transfer, open, open_reader,
+    Frame, InputOptions, OwnedSamples, Rate, ResizeMode, Source, Transfer, open, open_reader,
 };
 use tempfile::TempDir;
 
@@ -31,7 +31,7 @@ fn read(path: &Path, options: &InputOptions) -> Result<Vec<Frame>, Error> {
     frames(&mut *open(path, options)?)
 }
 
-fn refused(path: &Path, options: &InputOptions) -> (Kind, String) {
+fn open_error(path: &Path, options: &InputOptions) -> (ErrorKind, String) {
     let error = read(path, options).unwrap_err();
     let text = error.to_string();
     let name = path.file_name().unwrap().to_string_lossy();
@@ -39,7 +39,7 @@ fn refused(path: &Path, options: &InputOptions) -> (Kind, String) {
     (error.kind(), text)
 }
 
-/// A type of numbers and its bytes in a file.
+/// A number type and its encoding in a file.
 trait Number: Copy {
     const ELEMENT: Element;
     fn bytes(self) -> Vec<u8>;
@@ -59,12 +59,12 @@ macro_rules! number {
 number!(u8: U8, u16: U16, f32: F32);
 
 fn npy<T: Number>(shape: &[u64], values: &[T]) -> Vec<u8> {
-    let mut bytes = spikelane::unstable::npy::header(T::ELEMENT, shape);
+    let mut bytes = spikelane::unstable::npy::header_bytes(T::ELEMENT, shape);
     bytes.extend(values.iter().flat_map(|v| v.bytes()));
     bytes
 }
 
-/// A version 1 file with this header text.
+/// Returns an `.npy` file of version 1 with the header text `header`.
 fn npy_of(header: &str, data: &[u8]) -> Vec<u8> {
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend((header.len() as u16).to_le_bytes());
@@ -124,11 +124,11 @@ fn a_transfer_function_applies_to_integers_and_is_refused_for_floats() {
     let path = put(&dir, "i.npy", npy(&[1, 2], &[128_u8, 255]));
     assert_eq!(read(&path, &options).unwrap()[0].samples(), &OwnedSamples::U16(vec![14146, 65535]));
     let path = put(&dir, "x.npy", npy(&[1, 2], &[0.5_f32, 1.0]));
-    assert_eq!(refused(&path, &options).0, Kind::Usage);
+    assert_eq!(open_error(&path, &options).0, ErrorKind::Usage);
 }
 
 #[test]
-fn arrays_that_are_no_frames_say_why() {
+fn arrays_that_are_not_frames_are_refused_with_a_reason() {
     let dir = TempDir::new().unwrap();
     let header = |descr: &str, order: &str, shape: &str| {
         npy_of(&format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': {shape}, }}"), &[0; 64])
@@ -136,20 +136,20 @@ fn arrays_that_are_no_frames_say_why() {
     for (name, bytes, says) in [
         ("signed", header("'|i1'", "False", "(2, 2)"), "i8"),
         ("fortran", header("'|u1'", "True", "(2, 2, 2)"), "ascontiguousarray"),
-        ("colour", header("'|u1'", "False", "(2, 2, 2, 3)"), "[2, 2, 2, 3]"),
+        ("color", header("'|u1'", "False", "(2, 2, 2, 3)"), "[2, 2, 2, 3]"),
         ("empty", header("'|u1'", "False", "(0, 2, 2)"), "at least one frame"),
         ("huge", header("'|u1'", "False", "(9999999999, 9999999999, 9)"), "pixels"),
         ("wide", header("'|u1'", "False", "(1, 99999, 99999)"), "pixels"),
         ("record", header("[('a', '<f4'), ('b', '<f4')]", "False", "(2, 2)"), "structured"),
-        ("nested", npy_of(&"(".repeat(9000), &[]), "no dictionary"),
+        ("nested", npy_of(&"(".repeat(9000), &[]), "not a dictionary"),
         ("broken", npy_of("{'descr': ", &[]), "NumPy"),
         ("magic", b"\x93NUMPX\x01\x00".to_vec(), "no .npy header"),
         ("short", b"\x93NUMPY\x01".to_vec(), "header"),
         ("long", b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(), "header of"),
     ] {
         let path = put(&dir, &format!("{name}.npy"), bytes);
-        let (kind, text) = refused(&path, &camera(2, 2));
-        assert_eq!(kind, Kind::Input, "{text}");
+        let (kind, text) = open_error(&path, &camera(2, 2));
+        assert_eq!(kind, ErrorKind::Input, "{text}");
         assert!(text.contains(says), "{name}: {text}");
     }
 }
@@ -160,11 +160,11 @@ fn a_truncated_array_is_refused_from_a_file_and_from_a_pipe() {
     let whole = npy(&[3, 2, 2], &[7_u8; 12]);
     let cut = &whole[..whole.len() - 3];
     let path = put(&dir, "cut.npy", cut);
-    assert_eq!(open(&path, &camera(2, 2)).err().unwrap().kind(), Kind::Input);
+    assert_eq!(open(&path, &camera(2, 2)).err().unwrap().kind(), ErrorKind::Input);
     let pipe = Box::new(Cursor::new(cut.to_vec()));
     let mut source = open_reader(pipe, "pipe", &camera(2, 2)).unwrap();
     let error = frames(&mut *source).unwrap_err();
-    assert_eq!(error.kind(), Kind::Input);
+    assert_eq!(error.kind(), ErrorKind::Input);
     assert!(error.to_string().contains("frame 2"), "{error}");
 }
 
@@ -174,8 +174,8 @@ fn a_bad_float_in_an_array_is_named_by_frame_and_pixel() {
     let mut values = [0.5_f32; 12];
     values[9] = f32::NAN;
     let path = put(&dir, "nan.npy", npy(&[3, 2, 2], &values));
-    let (kind, text) = refused(&path, &camera(2, 2));
-    assert_eq!(kind, Kind::Input);
+    let (kind, text) = open_error(&path, &camera(2, 2));
+    assert_eq!(kind, ErrorKind::Input);
     assert!(text.contains("frame 2") && text.contains("row 0, col 1"), "{text}");
 }
 
@@ -192,7 +192,7 @@ fn npz(path: &Path, arrays: &[&str], values: &[u8], shape: &[u64]) {
 #[test]
 fn an_archive_of_one_array_is_read_and_of_two_is_refused() {
     let dir = TempDir::new().unwrap();
-    // More than one block of the thread, so that a seam lies inside the data.
+    // The data are larger than one block of the thread, so that a block boundary is inside the data.
     let values: Vec<u8> = (0..200_000_u32).map(|i| (i % 251) as u8).collect();
     let path = dir.path().join("one.npz");
     npz(&path, &["light"], &values, &[5, 200, 200]);
@@ -203,13 +203,13 @@ fn an_archive_of_one_array_is_read_and_of_two_is_refused() {
     }
     let path = dir.path().join("two.npz");
     npz(&path, &["a", "b"], &[1; 4], &[2, 2]);
-    let (kind, text) = refused(&path, &camera(2, 2));
-    assert!(kind == Kind::Input && text.contains("2 arrays"), "{text}");
+    let (kind, text) = open_error(&path, &camera(2, 2));
+    assert!(kind == ErrorKind::Input && text.contains("2 arrays"), "{text}");
     let path = put(&dir, "none.npz", "not an archive");
-    assert_eq!(refused(&path, &camera(2, 2)).0, Kind::Input);
+    assert_eq!(open_error(&path, &camera(2, 2)).0, ErrorKind::Input);
 }
 
-/// A y4m stream of `header` (without the magic word) and frames of these planes.
+/// Returns a y4m stream. `header` does not contain the magic word, and `planes` contains the planes of the frames.
 fn y4m(header: &str, planes: &[&[u8]]) -> Vec<u8> {
     let mut bytes = format!("YUV4MPEG2 {header}\n").into_bytes();
     for frame in planes {
@@ -227,7 +227,7 @@ fn light(header: &str, planes: &[u8], size: (u32, u32)) -> Vec<f32> {
     frames(&mut *source).unwrap()[0].to_f32()
 }
 
-/// One 16-bit rounding in the table and one in the output.
+/// The tolerance contains one rounding error to 16 bits in the table and one in the output.
 const STEP: f32 = 2.0 / 65535.0;
 
 #[test]
@@ -240,22 +240,23 @@ fn ranges_of_luma_are_as_declared() {
     let limited = [0.0, 0.0, 110.0 / 219.0, 1.0, 1.0];
     near(&light("W5 H1 F25:1 Cmono", &codes, (5, 1)), &full);
     near(&light("W5 H1 Cmono XCOLORRANGE=LIMITED", &codes, (5, 1)), &limited);
-    let mut colour = codes.to_vec();
-    colour.extend([128; 10]);
-    near(&light("W5 H1 F25:1 C444", &colour, (5, 1)), &limited);
-    near(&light("W5 H1 C444 XCOLORRANGE=FULL", &colour, (5, 1)), &full);
+    let mut color = codes.to_vec();
+    color.extend([128; 10]);
+    near(&light("W5 H1 F25:1 C444", &color, (5, 1)), &limited);
+    near(&light("W5 H1 C444 XCOLORRANGE=FULL", &color, (5, 1)), &full);
 }
 
 #[test]
 fn subsampled_chroma_covers_its_pixels() {
-    // Full range BT.601 red: Y 76, Cb 85, Cr 255 is R' 0.996, G' 0.0005, B' -0.0005.
-    // Odd sizes: the chroma planes round up.
+    // Red in full-range BT.601 is Y 76, Cb 85, Cr 255, which gives R' 0.996, G' 0.0005, B' -0.0005. The width and
+    // height are odd, so the sizes of the chroma planes are rounded up.
     for (header, chroma) in [("C420jpeg", 4), ("C422", 6), ("C444", 9)] {
         let mut planes = vec![76; 9];
         planes.extend(vec![85; chroma]);
         planes.extend(vec![255; chroma]);
         let got = light(&format!("W3 H3 {header} XCOLORRANGE=FULL"), &planes, (3, 3));
-        // Codes of 8 bits: 1/255 in R' is 0.0008 of luminance, in G' 0.003.
+        // For 8-bit codes, an error of 1/255 in R' changes luminance by 0.0008, and an error of 1/255 in G' changes
+        // luminance by 0.003.
         assert!(got.iter().all(|x| (x - 0.2126).abs() < 0.004), "{header} {got:?}");
     }
 }
@@ -265,7 +266,7 @@ fn ten_and_twelve_bits_are_little_endian() {
     let sample = |x: u16| x.to_le_bytes();
     let planes: Vec<u8> = [502, 512, 512].into_iter().flat_map(sample).collect();
     let got = light("W1 H1 C444p10", &planes, (1, 1));
-    // (502 - 64) / 876
+    // The code of R', G' and B' is (502 - 64) / 876 = 0.5.
     assert!((got[0] - 0.5).abs() < STEP);
     let got = light("W1 H1 Cmono12", &sample(4095), (1, 1));
     assert_eq!(got, [1.0]);
@@ -302,13 +303,13 @@ fn damaged_videos_are_input_errors_that_name_the_file() {
         ("line", b"YUV4MPEG2 W2 H2".to_vec()),
     ] {
         let path = put(&dir, &format!("{name}.y4m"), bytes);
-        let (kind, text) = refused(&path, &camera(2, 2));
-        assert_eq!(kind, Kind::Input, "{name} {text}");
+        let (kind, text) = open_error(&path, &camera(2, 2));
+        assert_eq!(kind, ErrorKind::Input, "{name} {text}");
     }
 }
 
 #[test]
-fn a_pipe_that_ends_within_a_frame_is_told_from_one_that_ends() {
+fn a_pipe_that_ends_within_a_frame_is_an_error() {
     let whole = y4m("W2 H2 Cmono", &[&[1; 4], &[2; 4]]);
     let count = |bytes: &[u8]| {
         let pipe = Box::new(Cursor::new(bytes.to_vec()));
@@ -318,7 +319,7 @@ fn a_pipe_that_ends_within_a_frame_is_told_from_one_that_ends() {
     assert_eq!(count(&whole[..whole.len() - 10]).unwrap(), 1);
     for less in 1..10 {
         let error = count(&whole[..whole.len() - less]).unwrap_err();
-        assert_eq!(error.kind(), Kind::Input, "{less}");
+        assert_eq!(error.kind(), ErrorKind::Input, "{less}");
     }
 }
 
@@ -331,12 +332,12 @@ fn ffmpeg() -> bool {
 }
 
 #[test]
-fn a_colour_video_comes_through_ffmpeg_with_its_light() {
+fn ffmpeg_decodes_a_color_video_to_the_correct_light() {
     if !ffmpeg() {
         return;
     }
     let dir = TempDir::new().unwrap();
-    // A name with a colon and spaces must stay a name.
+    // ffmpeg must read the whole text as a file name, although it contains a colon and spaces.
     let path = dir.path().join("a: b.mkv");
     let made = Command::new("ffmpeg")
         .args(["-v", "error", "-f", "lavfi", "-i", "color=c=0x00bc00:s=64x48:r=25:d=0.4"])
@@ -349,13 +350,14 @@ fn a_colour_video_comes_through_ffmpeg_with_its_light() {
     assert_eq!(source.rate(), Some(Rate::new(25, 1).unwrap()));
     let got = frames(&mut *source).unwrap();
     assert_eq!(got.len(), 10);
-    // Code 188 is 0.5029 of light, green weighs 0.7152. Y'CbCr in 8 bits moves G' by up to
-    // two codes, 0.006 of light each.
+    // The light of code 188 is 0.5029, and the weight of green is 0.7152. The conversion to 8-bit Y'CbCr changes G' by
+    // up to two codes. One code of G' is 0.006 in light.
     let light = got[9].get(20, 30);
     assert!((light - 0.7152 * 0.5029).abs() < 0.009, "{light}");
 }
 
-/// Grey codes 0 to 1023 in steps of 8, as a lossless video of this pixel format and these tags.
+/// Writes gray codes from 0 to 1023 in steps of 8 as a lossless video with the pixel format `pixels` and the tags
+/// `tags`.
 fn ramp(dir: &TempDir, pixels: &str, scale: u16, tags: &[&str]) -> PathBuf {
     let (wide, bytes) = (128, if scale == 0 { 1 } else { 2 });
     let store = |code: u16| match bytes {
@@ -382,10 +384,11 @@ fn ramp(dir: &TempDir, pixels: &str, scale: u16, tags: &[&str]) -> PathBuf {
     path
 }
 
-/// Neutral grey does not know the matrix. The codes come through without loss, so light is right to the 16-bit
-/// table and the 16-bit sample: far below half a code of 10 bits, 5e-4 of light.
+/// The matrix does not affect neutral gray. The codes are decoded without loss, so the only errors are the rounding
+/// errors of the 16-bit table and of the 16-bit sample. Both are much smaller than half a 10-bit code, which is 5e-4
+/// in light.
 #[test]
-fn grey_of_any_depth_range_and_matrix_comes_through_ffmpeg_to_half_a_code() {
+fn ffmpeg_decodes_gray_of_any_depth_range_and_matrix_within_half_a_code() {
     if !ffmpeg() {
         return;
     }
@@ -428,10 +431,12 @@ fn grey_of_any_depth_range_and_matrix_comes_through_ffmpeg_to_half_a_code() {
     }
 }
 
-/// A saturated colour as each standard has it in 10 bits of limited range. Half a code of Y', Cb and Cr moves R', G' and
-/// B' by at most (0.5 / 876 + 0.94 x 2 x 0.5 / 896) = 0.0016 of linear light here; another matrix by 0.01 and more.
+/// Decodes a saturated color that is encoded according to each standard, with 10 bits and limited range.
+///
+/// For this color, an error of half a code in Y', Cb and Cr changes R', G' and B' by at most 0.5 / 876 + 0.94 x 2 x
+/// 0.5 / 896 = 0.0016 in linear light. A wrong matrix changes R', G' and B' by at least 0.01.
 #[test]
-fn colours_of_ten_bits_are_decoded_by_the_matrix_that_the_file_names() {
+fn ten_bit_colors_are_decoded_with_the_declared_matrix() {
     if !ffmpeg() {
         return;
     }
@@ -448,8 +453,8 @@ fn colours_of_ten_bits_are_decoded_by_the_matrix_that_the_file_names() {
         let (cb, cr) = ((rgb[2] - y) / (2.0 - 2.0 * kb), (rgb[0] - y) / (2.0 - 2.0 * kr));
         let codes = [64.0 + 876.0 * y, 512.0 + 896.0 * cb, 512.0 + 896.0 * cr].map(|c| c.round() as u16);
         let raw: Vec<u8> = codes.iter().flat_map(|c| [c.to_le_bytes(); 64].concat()).collect();
-        let source = put(&dir, "colour.raw", raw);
-        let path = dir.path().join("colour.mkv");
+        let source = put(&dir, "color.raw", raw);
+        let path = dir.path().join("color.mkv");
         let made = Command::new("ffmpeg")
             .args(["-y", "-v", "error", "-f", "rawvideo", "-s", "8x8", "-pix_fmt", "yuv444p10le", "-i"])
             .arg(source)
@@ -467,7 +472,7 @@ fn colours_of_ten_bits_are_decoded_by_the_matrix_that_the_file_names() {
 }
 
 #[test]
-fn mono_of_ten_and_sixteen_bits_has_its_own_white() {
+fn mono_of_ten_and_sixteen_bits_has_the_white_of_its_depth() {
     for (space, white) in [("mono10", 1023_u16), ("mono14", 16383), ("mono16", 65535)] {
         let got = light(&format!("W2 H1 C{space}"), &[[0, 0], white.to_le_bytes()].concat(), (2, 1));
         assert_eq!(got, [0.0, 1.0], "{space}");
@@ -475,14 +480,14 @@ fn mono_of_ten_and_sixteen_bits_has_its_own_white() {
 }
 
 #[test]
-fn a_file_that_ffmpeg_cannot_decode_repeats_its_words() {
+fn a_decode_error_quotes_ffmpeg() {
     if !ffmpeg() {
         return;
     }
     let dir = TempDir::new().unwrap();
     let path = put(&dir, "no.mp4", "this is no video");
-    let (kind, text) = refused(&path, &camera(4, 4));
-    assert_eq!(kind, Kind::Tool);
+    let (kind, text) = open_error(&path, &camera(4, 4));
+    assert_eq!(kind, ErrorKind::Tool);
     assert!(text.contains("Invalid data"), "{text}");
 }
 
@@ -492,17 +497,19 @@ fn a_missing_ffmpeg_says_how_to_get_it() {
     let path = put(&dir, "v.mp4", "x");
     let size = Geometry::new(4, 4).unwrap();
     let error =
-        Decoded::open_with("no-such-ffmpeg", &path, size, Fit::Resize, Linear::new(None)).err().unwrap();
-    assert_eq!(error.kind(), Kind::Tool);
+        FfmpegSource::open_with("no-such-ffmpeg", &path, size, ResizeMode::Cover, Linearization::new(None))
+            .err()
+            .unwrap();
+    assert_eq!(error.kind(), ErrorKind::Tool);
     assert!(error.to_string().contains("install"), "{error}");
 }
 
 #[test]
 fn a_file_that_is_cut_while_it_is_read_is_an_error_that_names_it() {
     let dir = TempDir::new().unwrap();
-    // More than the readers and the thread of an archive hold at once.
+    // The data are larger than the buffers of the readers and of the archive thread.
     let (side, count) = (300, 40);
-    // Bytes without rule, which no archive makes smaller.
+    // The archive cannot compress pseudorandom bytes.
     let values: Vec<u8> = (0..(count * side * side) as u32)
         .map(|i| (i.wrapping_mul(2_654_435_761) >> 21) as u8 ^ (i >> 3) as u8)
         .collect();
@@ -511,7 +518,7 @@ fn a_file_that_is_cut_while_it_is_read_is_an_error_that_names_it() {
     let mut bytes = format!("YUV4MPEG2 W{side} H{side} F25:1 Ip A1:1 Cmono\n").into_bytes();
     values.chunks(side * side).for_each(|frame| bytes.extend([&b"FRAME\n"[..], frame].concat()));
     fs::write(&video, bytes).unwrap();
-    let mut bytes = spikelane::unstable::npy::header(spikelane::unstable::npy::Element::U8, &shape);
+    let mut bytes = spikelane::unstable::npy::header_bytes(spikelane::unstable::npy::Element::U8, &shape);
     bytes.extend(&values);
     fs::write(&array, bytes).unwrap();
     npz(&archive, &["light"], &values, &shape);
@@ -524,7 +531,7 @@ fn a_file_that_is_cut_while_it_is_read_is_an_error_that_names_it() {
         file.set_len(file.metadata().unwrap().len() / 2).unwrap();
         let error = std::iter::repeat_with(|| source.next_frame(&mut frame)).find_map(Result::err).unwrap();
         let text = error.to_string();
-        assert!(matches!(error.kind(), Kind::Input | Kind::Io), "{text}");
+        assert!(matches!(error.kind(), ErrorKind::Input | ErrorKind::Io), "{text}");
         assert!(text.contains(&*path.file_name().unwrap().to_string_lossy()), "{text}");
     }
 }

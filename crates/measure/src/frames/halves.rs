@@ -1,17 +1,19 @@
-//! Spikes in the halves of rows and columns of one readout.
+//! Counts the spikes in the two halves of each row and of each column of a readout.
 
-use super::pair_sums::{Lines, PairSums};
+use super::pair_sums::{LineSums, PairSums};
 use spikelane::spikes::Geometry;
-use spikelane::unstable::kernels::{Bits, Counters, GROUPS, Shorts, TILE, Work, counting_with, load};
+use spikelane::unstable::kernels::{
+    BitOps, Counters, I16Lanes, MAX_GROUPS, ROW_WORDS, Task, dispatch_task, load_row,
+};
 
-/// Where the halves of a row lie in its words.
+/// Word positions of the halves of a row, and the pair sums of all rows.
 pub(super) struct RowHalves {
     stride: usize,
-    /// The word in which the left half ends, and its bits.
+    /// The word in which the left half ends, and the mask of the left half's bits in that word.
     left: (usize, u64),
-    /// The middle pixel of an odd width: its word and bit, or no bit.
+    /// The word of the middle pixel and the mask of its bit. The mask is 0 if the width is even.
     middle: (usize, u64),
-    sums: Lines,
+    sums: LineSums,
 }
 
 impl RowHalves {
@@ -23,25 +25,25 @@ impl RowHalves {
             stride,
             left: (half / 64, bit - 1),
             middle: (half / 64, if width % 2 == 1 { bit } else { 0 }),
-            sums: Lines::new(geometry.height(), half),
+            sums: LineSums::new(geometry.height(), half),
         }
     }
 
-    /// Adds a readout; returns the spikes in its left and right half.
+    /// Adds a readout. Returns the number of spikes in its left half and in its right half.
     pub(super) fn add(&mut self, words: &[u64]) -> (u64, u64) {
-        counting_with(Rows(self, words))
+        dispatch_task(RowTask(self, words))
     }
 
     #[inline(always)]
-    fn take(&mut self, words: &[u64]) -> (u64, u64) {
-        self.sums.begin();
+    fn add_words(&mut self, words: &[u64]) -> (u64, u64) {
+        self.sums.reserve();
         let (mut all_left, mut all_right) = (0, 0);
         for (line, row) in words.chunks_exact(self.stride).enumerate() {
             let (before, after) = row.split_at(self.left.0);
             let (shared, after) = after.split_first().unwrap_or((&0, &[]));
-            let left = ones(before) + (shared & self.left.1).count_ones();
+            let left = count_ones(before) + (shared & self.left.1).count_ones();
             let odd = u32::from(row[self.middle.0] & self.middle.1 != 0);
-            let right = ones(after) + (shared & !self.left.1).count_ones() - odd;
+            let right = count_ones(after) + (shared & !self.left.1).count_ones() - odd;
             self.sums.add(line, left, right);
             all_left += u64::from(left);
             all_right += u64::from(right);
@@ -54,20 +56,20 @@ impl RowHalves {
     }
 }
 
-struct Rows<'a>(&'a mut RowHalves, &'a [u64]);
+struct RowTask<'a>(&'a mut RowHalves, &'a [u64]);
 
-impl Work for Rows<'_> {
+impl Task for RowTask<'_> {
     type Out = (u64, u64);
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, _: S, _: B) -> (u64, u64) {
-        self.0.take(self.1)
+    fn run<S: I16Lanes, B: BitOps>(self, _: S, _: B) -> (u64, u64) {
+        self.0.add_words(self.1)
     }
 }
 
-/// The set bits of a few words.
+/// Returns the number of set bits in `words`.
 #[inline(always)]
-fn ones(words: &[u64]) -> u32 {
+fn count_ones(words: &[u64]) -> u32 {
     let mut sum = 0;
     for word in words {
         sum += word.count_ones();
@@ -75,13 +77,13 @@ fn ones(words: &[u64]) -> u32 {
     sum
 }
 
-/// Per-column counts of the upper and the lower half.
+/// Number of spikes of each column in the upper half and in the lower half, and the pair sums of all columns.
 pub(super) struct ColumnHalves {
     geometry: Geometry,
     stride: usize,
     top: Vec<u32>,
     bottom: Vec<u32>,
-    sums: Lines,
+    sums: LineSums,
 }
 
 impl ColumnHalves {
@@ -92,22 +94,22 @@ impl ColumnHalves {
             stride,
             top: vec![0; columns],
             bottom: vec![0; columns],
-            sums: Lines::new(columns, geometry.height() / 2),
+            sums: LineSums::new(columns, geometry.height() / 2),
         }
     }
 
-    /// Adds a readout; returns the spikes in its upper and lower half.
+    /// Adds a readout. Returns the number of spikes in its upper half and in its lower half.
     pub(super) fn add(&mut self, slot: &[u64]) -> (u64, u64) {
-        counting_with(Columns(self, slot))
+        dispatch_task(ColumnTask(self, slot))
     }
 
     #[inline(always)]
-    fn take<B: Bits>(&mut self, b: B, slot: &[u64]) -> (u64, u64) {
+    fn add_words<B: BitOps>(&mut self, b: B, slot: &[u64]) -> (u64, u64) {
         let height = self.geometry.height();
         let half = height / 2;
         count_columns(b, slot, self.stride, 0..half, &mut self.top);
         count_columns(b, slot, self.stride, height - half..height, &mut self.bottom);
-        self.sums.begin();
+        self.sums.reserve();
         self.sums.add_all(&self.top, &self.bottom)
     }
 
@@ -118,20 +120,20 @@ impl ColumnHalves {
     }
 }
 
-struct Columns<'a>(&'a mut ColumnHalves, &'a [u64]);
+struct ColumnTask<'a>(&'a mut ColumnHalves, &'a [u64]);
 
-impl Work for Columns<'_> {
+impl Task for ColumnTask<'_> {
     type Out = (u64, u64);
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, _: S, b: B) -> (u64, u64) {
-        self.0.take(b, self.1)
+    fn run<S: I16Lanes, B: BitOps>(self, _: S, b: B) -> (u64, u64) {
+        self.0.add_words(b, self.1)
     }
 }
 
-/// Counts the spikes of each column over some rows of a readout.
+/// Adds the spikes of each column, in the rows `rows` of a readout, to `counts`.
 #[inline(always)]
-fn count_columns<B: Bits>(
+fn count_columns<B: BitOps>(
     b: B,
     slot: &[u64],
     stride: usize,
@@ -139,11 +141,11 @@ fn count_columns<B: Bits>(
     counts: &mut [u32],
 ) {
     counts.fill(0);
-    for at in (0..stride).step_by(TILE) {
-        for from in rows.clone().step_by(GROUPS * 8) {
-            let to = (from + GROUPS * 8).min(rows.end);
+    for at in (0..stride).step_by(ROW_WORDS) {
+        for from in rows.clone().step_by(MAX_GROUPS * 8) {
+            let to = (from + MAX_GROUPS * 8).min(rows.end);
             let found = count_rows(b, slot, stride, from..to, at).counts(b);
-            // A tile may reach into the next row, whose words are not wanted.
+            // A tile can extend into the next row. `zip` ignores the surplus columns.
             let columns = counts[at * 64..].chunks_exact_mut(64);
             for (columns, found) in columns.zip(&found) {
                 for (sum, count) in columns.iter_mut().zip(found) {
@@ -154,9 +156,9 @@ fn count_columns<B: Bits>(
     }
 }
 
-/// Counts of a tile's columns over at most 248 rows.
+/// Counts the spikes of each column of a tile. `rows` contains at most 248 rows, the limit of the 8-bit counters.
 #[inline(always)]
-fn count_rows<B: Bits>(
+fn count_rows<B: BitOps>(
     b: B,
     slot: &[u64],
     stride: usize,
@@ -165,9 +167,9 @@ fn count_rows<B: Bits>(
 ) -> Counters<B> {
     let mut counters = Counters::new(b);
     for row in rows.clone().step_by(8) {
-        let mut inputs = [b.row(&[0; TILE]); 8];
+        let mut inputs = [b.row(&[0; ROW_WORDS]); 8];
         for (input, r) in inputs.iter_mut().zip(row..rows.end) {
-            *input = load(b, slot, r * stride + at);
+            *input = load_row(b, slot, r * stride + at);
         }
         counters.add8(b, &inputs);
     }

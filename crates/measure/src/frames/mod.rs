@@ -1,84 +1,83 @@
-//! Statistics of whole readouts: totals, distances of successive readouts,
-//! and how the two halves of rows and columns vary together.
+//! Statistics of whole readouts: spike totals, distances between successive readouts, and covariances between the
+//! halves of rows and of columns.
 
 mod halves;
 mod pair_sums;
 
 use super::block::Block;
 use super::estimate::Estimate;
-use super::newest;
+use super::frame_popcount;
 use super::options::MeasureOptions;
 use halves::{ColumnHalves, RowHalves};
 use pair_sums::PairSums;
 use spikelane::spikes::Geometry;
 
-/// A number and the readout where it was seen first.
+/// An extreme value of a series, and the first readout that has this value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[non_exhaustive]
-pub struct Extreme {
-    /// Readout, from 0.
+pub struct ExtremeReadout {
+    /// Readout number. The first readout is 0.
     pub readout: u32,
-    /// The value there.
+    /// The value at this readout.
     pub value: u32,
 }
 
 /// Statistics of whole readouts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Frames {
+pub struct FrameStatistics {
     geometry: Geometry,
     readouts: u32,
-    /// Spikes in each readout; of a longer stream the first
-    /// [`super::MeasureOptions::series_readouts`] only.
+    /// Spikes in each of the first [`super::MeasureOptions::series_readouts`] readouts.
     pub totals: Vec<u32>,
-    /// Pixels in which readout `i + 1` differs from readout `i` (Hamming
-    /// distance), kept as long as the totals.
+    /// Hamming distances. Entry `i` is the number of pixels in which readout `i + 1` differs from readout `i`. The
+    /// distances cover the same readouts as [`Self::totals`].
     pub distances: Vec<u32>,
     sums: PairSums,
-    nearest: Option<Extreme>,
-    farthest: Option<Extreme>,
+    min_distance: Option<ExtremeReadout>,
+    max_distance: Option<ExtremeReadout>,
     rows: Vec<PairSums>,
     columns: Vec<PairSums>,
     left_right: PairSums,
     top_bottom: PairSums,
 }
 
-/// What is kept while frames come in.
-pub(super) struct State {
-    result: Frames,
-    kept: usize,
+/// Accumulates the sums of the readouts that were added so far.
+pub(super) struct FrameAccumulator {
+    result: FrameStatistics,
+    series_readouts: usize,
     halves: Option<(RowHalves, ColumnHalves)>,
 }
 
-impl State {
+impl FrameAccumulator {
     pub(super) fn new(geometry: Geometry, options: &MeasureOptions, block: &Block) -> Self {
         let halves = || {
             let rows = RowHalves::new(geometry, block.stride());
             (rows, ColumnHalves::new(geometry, block.stride()))
         };
         Self {
-            result: Frames {
+            result: FrameStatistics {
                 geometry,
                 readouts: 0,
                 totals: Vec::new(),
                 distances: Vec::new(),
                 sums: PairSums::default(),
-                nearest: None,
-                farthest: None,
+                min_distance: None,
+                max_distance: None,
                 rows: Vec::new(),
                 columns: Vec::new(),
                 left_right: PairSums::default(),
                 top_bottom: PairSums::default(),
             },
-            kept: options.series_readouts,
-            halves: options.halves.then(halves),
+            series_readouts: options.series_readouts,
+            halves: options.line_covariances.then(halves),
         }
     }
 
-    /// Takes the newest readout of the block, while it is in the cache; it holds `total` spikes.
+    /// Adds the latest readout of the block while it is in the CPU cache. `total` is its number of spikes.
     pub(super) fn push(&mut self, block: &Block, total: u32) {
         let slot = block.slot(block.len());
-        let words = block.newest();
+        let words = block.latest_words();
         let result = &mut self.result;
         if let Some((rows, columns)) = &mut self.halves {
             let (left, right) = rows.add(words);
@@ -87,31 +86,31 @@ impl State {
             result.top_bottom.add(top, bottom);
         }
         result.sums.add(total.into(), total.into());
-        if result.totals.len() < self.kept {
+        if result.totals.len() < self.series_readouts {
             result.totals.push(total);
         }
         if result.readouts > 0 {
             let before = &block.slot(block.len() - 1)[..block.band_words()];
-            self.compare(newest::changes(before, words));
+            self.update_extremes(frame_popcount::count_changes(before, words));
         }
         self.result.readouts += 1;
     }
 
-    fn compare(&mut self, value: u32) {
+    fn update_extremes(&mut self, value: u32) {
         let result = &mut self.result;
-        if result.distances.len() + 1 < self.kept {
+        if result.distances.len() + 1 < self.series_readouts {
             result.distances.push(value);
         }
-        let here = Extreme { readout: result.readouts, value };
-        if result.nearest.is_none_or(|e| value < e.value) {
-            result.nearest = Some(here);
+        let here = ExtremeReadout { readout: result.readouts, value };
+        if result.min_distance.is_none_or(|e| value < e.value) {
+            result.min_distance = Some(here);
         }
-        if result.farthest.is_none_or(|e| value > e.value) {
-            result.farthest = Some(here);
+        if result.max_distance.is_none_or(|e| value > e.value) {
+            result.max_distance = Some(here);
         }
     }
 
-    pub(super) fn finish(mut self) -> Frames {
+    pub(super) fn finish(mut self) -> FrameStatistics {
         if let Some((rows, columns)) = self.halves {
             self.result.rows = rows.finish();
             self.result.columns = columns.finish();
@@ -120,16 +119,17 @@ impl State {
     }
 }
 
-impl Frames {
-    /// Readouts that were seen.
+impl FrameStatistics {
+    /// Number of readouts that were measured.
     #[must_use]
     pub const fn readouts(&self) -> u32 {
         self.readouts
     }
 
-    /// Mean number of spikes per readout. Standard error: `sd / sqrt(T)`, as if
-    /// readouts were independent; regular spiking makes totals anticorrelated
-    /// and the true error smaller.
+    /// Returns the mean number of spikes per readout.
+    ///
+    /// The standard error `sd / sqrt(T)` assumes `T` independent readouts. Regular spiking anticorrelates the totals.
+    /// The true error is then smaller.
     #[must_use]
     pub fn mean_total(&self) -> Estimate {
         let n = f64::from(self.readouts);
@@ -140,9 +140,11 @@ impl Frames {
         }
     }
 
-    /// Unbiased variance of the totals, in spikes squared. Standard error
-    /// `sqrt(2 / (T - 1))` of the value, for normal and independent totals: those of regular pixels are not, and
-    /// [`super::list`] states the error of correlated ones.
+    /// Returns the unbiased variance of the totals, in spikes squared.
+    ///
+    /// The standard error is `sqrt(2 / (T - 1))` times the variance, for `T` readouts. It is valid for normal and
+    /// independent totals. Totals of regular pixels are correlated. [`super::statistics()`] reports a valid error for
+    /// correlated totals.
     #[must_use]
     pub fn total_variance(&self) -> Estimate {
         let value = self.sums.covariance(self.readouts);
@@ -153,25 +155,27 @@ impl Frames {
         }
     }
 
-    /// The readout most like the one before it, over the whole stream. A
-    /// distance of zero, or far below all others, is a readout written twice.
+    /// The smallest distance between two successive readouts of the whole stream, with the number of the later readout.
+    ///
+    /// If a readout was written twice, the distance is zero or far below all other distances.
     #[must_use]
-    pub const fn nearest(&self) -> Option<Extreme> {
-        self.nearest
+    pub const fn min_distance(&self) -> Option<ExtremeReadout> {
+        self.min_distance
     }
 
-    /// The readout least like the one before it, over the whole stream.
+    /// The largest distance between two successive readouts of the whole stream, with the number of the later readout.
     #[must_use]
-    pub const fn farthest(&self) -> Option<Extreme> {
-        self.farthest
+    pub const fn max_distance(&self) -> Option<ExtremeReadout> {
+        self.max_distance
     }
 
-    /// The kept readouts that differ from the one before in fewer pixels than
-    /// `share` of the median distance. Independent pixels spread by less than
-    /// `sqrt(distance)`, so a share of one half is far outside chance for more
-    /// than a few hundred spikes per readout.
+    /// Returns the readouts whose distance from the preceding readout is below `share` times the median distance. Only
+    /// the readouts of the series are examined.
+    ///
+    /// For independent pixels the standard deviation of a distance `d` is below `sqrt(d)`. With more than a few hundred
+    /// spikes per readout, chance alone practically never causes a distance below 0.5 times the median.
     #[must_use]
-    pub fn nearly_equal(&self, share: f64) -> Vec<u32> {
+    pub fn near_repeats(&self, share: f64) -> Vec<u32> {
         let mut sorted: Vec<f64> = self.distances.iter().map(|d| f64::from(*d)).collect();
         let limit = share * super::estimate::median(&mut sorted);
         let close = |(_, d): &(usize, &u32)| f64::from(**d) < limit;
@@ -179,39 +183,41 @@ impl Frames {
         found.map(|(i, _)| i as u32 + 1).collect()
     }
 
-    /// Covariance over readouts of the spikes in the left and the right half of
-    /// a row, mean over rows, less the covariance of *different* rows (which
-    /// flicker and drift cause, and noise of single rows does not), in spikes
-    /// squared. The middle column of an odd width is left out. Standard error:
-    /// spread over rows, `sd / sqrt(rows)`. NaN without [`MeasureOptions::halves`].
+    /// Returns the mean covariance between the left and the right half of the same row, minus the mean covariance
+    /// between halves of different rows. The unit is spikes squared.
+    ///
+    /// A covariance is computed over all readouts. Flicker and drift cause covariance between different rows. Noise of
+    /// single rows does not. If the width is odd, the middle column is excluded. The standard error comes from the
+    /// scatter of the rows, `sd / sqrt(rows)`. The result is NaN without [`MeasureOptions::line_covariances`].
     #[must_use]
     pub fn row_covariance(&self) -> Estimate {
-        excess(&self.rows, self.left_right, self.readouts)
+        covariance_excess(&self.rows, self.left_right, self.readouts)
     }
 
-    /// The same for the upper and lower halves of columns.
+    /// Returns the difference that [`Self::row_covariance`] returns, for the upper and lower halves of columns.
     #[must_use]
     pub fn column_covariance(&self) -> Estimate {
-        excess(&self.columns, self.top_bottom, self.readouts)
+        covariance_excess(&self.columns, self.top_bottom, self.readouts)
     }
 
-    /// Covariance of the halves of each row, in spikes squared.
+    /// Returns, for each row, the covariance between its left and its right half, in spikes squared.
     #[must_use]
     pub fn row_covariances(&self) -> Vec<f64> {
         self.rows.iter().map(|r| r.covariance(self.readouts)).collect()
     }
 
-    /// Covariance of the halves of each column, in spikes squared.
+    /// Returns, for each column, the covariance between its upper and its lower half, in spikes squared.
     #[must_use]
     pub fn column_covariances(&self) -> Vec<f64> {
         self.columns.iter().map(|c| c.covariance(self.readouts)).collect()
     }
 
-    /// Mean total of the first `window` readouts relative to the rest, less 1:
-    /// what a start phase that is not uniform, or a camera that wakes up, shows.
-    /// Standard error: the spread of the means of the later windows of the same
-    /// length, for one window and for the mean of the rest together. `None`
-    /// with fewer than three later windows among the kept readouts.
+    /// Returns `a / b - 1`, where `a` is the mean total of the first `window` readouts and `b` is the mean total of the
+    /// later readouts.
+    ///
+    /// A significant value shows that the start phases are not uniform, or that the camera is warming up. The later
+    /// readouts are divided into windows of `window` readouts. The standard error combines the scatter of one window with
+    /// the error of the mean of the later windows. Returns `None` if the series has fewer than three later windows.
     #[must_use]
     pub fn start_transient(&self, window: usize) -> Option<Estimate> {
         let mut windows =
@@ -225,16 +231,19 @@ impl Frames {
         })
     }
 
-    /// The sensor.
+    /// Geometry of the sensor.
     #[must_use]
     pub const fn geometry(&self) -> Geometry {
         self.geometry
     }
 }
 
-/// Mean covariance within lines, less the mean covariance between lines: the
-/// covariance of the halves' sums holds both.
-fn excess(lines: &[PairSums], sums: PairSums, readouts: u32) -> Estimate {
+/// Returns the mean covariance between the halves of the same line, minus the mean covariance between halves of
+/// different lines.
+///
+/// `sums` are the pair sums of all lines together. For `n` lines their covariance is
+/// `C = n within + n (n - 1) between`.
+fn covariance_excess(lines: &[PairSums], sums: PairSums, readouts: u32) -> Estimate {
     let within = Estimate::mean(lines.iter().map(|line| line.covariance(readouts)));
     let n = lines.len() as f64;
     if lines.len() < 2 {

@@ -1,6 +1,6 @@
 //! Sums of pairs of numbers, and their covariance.
 
-/// Sums of a pair of numbers over readouts.
+/// Sums over readouts of two numbers `a` and `b` and of their product.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct PairSums {
     pub(super) a: u64,
@@ -15,8 +15,9 @@ impl PairSums {
         self.product += u128::from(a) * u128::from(b);
     }
 
-    /// Unbiased covariance over `n` readouts. The numerator is formed in
-    /// integers: the two products agree in most of their digits.
+    /// Returns the unbiased covariance of the two numbers for `n` readouts.
+    ///
+    /// The numerator is computed in integers, because `n * product` and `a * b` agree in most of their digits.
     pub(super) fn covariance(self, n: u32) -> f64 {
         let same = u128::from(n) * self.product;
         let cross = u128::from(self.a) * u128::from(self.b);
@@ -25,34 +26,42 @@ impl PairSums {
     }
 }
 
-/// The sums of each of many lines of pixels, such as rows: in 64 bits, of as many readouts as these hold.
-pub(super) struct Lines {
+/// Pair sums of many lines of pixels. A line is a row or a column. The sums have 64 bits and are flushed to `flushed`
+/// before they overflow.
+pub(super) struct LineSums {
     a: Vec<u64>,
     b: Vec<u64>,
     product: Vec<u64>,
-    /// Readouts that may still be added.
-    room: u64,
-    /// Of halves of so many pixels.
-    most: u64,
-    before: Vec<PairSums>,
+    /// Number of readouts that can be added before the next flush.
+    free_readouts: u64,
+    /// Largest number of pixels in half a line.
+    max_pixels: u64,
+    flushed: Vec<PairSums>,
 }
 
-impl Lines {
-    /// Of `lines` lines, half of which has at most `most` pixels.
+impl LineSums {
+    /// Returns empty sums for `lines` lines. Half a line has at most `most` pixels.
     pub(super) fn new(lines: usize, most: usize) -> Self {
         let most = most as u64;
         let zeros = || vec![0; lines];
         let before = vec![PairSums::default(); lines];
-        Self { a: zeros(), b: zeros(), product: zeros(), room: room(most), most, before }
+        Self {
+            a: zeros(),
+            b: zeros(),
+            product: zeros(),
+            free_readouts: max_readouts(most),
+            max_pixels: most,
+            flushed: before,
+        }
     }
 
-    /// Makes room for a pair of each line.
+    /// Flushes the sums if they could overflow when one more readout is added.
     #[inline(always)]
-    pub(super) fn begin(&mut self) {
-        if self.room == 0 {
-            self.empty();
+    pub(super) fn reserve(&mut self) {
+        if self.free_readouts == 0 {
+            self.flush();
         }
-        self.room -= 1;
+        self.free_readouts -= 1;
     }
 
     #[inline(always)]
@@ -62,7 +71,7 @@ impl Lines {
         self.product[line] += u64::from(a) * u64::from(b);
     }
 
-    /// Adds a pair to each line; returns the totals.
+    /// Adds a pair to each line. Returns the sum of all `a` and the sum of all `b`.
     #[inline(always)]
     pub(super) fn add_all(&mut self, a: &[u32], b: &[u32]) -> (u64, u64) {
         let sums = self.a.iter_mut().zip(&mut self.b).zip(&mut self.product);
@@ -78,24 +87,24 @@ impl Lines {
         (all_a, all_b)
     }
 
-    fn empty(&mut self) {
+    fn flush(&mut self) {
         let sums = self.a.iter_mut().zip(&mut self.b).zip(&mut self.product);
-        for (before, ((a, b), product)) in self.before.iter_mut().zip(sums) {
+        for (before, ((a, b), product)) in self.flushed.iter_mut().zip(sums) {
             before.a += std::mem::take(a);
             before.b += std::mem::take(b);
             before.product += u128::from(std::mem::take(product));
         }
-        self.room = room(self.most);
+        self.free_readouts = max_readouts(self.max_pixels);
     }
 
     pub(super) fn finish(mut self) -> Vec<PairSums> {
-        self.empty();
-        self.before
+        self.flush();
+        self.flushed
     }
 }
 
-/// Readouts whose products 64 bits hold; a sensor has at most `2^28` pixels.
-fn room(most: u64) -> u64 {
+/// Returns the number of readouts whose products are certain to fit into 64 bits. A sensor has at most `2^28` pixels.
+fn max_readouts(most: u64) -> u64 {
     u64::MAX / (most * most).max(1)
 }
 
@@ -104,13 +113,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_that_run_full_have_the_sums_of_pairs() {
-        // Products of 2^62 leave room for three.
+    fn flushed_line_sums_equal_the_pair_sums() {
+        // Products are up to 2^62, so a sum of 64 bits can contain three of them.
         let most = 1 << 31;
-        let (mut lines, mut expected) = (Lines::new(2, most), [PairSums::default(); 2]);
+        let (mut lines, mut expected) = (LineSums::new(2, most), [PairSums::default(); 2]);
         for i in 0..10_u32 {
             let (a, b) = ([most as u32 - i, i], [most as u32, 7 * i]);
-            lines.begin();
+            lines.reserve();
             match i % 2 {
                 0 => assert_eq!(lines.add_all(&a, &b).0, most as u64),
                 _ => (0..2).for_each(|line| lines.add(line, a[line], b[line])),

@@ -1,36 +1,34 @@
-//! Sums over the new spikes of a pixel that has been firing for long: 16-bit
-//! times, sixteen or thirty-two intervals per instruction where the CPU can.
+//! Adds the new spikes of a pixel whose history is full, with vectors of 16-bit times.
 //!
-//! All times of the block and of the kept history are taken relative to the
-//! oldest one. When that span is at most [`span_limit`], no sum of squared
-//! differences can leave 32 bits: the differences of one lag cover each
-//! readout at most `lag` times, so they sum to `lag * span` and their squares
-//! to `lag * span^2` at most. Other pixels, and those that have not fired often
-//! enough to fill the history, take the exact path.
+//! A vector contains sixteen intervals, or thirty-two intervals if the CPU supports it. All times of the block and of
+//! the history are relative to the start of the block. If the times span at most [`span_limit`] readouts, no sum of
+//! squared differences exceeds 32 bits. Proof: the differences of one lag cover each readout at most `lag` times.
+//! Therefore the differences sum to at most `lag * span`, and their squares sum to at most `lag * span^2`. Pixels with a
+//! longer span, and pixels whose history is not full, are added by the exact path.
 
 use std::ops::Range;
 
 use wide::{i16x8, i32x8};
 
-use super::pixel::{CUMULATIVE, Pixel};
-use super::readouts::Table;
-use spikelane::unstable::kernels::{SHORTS, Shorts};
+use super::pixel::{CUMULATIVE_FENCES, PixelSums};
+use super::readout_sums::Table;
+use spikelane::unstable::kernels::{I16_LANES, I16Lanes};
 
-/// The largest span of times for lags up to `longest`.
+/// Returns the largest span of spike times, in readouts, for which the sums of lags up to `longest` fit into 32 bits.
 pub(super) fn span_limit(longest: u32) -> u32 {
-    // Zero included, one readout less keeps the largest sum below 2^31.
+    // One readout is subtracted to make the largest sum less than 2^31.
     let sums = ((1_u32 << 31) / longest).isqrt() - 1;
-    // Times are 16 bits, and the last word of a block may overhang it.
+    // Times have 16 bits, and the last word of a block can extend past the end of the block.
     sums.min(32_000)
 }
 
-/// Lanes that belong to a chunk with that many of its entries.
-const MASKS: [[i16; SHORTS]; SHORTS + 1] = masks();
+/// Lane masks: entry `n` selects the first `n` lanes of a chunk.
+const MASKS: [[i16; I16_LANES]; I16_LANES + 1] = masks();
 
-const fn masks() -> [[i16; SHORTS]; SHORTS + 1] {
-    let mut table = [[0; SHORTS]; SHORTS + 1];
+const fn masks() -> [[i16; I16_LANES]; I16_LANES + 1] {
+    let mut table = [[0; I16_LANES]; I16_LANES + 1];
     let mut n = 0;
-    while n <= SHORTS {
+    while n <= I16_LANES {
         let mut lane = 0;
         while lane < n {
             table[n][lane] = -1;
@@ -41,43 +39,44 @@ const fn masks() -> [[i16; SHORTS]; SHORTS + 1] {
     table
 }
 
-/// The whole chunks of `N` among the `n` entries from `from` on.
+/// Returns the `n` entries that start at index `from`, as chunks of `N` entries. A partial last chunk is omitted.
 #[inline(always)]
 fn chunks<const N: usize>(values: &[i16], from: usize, n: usize) -> &[[i16; N]] {
     values[from..from + n].as_chunks().0
 }
 
-/// Writes all intervals of `times[..end]`: entry `i` ends at `times[i]`. A chunk of
-/// zeros follows the last.
+/// Writes all intervals of `times[..end]` to `intervals`. Interval `i` ends at `times[i]`. Zeros up to the end of a
+/// vector chunk follow the last interval.
 #[inline(always)]
-pub(super) fn differences<S: Shorts>(s: S, times: &[i16], end: usize, intervals: &mut [i16]) {
-    let n = (end - 1).next_multiple_of(SHORTS);
+pub(super) fn differences<S: I16Lanes>(s: S, times: &[i16], end: usize, intervals: &mut [i16]) {
+    let n = (end - 1).next_multiple_of(I16_LANES);
     let (before, after) = (chunks(times, 0, n), chunks(times, 1, n));
     let out = intervals[1..n + 1].as_chunks_mut().0;
     for ((x, a), b) in out.iter_mut().zip(after).zip(before) {
         s.store(x, s.sub(s.load(a), s.load(b)));
     }
-    intervals[end..end + SHORTS].fill(0);
+    intervals[end..end + I16_LANES].fill(0);
 }
 
-/// Lags of one pass over a pixel's times: their sums stay in registers, and short loops, whose
-/// ends are foreseen badly, are few.
-pub(super) const TOGETHER: usize = 6;
+/// Number of lags that are summed in one pass over the times of a pixel. The sums of six lags stay in registers. One pass
+/// per lag would need more short loops, and the CPU predicts the ends of short loops badly.
+pub(super) const LAGS_PER_PASS: usize = 6;
 
-/// Sums of the squares of the differences over each of `lags` spikes that end at `times[from..end]`.
+/// Returns, for each lag, the sum of squared differences between a time in `times[from..end]` and the time `lag` spikes
+/// earlier.
 #[inline(always)]
-pub(super) fn squares<S: Shorts>(
+pub(super) fn sum_squares<S: I16Lanes>(
     s: S,
     times: &[i16],
     from: usize,
     end: usize,
-    lags: [usize; TOGETHER],
-) -> [u64; TOGETHER] {
-    let mut sums = [s.zero(); 8];
-    let n = (end - from).next_multiple_of(SHORTS);
+    lags: [usize; LAGS_PER_PASS],
+) -> [u64; LAGS_PER_PASS] {
+    let mut sums = [s.zero_sums(); 8];
+    let n = (end - from).next_multiple_of(I16_LANES);
     let after = chunks(times, from, n);
     let before = lags.map(|lag| chunks(times, from - lag, n));
-    let last = n / SHORTS - 1;
+    let last = n / I16_LANES - 1;
     for at in 0..last {
         let time = s.load(&after[at]);
         for (sum, before) in sums.iter_mut().zip(before) {
@@ -85,8 +84,8 @@ pub(super) fn squares<S: Shorts>(
             *sum = s.add_products(*sum, d, d);
         }
     }
-    // What follows the last spike is no time.
-    let (time, mask) = (s.load(&after[last]), s.load(&MASKS[end - from - SHORTS * last]));
+    // Entries after the last spike are not times, so the mask sets their differences to zero.
+    let (time, mask) = (s.load(&after[last]), s.load(&MASKS[end - from - I16_LANES * last]));
     for (sum, before) in sums.iter_mut().zip(before) {
         let d = s.and(s.sub(time, s.load(&before[last])), mask);
         *sum = s.add_products(*sum, d, d);
@@ -95,10 +94,12 @@ pub(super) fn squares<S: Shorts>(
     std::array::from_fn(|i| totals[i] as u64)
 }
 
-/// Adds to `table`, at the time of each of the spikes `from..end`, how its interval deviates from `reference`, in sixteenths.
-/// Zeros follow the intervals, and nothing is added for them, wherever their times point.
+/// Adds, for each spike in `times[from..end]`, the deviation of its interval from `reference` to the entry of `table` at
+/// the spike's time. Deviations are in units of 1/16 readout.
+///
+/// Zeros follow the last interval. Their deviations are masked to zero, so the times beside them do not matter.
 #[inline(always)]
-pub(super) fn deviate(
+pub(super) fn add_deviations(
     times: &[i16],
     intervals: &[i16],
     from: usize,
@@ -108,7 +109,7 @@ pub(super) fn deviate(
 ) {
     let n = (end - from).next_multiple_of(8);
     let reference = i32x8::splat(reference as i32);
-    // Sixteen deviations had to be written and read again: twice as slow.
+    // Eight deviations are computed at a time. The CPU would spill sixteen to memory, which takes twice as long.
     let eights = chunks::<8>(times, from, n);
     for (times, x) in eights.iter().zip(chunks(intervals, from, n)) {
         let x = i32x8::from_i16x8(i16x8::new(*x));
@@ -119,21 +120,22 @@ pub(super) fn deviate(
     }
 }
 
-/// What the new intervals of a pixel are, for the histogram.
-pub(super) struct Found {
+/// Extremes and fence counts of the new intervals of a pixel. The histogram uses them.
+pub(super) struct NewIntervals {
     pub(super) shortest: u32,
     pub(super) longest: u32,
-    /// Intervals of at most `centre - 3 + j` readouts.
-    pub(super) within: [u32; CUMULATIVE],
-    /// The pixel's fences, and the intervals above each.
-    pub(super) fences: [i16; FENCES],
-    pub(super) above: [u32; FENCES],
+    /// Entry `j` is the number of intervals of at most `c - 3 + j` readouts, where `c` is [`PixelSums::center`].
+    pub(super) cumulative: [u32; CUMULATIVE_FENCES],
+    /// The fences of the pixel. `above_fences[j]` is the number of intervals greater than fence `j`.
+    pub(super) fences: [i16; FENCE_COUNT],
+    pub(super) above_fences: [u32; FENCE_COUNT],
 }
 
-/// Calls `visit` for every interval in `range` below `low` or above `high`. Zeros follow the last.
-/// Most chunks have none.
+/// Calls `visit` for every interval in `range` that is below `low` or above `high`.
+///
+/// Zeros after the last interval are skipped. Most chunks contain no such interval and are skipped as a whole.
 #[inline(always)]
-pub(super) fn outliers<S: Shorts>(
+pub(super) fn for_each_outlier<S: I16Lanes>(
     s: S,
     intervals: &[i16],
     range: Range<usize>,
@@ -141,78 +143,81 @@ pub(super) fn outliers<S: Shorts>(
     high: i16,
     mut visit: impl FnMut(i16),
 ) {
-    let n = range.len().next_multiple_of(SHORTS);
+    let n = range.len().next_multiple_of(I16_LANES);
     let (low, high, zero) = (s.splat(low), s.splat(high), s.splat(0));
-    for chunk in chunks::<SHORTS>(intervals, range.start, n) {
+    for chunk in chunks::<I16_LANES>(intervals, range.start, n) {
         let x = s.load(chunk);
         let beyond = s.or(s.greater(x, high), s.greater(low, x));
-        let mut out = s.signs(s.and(beyond, s.greater(x, zero)));
+        let mut out = s.sign_mask(s.and(beyond, s.greater(x, zero)));
         while out != 0 {
-            visit(chunk[out.trailing_zeros() as usize % SHORTS]);
+            visit(chunk[out.trailing_zeros() as usize % I16_LANES]);
             out &= out - 1;
         }
     }
 }
 
-/// Fences of a pixel: two for short and long intervals, and those at whole readouts.
-pub(super) const FENCES: usize = 2 + CUMULATIVE;
+/// Number of fences of a pixel: one for short intervals, one for long intervals, and [`CUMULATIVE_FENCES`] at whole
+/// readouts.
+pub(super) const FENCE_COUNT: usize = 2 + CUMULATIVE_FENCES;
 
-/// The fences of a pixel in 16 bits: no interval lies beyond one that is greater.
+/// Returns the fences of a pixel, clamped to 16 bits. Clamping changes no count, because intervals are 1 to `i16::MAX`.
 #[inline(always)]
-pub(super) fn fences(pixel: &Pixel) -> [i16; FENCES] {
+pub(super) fn fences(pixel: &PixelSums) -> [i16; FENCE_COUNT] {
     pixel.fences().map(|length| length.clamp(0, i64::from(i16::MAX)) as i16)
 }
 
-/// How many intervals that end at entries `from..end` lie beyond each fence. Zeros follow them.
+/// Returns the number of intervals above each fence. Counts the intervals that end at entries `from..end` of the spike
+/// times. Zeros follow the last interval.
 #[inline(always)]
-pub(super) fn above<S: Shorts>(
+pub(super) fn count_above_fences<S: I16Lanes>(
     s: S,
     intervals: &[i16],
     from: usize,
     end: usize,
-    fences: [i16; FENCES],
-) -> [u32; FENCES] {
+    fences: [i16; FENCE_COUNT],
+) -> [u32; FENCE_COUNT] {
     let beyond = splat(s, fences);
-    let mut above = [s.none(); FENCES];
-    for x in chunks(intervals, from, (end - from).next_multiple_of(SHORTS)) {
+    let mut above = [s.zero_counts(); FENCE_COUNT];
+    for x in chunks(intervals, from, (end - from).next_multiple_of(I16_LANES)) {
         let x = s.load(x);
         for (count, fence) in above.iter_mut().zip(beyond) {
             *count = s.count_greater(*count, x, fence);
         }
     }
-    s.counted(above)
+    s.total_counts(above)
 }
 
 #[inline(always)]
-fn splat<S: Shorts>(s: S, fences: [i16; FENCES]) -> [S::Short; FENCES] {
-    let mut all = [s.splat(0); FENCES];
+fn splat<S: I16Lanes>(s: S, fences: [i16; FENCE_COUNT]) -> [S::Short; FENCE_COUNT] {
+    let mut all = [s.splat(0); FENCE_COUNT];
     for (vector, fence) in all.iter_mut().zip(fences) {
         *vector = s.splat(fence);
     }
     all
 }
 
-/// Adds products of successive intervals, extremes, and the counts at the
-/// pixel's fences, for the intervals that end at entries `from..end`. Zeros
-/// follow them: they lie beyond no fence and add nothing to a product.
+/// Adds to `pixel` the products of successive intervals, the extremes and the fence counts. Adds the intervals that end
+/// at entries `from..end` of the spike times.
+///
+/// Zeros follow the last interval. A zero exceeds no fence, and its products are zero.
 #[inline(always)]
-pub(super) fn add_intervals<S: Shorts>(
+pub(super) fn add_intervals<S: I16Lanes>(
     s: S,
     intervals: &[i16],
     from: usize,
     end: usize,
-    pixel: &mut Pixel,
-) -> Found {
+    pixel: &mut PixelSums,
+) -> NewIntervals {
     let fences = fences(pixel);
     let beyond = splat(s, fences);
-    let mut above = [s.none(); FENCES];
-    // Sums of eight go together; six of these stay empty.
-    let mut products = [s.zero(); 8];
+    let mut above = [s.zero_counts(); FENCE_COUNT];
+    // `totals` reduces eight sums in one call. Only two of the eight sums are used.
+    let mut products = [s.zero_sums(); 8];
     let (mut shortest, mut longest) = (s.splat(i16::MAX), s.splat(0));
     let (one, most) = (s.splat(1), s.splat(i16::MAX));
-    let n = (end - from).next_multiple_of(SHORTS);
+    let n = (end - from).next_multiple_of(I16_LANES);
     let before = [1, 2].map(|apart| chunks(intervals, from - apart, n));
-    let last = n / SHORTS - 1;
+    let last = n / I16_LANES - 1;
     for (at, x) in chunks(intervals, from, n).iter().enumerate() {
         let x = s.load(x);
         for (sum, before) in products.iter_mut().zip(before) {
@@ -222,25 +227,25 @@ pub(super) fn add_intervals<S: Shorts>(
         if at < last {
             shortest = s.min(shortest, x);
         } else {
-            // The zeros behind the last count as the greatest.
+            // The zeros after the last interval are replaced by the largest value, because they must not become the minimum.
             shortest = s.min(shortest, s.or(x, s.and(s.greater(one, x), most)));
         }
         for (count, fence) in above.iter_mut().zip(beyond) {
             *count = s.count_greater(*count, x, fence);
         }
     }
-    for (sum, product) in pixel.products.iter_mut().zip(s.totals(products)) {
+    for (sum, product) in pixel.lag_products.iter_mut().zip(s.totals(products)) {
         *sum += product as u64;
     }
-    let above = s.counted(above);
+    let above = s.total_counts(above);
     let n = (end - from) as u32;
-    let found = Found {
-        shortest: s.least(shortest) as u32,
-        // The least of what lacks to the greatest.
-        longest: (i16::MAX - s.least(s.sub(most, longest))) as u32,
-        within: std::array::from_fn(|j| n - above[2 + j]),
+    let found = NewIntervals {
+        shortest: s.min_non_negative(shortest) as u32,
+        // longest = MAX - min(MAX - x), because the CPU finds only a minimum across the lanes of a vector.
+        longest: (i16::MAX - s.min_non_negative(s.sub(most, longest))) as u32,
+        cumulative: std::array::from_fn(|j| n - above[2 + j]),
         fences,
-        above,
+        above_fences: above,
     };
     pixel.shortest = pixel.shortest.min(found.shortest);
     pixel.longest = pixel.longest.max(found.longest);

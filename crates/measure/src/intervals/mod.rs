@@ -1,12 +1,11 @@
-//! Inter-spike intervals: sums per pixel, lengths over all pixels, deviations
-//! per readout.
+//! Inter-spike intervals: sums per pixel, a histogram over all pixels, and mean deviations per readout.
 
 mod decode;
 mod fast;
-mod lengths;
+mod histogram;
 mod parts;
 mod pixel;
-mod readouts;
+mod readout_sums;
 mod result;
 #[cfg(test)]
 mod tests;
@@ -14,76 +13,79 @@ mod variance;
 
 use std::ops::Range;
 
-use super::block::{Block, CAPACITY};
-use super::counts::NEVER;
+use super::block::{Block, MAX_BLOCK_READOUTS};
+use super::counts::NO_SPIKE;
 use decode::{Histories, History};
-use lengths::Tally;
-use parts::Open;
-use pixel::Pixel;
-pub(super) use readouts::DeviationSum;
-use readouts::REFERENCE;
-use readouts::Readouts;
+use histogram::BlockHistogram;
+use parts::OpenPart;
+use pixel::PixelSums;
+pub(super) use readout_sums::DeviationSum;
+use readout_sums::REFERENCE_INTERVALS;
+use readout_sums::ReadoutSums;
 use spikelane::spikes::{Geometry, set_bits};
-use spikelane::unstable::kernels::{Bits, Places, SLACK, Shorts, WORDS, Work, counting_with};
+use spikelane::unstable::kernels::{BLOCK_WORDS, BitOps, I16Lanes, OVERRUN, Positions, Task, dispatch_task};
 
-pub(super) use decode::LONGEST_LAG;
-pub use lengths::Lengths;
+pub(super) use decode::MAX_LAG_INTERVALS;
+pub use histogram::IntervalHistogram;
 use result::Snapshot;
-pub use result::{Deviation, Halves, Intervals, PixelIntervals};
+pub use result::{HalfMaps, Intervals, PixelIntervals, ReadoutDeviation};
 pub use variance::PhaseNoise;
 
-/// What is kept while frames come in.
-pub(super) struct State {
+/// Accumulates the sums of the intervals that were added so far.
+pub(super) struct IntervalAccumulator {
     result: Intervals,
-    tally: Tally,
-    /// Spikes of history per pixel, at least the longest lag and the reference.
+    tally: BlockHistogram,
+    /// Number of past spikes that are stored per pixel: at least the longest lag and at least [`REFERENCE_INTERVALS`].
     depth: usize,
-    /// The last `depth` spike times of each pixel, newest last.
+    /// The last `depth` spike times of each pixel in ascending order.
     history: Vec<u32>,
     span_limit: u32,
-    series: usize,
+    series_readouts: usize,
     scratch: Scratch,
-    /// Parts of the stream that are measured with it.
-    open: [Option<Open>; PARTS],
+    /// Parts of the stream that are measured together with the whole stream.
+    open_parts: [Option<OpenPart>; PART_COUNT],
 }
 
-/// Parts that may be open at a time.
-pub(super) const PARTS: usize = 2;
+/// Number of parts that can be open at the same time.
+pub(super) const PART_COUNT: usize = 2;
 
-/// Buffers of one pixel's work.
+/// Work buffers that are reused for each pixel.
 struct Scratch {
-    times: Box<Places>,
+    times: Box<Positions>,
     intervals: Vec<i16>,
     exact: Vec<u32>,
-    readouts: Readouts,
+    readouts: ReadoutSums,
 }
 
-/// A block on its way into the sums.
-struct Taking<'a> {
-    state: &'a mut State,
+/// Task that adds a block to the sums.
+struct IntervalTask<'a> {
+    state: &'a mut IntervalAccumulator,
     block: &'a Block,
     start: u32,
 }
 
-impl Work for Taking<'_> {
+impl Task for IntervalTask<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, s: S, b: B) {
-        self.state.take(s, b, self.block, self.start);
+    fn run<S: I16Lanes, B: BitOps>(self, s: S, b: B) {
+        self.state.process_block(s, b, self.block, self.start);
     }
 }
 
-impl State {
-    /// The memory of one pixel in bytes: its history, which ends with the recording, and its sums with the latest spikes.
+impl IntervalAccumulator {
+    /// Returns two sizes in bytes per pixel. The first is the history, which `finish` frees. The second is the sums with
+    /// the latest spikes.
     pub(super) fn bytes_per_pixel(lags: &[u32]) -> [usize; 2] {
-        let depth = (lags.last().copied().unwrap_or(1) as usize).max(REFERENCE);
-        let sums = size_of::<Pixel>() + lags.len() * size_of::<[u64; 2]>() + size_of::<[u32; 3]>();
+        let depth = (lags.last().copied().unwrap_or(1) as usize).max(REFERENCE_INTERVALS);
+        let sums = size_of::<PixelSums>() + lags.len() * size_of::<[u64; 2]>() + size_of::<[u32; 3]>();
         [depth * size_of::<u32>(), sums]
     }
 
-    /// `lags` is sorted and begins with 1; `cap` is the longest interval with
-    /// an own bin; `series` readouts are kept one by one.
+    /// Returns an empty accumulator for a band of rows.
+    ///
+    /// `lags` is sorted and begins with 1. `cap` is the longest interval that has its own histogram bin. `series` is the
+    /// number of readouts for which deviations are stored.
     pub(super) fn new(
         geometry: Geometry,
         rows: Range<usize>,
@@ -93,69 +95,69 @@ impl State {
     ) -> Self {
         let pixels = rows.len() * geometry.width();
         let longest = lags.last().copied().unwrap_or(1);
-        let depth = (longest as usize).max(REFERENCE);
-        let room = depth + CAPACITY + 2 * SLACK;
+        let depth = (longest as usize).max(REFERENCE_INTERVALS);
+        let room = depth + MAX_BLOCK_READOUTS + 2 * OVERRUN;
         Self {
-            tally: Tally::new(cap),
+            tally: BlockHistogram::new(cap),
             depth,
             history: vec![0; pixels * depth],
             span_limit: fast::span_limit(longest),
-            series,
-            open: [None, None],
+            series_readouts: series,
+            open_parts: [None, None],
             scratch: Scratch {
                 times: Box::new([0; _]),
                 intervals: vec![0; room],
                 exact: Vec::with_capacity(room),
-                readouts: Readouts::new(),
+                readouts: ReadoutSums::new(),
             },
             result: Intervals {
                 geometry,
                 rows,
                 readouts: 0,
-                pixels: vec![Pixel::new(); pixels],
+                pixels: vec![PixelSums::new(); pixels],
                 sums: vec![[0; 2]; pixels * lags.len()],
                 lags,
-                latest: Vec::new(),
-                lengths: Lengths::new(cap),
+                latest_spikes: Vec::new(),
+                histogram: IntervalHistogram::new(cap),
                 split: None,
                 deviations: Vec::new(),
             },
         }
     }
 
-    /// Whether [`Self::push`] still has to be told of readouts: for the series of deviations.
-    pub(super) fn wants_totals(&self) -> bool {
-        self.result.deviations.len() < self.series
+    /// Whether [`Self::push`] still needs the spike counts of readouts, because the series of deviations is incomplete.
+    pub(super) fn needs_totals(&self) -> bool {
+        self.result.deviations.len() < self.series_readouts
     }
 
-    /// Takes the number of spikes of readout `i` of the next block, before that is processed.
+    /// Stores the number of spikes of readout `i` of the next block. Call it before [`Self::process`].
     pub(super) fn push(&mut self, i: usize, spikes: u32) {
         self.scratch.readouts.spikes[i] = spikes;
     }
 
-    /// Takes a block that starts at readout `start`.
+    /// Adds a block. `start` is the readout number of its first readout.
     pub(super) fn process(&mut self, block: &Block, start: u32) {
-        counting_with(Taking { state: self, block, start });
+        dispatch_task(IntervalTask { state: self, block, start });
     }
 
     #[inline(always)]
-    fn take<S: Shorts, B: Bits>(&mut self, s: S, b: B, block: &Block, start: u32) {
-        let room = (self.series - self.result.deviations.len()).min(block.len());
+    fn process_block<S: I16Lanes, B: BitOps>(&mut self, s: S, b: B, block: &Block, start: u32) {
+        let room = (self.series_readouts - self.result.deviations.len()).min(block.len());
         let mut histories = Histories::new();
         self.scratch.readouts.begin(start);
         let mut group = 0;
         for at in 0..block.band_words() {
             let (row, column) = (at / block.stride(), at % block.stride() * 64);
-            let next = Lengths::group(self.result.rows.start + row, self.result.geometry);
+            let next = IntervalHistogram::group(self.result.rows.start + row, self.result.geometry);
             if next != group {
-                self.tally.empty(&mut self.result.lengths, group);
+                self.tally.flush(&mut self.result.histogram, group);
                 group = next;
             }
-            if at % WORDS == 0 {
+            if at % BLOCK_WORDS == 0 {
                 histories.gather(b, block, at);
             }
-            if at % (readouts::MOST / 64) == 0 {
-                self.scratch.readouts.sum();
+            if at % (readout_sums::MAX_PIXELS_PER_SUM / 64) == 0 {
+                self.scratch.readouts.flush();
             }
             let pixels = 64.min(block.width() - column);
             for i in 0..pixels {
@@ -165,37 +167,45 @@ impl State {
                 }
             }
         }
-        self.tally.empty(&mut self.result.lengths, group);
-        self.scratch.readouts.sum();
+        self.tally.flush(&mut self.result.histogram, group);
+        self.scratch.readouts.flush();
         self.result.deviations.extend(self.scratch.readouts.sums(room));
         self.result.readouts = start + block.len() as u32;
     }
 
-    /// Adds the spikes of a pixel in this block; there is at least one.
+    /// Adds the spikes of a pixel in this block. The caller guarantees that the pixel has at least one spike.
     #[inline(always)]
-    fn add_pixel<S: Shorts, B: Bits>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
+    fn add_pixel<S: I16Lanes, B: BitOps>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
         let known = self.result.pixels[p].spikes as usize;
         if known > self.depth {
-            self.add_late(s, b, p, words, start);
+            self.add_with_full_history(s, b, p, words, start);
             return;
         }
-        // One more than the history, so that the reference is known as well.
+        // The exact path adds at least one spike more than the history stores, because the reference needs that spike.
         let mut late = *words;
-        let early = decode::split(&mut late, self.depth + 1 - known);
+        let early = decode::take_spikes(&mut late, self.depth + 1 - known);
         self.add_exact(p, &early, start);
         if late.iter().any(|w| *w != 0) {
-            self.add_late(s, b, p, &late, start);
+            self.add_with_full_history(s, b, p, &late, start);
         }
     }
 
-    /// Adds the spikes of a pixel whose history is full; there is at least one.
+    /// Adds the spikes of a pixel whose history is full. The caller guarantees that the pixel has at least one spike.
     #[inline(always)]
-    fn add_late<S: Shorts, B: Bits>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
-        // From the oldest time of the history to the start of the block.
+    fn add_with_full_history<S: I16Lanes, B: BitOps>(
+        &mut self,
+        s: S,
+        b: B,
+        p: usize,
+        words: &History,
+        start: u32,
+    ) {
+        // `before` is the number of readouts between the oldest time in the history and the start of the block.
         let before = start.wrapping_sub(self.history[p * self.depth]);
-        // A history that ends within the block begins after its start, and the difference is small and negative.
-        let near = before.wrapping_add(CAPACITY as u32) <= self.span_limit;
-        if near && self.result.pixels[p].reference <= readouts::LARGEST_REFERENCE {
+        // If all spikes of the history are in this block, the oldest time is after `start` and the difference is negative.
+        // Adding the block length makes the difference positive.
+        let near = before.wrapping_add(MAX_BLOCK_READOUTS as u32) <= self.span_limit;
+        if near && self.result.pixels[p].reference <= readout_sums::LARGEST_REFERENCE {
             self.add_fast(s, b, p, words, start);
         } else {
             self.add_exact(p, words, start);
@@ -203,40 +213,40 @@ impl State {
     }
 
     #[inline(always)]
-    fn add_fast<S: Shorts, B: Bits>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
+    fn add_fast<S: I16Lanes, B: BitOps>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
         let depth = self.depth;
         let Scratch { times, intervals, readouts, .. } = &mut self.scratch;
         let history = &mut self.history[p * depth..(p + 1) * depth];
         for (time, old) in times.iter_mut().zip(history.iter()) {
             *time = old.wrapping_sub(start) as i16;
         }
-        let end = decode::times(b, words, times, depth);
+        let end = decode::write_times(b, words, times, depth);
         let times = times.as_slice();
         fast::differences(s, times, end, intervals);
         let lags = &self.result.lags;
         let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];
-        for (lags, sums) in lags.chunks(fast::TOGETHER).zip(sums.chunks_mut(fast::TOGETHER)) {
-            // Places behind the last lag do it again, for nobody.
+        for (lags, sums) in lags.chunks(fast::LAGS_PER_PASS).zip(sums.chunks_mut(fast::LAGS_PER_PASS)) {
+            // Unused entries of the array repeat the last lag. `zip` ignores their sums.
             let all = std::array::from_fn(|i| lags[i.min(lags.len() - 1)] as usize);
-            let squares = fast::squares(s, times, depth, end, all);
+            let squares = fast::sum_squares(s, times, depth, end, all);
             sums.iter_mut().zip(squares).for_each(|(sum, more)| sum[1] += more);
         }
         let pixel = &mut self.result.pixels[p];
         let found = fast::add_intervals(s, intervals, depth, end, pixel);
-        for open in self.open.iter_mut().flatten() {
+        for open in self.open_parts.iter_mut().flatten() {
             open.add_fast(
                 s,
                 p,
                 pixel.spikes,
-                parts::Times { times, at: depth, end, start },
+                parts::PixelTimes { times, at: depth, end, start },
                 intervals,
                 &found,
             );
         }
         pixel.spikes += (end - depth) as u32;
-        self.tally.add_found(s, &found, pixel.centre(), intervals, depth..end);
-        if self.result.deviations.len() < self.series {
-            fast::deviate(times, intervals, depth, end, pixel.reference, &mut readouts.table);
+        self.tally.add_new_intervals(s, &found, pixel.center(), intervals, depth..end);
+        if self.result.deviations.len() < self.series_readouts {
+            fast::add_deviations(times, intervals, depth, end, pixel.reference, &mut readouts.table);
         }
         for (old, time) in history.iter_mut().zip(&times[end - depth..end]) {
             *old = start.wrapping_add_signed(i32::from(*time));
@@ -256,7 +266,7 @@ impl State {
         }
         let lags = &self.result.lags;
         let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];
-        for open in self.open.iter_mut().flatten() {
+        for open in self.open_parts.iter_mut().flatten() {
             open.add_exact(p, pixel.spikes, times, known);
         }
         pixel.add_each(times, known, lags, sums, &mut self.scratch.readouts);
@@ -267,20 +277,21 @@ impl State {
         history[self.depth - kept..].copy_from_slice(&times[times.len() - kept..]);
     }
 
-    /// Begins part `which` at the next readout. What was pushed has been processed.
+    /// Begins part `which` at the next readout. The caller must first process all readouts that were pushed.
     pub(super) fn begin_part(&mut self, which: usize) {
-        self.open[which] = Some(Open::new(&self.result, self.depth));
+        self.open_parts[which] = Some(OpenPart::new(&self.result, self.depth));
     }
 
-    /// The intervals of part `which`, without the histogram of lengths, the extremes, and deviations by readout; `None` if it never
-    /// began.
+    /// Ends part `which` and returns its intervals, or `None` if the part never began.
+    ///
+    /// The result does not contain the histogram of lengths, the extremes or the deviations per readout.
     pub(super) fn end_part(&mut self, which: usize) -> Option<Intervals> {
-        let open = self.open[which].take()?;
+        let open = self.open_parts[which].take()?;
         Some(open.end(&self.result, &self.history))
     }
 
-    /// Remembers the sums of the first half.
-    pub(super) fn split(&mut self) {
+    /// Saves the sums at the end of the first half of the stream.
+    pub(super) fn mark_split(&mut self) {
         let lags = self.result.lags.len();
         let last = self.history.chunks_exact(self.depth);
         self.result.split = Some(Snapshot {
@@ -290,8 +301,10 @@ impl State {
         });
     }
 
-    /// The sum of `t_(k+n) - t_k` over all `k` telescopes to the last `n` times less the first `n`, of
-    /// which the sum was kept.
+    /// Completes the sums of `t_(k+n) - t_k` for each lag `n`. Such a sum telescopes to the sum of the last `n` times
+    /// minus the sum of the first `n` times.
+    ///
+    /// Before this call, `sums` contains the sum of the first `n` times.
     fn finish_sums(&mut self) {
         let lags = &self.result.lags;
         let pixels = self.result.pixels.iter().zip(self.history.chunks_exact(self.depth));
@@ -305,14 +318,14 @@ impl State {
 
     pub(super) fn finish(mut self) -> Intervals {
         self.finish_sums();
-        let latest = |(pixel, history): (&Pixel, &[u32])| {
-            let mut latest = [NEVER; 3];
+        let latest = |(pixel, history): (&PixelSums, &[u32])| {
+            let mut latest = [NO_SPIKE; 3];
             let kept = (pixel.spikes as usize).min(3);
             latest[3 - kept..].copy_from_slice(&history[self.depth - kept..]);
             latest
         };
         let histories = self.history.chunks_exact(self.depth);
-        self.result.latest = self.result.pixels.iter().zip(histories).map(latest).collect();
+        self.result.latest_spikes = self.result.pixels.iter().zip(histories).map(latest).collect();
         self.result
     }
 }

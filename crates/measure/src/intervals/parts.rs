@@ -1,87 +1,92 @@
-//! A part of the stream, measured while the whole is.
+//! Measures a part of the stream together with the whole stream.
 //!
-//! The sums of the whole grow within a part by what is the part's own, and by pairs of spikes of which the earlier one lies before it.
-//! Only the first spikes of a pixel in the part have such partners, and these are still in the whole's history: their share is taken off,
-//! and from then on nothing has to be summed up twice. What a pixel is judged by, its first intervals, is the part's own,
-//! so that intervals beyond its fences are counted for each part.
+//! During a part, the sums of the whole stream grow by the part's own terms. They also grow by terms of pairs of spikes
+//! whose earlier spike precedes the part. Only the first spikes of a pixel in the part form such pairs. Their earlier
+//! spikes are still in the history of the whole stream. Subtracting the terms of these pairs leaves the part's own sums,
+//! so later spikes need no second summation. The reference of a pixel in a part is the part's own first intervals.
+//! Therefore intervals beyond the fences are counted for each part separately.
 
-use super::fast::{self, Found};
-use super::pixel::Pixel;
-use super::readouts::REFERENCE;
-use super::{Intervals, LONGEST_LAG, Lengths, NEVER};
-use spikelane::unstable::kernels::{ROOM, Shorts};
+use super::fast::{self, NewIntervals};
+use super::pixel::PixelSums;
+use super::readout_sums::REFERENCE_INTERVALS;
+use super::{IntervalHistogram, Intervals, MAX_LAG_INTERVALS, NO_SPIKE};
+use spikelane::unstable::kernels::{I16Lanes, MAX_SPIKES};
 
-/// A part that has begun and not ended.
-pub(super) struct Open {
+/// A part that has begun and has not yet ended.
+pub(super) struct OpenPart {
     start: u32,
     lags: Vec<u32>,
-    /// Spikes that the whole's history holds.
+    /// Number of spikes per pixel in the history of the whole stream.
     depth: usize,
-    /// Spikes of the whole before the part.
-    before: Vec<u32>,
-    /// What is the part's own. Products lack what the whole has at the end, and have no extremes.
-    pixels: Vec<Pixel>,
-    /// As in the whole; squares lack what the whole has at the end.
+    /// Number of spikes of each pixel of the whole stream before the part.
+    spikes_before: Vec<u32>,
+    /// The sums of the part. [`Self::end`] adds the lag products of the whole stream. Extremes are not measured.
+    pixels: Vec<PixelSums>,
+    /// Sums per pixel and lag, as in [`Intervals`]. [`Self::end`] adds the sums of squares of the whole stream.
     sums: Vec<[u64; 2]>,
 }
 
-/// The 16-bit times of a pixel: new ones at `at..end`, counted from readout `start`, its history before.
+/// The 16-bit times of a pixel, relative to readout `start`. Entries `at..end` are new. The entries before `at` are the
+/// history.
 #[derive(Clone, Copy)]
-pub(super) struct Times<'a> {
+pub(super) struct PixelTimes<'a> {
     pub(super) times: &'a [i16],
     pub(super) at: usize,
     pub(super) end: usize,
     pub(super) start: u32,
 }
 
-/// Most spikes that are looked at where a part begins: the history and one more than that.
-const MOST: usize = 2 * LONGEST_LAG as usize + 1;
+/// Largest number of spikes that [`OpenPart::begin_fast`] converts: the history, and one more new spike than the history
+/// contains.
+const MAX_START_SPIKES: usize = 2 * MAX_LAG_INTERVALS as usize + 1;
 
-const _: () = assert!(MOST <= ROOM && REFERENCE <= LONGEST_LAG as usize);
+const _: () = assert!(MAX_START_SPIKES <= MAX_SPIKES && REFERENCE_INTERVALS <= MAX_LAG_INTERVALS as usize);
 
-impl Open {
-    /// Begins at the whole's next readout.
+impl OpenPart {
+    /// Begins a part at the next readout of `whole`.
     pub(super) fn new(whole: &Intervals, depth: usize) -> Self {
         let less = |sum: u64| 0_u64.wrapping_sub(sum);
-        let own = |pixel: &Pixel| Pixel { products: pixel.products.map(less), ..Pixel::new() };
+        let own =
+            |pixel: &PixelSums| PixelSums { lag_products: pixel.lag_products.map(less), ..PixelSums::new() };
         Self {
             start: whole.readouts,
             lags: whole.lags.clone(),
             depth,
-            before: whole.pixels.iter().map(|p| p.spikes).collect(),
+            spikes_before: whole.pixels.iter().map(|p| p.spikes).collect(),
             pixels: whole.pixels.iter().map(own).collect(),
             sums: whole.sums.iter().map(|s| [0, less(s[1])]).collect(),
         }
     }
 
-    /// Takes new spikes of pixel `p`, of which the whole had `spikes` before, with the whole's counts at its fences.
+    /// Adds the new spikes of pixel `p`. The pixel had `spikes` spikes in the whole stream before them. `found` contains
+    /// the counts of the whole stream at its fences.
     #[inline(always)]
-    pub(super) fn add_fast<S: Shorts>(
+    pub(super) fn add_fast<S: I16Lanes>(
         &mut self,
         s: S,
         p: usize,
         spikes: u32,
-        new: Times<'_>,
+        new: PixelTimes<'_>,
         intervals: &[i16],
-        found: &Found,
+        found: &NewIntervals,
     ) {
-        let known = (spikes - self.before[p]) as usize;
+        let known = (spikes - self.spikes_before[p]) as usize;
         if known <= self.depth {
             self.begin_fast(p, known, new);
         }
         let pixel = &mut self.pixels[p];
-        let Some(from) = judged(pixel, known, new.at) else { return };
+        let Some(from) = first_judged(pixel, known, new.at) else { return };
         let fences = fast::fences(pixel);
         let above = match from == new.at && fences == found.fences {
-            true => found.above,
-            false => fast::above(s, intervals, from, new.end, fences),
+            true => found.above_fences,
+            false => fast::count_above_fences(s, intervals, from, new.end, fences),
         };
         pixel.add_above((new.end - from) as u32, above);
     }
 
     #[inline(never)]
-    fn begin_fast(&mut self, p: usize, known: usize, new: Times<'_>) {
-        let mut wide = [0; MOST];
+    fn begin_fast(&mut self, p: usize, known: usize, new: PixelTimes<'_>) {
+        let mut wide = [0; MAX_START_SPIKES];
         let n = new.end.min(new.at + self.depth + 1);
         for (wide, time) in wide.iter_mut().zip(&new.times[..n]) {
             *wide = new.start.wrapping_add_signed(i32::from(*time));
@@ -89,28 +94,30 @@ impl Open {
         self.begin(p, known, &wide[..n], new.at);
     }
 
-    /// Takes the new spikes `times[at..]`, one by one; the entries before are the whole's history.
+    /// Adds the new spikes `times[at..]` one by one. The entries before `at` are the history of the whole stream.
     pub(super) fn add_exact(&mut self, p: usize, spikes: u32, times: &[u32], at: usize) {
-        let known = (spikes - self.before[p]) as usize;
+        let known = (spikes - self.spikes_before[p]) as usize;
         if known <= self.depth {
             self.begin(p, known, times, at);
         }
         let pixel = &mut self.pixels[p];
-        let Some(from) = judged(pixel, known, at) else { return };
+        let Some(from) = first_judged(pixel, known, at) else { return };
         for k in from..times.len() {
-            pixel.judge(times[k] - times[k - 1]);
+            pixel.count_at_fences(times[k] - times[k - 1]);
         }
     }
 
-    /// Takes the first spikes of a pixel, of which `known` came before `times[at..]`: they begin sums, tell the reference,
-    /// and have partners before the part.
+    /// Adds the first spikes of a pixel in the part. The part contains `known` spikes of the pixel before `times[at..]`.
+    ///
+    /// These spikes begin the sums and determine the reference. They also form pairs with spikes before the part, and
+    /// the function subtracts the terms of such pairs.
     fn begin(&mut self, p: usize, known: usize, times: &[u32], at: usize) {
         let (old, new) = times.split_at(at);
         let sums = &mut self.sums[p * self.lags.len()..(p + 1) * self.lags.len()];
         for (lag, sum) in self.lags.iter().map(|lag| *lag as usize).zip(sums) {
             let first = lag.saturating_sub(known).min(new.len());
             sum[0] += new[..first].iter().map(|t| u64::from(*t - self.start)).sum::<u64>();
-            // The whole's own first spikes have no partner there.
+            // Spikes with fewer than `lag` earlier spikes in the whole stream form no pair.
             let from = lag.saturating_sub(at).min(first);
             let pairs = times[at + from..at + first].iter().zip(&times[(at + from).saturating_sub(lag)..]);
             let squares = pairs.map(|(t, before)| u64::from(t - before).pow(2)).sum();
@@ -118,28 +125,28 @@ impl Open {
         }
         let pixel = &mut self.pixels[p];
         let interval = |k: usize| u64::from(times[k] - times[k - 1]);
-        for (apart, product) in (1_usize..).zip(&mut pixel.products) {
+        for (apart, product) in (1_usize..).zip(&mut pixel.lag_products) {
             for k in (at..times.len()).take((apart + 1).saturating_sub(known)).filter(|k| *k > apart) {
                 *product = product.wrapping_sub(interval(k) * interval(k - apart));
             }
         }
-        for (first, time) in pixel.first.iter_mut().skip(known).zip(new) {
+        for (first, time) in pixel.first_spikes.iter_mut().skip(known).zip(new) {
             *first = time - self.start;
         }
-        if let Some(time) = REFERENCE.checked_sub(known).and_then(|k| new.get(k)) {
+        if let Some(time) = REFERENCE_INTERVALS.checked_sub(known).and_then(|k| new.get(k)) {
             let zeroth = if known == 0 { new[0] } else { old[at - known] };
             pixel.reference = time - zeroth;
         }
     }
 
-    /// The part up to where `whole` is now, with the last spikes of its pixels.
+    /// Ends the part at the current readout of `whole`. `history` contains the last spikes of each pixel of `whole`.
     pub(super) fn end(mut self, whole: &Intervals, history: &[u32]) -> Intervals {
-        let mut latest = vec![[NEVER; 3]; self.pixels.len()];
+        let mut latest = vec![[NO_SPIKE; 3]; self.pixels.len()];
         let histories = history.chunks_exact(self.depth);
         for (p, history) in histories.enumerate() {
             let pixel = &mut self.pixels[p];
-            pixel.spikes = whole.pixels[p].spikes - self.before[p];
-            let more = pixel.products.iter_mut().zip(whole.pixels[p].products);
+            pixel.spikes = whole.pixels[p].spikes - self.spikes_before[p];
+            let more = pixel.lag_products.iter_mut().zip(whole.pixels[p].lag_products);
             more.for_each(|(product, whole)| *product = product.wrapping_add(whole));
             let lags = p * self.lags.len()..(p + 1) * self.lags.len();
             let sums = self.sums[lags.clone()].iter_mut().zip(&whole.sums[lags]);
@@ -160,21 +167,23 @@ impl Open {
             lags: self.lags,
             pixels: self.pixels,
             sums: self.sums,
-            latest,
-            lengths: Lengths::new(whole.lengths.cap()),
+            latest_spikes: latest,
+            histogram: IntervalHistogram::new(whole.histogram.longest_bin()),
             split: None,
             deviations: Vec::new(),
         }
     }
 }
 
-/// Where the intervals begin that can be judged, now that new spikes are taken from `at` on: with the spike that completes
-/// the reference all those of which that is made.
+/// Returns the index of the first interval to compare with the reference, if new spikes begin at index `at`. Returns
+/// `None` while the reference is incomplete.
+///
+/// When a spike completes the reference, the intervals of the reference itself are also compared.
 #[inline(always)]
-fn judged(pixel: &Pixel, known: usize, at: usize) -> Option<usize> {
+fn first_judged(pixel: &PixelSums, known: usize, at: usize) -> Option<usize> {
     match known {
         _ if pixel.reference == 0 => None,
-        0..=REFERENCE => Some(at + 1 - known),
+        0..=REFERENCE_INTERVALS => Some(at + 1 - known),
         _ => Some(at),
     }
 }

@@ -1,94 +1,96 @@
-//! What is kept of one pixel, and the path that takes any pixel.
+//! The sums of one pixel, and the exact path, which adds spikes one by one.
 
-use super::readouts::{REFERENCE, Readouts};
+use super::readout_sums::{REFERENCE_INTERVALS, ReadoutSums};
 
-/// Fences at whole readouts around the reference, from 3 below to 2 above.
-pub(super) const CUMULATIVE: usize = 6;
+/// Number of fences at whole readouts. They range from 3 readouts below to 2 readouts above the rounded reference mean.
+pub(super) const CUMULATIVE_FENCES: usize = 6;
 
-/// The sums of one pixel, all integers.
+/// The integer sums of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Pixel {
+pub(super) struct PixelSums {
     pub(super) spikes: u32,
-    /// The first three spikes.
-    pub(super) first: [u32; 3],
+    /// Readouts of the first three spikes.
+    pub(super) first_spikes: [u32; 3],
     pub(super) shortest: u32,
     pub(super) longest: u32,
-    /// Sums of products of intervals one and two apart.
-    pub(super) products: [u64; 2],
-    /// Sum of the first [`REFERENCE`] intervals; 0 until they are known.
+    /// Sums of products of two intervals of the pixel: neighbors (entry 0), and intervals that are two apart (entry 1).
+    pub(super) lag_products: [u64; 2],
+    /// Sum of the first [`REFERENCE_INTERVALS`] intervals. It is 0 until the pixel has that many intervals.
     pub(super) reference: u32,
-    /// Intervals below 0.6 and above 1.6 of the reference mean.
-    pub(super) short: u32,
-    pub(super) long: u32,
-    /// Intervals of at most `c - 3 + j` readouts, `c` the reference mean.
-    pub(super) within: [u32; CUMULATIVE],
+    /// Number of intervals below 0.6 times the reference mean.
+    pub(super) short_count: u32,
+    pub(super) long_count: u32,
+    /// Entry `j` is the number of intervals of at most `c - 3 + j` readouts, where `c` is the rounded reference mean.
+    pub(super) cumulative: [u32; CUMULATIVE_FENCES],
 }
 
-impl Pixel {
+impl PixelSums {
     pub(super) const fn new() -> Self {
         Self {
             spikes: 0,
-            first: [u32::MAX; 3],
+            first_spikes: [u32::MAX; 3],
             shortest: u32::MAX,
             longest: 0,
-            products: [0; 2],
+            lag_products: [0; 2],
             reference: 0,
-            short: 0,
-            long: 0,
-            within: [0; CUMULATIVE],
+            short_count: 0,
+            long_count: 0,
+            cumulative: [0; CUMULATIVE_FENCES],
         }
     }
 
-    /// The reference mean rounded to whole readouts.
-    pub(super) const fn centre(&self) -> i64 {
-        (self.reference as i64 + REFERENCE as i64 / 2) / REFERENCE as i64
+    /// Returns the reference mean, rounded to whole readouts.
+    pub(super) const fn center(&self) -> i64 {
+        (self.reference as i64 + REFERENCE_INTERVALS as i64 / 2) / REFERENCE_INTERVALS as i64
     }
 
-    /// The greatest length that lies *below* each boundary: an interval is
-    /// beyond boundary `j` when it is greater than fence `j`. The first is the
-    /// lower one at 0.6, the second the upper one at 1.6.
-    pub(super) fn fences(&self) -> [i64; 2 + CUMULATIVE] {
+    /// Returns the fences. An interval is above fence `j` if it is greater than the returned value `j`.
+    ///
+    /// Fence 0 is the largest length below 0.6 times the reference mean. Fence 1 is the largest length of at most 1.6
+    /// times the reference mean. The other fences are successive whole readouts around the reference mean.
+    pub(super) fn fences(&self) -> [i64; 2 + CUMULATIVE_FENCES] {
         let sum = i64::from(self.reference);
-        // x < 0.6 sum/16 is x <= ceil(6 sum/160) - 1; x > 1.6 sum/16 is x > floor(sum/10).
+        // mean = sum/16, so x < 0.6 mean means x <= ceil(6 sum/160) - 1, and x > 1.6 mean means x > floor(sum/10).
         let short = (6 * sum + 159) / 160 - 1;
         let mut fences = [short, sum / 10, 0, 0, 0, 0, 0, 0];
         for (j, fence) in fences[2..].iter_mut().enumerate() {
-            *fence = self.centre() - 3 + j as i64;
+            *fence = self.center() - 3 + j as i64;
         }
         fences
     }
 
-    /// Adds `n` intervals of which `above[j]` lie beyond fence `j`.
-    pub(super) fn add_above(&mut self, n: u32, above: [u32; 2 + CUMULATIVE]) {
-        self.short += n - above[0];
-        self.long += above[1];
-        for (within, above) in self.within.iter_mut().zip(&above[2..]) {
+    /// Adds `n` intervals. `above[j]` of them exceed fence `j`.
+    pub(super) fn add_above(&mut self, n: u32, above: [u32; 2 + CUMULATIVE_FENCES]) {
+        self.short_count += n - above[0];
+        self.long_count += above[1];
+        for (within, above) in self.cumulative.iter_mut().zip(&above[2..]) {
             *within += n - above;
         }
     }
 
-    /// Counts an interval at the fences.
-    pub(super) fn judge(&mut self, interval: u32) {
+    /// Adds one interval to the counts at the fences.
+    pub(super) fn count_at_fences(&mut self, interval: u32) {
         let above = self.fences().map(|f| u32::from(i64::from(interval) > f));
         self.add_above(1, above);
     }
 
-    /// Adds the spikes from `times[known]` on, one by one, with `sums` the first times and the squares of each lag; the entries before
-    /// are the spikes just before them (all of them, if the pixel has fired
-    /// fewer times than the history holds).
+    /// Adds the spikes `times[known..]` one by one.
+    ///
+    /// `times[..known]` are the preceding spikes: the whole history, or all earlier spikes if the pixel has fired fewer
+    /// times. For each lag `n`, `sums` contains the sum of the first `n` times and the sum of squared differences.
     pub(super) fn add_each(
         &mut self,
         times: &[u32],
         known: usize,
         lags: &[u32],
         sums: &mut [[u64; 2]],
-        readouts: &mut Readouts,
+        readouts: &mut ReadoutSums,
     ) {
         for i in known..times.len() {
             for (lag, sum) in lags.iter().zip(sums.iter_mut()) {
                 match i.checked_sub(*lag as usize) {
                     Some(before) => sum[1] += u64::from(times[i] - times[before]).pow(2),
-                    // One of the first spikes: see `State::finish_sums`.
+                    // The spike is one of the first `lag` spikes. `IntervalAccumulator::finish_sums` explains this sum.
                     None => sum[0] += u64::from(times[i]),
                 }
             }
@@ -97,21 +99,21 @@ impl Pixel {
             }
             let ordinal = self.spikes as usize;
             if ordinal < 3 {
-                self.first[ordinal] = times[i];
+                self.first_spikes[ordinal] = times[i];
             }
             self.spikes += 1;
-            if ordinal == REFERENCE {
-                self.reference = times[i] - times[i - REFERENCE];
-                for k in i - REFERENCE + 1..=i {
-                    self.judge(times[k] - times[k - 1]);
+            if ordinal == REFERENCE_INTERVALS {
+                self.reference = times[i] - times[i - REFERENCE_INTERVALS];
+                for k in i - REFERENCE_INTERVALS + 1..=i {
+                    self.count_at_fences(times[k] - times[k - 1]);
                 }
-            } else if ordinal > REFERENCE {
+            } else if ordinal > REFERENCE_INTERVALS {
                 let interval = times[i] - times[i - 1];
-                self.judge(interval);
-                readouts.deviate(times[i], interval, self.reference);
+                self.count_at_fences(interval);
+                readouts.add_deviation(times[i], interval, self.reference);
             }
-            if ordinal <= REFERENCE {
-                readouts.skip(times[i]);
+            if ordinal <= REFERENCE_INTERVALS {
+                readouts.count_skipped(times[i]);
             }
         }
     }
@@ -121,7 +123,7 @@ impl Pixel {
         let x = interval(i);
         self.shortest = self.shortest.min(x as u32);
         self.longest = self.longest.max(x as u32);
-        for (apart, product) in self.products.iter_mut().enumerate() {
+        for (apart, product) in self.lag_products.iter_mut().enumerate() {
             if i > apart + 1 {
                 *product += x * interval(i - apart - 1);
             }

@@ -1,18 +1,18 @@
-//! The portable instructions and this CPU's give the same integers.
+//! Tests that the portable implementation and the CPU's vector instructions compute the same integers.
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
-use super::super::block::{Block, CAPACITY};
-use super::super::newest;
-use super::{Intervals, Lengths, State};
+use super::super::block::{Block, MAX_BLOCK_READOUTS};
+use super::super::frame_popcount;
+use super::{IntervalAccumulator, IntervalHistogram, Intervals};
 use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::kernels::AnyCpu;
 
-/// Rates of silence, of rare and of dense words, and of every readout.
+/// Rates in spikes per readout. They produce silent pixels, sparse and dense words, and a spike at every readout.
 const RATES: [f64; 7] = [0.0, 0.0005, 0.01, 0.05, 0.2, 0.6, 1.0];
 
-/// Pixels whose spikes are `jitter` of chance and otherwise regular.
+/// Simulated pixels. The charge per readout varies randomly by the share `jitter`. With `jitter` 0 they fire regularly.
 struct Pixels {
     geometry: Geometry,
     jitter: f64,
@@ -41,29 +41,29 @@ impl Pixels {
     }
 }
 
-/// What is measured of some readouts.
-struct Measured {
+/// A measurement that adds one block at a time.
+struct TestMeasurement {
     block: Block,
-    state: State,
+    state: IntervalAccumulator,
     start: u32,
     portable: bool,
 }
 
-impl Measured {
+impl TestMeasurement {
     fn new(geometry: Geometry, lags: &[u32], portable: bool) -> Self {
-        let state = State::new(geometry, 0..3, lags.to_vec(), 40, 3000);
+        let state = IntervalAccumulator::new(geometry, 0..3, lags.to_vec(), 40, 3000);
         Self { block: Block::new(geometry, 0..3), state, start: 0, portable }
     }
 
-    /// Takes a block of these frames.
+    /// Adds one block that contains `frames`.
     fn take(&mut self, frames: &[Vec<u8>]) {
         for frame in frames {
             self.block.append(frame);
-            self.state.push(self.block.len() - 1, newest::spikes(self.block.newest()));
+            self.state.push(self.block.len() - 1, frame_popcount::count_spikes(self.block.latest_words()));
         }
-        self.block.silence_rest();
+        self.block.clear_rest();
         match self.portable {
-            true => self.state.take(AnyCpu, AnyCpu, &self.block, self.start),
+            true => self.state.process_block(AnyCpu, AnyCpu, &self.block, self.start),
             false => self.state.process(&self.block, self.start),
         }
         self.start += frames.len() as u32;
@@ -73,38 +73,38 @@ impl Measured {
 
 const LAGS: [u32; 8] = [1, 2, 4, 8, 16, 24, 32, 64];
 
-/// Measures three blocks, the last one not full.
+/// Measures three blocks. The last block is not full.
 fn measure(width: u32, jitter: f64, seed: u64, portable: bool) -> Intervals {
     let mut pixels = Pixels::new(width, jitter, seed);
-    let mut measured = Measured::new(pixels.geometry, &LAGS, portable);
-    for len in [CAPACITY, CAPACITY, 777] {
+    let mut measured = TestMeasurement::new(pixels.geometry, &LAGS, portable);
+    for len in [MAX_BLOCK_READOUTS, MAX_BLOCK_READOUTS, 777] {
         let frames: Vec<_> = (0..len).map(|_| pixels.frame()).collect();
         measured.take(&frames);
     }
     measured.state.finish()
 }
 
-/// What a part tells: no histogram of lengths, no extremes, no deviations.
+/// Removes the values that the result of a part does not contain: histogram of lengths, extremes and deviations.
 fn as_part(mut alone: Intervals) -> Intervals {
     for pixel in &mut alone.pixels {
         (pixel.shortest, pixel.longest) = (u32::MAX, 0);
     }
-    alone.lengths = Lengths::new(alone.lengths.cap());
+    alone.histogram = IntervalHistogram::new(alone.histogram.longest_bin());
     alone.deviations.clear();
     alone
 }
 
 #[test]
-fn a_part_measured_with_the_whole_is_the_part_measured_alone() {
-    // Blocks of the parts begin and end within the whole: early, late, short ones, and one that holds no readout.
-    let cuts = [5, 40, 300, CAPACITY, 900, 33, CAPACITY, 1, 0, 64, 700];
+fn a_part_measured_within_a_stream_equals_a_separate_measurement() {
+    // The lengths of the blocks range from 0 to `MAX_BLOCK_READOUTS` readouts.
+    let cuts = [5, 40, 300, MAX_BLOCK_READOUTS, 900, 33, MAX_BLOCK_READOUTS, 1, 0, 64, 700];
     for (width, jitter, seed, lags) in
         [(3, 0.0, 1, &LAGS[..]), (64, 0.9, 2, &LAGS), (9, 0.5, 3, &[1]), (70, 0.1, 4, &[1, 4, 8, 16, 24, 32])]
     {
         let mut pixels = Pixels::new(width, jitter, seed);
-        let mut whole = Measured::new(pixels.geometry, lags, seed == 3);
-        // One part lasts three blocks, the other one; both begin anew.
-        let alone = || Measured::new(Geometry::new(width, 3).unwrap(), lags, true);
+        let mut whole = TestMeasurement::new(pixels.geometry, lags, seed == 3);
+        // Part 0 lasts three blocks and part 1 lasts one block. Each part begins again when it ends.
+        let alone = || TestMeasurement::new(Geometry::new(width, 3).unwrap(), lags, true);
         let mut parts = [alone(), alone()];
         for (i, len) in cuts.into_iter().enumerate() {
             for (which, part) in parts.iter_mut().enumerate() {
@@ -133,6 +133,6 @@ fn portable_and_fast_instructions_agree() {
     for (width, jitter) in [(3, 0.0), (64, 0.9), (131, 0.3), (400, 0.1)] {
         let [fast, portable] = [false, true].map(|portable| measure(width, jitter, 5, portable));
         assert!(fast == portable, "width {width}, jitter {jitter}");
-        assert!(fast.lengths().total() > 0);
+        assert!(fast.histogram().total() > 0);
     }
 }

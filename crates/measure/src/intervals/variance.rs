@@ -1,60 +1,58 @@
-//! How the variance of spike times grows with their distance.
+//! The variance of the difference of two spike times, as a function of their lag in intervals.
 //!
-//! For a lag of `n` intervals, with `d_k = t_(k+n) - t_k`, `K = N - n + 1` of
-//! them, and the pixel's own mean interval `m = (t_N - t_0) / N`:
+//! A lag of `n` intervals has `K = N - n + 1` differences `d_k = t_(k+n) - t_k`. Let `m = (t_N - t_0) / N` be the mean
+//! interval of the pixel. Then
 //!
 //! `D(n) = 1/K sum (d_k - n m)^2`
 //!
-//! needs only the sums of `d_k` and `d_k^2` besides `N`, `t_0` and `t_N`; as
-//! `m` is a ratio of integers, the whole is one integer over `N^2 K`, so
-//! nothing cancels.
+//! depends on the spikes only through `N`, `t_0`, `t_N` and the sums of `d_k` and `d_k^2`. As `m` is a ratio of integers,
+//! `D(n)` is one integer divided by `N^2 K`. The subtraction is done in integers and loses no digits.
 //!
-//! **Bias.** `m` comes from the same spikes. Let `V(j)` be the true variance of
-//! `t_(k+j) - t_k`. The covariance of two spans is
-//! `cov(t_b - t_a, t_d - t_c) = (V(d-a) + V(b-c) - V(b-d) - V(a-c)) / 2`,
-//! and averaging over `k` gives
-//!
+//! **Bias.** `m` is computed from the same spikes as `d_k`. Let `V(j)` be the true variance of `t_(k+j) - t_k`. The
+//! covariance of two differences is `cov(t_b - t_a, t_d - t_c) = (V(d-a) + V(b-c) - V(b-d) - V(a-c)) / 2`. The average
+//! over `k` is
 //! `E D(n) = V(n) + n^2 V(N)/N^2 - 2n/(N K) (V(N-n+1) + ... + V(N) - V(0) - ... - V(n-1))`.
 //!
-//! For `V(j) = s j + q` (`V(0) = 0`), phase noise `s` per spike on top of a
-//! constant quantisation `q`, that is
+//! For phase noise `s` per spike and a constant quantization `q`, `V(j) = s j + q` with `V(0) = 0`. Then
 //!
-//! `E D(n) = s (n - n^2/N) + q (1 + n^2/N^2 - 2n/(N K))`:
+//! `E D(n) = s (n - n^2/N) + q (1 + n^2/N^2 - 2n/(N K))`.
 //!
-//! independent intervals lose the share `n/N`, a pixel without noise gains
-//! nearly `n^2/N^2`. The quantisation is a lattice function of the rate: for
-//! uniform phase `q(n) = u (1 - u)` with `u` the fraction of `n m`, whose mean
-//! over a spread of rates tends to 1/6; near lag 1 a narrow range of rates has
-//! its own value (0.172 for rates about 0.195).
+//! Consequently `D(n)` of independent intervals is too small by the share `n/N`. `D(n)` of a pixel without noise is too
+//! large by nearly the share `n^2/N^2`.
+//!
+//! The quantization depends on the rate. For a uniform phase `q(n) = u (1 - u)`, where `u` is the fractional part of
+//! `n m`. The mean of `q` over a wide range of rates tends to 1/6. Near lag 1 the mean over a narrow range of rates can
+//! differ from 1/6 (0.172 for rates around 0.195).
 
 use super::super::estimate::Estimate;
 use super::Intervals;
 
-/// Variance of spike times as `V(n) = n per_spike + constant`, in readouts squared.
+/// Variance of the difference of two spike times that are `n` intervals apart. The model is
+/// `V(n) = n per_spike + constant`, in readouts squared.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct PhaseNoise {
-    /// Growth per spike: shot noise and threshold noise.
+    /// Growth of the variance per spike, caused by shot noise and threshold noise.
     pub per_spike: Estimate,
-    /// The constant part: quantisation by readouts.
+    /// Constant part of the variance, caused by quantization to whole readouts.
     pub constant: Estimate,
 }
 
-/// The shortest lag that tells the growth: below it, the lattice value of a
-/// narrow range of rates is no constant (at lag 4, rates about 0.2 that differ
-/// by 5 % cover a whole period of the lattice).
-const SHORTEST_FITTED: u32 = 4;
+/// Smallest lag in the fit of [`Intervals::decompose`].
+///
+/// At smaller lags the quantization is not constant over a narrow range of rates. At lag 4, rates around 0.2 that differ
+/// by 5 % cover a whole period of the fractional part of `n m`.
+const MIN_FITTED_LAG: u32 = 4;
 
-/// What `D(n)` of a pixel with `intervals` intervals holds of noise per spike
-/// and of the constant.
+/// Returns the coefficients of `s` and `q` in `E D(n)`, for a pixel with `intervals` intervals.
 fn weights(lag: u32, intervals: u32) -> [f64; 2] {
     let (n, all) = (f64::from(lag), f64::from(intervals));
     let terms = all - n + 1.0;
     [n - n * n / all, 1.0 + n * n / (all * all) - 2.0 * n / (all * terms)]
 }
 
-/// The nearest float. Most numbers have 64 bits, of which the CPU makes one itself.
-fn float(x: i128) -> f64 {
+/// Returns the nearest `f64`. Most numbers fit into 64 bits, and the CPU converts a 64-bit integer in one instruction.
+fn to_float(x: i128) -> f64 {
     match i64::try_from(x) {
         Ok(x) => x as f64,
         Err(_) => x as f64,
@@ -66,7 +64,7 @@ impl Intervals {
         self.lags.iter().position(|l| *l == lag)
     }
 
-    /// `D(n)` of one pixel, NaN with fewer than `n` intervals.
+    /// Returns `D(n)` of one pixel, or NaN if the pixel has fewer than `n` intervals. `index` is the index of the lag.
     fn pixel_lag_variance(&self, p: usize, index: usize) -> f64 {
         let lag = self.lags[index];
         let (intervals, span) = self.span(p);
@@ -76,14 +74,14 @@ impl Intervals {
         let [sum, squares] = self.sums[p * self.lags.len() + index].map(i128::from);
         let (n, all, span) = (i128::from(lag), i128::from(intervals), i128::from(span));
         let terms = all - n + 1;
-        // At most 2^28 intervals and readouts, lags of at most 2^6, squares
-        // below 2^62: no term exceeds 2^119.
+        // Intervals and readouts are at most 2^28, lags 2^6 and squares 2^62. Therefore no term exceeds 2^119.
         let numerator = all * all * squares - 2 * n * all * span * sum + terms * n * n * span * span;
-        float(numerator) / float(all * all * terms)
+        to_float(numerator) / to_float(all * all * terms)
     }
 
-    /// `D(n)` per pixel, in readouts squared: NaN where a pixel has fewer than
-    /// `n` intervals, or everywhere when the lag was not chosen.
+    /// Returns `D(n)` of each pixel in readouts squared.
+    ///
+    /// An entry is NaN if the pixel has fewer than `n` intervals. All entries are NaN if the lag was not measured.
     #[must_use]
     pub fn lag_variance_map(&self, lag: u32) -> Vec<f64> {
         let of_pixel = |p| match self.lag_index(lag) {
@@ -93,9 +91,10 @@ impl Intervals {
         (0..self.len()).map(of_pixel).collect()
     }
 
-    /// `D(n)`, the mean over `pixels` (all when `None`), each with equal
-    /// weight. Standard error: `sd / sqrt(pixels)`; pixels are independent.
-    /// The value has the small-sample bias that the module states.
+    /// Returns the mean of `D(n)` over `pixels` with equal weights. `None` selects all pixels.
+    ///
+    /// The standard error is `sd / sqrt(pixels)`, because pixels are independent. The value has a small-sample bias.
+    /// [`Self::unbiased_lag_variance`] removes this bias.
     #[must_use]
     pub fn lag_variance(&self, lag: u32, pixels: Option<&[usize]>) -> Estimate {
         match self.lag_index(lag) {
@@ -104,39 +103,40 @@ impl Intervals {
         }
     }
 
-    /// Growth and constant part of the variance of spike times: per pixel the
-    /// least-squares solution over the lags from 4 on (bias included, so the estimate is
-    /// unbiased as far as the constant is one), then the mean over `pixels`.
-    /// Standard error: `sd / sqrt(pixels)`. Pixels with fewer than two usable
-    /// lags are left out.
+    /// Separates the variance between spike times into growth per spike and a constant part.
+    ///
+    /// Each pixel has its own least-squares fit to the lags of 4 or more. The result is the mean of the fits over
+    /// `pixels`. The fitted model includes the bias of `D(n)`, so the estimate is unbiased if the quantization is
+    /// constant. The standard error is `sd / sqrt(pixels)`. Pixels with fewer than two usable lags are excluded.
     #[must_use]
     pub fn decompose(&self, pixels: Option<&[usize]>) -> PhaseNoise {
         let mut found = Vec::new();
-        self.each(pixels, |p| found.push(self.pixel_noise(p, SHORTEST_FITTED)));
+        self.for_each_pixel(pixels, |p| found.push(self.pixel_noise(p, MIN_FITTED_LAG)));
         let mean = |which: usize| Estimate::mean(found.iter().map(|noise| noise[which]));
         PhaseNoise { per_spike: mean(0), constant: mean(1) }
     }
 
-    /// Growth per spike of one pixel as in [`Self::decompose`], from the lag `shortest` on; NaN with
-    /// fewer than two usable lags.
+    /// Returns the growth per spike of one pixel, fitted as in [`Self::decompose`] to the lags of `shortest` or more.
+    /// Returns NaN with fewer than two usable lags.
     #[must_use]
     pub fn growth(&self, p: usize, shortest: u32) -> f64 {
         self.pixel_noise(p, shortest)[0]
     }
 
-    /// The map of the growth (`which` 0) or the constant (1) of [`Self::decompose`].
+    /// Returns the map of one result of [`Self::decompose`]: the growth per spike if `which` is 0, the constant part if it
+    /// is 1.
     pub(crate) fn noise_map(&self, which: usize) -> Vec<f64> {
-        (0..self.len()).map(|p| self.pixel_noise(p, SHORTEST_FITTED)[which]).collect()
+        (0..self.len()).map(|p| self.pixel_noise(p, MIN_FITTED_LAG)[which]).collect()
     }
 
-    /// Normal equations of `D(n) = s a_n + q b_n` over the lags of a pixel.
+    /// Fits `D(n) = s a_n + q b_n` to the lags of a pixel and returns `[s, q]`. [`weights`] returns `a_n` and `b_n`.
     fn pixel_noise(&self, p: usize, shortest: u32) -> [f64; 2] {
         let (intervals, _) = self.span(p);
         let (mut aa, mut ab, mut bb, mut ad, mut bd) = (0.0, 0.0, 0.0, 0.0, 0.0);
         let mut used = 0;
         let from = self.lags.partition_point(|lag| *lag < shortest);
         for (index, lag) in self.lags.iter().enumerate().skip(from) {
-            // Lags near the whole stream have few, dependent terms.
+            // At lags above half the number of intervals, `D(n)` has few terms, and these terms are dependent.
             if 2 * lag > intervals {
                 break;
             }
@@ -156,8 +156,8 @@ impl Intervals {
         [(ad * bb - bd * ab) / det, (bd * aa - ad * ab) / det]
     }
 
-    /// [`Self::lag_variance`] with its bias taken out, for the noise found by
-    /// [`Self::decompose`] on the same pixels.
+    /// Returns [`Self::lag_variance`] minus its bias. The bias is computed for the noise that [`Self::decompose`] finds
+    /// for `pixels`.
     #[must_use]
     pub fn unbiased_lag_variance(&self, lag: u32, pixels: Option<&[usize]>) -> Estimate {
         let noise = self.decompose(pixels);
@@ -171,8 +171,9 @@ impl Intervals {
         })
     }
 
-    /// Autocovariance of a pixel's intervals `apart` (1 or 2) intervals apart:
-    /// `1/K sum (x_k - m)(x_(k+apart) - m)`, `K = N - apart`; NaN below that.
+    /// Returns the autocovariance of a pixel's intervals at a distance of `apart` (1 or 2) intervals.
+    ///
+    /// It is `1/K sum (x_k - m)(x_(k+apart) - m)` with `K = N - apart` and the mean interval `m`. It is NaN if `K < 1`.
     fn pixel_autocovariance(&self, p: usize, apart: usize) -> f64 {
         let (intervals, span) = self.span(p);
         let pixel = &self.pixels[p];
@@ -180,27 +181,28 @@ impl Intervals {
             return f64::NAN;
         }
         let wide = |x: u32| i128::from(x);
-        // The intervals without the last, and without the first, `apart` ones.
-        let early = wide(self.latest[p][2 - apart] - pixel.first[0]);
-        let late = wide(self.latest[p][2] - pixel.first[apart]);
+        // `early` is the sum of all intervals but the last `apart`. `late` is the sum of all intervals but the first `apart`.
+        let early = wide(self.latest_spikes[p][2 - apart] - pixel.first_spikes[0]);
+        let late = wide(self.latest_spikes[p][2] - pixel.first_spikes[apart]);
         let (all, span, k) = (wide(intervals), wide(span), wide(intervals) - apart as i128);
-        let products = i128::from(pixel.products[apart - 1]);
+        let products = i128::from(pixel.lag_products[apart - 1]);
         let numerator = all * all * products - all * span * (early + late) + k * span * span;
-        float(numerator) / float(all * all * k)
+        to_float(numerator) / to_float(all * all * k)
     }
 
-    /// Autocovariance of intervals 1 or 2 `apart`, mean over `pixels`, in
-    /// readouts squared. Standard error: `sd / sqrt(pixels)`. The bias is of
-    /// order `V(N)/N^2`: `-s/N` for independent intervals, and `q/N^2` for an
-    /// integrator, whose lag-1 value lies near minus half of `D(1)` or below it.
+    /// Returns the mean autocovariance over `pixels` of intervals at a distance of `lag` (1 or 2) intervals, in readouts
+    /// squared.
+    ///
+    /// The standard error is `sd / sqrt(pixels)`. The bias has the order of `V(N)/N^2`. It is `-s/N` for independent
+    /// intervals and `q/N^2` for an integrator. The value of an integrator at lag 1 is about `-D(1)/2` or below.
     #[must_use]
-    pub fn autocovariance(&self, apart: usize, pixels: Option<&[usize]>) -> Estimate {
-        self.mean(pixels, |p| self.pixel_autocovariance(p, apart))
+    pub fn autocovariance(&self, lag: usize, pixels: Option<&[usize]>) -> Estimate {
+        self.mean(pixels, |p| self.pixel_autocovariance(p, lag))
     }
 
-    /// The map of [`Self::autocovariance`].
+    /// Returns the autocovariance of each pixel, as in [`Self::autocovariance`].
     #[must_use]
-    pub fn autocovariance_map(&self, apart: usize) -> Vec<f64> {
-        (0..self.len()).map(|p| self.pixel_autocovariance(p, apart)).collect()
+    pub fn autocovariance_map(&self, lag: usize) -> Vec<f64> {
+        (0..self.len()).map(|p| self.pixel_autocovariance(p, lag)).collect()
     }
 }

@@ -1,11 +1,13 @@
-//! JSON for programs.
+//! Helpers for JSON output.
 
 use serde_json::Value;
 
-/// `object` with those of `further` that have a value. What is absent has no key: `null` is what JSON makes of a number that is not
-/// finite, and programs read numbers where they find keys.
+/// Returns `object` with the entries of `further` whose value is `Some`.
+///
+/// An absent value has no key, because readers of the JSON expect a number at every key. `serde_json` would write `null`
+/// for a number that is not finite.
 #[must_use]
-pub fn with_known<const N: usize>(mut object: Value, further: [(&str, Option<Value>); N]) -> Value {
+pub fn insert_present<const N: usize>(mut object: Value, further: [(&str, Option<Value>); N]) -> Value {
     for (key, value) in further {
         if let Some(value) = value {
             object[key] = value;

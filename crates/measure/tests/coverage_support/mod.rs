@@ -1,84 +1,89 @@
-//! How often the errors that `measure` states hold the truth, on small sensors made for the purpose.
+//! Measures how often the errors that `measure` reports cover the truth. The recordings are of small simulated sensors.
 #![allow(dead_code, reason = "the suite and the study take what they need")]
 
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 use spikelane::effects::find;
-use spikelane::spikes::{Geometry, Packed};
+use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::{Camera, Seeds, presets};
-use spikelane_io::simulate::{FrameRef, Simulator};
-use spikelane_measure::{Recording, Told};
+use spikelane_io::simulate::Simulator;
+use spikelane_measure::{MeasuredRecording, ReportedStatistic};
 
 pub(crate) const WIDTH: u32 = 32;
 pub(crate) const HEIGHT: u32 = 24;
 pub(crate) const READOUTS: usize = 1024;
 
-/// What the sensors' fixed pattern is made of.
+/// Kinds of fixed pattern.
 pub(crate) const PATTERNS: [&str; 3] = ["white", "rows", "columns"];
 
-/// Which repetition an error speaks of.
+/// The kind of repetition between which an error describes the scatter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Meaning {
-    /// One sensor, recorded again and again.
+pub(crate) enum Repetition {
+    /// One sensor is recorded repeatedly.
     Recording,
-    /// Sensors of one kind, each recorded once.
+    /// Different sensors of one kind are recorded once each.
     Sensor,
 }
 
-/// The camera `physical` with a gain spread of 2 % and nothing that makes single pixels stand out, and lines of 2 %.
+/// Returns the camera `physical` without outlier pixels and with a gain spread of 2 %. If `pattern` is `rows` or
+/// `columns`, the camera also has a row or column pattern of 2 %.
 pub(crate) fn camera(pattern: &str) -> Camera {
-    let mut camera = presets::builtin("physical").unwrap().without("hot_pixels").without("dark_tail");
+    let mut camera =
+        presets::builtin("physical").unwrap().without_effect("hot_pixels").without_effect("dark_tail");
     camera.sensor.geometry = Geometry::new(WIDTH, HEIGHT).unwrap();
-    let lines = |name: &str| find(name).unwrap().neutral().with("sigma", 0.02).unwrap();
+    let lines = |name: &str| find(name).unwrap().neutral().with_value("sigma", 0.02).unwrap();
     match pattern {
-        "rows" => camera.with(lines("row_pattern")),
-        "columns" => camera.with(lines("column_pattern")),
+        "rows" => camera.with_effect(lines("row_pattern")),
+        "columns" => camera.with_effect(lines("column_pattern")),
         _ => camera,
     }
 }
 
-/// What `measure` says of one recording of a camera under even light.
-pub(crate) fn recorded(camera: &Camera, rate: f64, seeds: Seeds) -> Recording {
+/// Records uniform light with `camera` and measures the recording.
+pub(crate) fn measure_recording(camera: &Camera, rate: f64, seeds: Seeds) -> MeasuredRecording {
     let geometry = camera.sensor.geometry;
-    let light = camera.operating(rate).light as f32;
+    let light = camera.operating_point(rate).light as f32;
     let samples = vec![light; geometry.pixels()];
     let mut bits = vec![0; READOUTS * geometry.frame_bytes()];
     let mut simulator = Simulator::new(camera, seeds).unwrap();
-    simulator.push(FrameRef::f32(&samples, geometry), &mut bits).unwrap();
-    Recording::of_packed(Packed::new(geometry, &bits).unwrap()).unwrap()
+    simulator.fill(&samples, &mut bits).unwrap();
+    MeasuredRecording::from_frames(SpikeFramesRef::new(geometry, &bits).unwrap()).unwrap()
 }
 
-/// `count` recordings: of the sensor with camera seed 1, or of as many sensors.
-pub(crate) fn recordings(pattern: &str, rate: f64, meaning: Meaning, count: u64) -> Vec<Vec<Told>> {
+/// Returns `count` recordings: of the one sensor with camera seed 1, or of `count` different sensors.
+pub(crate) fn recordings(
+    pattern: &str,
+    rate: f64,
+    meaning: Repetition,
+    count: u64,
+) -> Vec<Vec<ReportedStatistic>> {
     let camera = camera(pattern);
     let one = |k: u64| {
         let seeds = match meaning {
-            Meaning::Recording => Seeds { camera: 1, shot: k, sequence: 0 },
-            Meaning::Sensor => Seeds { camera: k, shot: k, sequence: 0 },
+            Repetition::Recording => Seeds { camera: 1, shot: k, sequence: 0 },
+            Repetition::Sensor => Seeds { camera: k, shot: k, sequence: 0 },
         };
-        recorded(&camera, rate, seeds).told().unwrap()
+        measure_recording(&camera, rate, seeds).reported_statistics().unwrap()
     };
     (0..count).into_par_iter().map(one).collect()
 }
 
-/// How one statistic fared.
+/// Coverage of one statistic, counted over recordings.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Coverage {
-    /// Intervals of 95 % that hold the truth.
-    pub held: usize,
-    /// Intervals.
-    pub of: usize,
-    /// Of these, those that are said to be too wide, or limits above.
+    /// Number of 95 % intervals that contain the truth.
+    pub covering: usize,
+    /// Number of intervals.
+    pub intervals: usize,
+    /// Number of intervals whose error is only an upper bound, or which are upper limits. Such intervals can be too wide.
     pub limits: usize,
-    /// Recordings of which the statistic had no error.
-    pub untold: usize,
-    /// Mean stated error over the scatter of the values.
-    pub ratio: f64,
+    /// Number of recordings in which the statistic has no error.
+    pub without_error: usize,
 }
 
-/// Statistics that are 0 whatever the recording, where the pattern is white.
-const ZERO: [&str; 12] = [
+/// Statistics whose expectation is 0 if the pattern is white.
+const ZERO_KEYS: [&str; 12] = [
     "correlation-right",
     "correlation-lower",
     "correlation-diagonal",
@@ -93,69 +98,70 @@ const ZERO: [&str; 12] = [
     "column-nonuniformity",
 ];
 
-/// The truth where it is 0: of the pattern of one sensor it is what that sensor has by chance.
-fn zero(key: &str, pattern: &str, meaning: Meaning) -> bool {
+/// Whether the expectation of the statistic is 0. For recordings of one sensor, the pattern of this sensor is random and
+/// its statistics differ from 0.
+fn is_zero(key: &str, pattern: &str, meaning: Repetition) -> bool {
     let of_bits = key.starts_with("coincidence");
     let of_lines = match key {
         "row-nonuniformity" => pattern != "rows",
         "column-nonuniformity" => pattern != "columns",
         _ => pattern == "white",
     };
-    ZERO.contains(&key) && (of_bits || (of_lines && meaning == Meaning::Sensor))
+    ZERO_KEYS.contains(&key) && (of_bits || (of_lines && meaning == Repetition::Sensor))
 }
 
-/// Judges every statistic. The truth of a recording is the mean of all others, whose own error widens the interval, or 0.
-pub(crate) fn judge(all: &[Vec<Told>], pattern: &str, meaning: Meaning) -> BTreeMap<String, Coverage> {
+/// Computes the coverage of every statistic. The truth for a recording is 0, or the mean of all other recordings. The
+/// error of this mean widens the interval.
+pub(crate) fn judge(
+    all: &[Vec<ReportedStatistic>],
+    pattern: &str,
+    meaning: Repetition,
+) -> BTreeMap<String, Coverage> {
     let mut found = BTreeMap::new();
     for i in 0..all[0].len() {
-        let of: Vec<&Told> = all.iter().map(|told| &told[i]).collect();
-        let zero = zero(&of[0].key, pattern, meaning);
+        let of: Vec<&ReportedStatistic> = all.iter().map(|told| &told[i]).collect();
+        let zero = is_zero(&of[0].key, pattern, meaning);
         found.insert(of[0].key.clone(), coverage(&of, zero, meaning));
     }
     found
 }
 
-fn coverage(of: &[&Told], zero: bool, meaning: Meaning) -> Coverage {
-    let error = |t: &Told| match meaning {
-        Meaning::Recording => t.recording_error,
-        // Where a pattern makes no difference there is one error.
-        Meaning::Sensor => t.sensor_error.or(t.recording_error),
+fn coverage(of: &[&ReportedStatistic], zero: bool, meaning: Repetition) -> Coverage {
+    let error = |t: &ReportedStatistic| match meaning {
+        Repetition::Recording => t.recording_error,
+        // A statistic that the pattern does not affect has only the recording error.
+        Repetition::Sensor => t.sensor_error.or(t.recording_error),
     };
     let values: Vec<f64> = of.iter().filter_map(|t| t.value).collect();
     let (n, sum) = (values.len() as f64, values.iter().sum::<f64>());
     let mut found = Coverage::default();
-    let mut errors = 0.0;
     for told in of {
-        if let (None, Some(below)) = (told.value, told.below) {
-            // A limit is only wrong where something is there: half of all values say how much.
+        if let (None, Some(below)) = (told.value, told.upper_limit) {
+            // A limit is wrong only if the truth exceeds it. If at least half of the recordings have a value, the truth is
+            // the mean of these values. Otherwise the truth is 0.
             let truth = if zero || 2.0 * n < of.len() as f64 { 0.0 } else { sum / n };
             found.limits += 1;
-            found.of += 1;
-            found.held += usize::from(truth <= below);
+            found.intervals += 1;
+            found.covering += usize::from(truth <= below);
             continue;
         }
         let (Some(value), Some(error)) = (told.value, error(told)) else {
-            found.untold += 1;
+            found.without_error += 1;
             continue;
         };
         let (truth, widening) = match zero {
             true => (0.0, 1.0),
             false => ((sum - value) / (n - 1.0), (n / (n - 1.0)).sqrt()),
         };
-        found.of += 1;
-        found.limits += usize::from(told.at_most && meaning == Meaning::Recording);
-        found.held += usize::from((value - truth).abs() <= 1.96 * error * widening + 1e-12 * truth.abs());
-        errors += error;
-    }
-    let spread = (values.iter().map(|v| (v - sum / n).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
-    found.ratio = errors / (found.of - found.limits.min(found.of)).max(1) as f64 / spread;
-    if found.limits > 0 {
-        found.ratio = errors / n / spread;
+        found.intervals += 1;
+        found.limits += usize::from(told.recording_error_is_bound && meaning == Repetition::Recording);
+        found.covering += usize::from((value - truth).abs() <= 1.96 * error * widening + 1e-12 * truth.abs());
     }
     found
 }
 
-/// Chance that `of` intervals of 95 % hold the truth `held` times or more extremely, on the nearer side.
+/// Returns the smaller of P(at most `held`) and P(at least `held`). `held` is the number of `of` independent intervals
+/// that cover the truth, if each interval covers it with probability 0.95.
 pub(crate) fn chance(held: usize, of: usize) -> f64 {
     let log = |k: usize| (1..=k).map(|i| (i as f64).ln()).sum::<f64>();
     let all = log(of);

@@ -1,4 +1,4 @@
-//! Statistics of streams and their errors.
+//! Tests of the statistics of streams and of the errors of these statistics.
 
 #[path = "../coverage_support/mod.rs"]
 mod coverage_support;
@@ -6,8 +6,8 @@ mod coverage_support;
 mod measure_support;
 
 mod coverage;
-mod exact;
 mod maps;
-mod real;
-mod said;
+mod naive_reference;
+mod real_recordings;
+mod report;
 mod theory;

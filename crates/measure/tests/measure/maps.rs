@@ -1,23 +1,24 @@
-//! Structure of maps, summaries and spectra of streams made for the purpose.
+//! Tests of maps, summaries and spectra with synthetic streams.
 
 use crate::measure_support::{Stream, uniform};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use spikelane_measure::{
-    Estimate, MeasureOptions, bootstrap, borders, dsnu_prnu, high_pass, line_structure, map_correlations,
-    median, median_and_spread, select_rate, select_smooth, summarise, tiled_mean, trimmed_mean,
+    Estimate, MeasureOptions, bootstrap, border_excess, dsnu_prnu, high_pass, line_structure,
+    map_correlations, median, median_and_spread, select_rate, select_uniform, summarize, tiled_mean,
+    trimmed_mean,
 };
 
 const SIDE: usize = 96;
 
-/// White noise of mean 1 and standard deviation `sd`, uniform in distribution.
+/// Returns a map of uniformly distributed white noise with mean 1 and standard deviation `sd`.
 fn white(sd: f64, seed: u64) -> Vec<f64> {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let reach = sd * 12.0_f64.sqrt();
     (0..SIDE * SIDE).map(|_| 1.0 + reach * (uniform(&mut random) - 0.5)).collect()
 }
 
-/// Multiplies a map by a factor per pixel.
+/// Multiplies each pixel of a map by `factor(row, column)`.
 fn shaped(map: &[f64], factor: impl Fn(usize, usize) -> f64) -> Vec<f64> {
     let pixel = |(p, x): (usize, &f64)| x * factor(p / SIDE, p % SIDE);
     map.iter().enumerate().map(pixel).collect()
@@ -28,16 +29,16 @@ fn medians_and_trimmed_means_are_those_of_small_sets() {
     assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
     assert_eq!(median(&mut [4.0, 1.0, 2.0, 3.0]), 2.5);
     assert!(median(&mut []).is_nan());
-    let (centre, spread) = median_and_spread(&mut [1.0, 2.0, 3.0, 4.0, 100.0]);
-    assert_eq!((centre, spread), (3.0, 1.4826));
+    let (center, spread) = median_and_spread(&mut [1.0, 2.0, 3.0, 4.0, 100.0]);
+    assert_eq!((center, spread), (3.0, 1.4826));
     let trimmed = trimmed_mean(&[1.0, 2.0, 3.0, 4.0, 1000.0, f64::NAN], 0.2);
     assert_eq!((trimmed.value, trimmed.samples), (3.0, 5));
 }
 
 #[test]
 fn errors_of_means_of_white_noise_are_sd_over_root_n() {
-    // 9216 pixels, sd 0.1: 0.00104; the estimate from 144 tiles is good to 6 %, from
-    // 200 bootstrap rounds to 5 % more: 4 sigma is 0.3.
+    // 9216 pixels with sd 0.1 have an error of 0.00104. The error estimated from 144 tiles is accurate to 6 %. The 200
+    // bootstrap resamples add 5 %. Together the errors scatter by 8 %, so four standard deviations are about 0.3.
     let map = white(0.1, 1);
     let expected = 0.1 / SIDE as f64;
     let mean_of = |values: &mut Vec<f64>| Estimate::mean(values.iter().copied()).value;
@@ -56,17 +57,17 @@ fn a_high_pass_keeps_white_noise_and_removes_gradients() {
     let noise = white(0.02, 2);
     let tilted = shaped(&noise, |r, c| 1.0 + 0.002 * r as f64 + 0.001 * c as f64);
     let left = high_pass(&tilted, SIDE);
-    // Only pixels whose whole box is on the map see a pure gradient vanish.
+    // The filter removes a gradient exactly only if the whole box of the pixel is inside the map.
     let inner = |p: &usize| (2..SIDE - 2).contains(&(p / SIDE)) && (2..SIDE - 2).contains(&(p % SIDE));
     let sd = |map: &[f64]| {
         let all = Estimate::mean((0..map.len()).filter(inner).map(|p| map[p]));
         all.error * (all.samples as f64).sqrt()
     };
-    // The tilt also scales the noise, by 1.14 in root mean square.
+    // The tilt also multiplies the noise. The root mean square of its factor is 1.14.
     assert!((sd(&left) / (0.02 * 1.144) - 1.0).abs() < 0.03, "{}", sd(&left));
 }
 
-/// A map of `height` rows with a pixel in seven missing.
+/// Returns a map with `height` rows in which every seventh pixel is missing.
 fn with_gaps(width: usize, height: usize) -> Vec<f64> {
     let mut random = Pcg64Mcg::seed_from_u64(width as u64);
     let value = |p: usize, u: f64| if p % 7 == 3 { f64::NAN } else { 1.0 + u };
@@ -79,7 +80,8 @@ fn near(found: f64, expected: f64) -> bool {
 
 #[test]
 fn a_high_passed_pixel_is_its_value_less_the_mean_of_its_box() {
-    // Sums of 25 values of 1 to 2 in any order agree to 25 roundings of 2^-48; 1e-12 sees a wrong pixel by far.
+    // Two sums of 25 values between 1 and 2 in different order differ by at most 25 roundings of 2^-48. A pixel in the
+    // wrong box changes the sum by far more than 1e-12.
     for (width, height) in (1..9).flat_map(|w| (1..9).map(move |h| (w, h))) {
         let map = with_gaps(width, height);
         for (p, found) in high_pass(&map, width).into_iter().enumerate() {
@@ -128,12 +130,12 @@ fn lines_and_correlations_leave_missing_pixels_out() {
 
 #[test]
 fn row_and_column_patterns_are_measured_apart() {
-    // Columns alternate by +-1 %: after the high-pass along the line (box of 5, scaled),
-    // an alternation keeps (1 -+ 1/5)-fold, rms sqrt(0.96 + ...)= 1.07 of it or less.
+    // Columns alternate by +-1 %. The high-pass uses a box of 5 columns and a scale factor. It multiplies an alternation
+    // by 1 -+ 1/5, which is at most 1.07 in root mean square.
     let map = shaped(&white(0.02, 3), |_, c| if c % 2 == 0 { 1.01 } else { 0.99 });
     let lines = line_structure(&map, SIDE);
     assert!((0.008..0.012).contains(&lines.column_sd.value), "{:?}", lines.column_sd);
-    // Means of 96 pixels of sd 0.02 vary by 0.002; its share that is left is below half.
+    // The mean of 96 pixels with sd 0.02 has the sd 0.002. After the subtraction, less than half of it may remain.
     assert!(lines.row_sd.value < 0.001, "{:?}", lines.row_sd);
     assert!((lines.columns[0] - lines.columns[1] - 0.02).abs() < 4.0 * 0.003);
     assert_eq!((lines.rows.len(), lines.columns.len()), (SIDE, SIDE));
@@ -141,14 +143,14 @@ fn row_and_column_patterns_are_measured_apart() {
 
 #[test]
 fn correlations_of_a_smoothed_map_are_those_of_its_kernel() {
-    // Mean of a pixel and its right neighbour: correlation 1/2 to the right, 0 elsewhere.
+    // Each entry is the sum of a pixel and its right neighbor. The correlation is 1/2 to the right and 0 elsewhere.
     let noise = white(1.0, 4);
     let map: Vec<f64> = (0..noise.len())
         .map(|p| if p % SIDE + 1 < SIDE { noise[p] + noise[p + 1] } else { f64::NAN })
         .collect();
     let found = map_correlations(&map, SIDE);
     assert!((found.right.value - 0.5).abs() < 5.0 * found.right.error, "{found:?}");
-    // Correlated maps have errors up to sqrt(1.5) of the white ones.
+    // The error of a correlated map is up to sqrt(1.5) times the error of a white map.
     assert!(found.lower.sigmas_from(0.0).abs() < 5.0, "{found:?}");
     let white = map_correlations(&noise, SIDE);
     for rho in [white.right, white.lower, white.diagonal, white.antidiagonal] {
@@ -161,16 +163,16 @@ fn correlations_of_a_smoothed_map_are_those_of_its_kernel() {
 }
 
 #[test]
-fn even_areas_are_selected_and_edges_are_not() {
+fn uniform_areas_are_selected_and_edges_are_not() {
     let map: Vec<f64> = (0..SIDE * SIDE).map(|p| if p % SIDE < 40 { 0.2 } else { 0.5 }).collect();
     assert_eq!(select_rate(&map, &(0.1..0.3)).len(), 40 * SIDE);
-    let even = select_smooth(&map, SIDE, &(0.1..0.3), 2, 0.05);
-    // A box that reaches one column over the edge has a fifth of other pixels: its median
-    // and median deviation are still those of the area; three fifths tip it.
+    let even = select_uniform(&map, SIDE, &(0.1..0.3), 2, 0.05);
+    // If a box extends one column past the edge of the area, a fifth of its pixels are outside. Its median and median
+    // deviation are then still those of the area. If three fifths were outside, both would change.
     assert_eq!(even.len(), 40 * SIDE);
-    // A spread of 10 % is not even, whatever the pixels' median.
+    // An area with a standard deviation of 10 % is not uniform, even if its median is in the range.
     let rough: Vec<f64> = white(0.1, 9).iter().map(|x| 0.2 * x).collect();
-    assert!(select_smooth(&rough, SIDE, &(0.1..0.3), 2, 0.05).len() < SIDE);
+    assert!(select_uniform(&rough, SIDE, &(0.1..0.3), 2, 0.05).len() < SIDE);
 }
 
 #[test]
@@ -180,15 +182,15 @@ fn bright_border_lines_are_measured() {
         (r, _) if r == SIDE - 1 => 0.9,
         _ => 1.0,
     });
-    let [first, last, top, bottom] = borders(&map, SIDE);
+    let [first, last, top, bottom] = border_excess(&map, SIDE);
     assert!(first.sigmas_from(0.15).abs() < 4.0 && first.error < 0.005, "{first:?}");
     assert!(bottom.sigmas_from(-0.1).abs() < 4.5, "{bottom:?}");
     assert!(last.sigmas_from(0.0).abs() < 4.0 && top.sigmas_from(0.0).abs() < 4.0);
 }
 
 #[test]
-fn a_summary_finds_what_was_put_in() {
-    // Dark: 0.01 with 20 % spread; flat: 0.2 more with 2 % spread; defects in known places.
+fn a_summary_recovers_the_simulated_pattern() {
+    // The dark rate is 0.01 with an sd of 20 %. The flat rate is 0.2 higher with an sd of 2 %. Four pixels have defects.
     let pixels = SIDE * SIDE;
     let dark: Vec<f64> = white(0.2, 6).iter().map(|x| 0.01 * x).collect();
     let mut flat: Vec<f64> = white(0.02, 7).iter().zip(&dark).map(|(x, d)| 0.2 * x + d).collect();
@@ -198,7 +200,7 @@ fn a_summary_finds_what_was_put_in() {
     flat[4000] = 0.1;
     let measure = |rates: &[f64], readouts| {
         let stream = Stream::integrators(96, 96, readouts, rates, 8);
-        summarise(&stream.measure(&MeasureOptions::default(), &[])).unwrap()
+        summarize(&stream.measure(&MeasureOptions::default(), &[])).unwrap()
     };
     let (dark, flat) = (measure(&dark, 6000), measure(&flat, 2000));
     let found = &flat.defects;
@@ -211,22 +213,22 @@ fn a_summary_finds_what_was_put_in() {
     assert!(prnu.sigmas_from(0.02).abs() < 4.0, "{prnu:?}");
     assert!(prnu.error < 0.02 * 0.02 && dsnu.samples == pixels);
     assert!(flat.phase_noise.unwrap().per_spike.value.abs() < 1e-3);
-    // Phase error: 0.41 f / T.
-    assert!((flat.temporal_of_rate / (0.41 * 0.21 / 2000.0) - 1.0).abs() < 0.1);
+    // The phase error of a rate f over T readouts is 0.41 f / T.
+    assert!((flat.temporal_rate_sd / (0.41 * 0.21 / 2000.0) - 1.0).abs() < 0.1);
 }
 
 #[test]
-fn a_band_cannot_be_summarised() {
+fn a_band_cannot_be_summarized() {
     let stream = Stream::bernoulli(8, 8, 20, &[0.5; 64], 1);
     let band = MeasureOptions::default().with_rows(Some(0..4)).with_frames(false);
-    let error = summarise(&stream.measure(&band, &[])).unwrap_err();
+    let error = summarize(&stream.measure(&band, &[])).unwrap_err();
     assert!(error.to_string().contains("rows 0..4"));
 }
 
 #[test]
 fn the_spectrum_holds_the_variance_and_shows_a_line() {
     use spikelane_measure::spectrum;
-    // White totals of variance 100 on uniform noise, and a sine of amplitude 5 at 1/50.
+    // The totals are uniform white noise of variance 100, plus a sine of amplitude 5 at frequency 1/50.
     let mut random = Pcg64Mcg::seed_from_u64(11);
     let totals: Vec<u32> = (0..40_000)
         .map(|t| {
@@ -236,15 +238,15 @@ fn the_spectrum_holds_the_variance_and_shows_a_line() {
         .collect();
     let found = spectrum(&totals, 1000).unwrap();
     assert_eq!((found.segments, found.power.len()), (79, 501));
-    // 100 + 12.5 (and 1/12 by rounding); 79 segments of 500 bins: below 1 %.
+    // The variance is 100 + 12.5 + 1/12, where 1/12 is the rounding. 79 segments of 500 bins measure it to below 1 %.
     let all: f64 = found.power[1..].iter().sum();
     assert!((all / 112.6 - 1.0).abs() < 0.03, "{all}");
     let lines = found.lines(8.0);
     assert_eq!(lines[0].frequency, 0.02);
-    // A Hann window leaves two thirds of a line in its bin: 8.33, and 0.3 of noise.
+    // With a Hann window the central bin contains two thirds of the power of a line, which is 8.33. Noise adds 0.3.
     assert!((lines[0].power - 8.5).abs() < 0.6, "{:?}", lines[0]);
     assert!(lines.iter().all(|l| (l.frequency - 0.02).abs() < 0.0021));
-    // White noise has a tenth of its variance below a tenth of the band.
-    assert!((found.low_share(0.05) - (12.5 + 10.0) / 112.5).abs() < 0.02);
+    // A tenth of the variance of white noise is in the lowest tenth of the frequencies.
+    assert!((found.share_below(0.05) - (12.5 + 10.0) / 112.5).abs() < 0.02);
     assert!(spectrum(&totals, 7).is_err() && spectrum(&totals[..10], 16).is_err());
 }

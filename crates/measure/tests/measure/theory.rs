@@ -1,14 +1,14 @@
-//! Statistics of streams whose statistics are known.
+//! Tests statistics of streams whose expectations are known.
 
 use crate::measure_support::Stream;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
-use spikelane_measure::{Intervals, MeasureOptions, Pair, Statistics};
+use spikelane_measure::{Intervals, MeasureOptions, NeighborPair, Statistics};
 
 const SIDE: u32 = 64;
 const PIXELS: usize = 64 * 64;
 
-/// Rates spread evenly about `rate` by `+-spread`.
+/// Returns rates that are uniformly distributed in `rate (1 +- spread)`.
 fn spread_rates(rate: f64, spread: f64) -> Vec<f64> {
     let mut random = Pcg64Mcg::seed_from_u64(77);
     (0..PIXELS)
@@ -30,17 +30,17 @@ fn intervals(statistics: &Statistics) -> &Intervals {
 
 #[test]
 fn an_ideal_integrator_has_the_lattice_variance_of_its_rate() {
-    // The span of n intervals is floor(n m) or ceil(n m): variance u (1 - u) with
-    // u the fraction of n m. Bias from m: below n^2/N^2 = 5e-4 of it at N = 1440.
-    // Over a uniform rate spread the mean follows by averaging u (1 - u).
+    // The span of n intervals is floor(n m) or ceil(n m). Its variance is u (1 - u), where u is the fractional part
+    // of n m. The relative bias that m causes is below n^2/N^2 = 5e-4 for N = 1440 intervals. For uniformly distributed
+    // rates, the expectation is the average of u (1 - u).
     let rates = spread_rates(0.18, 0.02);
     let statistics = ideal(&rates, 8000);
     for lag in [1, 4, 8, 16, 24, 32] {
         let lattice = |f: &f64| (f64::from(lag) / f).fract() * (1.0 - (f64::from(lag) / f).fract());
         let expected = crate::measure_support::mean(&rates.iter().map(lattice).collect::<Vec<_>>());
         let found = intervals(&statistics).lag_variance(lag, None);
-        // The same pixels on both sides: what is left is the bias and the sampling of a
-        // finite beat, u(1-u) to about 1/sqrt(N) of a pixel, 0.25/38/64 on the mean.
+        // Both sides use the same pixels. The remaining error is the bias, and the error of sampling u (1 - u) for a
+        // finite number of intervals. This error is about 0.25/sqrt(N) = 0.25/38 per pixel, so 0.25/38/64 for the mean.
         assert!((found.value - expected).abs() < 4e-4, "{lag}: {found:?} against {expected}");
     }
 }
@@ -48,18 +48,18 @@ fn an_ideal_integrator_has_the_lattice_variance_of_its_rate() {
 #[test]
 fn an_ideal_integrator_keeps_to_floor_and_ceiling() {
     let statistics = ideal(&spread_rates(0.3, 0.4), 3000);
-    let off = intervals(&statistics).off_lattice(None);
+    let off = intervals(&statistics).off_lattice_share(None);
     assert_eq!((off.value, off.samples), (0.0, PIXELS));
-    let (short, long) = intervals(&statistics).short_and_long(None);
-    // Rates are 0.18 to 0.42: intervals 2 to 6, and an interval of 2 with a mean
-    // above 3.33 or of 4 with one below 2.5 cannot occur.
+    let (short, long) = intervals(&statistics).short_and_long_shares(None);
+    // Rates are 0.18 to 0.42, so intervals are 2 to 6 readouts. A short interval of 2 requires a mean above 3.33. A long
+    // interval of 4 requires a mean below 2.5. Both are impossible.
     assert_eq!((short.value, long.value), (0.0, 0.0));
 }
 
 #[test]
 fn time_based_rates_are_as_precise_as_stated() {
-    // Error of f: f^2 sqrt(V) / (N - 1), V = 1/6 on average over rates: the rms over 4096
-    // pixels has a relative sampling error of about 1 % (uniform-like, light tails).
+    // The error of f is f^2 sqrt(V) / (N - 1), and the average of V over the rates is 1/6. The relative sampling error of
+    // the root mean square over 4096 pixels is about 1 %, because the distribution has light tails.
     let rates = spread_rates(0.2, 0.1);
     let statistics = ideal(&rates, 4000);
     let found = statistics.counts.unwrap().rate_by_time();
@@ -70,8 +70,8 @@ fn time_based_rates_are_as_precise_as_stated() {
 
 #[test]
 fn independent_bits_have_geometric_intervals() {
-    // Intervals: P(n) = p (1-p)^(n-1), variance (1-p)/p^2, independent. 4096 pixels of
-    // N = 900: D(n) tells n (1 - n/N) of it; every statement within 4 of its own errors.
+    // Intervals are independent with P(n) = p (1-p)^(n-1) and variance (1-p)/p^2. Each of 4096 pixels has N = 900. The
+    // expectation of D(n) is n (1 - n/N) times the variance. Each estimate must be within 4 standard errors.
     let (p, readouts) = (0.3, 3000);
     let statistics = random(p, readouts);
     let found = intervals(&statistics);
@@ -93,19 +93,18 @@ fn independent_bits_have_geometric_intervals() {
         assert!(auto.sigmas_from(bias).abs() < 4.0, "{auto:?}");
     }
     for length in 1..12 {
-        let share = found.lengths().share(length);
+        let share = found.histogram().share(length);
         let expected = p * (1.0 - p).powi(length as i32 - 1);
-        // Intervals cut off at the end of the stream are the long ones: a bias of
-        // order 1/N of the share, 1e-3 of it.
+        // The end of the stream cuts off mostly long intervals. The bias is of order 1/N, which is 1e-3 of the share.
         let allowed = 4.0 * share.error + 2e-3 * expected;
         assert!((share.value - expected).abs() < allowed, "{length}: {share:?} {expected}");
     }
 }
 
 #[test]
-fn the_correction_recovers_an_integrator_in_a_short_stream() {
-    // N = 58 as in a 300-readout recording: raw D(32) of an ideal integrator is a quarter
-    // too large. Rates +-5 %: the lattice mean at lags of 8 and more is 1/6 to 2 %.
+fn the_unbiased_lag_variance_is_exact_in_a_short_stream() {
+    // N = 58 is the number of intervals in a recording of 300 readouts. The raw D(32) of an ideal integrator is a quarter
+    // too large. For rates that vary by +-5 %, the mean lattice variance at lags of 8 and more is 1/6 to within 2 %.
     let statistics = ideal(&spread_rates(0.195, 0.05), 300);
     let found = intervals(&statistics);
     for lag in [16, 24, 32] {
@@ -123,11 +122,12 @@ fn the_correction_recovers_an_integrator_in_a_short_stream() {
 fn independent_pixels_do_not_coincide_more_than_chance() {
     for statistics in [random(0.2, 2000), ideal(&spread_rates(0.2, 0.1), 2000)] {
         let counts = statistics.counts.unwrap();
-        for pair in Pair::ALL {
+        for pair in NeighborPair::ALL {
             let rho = counts.correlation(pair);
             assert!(rho.value.abs() < 4.0 * rho.error, "{pair:?} {rho:?}");
-            // 4032 pairs of 2000 readouts: independent bits have 1/sqrt(8e6) = 3.5e-4.
-            // Integrators beat slowly, up to 1 per pair: below 1/sqrt(4032) times 1.
+            // There are 4032 pairs and 2000 readouts. Independent bits have an error of 1/sqrt(8e6) = 3.5e-4. The phase between
+            // two integrators changes slowly, so one pair can have a correlation of up to 1. The error is then below
+            // 1/sqrt(4032).
             assert!(rho.error > 2e-4 && rho.error < 1.6e-2, "{pair:?} {rho:?}");
         }
     }
@@ -135,8 +135,8 @@ fn independent_pixels_do_not_coincide_more_than_chance() {
 
 #[test]
 fn copied_spikes_show_as_coincidence_at_their_lag() {
-    // Each pixel with an even column repeats 5 % of the spikes of its left neighbour one
-    // readout later: correlation 0.05 (1-p)/(1-p) for half of the pairs.
+    // Each pixel in an odd column repeats 5 % of the spikes of its left neighbor one readout later. For half of the
+    // pairs the correlation is 0.05 (1-p)/(1-p).
     let mut stream = Stream::bernoulli(SIDE, SIDE, 1500, &vec![0.1; PIXELS], 9);
     let copies = Stream::bernoulli(SIDE, SIDE, 1500, &vec![0.05; PIXELS], 10);
     for t in (1..1500).rev() {
@@ -145,12 +145,15 @@ fn copied_spikes_show_as_coincidence_at_their_lag() {
         }
     }
     let counts = stream.measure(&MeasureOptions::without_intervals(), &[]).counts.unwrap();
-    let rho = counts.correlation(Pair::RightAfter);
-    // 32 of 63 pairs per row; OR with own spikes takes a tenth: 0.05 * 0.9 * 32/63 = 0.0229,
-    // less the 2 % by which the copies raise the other's variance.
+    let rho = counts.correlation(NeighborPair::RightAfter);
+    // 32 of 63 pairs per row have copies. The OR with the pixel's own spikes removes a tenth of the copies, so the
+    // correlation is 0.05 * 0.9 * 32/63 = 0.0229. The copies raise the variance of their pixels, which reduces the
+    // correlation by 2 %.
     assert!((rho.value - 0.0226).abs() < 4.0 * rho.error + 4e-4, "{rho:?}");
     assert!(rho.value > 20.0 * rho.error, "{rho:?}");
-    for pair in [Pair::Right, Pair::RightBefore, Pair::Lower, Pair::LowerAfter] {
+    for pair in
+        [NeighborPair::Right, NeighborPair::RightBefore, NeighborPair::Lower, NeighborPair::LowerAfter]
+    {
         let other = counts.correlation(pair);
         assert!(other.value.abs() < 4.0 * other.error, "{pair:?} {other:?}");
     }
@@ -168,13 +171,13 @@ fn totals_of_independent_bits_are_binomial() {
     }
     let transient = frames.start_transient(32).unwrap();
     assert!(transient.sigmas_from(0.0).abs() < 4.0, "{transient:?}");
-    assert!(frames.nearly_equal(0.5).is_empty());
+    assert!(frames.near_repeats(0.5).is_empty());
 }
 
 #[test]
 fn noise_of_single_rows_shows_and_flicker_does_not() {
-    // Every row has its own rate at each readout, 0.2 +- 0.05 (rows) and the same for all
-    // rows (flicker). Covariance of halves of 32 pixels: (32 * 0.05)^2 = 2.56.
+    // Rates at each readout are 0.2 +- 0.05. The sign is drawn for each row (`per_row`), or once for all rows (flicker).
+    // The covariance of two halves of 32 pixels is (32 * 0.05)^2 = 2.56.
     let mut random = Pcg64Mcg::seed_from_u64(12);
     let mut sign = move || {
         if crate::measure_support::uniform(&mut random) < 0.5 { -0.05 } else { 0.05 }
@@ -189,8 +192,8 @@ fn noise_of_single_rows_shows_and_flicker_does_not() {
                 (0..PIXELS).map(fires).collect()
             })
             .collect();
-        let stream = Stream::of(SIDE, SIDE, frames);
-        let frames = stream.measure(&MeasureOptions::only_frames(), &[]).frames.unwrap();
+        let stream = Stream::from_frames(SIDE, SIDE, frames);
+        let frames = stream.measure(&MeasureOptions::frames_only(), &[]).frames.unwrap();
         let expected = if per_row { 2.56 } else { 0.0 };
         let found = frames.row_covariance();
         assert!(found.sigmas_from(expected).abs() < 4.0, "{per_row} {found:?}");
@@ -206,10 +209,9 @@ fn a_lost_and_a_repeated_readout_are_found() {
     stream.frames.insert(1201, copy);
     let statistics = stream.measure(&MeasureOptions::default(), &[]);
     let frames = statistics.frames.as_ref().unwrap();
-    assert_eq!(frames.nearly_equal(0.5), [1201]);
-    // 800 intervals end at a readout, with a standard error of 0.4/28 = 0.014. A lost readout
-    // shortens those around it by 1, and those that end on a copy have length 1 where
-    // 5 is the mean.
+    assert_eq!(frames.near_repeats(0.5), [1201]);
+    // At each readout 800 intervals end, so the standard error is 0.4/sqrt(800) = 0.014. A lost readout shortens the
+    // intervals across it by 1. An interval that ends on a copied readout has length 1, and the mean is 5.
     let (low, _) = intervals(&statistics).deviation_extremes().unwrap();
     assert_eq!(low.readout, 1201);
     assert!((low.mean + 4.0).abs() < 0.1, "{low:?}");
@@ -221,18 +223,18 @@ fn a_lost_and_a_repeated_readout_are_found() {
 }
 
 #[test]
-fn halves_tell_a_drift() {
-    // The rate grows by 2 % at the split.
+fn half_maps_show_a_drift() {
+    // The rate increases by 2 % at the split.
     let rates = spread_rates(0.2, 0.1);
     let faster: Vec<f64> = rates.iter().map(|r| r * 1.02).collect();
     let mut stream = Stream::integrators(SIDE, SIDE, 1500, &rates, 1);
     stream.frames.extend(Stream::integrators(SIDE, SIDE, 1500, &faster, 2).frames);
     let options = MeasureOptions::default().with_split(Some(1500));
     let statistics = stream.measure(&options, &[]);
-    let halves = intervals(&statistics).halves().unwrap();
+    let halves = intervals(&statistics).half_maps().unwrap();
     let change = halves.rate[1].iter().zip(&halves.rate[0]).map(|(b, a)| b / a - 1.0);
     let found = spikelane_measure::Estimate::mean(change);
-    // The interval across the seam is off by up to one interval of 300: no mean shift.
+    // The interval across the split is one of 300 intervals. Its error does not shift the mean.
     assert!(found.sigmas_from(0.02).abs() < 4.0, "{found:?}");
     assert!(found.error < 1e-4);
 }

@@ -1,4 +1,4 @@
-//! Interval statistics from lists of spike times, as they are defined.
+//! Interval statistics computed from lists of spike times by their definitions.
 
 use super::{Stream, mean};
 use spikelane_measure::{MeasureOptions, Statistics};
@@ -13,7 +13,7 @@ fn close(found: f64, expected: f64, what: &str) {
     assert!(same, "{what}: found {found}, expected {expected}");
 }
 
-/// `D(n)` of a pixel as its definition reads.
+/// Returns `D(n)` of a pixel for `n = lag`, computed by its definition.
 pub(crate) fn lag_variance(times: &[u32], lag: usize) -> f64 {
     if times.len() <= lag {
         return f64::NAN;
@@ -65,46 +65,46 @@ impl Stream {
                 histogram[x.min(options.longest_bin + 1) as usize] += 1;
             }
         }
-        assert_eq!(intervals.lengths().counts(), histogram);
+        assert_eq!(intervals.histogram().counts(), histogram);
         self.check_split(intervals, options);
         self.check_deviations(intervals);
     }
 
-    fn check_pixel(&self, view: &spikelane_measure::PixelIntervals, x: &[u32]) {
+    fn check_pixel(&self, pixel: &spikelane_measure::PixelIntervals, x: &[u32]) {
         let n = x.len();
-        assert_eq!(view.intervals as usize, n);
+        assert_eq!(pixel.intervals as usize, n);
         let sum: u64 = x.iter().map(|x| u64::from(*x)).sum();
-        assert_eq!(view.sum, sum);
-        assert_eq!(view.sum_squares, x.iter().map(|x| u64::from(*x).pow(2)).sum::<u64>());
+        assert_eq!(pixel.sum, sum);
+        assert_eq!(pixel.sum_squares, x.iter().map(|x| u64::from(*x).pow(2)).sum::<u64>());
         let extremes = x.iter().min().copied().zip(x.iter().max().copied());
-        assert_eq!(view.extremes, extremes);
+        assert_eq!(pixel.extremes, extremes);
         let judged = (n >= 16).then(|| f64::from(x[..16].iter().sum::<u32>()) / 16.0);
         let expected = judged.map(|m| {
-            // In integers, as 0.6 m has no exact floating-point value.
+            // The comparison uses integers, because 0.6 m has no exact floating-point value.
             let sixteen = (m * 16.0) as u32;
             let short = x.iter().filter(|x| **x * 160 < 6 * sixteen).count() as u32;
             let long = x.iter().filter(|x| **x * 160 > 16 * sixteen).count() as u32;
             (short, long)
         });
-        assert_eq!(view.short_and_long, expected);
+        assert_eq!(pixel.short_and_long_counts, expected);
         if let Some(reference) = judged {
             let (floor, ceil) = (sum / n as u64, sum.div_ceil(n as u64));
             let off = x.iter().filter(|x| !(floor..=ceil).contains(&u64::from(**x))).count();
-            if let Some(found) = view.off_lattice {
+            if let Some(found) = pixel.off_lattice_count {
                 assert_eq!(found as usize, off);
             } else {
-                // It must be there whenever the mean has not moved far.
+                // The count may be absent only if the mean differs far from the reference mean.
                 assert!((sum as f64 / n as f64 - reference).abs() > 1.4);
             }
         } else {
-            assert_eq!(view.off_lattice, None);
+            assert_eq!(pixel.off_lattice_count, None);
         }
     }
 
     fn check_split(&self, intervals: &spikelane_measure::Intervals, options: &MeasureOptions) {
         let reached = options.split.filter(|s| *s as usize <= self.frames.len());
-        let Some((split, halves)) = reached.zip(intervals.halves()) else {
-            assert!(intervals.halves().is_none());
+        let Some((split, halves)) = reached.zip(intervals.half_maps()) else {
+            assert!(intervals.half_maps().is_none());
             return;
         };
         for p in 0..self.pixels() {

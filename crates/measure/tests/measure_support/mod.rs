@@ -1,14 +1,14 @@
-//! Streams of known make, and statistics that visit each pixel and readout.
+//! Synthetic streams, and reference statistics that visit each pixel and readout.
 #![allow(dead_code, reason = "each test file uses a part")]
 
 pub(crate) mod intervals;
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use spikelane::spikes::{Geometry, Packed, set_bit};
-use spikelane_measure::{Accumulator, MeasureOptions, NEVER, Pair, Statistics};
+use spikelane::spikes::{Geometry, SpikeFramesRef, set_bit};
+use spikelane_measure::{Accumulator, MeasureOptions, NO_SPIKE, NeighborPair, Statistics};
 
-/// A stream as plain booleans: `[readout][pixel]`.
+/// A stream of spikes as booleans, indexed by `[readout][pixel]`.
 pub(crate) struct Stream {
     pub geometry: Geometry,
     pub frames: Vec<Vec<bool>>,
@@ -19,20 +19,20 @@ pub(crate) fn uniform(random: &mut Pcg64Mcg) -> f64 {
 }
 
 impl Stream {
-    pub(crate) fn of(width: u32, height: u32, frames: Vec<Vec<bool>>) -> Self {
+    pub(crate) fn from_frames(width: u32, height: u32, frames: Vec<Vec<bool>>) -> Self {
         let geometry = Geometry::new(width, height).unwrap();
         Self { geometry, frames }
     }
 
-    /// Independent bits; the rate of pixel `p` is `rates[p]`.
+    /// Returns a stream of independent bits. The rate of pixel `p` is `rates[p]`.
     pub(crate) fn bernoulli(width: u32, height: u32, readouts: usize, rates: &[f64], seed: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let mut frame = || rates.iter().map(|r| uniform(&mut random) < *r).collect();
         let frames = (0..readouts).map(|_| frame()).collect();
-        Self::of(width, height, frames)
+        Self::from_frames(width, height, frames)
     }
 
-    /// Exact integrators: the charge is a whole number of `1/one` thresholds.
+    /// Returns a stream of exact integrators. Their charge is an integer in units of `1 / one` threshold.
     pub(crate) fn integrators(width: u32, height: u32, readouts: usize, rates: &[f64], seed: u64) -> Self {
         let one = 1_u64 << 40;
         let mut random = Pcg64Mcg::seed_from_u64(seed);
@@ -44,7 +44,7 @@ impl Stream {
             fires
         };
         let frames = (0..readouts).map(|_| (0..rates.len()).map(&mut step).collect()).collect();
-        Self::of(width, height, frames)
+        Self::from_frames(width, height, frames)
     }
 
     pub(crate) fn packed(&self) -> Vec<u8> {
@@ -56,7 +56,7 @@ impl Stream {
         packed
     }
 
-    /// Measures in batches of the given sizes, the last one repeated.
+    /// Measures the stream in batches of the sizes `batches`, then measures all remaining readouts in one batch.
     pub(crate) fn measure(&self, options: &MeasureOptions, batches: &[usize]) -> Statistics {
         let packed = self.packed();
         let mut accumulator = Accumulator::new(self.geometry, options).unwrap();
@@ -65,7 +65,7 @@ impl Stream {
         while !rest.is_empty() {
             let n = sizes.next().unwrap().min(rest.len() / self.geometry.frame_bytes());
             let (batch, more) = rest.split_at(n * self.geometry.frame_bytes());
-            accumulator.push(Packed::new(self.geometry, batch).unwrap()).unwrap();
+            accumulator.push(SpikeFramesRef::new(self.geometry, batch).unwrap()).unwrap();
             rest = more;
         }
         accumulator.finish()
@@ -75,7 +75,7 @@ impl Stream {
         self.geometry.pixels()
     }
 
-    /// The spike times of a pixel.
+    /// Returns the spike times of a pixel.
     pub(crate) fn times(&self, p: usize) -> Vec<u32> {
         (0..self.frames.len()).filter(|t| self.frames[*t][p]).map(|t| t as u32).collect()
     }
@@ -84,39 +84,41 @@ impl Stream {
         self.frames.get(t).is_some_and(|frame| frame[p])
     }
 
-    /// Coincidences of pixel `p` by visiting each readout.
-    pub(crate) fn coincidences(&self, p: usize, pair: Pair) -> u32 {
+    /// Counts the coincidences of pixel `p` for `pair` with a loop over the readouts.
+    pub(crate) fn coincidences(&self, p: usize, pair: NeighborPair) -> u32 {
         let (width, col) = (self.geometry.width(), p % self.geometry.width());
         let other = match pair {
-            Pair::Right | Pair::RightAfter | Pair::RightBefore => (col + 1 < width).then_some(p + 1),
+            NeighborPair::Right | NeighborPair::RightAfter | NeighborPair::RightBefore => {
+                (col + 1 < width).then_some(p + 1)
+            }
             _ => (p + width < self.pixels()).then_some(p + width),
         };
         let Some(q) = other else { return 0 };
         let both = |t: usize| match pair {
-            Pair::Right | Pair::Lower => self.fires(t, p) && self.fires(t, q),
-            Pair::RightAfter | Pair::LowerAfter => self.fires(t, p) && self.fires(t + 1, q),
-            Pair::RightBefore | Pair::LowerBefore => self.fires(t, q) && self.fires(t + 1, p),
+            NeighborPair::Right | NeighborPair::Lower => self.fires(t, p) && self.fires(t, q),
+            NeighborPair::RightAfter | NeighborPair::LowerAfter => self.fires(t, p) && self.fires(t + 1, q),
+            NeighborPair::RightBefore | NeighborPair::LowerBefore => self.fires(t, q) && self.fires(t + 1, p),
             _ => panic!("{pair:?} has no loop"),
         };
         (0..self.frames.len()).filter(|t| both(*t)).count() as u32
     }
 
-    /// Compares per-pixel counts with a visit of each pixel and readout.
+    /// Compares the per-pixel counts with the results of a loop over pixels and readouts.
     pub(crate) fn check_counts(&self, statistics: &Statistics) {
         let counts = statistics.counts.as_ref().unwrap();
         for p in 0..self.pixels() {
             let times = self.times(p);
             assert_eq!(counts.count[p] as usize, times.len(), "count of pixel {p}");
-            assert_eq!(counts.first[p], *times.first().unwrap_or(&NEVER), "first of {p}");
-            assert_eq!(counts.last[p], *times.last().unwrap_or(&NEVER), "last of {p}");
-            for pair in Pair::ALL {
+            assert_eq!(counts.first_spike[p], *times.first().unwrap_or(&NO_SPIKE), "first of {p}");
+            assert_eq!(counts.last_spike[p], *times.last().unwrap_or(&NO_SPIKE), "last of {p}");
+            for pair in NeighborPair::ALL {
                 let found = counts.coincidence(pair)[p];
                 assert_eq!(found, self.coincidences(p, pair), "{pair:?} of {p}");
             }
         }
     }
 
-    /// Compares whole-readout statistics.
+    /// Compares the statistics of whole readouts with the results of plain loops.
     pub(crate) fn check_frames(&self, statistics: &Statistics) {
         let frames = statistics.frames.as_ref().unwrap();
         let totals: Vec<u32> = self.frames.iter().map(|f| f.iter().filter(|b| **b).count() as u32).collect();
@@ -126,18 +128,18 @@ impl Stream {
         assert_eq!(frames.distances, distances);
         let nearest = distances.iter().enumerate().min_by_key(|(_, d)| **d);
         assert_eq!(
-            frames.nearest().map(|e| (e.readout as usize, e.value)),
+            frames.min_distance().map(|e| (e.readout as usize, e.value)),
             nearest.map(|(t, d)| (t + 1, *d))
         );
         let farthest = distances.iter().enumerate().rev().max_by_key(|(_, d)| **d);
         assert_eq!(
-            frames.farthest().map(|e| (e.readout as usize, e.value)),
+            frames.max_distance().map(|e| (e.readout as usize, e.value)),
             farthest.map(|(t, d)| (t + 1, *d))
         );
         self.check_halves(frames);
     }
 
-    fn check_halves(&self, frames: &spikelane_measure::Frames) {
+    fn check_halves(&self, frames: &spikelane_measure::FrameStatistics) {
         if self.frames.len() < 2 {
             return;
         }
@@ -163,8 +165,7 @@ impl Stream {
     }
 }
 
-/// The excess of the covariance within lines over that between lines, all
-/// pairs of lines visited.
+/// Checks the mean covariance within lines minus the mean covariance between lines, with a loop over all pairs of lines.
 fn check_excess(lines: &[f64], excess: f64, n: usize, cov: impl Fn(usize, usize) -> f64) {
     let (mut within, mut between) = (0.0, 0.0);
     for i in 0..n {
@@ -181,7 +182,7 @@ pub(crate) fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
 }
 
-/// Unbiased covariance.
+/// Returns the unbiased covariance of `a` and `b`.
 pub(crate) fn covariance(a: &[f64], b: &[f64]) -> f64 {
     let (ma, mb) = (mean(a), mean(b));
     let sum: f64 = a.iter().zip(b).map(|(x, y)| (x - ma) * (y - mb)).sum();

@@ -1,17 +1,19 @@
-//! Houses on lots: fronts with relief, roofs, second rows, side streets.
+//! Buildings on lots. The module adds facades with relief, roofs, second rows and side streets.
 
 use glam::{Vec2, Vec3};
 
 use super::district::District;
 use super::facade::{Facade, Wall};
-use super::ground::{SIDE_PAVEMENT_M, SIDE_REACH_M, SideFrame};
-use super::standing::{City, KERB_M, uv_rect};
+use super::ground::{SIDE_REACH_M, SIDE_SIDEWALK_WIDTH_M, SideFrame};
+use super::static_city::{CURB_HEIGHT_M, City, uv_rect};
 use crate::random::Draws;
 use crate::shapes::material::Material;
 use crate::shapes::mesh::Mesh;
 
-/// The four corners of a house on the ground: front from left to right as
-/// seen from the street is 0 to 1, the back corners are 2 behind 1 and 3 behind 0.
+/// The four corners of a building on the ground.
+///
+/// Corners 0 and 1 are the left and right ends of the front, as seen from the street. Corner 2 is behind corner 1, and
+/// corner 3 is behind corner 0.
 type Plot = [Vec3; 4];
 
 pub(super) fn build(city: &mut City, seed: u64, start_s: f64, end_s: f64) {
@@ -19,26 +21,26 @@ pub(super) fn build(city: &mut City, seed: u64, start_s: f64, end_s: f64) {
     let mut heights = Vec::new();
     for (index, (a, b)) in blocks(city, start_s, end_s).into_iter().enumerate() {
         for side in [-1.0, 1.0] {
-            let block = draws.of(index as u64 * 2 + u64::from(side > 0.0));
-            front_row(city, block, side, (a, b), &mut heights);
-            second_row(city, block.of(1 << 20), side, (a, b));
+            let block = draws.item(index as u64 * 2 + u64::from(side > 0.0));
+            add_front_row(city, block, side, (a, b), &mut heights);
+            add_second_row(city, block.item(1 << 20), side, (a, b));
         }
     }
     for i in 0..city.road.junctions.len() {
         for side in [-1.0, 1.0] {
-            side_rows(city, draws.of(1 << 30 | (i as u64 * 2 + u64::from(side > 0.0))), i, side);
+            add_side_rows(city, draws.item(1 << 30 | (i as u64 * 2 + u64::from(side > 0.0))), i, side);
         }
     }
     let mean = heights.iter().sum::<f32>() / heights.len().max(1) as f32;
-    city.canyon = (mean, (city.road.half_m() + city.road.pavement_m + 1.0) as f32);
+    city.street_canyon = (mean, (city.road.half_width_m() + city.road.sidewalk_m + 1.0) as f32);
 }
 
-/// The stretches of road between junctions and outside the tunnel.
+/// Returns the ranges of arc length between junctions and outside the tunnel.
 fn blocks(city: &City, start_s: f64, end_s: f64) -> Vec<(f64, f64)> {
     let mut cuts = vec![start_s];
     for j in &city.road.junctions {
-        cuts.push(j.s - j.half_m - SIDE_PAVEMENT_M);
-        cuts.push(j.s + j.half_m + SIDE_PAVEMENT_M);
+        cuts.push(j.s - j.half_width_m - SIDE_SIDEWALK_WIDTH_M);
+        cuts.push(j.s + j.half_width_m + SIDE_SIDEWALK_WIDTH_M);
     }
     cuts.push(end_s);
     let mut blocks: Vec<(f64, f64)> = cuts.chunks_exact(2).map(|c| (c[0], c[1])).collect();
@@ -52,30 +54,34 @@ fn blocks(city: &City, start_s: f64, end_s: f64) -> Vec<(f64, f64)> {
     blocks
 }
 
-/// Typical widths, heights, setbacks and gap probability of lots.
-struct Lots {
+/// Typical widths, heights and setbacks of lots, and the probability of a gap.
+struct LotSizes {
     width: (f64, f64),
     height: (f32, f32),
     setback: (f64, f64),
     gap: f64,
 }
 
-fn lots(district: District) -> Lots {
+fn lots(district: District) -> LotSizes {
     match district {
-        District::Old => Lots { width: (9.0, 20.0), height: (10.0, 21.0), setback: (0.0, 0.4), gap: 0.07 },
-        District::Downtown => {
-            Lots { width: (16.0, 32.0), height: (14.0, 48.0), setback: (0.0, 2.5), gap: 0.08 }
+        District::OldTown => {
+            LotSizes { width: (9.0, 20.0), height: (10.0, 21.0), setback: (0.0, 0.4), gap: 0.07 }
         }
-        District::Suburb => Lots { width: (12.0, 19.0), height: (5.5, 9.0), setback: (4.0, 8.0), gap: 0.15 },
+        District::Downtown => {
+            LotSizes { width: (16.0, 32.0), height: (14.0, 48.0), setback: (0.0, 2.5), gap: 0.08 }
+        }
+        District::Suburb => {
+            LotSizes { width: (12.0, 19.0), height: (5.5, 9.0), setback: (4.0, 8.0), gap: 0.15 }
+        }
     }
 }
 
-fn front_row(city: &mut City, block: Draws, side: f64, (a, b): (f64, f64), heights: &mut Vec<f32>) {
+fn add_front_row(city: &mut City, block: Draws, side: f64, (a, b): (f64, f64), heights: &mut Vec<f32>) {
     let lots = lots(city.district);
-    let edge = city.road.half_m() + city.road.pavement_m;
+    let edge = city.road.half_width_m() + city.road.sidewalk_m;
     let (mut s, mut i) = (a, 0u64);
     while b - s > 5.0 {
-        let draws = block.of(i);
+        let draws = block.item(i);
         i += 1;
         let mut width = draws.range(0, lots.width.0, lots.width.1);
         if b - s - width < lots.width.0 * 0.6 {
@@ -85,73 +91,74 @@ fn front_row(city: &mut City, block: Draws, side: f64, (a, b): (f64, f64), heigh
         s = s1;
         let depth = draws.range(2, 11.0, 15.0);
         if draws.chance(1, lots.gap) {
-            lawn(city, side, (s0, s1), (edge, edge + depth + 8.0));
+            add_lawn(city, side, (s0, s1), (edge, edge + depth + 8.0));
             continue;
         }
         let setback = draws.range(3, lots.setback.0, lots.setback.1);
         let margin = if city.district == District::Suburb { 2.0 } else { 0.0 };
         if setback > 1.0 {
-            lawn(city, side, (s0, s1), (edge, edge + setback + 6.0));
+            add_lawn(city, side, (s0, s1), (edge, edge + setback + 6.0));
         }
         let near = edge + setback;
         let plot = plot_on_road(city, side, (s0 + margin, s1 - margin), (near, near + depth));
         let height = draws.range_f32(4, lots.height.0, lots.height.1);
-        heights.push(house(city, draws, plot, height, true));
+        heights.push(add_house(city, draws, plot, height, true));
     }
 }
 
 fn plot_on_road(city: &City, side: f64, (s0, s1): (f64, f64), (d0, d1): (f64, f64)) -> Plot {
     let at = |s: f64, d: f64| city.road.place(s, side * d, 0.0);
-    // Seen from the street, left is towards smaller s on the right-hand side.
+    // Seen from the street on the right side of the road (d < 0), the left end has the larger s. On the left side, the
+    // left end has the smaller s.
     let (left, right) = if side < 0.0 { (s1, s0) } else { (s0, s1) };
     [at(left, d0), at(right, d0), at(right, d1), at(left, d1)]
 }
 
-fn lawn(city: &mut City, side: f64, (s0, s1): (f64, f64), (d0, d1): (f64, f64)) {
-    city.mesh.surface_begin(Material::Grass);
-    let z = KERB_M - 0.02;
+fn add_lawn(city: &mut City, side: f64, (s0, s1): (f64, f64), (d0, d1): (f64, f64)) {
+    city.mesh.begin_surface(Material::Grass);
+    let z = CURB_HEIGHT_M - 0.02;
     let p = [(s0, d0), (s1, d0), (s1, d1), (s0, d1)].map(|(s, d)| city.road.place(s, side * d, z));
-    city.mesh.quad(p, p.map(|p| Vec2::new(p.x, p.y)), Vec3::Z);
-    city.mesh.chunk_end();
+    city.mesh.add_quad(p, p.map(|p| Vec2::new(p.x, p.y)), Vec3::Z);
+    city.mesh.end_chunk();
 }
 
-/// Taller boxes behind, for a skyline.
-fn second_row(city: &mut City, block: Draws, side: f64, (a, b): (f64, f64)) {
+/// Adds taller boxes behind the front row. The boxes form a skyline.
+fn add_second_row(city: &mut City, block: Draws, side: f64, (a, b): (f64, f64)) {
     let lots = lots(city.district);
-    let edge = city.road.half_m() + city.road.pavement_m + 26.0;
+    let edge = city.road.half_width_m() + city.road.sidewalk_m + 26.0;
     let (mut s, mut i) = (a + 3.0, 0u64);
     while s + 12.0 < b {
-        let draws = block.of(i);
+        let draws = block.item(i);
         i += 1;
         let width = draws.range(0, 14.0, 24.0).min(b - s);
         if draws.chance(1, 0.75) {
             let d = edge + draws.range(2, 0.0, 8.0);
             let plot = plot_on_road(city, side, (s, s + width), (d, d + 14.0));
             let height = draws.range_f32(3, lots.height.0, lots.height.1) * draws.range_f32(4, 1.0, 1.7);
-            house(city, draws, plot, height, false);
+            add_house(city, draws, plot, height, false);
         }
         s += width + draws.range(5, 2.0, 8.0);
     }
 }
 
-/// Both fronts of a side street, and the house at its far end.
-fn side_rows(city: &mut City, draws: Draws, index: usize, side: f64) {
+/// Adds the fronts on both sides of a side street and the building at its far end.
+fn add_side_rows(city: &mut City, draws: Draws, index: usize, side: f64) {
     let frame = SideFrame::new(&city.road, index, side);
-    let half = city.road.junctions[index].half_m + SIDE_PAVEMENT_M;
+    let half = city.road.junctions[index].half_width_m + SIDE_SIDEWALK_WIDTH_M;
     let lots = lots(city.district);
-    let first = city.road.half_m() + city.road.pavement_m + lots.setback.1 + 17.0;
+    let first = city.road.half_width_m() + city.road.sidewalk_m + lots.setback.1 + 17.0;
     for mirror in [-1.0, 1.0] {
-        let row = draws.of(u64::from(mirror > 0.0));
+        let row = draws.item(u64::from(mirror > 0.0));
         let (mut d, mut i) = (first, 0u64);
         while d + 8.0 < SIDE_REACH_M {
-            let lot = row.of(i);
+            let lot = row.item(i);
             i += 1;
             let width = lot.range(0, 9.0, 16.0).min(SIDE_REACH_M - d);
             let w = half + lot.range(1, 0.0, 1.0);
             let along = if side * mirror > 0.0 { (d + width, d) } else { (d, d + width) };
             let at = |d: f64, w: f64| frame.place(d, mirror * w, 0.0);
             let plot = [at(along.0, w), at(along.1, w), at(along.1, w + 12.0), at(along.0, w + 12.0)];
-            house(city, lot, plot, lot.range_f32(2, lots.height.0, lots.height.1), false);
+            add_house(city, lot, plot, lot.range_f32(2, lots.height.0, lots.height.1), false);
             d += width;
         }
     }
@@ -163,51 +170,51 @@ fn side_rows(city: &mut City, draws: Draws, index: usize, side: f64) {
         at(SIDE_REACH_M + 12.0, end[1]),
         at(SIDE_REACH_M + 12.0, end[0]),
     ];
-    house(city, draws.of(9), plot, draws.range_f32(0, lots.height.0, lots.height.1), false);
+    add_house(city, draws.item(9), plot, draws.range_f32(0, lots.height.0, lots.height.1), false);
 }
 
-/// One house; returns its height. `detailed` ones get relief on their front.
-fn house(city: &mut City, draws: Draws, plot: Plot, height: f32, detailed: bool) -> f32 {
+/// Adds one building and returns its height. If `detailed` is true, the front has relief.
+fn add_house(city: &mut City, draws: Draws, plot: Plot, height: f32, detailed: bool) -> f32 {
     let front_m = plot[0].distance(plot[1]);
-    let style = Facade::random(draws.of(77), city.district, height, front_m);
+    let style = Facade::from_draws(draws.item(77), city.district, height, front_m);
     let index = city.facades.len() as u16;
     city.facades.push(style);
     let mesh = &mut city.mesh;
-    let centre = (plot[0] + plot[1] + plot[2] + plot[3]) * 0.25;
+    let center = (plot[0] + plot[1] + plot[2] + plot[3]) * 0.25;
     let up = Vec3::Z * style.height_m;
     for i in 0..4 {
-        mesh.surface_begin(Material::Facade(index));
+        mesh.begin_surface(Material::Facade(index));
         let (p, q) = (plot[i], plot[(i + 1) % 4]);
-        let outward = 0.5 * (p + q) - centre;
-        wall(mesh, p, q, up, outward);
+        let outward = 0.5 * (p + q) - center;
+        add_wall(mesh, p, q, up, outward);
     }
     let pitched = city.district != District::Downtown && draws.chance(50, 0.65);
     if pitched {
-        gable(mesh, draws, plot, style.height_m);
+        add_gable_roof(mesh, draws, plot, style.height_m);
     } else {
-        flat_roof(mesh, draws, plot, style.height_m);
+        add_flat_roof(mesh, draws, plot, style.height_m);
     }
     if detailed {
-        relief(mesh, draws, plot, &style, centre);
+        add_relief(mesh, draws, plot, &style, center);
     }
-    mesh.chunk_end();
+    mesh.end_chunk();
     style.height_m
 }
 
-/// A wall in rows of quads, so that the light of the sky can vary with height.
-fn wall(mesh: &mut Mesh, p: Vec3, q: Vec3, up: Vec3, outward: Vec3) {
+/// Adds a wall that consists of several rows of quads, so that sky visibility can vary with height.
+fn add_wall(mesh: &mut Mesh, p: Vec3, q: Vec3, up: Vec3, outward: Vec3) {
     let width = p.distance(q);
     let cuts = [0.0, 0.12, 0.45, 1.0];
     let height = up.z;
     for w in cuts.windows(2) {
         let uv =
             [(0.0, w[0]), (width, w[0]), (width, w[1]), (0.0, w[1])].map(|(u, v)| Vec2::new(u, v * height));
-        mesh.quad([p + up * w[0], q + up * w[0], q + up * w[1], p + up * w[1]], uv, outward);
+        mesh.add_quad([p + up * w[0], q + up * w[0], q + up * w[1], p + up * w[1]], uv, outward);
     }
 }
 
-fn gable(mesh: &mut Mesh, draws: Draws, plot: Plot, height: f32) {
-    mesh.surface_begin(Material::Roof(draws.range_f32(51, 0.0, 1.0)));
+fn add_gable_roof(mesh: &mut Mesh, draws: Draws, plot: Plot, height: f32) {
+    mesh.begin_surface(Material::Roof(draws.range_f32(51, 0.0, 1.0)));
     let rise = Vec3::Z * draws.range_f32(52, 2.4, 4.2);
     let at = |p: Vec3| p + Vec3::Z * height;
     let (front, back) = ((plot[0] + plot[1]) * 0.5, (plot[2] + plot[3]) * 0.5);
@@ -219,75 +226,75 @@ fn gable(mesh: &mut Mesh, draws: Draws, plot: Plot, height: f32) {
     for (a, b, over, r) in
         [(plot[0], plot[1], over, [ridge[0], ridge[1]]), (plot[2], plot[3], -over, [ridge[1], ridge[0]])]
     {
-        mesh.quad(
+        mesh.add_quad(
             [at(a) + over + drop, at(b) + over + drop, r[1], r[0]],
             uv_rect(width, slope),
             over + Vec3::Z,
         );
     }
-    mesh.surface_begin(Material::Plain(Vec3::splat(0.35)));
+    mesh.begin_surface(Material::Plain(Vec3::splat(0.35)));
     for (a, b, r) in [(plot[3], plot[0], ridge[0]), (plot[1], plot[2], ridge[1])] {
         let n = (b - a).cross(Vec3::Z).normalize_or_zero();
-        let corners = [at(a), at(b), r].map(|p| mesh.vertex(p, n, Vec2::ZERO));
-        mesh.triangle(corners);
+        let corners = [at(a), at(b), r].map(|p| mesh.add_vertex(p, n, Vec2::ZERO));
+        mesh.add_triangle(corners);
     }
     let chimney = ridge[0] + (ridge[1] - ridge[0]) * draws.range_f32(53, 0.15, 0.85);
-    mesh.surface_begin(Material::Plain(Vec3::new(0.28, 0.16, 0.12)));
-    mesh.block(chimney + Vec3::Z * 0.2, [Vec3::X * 0.35, Vec3::Y * 0.35, Vec3::Z * 0.8]);
+    mesh.begin_surface(Material::Plain(Vec3::new(0.28, 0.16, 0.12)));
+    mesh.add_box(chimney + Vec3::Z * 0.2, [Vec3::X * 0.35, Vec3::Y * 0.35, Vec3::Z * 0.8]);
 }
 
-fn flat_roof(mesh: &mut Mesh, draws: Draws, plot: Plot, height: f32) {
-    mesh.surface_begin(Material::Roof(0.5));
+fn add_flat_roof(mesh: &mut Mesh, draws: Draws, plot: Plot, height: f32) {
+    mesh.begin_surface(Material::Roof(0.5));
     let top = plot.map(|p| p + Vec3::Z * (height - 0.3));
-    mesh.quad(top, top.map(|p| Vec2::new(p.x, p.y)), Vec3::Z);
-    mesh.surface_begin(Material::Plain(Vec3::splat(draws.range_f32(54, 0.25, 0.5))));
+    mesh.add_quad(top, top.map(|p| Vec2::new(p.x, p.y)), Vec3::Z);
+    mesh.begin_surface(Material::Plain(Vec3::splat(draws.range_f32(54, 0.25, 0.5))));
     let (x, y) = (plot[1] - plot[0], plot[3] - plot[0]);
     for i in 0..2u64 {
         let at = plot[0] + x * draws.range_f32(55 + i, 0.2, 0.8) + y * draws.range_f32(60 + i, 0.3, 0.8);
         let z = Vec3::Z * draws.range_f32(65 + i, 0.5, 1.5);
-        mesh.block(
+        mesh.add_box(
             at + Vec3::Z * height + z * 0.6,
             [x.normalize_or_zero() * 1.6, y.normalize_or_zero() * 1.2, z],
         );
     }
 }
 
-/// Cornice, string course, balconies or awnings on the front.
-fn relief(mesh: &mut Mesh, draws: Draws, plot: Plot, style: &Facade, centre: Vec3) {
+/// Adds a cornice, a string course, and balconies or an awning to the front.
+fn add_relief(mesh: &mut Mesh, draws: Draws, plot: Plot, style: &Facade, center: Vec3) {
     let along = (plot[1] - plot[0]) * 0.5;
     let out = {
         let n = along.cross(Vec3::Z).normalize_or_zero();
-        if n.dot(plot[0] - centre) < 0.0 { -n } else { n }
+        if n.dot(plot[0] - center) < 0.0 { -n } else { n }
     };
     let middle = (plot[0] + plot[1]) * 0.5;
-    if style.wall != Wall::Curtain {
-        mesh.surface_begin(Material::Plain(style.albedo * 0.9 + 0.06));
+    if style.wall != Wall::GlassCurtain {
+        mesh.begin_surface(Material::Plain(style.albedo * 0.9 + 0.06));
         let z = Vec3::Z * (style.height_m - 0.35);
-        mesh.block(middle + z + out * 0.15, [along, out * 0.2, Vec3::Z * 0.22]);
+        mesh.add_box(middle + z + out * 0.15, [along, out * 0.2, Vec3::Z * 0.22]);
         if draws.chance(70, 0.5) {
             let z = Vec3::Z * (style.ground_m - 0.1);
-            mesh.block(middle + z + out * 0.06, [along, out * 0.1, Vec3::Z * 0.12]);
+            mesh.add_box(middle + z + out * 0.06, [along, out * 0.1, Vec3::Z * 0.12]);
         }
     }
     let bays = (along.length() * 2.0 / style.bay_m).round() as u32;
-    let storeys = ((style.height_m - 0.5 - style.ground_m) / style.storey_m).round() as u32;
+    let stories = ((style.height_m - 0.5 - style.ground_m) / style.story_m).round() as u32;
     let step = along.normalize_or_zero() * style.bay_m;
     if style.wall == Wall::Plaster && bays >= 3 && draws.chance(71, 0.55) {
-        for floor in 0..storeys {
+        for floor in 0..stories {
             for bay in (1..bays - 1).step_by(2) {
                 let at = plot[0]
                     + step * (bay as f32 + 0.5)
-                    + Vec3::Z * (style.ground_m + floor as f32 * style.storey_m + 0.1);
-                balcony(mesh, at, step * 0.42, out);
+                    + Vec3::Z * (style.ground_m + floor as f32 * style.story_m + 0.1);
+                add_balcony(mesh, at, step * 0.42, out);
             }
         }
     }
-    if let Some(colour) = style.shop.filter(|_| draws.chance(72, 0.5)) {
-        mesh.surface_begin(Material::Awning(colour));
+    if let Some(color) = style.shop.filter(|_| draws.chance(72, 0.5)) {
+        mesh.begin_surface(Material::Awning(color));
         let (z0, z1) = (Vec3::Z * (style.ground_m - 1.35), Vec3::Z * (style.ground_m - 0.85));
         let reach = out * 1.3;
         let (a, b) = (middle - along * 0.85, middle + along * 0.85);
-        mesh.quad(
+        mesh.add_quad(
             [a + reach + z0, b + reach + z0, b + z1, a + z1],
             uv_rect(along.length() * 1.7, 1.4),
             out + Vec3::Z,
@@ -295,14 +302,14 @@ fn relief(mesh: &mut Mesh, draws: Draws, plot: Plot, style: &Facade, centre: Vec
     }
 }
 
-fn balcony(mesh: &mut Mesh, at: Vec3, half: Vec3, out: Vec3) {
-    mesh.surface_begin(Material::Plain(Vec3::splat(0.42)));
-    mesh.block(at + out * 0.5, [half, out * 0.5, Vec3::Z * 0.08]);
-    mesh.surface_begin(Material::Plain(Vec3::splat(0.10)));
+fn add_balcony(mesh: &mut Mesh, at: Vec3, half: Vec3, out: Vec3) {
+    mesh.begin_surface(Material::Plain(Vec3::splat(0.42)));
+    mesh.add_box(at + out * 0.5, [half, out * 0.5, Vec3::Z * 0.08]);
+    mesh.begin_surface(Material::Plain(Vec3::splat(0.10)));
     let rail = at + Vec3::Z * 1.0;
-    mesh.block(rail + out * 0.98, [half, out * 0.02, Vec3::Z * 0.03]);
+    mesh.add_box(rail + out * 0.98, [half, out * 0.02, Vec3::Z * 0.03]);
     for i in -3..=3 {
         let x = half * (i as f32 / 3.0);
-        mesh.block(at + Vec3::Z * 0.5 + out * 0.98 + x, [half * 0.025, out * 0.02, Vec3::Z * 0.45]);
+        mesh.add_box(at + Vec3::Z * 0.5 + out * 0.98 + x, [half * 0.025, out * 0.02, Vec3::Z * 0.45]);
     }
 }

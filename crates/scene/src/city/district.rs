@@ -1,11 +1,11 @@
-//! What kind of district a city is.
+//! The kinds of city districts.
 
 /// The character of a district.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum District {
-    /// Closed fronts of brick and plaster with pitched roofs.
-    Old,
-    /// Tall concrete and glass.
+    /// Closed rows of brick and plaster facades with pitched roofs.
+    OldTown,
+    /// Tall buildings of concrete and glass.
     Downtown,
     /// Detached houses in gardens.
     Suburb,

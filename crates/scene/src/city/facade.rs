@@ -1,40 +1,40 @@
-//! The style of one building's walls, drawn once and evaluated per pixel.
+//! The style of the walls of one building. The style is drawn once per building and evaluated for every pixel.
 
 use glam::Vec3;
 
 use super::district::District;
 use crate::random::Draws;
 
-/// What the wall between the windows is made of.
+/// Material of the wall between the windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wall {
     Brick,
     Plaster,
     Panels,
-    Curtain,
+    GlassCurtain,
 }
 
-/// The style of a building: all lengths in metres.
+/// The style of a building. All lengths are in meters.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facade {
     pub wall: Wall,
     pub albedo: Vec3,
     pub frame: Vec3,
-    pub storey_m: f32,
+    pub story_m: f32,
     pub bay_m: f32,
     pub ground_m: f32,
-    /// Share of the bay's width and of the storey's height that is window.
+    /// Width of the window as a fraction of the bay width, and height of the window as a fraction of the story height.
     pub window: (f32, f32),
-    /// Shops on the ground floor, with this colour of sign.
+    /// Color of the shop signs. `None` if the ground floor has no shops.
     pub shop: Option<Vec3>,
-    /// Share of windows with light in the evening.
-    pub lit: f32,
+    /// Fraction of windows that are lit in the evening.
+    pub lit_share: f32,
     pub seed: u32,
     pub height_m: f32,
 }
 
-/// Albedos of walls as measured on common materials: brick 0.2-0.3, plaster
-/// 0.4-0.7, concrete 0.3-0.4.
+/// Wall albedos. The ranges of measured values are 0.2 to 0.3 for brick, 0.4 to 0.7 for plaster and 0.3 to 0.4 for
+/// concrete.
 const BRICKS: [[f32; 3]; 4] =
     [[0.30, 0.13, 0.09], [0.36, 0.20, 0.13], [0.24, 0.12, 0.10], [0.40, 0.30, 0.20]];
 const PLASTERS: [[f32; 3]; 7] = [
@@ -58,42 +58,43 @@ const SHOP_SIGNS: [[f32; 3]; 6] = [
 ];
 
 impl Facade {
-    /// A style that suits `district` for a house about `height_m` tall; the
-    /// height is rounded to whole storeys and the bays to the front's width.
-    pub(crate) fn random(draws: Draws, district: District, height_m: f32, front_m: f32) -> Self {
-        let wall = match (district, draws.pick(0, 10)) {
-            (District::Old, 0..4) | (District::Suburb, 0..5) => Wall::Brick,
-            (District::Old | District::Suburb, _) | (District::Downtown, 0..2) => Wall::Plaster,
+    /// Returns a style that suits `district`, for a building whose height is about `height_m`.
+    ///
+    /// The height is rounded to whole stories. The bay width is chosen so that the front has a whole number of bays.
+    pub(crate) fn from_draws(draws: Draws, district: District, height_m: f32, front_m: f32) -> Self {
+        let wall = match (district, draws.index_below(0, 10)) {
+            (District::OldTown, 0..4) | (District::Suburb, 0..5) => Wall::Brick,
+            (District::OldTown | District::Suburb, _) | (District::Downtown, 0..2) => Wall::Plaster,
             (District::Downtown, 2..6) => Wall::Panels,
-            (District::Downtown, _) => Wall::Curtain,
+            (District::Downtown, _) => Wall::GlassCurtain,
         };
         let palette: &[[f32; 3]] = match wall {
             Wall::Brick => &BRICKS,
             Wall::Plaster => &PLASTERS,
-            Wall::Panels | Wall::Curtain => &PANELS,
+            Wall::Panels | Wall::GlassCurtain => &PANELS,
         };
-        let storey_m = draws.range_f32(1, 2.9, 3.6);
+        let story_m = draws.range_f32(1, 2.9, 3.6);
         let shop = district != District::Suburb && draws.chance(2, 0.6);
-        let ground_m = if shop { draws.range_f32(3, 3.8, 4.6) } else { storey_m };
-        let storeys = ((height_m - ground_m) / storey_m).round().max(1.0);
+        let ground_m = if shop { draws.range_f32(3, 3.8, 4.6) } else { story_m };
+        let stories = ((height_m - ground_m) / story_m).round().max(1.0);
         let bays = (front_m / draws.range_f32(4, 2.2, 3.8)).round().max(1.0);
-        let window = if wall == Wall::Curtain {
+        let window = if wall == Wall::GlassCurtain {
             (0.94, 0.80)
         } else {
             (draws.range_f32(5, 0.36, 0.58), draws.range_f32(6, 0.46, 0.62))
         };
         Self {
             wall,
-            albedo: Vec3::from(palette[draws.pick(7, palette.len())]) * draws.range_f32(8, 0.8, 1.1),
+            albedo: Vec3::from(palette[draws.index_below(7, palette.len())]) * draws.range_f32(8, 0.8, 1.1),
             frame: Vec3::splat(if draws.chance(9, 0.65) { 0.65 } else { 0.10 }),
-            storey_m,
+            story_m,
             bay_m: front_m / bays,
             ground_m,
             window,
-            shop: shop.then(|| SHOP_SIGNS[draws.pick(10, SHOP_SIGNS.len())].into()),
-            lit: draws.range_f32(11, 0.25, 0.6),
+            shop: shop.then(|| SHOP_SIGNS[draws.index_below(10, SHOP_SIGNS.len())].into()),
+            lit_share: draws.range_f32(11, 0.25, 0.6),
             seed: draws.bits(12) as u32,
-            height_m: ground_m + storeys * storey_m + 0.5,
+            height_m: ground_m + stories * story_m + 0.5,
         }
     }
 }

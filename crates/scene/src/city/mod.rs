@@ -1,9 +1,8 @@
-//! The city: a grammar that turns a road and a seed into everything that stands still.
+//! Generates all static objects of a city from a road and a seed.
 //!
-//! Road, kerbs and pavements first; the blocks between junctions are cut into
-//! lots, each lot gets a house, a garden or a gap; trees, lamps, signs and
-//! traffic lights stand on the pavement. Every base is at the height of the
-//! ground it stands on.
+//! The road is built first, with its curbs and sidewalks. Then the blocks between junctions are divided into lots, and
+//! each lot contains a building, a garden or a gap. Trees, lamps, signs and traffic lights are placed on the sidewalk.
+//! The foot of every object is at the height of the ground below the object.
 
 mod build;
 mod buildings;
@@ -11,7 +10,7 @@ pub(super) mod district;
 pub(super) mod facade;
 mod furniture;
 mod ground;
-pub(super) mod standing;
+pub(super) mod static_city;
 mod trees;
 
-pub(super) use standing::{City, Lamp};
+pub(super) use static_city::{City, Lamp};

@@ -1,70 +1,73 @@
-//! The camera: pinhole, mounted on a car that drives.
+//! The pinhole camera, which is mounted on a moving car.
 
 use glam::{DMat3, DVec3};
 
-use super::motion::Stance;
+use super::vehicle_motion::VehicleState;
 use crate::random::Draws;
 
-/// A pinhole camera: pixel = f * (x / z, y / z) + c, with x right, y down, z
-/// forward, and pixel centres at half-integers (the image covers
-/// `[0, width] x [0, height]`).
+/// The intrinsics of a pinhole camera. A point (x, y, z) in camera coordinates has the pixel coordinates f * (x / z, y
+/// / z) + c.
+///
+/// In camera coordinates, x points right, y down and z forward. Pixel centers have half-integer coordinates, so the
+/// image is the area `[0, width] x [0, height]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Intrinsics {
-    /// Pixels in a row.
+    /// Number of columns of the image.
     pub width: u32,
-    /// Rows.
+    /// Number of rows of the image.
     pub height: u32,
-    /// Focal length in pixels, the same in both directions.
+    /// Focal length in pixels, equal in both directions.
     pub focal_px: f64,
-    /// Principal point, column then row, in pixels.
-    pub centre_px: [f64; 2],
+    /// Column and row of the principal point in pixels.
+    pub center_px: [f64; 2],
 }
 
-/// Where the camera is and how it is turned.
+/// Position and orientation of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Pose {
-    /// Position in the world in metres (x east, y north, z up).
+    /// Position in the world in meters (x east, y north, z up).
     pub position: DVec3,
-    /// From world directions to camera directions (x right, y down, z forward).
+    /// Rotation from world directions to camera directions (x right, y down, z forward).
     pub rotation: DMat3,
 }
 
-/// Pose and intrinsics at one instant.
+/// Intrinsics and pose of the camera at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Camera {
+pub struct PinholeCamera {
     /// Pinhole parameters.
     pub intrinsics: Intrinsics,
-    /// Place and direction.
+    /// Position and orientation.
     pub pose: Pose,
-    /// Speed of the car that carries it, metres a second.
+    /// Speed of the car that carries the camera, in m/s.
     pub speed_mps: f64,
 }
 
-impl Camera {
-    /// A world point in camera coordinates, in metres.
+impl PinholeCamera {
+    /// Returns a world point in camera coordinates, in meters.
     #[must_use]
     pub fn to_camera(&self, world: DVec3) -> DVec3 {
         self.pose.rotation * (world - self.pose.position)
     }
 
-    /// Column and row of a world point in pixels, and its depth in metres;
-    /// nothing if it lies behind the camera.
+    /// Returns three numbers: the column and row of a world point in pixels, and the depth of the point in meters.
+    ///
+    /// Returns `None` if the point is behind the camera.
     #[must_use]
     pub fn project(&self, world: DVec3) -> Option<[f64; 3]> {
         let p = self.to_camera(world);
         let i = &self.intrinsics;
         (p.z > 0.0)
-            .then(|| [i.focal_px * p.x / p.z + i.centre_px[0], i.focal_px * p.y / p.z + i.centre_px[1], p.z])
+            .then(|| [i.focal_px * p.x / p.z + i.center_px[0], i.focal_px * p.y / p.z + i.center_px[1], p.z])
     }
 }
 
-/// How the camera sits in its car.
+/// Position and orientation of the camera relative to its car.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mount {
-    ahead_m: f64,
+    forward_m: f64,
     left_m: f64,
     up_m: f64,
     pitch: f64,
@@ -73,9 +76,10 @@ pub(crate) struct Mount {
 }
 
 impl Mount {
-    pub(crate) fn random(seed: u64) -> Self {
+    pub(crate) fn from_seed(seed: u64) -> Self {
         let draws = Draws::new(seed, "camera");
-        // Sprung body and road roughness: a few modes between 1.5 and 14 Hz.
+        // The body vibrates on its suspension and because of road roughness. The vibration is a sum of four
+        // oscillations between 1 and 14 Hz.
         let mode = |i: u64, hz: (f64, f64), degrees: f64| {
             let k = std::f64::consts::TAU * draws.range(10 + i, hz.0, hz.1);
             (
@@ -85,7 +89,7 @@ impl Mount {
             )
         };
         Self {
-            ahead_m: draws.range(0, 0.3, 1.0),
+            forward_m: draws.range(0, 0.3, 1.0),
             left_m: draws.range(1, -0.35, 0.35),
             up_m: draws.range(2, 1.25, 1.75),
             pitch: draws.range(3, -2.5, 1.0).to_radians(),
@@ -99,20 +103,20 @@ impl Mount {
         }
     }
 
-    /// The pose on a car in `stance` at `t`.
-    pub(crate) fn pose(&self, stance: &Stance, t: f64) -> Pose {
+    /// Returns the pose of the camera at time `t`. `stance` is the state of the car.
+    pub(crate) fn pose(&self, stance: &VehicleState, t: f64) -> Pose {
         let wave = |i: usize| {
             let (a, k, p) = self.shake[i];
             a * libm::sin(k * t + p)
         };
-        // Nothing shakes on a car that stands.
+        // The amplitude of the vibration grows with speed. A stationary car does not vibrate.
         let liveliness = (stance.speed / 15.0).min(1.3);
         let pitch = self.pitch + liveliness * (wave(0) + wave(1) + wave(2));
         let roll = liveliness * wave(3);
         let yaw = stance.heading + self.yaw;
         let up = self.up_m + liveliness * 4.0 * wave(0);
         let base = stance.to_world();
-        let position = base.transform_point3(DVec3::new(self.ahead_m, self.left_m, up));
+        let position = base.transform_point3(DVec3::new(self.forward_m, self.left_m, up));
         let (sp, cp) = libm::sincos(pitch);
         let (sy, cy) = libm::sincos(yaw);
         let forward = DVec3::new(cy * cp, sy * cp, sp);

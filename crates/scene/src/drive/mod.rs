@@ -1,9 +1,9 @@
-//! Who drives where: the road, the vehicles, and the camera on one of them.
+//! The road, the vehicles on the road, and the camera on one of the vehicles.
 
 pub(super) mod camera;
-pub(super) mod follow;
-pub(super) mod member;
-pub(super) mod motion;
+pub(super) mod car_following;
 pub(super) mod road;
 pub(super) mod traffic;
-pub(super) mod vehicle;
+pub(super) mod traffic_vehicle;
+pub(super) mod vehicle_model;
+pub(super) mod vehicle_motion;

@@ -1,23 +1,23 @@
-//! COCO's JSON: images, annotations with run-length masks, categories.
+//! COCO JSON files with images, annotations with run-length masks, and categories.
 
 use serde_json::{Value, json};
 
-use crate::drawing::picture::Labels;
+use crate::ground_truth::boxes::VehicleBox;
+use crate::rendering::rendered_frame::Labels;
 use crate::shapes::material::Semantic;
-use crate::truth::boxes::VehicleBox;
 
-/// Collects the annotations of many images into one file.
+/// Collects the annotations of many images, which are written to one file.
 #[derive(Clone, Debug, Default)]
-pub struct Coco {
+pub struct CocoAnnotations {
     images: Vec<Value>,
     annotations: Vec<Value>,
 }
 
 const CLASSES: [Semantic; 3] = [Semantic::Car, Semantic::Bus, Semantic::Truck];
 
-impl Coco {
-    /// Adds an image with the vehicles that are visible in it; `readout` states
-    /// which readout of the stream the labels belong to.
+impl CocoAnnotations {
+    /// Adds an image and its visible vehicles. `readout` is the readout of the stream at which the labels were
+    /// computed.
     pub fn add(&mut self, file_name: &str, readout: u64, labels: &Labels, boxes: &[VehicleBox]) {
         let image_id = self.images.len() + 1;
         self.images.push(json!({
@@ -25,7 +25,7 @@ impl Coco {
             "readout": readout, "t_s": labels.t,
         }));
         for b in boxes {
-            let Some([x0, y0, x1, y1]) = b.visible else {
+            let Some([x0, y0, x1, y1]) = b.visible_box else {
                 continue;
             };
             self.annotations.push(json!({
@@ -34,19 +34,19 @@ impl Coco {
                 "category_id": b.class.semantic() as u8,
                 "track_id": b.track_id,
                 "bbox": [x0, y0, x1 - x0, y1 - y0],
-                "amodal_bbox": [b.amodal[0], b.amodal[1], b.amodal[2] - b.amodal[0], b.amodal[3] - b.amodal[1]],
+                "amodal_bbox": [b.amodal_box[0], b.amodal_box[1], b.amodal_box[2] - b.amodal_box[0], b.amodal_box[3] - b.amodal_box[1]],
                 "area": b.visible_pixels,
                 "iscrowd": 0,
                 "occlusion": b.occlusion,
                 "truncation": b.truncation,
-                "segmentation": { "size": [labels.height, labels.width], "counts": runs(labels, b.track_id) },
+                "segmentation": { "size": [labels.height, labels.width], "counts": run_lengths(labels, b.track_id) },
             }));
         }
     }
 
-    /// The file.
+    /// Returns the content of the file.
     #[must_use]
-    pub fn json(&self) -> Value {
+    pub fn to_json(&self) -> Value {
         let categories: Vec<Value> = CLASSES
             .iter()
             .map(|c| json!({ "id": *c as u8, "name": c.name(), "supercategory": "vehicle" }))
@@ -55,8 +55,9 @@ impl Coco {
     }
 }
 
-/// COCO's uncompressed run lengths: column by column, zeros first.
-fn runs(labels: &Labels, id: u32) -> Vec<u32> {
+/// Returns COCO's uncompressed run lengths of vehicle `id`. Pixels are counted column by column. The first run length
+/// counts pixels outside the vehicle.
+fn run_lengths(labels: &Labels, id: u32) -> Vec<u32> {
     let mut counts = vec![0u32];
     let mut inside = false;
     for column in 0..labels.width {
@@ -76,7 +77,7 @@ fn runs(labels: &Labels, id: u32) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
-    use crate::drawing::picture::Labels;
+    use crate::rendering::rendered_frame::Labels;
 
     #[test]
     fn runs_go_down_the_columns_and_start_with_zeros() {
@@ -89,8 +90,8 @@ mod tests {
             semantic: vec![13; 6],
             part: vec![1; 6],
         };
-        // Columns: 7 7 0 and 0 7 7.
-        assert_eq!(super::runs(&labels, 7), [0, 2, 2, 2]);
-        assert_eq!(super::runs(&labels, 1), [6]);
+        // The first column of the instance map is 7, 7, 0. The second column is 0, 7, 7.
+        assert_eq!(super::run_lengths(&labels, 7), [0, 2, 2, 2]);
+        assert_eq!(super::run_lengths(&labels, 1), [6]);
     }
 }

@@ -1,50 +1,50 @@
-//! Labels as files: one small module per format.
+//! Encodes labels and light as files. Each format has its own module.
 //!
-//! Every function returns the bytes of a whole file; whoever writes them
-//! decides on names and on how a half-written file is avoided.
+//! Every function returns the bytes of a whole file. The caller chooses the file name and writes the file so that no
+//! partial file remains.
 
 mod coco;
 mod exr;
 mod flo;
 mod kitti;
 mod npy;
-mod picture;
+mod preview;
 
-pub use coco::Coco;
-pub use exr::can_write_exr;
-pub use exr::exr;
-pub use flo::flo;
-pub use kitti::{kitti_depth, kitti_flow, kitti_line, kitti_text};
+pub use coco::CocoAnnotations;
+pub use exr::check_exr_support;
+pub use exr::exr_image;
+pub use flo::flo_flow;
+pub use kitti::{kitti_box_file, kitti_box_line, kitti_depth, kitti_flow};
 pub use npy::{npy_bool, npy_f32, npy_u8, npy_u32};
 pub use npy::{npy_depth, npy_flow};
-pub use picture::{
-    boxes_picture, depth_picture, flow_picture, instance_picture, light_picture, semantic_picture,
+pub use preview::{
+    boxes_preview, depth_preview, flow_preview, instance_preview, light_preview, semantic_preview,
 };
 
 use std::io::Cursor;
 
 use image::{ExtendedColorType, ImageEncoder};
 
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 
-/// A PNG file of big-endian or 8-bit samples.
-fn png(bytes: &[u8], width: usize, height: usize, colour: ExtendedColorType) -> Result<Vec<u8>> {
+/// Encodes 8-bit samples, or 16-bit samples in native byte order, as a PNG file.
+fn png(bytes: &[u8], width: usize, height: usize, color: ExtendedColorType) -> Result<Vec<u8>> {
     let mut out = Cursor::new(Vec::new());
     image::codecs::png::PngEncoder::new(&mut out)
-        .write_image(bytes, width as u32, height as u32, colour)
+        .write_image(bytes, width as u32, height as u32, color)
         .map_err(|e| {
-            Error::new(Kind::Input, "PNG picture").found(e).remedy("check width, height and data")
+            Error::new(ErrorKind::Input, "PNG image").found(e).remedy("check width, height and data")
         })?;
     Ok(out.into_inner())
 }
 
-/// Refuses data whose length is not what the shape says.
+/// Checks that the number of values matches the number of elements of the shape.
 fn expect_len(what: &str, found: usize, expected: usize) -> Result<()> {
     if found == expected {
         return Ok(());
     }
-    Err(Error::new(Kind::Usage, what)
+    Err(Error::new(ErrorKind::Usage, what)
         .found(format_args!("{found} values"))
         .expected(format_args!("{expected}"))
-        .remedy("width times height values are needed"))
+        .remedy("pass width times height values"))
 }

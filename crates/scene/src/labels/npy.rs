@@ -1,7 +1,7 @@
-//! NumPy arrays, version 1.0, little-endian, C order.
+//! NumPy arrays of format version 1.0. Elements are little-endian and in C order.
 
-use crate::drawing::picture::Labels;
-use crate::truth::flow::Flow;
+use crate::ground_truth::flow::Flow;
+use crate::rendering::rendered_frame::Labels;
 use spikelane::error::Result;
 use spikelane::unstable::npy::{self, Element};
 
@@ -14,53 +14,56 @@ fn array<const N: usize>(
     npy::to_bytes(element, &shape, values)
 }
 
-/// Depth in metres as `f32` of shape (height, width), 0 where there is none: in the sky, which [`Labels`] have at infinity. So do KITTI's
-/// depth maps, and a loader's mask `depth > 0` takes both.
+/// Encodes depth in meters as `f32` of shape (height, width).
+///
+/// In the sky, the depth in [`Labels`] is infinite, and the encoded value is 0. KITTI's depth maps also use 0, so the
+/// mask `depth > 0` of a loader works for both formats.
 ///
 /// # Errors
-/// When the depths do not match the size.
+/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the number of depths is not width times height.
 pub fn npy_depth(labels: &Labels) -> Result<Vec<u8>> {
     let near = |d: &f32| if d.is_finite() { *d } else { 0.0 };
     let depth: Vec<f32> = labels.depth_m.iter().map(near).collect();
     npy_f32(&[labels.height, labels.width], &depth)
 }
 
-/// An array of `f32`.
+/// Encodes an array of `f32`.
 ///
 /// # Errors
-/// When the shape does not hold the data.
+/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the number of values does not match the shape.
 pub fn npy_f32(shape: &[usize], data: &[f32]) -> Result<Vec<u8>> {
     array(Element::F32, shape, data.iter().map(|v| v.to_le_bytes()))
 }
 
-/// An array of `u32` (instances).
+/// Encodes an array of `u32`, which is the type of instance maps.
 ///
 /// # Errors
-/// When the shape does not hold the data.
+/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the number of values does not match the shape.
 pub fn npy_u32(shape: &[usize], data: &[u32]) -> Result<Vec<u8>> {
     array(Element::U32, shape, data.iter().map(|v| v.to_le_bytes()))
 }
 
-/// An array of `u8` (semantics).
+/// Encodes an array of `u8`, which is the type of semantic maps.
 ///
 /// # Errors
-/// When the shape does not hold the data.
+/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the number of values does not match the shape.
 pub fn npy_u8(shape: &[usize], data: &[u8]) -> Result<Vec<u8>> {
     array(Element::U8, shape, data.iter().map(|&v| [v]))
 }
 
-/// An array of `bool` (occlusion).
+/// Encodes an array of `bool`, which is the type of occlusion masks.
 ///
 /// # Errors
-/// When the shape does not hold the data.
+/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the number of values does not match the shape.
 pub fn npy_bool(shape: &[usize], data: &[bool]) -> Result<Vec<u8>> {
     array(Element::Bool, shape, data.iter().map(|&v| [u8::from(v)]))
 }
 
-/// Flow as `f32` of shape (height, width, 2), dx before dy.
+/// Encodes flow as `f32` of shape (height, width, 2). The last axis contains dx and dy.
 ///
 /// # Errors
-/// When the flow's fields do not match its size.
+/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the lengths of the flow's fields do not match its width and
+/// height.
 pub fn npy_flow(flow: &Flow) -> Result<Vec<u8>> {
     let both: Vec<f32> = flow.dx.iter().zip(&flow.dy).flat_map(|(x, y)| [*x, *y]).collect();
     npy_f32(&[flow.height, flow.width, 2], &both)

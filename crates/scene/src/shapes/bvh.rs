@@ -1,4 +1,4 @@
-//! Rays against triangles: is there anything between two points?
+//! Intersection of rays with triangles in a bounding volume hierarchy.
 
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -7,10 +7,10 @@ use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
 
-/// A set of triangles that rays can be shot at.
+/// Triangles in a bounding volume hierarchy.
 pub(crate) struct Bvh {
     tree: CwBvh,
-    /// In the order of the tree's leaves, so that a leaf reads neighbours.
+    /// Triangles in the order of the leaves of the tree, so that the triangles of a leaf are adjacent in memory.
     triangles: Vec<Triangle>,
 }
 
@@ -21,12 +21,13 @@ impl std::fmt::Debug for Bvh {
 }
 
 impl Bvh {
-    /// A tree over `triangles`; none at all is allowed.
+    /// Builds a tree that contains `triangles`. `triangles` may be empty.
     pub(crate) fn new(triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
         let mut list: Vec<Triangle> =
             triangles.map(|[a, b, c]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() }).collect();
         if list.is_empty() {
-            // The builder needs one primitive; a point can never be hit.
+            // The builder requires at least one primitive. No ray intersects a degenerate triangle, so this triangle
+            // has no effect.
             let far = Vec3A::splat(1e6);
             list.push(Triangle { v0: far, v1: far, v2: far });
         }
@@ -36,13 +37,13 @@ impl Bvh {
         Self { tree, triangles }
     }
 
-    /// The triangles, in no order that means anything.
+    /// Returns the triangles in an unspecified order.
     pub(crate) fn triangles(&self) -> &[Triangle] {
         &self.triangles
     }
 
-    /// True when a triangle lies on `origin + t direction` for t in (min, max).
-    pub(crate) fn blocked(&self, origin: Vec3, direction: Vec3, min: f32, max: f32) -> bool {
+    /// Returns whether a triangle contains a point `origin + t * direction` with t between `min` and `max`.
+    pub(crate) fn is_blocked(&self, origin: Vec3, direction: Vec3, min: f32, max: f32) -> bool {
         let ray = Ray::new(origin.into(), direction.into(), min, max);
         !self.tree.ray_traverse_miss(ray, |ray, id| self.triangles[id].intersect(ray))
     }

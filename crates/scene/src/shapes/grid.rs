@@ -1,11 +1,11 @@
-//! Which things are near a place: a flat grid of lists.
+//! A grid that lists the items near each place.
 
 use glam::Vec2;
 
-/// A rectangle of square cells, each with the things that reach into it.
+/// A rectangle of square cells. For each cell, the grid contains the items that overlap the cell.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Grid {
-    low: Vec2,
+    origin: Vec2,
     cell_m: f32,
     columns: usize,
     rows: usize,
@@ -14,7 +14,8 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// A grid of the rectangles `(low, high, item)`, in their order.
+    /// Builds a grid of the items in `things`. Each element is (lower corner, upper corner, item) of a rectangle. Each
+    /// cell lists its items in the order of `things`.
     pub(crate) fn new(cell_m: f32, things: &[(Vec2, Vec2, u16)]) -> Self {
         let low = things.iter().fold(Vec2::MAX, |m, t| m.min(t.0));
         let high = things.iter().fold(Vec2::MIN, |m, t| m.max(t.1));
@@ -32,7 +33,7 @@ impl Grid {
                 }
             }
         }
-        let mut grid = Self { low, cell_m, columns, rows, starts: vec![0], items: Vec::new() };
+        let mut grid = Self { origin: low, cell_m, columns, rows, starts: vec![0], items: Vec::new() };
         for list in lists {
             grid.items.extend(list);
             grid.starts.push(grid.items.len() as u32);
@@ -40,10 +41,10 @@ impl Grid {
         grid
     }
 
-    /// What reaches into the cell of `p`.
-    pub(crate) fn at(&self, p: Vec2) -> &[u16] {
-        let q = (p - self.low) / self.cell_m;
-        // Not a number fails this comparison too.
+    /// Returns the items that overlap the cell that contains `p`.
+    pub(crate) fn items_at(&self, p: Vec2) -> &[u16] {
+        let q = (p - self.origin) / self.cell_m;
+        // NaN fails these comparisons, so NaN is outside the grid.
         if !(q.x >= 0.0 && q.y >= 0.0 && q.x < self.columns as f32 && q.y < self.rows as f32) {
             return &[];
         }

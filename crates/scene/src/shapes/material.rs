@@ -1,71 +1,71 @@
-//! What surfaces are made of, and which class they count as.
+//! Materials of surfaces and their semantic classes.
 
 use glam::Vec3;
 
-/// A closed list of procedural materials; the texture files evaluate them.
+/// The procedural materials. The texture modules evaluate the materials.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Material {
-    /// The driving road; coordinates are (s, d).
+    /// The main road. Texture coordinates are (s, d).
     Road,
-    /// A side street; coordinates are (distance, offset) from its centre, with its half width.
-    SideRoad { half_m: f32 },
-    /// Paved footway.
-    Pavement,
-    /// Kerb stones.
-    Kerb,
+    /// A side street. Texture coordinates are the distance along the center line and the offset from the center line.
+    SideRoad { half_width_m: f32 },
+    /// Paved sidewalk.
+    Sidewalk,
+    /// Curb stones.
+    Curb,
     /// Lawn.
     Grass,
-    /// The ground below everything.
-    Base,
-    /// A wall with windows; an index into the scene's facade styles.
+    /// The ground below all other surfaces.
+    GroundPlane,
+    /// A wall with windows. The number is an index into the facade styles of the scene.
     Facade(u16),
-    /// A tiled or felted roof with a tint in 0..1.
+    /// A roof of tiles or felt with a tint between 0 and 1.
     Roof(f32),
-    /// One colour.
+    /// A surface of one color.
     Plain(Vec3),
     /// Tree trunk.
     Bark,
-    /// Foliage with a tint in 0..1.
+    /// Foliage with a tint between 0 and 1.
     Leaves(f32),
-    /// Grey galvanised metal.
+    /// Gray galvanized metal.
     Metal,
-    /// The glowing part of street lamp `index`.
+    /// The luminous face of the street lamp with this number.
     LampGlass(u16),
-    /// A traffic sign of some kind; coordinates in -1..1.
+    /// A traffic sign of this kind. Both texture coordinates are between -1 and 1.
     Sign(u8),
-    /// A traffic light's face; coordinates in (-1..1, -3..3), which lamp is lit.
+    /// The face of a traffic light. The number is the index of the lit lamp. Texture coordinates are -1 to 1
+    /// horizontally and -3 to 3 vertically.
     Signal(u8),
-    /// The lining of the tunnel; coordinates are (s, height).
+    /// The lining of the tunnel. Texture coordinates are s and the length along the cross section.
     Tunnel,
-    /// The lamps along its ceiling.
+    /// A lamp on the ceiling of the tunnel.
     TunnelLamp,
-    /// A shop's awning; colour.
+    /// An awning of a shop, with this color.
     Awning(Vec3),
-    /// A vehicle's shell; patterns follow from the vehicle's own coordinates.
+    /// The shell of a vehicle. The pattern depends on the vehicle coordinates.
     Body,
-    /// A vehicle's panes.
+    /// A window of a vehicle.
     Glass,
     /// Dark rubber and plastic.
-    Trim,
-    /// A vehicle's cargo box.
+    RubberTrim,
+    /// The cargo box of a truck.
     Cargo,
-    /// Tyre and rim; coordinates are in units of the radius.
+    /// A tire and its rim. Texture coordinates are in units of the wheel radius.
     Wheel,
 }
 
-/// The classes of the semantic map. Numbers 0 to 10 and 13 to 15 that
-/// Cityscapes has too keep its "train ids".
+/// Classes of the semantic map. The numbers are the train ids of Cityscapes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 #[non_exhaustive]
 pub enum Semantic {
-    /// Carriageway, its paint included.
+    /// Roadway with its markings.
     Road = 0,
-    /// Footways and kerbs.
+    /// Sidewalks and curbs.
     Sidewalk = 1,
-    /// Buildings with everything fixed to them.
+    /// Buildings and all objects that are fixed to buildings.
     Building = 2,
-    /// The tunnel's lining (Cityscapes has "wall" here).
+    /// The lining of the tunnel.
     Wall = 3,
     /// Poles and lamps.
     Pole = 5,
@@ -81,14 +81,14 @@ pub enum Semantic {
     Sky = 10,
     /// Sedans and vans.
     Car = 13,
-    /// Lorries.
+    /// Trucks.
     Truck = 14,
     /// Buses.
     Bus = 15,
 }
 
 impl Semantic {
-    /// Every class, ascending by number.
+    /// All classes, in ascending order of their numbers.
     pub const ALL: [Self; 13] = [
         Self::Road,
         Self::Sidewalk,
@@ -105,7 +105,7 @@ impl Semantic {
         Self::Bus,
     ];
 
-    /// The class's name in lower case.
+    /// Returns the name of the class in lower case.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -125,9 +125,9 @@ impl Semantic {
         }
     }
 
-    /// The colour that Cityscapes paints the class with.
+    /// Returns the color that Cityscapes assigns to the class.
     #[must_use]
-    pub const fn colour(self) -> [u8; 3] {
+    pub const fn color(self) -> [u8; 3] {
         match self {
             Self::Road => [128, 64, 128],
             Self::Sidewalk => [244, 35, 232],
@@ -147,24 +147,24 @@ impl Semantic {
 }
 
 impl Material {
-    /// Seen from both sides.
-    pub(crate) fn double_sided(self) -> bool {
+    /// Returns whether both sides of a surface with this material are visible.
+    pub(crate) fn is_double_sided(self) -> bool {
         matches!(self, Self::Leaves(_) | Self::Sign(_) | Self::Awning(_))
     }
 
-    /// The class of a static surface; a vehicle's class comes from the vehicle.
+    /// Returns the class of a static surface. For vehicles, use `VehicleClass::semantic`.
     pub(crate) const fn semantic(self) -> Semantic {
         match self {
             Self::Road | Self::SideRoad { .. } => Semantic::Road,
-            Self::Pavement | Self::Kerb => Semantic::Sidewalk,
+            Self::Sidewalk | Self::Curb => Semantic::Sidewalk,
             Self::Facade(_) | Self::Roof(_) | Self::Plain(_) | Self::Awning(_) => Semantic::Building,
             Self::Bark | Self::Leaves(_) => Semantic::Vegetation,
-            Self::Grass | Self::Base => Semantic::Terrain,
+            Self::Grass | Self::GroundPlane => Semantic::Terrain,
             Self::Metal | Self::LampGlass(_) => Semantic::Pole,
             Self::Sign(_) => Semantic::TrafficSign,
             Self::Signal(_) => Semantic::TrafficLight,
             Self::Tunnel | Self::TunnelLamp => Semantic::Wall,
-            Self::Body | Self::Glass | Self::Trim | Self::Cargo | Self::Wheel => Semantic::Car,
+            Self::Body | Self::Glass | Self::RubberTrim | Self::Cargo | Self::Wheel => Semantic::Car,
         }
     }
 }

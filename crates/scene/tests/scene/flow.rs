@@ -1,4 +1,4 @@
-//! Flow, depth and warping against geometry and against true renders.
+//! Tests of flow, depth and warping. The results are compared with geometry and with renders.
 
 use spikelane_scene::{DVec3, Flow, Labels, Lighting, SamplesPerPixel, Scene, SceneOptions, Semantic, Warp};
 
@@ -8,7 +8,7 @@ fn scene(seed: u64, lighting: Lighting) -> Scene {
         .with_height(125)
         .with_lighting(Some(lighting))
         .with_duration_s(1.0);
-    Scene::random(seed, &options).unwrap()
+    Scene::from_seed(seed, &options).unwrap()
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -17,7 +17,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Backward flow between pixel centres at (x, y), if all four see `part`.
+/// Returns the backward flow at (x, y), interpolated between the four nearest pixel centers. Returns `None` if not all
+/// of these show `part`.
 fn at(flow: &Flow, labels: &Labels, part: u16, x: f32, y: f32) -> Option<(f32, f32)> {
     let (x, y) = (x - 0.5, y - 0.5);
     let (x0, y0) = (x.floor(), y.floor());
@@ -39,7 +40,7 @@ fn at(flow: &Flow, labels: &Labels, part: u16, x: f32, y: f32) -> Option<(f32, f
 }
 
 #[test]
-fn forward_flow_leads_to_where_backward_flow_comes_from() {
+fn backward_flow_inverts_forward_flow() {
     for (seed, lighting) in [(1, Lighting::Noon), (2, Lighting::Night)] {
         let scene = scene(seed, lighting);
         let (a, b) = (scene.labels(0.30, 1).unwrap(), scene.labels(0.32, 1).unwrap());
@@ -47,7 +48,7 @@ fn forward_flow_leads_to_where_backward_flow_comes_from() {
         let backward = scene.flow(&b, &a, 1).unwrap();
         let mut errors = Vec::new();
         for i in 0..a.part.len() {
-            if forward.occluded[i] {
+            if forward.is_occluded[i] {
                 continue;
             }
             let (x, y) = ((i % 200) as f32 + 0.5, (i / 200) as f32 + 0.5);
@@ -62,7 +63,7 @@ fn forward_flow_leads_to_where_backward_flow_comes_from() {
 }
 
 #[test]
-fn depth_and_camera_poses_give_the_flow_of_what_stands_still() {
+fn depth_and_poses_give_the_flow_of_static_points() {
     let scene = scene(3, Lighting::Overcast);
     let (t0, t1) = (0.5, 0.51);
     let (a, b) = (scene.labels(t0, 1).unwrap(), scene.labels(t1, 1).unwrap());
@@ -73,7 +74,7 @@ fn depth_and_camera_poses_give_the_flow_of_what_stands_still() {
     for i in (0..a.part.len()).filter(|&i| a.part[i] == 1) {
         let (x, y) = ((i % 200) as f64 + 0.5, (i / 200) as f64 + 0.5);
         let z = f64::from(a.depth_m[i]);
-        let ray = DVec3::new((x - k.centre_px[0]) / k.focal_px, (y - k.centre_px[1]) / k.focal_px, 1.0);
+        let ray = DVec3::new((x - k.center_px[0]) / k.focal_px, (y - k.center_px[1]) / k.focal_px, 1.0);
         let world = from.pose.rotation.transpose() * (ray * z) + from.pose.position;
         if let Some([u, v, depth]) = to.project(world).filter(|p| p[2] > 1.0) {
             let error = (u - x - f64::from(flow.dx[i])).hypot(v - y - f64::from(flow.dy[i]));
@@ -81,12 +82,13 @@ fn depth_and_camera_poses_give_the_flow_of_what_stands_still() {
             assert!(depth.is_finite());
         }
     }
-    // Both start from the same depth; single precision of a flow of some 10 px is 1e-6.
+    // Both computations start from the same depth, so only rounding errors remain. In single precision, the error of a
+    // flow of about 10 px is 1e-6 px.
     assert!(worst < 1e-3, "worst error {worst} px");
 }
 
 #[test]
-fn what_is_not_marked_occluded_is_there_at_the_other_end() {
+fn unoccluded_points_are_visible_at_the_other_instant() {
     let scene = scene(4, Lighting::Noon);
     let (a, b) = (scene.labels(0.4, 1).unwrap(), scene.labels(0.46, 1).unwrap());
     let flow = scene.flow(&a, &b, 1).unwrap();
@@ -94,15 +96,15 @@ fn what_is_not_marked_occluded_is_there_at_the_other_end() {
     for i in 0..a.part.len() {
         let (x, y) = ((i % 200) as f32 + 0.5 + flow.dx[i], (i / 200) as f32 + 0.5 + flow.dy[i]);
         if x < 0.0 || y < 0.0 || x >= 200.0 || y >= 125.0 {
-            assert!(flow.occluded[i], "a point outside the image is occluded");
+            assert!(flow.is_occluded[i], "a point outside the image is occluded");
             continue;
         }
-        // Leaves have gaps finer than a pixel: the nearest centre says nothing there.
+        // Leaves have gaps that are smaller than a pixel, so the nearest pixel center may show another surface.
         if a.semantic[i] == Semantic::Vegetation as u8 {
             continue;
         }
         let j = y as usize * 200 + x as usize;
-        if flow.occluded[i] {
+        if flow.is_occluded[i] {
             hidden += 1;
             behind += usize::from(b.part[j] != a.part[i] || b.depth_m[j] < a.depth_m[i]);
         } else {
@@ -110,7 +112,7 @@ fn what_is_not_marked_occluded_is_there_at_the_other_end() {
             same += usize::from(b.part[j] == a.part[i]);
         }
     }
-    // The nearest centre may lie across an edge: some percent of all pixels do.
+    // The nearest pixel center may be on the other side of an edge. This occurs for a few percent of all pixels.
     assert!(same as f64 > 0.97 * f64::from(visible), "{same} of {visible} visible points keep their part");
     assert!(
         hidden > 20 && behind as f64 > 0.8 * f64::from(hidden),
@@ -121,11 +123,11 @@ fn what_is_not_marked_occluded_is_there_at_the_other_end() {
 #[test]
 fn key_frames_bound_the_motion_between_them() {
     let scene = scene(5, Lighting::Noon);
-    let plan = scene.keyframes(0.2, 0.21, 20_000.0, 1).unwrap();
+    let plan = scene.plan_keyframes(0.2, 0.21, 20_000.0, 1).unwrap();
     assert_eq!(plan.readouts.len(), 201);
-    assert_eq!((plan.keys[0], plan.keys[plan.keys.len() - 1]), (0, 200));
-    assert!(!plan.too_fast() && plan.keys.len() < 101, "{} keys", plan.keys.len());
-    for w in plan.keys.windows(2).step_by(7) {
+    assert_eq!((plan.keyframes[0], plan.keyframes[plan.keyframes.len() - 1]), (0, 200));
+    assert!(!plan.is_too_fast() && plan.keyframes.len() < 101, "{} keys", plan.keyframes.len());
+    for w in plan.keyframes.windows(2).step_by(7) {
         let a = scene.labels(plan.readouts[w[0]], 1).unwrap();
         let b = scene.labels(plan.readouts[w[1]], 1).unwrap();
         let flow = scene.flow(&a, &b, 1).unwrap();
@@ -134,7 +136,7 @@ fn key_frames_bound_the_motion_between_them() {
     }
 }
 
-/// Mean absolute difference in units of the mean.
+/// Returns the mean absolute difference between `x` and `truth`, divided by the mean of `truth`.
 fn difference(x: &[f32], truth: &[f32]) -> f64 {
     let sum: f64 = x.iter().zip(truth).map(|(p, q)| f64::from((p - q).abs())).sum();
     sum / truth.iter().map(|&q| f64::from(q)).sum::<f64>()
@@ -143,21 +145,21 @@ fn difference(x: &[f32], truth: &[f32]) -> f64 {
 #[test]
 fn warped_frames_come_close_to_true_renders() {
     let scene = scene(6, Lighting::LowSun);
-    let plan = scene.keyframes(0.5, 0.53, 40_000.0, 1).unwrap();
+    let plan = scene.plan_keyframes(0.5, 0.53, 40_000.0, 1).unwrap();
     let render = |k: usize| scene.render(plan.readouts[k], SamplesPerPixel::Sixteen, 1).unwrap();
     let mut errors = Vec::new();
     for (first, last) in [(2, 3), (2, 14)] {
-        let (i, j) = (plan.keys[first], plan.keys[last]);
+        let (i, j) = (plan.keyframes[first], plan.keyframes[last]);
         assert!(j - i >= 2, "no readout between keys {i} and {j}");
         let (a, b, truth) = (render(i), render(j), render(i.midpoint(j)));
         let warped = Warp::new(&scene, &a, &b).unwrap().light(plan.readouts[i.midpoint(j)]).unwrap();
         errors.push((difference(&warped, &truth.light), difference(&a.light, &truth.light)));
     }
     let (planned, far) = (errors[0], errors[1]);
-    // Most of what is left is the truth's own noise: sixteen samples a pixel put
-    // an edge off by up to 1/32 px, in every one of the three renders.
+    // Most of the remaining error is sampling noise. With sixteen samples per pixel, the position of an edge has an
+    // error of up to 1/32 px in each of the three renders.
     assert!(planned.0 < 0.002, "warping is off by {} of the mean", planned.0);
     assert!(planned.0 < planned.1, "{planned:?}");
-    // Six pixels apart the motion outweighs that noise.
+    // For a motion of six pixels, the error without warping is much larger than the sampling noise.
     assert!(far.0 < 0.7 * far.1, "{far:?}");
 }

@@ -1,4 +1,4 @@
-//! Scenes and their labels.
+//! Tests of scenes and their labels.
 
 mod boxes;
 mod flow;

@@ -1,4 +1,5 @@
-//! The same bytes on any number of threads, other bytes for other seeds, and light in order.
+//! Tests of renders. The bytes must depend on the seed but not on the number of threads, and the light of the presets
+//! must be in the documented order.
 
 use spikelane_scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
 
@@ -14,12 +15,12 @@ fn median(mut light: Vec<f32>) -> f32 {
 #[test]
 fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
     for lighting in [Lighting::Noon, Lighting::Night] {
-        let scene = Scene::random(21, &options(lighting)).unwrap();
+        let scene = Scene::from_seed(21, &options(lighting)).unwrap();
         let one = scene.render(0.5, SamplesPerPixel::Four, 1).unwrap();
         for threads in [2, 3] {
             assert_eq!(one, scene.render(0.5, SamplesPerPixel::Four, threads).unwrap(), "{threads} threads");
         }
-        let again = Scene::random(21, &options(lighting)).unwrap();
+        let again = Scene::from_seed(21, &options(lighting)).unwrap();
         assert_eq!(one, again.render(0.5, SamplesPerPixel::Four, 2).unwrap());
         assert_eq!(one.labels, scene.labels(0.5, 2).unwrap());
     }
@@ -28,7 +29,7 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
 #[test]
 fn scenes_of_different_seeds_differ_in_layout_traffic_and_light() {
     let open = options(Lighting::Noon).with_lighting(None);
-    let scenes: Vec<Scene> = (0..6).map(|seed| Scene::random(seed, &open).unwrap()).collect();
+    let scenes: Vec<Scene> = (0..6).map(|seed| Scene::from_seed(seed, &open).unwrap()).collect();
     for w in scenes.windows(2) {
         let (a, b) = (w[0].labels(0.5, 1).unwrap(), w[1].labels(0.5, 1).unwrap());
         let differ = a.semantic.iter().zip(&b.semantic).filter(|(x, y)| x != y).count();
@@ -53,12 +54,12 @@ fn presets_follow_one_another_from_bright_to_dark() {
     let medians: Vec<f32> = order
         .iter()
         .map(|&l| {
-            // The median over seeds: a single low sun may stand behind a house.
+            // The median of several seeds is used, because a building can hide the low sun in a single scene.
             median(
                 (1..4)
                     .map(|seed| {
                         median(
-                            Scene::random(seed, &options(l))
+                            Scene::from_seed(seed, &options(l))
                                 .unwrap()
                                 .render(0.5, SamplesPerPixel::Four, 1)
                                 .unwrap()
@@ -78,7 +79,7 @@ fn presets_follow_one_another_from_bright_to_dark() {
 
 #[test]
 fn sixteen_samples_agree_with_four_in_the_mean() {
-    let scene = Scene::random(22, &options(Lighting::Noon)).unwrap();
+    let scene = Scene::from_seed(22, &options(Lighting::Noon)).unwrap();
     let mean = |s: SamplesPerPixel| {
         let light = scene.render(0.5, s, 1).unwrap().light;
         assert!(light.iter().all(|l| l.is_finite() && *l >= 0.0));
@@ -91,8 +92,8 @@ fn sixteen_samples_agree_with_four_in_the_mean() {
 #[test]
 fn lamps_that_flicker_change_the_light_of_the_night() {
     let o = options(Lighting::Night).with_flicker_hz(Some(100.0));
-    let scene = Scene::random(23, &o).unwrap();
-    // Half a period apart nothing has moved by a pixel, but the lamps have changed.
+    let scene = Scene::from_seed(23, &o).unwrap();
+    // During half a flicker period, no object moves by a pixel, but the light of the lamps changes.
     let mean = |t: f64| {
         let light = scene.render(t, SamplesPerPixel::Four, 1).unwrap().light;
         light.iter().map(|l| l.min(5.0)).sum::<f32>() / light.len() as f32

@@ -1,295 +1,334 @@
-//! Whether a discriminator tells a camera's recordings from a real one, and by what.
+//! Compares simulated cameras with a real recording by means of a discriminator.
 //!
-//! Every pixel of a simulated camera gets the light that gives it its measured rate; its own fixed pattern is off, since the measured
-//! rates hold the real one. Small windows of both are measured and told apart ([`Realism`]).
+//! Every pixel of a simulated camera receives the light that reproduces the measured rate of this pixel. The fixed
+//! pattern of the simulated camera is removed, because the measured rates contain the pattern of the real camera. A
+//! discriminator compares features of small windows of both recordings ([`RealismComparison`]).
 
 mod discriminator;
-mod matched;
+mod html_report;
+mod matched_simulation;
 mod motion;
-mod numbers;
-mod page;
-mod times;
+mod recording_statistics;
+mod spike_times;
 mod windows;
 
 use serde::Serialize;
 
 pub use discriminator::Auc;
-use discriminator::{Seen, auc, scores};
-use matched::Matched;
+use discriminator::{LabeledWindow, auc_with_interval, out_of_fold_scores};
+use matched_simulation::MatchedSimulation;
 use motion::Motion;
-pub use motion::still_pixels;
-pub use numbers::Numbers;
-use times::Times;
-pub use windows::Window;
-use windows::{Cutter, Sample, lags, names, seen};
+pub use motion::static_pixels;
+pub use recording_statistics::RecordingStatistics;
+use spike_times::SpikeTimes;
+pub use windows::WindowSize;
+use windows::{WindowSample, WindowSampler, discriminator_value, feature_names, usable_lags};
 
-use crate::compare::check_memory;
+use crate::compare::check_comparison_memory;
 use spikelane::effects::Camera;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::draws::Seeds;
-use spikelane_io::formats::Reader;
+use spikelane_io::formats::StreamReader;
 
-/// Fewest places of which a comparison is made.
-const LEAST_PLACES: usize = 12;
+/// Smallest number of places that a comparison requires.
+const MIN_PLACES: usize = 12;
 
-/// Half an interval of more than this decides nothing.
-const DECIDED: f64 = 0.07;
+/// Largest half width of the 95 % interval of the AUC for which a result is conclusive.
+const MAX_DECISIVE_HALF_INTERVAL: f64 = 0.07;
 
-/// How cameras are compared with a recording.
+/// Options of a comparison with a recording.
 #[derive(Clone, Debug)]
 pub struct RealismOptions {
-    /// What is measured at a time.
-    pub window: Window,
-    /// Recordings simulated by each camera.
-    pub simulated: usize,
-    /// Readouts of the recording at most.
-    pub longest: usize,
-    /// Rows of the upright picture, or all.
+    /// Size of the compared windows.
+    pub window: WindowSize,
+    /// Number of simulated recordings per camera.
+    pub recordings_per_camera: usize,
+    /// Largest number of readouts that are read from the recording.
+    pub max_readouts: usize,
+    /// Rows of the upright image that are compared. `None` selects all rows.
     pub rows: Option<std::ops::Range<usize>>,
-    /// Whether simulated light drifts as the recording's does in the mean of 11x11 pixels. Without it a camera answers for the scene's slow
-    /// changes; with it slow changes that a camera makes itself are the scene's.
-    pub drifting: bool,
+    /// Whether the simulated light drifts like the light of the recording. The drift is the mean over 11x11 pixels.
+    ///
+    /// If false, slow changes of the scene count as differences between a camera and the recording. If true, slow
+    /// changes that the real camera causes are attributed to the scene.
+    pub drifting_light: bool,
     /// Seeds of the simulated cameras.
     pub seeds: Seeds,
-    /// Rates of a real camera's pixels in the dark, in spikes per readout, to be listed beside those of the cameras.
-    pub dark: Option<Vec<f64>>,
+    /// Dark rates of the pixels of a real camera, in spikes per readout. The report lists them beside the dark rates of
+    /// the simulated cameras.
+    pub dark_rates: Option<Vec<f64>>,
 }
 
 impl Default for RealismOptions {
     fn default() -> Self {
-        let window = Window::default();
+        let window = WindowSize::default();
         let (rows, dark, seeds) = (None, None, Seeds::default());
-        Self { window, simulated: 10, longest: 2000, rows, drifting: false, seeds, dark }
+        Self {
+            window,
+            recordings_per_camera: 10,
+            max_readouts: 2000,
+            rows,
+            drifting_light: false,
+            seeds,
+            dark_rates: dark,
+        }
     }
 }
 
-/// One value of windows, and how well it alone tells a camera from the recording.
+/// AUC and means of a single feature, for one camera and the recording.
 #[derive(Clone, Debug, Serialize)]
-pub struct Tell {
-    /// What is measured.
+pub struct FeatureSeparation {
+    /// Name of the feature.
     pub name: String,
-    /// Its mean over windows of the recording.
-    pub real: f64,
-    /// Its mean over simulated windows.
-    pub simulated: f64,
-    /// Chance that a real window has the more telling value, 0.5 to 1.
-    pub alone: f64,
+    /// Mean of the feature over the windows of the recording.
+    pub real_mean: f64,
+    /// Mean of the feature over the simulated windows.
+    pub simulated_mean: f64,
+    /// AUC of this feature alone, 0.5 to 1.
+    pub auc: f64,
 }
 
-/// A camera on a part of the windows.
+/// Result for one camera, for a subset of the windows.
 #[derive(Clone, Debug, Serialize)]
-pub struct Part {
-    /// Which part: rows, or rates.
+pub struct WindowSubset {
+    /// Name of the subset, which is a range of rows or of rates.
     pub name: String,
-    /// Real windows in it.
+    /// Number of real windows in the subset.
     pub windows: usize,
-    /// By all values; absent where the part has too few places.
+    /// AUC of all features together. `None` if the subset has too few places.
     pub auc: Option<Auc>,
-    /// What tells most there.
-    pub tell: Option<Tell>,
+    /// The feature with the highest AUC in the subset.
+    pub best_feature: Option<FeatureSeparation>,
 }
 
-/// How well one camera passes.
+/// Result for one camera.
 #[derive(Clone, Debug, Serialize)]
 pub struct RealismRow {
-    /// The camera.
+    /// Name of the camera.
     pub name: String,
-    /// Against the recording.
+    /// AUC of the simulated windows against the windows of the recording.
     pub auc: Auc,
-    /// One of its recordings against its others: what chance makes of so many windows.
-    pub floor: Auc,
-    /// Values by how much they tell, the most telling first.
-    pub tells: Vec<Tell>,
-    /// By bands of rows and classes of rate.
-    pub parts: Vec<Part>,
+    /// AUC of one recording of the camera against the other recordings of the camera. The true value is 0.5, so this
+    /// AUC shows the effect of chance with this number of windows.
+    pub self_auc: Auc,
+    /// Features in descending order of AUC.
+    pub features: Vec<FeatureSeparation>,
+    /// Results for ranges of rows and for ranges of rates.
+    pub subsets: Vec<WindowSubset>,
 }
 
 impl RealismRow {
-    /// Whether the interval is narrow enough to decide by.
+    /// Returns whether the interval of the AUC is narrow enough for a conclusion.
     #[must_use]
-    pub fn is_decided(&self) -> bool {
-        (self.auc.high - self.auc.low) / 2.0 <= DECIDED
+    pub fn is_conclusive(&self) -> bool {
+        (self.auc.high - self.auc.low) / 2.0 <= MAX_DECISIVE_HALF_INTERVAL
     }
 }
 
-/// Cameras against a recording.
+/// Result of a comparison of cameras with a recording.
 #[derive(Clone, Debug, Serialize)]
-pub struct Realism {
-    /// What was measured at a time.
-    pub window: Window,
-    /// Windows of the recording, and places that they lie at.
+pub struct RealismComparison {
+    /// Size of the compared windows.
+    pub window: WindowSize,
+    /// Number of windows of the recording.
     pub windows: usize,
-    /// See `windows`.
+    /// Number of places that these windows cover.
     pub places: usize,
-    /// Share of pixels that were left out: around them something moved, or they have no rate.
-    pub left_out: f64,
+    /// Share of the pixels that were excluded, because something moved around them or because they have no rate.
+    pub excluded_share: f64,
     /// Mean rate of the windows in spikes per readout.
-    pub rate: f64,
-    /// Whether simulated light drifted as the recording's did.
-    pub drifting: bool,
-    /// Cameras, the least easily told first.
-    pub rows: Vec<RealismRow>,
-    /// Numbers of the whole recording, then of each camera's.
-    pub numbers: Vec<Numbers>,
-    /// Rate of every pixel that counts, in spikes per readout; NaN of those left out. Row by row from the top.
+    pub mean_rate: f64,
+    /// Whether the simulated light drifted like the light of the recording.
+    pub drifting_light: bool,
+    /// Results in ascending order of AUC. The first camera is most similar to the recording.
+    pub cameras: Vec<RealismRow>,
+    /// Statistics of the whole recording, followed by the statistics of each camera's simulated recordings.
+    pub recording_statistics: Vec<RecordingStatistics>,
+    /// Rate of every compared pixel in spikes per readout, row by row from the top. NaN for pixels that are not compared.
     #[serde(skip)]
     pub rates: Vec<f64>,
-    /// Pixels of a row.
+    /// Pixels in a row.
     #[serde(skip)]
     pub width: usize,
-    /// Every window, for a discriminator of your own: camera or `real`, place, row, rate, values.
+    /// All windows as CSV, for use with another discriminator. The columns are the camera name or `real`, the place, the
+    /// row, the rate and the features.
     #[serde(skip)]
-    pub features: String,
+    pub features_csv: String,
 }
 
-/// Compares cameras with a recording by windows of both. `tell` hears which camera is next.
+/// Compares windows of simulated recordings with windows of a real recording. Calls `progress` with the name of the next
+/// camera.
 ///
 /// # Errors
-/// When the recording has fewer than twelve places of still, firing pixels, or a camera cannot be simulated.
-pub fn realism(
-    recording: &Reader,
+/// If the recording has fewer than twelve places of static, firing pixels, or if a camera cannot be simulated.
+pub fn compare_realism(
+    recording: &StreamReader,
     cameras: &[Camera],
     options: &RealismOptions,
-    tell: &mut dyn FnMut(&str, f64),
-) -> Result<Realism> {
-    let real = Times::of_reader(recording, options.longest)?;
-    check_memory(real.geometry)?;
-    let lines = real.lines();
-    let motion = Motion::of(&real);
+    progress: &mut dyn FnMut(&str, f64),
+) -> Result<RealismComparison> {
+    let real = SpikeTimes::from_reader(recording, options.max_readouts)?;
+    check_comparison_memory(real.geometry)?;
+    let lines = real.fit_rates();
+    let motion = Motion::from_times(&real);
     let used: Vec<bool> =
-        motion.still.iter().zip(&lines).map(|(still, line)| *still && line.rate.is_finite()).collect();
-    let drift = if options.drifting { motion.drift } else { vec![0.0; lines.len()] };
+        motion.is_static.iter().zip(&lines).map(|(still, line)| *still && line.rate.is_finite()).collect();
+    let drift = if options.drifting_light { motion.drift } else { vec![0.0; lines.len()] };
     let height = real.geometry.height();
     let rows = options.rows.clone().unwrap_or(0..height);
     let mean = mean_rate(&lines, &used);
-    let lags = lags(options.window, mean);
-    let cutter =
-        Cutter { window: options.window, lags: &lags, used: &used, rows: rows.start..rows.end.min(height) };
+    let lags = usable_lags(options.window, mean);
+    let cutter = WindowSampler {
+        window: options.window,
+        lags: &lags,
+        used_pixels: &used,
+        rows: rows.start..rows.end.min(height),
+    };
     let own = cutter.samples(&real, &lines);
     let places = count_places(&own);
-    if places < LEAST_PLACES {
-        return Err(too_few(recording, options.window, places));
+    if places < MIN_PLACES {
+        return Err(too_few_places_error(recording, options.window, places));
     }
-    let names = names(&lags);
-    let mut found = Realism {
+    let names = feature_names(&lags);
+    let mut found = RealismComparison {
         window: options.window,
         windows: own.len(),
         places,
-        left_out: used.iter().filter(|u| !**u).count() as f64 / used.len() as f64,
-        rate: own.iter().map(|s| s.rate).sum::<f64>() / own.len() as f64,
-        drifting: options.drifting,
-        rows: Vec::new(),
-        numbers: Vec::new(),
+        excluded_share: used.iter().filter(|u| !**u).count() as f64 / used.len() as f64,
+        mean_rate: own.iter().map(|s| s.mean_rate).sum::<f64>() / own.len() as f64,
+        drifting_light: options.drifting_light,
+        cameras: Vec::new(),
+        recording_statistics: Vec::new(),
         rates: lines.iter().zip(&used).map(|(line, used)| if *used { line.rate } else { f64::NAN }).collect(),
         width: real.geometry.width(),
-        features: head(&names),
+        features_csv: csv_header(&names),
     };
-    add_features(&mut found.features, "real", &own);
+    add_csv_rows(&mut found.features_csv, "real", &own);
     let counted: Vec<bool> = used
         .iter()
         .enumerate()
         .map(|(p, used)| *used && cutter.rows.contains(&(p / real.geometry.width())))
         .collect();
-    let dark = options.dark.clone().map(numbers::quantiles);
-    found.numbers.push(Numbers::of("real", std::slice::from_ref(&real), &counted, dark));
+    let dark = options.dark_rates.clone().map(recording_statistics::quantiles);
+    found.recording_statistics.push(RecordingStatistics::from_recordings(
+        "real",
+        std::slice::from_ref(&real),
+        &counted,
+        dark,
+    ));
     for (i, camera) in cameras.iter().enumerate() {
-        tell(&camera.name, i as f64 / cameras.len() as f64);
-        let matched = Matched::new(camera, &lines, &drift, &real, options.seeds)?;
-        let recordings = matched.recordings(options.simulated.max(2), options.seeds)?;
-        let simulated: Vec<Vec<Sample>> =
-            recordings.iter().map(|times| cutter.samples(times, &times.lines())).collect();
-        simulated.iter().for_each(|samples| add_features(&mut found.features, &camera.name, samples));
-        let dark = options.dark.as_ref().map(|_| numbers::dark_of(camera, options.seeds)).transpose()?;
-        found.numbers.push(Numbers::of(&camera.name, &recordings, &counted, dark));
-        found.rows.push(row(&camera.name, &names, &own, &simulated));
+        progress(&camera.name, i as f64 / cameras.len() as f64);
+        let matched = MatchedSimulation::new(camera, &lines, &drift, &real, options.seeds)?;
+        let recordings = matched.simulate_recordings(options.recordings_per_camera.max(2), options.seeds)?;
+        let simulated: Vec<Vec<WindowSample>> =
+            recordings.iter().map(|times| cutter.samples(times, &times.fit_rates())).collect();
+        simulated.iter().for_each(|samples| add_csv_rows(&mut found.features_csv, &camera.name, samples));
+        let dark = options
+            .dark_rates
+            .as_ref()
+            .map(|_| recording_statistics::dark_rate_quantiles(camera, options.seeds))
+            .transpose()?;
+        found.recording_statistics.push(RecordingStatistics::from_recordings(
+            &camera.name,
+            &recordings,
+            &counted,
+            dark,
+        ));
+        found.cameras.push(compare_camera(&camera.name, &names, &own, &simulated));
     }
-    found.rows.sort_by(|a, b| a.auc.value.total_cmp(&b.auc.value));
+    found.cameras.sort_by(|a, b| a.auc.value.total_cmp(&b.auc.value));
     Ok(found)
 }
 
-fn too_few(recording: &Reader, window: Window, places: usize) -> Error {
-    Error::new(Kind::Input, recording.name())
+fn too_few_places_error(recording: &StreamReader, window: WindowSize, places: usize) -> Error {
+    Error::new(ErrorKind::Input, recording.name())
         .found(format_args!(
-            "{places} places of {0}x{0} still pixels that fire in {1} readouts",
+            "{places} places of {0}x{0} static pixels that fire in {1} readouts",
             window.side, window.readouts
         ))
-        .expected(format_args!("{LEAST_PLACES} or more"))
-        .remedy(
-            "record a scene with less motion or more light, or take smaller windows (--window SIDE,READOUTS)",
-        )
+        .expected(format_args!("at least {MIN_PLACES}"))
+        .remedy(format_args!(
+            "record a scene with less motion or more light, or reduce {}",
+            Setting("window")
+        ))
 }
 
-fn mean_rate(lines: &[times::Line], used: &[bool]) -> f64 {
+fn mean_rate(lines: &[spike_times::RateFit], used: &[bool]) -> f64 {
     let all = || lines.iter().zip(used).filter(|(_, u)| **u);
     all().map(|(l, _)| l.rate).sum::<f64>() / all().count().max(1) as f64
 }
 
-fn count_places(samples: &[Sample]) -> usize {
+fn count_places(samples: &[WindowSample]) -> usize {
     samples.iter().map(|s| s.place).collect::<std::collections::BTreeSet<_>>().len()
 }
 
-fn head(names: &[(String, bool)]) -> String {
+fn csv_header(names: &[(String, bool)]) -> String {
     let names: Vec<String> = names.iter().map(|(name, _)| name.replace(',', "")).collect();
     format!("camera,place,row,rate,{}\n", names.join(","))
 }
 
-fn add_features(text: &mut String, camera: &str, samples: &[Sample]) {
+fn add_csv_rows(text: &mut String, camera: &str, samples: &[WindowSample]) {
     for s in samples {
         let values: Vec<String> = s.values.iter().map(|v| format!("{v:e}")).collect();
-        *text += &format!("{camera},{},{},{:.5},{}\n", s.place, s.row, s.rate, values.join(","));
+        *text += &format!("{camera},{},{},{:.5},{}\n", s.place, s.row, s.mean_rate, values.join(","));
     }
 }
 
-fn row(name: &str, names: &[(String, bool)], own: &[Sample], simulated: &[Vec<Sample>]) -> RealismRow {
-    let others: Vec<&Sample> = simulated.iter().flatten().collect();
-    let pair = |real: Vec<&Sample>, others: &[&Sample]| -> Vec<Seen> {
-        let seen_of = |is: bool, s: &Sample| Seen {
+fn compare_camera(
+    name: &str,
+    names: &[(String, bool)],
+    own: &[WindowSample],
+    simulated: &[Vec<WindowSample>],
+) -> RealismRow {
+    let others: Vec<&WindowSample> = simulated.iter().flatten().collect();
+    let pair = |real: Vec<&WindowSample>, others: &[&WindowSample]| -> Vec<LabeledWindow> {
+        let seen_of = |is: bool, s: &WindowSample| LabeledWindow {
             place: s.place,
-            real: is,
-            values: s.values.iter().zip(names).map(|(v, (_, log))| seen(*v, *log)).collect(),
+            is_real: is,
+            values: s.values.iter().zip(names).map(|(v, (_, log))| discriminator_value(*v, *log)).collect(),
         };
         real.into_iter().map(|s| seen_of(true, s)).chain(others.iter().map(|s| seen_of(false, s))).collect()
     };
     let all = pair(own.iter().collect(), &others);
-    let against_itself: Vec<&Sample> = simulated[1..].iter().flatten().collect();
+    let against_itself: Vec<&WindowSample> = simulated[1..].iter().flatten().collect();
     let floor = pair(simulated[0].iter().collect(), &against_itself);
-    let part = |name: String, within: &dyn Fn(&Sample) -> bool| {
-        let here: Vec<&Sample> = own.iter().filter(|s| within(s)).collect();
-        let others: Vec<&Sample> = others.iter().copied().filter(|s| within(s)).collect();
+    let part = |name: String, within: &dyn Fn(&WindowSample) -> bool| {
+        let here: Vec<&WindowSample> = own.iter().filter(|s| within(s)).collect();
+        let others: Vec<&WindowSample> = others.iter().copied().filter(|s| within(s)).collect();
         let enough =
-            here.iter().map(|s| s.place).collect::<std::collections::BTreeSet<_>>().len() >= LEAST_PLACES;
+            here.iter().map(|s| s.place).collect::<std::collections::BTreeSet<_>>().len() >= MIN_PLACES;
         let windows = here.len();
         let all = pair(here, &others);
-        Part {
+        WindowSubset {
             name,
             windows,
-            auc: (enough && !others.is_empty()).then(|| auc(&all, &scores(&all))),
-            tell: tells(names, &all).into_iter().next().filter(|tell| tell.alone.is_finite()),
+            auc: (enough && !others.is_empty()).then(|| auc_with_interval(&all, &out_of_fold_scores(&all))),
+            best_feature: rank_features(names, &all).into_iter().next().filter(|tell| tell.auc.is_finite()),
         }
     };
-    let parts = cuts(own).into_iter().map(|(name, within)| part(name, &*within)).collect();
+    let parts = row_and_rate_subsets(own).into_iter().map(|(name, within)| part(name, &*within)).collect();
     RealismRow {
         name: name.to_owned(),
-        auc: auc(&all, &scores(&all)),
-        floor: auc(&floor, &scores(&floor)),
-        tells: tells(names, &all),
-        parts,
+        auc: auc_with_interval(&all, &out_of_fold_scores(&all)),
+        self_auc: auc_with_interval(&floor, &out_of_fold_scores(&floor)),
+        features: rank_features(names, &all),
+        subsets: parts,
     }
 }
 
-type Cut = (String, Box<dyn Fn(&Sample) -> bool>);
+type SubsetFilter = (String, Box<dyn Fn(&WindowSample) -> bool>);
 
-/// Thirds of the rows and of the rates.
-fn cuts(own: &[Sample]) -> Vec<Cut> {
+/// Returns name and condition of six subsets: the thirds of the windows by row, and the thirds by rate.
+fn row_and_rate_subsets(own: &[WindowSample]) -> Vec<SubsetFilter> {
     let mut rows: Vec<usize> = own.iter().map(|s| s.row).collect();
-    let mut rates: Vec<f64> = own.iter().map(|s| s.rate).collect();
+    let mut rates: Vec<f64> = own.iter().map(|s| s.mean_rate).collect();
     rows.sort_unstable();
     rates.sort_by(f64::total_cmp);
     let third = |k: usize, n: usize| (k * n / 3).min(n - 1);
-    let mut all: Vec<Cut> = Vec::new();
+    let mut all: Vec<SubsetFilter> = Vec::new();
     for k in 0..3 {
         let (from, to) = (rows[third(k, rows.len())], rows[third(k + 1, rows.len())]);
-        // A row that both thirds share belongs to the upper one, the last to the last.
+        // A row on the boundary between two thirds belongs to the later third. The last third includes its last row.
         let last = k == 2;
         let name = format!("windows from row {from} to {to}");
         all.push((name, Box::new(move |s| s.row >= from && (s.row < to || last))));
@@ -298,32 +337,32 @@ fn cuts(own: &[Sample]) -> Vec<Cut> {
         let (from, to) = (rates[third(k, rates.len())], rates[third(k + 1, rates.len())]);
         let (first, last) = (k == 0, k == 2);
         let name = format!("rates {from:.3} to {to:.3}");
-        all.push((name, Box::new(move |s| (first || s.rate >= from) && (last || s.rate < to))));
+        all.push((name, Box::new(move |s| (first || s.mean_rate >= from) && (last || s.mean_rate < to))));
     }
     all
 }
 
-/// Values by how much each alone tells.
-fn tells(names: &[(String, bool)], all: &[Seen]) -> Vec<Tell> {
+/// Returns the features in descending order of the AUC of each single feature.
+fn rank_features(names: &[(String, bool)], all: &[LabeledWindow]) -> Vec<FeatureSeparation> {
     let mean = |i: usize, real: bool| {
-        let of = all.iter().filter(|s| s.real == real);
+        let of = all.iter().filter(|s| s.is_real == real);
         let n = of.clone().count().max(1) as f64;
         of.map(|s| s.values[i]).sum::<f64>() / n
     };
-    let mut found: Vec<Tell> = (0..names.len())
+    let mut found: Vec<FeatureSeparation> = (0..names.len())
         .map(|i| {
             let (name, logarithm) = &names[i];
             let scores: Vec<f64> = all.iter().map(|s| s.values[i]).collect();
             let back = |x: f64| if *logarithm { x.exp() } else { x };
-            let alone = discriminator::plain(all, &scores);
-            Tell {
+            let alone = discriminator::auc_value(all, &scores);
+            FeatureSeparation {
                 name: name.clone(),
-                real: back(mean(i, true)),
-                simulated: back(mean(i, false)),
-                alone: alone.max(1.0 - alone),
+                real_mean: back(mean(i, true)),
+                simulated_mean: back(mean(i, false)),
+                auc: alone.max(1.0 - alone),
             }
         })
         .collect();
-    found.sort_by(|a, b| b.alone.total_cmp(&a.alone));
+    found.sort_by(|a, b| b.auc.total_cmp(&a.auc));
     found
 }

@@ -1,70 +1,89 @@
-//! What of a recording's slow changes pixels share with their surroundings: that is the scene's doing, not a camera's.
+//! Detects motion of the scene. If neighboring pixels share a slow change of rate, its cause is the scene and not the
+//! camera.
 
-use super::times::Times;
-use crate::compare::steady::steady;
+use super::spike_times::SpikeTimes;
+use crate::compare::steady_pixels::steady_pixels;
 use spikelane::error::Result;
 use spikelane::spikes::Geometry;
-use spikelane_io::formats::Reader;
+use spikelane_io::formats::StreamReader;
 use spikelane_measure::box_means;
 
-/// Half side of the surroundings.
-const RADIUS: usize = 5;
+/// Distance in pixels from the center of the square surroundings to each side.
+const SURROUNDING_RADIUS_PX: usize = 5;
 
-/// Shifts at which changes are compared: an edge or a grain that moves by a pixel or two brightens a pixel and darkens another close by.
+/// Shifts (rows, columns) at which the changes of two pixels are compared. An edge or a grain that moves by one or two
+/// pixels brightens one pixel and darkens another pixel nearby.
 const SHIFTS: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (3, 0)];
 
-/// What the six squares, each of one degree of freedom, pass by chance once in ten thousand surroundings.
-const LIMIT: f64 = 27.86;
+/// Upper limit of the chi-square, which is the sum of six squares with one degree of freedom each. Without motion, one in
+/// ten thousand surroundings exceeds it.
+const MOTION_CHI2_LIMIT: f64 = 27.86;
 
-/// Greatest change that counts, in logarithms: beyond it a pixel has gone dark or come to light.
-const GREATEST: f64 = 0.5;
+/// Largest change of the logarithm of a rate. Larger changes occur in pixels that turn dark or bright, and they are
+/// clamped to this value.
+const MAX_LOG_RATE_CHANGE: f64 = 0.5;
 
-/// Pixels of the first `longest` readouts of a recording around which nothing moves, by the rule of [`realism`](super::realism): the spikes of both
-/// halves agree in the mean of 11x11 pixels, and what a pixel changes by beyond the mean of these is not shared by its neighbours. Noise
-/// that every pixel has for itself is not motion, however large it is; a grain that moves by a pixel or two is.
+/// Returns, for each pixel, whether nothing moves around the pixel in the first `max_readouts` readouts. The function
+/// applies the rule of [`compare_realism`](super::compare_realism).
+///
+/// Two conditions must hold for the 11x11 pixels around the pixel:
+/// * The mean spike counts of the two halves of the recording agree.
+/// * The changes of neighbors are uncorrelated after the mean change of the 11x11 pixels is subtracted.
+///
+/// Noise that is independent in every pixel does not count as motion, even if it is large. A grain that moves by one or
+/// two pixels counts as motion.
 ///
 /// # Errors
-/// When the recording cannot be read.
-pub fn still_pixels(recording: &Reader, longest: usize) -> Result<Vec<bool>> {
-    Ok(Motion::of(&Times::of_reader(recording, longest)?).still)
+/// If the recording cannot be read.
+pub fn static_pixels(recording: &StreamReader, max_readouts: usize) -> Result<Vec<bool>> {
+    Ok(Motion::from_times(&SpikeTimes::from_reader(recording, max_readouts)?).is_static)
 }
 
-/// Slow changes of a recording.
+/// Slow rate changes of a recording.
 pub(super) struct Motion {
-    /// By how much the logarithm of the rate around a pixel rises from the first half of its spikes to the second; 0 where nothing fires.
+    /// Increase of the logarithm of the mean rate around each pixel, between the first and the second half of the
+    /// spikes. It is 0 if no pixel fires there.
     pub(super) drift: Vec<f64>,
-    /// Whether nothing moves around a pixel.
-    pub(super) still: Vec<bool>,
+    /// Whether nothing moves around each pixel.
+    pub(super) is_static: Vec<bool>,
 }
 
 impl Motion {
-    pub(super) fn of(times: &Times) -> Self {
+    pub(super) fn from_times(times: &SpikeTimes) -> Self {
         let geometry = times.geometry;
-        let own: Vec<f64> = (0..geometry.pixels()).map(|p| change(times.of_pixel(p))).collect();
+        let own: Vec<f64> = (0..geometry.pixels()).map(|p| log_rate_change(times.pixel_times(p))).collect();
         let zero_where_dark = |d: f64| if d.is_finite() { d } else { 0.0 };
-        let drift: Vec<f64> =
-            box_means(&own, geometry.width(), RADIUS).into_iter().map(zero_where_dark).collect();
+        let drift: Vec<f64> = box_means(&own, geometry.width(), SURROUNDING_RADIUS_PX)
+            .into_iter()
+            .map(zero_where_dark)
+            .collect();
         let away: Vec<f64> = own.iter().zip(&drift).map(|(own, mean)| own - mean).collect();
         let mut shared = vec![0.0; away.len()];
         for shift in SHIFTS {
             add_squares(&mut shared, &away, geometry, shift);
         }
-        let still = in_halves(times).into_iter().zip(shared).map(|(still, shared)| still && shared <= LIMIT);
-        Self { drift, still: still.collect() }
+        let still = balanced_pixels(times)
+            .into_iter()
+            .zip(shared)
+            .map(|(still, shared)| still && shared <= MOTION_CHI2_LIMIT);
+        Self { drift, is_static: still.collect() }
     }
 }
 
-/// Pixels around which as many spikes come in both halves.
-fn in_halves(times: &Times) -> Vec<bool> {
+/// Returns, for each pixel, whether the pixels around it fire equally often in both halves.
+fn balanced_pixels(times: &SpikeTimes) -> Vec<bool> {
     let half = times.readouts / 2;
     let count = |from, to| -> Vec<f64> {
         (0..times.geometry.pixels()).map(|p| times.within(p, from, to).len() as f64).collect()
     };
-    steady(&count(0, half), &count(half, 2 * half), times.geometry.width())
+    steady_pixels(&count(0, half), &count(half, 2 * half), times.geometry.width())
 }
 
-/// Adds the square of the sum of products of neighbours, over the sum of their squares: a chi-square of one degree of freedom where
-/// each pixel changes for itself, whatever the sizes of the changes.
+/// Adds a chi-square for the pairs of neighbors at one shift. It is the squared sum of the products of two changes,
+/// divided by the sum of the squared products.
+///
+/// If the changes of pixels are independent, the chi-square has one degree of freedom. The sizes of the changes do not
+/// matter.
 fn add_squares(shared: &mut [f64], away: &[f64], geometry: Geometry, (down, right): (usize, usize)) {
     let (width, height) = (geometry.width(), geometry.height());
     let product = |p: usize| {
@@ -75,9 +94,9 @@ fn add_squares(shared: &mut [f64], away: &[f64], geometry: Geometry, (down, righ
     let products: Vec<f64> = (0..away.len()).map(product).collect();
     let squares: Vec<f64> = products.iter().map(|x| x * x).collect();
     let finite: Vec<f64> = products.iter().map(|x| f64::from(u8::from(x.is_finite()))).collect();
-    let [sums, squares] = [&products, &squares].map(|map| box_means(map, width, RADIUS));
-    let area = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f64;
-    let counts = box_means(&finite, width, RADIUS);
+    let [sums, squares] = [&products, &squares].map(|map| box_means(map, width, SURROUNDING_RADIUS_PX));
+    let area = ((2 * SURROUNDING_RADIUS_PX + 1) * (2 * SURROUNDING_RADIUS_PX + 1)) as f64;
+    let counts = box_means(&finite, width, SURROUNDING_RADIUS_PX);
     for (p, shared) in shared.iter_mut().enumerate() {
         if squares[p] > 0.0 {
             *shared += area * counts[p] * sums[p] * sums[p] / squares[p];
@@ -85,15 +104,16 @@ fn add_squares(shared: &mut [f64], away: &[f64], geometry: Geometry, (down, righ
     }
 }
 
-/// The logarithm of a pixel's rate over the second half of its intervals, less that over the first; NaN with fewer than two intervals.
-fn change(times: &[u32]) -> f64 {
+/// Returns the logarithm of the rate in the second half of a pixel's intervals, minus the logarithm of the rate in the
+/// first half. Returns NaN with fewer than two intervals.
+fn log_rate_change(times: &[u32]) -> f64 {
     let intervals = times.len().saturating_sub(1);
     if intervals < 2 {
         return f64::NAN;
     }
     let half = intervals / 2;
     let rate = |from: usize, to: usize| (to - from) as f64 / f64::from(times[to] - times[from]);
-    (rate(half, intervals) / rate(0, half)).ln().clamp(-GREATEST, GREATEST)
+    (rate(half, intervals) / rate(0, half)).ln().clamp(-MAX_LOG_RATE_CHANGE, MAX_LOG_RATE_CHANGE)
 }
 
 #[cfg(test)]
@@ -107,8 +127,12 @@ mod tests {
         (*state >> 40) as f64 / (1_u64 << 24) as f64
     }
 
-    /// 120 readouts of pixels whose rate in spikes per readout is `rate(row, column, t)`, each from a phase of its own.
-    fn recorded(rate: impl Fn(usize, usize, usize) -> f64, mut noise: impl FnMut() -> f64) -> Times {
+    /// Simulates 120 readouts. The rate of a pixel is `rate(row, column, t)` in spikes per readout. Each pixel has a
+    /// random start phase.
+    fn simulate_times(
+        rate: impl Fn(usize, usize, usize) -> f64,
+        mut noise: impl FnMut() -> f64,
+    ) -> SpikeTimes {
         let geometry = Geometry::new(SIDE as u32, SIDE as u32).unwrap();
         let mut state = 1;
         let mut charge: Vec<f64> = (0..SIDE * SIDE).map(|_| uniform(&mut state)).collect();
@@ -124,53 +148,56 @@ mod tests {
             }
             packed.extend(frame);
         }
-        Times::of_packed(geometry, &packed).unwrap()
+        SpikeTimes::from_packed(geometry, &packed).unwrap()
     }
 
-    fn share_still(times: &Times) -> f64 {
-        let still = Motion::of(times).still;
+    fn static_share(times: &SpikeTimes) -> f64 {
+        let still = Motion::from_times(times).is_static;
         still.iter().filter(|s| **s).count() as f64 / still.len() as f64
     }
 
-    /// A grain of 20 %, one row fine and two columns.
+    /// Returns a rate that varies by +-20 % between grains. A grain is one row high and two columns wide.
     fn grain(row: usize, column: usize) -> f64 {
         let mut state = (row * 977 + column / 2) as u64 ^ 0x5EED;
         uniform(&mut state);
         0.05 * (0.8 + 0.4 * uniform(&mut state))
     }
 
-    /// One surrounding in ten thousand passes by chance.
+    /// The tolerance allows for the one in ten thousand surroundings that exceeds the limit by chance.
     #[test]
-    fn noise_of_single_pixels_is_no_motion_however_large() {
+    fn pixel_noise_is_not_reported_as_motion() {
         for width in [0.0, 0.05, 0.2] {
             let mut state = 7;
-            let still = recorded(|row, column, _| grain(row, column), || width * (uniform(&mut state) - 0.5));
-            assert!(share_still(&still) > 0.99, "{width}: {}", share_still(&still));
+            let still =
+                simulate_times(|row, column, _| grain(row, column), || width * (uniform(&mut state) - 0.5));
+            assert!(static_share(&still) > 0.99, "{width}: {}", static_share(&still));
         }
     }
 
-    /// Most of the surroundings are told, and with them nearly every window. Of a grain as fine as a pixel it is only a sixth: 121 products that
-    /// correlate by a half make a chi-square of 30.
+    /// The test requires detection in most surroundings, which implies detection in nearly every window. For a grain of one
+    /// pixel, motion would be detected in only a sixth of the surroundings. The 121 products with a correlation of one half
+    /// then have a chi-square of about 30.
     #[test]
     fn a_fine_grain_that_moves_by_two_rows_is_motion() {
-        let moving = recorded(
+        let moving = simulate_times(
             |row, column, t| {
                 let (down, part) = (t / 60, (t % 60) as f64 / 60.0);
                 grain(row + down, column) * (1.0 - part) + grain(row + down + 1, column) * part
             },
             || 0.0,
         );
-        assert!(share_still(&moving) < 0.25, "{}", share_still(&moving));
+        assert!(static_share(&moving) < 0.25, "{}", static_share(&moving));
     }
 
-    /// Of a pixel's own error, 3 % where three intervals of 20 readouts stand against three, an eleventh remains in the mean of 121: the bound is
-    /// twice that.
+    /// The tolerance is twice the error of the mean. A pixel has three intervals of 20 readouts in each half, so its error
+    /// is 3 %. The mean of 121 pixels divides the error by eleven.
     #[test]
-    fn light_that_rises_evenly_is_a_drift_and_no_motion() {
-        let rising = recorded(|row, column, t| grain(row, column) * (1.0 + 0.03 * t as f64 / 119.0), || 0.0);
-        let motion = Motion::of(&rising);
+    fn uniform_rise_is_drift_not_motion() {
+        let rising =
+            simulate_times(|row, column, t| grain(row, column) * (1.0 + 0.03 * t as f64 / 119.0), || 0.0);
+        let motion = Motion::from_times(&rising);
         let middle = motion.drift[SIDE * SIDE / 2 + SIDE / 2];
         assert!((middle - 0.015).abs() < 0.006, "{middle}");
-        assert!(share_still(&rising) > 0.98, "{}", share_still(&rising));
+        assert!(static_share(&rising) > 0.98, "{}", static_share(&rising));
     }
 }

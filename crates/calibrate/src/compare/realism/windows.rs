@@ -1,55 +1,56 @@
-//! Windows of a recording, and what is measured in each.
+//! Windows of a recording and their features.
 
-use super::times::{Line, Times};
+use super::spike_times::{RateFit, SpikeTimes};
 
-/// Upper ends of the classes of intervals, over the pixel's mean interval.
-const CLASSES: [f64; 7] = [0.6, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5];
+/// Upper ends of the classes of interval lengths, divided by the mean interval of the pixel.
+const INTERVAL_CLASS_BOUNDS: [f64; 7] = [0.6, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5];
 
-/// Lags of the variance of spike times; those are used that leave four tenths of a window's intervals.
-const LAGS: [usize; 7] = [1, 2, 4, 8, 12, 16, 24];
+/// Lags of the variance of spike times, in intervals. A lag above 1 is used only if it is at most six tenths of the
+/// mean number of intervals in a window.
+const FEATURE_LAGS: [usize; 7] = [1, 2, 4, 8, 12, 16, 24];
 
-/// Bands of the spectrum of a window's totals.
-const BANDS: usize = 4;
+/// Number of bands of the spectrum of a window's spike totals.
+const SPECTRUM_BAND_COUNT: usize = 4;
 
-/// Least share of a window's pixels that are still and have a rate.
-const LEAST: f64 = 0.75;
+/// Smallest share of used pixels in a window. A pixel is used if nothing moves around it and if it has a rate.
+const MIN_USED_SHARE: f64 = 0.75;
 
-/// What a logarithm sees of a share that is 0.
-const NONE: f64 = 1e-5;
+/// Offset that is added to a share before taking the logarithm. The logarithm of a share of 0 is then finite.
+const MIN_LOGARITHM_ARGUMENT: f64 = 1e-5;
 
-/// Sides of a window in pixels and its length in readouts.
+/// Size of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Window {
-    /// Pixels of a side.
+pub struct WindowSize {
+    /// Side of the square window in pixels.
     pub side: usize,
-    /// Readouts.
+    /// Duration of the window in readouts.
     pub readouts: usize,
 }
 
-impl Default for Window {
+impl Default for WindowSize {
     fn default() -> Self {
         Self { side: 32, readouts: 100 }
     }
 }
 
-/// One window of a recording.
+/// One measured window of a recording.
 #[derive(Clone, Debug)]
-pub(super) struct Sample {
-    /// Number of its place.
+pub(super) struct WindowSample {
+    /// Index of the place of the window.
     pub(super) place: usize,
-    /// Its first row.
+    /// First row of the window.
     pub(super) row: usize,
-    /// Mean rate, in spikes per readout.
-    pub(super) rate: f64,
-    /// What was measured, in natural units.
+    /// Mean rate in spikes per readout.
+    pub(super) mean_rate: f64,
+    /// Features, before the logarithm that [`discriminator_value`] applies to some of them.
     pub(super) values: Vec<f64>,
 }
 
-/// Names of what is measured, and whether the discriminator sees its logarithm.
-pub(super) fn names(lags: &[usize]) -> Vec<(String, bool)> {
+/// Returns the name of each feature, and whether the discriminator uses the logarithm of the feature.
+pub(super) fn feature_names(lags: &[usize]) -> Vec<(String, bool)> {
     let mut all = Vec::new();
     let mut from = 0.0;
-    for to in CLASSES {
+    for to in INTERVAL_CLASS_BOUNDS {
         all.push((format!("intervals {from} to {to} of the mean"), true));
         from = to;
     }
@@ -57,49 +58,62 @@ pub(super) fn names(lags: &[usize]) -> Vec<(String, bool)> {
     all.push(("early intervals".to_owned(), true));
     all.push(("late intervals".to_owned(), true));
     all.extend(lags.iter().map(|n| (format!("D({n}), readouts squared"), true)));
-    all.extend(lags.iter().map(|n| (format!("D({n}) above the quantisation, thresholds squared"), false)));
+    all.extend(lags.iter().map(|n| (format!("D({n}) above the quantization, thresholds squared"), false)));
     all.push(("correlation of one interval with the next".to_owned(), false));
     for pair in ["right", "lower"] {
-        all.push((format!("coincidences with the {pair} neighbour"), false));
-        all.push((format!("coincidences with the {pair} neighbour's next readout"), false));
+        all.push((format!("coincidences with the {pair} neighbor"), false));
+        all.push((format!("coincidences with the {pair} neighbor's next readout"), false));
     }
     all.push(("variance of row totals over pixels'".to_owned(), true));
     all.push(("variance of column totals over pixels'".to_owned(), true));
     all.push(("variance of totals over pixels'".to_owned(), true));
-    all.extend((1..=BANDS).map(|b| (format!("totals' power in band {b} of {BANDS}"), true)));
+    all.extend(
+        (1..=SPECTRUM_BAND_COUNT)
+            .map(|b| (format!("totals' power in band {b} of {SPECTRUM_BAND_COUNT}"), true)),
+    );
     all.push(("change from half to half, thresholds squared".to_owned(), true));
-    all.push(("neighbours' correlation of that change".to_owned(), false));
+    all.push(("neighbors' correlation of that change".to_owned(), false));
     all
 }
 
-/// Lags that windows of this length and mean rate can tell.
-pub(super) fn lags(window: Window, rate: f64) -> Vec<usize> {
+/// Returns the lags that are usable in windows of this size at the mean rate `rate`.
+pub(super) fn usable_lags(window: WindowSize, rate: f64) -> Vec<usize> {
     let most = 0.6 * window.readouts as f64 * rate;
-    LAGS.into_iter().filter(|n| *n == 1 || *n as f64 <= most).collect()
+    FEATURE_LAGS.into_iter().filter(|n| *n == 1 || *n as f64 <= most).collect()
 }
 
-/// Cuts recordings into windows and measures them.
-pub(super) struct Cutter<'a> {
-    pub(super) window: Window,
+/// Divides recordings into windows and computes the features of each window.
+pub(super) struct WindowSampler<'a> {
+    pub(super) window: WindowSize,
     pub(super) lags: &'a [usize],
-    /// Pixels that count, the same for the real recording and for simulated ones.
-    pub(super) used: &'a [bool],
-    /// Rows that windows lie in.
+    /// Whether each pixel is used. The real recording and the simulated recordings use the same pixels.
+    pub(super) used_pixels: &'a [bool],
+    /// Rows that contain windows.
     pub(super) rows: std::ops::Range<usize>,
 }
 
-impl Cutter<'_> {
-    /// Every window, places by rows and columns, of readouts without overlap.
-    pub(super) fn samples(&self, times: &Times, lines: &[Line]) -> Vec<Sample> {
-        let Window { side, readouts } = self.window;
+impl WindowSampler<'_> {
+    /// Computes the features of all windows. Places are visited in row-major order. A place has one window after another
+    /// in time, and these windows do not overlap.
+    pub(super) fn samples(&self, times: &SpikeTimes, lines: &[RateFit]) -> Vec<WindowSample> {
+        let WindowSize { side, readouts } = self.window;
         let (across, down) = (times.geometry.width() / side, self.rows.len() / side);
         let mut all = Vec::new();
         for place in 0..across * down {
             let (top, left) = (self.rows.start + place / across * side, place % across * side);
             for from in (0..times.readouts / readouts).map(|k| k * readouts) {
-                let pixels = Pixels { times, lines, used: self.used, top, left, side, from, readouts };
-                if let Some((rate, values)) = pixels.measure(self.lags) {
-                    all.push(Sample { place, row: top, rate, values });
+                let pixels = WindowPixels {
+                    times,
+                    lines,
+                    used_pixels: self.used_pixels,
+                    top,
+                    left,
+                    side,
+                    from,
+                    readouts,
+                };
+                if let Some((rate, values)) = pixels.measure_features(self.lags) {
+                    all.push(WindowSample { place, row: top, mean_rate: rate, values });
                 }
             }
         }
@@ -108,10 +122,10 @@ impl Cutter<'_> {
 }
 
 /// The pixels of one window.
-struct Pixels<'a> {
-    times: &'a Times,
-    lines: &'a [Line],
-    used: &'a [bool],
+struct WindowPixels<'a> {
+    times: &'a SpikeTimes,
+    lines: &'a [RateFit],
+    used_pixels: &'a [bool],
     top: usize,
     left: usize,
     side: usize,
@@ -119,58 +133,62 @@ struct Pixels<'a> {
     readouts: usize,
 }
 
-impl Pixels<'_> {
-    fn number(&self, row: usize, column: usize) -> usize {
+impl WindowPixels<'_> {
+    fn pixel_index(&self, row: usize, column: usize) -> usize {
         (self.top + row) * self.times.geometry.width() + self.left + column
     }
 
-    /// Whether a pixel counts: still, and with a rate at which a window holds intervals.
-    fn counts(&self, p: usize) -> bool {
+    /// Returns whether a pixel is used. Nothing must move around it, and its rate must be high enough for intervals
+    /// within a window.
+    fn is_used(&self, p: usize) -> bool {
         let rate = self.lines[p].rate;
-        self.used[p] && rate * self.readouts as f64 >= 1.5 && rate <= 1.0
+        self.used_pixels[p] && rate * self.readouts as f64 >= 1.5 && rate <= 1.0
     }
 
     fn spikes(&self, p: usize) -> &[u32] {
         self.times.within(p, self.from, self.from + self.readouts)
     }
 
-    fn measure(&self, lags: &[usize]) -> Option<(f64, Vec<f64>)> {
+    fn measure_features(&self, lags: &[usize]) -> Option<(f64, Vec<f64>)> {
         let places = (0..self.side * self.side).map(|i| (i / self.side, i % self.side));
-        let all: Vec<(usize, usize, usize)> =
-            places.map(|(r, c)| (r, c, self.number(r, c))).filter(|(_, _, p)| self.counts(*p)).collect();
-        if (all.len() as f64) < LEAST * (self.side * self.side) as f64 {
+        let all: Vec<(usize, usize, usize)> = places
+            .map(|(r, c)| (r, c, self.pixel_index(r, c)))
+            .filter(|(_, _, p)| self.is_used(*p))
+            .collect();
+        if (all.len() as f64) < MIN_USED_SHARE * (self.side * self.side) as f64 {
             return None;
         }
         let rate = all.iter().map(|(_, _, p)| self.lines[*p].rate).sum::<f64>() / all.len() as f64;
-        let mut values = self.intervals(&all);
-        values.extend(self.off_lattice(&all));
+        let mut values = self.interval_shares(&all);
+        values.extend(self.off_lattice_shares(&all));
         let variances: Vec<[f64; 2]> = lags.iter().map(|n| self.lag_variance(&all, *n)).collect();
         values.extend(variances.iter().map(|v| v[0]));
         values.extend(variances.iter().map(|v| v[1]));
-        values.push(self.next_to(&all));
+        values.push(self.successive_interval_correlation(&all));
         for (down, right) in [(0, 1), (1, 0)] {
-            values.extend([0, 1].map(|later| self.coincidences(&all, down, right, later)));
+            values.extend([0, 1].map(|later| self.coincidence_correlation(&all, down, right, later)));
         }
-        values.extend(self.totals(&all));
-        values.extend(self.changes(&all));
+        values.extend(self.total_variances(&all));
+        values.extend(self.half_changes(&all));
         values.iter().all(|v| v.is_finite()).then_some((rate, values))
     }
 
-    /// Shares of intervals by their length over the pixel's mean.
-    fn intervals(&self, all: &[(usize, usize, usize)]) -> Vec<f64> {
-        let mut found = vec![0.0; CLASSES.len() + 1];
+    /// Returns the share of the intervals in each class of lengths. Lengths are divided by the mean interval of the pixel.
+    fn interval_shares(&self, all: &[(usize, usize, usize)]) -> Vec<f64> {
+        let mut found = vec![0.0; INTERVAL_CLASS_BOUNDS.len() + 1];
         for (_, _, p) in all {
             for pair in self.spikes(*p).windows(2) {
                 let relative = f64::from(pair[1] - pair[0]) * self.lines[*p].rate;
-                found[CLASSES.partition_point(|c| *c < relative)] += 1.0;
+                found[INTERVAL_CLASS_BOUNDS.partition_point(|c| *c < relative)] += 1.0;
             }
         }
         let sum = found.iter().sum::<f64>();
         found.iter().map(|n| n / sum).collect()
     }
 
-    /// Shares of intervals below and above the two whole numbers about the pixel's mean.
-    fn off_lattice(&self, all: &[(usize, usize, usize)]) -> [f64; 2] {
+    /// Returns the share of intervals below the pixel's mean interval rounded down, and the share above the mean
+    /// interval rounded up.
+    fn off_lattice_shares(&self, all: &[(usize, usize, usize)]) -> [f64; 2] {
         let (mut early, mut late, mut count) = (0.0, 0.0, 0.0);
         for (_, _, p) in all {
             let mean = 1.0 / self.lines[*p].rate;
@@ -184,8 +202,12 @@ impl Pixels<'_> {
         [early / count, late / count]
     }
 
-    /// Mean square of what `n` intervals take more or less than at the pixel's rate: in readouts squared, and what is above the sixth that
-    /// counting in readouts makes, in thresholds squared. Light changes the first by its rate; noise of charge is the second in any light.
+    /// Returns the variance of the total length of `n` successive intervals about `n` mean intervals of the pixel, in two
+    /// units.
+    ///
+    /// The first value is in readouts squared. The second value is in thresholds squared, after subtracting the
+    /// quantization of 1/6 readout squared. The first value depends on the light, because it depends on the rate. If the
+    /// noise is a noise of the charge, the second value does not depend on the light.
     fn lag_variance(&self, all: &[(usize, usize, usize)], n: usize) -> [f64; 2] {
         let (mut sum, mut above, mut count) = (0.0, 0.0, 0.0);
         for (_, _, p) in all {
@@ -200,8 +222,8 @@ impl Pixels<'_> {
         [sum / count, above / count]
     }
 
-    /// Correlation of one interval's deviation with that of the next.
-    fn next_to(&self, all: &[(usize, usize, usize)]) -> f64 {
+    /// Returns the correlation between the deviations of two successive intervals from the mean interval.
+    fn successive_interval_correlation(&self, all: &[(usize, usize, usize)]) -> f64 {
         let (mut both, mut square) = (0.0, 0.0);
         for (_, _, p) in all {
             for run in self.spikes(*p).windows(3) {
@@ -211,22 +233,28 @@ impl Pixels<'_> {
                 square += (x * x + y * y) / 2.0;
             }
         }
-        // Too dim for two intervals in a row: nothing is said.
+        // If the window is too dim for two successive intervals, the correlation cannot be computed and is set to 0.
         if square > 0.0 { both / square } else { 0.0 }
     }
 
-    /// Correlation of a pixel's spikes with its neighbour's, `later` readouts on.
-    fn coincidences(&self, all: &[(usize, usize, usize)], down: usize, right: usize, later: u32) -> f64 {
+    /// Returns the correlation between the spikes of a pixel and the spikes of a neighbor `later` readouts later.
+    fn coincidence_correlation(
+        &self,
+        all: &[(usize, usize, usize)],
+        down: usize,
+        right: usize,
+        later: u32,
+    ) -> f64 {
         let (mut found, mut expected, mut scale) = (0.0, 0.0, 0.0);
         for (row, column, p) in all.iter().filter(|(r, c, _)| r + down < self.side && c + right < self.side) {
-            let q = self.number(row + down, column + right);
-            if !self.counts(q) {
+            let q = self.pixel_index(row + down, column + right);
+            if !self.is_used(q) {
                 continue;
             }
             let (a, b) = (self.spikes(*p), self.spikes(q));
             found += a.iter().filter(|t| b.binary_search(&(**t + later)).is_ok()).count() as f64;
             let readouts = (self.readouts - later as usize) as f64;
-            // Counted spikes: a rate's error would correlate neighbours that share their light.
+            // Rates are computed from spike counts. The errors of fitted rates would correlate neighbors that share light.
             let of = |s: &[u32]| s.len() as f64 / self.readouts as f64;
             expected += readouts * of(a) * of(b);
             scale += readouts * (of(a) * (1.0 - of(a)) * of(b) * (1.0 - of(b))).sqrt();
@@ -234,9 +262,9 @@ impl Pixels<'_> {
         (found - expected) / scale
     }
 
-    /// Variance of the totals of rows, of columns and of the window over what their pixels have each for itself, and the spectrum of the
-    /// window's totals.
-    fn totals(&self, all: &[(usize, usize, usize)]) -> Vec<f64> {
+    /// Returns the variances of the spike totals of rows, of columns and of the window. Each is divided by the variance
+    /// for independent pixels. The spectrum of the window's totals is appended.
+    fn total_variances(&self, all: &[(usize, usize, usize)]) -> Vec<f64> {
         let n = self.readouts;
         let (mut rows, mut columns) = (vec![0.0; self.side * n], vec![0.0; self.side * n]);
         let (mut own_rows, mut own_columns) = (vec![0.0; self.side], vec![0.0; self.side]);
@@ -251,16 +279,17 @@ impl Pixels<'_> {
                 columns[column * n + at] += 1.0;
             }
         }
-        let mut values = vec![over(&rows, n, &own_rows), over(&columns, n, &own_columns)];
+        let mut values = vec![variance_ratio(&rows, n, &own_rows), variance_ratio(&columns, n, &own_columns)];
         let totals: Vec<f64> = (0..n).map(|t| (0..self.side).map(|r| rows[r * n + t]).sum()).collect();
         let own = own_rows.iter().sum::<f64>();
         values.push(variance(&totals) / own);
-        values.extend(bands(&totals).map(|power| power / own));
+        values.extend(band_powers(&totals).map(|power| power / own));
         values
     }
 
-    /// By how much pixels fire more in the second half of a window than in the first, less what phases make, and how neighbours share it.
-    fn changes(&self, all: &[(usize, usize, usize)]) -> [f64; 2] {
+    /// Returns the variance over pixels of the change between the two halves of a window, and the correlation of the
+    /// changes of neighbors. The mean change is subtracted first.
+    fn half_changes(&self, all: &[(usize, usize, usize)]) -> [f64; 2] {
         let middle = self.from + self.readouts / 2;
         let change = |p: usize| {
             let spikes = self.spikes(p);
@@ -291,8 +320,8 @@ impl Pixels<'_> {
     }
 }
 
-/// Mean over lines of the variance of a line's totals over that of its pixels.
-fn over(lines: &[f64], readouts: usize, own: &[f64]) -> f64 {
+/// Returns the mean over lines of a ratio: the variance of a line's totals divided by the variance for independent pixels.
+fn variance_ratio(lines: &[f64], readouts: usize, own: &[f64]) -> f64 {
     let ratios = lines.chunks_exact(readouts).zip(own).filter(|(_, own)| **own > 0.0);
     let count = ratios.clone().count() as f64;
     ratios.map(|(line, own)| variance(line) / own).sum::<f64>() / count
@@ -304,11 +333,12 @@ fn variance(all: &[f64]) -> f64 {
     all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0)
 }
 
-/// Power of `totals` in bands of equal width from the lowest frequency to half a cycle per readout, of white totals their variance each.
-fn bands(totals: &[f64]) -> [f64; BANDS] {
+/// Returns the power of `totals` in bands of equal width. The bands cover all frequencies up to half a cycle per readout.
+/// For white totals, the power of every band equals the variance of the totals.
+fn band_powers(totals: &[f64]) -> [f64; SPECTRUM_BAND_COUNT] {
     let n = totals.len();
     let mean = totals.iter().sum::<f64>() / n as f64;
-    let (mut power, mut count) = ([0.0; BANDS], [0.0_f64; BANDS]);
+    let (mut power, mut count) = ([0.0; SPECTRUM_BAND_COUNT], [0.0_f64; SPECTRUM_BAND_COUNT]);
     let last = n / 2;
     for k in 1..=last {
         let turn = std::f64::consts::TAU * k as f64 / n as f64;
@@ -318,16 +348,16 @@ fn bands(totals: &[f64]) -> [f64; BANDS] {
             x += (total - mean) * angle.cos();
             y += (total - mean) * angle.sin();
         }
-        let band = ((k - 1) * BANDS / last).min(BANDS - 1);
+        let band = ((k - 1) * SPECTRUM_BAND_COUNT / last).min(SPECTRUM_BAND_COUNT - 1);
         power[band] += (x * x + y * y) / n as f64;
         count[band] += 1.0;
     }
     std::array::from_fn(|b| power[b] / count[b].max(1.0))
 }
 
-/// What the discriminator sees of a value.
-pub(super) fn seen(value: f64, logarithm: bool) -> f64 {
-    if logarithm { (value.max(0.0) + NONE).ln() } else { value }
+/// Returns the value that the discriminator uses for a feature.
+pub(super) fn discriminator_value(value: f64, logarithm: bool) -> f64 {
+    if logarithm { (value.max(0.0) + MIN_LOGARITHM_ARGUMENT).ln() } else { value }
 }
 
 #[cfg(test)]
@@ -342,28 +372,28 @@ mod tests {
             (state >> 40) as f64 / (1_u64 << 24) as f64
         };
         let totals: Vec<f64> = (0..4000).map(|_| draw()).collect();
-        for power in bands(&totals) {
-            // A thousandth part: 500 bins of an exponential law each.
+        for power in band_powers(&totals) {
+            // Each band is the mean of 500 exponentially distributed values, so its relative standard deviation is 4.5 %.
             assert!((power * 12.0 - 1.0).abs() < 0.2, "{power}");
         }
     }
 
     #[test]
     fn names_and_values_go_together() {
-        let window = Window { side: 8, readouts: 50 };
+        let window = WindowSize { side: 8, readouts: 50 };
         let geometry = spikelane::spikes::Geometry::new(8, 8).unwrap();
-        // Every pixel fires at every fifth readout, phases by columns.
+        // Every pixel fires at every fifth readout. The phase depends on the column.
         let packed: Vec<u8> =
             (0..50).flat_map(|t| [(0..8).map(|c| u8::from((t + c) % 5 == 0) << c).sum::<u8>(); 8]).collect();
-        let times = Times::of_packed(geometry, &packed).unwrap();
-        let lags = lags(window, 0.2);
+        let times = SpikeTimes::from_packed(geometry, &packed).unwrap();
+        let lags = usable_lags(window, 0.2);
         assert_eq!(lags, [1, 2, 4]);
-        let cutter = Cutter { window, lags: &lags, used: &[true; 64], rows: 0..8 };
-        let samples = cutter.samples(&times, &times.lines());
-        assert_eq!((samples.len(), samples[0].values.len()), (1, names(&lags).len()));
-        // Regular spikes: no variance at any lag, and lower neighbours that always fire together.
-        let at = |name: &str| names(&lags).iter().position(|(n, _)| n == name).unwrap();
+        let cutter = WindowSampler { window, lags: &lags, used_pixels: &[true; 64], rows: 0..8 };
+        let samples = cutter.samples(&times, &times.fit_rates());
+        assert_eq!((samples.len(), samples[0].values.len()), (1, feature_names(&lags).len()));
+        // Regular spikes have no variance at any lag. A pixel and its lower neighbor always fire together.
+        let at = |name: &str| feature_names(&lags).iter().position(|(n, _)| n == name).unwrap();
         assert!(samples[0].values[at("D(2), readouts squared")] < 1e-20);
-        assert!((samples[0].values[at("coincidences with the lower neighbour")] - 1.0).abs() < 1e-9);
+        assert!((samples[0].values[at("coincidences with the lower neighbor")] - 1.0).abs() < 1e-9);
     }
 }

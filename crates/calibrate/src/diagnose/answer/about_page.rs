@@ -2,9 +2,9 @@
 
 use super::diagnosis::Diagnosis;
 use super::words::rounded;
-use crate::diagnose::given::about::About;
-use crate::diagnose::given::base_model::{BaseNumber, NumberSource};
-use spikelane_measure::report::{Part, Table};
+use crate::diagnose::given::about::Provenance;
+use crate::diagnose::given::base_model::{BaseParameter, NumberSource};
+use spikelane_measure::report::{PageElement, Table};
 
 /// Terms of the tables and plots, each with a line.
 const TERMS: [(&str, &str); 17] = [
@@ -43,7 +43,7 @@ const TERMS: [(&str, &str); 17] = [
         "how much the number of spikes in a readout swings, over as many independent spikes",
     ),
     ("line in the total", "the strongest single frequency in that"),
-    ("neighbours", "pixels side by side that fire in the same or in the next readout, over chance"),
+    ("neighbors", "pixels side by side that fire in the same or in the next readout, over chance"),
     (
         "pixels far above",
         "pixels more than five robust deviations off the median of a map; far below likewise",
@@ -52,42 +52,48 @@ const TERMS: [(&str, &str); 17] = [
 ];
 
 /// The sets and the numbers that the search began with.
-pub(super) fn judged(about: &About) -> Vec<Part> {
-    let mut parts = vec![Part::heading("What was judged")];
+pub(super) fn judged(about: &Provenance) -> Vec<PageElement> {
+    let mut parts = vec![PageElement::heading("What was judged")];
     let mut set = Table::new(&["", ""]);
-    let mut row = |name: &str, value: String| set.row([name.to_owned(), value]);
-    row("set", about.set.clone().unwrap_or_else(|| "a set in memory".to_owned()));
+    let mut row = |name: &str, value: String| set.push_row([name.to_owned(), value]);
+    row("set", about.set_file.clone().unwrap_or_else(|| "a set in memory".to_owned()));
     row("pixels", format!("{} x {}", about.width, about.height));
     row("readouts per second", format!("{}", about.readout_hz));
     // Without a number nothing was judged.
-    let judged = !about.numbers.is_empty();
+    let judged = !about.base_parameters.is_empty();
     if judged {
         row("judged by", about.held_out.clone());
     }
     row("camera", about.camera.clone());
     if judged {
-        row("lamps taken as known to", format!("{:.2} %", 100.0 * about.lamp_deviation));
+        row("lamps taken as known to", format!("{:.2} %", 100.0 * about.lamp_uncertainty));
     }
     row("seed", about.seed.to_string());
-    parts.push(Part::Table(set));
+    parts.push(PageElement::Table(set));
     let lamp = |file: &str| about.lamps.iter().find(|l| l.file.ends_with(file));
     let mut files =
         Table::new(&["recording", "light", "calibrated, less stated", "readouts", "from readout"]);
     for r in &about.recordings {
         let found = lamp(&r.file).map_or_else(String::new, |l| format!("{:+.3} %", 100.0 * l.deviation));
-        files.row([r.file.clone(), r.light.clone(), found, r.readouts.to_string(), r.from.to_string()]);
+        files.push_row([
+            r.file.clone(),
+            r.light.clone(),
+            found,
+            r.readouts.to_string(),
+            r.first_readout.to_string(),
+        ]);
     }
     if !about.recordings.is_empty() {
-        parts.push(Part::Table(files));
+        parts.push(PageElement::Table(files));
     }
-    if !about.numbers.is_empty() {
-        parts.push(Part::heading("The numbers that it began with"));
-        parts.push(Part::Table(numbers(&about.numbers)));
+    if !about.base_parameters.is_empty() {
+        parts.push(PageElement::heading("The numbers that it began with"));
+        parts.push(PageElement::Table(numbers(&about.base_parameters)));
     }
     parts
 }
 
-fn numbers(all: &[BaseNumber]) -> Table {
+fn numbers(all: &[BaseParameter]) -> Table {
     let mut table = Table::new(&["number", "value", "standard error", "unit", "from"]);
     for n in all {
         let source = match n.source {
@@ -99,7 +105,7 @@ fn numbers(all: &[BaseNumber]) -> Table {
         // Both to two digits of the error.
         let error = n.error.map_or_else(String::new, |e| rounded(e, -e, e));
         let value = n.error.map_or_else(|| format!("{:.5}", n.value), |e| rounded(n.value, -e, e));
-        table.row([n.parameter.clone(), value, error, n.unit.to_owned(), source.to_owned()]);
+        table.push_row([n.parameter.clone(), value, error, n.unit.to_owned(), source.to_owned()]);
     }
     table
 }
@@ -112,14 +118,14 @@ pub(super) fn glossary(d: &Diagnosis) -> Table {
         general.contains(&term) || statistics.into_iter().any(|s| s.contains(term))
     };
     let mut table = Table::new(&["term", "what it is"]);
-    TERMS.iter().filter(|t| used(t.0)).for_each(|t| table.row([t.0, t.1]));
+    TERMS.iter().filter(|t| used(t.0)).for_each(|t| table.push_row([t.0, t.1]));
     table
 }
 
 /// What was typed, and when.
-pub(super) fn made(about: &About) -> Vec<Part> {
+pub(super) fn made(about: &Provenance) -> Vec<PageElement> {
     let command = about.command.iter().map(|c| format!("Made by: {c}"));
     let date = about.date.iter().map(|d| format!("On {d} (universal time)."));
     let lines: Vec<String> = command.chain(date).collect();
-    if lines.is_empty() { Vec::new() } else { vec![Part::List { items: lines }] }
+    if lines.is_empty() { Vec::new() } else { vec![PageElement::List { items: lines }] }
 }

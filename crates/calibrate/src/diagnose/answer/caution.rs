@@ -1,7 +1,7 @@
 //! What a name must have besides being the best one, before it is said plainly.
 
 use super::diagnosis::{Diagnosis, Verdict};
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use spikelane::effects::{
     Definition, adaptation, dead_time, flicker, gain_drift, leak, partial_reset, readout_jitter,
     response_nonlinearity, saturation_clamp, vignetting,
@@ -39,19 +39,19 @@ const LOOKS_THE_SAME: [(&Definition, &str); 4] = [
 const MOST_TIED: usize = 3;
 
 /// Takes back what was said too plainly. A study's sensors share a reference, and what is said of them stays as it was judged.
-pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &Reference) {
-    for effect in d.effects.iter_mut().filter(|e| !e.resembles) {
+pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &NullModel) {
+    for effect in d.effects.iter_mut().filter(|e| !e.is_tentative) {
         let (Some(p), Some(neutral)) = (effect.parameters.first(), reference.neutral_of(effect.name)) else {
             continue;
         };
         if p.low <= neutral && neutral <= p.high {
-            effect.resembles = true;
+            effect.is_tentative = true;
             effect.evidence += "; the interval of its strength holds none of it";
         }
     }
     for effect in &mut d.effects {
         if let Some(step) = effect.step {
-            effect.evidence = effect.evidence.replace(&step.words(), &step.nearer(d.gap.floor));
+            effect.evidence = effect.evidence.replace(&step.words(), &step.nearer(d.discrepancy.noise_floor));
         }
     }
     for effect in &mut d.effects {
@@ -59,21 +59,22 @@ pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &Reference) {
         effect.evidence += same.map_or("", |l| l.1);
     }
     tie_bends(d, reference);
-    let named = !d.misfits.is_empty() || d.effects.iter().any(|e| !e.resembles);
+    let named = !d.parameter_mismatches.is_empty() || d.effects.iter().any(|e| !e.is_tentative);
     if matches!(d.verdict, Verdict::Explained | Verdict::PartlyExplained) && !named {
         d.verdict = Verdict::Unknown;
     }
-    if d.verdict == Verdict::Explained && d.gap.floor_sd > UNCERTAIN * d.gap.floor {
+    if d.verdict == Verdict::Explained && d.discrepancy.noise_floor_sd > UNCERTAIN * d.discrepancy.noise_floor
+    {
         d.verdict = Verdict::PartlyExplained;
         d.notes.push(format!(
             "Sensors of the final model differ so much among themselves (a gap of {:.0}, give or take {:.0}) that a gap at their floor does not show that all is explained. More light levels or longer recordings would.",
-            d.gap.floor, d.gap.floor_sd
+            d.discrepancy.noise_floor, d.discrepancy.noise_floor_sd
         ));
     }
 }
 
 /// A name that bends the response is tied with others that bend it alike and were never fitted beside it.
-fn tie_bends(d: &mut Diagnosis, reference: &Reference) {
+fn tie_bends(d: &mut Diagnosis, reference: &NullModel) {
     let bends = |name: &str| BENT.iter().any(|e| e.name == name);
     let tried = |name: &str, other: &str| {
         let rounds = d.traces.tournament.iter();
@@ -85,7 +86,7 @@ fn tie_bends(d: &mut Diagnosis, reference: &Reference) {
         let open = BENT.iter().map(|e| e.name).filter(|other| {
             bends(effect.name)
                 && !said.contains(other)
-                && !effect.tied_with.contains(other)
+                && !effect.ambiguous_with.contains(other)
                 && !tried(effect.name, other)
         });
         let mut alike: Vec<(f64, &'static str)> = open
@@ -96,7 +97,7 @@ fn tie_bends(d: &mut Diagnosis, reference: &Reference) {
         ties.push(alike.into_iter().map(|a| a.1).collect());
     }
     for (effect, alike) in d.effects.iter_mut().zip(ties) {
-        let room = MOST_TIED.saturating_sub(effect.tied_with.len());
-        effect.tied_with.extend(alike.into_iter().take(room));
+        let room = MOST_TIED.saturating_sub(effect.ambiguous_with.len());
+        effect.ambiguous_with.extend(alike.into_iter().take(room));
     }
 }

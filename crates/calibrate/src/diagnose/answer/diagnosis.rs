@@ -2,155 +2,160 @@
 
 use serde::Serialize;
 
-use super::pictures::Picture;
-use crate::diagnose::given::about::About;
+use super::pictures::SetPlots;
+use crate::diagnose::given::about::Provenance;
 use crate::diagnose::lab::fault::Fault;
-use crate::diagnose::search::round::{Fate, Step};
+use crate::diagnose::search::round::{EliminationReason, Step};
 use spikelane::effects::Camera;
 
-/// The verdict.
+/// The verdict of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Nothing is above its limit.
+    /// No statistic exceeds its limit.
     Agrees,
-    /// Effects or misfits are named, nothing is left, and the held-out gap is within [`Gap::limit`].
+    /// Effects or parameter mismatches are named, nothing else is significant, and the held-out discrepancy is within
+    /// [`Discrepancy::limit`].
     Explained,
-    /// Something is named, and something is left.
+    /// Something is named, but a significant discrepancy remains.
     PartlyExplained,
-    /// Nothing that is named explains what is left.
+    /// A significant discrepancy remains, and nothing that is named explains it.
     Unknown,
 }
 
-/// A number with its 95 % interval.
+/// A parameter with its 95 % interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Parameter {
-    /// Key.
+    /// Key of the parameter.
     pub name: &'static str,
-    /// In the parameter's unit.
+    /// Value in the parameter's unit.
     pub value: f64,
-    /// Lower end.
+    /// Lower end of the interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the interval.
     pub high: f64,
 }
 
-/// An effect that was found.
+/// An effect that the diagnosis found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FoundEffect {
-    /// Canonical name.
+    /// Canonical name of the effect.
     pub name: &'static str,
-    /// Fitted numbers.
+    /// Fitted parameters.
     pub parameters: Vec<Parameter>,
-    /// Names that fit as well within noise.
-    pub tied_with: Vec<&'static str>,
-    /// Whether the name is a likeness only: it explains less than half of what is there while something is left, or is
-    /// weaker beside others than what the set can name.
-    pub resembles: bool,
-    /// What speaks for it.
+    /// Effects that fit as well within noise.
+    pub ambiguous_with: Vec<&'static str>,
+    /// Whether the name is tentative. The effect then explains less than half of the discrepancy while something
+    /// remains, or it is weaker beside others than the set can detect.
+    pub is_tentative: bool,
+    /// The evidence for the effect in words.
     pub evidence: String,
     /// The step of which that tells.
     #[serde(skip)]
     pub(in crate::diagnose) step: Option<Step>,
 }
 
-/// A number of the model that the data contradict.
+/// A parameter of the model that the data contradict.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Misfit {
-    /// `effect.key`.
+pub struct ParameterMismatch {
+    /// The parameter as `effect.key`.
     pub parameter: String,
-    /// The model's value.
-    pub model: f64,
-    /// The data's.
-    pub fitted: f64,
-    /// Lower end of its 95 % interval.
+    /// Value in the model.
+    pub model_value: f64,
+    /// Value fitted to the data.
+    pub fitted_value: f64,
+    /// Lower end of the 95 % interval of the fitted value.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the interval.
     pub high: f64,
-    /// Names that fit as well within noise.
-    pub tied_with: Vec<&'static str>,
+    /// Effects that fit as well within noise.
+    pub ambiguous_with: Vec<&'static str>,
 }
 
-/// Something that nothing explains.
+/// A significant deviation that nothing explains.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Unknown {
+pub struct UnexplainedStatistic {
     /// Recording and statistic.
     pub r#where: String,
-    /// Standard deviations.
+    /// Deviation in standard deviations.
     pub z: f64,
 }
 
-/// Distance of model and data after each step.
+/// Discrepancy between model and data after each step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Gap {
-    /// On the fitted recordings; the first without any added effect.
-    pub train: Vec<f64>,
-    /// On the others; the same numbers where nothing was held out.
-    pub heldout: Vec<f64>,
-    /// What the final model's own sensors have.
-    pub floor: f64,
-    /// Standard deviation of the floor.
-    pub floor_sd: f64,
+pub struct Discrepancy {
+    /// Discrepancy on the fitted recordings. The first value is that without any added effect.
+    pub fitted_set: Vec<f64>,
+    /// Discrepancy on the held-out recordings; the same values if nothing was held out.
+    pub held_out_set: Vec<f64>,
+    /// Noise floor: the discrepancy of sensors that follow the final model.
+    pub noise_floor: f64,
+    /// Standard deviation of the noise floor.
+    pub noise_floor_sd: f64,
 }
 
-impl Gap {
-    /// Whether other recordings than the fitted ones judged.
+impl Discrepancy {
+    /// Returns whether other recordings than the fitted ones were held out.
     #[must_use]
     pub fn is_held_out(&self) -> bool {
-        self.train != self.heldout
+        self.fitted_set != self.held_out_set
     }
 
-    /// Largest held-out gap of a set that is explained: the floor, and a hundredth of what the first one was beyond it or two
-    /// deviations of the floor.
+    /// Returns the largest held-out discrepancy of a set that counts as explained.
+    ///
+    /// It exceeds the noise floor by 1 % of the initial excess or by two standard deviations of the floor, whichever
+    /// is larger.
     #[must_use]
     pub fn limit(&self) -> f64 {
-        let first = self.heldout.first().map_or(0.0, |first| first - self.floor);
-        self.floor + (0.01 * first).max(2.0 * self.floor_sd)
+        let first = self.held_out_set.first().map_or(0.0, |first| first - self.noise_floor);
+        self.noise_floor + (0.01 * first).max(2.0 * self.noise_floor_sd)
     }
 
-    /// Whether the last held-out gap is within it.
+    /// Returns whether the last held-out discrepancy is within the limit.
     #[must_use]
-    pub fn is_closed(&self) -> bool {
-        self.heldout.last().is_none_or(|last| *last <= self.limit())
+    pub fn is_within_limit(&self) -> bool {
+        self.held_out_set.last().is_none_or(|last| *last <= self.limit())
     }
 }
 
-/// Everything that is said.
+/// The result of a diagnosis.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnosis {
-    /// In one word.
+    /// The verdict.
     pub verdict: Verdict,
-    /// What is wrong in the laboratory: lamps, scenes, files. It was looked for first, and no effect stands for it.
+    /// Faults of the laboratory: lamps, scenes and files. The diagnosis looks for them first, and adds no effect for
+    /// them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<Fault>,
-    /// Effects that were added.
+    /// Effects that were added to the model.
     pub effects: Vec<FoundEffect>,
-    /// Numbers that were wrong.
-    pub misfits: Vec<Misfit>,
-    /// What is left.
-    pub unknown: Vec<Unknown>,
-    /// Distances.
-    pub gap: Gap,
-    /// What to record where names tie.
-    pub settle: Vec<String>,
-    /// Names that this set cannot show.
-    pub not_testable: Vec<&'static str>,
-    /// Seconds that it took.
+    /// Parameters of the model that the data contradict.
+    pub parameter_mismatches: Vec<ParameterMismatch>,
+    /// Significant deviations that remain.
+    pub unexplained: Vec<UnexplainedStatistic>,
+    /// Discrepancies after each step.
+    pub discrepancy: Discrepancy,
+    /// Recordings that would separate ambiguous effects.
+    pub recommended_recordings: Vec<String>,
+    /// Effects that this set cannot show.
+    pub undetectable: Vec<&'static str>,
+    /// Duration of the diagnosis in seconds.
     pub seconds: f64,
-    /// Simulations that the cache had, and those that were made; nothing without a cache. It stands in no file, as it is no part of the answer.
+    /// Numbers of simulations from the cache and of new ones; `None` without a cache. They are not part of the
+    /// answer, so no file contains them.
     #[serde(skip)]
-    pub cached: Option<[usize; 2]>,
-    /// Where the held-out data come from, and other remarks.
+    pub cache_counts: Option<[usize; 2]>,
+    /// Origin of the held-out data, and other remarks.
     pub notes: Vec<String>,
-    /// The sets, the camera and the numbers that it began with; nothing of sets that share a reference.
+    /// The sets, the camera and the initial parameters; `None` for sets that share a null model.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub about: Option<About>,
-    /// The camera with the effects added.
+    pub provenance: Option<Provenance>,
+    /// The camera with the added effects.
     #[serde(skip)]
     pub camera: Camera,
-    /// Plots' numbers.
+    /// Data of the plots.
     #[serde(skip)]
-    pub traces: Traces,
+    pub traces: ReportData,
 }
 
 impl Diagnosis {
@@ -160,34 +165,39 @@ impl Diagnosis {
             verdict: Verdict::Unknown,
             faults,
             effects: Vec::new(),
-            misfits: Vec::new(),
-            unknown: Vec::new(),
-            gap: Gap { train: Vec::new(), heldout: Vec::new(), floor: 0.0, floor_sd: 0.0 },
-            settle: Vec::new(),
-            not_testable: Vec::new(),
+            parameter_mismatches: Vec::new(),
+            unexplained: Vec::new(),
+            discrepancy: Discrepancy {
+                fitted_set: Vec::new(),
+                held_out_set: Vec::new(),
+                noise_floor: 0.0,
+                noise_floor_sd: 0.0,
+            },
+            recommended_recordings: Vec::new(),
+            undetectable: Vec::new(),
             seconds: 0.0,
-            cached: None,
+            cache_counts: None,
             notes: vec![
                 "Too few recordings are left to judge the camera: nothing was searched for.".to_owned(),
             ],
-            about: None,
+            provenance: None,
             camera,
-            traces: Traces::default(),
+            traces: ReportData::default(),
         }
     }
 }
 
-/// What the report shows.
+/// The data that the report shows.
 #[derive(Clone, Debug, Default)]
-pub struct Traces {
-    /// Statistic, recording, deviation before and after, in standard deviations.
+pub struct ReportData {
+    /// Statistic, recording, and deviation before and after the diagnosis in standard deviations.
     pub deviations: Vec<(String, String, f64, f64)>,
-    /// Names with their misfit and whether they tied, by round.
+    /// Effects with their misfit and whether they tied, for each round.
     pub tournament: Vec<Vec<(&'static str, f64, bool)>>,
-    /// The winner of each round, and what became of it.
-    pub steps: Vec<(&'static str, Fate)>,
-    /// What was done before each number of the gap.
-    pub gaps: Vec<String>,
-    /// The recordings, the model before and the model after.
-    pub pictures: Vec<(&'static str, Picture)>,
+    /// The winner of each round and its outcome.
+    pub step_outcomes: Vec<(&'static str, EliminationReason)>,
+    /// The step before each value of the discrepancy.
+    pub discrepancy_labels: Vec<String>,
+    /// Plots of the recordings, of the initial model and of the final model.
+    pub plots: Vec<(&'static str, SetPlots)>,
 }

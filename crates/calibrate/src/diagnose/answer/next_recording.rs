@@ -1,6 +1,6 @@
 //! What to record next, where two names explain a set as well as each other.
 
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Entrant, Round};
 use spikelane::effects::{
@@ -33,8 +33,8 @@ const FAMILIES: [(&[&Definition], &str); 8] = [
     ),
     (
         &[&crosstalk::EFFECT, &spike_coupling::EFFECT, &smooth_prnu::EFFECT],
-        "a checkerboard of squares one pixel wide, and one of lower contrast: shared light follows the light of the neighbour, coupled \
-         spikes come one readout after the neighbour's",
+        "a checkerboard of squares one pixel wide, and one of lower contrast: shared light follows the light of the neighbor, coupled \
+         spikes come one readout after the neighbor's",
     ),
     (
         &[
@@ -82,12 +82,12 @@ const FAMILIES: [(&[&Definition], &str); 8] = [
 ];
 
 /// A sentence for each tie of a name that was kept.
-pub(in crate::diagnose) fn settle(reference: &Reference, rounds: &[Round]) -> Vec<String> {
+pub(in crate::diagnose) fn settle(reference: &NullModel, rounds: &[Round]) -> Vec<String> {
     let kept = rounds.iter().filter(|r| r.is_kept());
     kept.flat_map(|r| tied(r).into_iter().map(|e| sentence(reference, r, e))).collect()
 }
 
-fn sentence(reference: &Reference, round: &Round, other: &Entrant) -> String {
+fn sentence(reference: &NullModel, round: &Round, other: &Entrant) -> String {
     let scores = reference.metric.scores(&(&other.mean - &round.mean));
     let best = (0..scores.len()).max_by(|a, b| scores[*a].abs().total_cmp(&scores[*b].abs())).unwrap_or(0);
     let (statistic, place) = reference.words(best);

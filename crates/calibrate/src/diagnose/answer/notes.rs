@@ -1,6 +1,6 @@
 //! What a reader must know besides what was found.
 
-use super::diagnosis::{Gap, Misfit};
+use super::diagnosis::{Discrepancy, ParameterMismatch};
 use crate::diagnose::protocol::recorded_set::Setup;
 
 /// How the diagnosis came about: how much of the recordings was judged, and by what. `aside` are readouts at the start of recordings.
@@ -11,16 +11,16 @@ pub(in crate::diagnose) fn of_the_sets(
     alone: bool,
 ) -> Vec<String> {
     let mut notes = Vec::new();
-    if let Some((first, rows)) = setup.band {
+    if let Some((first, rows)) = setup.row_band {
         notes.push(format!(
             "The scene is large: rows {first} to {} were judged, which hold most of its even surface.",
             first + rows - 1
         ));
     }
-    if let Some([fewest, most]) = setup.first_readouts {
+    if let Some([fewest, most]) = setup.judged_readouts {
         let first = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
         notes.push(format!(
-            "The recordings are large: the first {first} readouts of each were judged. --everything judges all of them, which sees weaker and slower effects and takes longer in proportion."
+            "The recordings are large: only the first {first} readouts of each were compared. A comparison of all readouts detects weaker and slower effects and takes longer in proportion."
         ));
     }
     if !held_out && alone {
@@ -41,20 +41,20 @@ pub(in crate::diagnose) fn of_the_sets(
 }
 
 /// Why a set of which no statistic is beyond its limit is not explained.
-pub(in crate::diagnose) fn open(gap: &Gap) -> String {
+pub(in crate::diagnose) fn open(gap: &Discrepancy) -> String {
     format!(
         "No statistic by itself is beyond what the final model's own sensors show, but the {}gap is {:.0} where theirs is \
          {:.0} and {:.0} is the most that counts as explained. Of clean sensors two in a hundred are this far off by chance.",
         if gap.is_held_out() { "held-out " } else { "" },
-        gap.heldout.last().copied().unwrap_or_default(),
-        gap.floor,
+        gap.held_out_set.last().copied().unwrap_or_default(),
+        gap.noise_floor,
         gap.limit()
     )
 }
 
 /// Which numbers are not said to be wrong beside effects that they stood in for, or that stray much themselves. Beside row noise of 20 mV
 /// the noise of the light was said to be 0.16 (0.11 to 0.21) of what it was.
-pub(in crate::diagnose) fn unjudged(wrong: &[Misfit]) -> String {
+pub(in crate::diagnose) fn unjudged(wrong: &[ParameterMismatch]) -> String {
     let names: Vec<&str> = wrong.iter().map(|m| m.parameter.as_str()).collect();
     format!(
         "Not judged: {}. What was found is so strong that these numbers of the camera cannot be told beside it. Add it to the camera file \

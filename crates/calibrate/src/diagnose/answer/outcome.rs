@@ -1,13 +1,16 @@
 //! From a search's end to what is said of it.
 
-use super::diagnosis::{Diagnosis, FoundEffect, Gap, Misfit, Parameter, Traces, Unknown, Verdict};
+use super::diagnosis::{
+    Diagnosis, Discrepancy, FoundEffect, Parameter, ParameterMismatch, ReportData, UnexplainedStatistic,
+    Verdict,
+};
 use super::next_recording::settle;
 use super::notes::{open, unjudged};
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::interval::{interval, of_data};
 use crate::diagnose::fit::unlocated::allowing;
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::search::contradicted::{Contradicted, contradicted};
 use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Round, kept};
@@ -15,7 +18,7 @@ use crate::diagnose::search::search::Found;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 
-/// Share of the first excess that all names together must explain where something is left: what the catalogue holds
+/// Share of the first excess that all names together must explain where something is left: what the catalog holds
 /// leaves a few per cent at most, and a name that stands in for something else leaves a fifth.
 const WHOLE: f64 = 0.95;
 
@@ -23,7 +26,7 @@ const WHOLE: f64 = 0.95;
 /// events a recording holds, which is what its own sensors differ by.
 const STRANGE: f64 = 10.0;
 
-/// The same for a model that leaves more than a hundredth of what there was: what the catalogue holds left that much of strong effects
+/// The same for a model that leaves more than a hundredth of what there was: what the catalog holds left that much of strong effects
 /// or that many times the gap of its own sensors, never both.
 const POOR: (f64, f64) = (3.0, 0.99);
 
@@ -67,25 +70,32 @@ pub(in crate::diagnose) fn outcome(
         let faint = round.is_some_and(|r| r.faint);
         let resembles = faint || (found.left && (share < 0.5 || whole < WHOLE || strange));
         // A number of the base model that only resembles what is there is no wrong number.
-        if effect.of_the_base_model
+        if effect.is_base_model
             && !resembles
             && let Some(p) = parameters.first()
         {
             let knob = found.fit.model.knobs[found.fit.knobs_of(i).start];
-            misfits.push(Misfit {
+            misfits.push(ParameterMismatch {
                 parameter: format!("{name}.{}", p.name),
-                model: knob.value(0.0),
-                fitted: p.value,
+                model_value: knob.value(0.0),
+                fitted_value: p.value,
                 low: p.low,
                 high: p.high,
-                tied_with,
+                ambiguous_with: tied_with,
             });
             continue;
         }
         let evidence = round.map_or_else(String::new, |r| r.evidence.clone())
-            + &found.fit.located.words(effect, &reference.setup.scenes);
+            + &found.fit.located.words(effect, &reference.setup.recordings);
         let step = round.and_then(|r| r.step);
-        effects.push(FoundEffect { name, parameters, tied_with, resembles, evidence, step });
+        effects.push(FoundEffect {
+            name,
+            parameters,
+            ambiguous_with: tied_with,
+            is_tentative: resembles,
+            evidence,
+            step,
+        });
     }
     let mut notes = Vec::new();
     let wrong = given.map_or_else(Vec::new, |given| base_misfits(reference, found, data, given));
@@ -94,15 +104,15 @@ pub(in crate::diagnose) fn outcome(
     } else if !wrong.is_empty() {
         notes.push(unjudged(&wrong));
     }
-    let named = !misfits.is_empty() || effects.iter().any(|e| !e.resembles);
-    let gap = Gap {
-        train: found.train.clone(),
-        heldout: found.heldout.clone(),
-        floor: found.own.floor,
-        floor_sd: found.own.floor_sd,
+    let named = !misfits.is_empty() || effects.iter().any(|e| !e.is_tentative);
+    let gap = Discrepancy {
+        fitted_set: found.train.clone(),
+        held_out_set: found.heldout.clone(),
+        noise_floor: found.own.floor,
+        noise_floor_sd: found.own.floor_sd,
     };
     let verdict = match (found.left, named) {
-        (false, true) if gap.is_closed() => Verdict::Explained,
+        (false, true) if gap.is_within_limit() => Verdict::Explained,
         (false, false) => Verdict::Agrees,
         (_, true) => Verdict::PartlyExplained,
         (true, false) => Verdict::Unknown,
@@ -110,28 +120,28 @@ pub(in crate::diagnose) fn outcome(
     if !found.left && verdict == Verdict::PartlyExplained {
         notes.push(open(&gap));
     }
-    let sample = found.fit.model.sample(&found.fit.u, &[], reference.setup.scenes.len())?;
+    let sample = found.fit.model.sample(&found.fit.u, &[], reference.setup.recordings.len())?;
     let mut camera = sample.camera;
     camera.name = "diagnosed".to_owned();
     camera.source = "found by diagnose; see diagnosis.json and report.html".to_owned();
     Ok(Diagnosis {
         verdict,
         faults: Vec::new(),
-        about: None,
+        provenance: None,
         effects,
-        misfits,
-        unknown: match verdict {
+        parameter_mismatches: misfits,
+        unexplained: match verdict {
             _ if found.left => unknown(reference, found, &(data - &found.own.mean)),
             // No single statistic is beyond its limit; these are what the gap of the held-out set comes from.
             Verdict::PartlyExplained => unknown(reference, found, &found.off),
             _ => Vec::new(),
         },
         notes,
-        gap,
-        settle: settle(reference, &found.rounds),
-        not_testable: reference.not_testable(),
+        discrepancy: gap,
+        recommended_recordings: settle(reference, &found.rounds),
+        undetectable: reference.not_testable(),
         seconds: 0.0,
-        cached: None,
+        cache_counts: None,
         camera,
         traces: traces(reference, found, data),
     })
@@ -147,10 +157,10 @@ fn strange(gaps: &[f64], floor: f64) -> bool {
 impl Found {
     /// Whether the base model's numbers, or what they move, were others before the effects were known than what they are beside these.
     /// In maps nothing strays from readout to readout, and the camera's numbers stay as they were given.
-    fn gave_way(&self, reference: &Reference) -> bool {
+    fn gave_way(&self, reference: &NullModel) -> bool {
         let mut numbers = self.fit.u[..self.fit.base_knobs()].iter().zip(&self.own.deviations);
         let far = numbers.any(|(u, deviation)| u.abs() > GAVE_WAY.max(3.0 * deviation));
-        !self.fit.effects.is_empty() && !reference.setup.maps && (far || self.fit.is_noisy())
+        !self.fit.effects.is_empty() && !reference.setup.has_rate_maps && (far || self.fit.is_noisy())
     }
 
     /// What the data say of a number. Of the base model's, what they say alone: that it was calibrated is no evidence against the
@@ -182,43 +192,43 @@ fn ties(round: Option<&Round>) -> Vec<&'static str> {
 
 /// Numbers of the given camera that the data contradict.
 fn base_misfits(
-    reference: &Reference,
+    reference: &NullModel,
     found: &Found,
     data: &nalgebra::DVector<f64>,
     given: &Camera,
-) -> Vec<Misfit> {
+) -> Vec<ParameterMismatch> {
     let knobs = &reference.model.knobs;
     let places = reference.model.places_in(given);
     let misfit = |c: &Contradicted| {
         let knob = knobs[c.number];
         let p = parameter_at(found, c.number, c.position, c.deviation);
-        Misfit {
+        ParameterMismatch {
             parameter: format!("{}.{}", knob.effect.name, knob.key),
-            model: knob.value_in(given),
-            fitted: p.value,
+            model_value: knob.value_in(given),
+            fitted_value: p.value,
             low: p.low,
             high: p.high,
-            tied_with: c.tied.iter().take(2).map(|j| knobs[*j].effect.name).collect(),
+            ambiguous_with: c.tied.iter().take(2).map(|j| knobs[*j].effect.name).collect(),
         }
     };
-    let worth = |m: &Misfit| (m.fitted - m.model).abs() > WORTH * m.model.abs();
+    let worth = |m: &ParameterMismatch| (m.fitted_value - m.model_value).abs() > WORTH * m.model_value.abs();
     let off = data - &found.fit.mean;
     contradicted(found, &reference.missed, &off, &places).iter().map(misfit).filter(worth).collect()
 }
 
 /// The recordings and statistics that are furthest off.
-fn unknown(reference: &Reference, found: &Found, off: &nalgebra::DVector<f64>) -> Vec<Unknown> {
+fn unknown(reference: &NullModel, found: &Found, off: &nalgebra::DVector<f64>) -> Vec<UnexplainedStatistic> {
     let scores = found.own.metric.scores(off);
     let mut order: Vec<usize> = (0..scores.len()).collect();
     order.sort_by(|a, b| scores[*b].abs().total_cmp(&scores[*a].abs()));
     let entry = |i: usize| {
         let (name, place) = reference.words(i);
-        Unknown { r#where: format!("{place}: {name}"), z: scores[i] }
+        UnexplainedStatistic { r#where: format!("{place}: {name}"), z: scores[i] }
     };
     order.into_iter().take(6).map(entry).collect()
 }
 
-fn traces(reference: &Reference, found: &Found, data: &nalgebra::DVector<f64>) -> Traces {
+fn traces(reference: &NullModel, found: &Found, data: &nalgebra::DVector<f64>) -> ReportData {
     let before = reference.metric.scores(&(data - &reference.mean));
     let after = found.own.metric.scores(&(data - &found.own.mean));
     let row = |i: usize| {
@@ -226,12 +236,12 @@ fn traces(reference: &Reference, found: &Found, data: &nalgebra::DVector<f64>) -
         (name, place, before[i], after[i])
     };
     let entrants = |r: &Round| r.entrants.iter().map(|e| (e.name, e.misfit, e.tied)).collect();
-    Traces {
+    ReportData {
         deviations: (0..before.len()).map(row).collect(),
         tournament: found.rounds.iter().map(entrants).collect(),
-        steps: found.rounds.iter().map(|r| (r.winner, r.fate)).collect(),
-        gaps: found.steps.clone(),
-        pictures: Vec::new(),
+        step_outcomes: found.rounds.iter().map(|r| (r.winner, r.fate)).collect(),
+        discrepancy_labels: found.steps.clone(),
+        plots: Vec::new(),
     }
 }
 

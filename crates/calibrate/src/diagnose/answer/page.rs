@@ -5,23 +5,23 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::about_page::{glossary, judged, made};
-use super::diagnosis::{Diagnosis, Gap, Verdict};
+use super::diagnosis::{Diagnosis, Discrepancy, Verdict};
 use super::pictures_page::seen;
 use super::words::{interval, rounded};
-use crate::diagnose::search::round::Fate;
-use spikelane::error::{Error, Kind, Result};
+use crate::diagnose::search::round::EliminationReason;
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets;
 use spikelane_io::storage::FileGroup;
-use spikelane_measure::report::{Part, Row, Table, page as render, ranked};
+use spikelane_measure::report::{PageElement, RankedRow, Table, page as render, ranked_bar_plot};
 
-/// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`, all of them or none, and returns the
-/// diagnosis as JSON.
+/// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`, and returns the diagnosis as
+/// JSON. Either all files are written or none.
 ///
 /// # Errors
-/// When a file exists and `force` is not set, or cannot be written.
-pub fn write(diagnosis: &Diagnosis, folder: &Path, force: bool) -> Result<Value> {
+/// If a file exists and `force` is not set, or if a file cannot be written.
+pub fn write_diagnosis(diagnosis: &Diagnosis, folder: &Path, force: bool) -> Result<Value> {
     let value =
-        serde_json::to_value(diagnosis).map_err(|e| Error::new(Kind::Config, "diagnosis").found(e))?;
+        serde_json::to_value(diagnosis).map_err(|e| Error::new(ErrorKind::Config, "diagnosis").found(e))?;
     let saved = presets::to_toml(&diagnosis.camera)?;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
     let mut group = FileGroup::new(force);
@@ -39,50 +39,50 @@ pub fn write(diagnosis: &Diagnosis, folder: &Path, force: bool) -> Result<Value>
 /// # Errors
 /// When a plot cannot be made.
 pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
-    let mut parts = vec![Part::text(sentence(diagnosis))];
+    let mut parts = vec![PageElement::text(sentence(diagnosis))];
     parts.extend(faults(diagnosis));
     parts.extend(named(diagnosis));
-    if !diagnosis.settle.is_empty() {
-        parts.push(Part::heading("Which recording would settle a tie"));
-        parts.push(Part::List { items: diagnosis.settle.clone() });
+    if !diagnosis.recommended_recordings.is_empty() {
+        parts.push(PageElement::heading("Which recording would settle a tie"));
+        parts.push(PageElement::List { items: diagnosis.recommended_recordings.clone() });
     }
-    parts.extend(diagnosis.about.iter().flat_map(judged));
+    parts.extend(diagnosis.provenance.iter().flat_map(judged));
     if !diagnosis.notes.is_empty() {
-        parts.push(Part::heading("What a reader must know"));
-        parts.push(Part::List { items: diagnosis.notes.clone() });
+        parts.push(PageElement::heading("What a reader must know"));
+        parts.push(PageElement::List { items: diagnosis.notes.clone() });
     }
     // Where nothing was searched for there is nothing to plot.
-    if !diagnosis.gap.heldout.is_empty() {
-        parts.push(Part::heading("Where model and recordings disagree"));
+    if !diagnosis.discrepancy.held_out_set.is_empty() {
+        parts.push(PageElement::heading("Where model and recordings disagree"));
         parts.extend(disagreements(diagnosis)?);
-        parts.push(Part::heading("The gap, after each step"));
+        parts.push(PageElement::heading("The gap, after each step"));
         parts.extend(gap(diagnosis)?);
         parts.extend(tournament(diagnosis)?);
-        parts.extend(seen(&diagnosis.traces.pictures, diagnosis.gap.train.len() > 1)?);
-        parts.push(Part::heading("What this set could not have seen"));
-        parts.push(Part::text(unseen(diagnosis)));
-        parts.push(Part::heading("Words"));
-        parts.push(Part::Table(glossary(diagnosis)));
+        parts.extend(seen(&diagnosis.traces.plots, diagnosis.discrepancy.fitted_set.len() > 1)?);
+        parts.push(PageElement::heading("What this set could not have seen"));
+        parts.push(PageElement::text(unseen(diagnosis)));
+        parts.push(PageElement::heading("Words"));
+        parts.push(PageElement::Table(glossary(diagnosis)));
     }
-    parts.extend(diagnosis.about.iter().flat_map(made));
+    parts.extend(diagnosis.provenance.iter().flat_map(made));
     Ok(render("Diagnosis", &parts))
 }
 
 /// What is wrong in the laboratory stands above everything.
-fn faults(d: &Diagnosis) -> Vec<Part> {
+fn faults(d: &Diagnosis) -> Vec<PageElement> {
     if d.faults.is_empty() {
         return Vec::new();
     }
     let items = d.faults.iter().map(crate::diagnose::Fault::sentence).collect();
-    vec![Part::heading("Faults of the recordings, not of the camera"), Part::List { items }]
+    vec![PageElement::heading("Faults of the recordings, not of the camera"), PageElement::List { items }]
 }
 
 /// What the set cannot show, in words that fit what it is.
 pub(in crate::diagnose) fn unseen(d: &Diagnosis) -> String {
-    if d.not_testable.is_empty() {
-        "Each effect of the catalogue would show if it were as strong as its range allows; how strong it must be to be named, --nameable says for this set.".to_owned()
+    if d.undetectable.is_empty() {
+        "Each effect of the catalog would be visible at the maximum of its range. The detectability analysis estimates the minimum strength for this set.".to_owned()
     } else {
-        format!("{}: however strong, these recordings do not show them.", d.not_testable.join(", "))
+        format!("{}: however strong, these recordings do not show them.", d.undetectable.join(", "))
     }
 }
 
@@ -91,24 +91,24 @@ fn sentence(d: &Diagnosis) -> String {
         .effects
         .iter()
         .map(|e| {
-            let ties = if e.tied_with.is_empty() {
+            let ties = if e.ambiguous_with.is_empty() {
                 String::new()
             } else {
-                format!(" (or {})", e.tied_with.join(", "))
+                format!(" (or {})", e.ambiguous_with.join(", "))
             };
-            format!("{}{}{ties}", if e.resembles { "something like " } else { "" }, e.name)
+            format!("{}{}{ties}", if e.is_tentative { "something like " } else { "" }, e.name)
         })
-        .chain(d.misfits.iter().map(|m| {
-            let [fitted, model] = [m.fitted, m.model].map(|x| rounded(x, m.low, m.high));
+        .chain(d.parameter_mismatches.iter().map(|m| {
+            let [fitted, model] = [m.fitted_value, m.model_value].map(|x| rounded(x, m.low, m.high));
             format!("another {} ({fitted} instead of {model})", m.parameter)
         }))
         .collect();
     let names = effects.join(", ");
     match d.verdict {
-        _ if d.gap.heldout.is_empty() => {
+        _ if d.discrepancy.held_out_set.is_empty() => {
             "These recordings are at fault in so much that nothing can be said of the camera.".to_owned()
         }
-        Verdict::Agrees if d.faults.iter().any(|f| f.set_aside) => {
+        Verdict::Agrees if d.faults.iter().any(|f| f.is_excluded) => {
             "What is not at fault agrees with the model: nothing is above its limit.".to_owned()
         }
         Verdict::Agrees => "The recordings agree with the model: nothing is above its limit.".to_owned(),
@@ -116,7 +116,7 @@ fn sentence(d: &Diagnosis) -> String {
             format!("The recordings are explained by adding {names}; nothing is left above its limit.")
         }
         Verdict::PartlyExplained => {
-            let left = if d.unknown.is_empty() {
+            let left = if d.unexplained.is_empty() {
                 "whether that is all these recordings do not show"
             } else {
                 "something is left"
@@ -124,25 +124,25 @@ fn sentence(d: &Diagnosis) -> String {
             format!("Adding {names} explains a part; {left}.")
         }
         Verdict::Unknown if names.is_empty() => {
-            "Something is there that no effect of the catalogue explains.".to_owned()
+            "Something is there that no effect of the catalog explains.".to_owned()
         }
         Verdict::Unknown => format!(
-            "Something is there that no effect of the catalogue is shown to explain; it looks a little like {}.",
+            "Something is there that no effect of the catalog is shown to explain; it looks a little like {}.",
             names.replace("something like ", "")
         ),
     }
 }
 
-fn named(d: &Diagnosis) -> Vec<Part> {
+fn named(d: &Diagnosis) -> Vec<PageElement> {
     let mut table = Table::new(&["effect", "parameter", "value", "95 % interval", "as likely", "evidence"]);
     for e in &d.effects {
         for (i, p) in e.parameters.iter().enumerate() {
             let (name, ties, evidence) = if i == 0 {
-                (e.name, e.tied_with.join(", "), e.evidence.as_str())
+                (e.name, e.ambiguous_with.join(", "), e.evidence.as_str())
             } else {
                 ("", String::new(), "")
             };
-            table.row([
+            table.push_row([
                 name,
                 p.name,
                 &rounded(p.value, p.low, p.high),
@@ -152,34 +152,39 @@ fn named(d: &Diagnosis) -> Vec<Part> {
             ]);
         }
     }
-    for m in &d.misfits {
-        let note = format!("the model has {}", rounded(m.model, m.low, m.high));
-        table.row([
+    for m in &d.parameter_mismatches {
+        let note = format!("the model has {}", rounded(m.model_value, m.low, m.high));
+        table.push_row([
             "misfit",
             &m.parameter,
-            &rounded(m.fitted, m.low, m.high),
+            &rounded(m.fitted_value, m.low, m.high),
             &interval(m.low, m.high),
-            &m.tied_with.join(", "),
+            &m.ambiguous_with.join(", "),
             &note,
         ]);
     }
     let mut parts = Vec::new();
     if !table.rows.is_empty() {
-        parts.push(Part::Table(table));
+        parts.push(PageElement::Table(table));
     }
-    if !d.unknown.is_empty() {
+    if !d.unexplained.is_empty() {
         let mut left = Table::new(&["left unexplained", "standard deviations"]);
-        d.unknown.iter().for_each(|u| left.row([u.r#where.clone(), format!("{:.1}", u.z)]));
-        parts.push(Part::Table(left));
+        d.unexplained.iter().for_each(|u| left.push_row([u.r#where.clone(), format!("{:.1}", u.z)]));
+        parts.push(PageElement::Table(left));
     }
     parts
 }
 
-fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
+fn gap(d: &Diagnosis) -> Result<Vec<PageElement>> {
     const MEASURE: &str =
         "the squared distance of the statistics to the model, with what calibration fits taken out";
-    let Gap { train, heldout, floor, floor_sd } = &d.gap;
-    let held_out = d.gap.is_held_out();
+    let Discrepancy {
+        fitted_set: train,
+        held_out_set: heldout,
+        noise_floor: floor,
+        noise_floor_sd: floor_sd,
+    } = &d.discrepancy;
+    let held_out = d.discrepancy.is_held_out();
     // One bar beside no other says no more than its number.
     if let ([fitted], [judging]) = (train.as_slice(), heldout.as_slice()) {
         let values = if held_out {
@@ -187,7 +192,7 @@ fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
         } else {
             format!("{fitted:.0}")
         };
-        return Ok(vec![Part::text(format!(
+        return Ok(vec![PageElement::text(format!(
             "Nothing was added. The gap, {MEASURE}, is {values}; the model's own sensors have {floor:.0}, with a deviation of {floor_sd:.0}."
         ))]);
     }
@@ -199,12 +204,18 @@ fn gap(d: &Diagnosis) -> Result<Vec<Part>> {
     let row = |(name, (a, b)): (&String, (&f64, &f64))| {
         let values = if held_out { vec![*a, *b] } else { vec![*a] };
         let said: Vec<String> = values.iter().map(|v| format!("{v:.0}")).collect();
-        Row { name: format!("{name}: {}", said.join(", ")), values }
+        RankedRow { name: format!("{name}: {}", said.join(", ")), values }
     };
-    let rows: Vec<Row> = d.traces.gaps.iter().zip(train.iter().zip(heldout)).map(row).collect();
+    let rows: Vec<RankedRow> =
+        d.traces.discrepancy_labels.iter().zip(train.iter().zip(heldout)).map(row).collect();
     let [first, last] = [heldout.first(), heldout.last()].map(|v| v.copied().unwrap_or_default());
-    Ok(vec![Part::figure(
-        ranked("squared distance, in standard deviations squared", sets, &rows, Some((*floor, "floor")))?,
+    Ok(vec![PageElement::figure(
+        ranked_bar_plot(
+            "squared distance, in standard deviations squared",
+            sets,
+            &rows,
+            Some((*floor, "floor")),
+        )?,
         format!(
             "The gap is {MEASURE}. That {whose} is {first:.0} at first and {last:.0} at last; the final model's own sensors have {floor:.0}, \
              the floor, with a deviation of {floor_sd:.0}."
@@ -218,16 +229,16 @@ const SHOWN: usize = 24;
 /// Deviations that a clean sensor shows somewhere once in a thousand times.
 const PLAIN: f64 = 5.0;
 
-fn disagreements(d: &Diagnosis) -> Result<Vec<Part>> {
+fn disagreements(d: &Diagnosis) -> Result<Vec<PageElement>> {
     let mut rows: Vec<_> = d.traces.deviations.iter().collect();
     rows.sort_by(|a, b| b.2.abs().max(b.3.abs()).total_cmp(&a.2.abs().max(a.3.abs())));
     // Where nothing was added there is no after.
-    let added = d.gap.train.len() > 1;
-    let row = |(name, place, before, after): &(String, String, f64, f64)| Row {
+    let added = d.discrepancy.fitted_set.len() > 1;
+    let row = |(name, place, before, after): &(String, String, f64, f64)| RankedRow {
         name: format!("{place}: {name}"),
         values: if added { vec![*before, *after] } else { vec![*before] },
     };
-    let shown: Vec<Row> = rows.iter().take(SHOWN).map(|r| row(r)).collect();
+    let shown: Vec<RankedRow> = rows.iter().take(SHOWN).map(|r| row(r)).collect();
     let plain = |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > PLAIN).count();
     let series: &[&str] = if added { &["before", "after"] } else { &["recordings less model"] };
     let caption = if added {
@@ -245,39 +256,45 @@ fn disagreements(d: &Diagnosis) -> Result<Vec<Part>> {
             rows.len()
         )
     };
-    Ok(vec![Part::figure(ranked("standard deviations", series, &shown, Some((PLAIN, "5")))?, caption)])
+    Ok(vec![PageElement::figure(
+        ranked_bar_plot("standard deviations", series, &shown, Some((PLAIN, "5")))?,
+        caption,
+    )])
 }
 
-fn tournament(d: &Diagnosis) -> Result<Vec<Part>> {
+fn tournament(d: &Diagnosis) -> Result<Vec<PageElement>> {
     let mut parts = Vec::new();
-    let rounds = d.traces.tournament.iter().zip(&d.traces.steps);
+    let rounds = d.traces.tournament.iter().zip(&d.traces.step_outcomes);
     // A name that came in the place of another one won no tournament, its evidence says so; and one alone had no rival.
     for (round, (winner, fate)) in rounds.filter(|(round, _)| round.len() > 1) {
         let (what, caption) = match fate {
-            Fate::Kept => (
+            EliminationReason::Retained => (
                 "",
                 "What each candidate leaves of the gap when it is fitted; within noise the names are tied.",
             ),
-            Fate::TurnedDown if d.gap.is_held_out() => (
+            EliminationReason::RejectedByHoldout if d.discrepancy.is_held_out() => (
                 ", not kept",
                 "The held-out recordings did not come nearer with the winner, so it was not kept.",
             ),
-            Fate::TurnedDown => (
+            EliminationReason::RejectedByHoldout => (
                 ", not kept",
                 "The recordings did not come nearer with the winner by enough, so it was not kept.",
             ),
-            Fate::Dropped => (
+            EliminationReason::Eliminated => (
                 ", dropped later",
                 "The winner was kept at first. Once the other names were known, the recordings were as likely without it.",
             ),
         };
-        parts.push(Part::heading(&format!("Tournament: {winner}{what}")));
-        let row = |(name, misfit, tied): &(&str, f64, bool)| Row {
+        parts.push(PageElement::heading(&format!("Tournament: {winner}{what}")));
+        let row = |(name, misfit, tied): &(&str, f64, bool)| RankedRow {
             name: format!("{name}: {misfit:.0}{}", if *tied && name != winner { " (tied)" } else { "" }),
             values: vec![*misfit],
         };
-        let rows: Vec<Row> = round.iter().map(row).collect();
-        parts.push(Part::figure(ranked("gap that is left", &["fitted"], &rows, None)?, caption));
+        let rows: Vec<RankedRow> = round.iter().map(row).collect();
+        parts.push(PageElement::figure(
+            ranked_bar_plot("gap that is left", &["fitted"], &rows, None)?,
+            caption,
+        ));
     }
     Ok(parts)
 }

@@ -1,7 +1,7 @@
 //! What a set looks like: maps, spectra and intervals for the report, of the data and of a model.
 
 use crate::RecordingSet;
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::sensors::model::Model;
@@ -10,7 +10,7 @@ use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::lines::lines;
 use crate::diagnose::statistics::readouts::power;
 use spikelane::error::Result;
-use spikelane::spikes::{Packed, bit};
+use spikelane::spikes::{SpikeFramesRef, bit};
 use spikelane::unstable::threads;
 
 /// Bins of an interval's length over its pixel's mean, up to [`LONGEST`].
@@ -27,44 +27,45 @@ pub(in crate::diagnose) const FURTHER: usize = 20;
 pub(crate) type Points = Vec<(f64, f64)>;
 
 /// The name of a recording, and the points of a curve.
-pub type Trace = (String, Points);
+pub type NamedCurve = (String, Points);
 
-/// One set, seen.
+/// Plot data of one set.
 #[derive(Clone, Debug, Default)]
-pub struct Picture {
-    /// Pixels in a row, where there are maps.
+pub struct SetPlots {
+    /// Pixels in a row; `None` without maps.
     pub width: Option<usize>,
-    /// Gain, and dark current in thresholds per readout, of every pixel, top row first; empty without flats.
+    /// Gain, and dark current in thresholds per readout, of every pixel, top row first; `None` without flats.
     pub maps: Option<[Vec<f64>; 2]>,
-    /// Name of the recording that the spectrum is of, with frequency in hertz and power over the one
-    /// of independent pixels.
-    pub spectrum: Option<Trace>,
-    /// Lowest and highest such power of 20 further sensors of a model.
-    pub range: Option<[Points; 2]>,
-    /// Name of the recording that the intervals are of, with length over the pixel's mean and share.
-    pub intervals: Option<Trace>,
+    /// Spectrum of one recording: its name, and power over frequency in hertz. The power is relative to that of
+    /// independent pixels.
+    pub spectrum: Option<NamedCurve>,
+    /// Lowest and highest power of the spectra of 20 further sensors of the model.
+    pub spectrum_range: Option<[Points; 2]>,
+    /// Intervals of one recording: its name, and the share of the intervals over their length. The length is relative
+    /// to the pixel's mean.
+    pub intervals: Option<NamedCurve>,
 }
 
 /// Pictures of the data, of the base model and of the final one.
 pub(in crate::diagnose) fn pictures(
-    reference: &Reference,
+    reference: &NullModel,
     set: &RecordingSet,
     scans: &[Scan],
     last: (&Model, &[f64]),
-) -> Result<Vec<(&'static str, Picture)>> {
+) -> Result<Vec<(&'static str, SetPlots)>> {
     let setup = &reference.setup;
-    if setup.maps || setup.scenes.iter().any(|s| s.still.is_some()) {
+    if setup.has_rate_maps || setup.recordings.iter().any(|s| s.static_scene.is_some()) {
         return Ok(Vec::new());
     }
-    let base = reference.model.sample(&[], &[], setup.scenes.len())?;
-    let model = last.0.sample(last.1, &[], setup.scenes.len())?;
+    let base = reference.model.sample(&[], &[], setup.recordings.len())?;
+    let model = last.0.sample(last.1, &[], setup.recordings.len())?;
     let data = picture(setup, scans, |k| setup.read(set, k))?;
     let simulated = |sample: &Sample| {
         let seed = reference.seed + 90_000;
         picture(setup, &simulate::scans(setup, sample, seed)?, |k| simulate::bits(setup, sample, k, seed))
     };
     let range = range(reference, &model)?;
-    let after = Picture { range, ..simulated(&model)? };
+    let after = SetPlots { spectrum_range: range, ..simulated(&model)? };
     Ok(vec![("recordings", data), ("model before", simulated(&base)?), ("model after", after)])
 }
 
@@ -75,10 +76,10 @@ fn middle(setup: &Setup) -> Option<usize> {
 
 /// Flats and their light.
 fn flats(setup: &Setup) -> impl Iterator<Item = (usize, f64)> {
-    setup.scenes.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?))).filter(|f| f.1 > 0.0)
+    setup.recordings.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?))).filter(|f| f.1 > 0.0)
 }
 
-fn range(reference: &Reference, sample: &Sample) -> Result<Option<[Points; 2]>> {
+fn range(reference: &NullModel, sample: &Sample) -> Result<Option<[Points; 2]>> {
     let setup = &reference.setup;
     let Some(k) = middle(setup) else { return Ok(None) };
     let spectrum = |i: usize| {
@@ -93,28 +94,28 @@ fn range(reference: &Reference, sample: &Sample) -> Result<Option<[Points; 2]>> 
     Ok(Some([ends(f64::min), ends(f64::max)]))
 }
 
-fn picture(setup: &Setup, scans: &[Scan], bits: impl Fn(usize) -> Result<Vec<u8>>) -> Result<Picture> {
+fn picture(setup: &Setup, scans: &[Scan], bits: impl Fn(usize) -> Result<Vec<u8>>) -> Result<SetPlots> {
     let intervals = match flats(setup).min_by(|a, b| a.1.total_cmp(&b.1)) {
-        Some((k, _)) => Some((setup.scenes[k].name.clone(), lengths(setup, &bits(k)?)?)),
+        Some((k, _)) => Some((setup.recordings[k].name.clone(), lengths(setup, &bits(k)?)?)),
         None => None,
     };
-    Ok(Picture {
+    Ok(SetPlots {
         width: Some(setup.geometry.width()),
         maps: lines(setup, scans).map(|l| [l.gain, l.dark]),
         spectrum: middle(setup)
-            .map(|k| (setup.scenes[k].name.clone(), smooth(&scans[k].totals, setup.readout_hz))),
+            .map(|k| (setup.recordings[k].name.clone(), smooth(&scans[k].totals, setup.readout_hz))),
         intervals,
-        range: None,
+        spectrum_range: None,
     })
 }
 
 /// Shares of intervals by their length over their own pixel's mean.
 fn lengths(setup: &Setup, bytes: &[u8]) -> Result<Vec<(f64, f64)>> {
-    let frames = Packed::new(setup.geometry, bytes)?;
+    let frames = SpikeFramesRef::new(setup.geometry, bytes)?;
     let mut bins = [0.0; BINS];
     for p in 0..setup.geometry.pixels() {
         let times: Vec<usize> =
-            frames.frames().enumerate().filter(|(_, f)| bit(f, p)).map(|(t, _)| t).collect();
+            frames.iter().enumerate().filter(|(_, f)| bit(f.as_bytes(), p)).map(|(t, _)| t).collect();
         let (Some(first), Some(last)) = (times.first(), times.last()) else { continue };
         let mean = (last - first) as f64 / (times.len() - 1).max(1) as f64;
         for pair in times.windows(2) {

@@ -11,11 +11,11 @@ use super::places::KINDS;
 use super::places::Places;
 use super::places::kind;
 use super::repeated::repeated;
-use crate::diagnose::protocol::recorded::Scene;
+use crate::diagnose::protocol::recorded::RecordedScene;
 use crate::diagnose::recording::bits::PixelBits;
 use crate::diagnose::recording::scan::Scan;
 use spikelane::effects::Definition;
-use spikelane::spikes::Packed;
+use spikelane::spikes::SpikeFramesRef;
 
 /// Events from which on the name is tried whatever its signature promises, and those that are said one by one.
 const SEVERAL: usize = 3;
@@ -23,12 +23,12 @@ const SAID: usize = 4;
 
 /// Those of a recording.
 pub(in crate::diagnose) fn places(
-    frames: Packed<'_>,
+    frames: SpikeFramesRef<'_>,
     bits: &PixelBits,
     scan: &Scan,
-    scene: &Scene,
+    scene: &RecordedScene,
 ) -> Places {
-    if scene.still.is_some() {
+    if scene.static_scene.is_some() {
         return [None, None];
     }
     let periods = periods(scene, &scan.stretches, bits.readouts);
@@ -72,8 +72,8 @@ impl Count {
 }
 
 impl Located {
-    fn count(&self, kind: usize, scenes: &[Scene]) -> Count {
-        let of = |(places, scene): (&Places, &Scene)| match &places[kind] {
+    fn count(&self, kind: usize, scenes: &[RecordedScene]) -> Count {
+        let of = |(places, scene): (&Places, &RecordedScene)| match &places[kind] {
             Some(found) => Count { events: found.len(), readouts: scene.readouts },
             None => Count::default(),
         };
@@ -91,7 +91,7 @@ pub(in crate::diagnose) struct Events {
 
 impl Events {
     /// Of the fitted set and of the one that judges, which counts where it is another.
-    pub(crate) fn new(fitted: Located, judging: Located, held_out: bool, scenes: &[Scene]) -> Self {
+    pub(crate) fn new(fitted: Located, judging: Located, held_out: bool, scenes: &[RecordedScene]) -> Self {
         let count = |kind| {
             let own = fitted.count(kind, scenes);
             if held_out { own.and(judging.count(kind, scenes)) } else { own }
@@ -105,9 +105,9 @@ impl Events {
     }
 
     /// How many there are and where the first ones of the fitted set are, in words; nothing where they cannot be told.
-    pub(crate) fn words(&self, effect: &Definition, scenes: &[Scene]) -> String {
+    pub(crate) fn words(&self, effect: &Definition, scenes: &[RecordedScene]) -> String {
         let (Some(kind), Some(count)) = (kind(effect), self.of(effect)) else { return String::new() };
-        let place = |(scene, places): (&Scene, &Places)| {
+        let place = |(scene, places): (&RecordedScene, &Places)| {
             let of = |t: &usize| format!("{t} of {}", scene.file_name());
             places[kind].iter().flatten().map(of).collect::<Vec<String>>()
         };
@@ -151,12 +151,12 @@ mod tests {
 
     #[test]
     fn only_what_was_found_can_be_named_and_what_was_not_looked_for_can() {
-        let scene = |readouts| Scene {
+        let scene = |readouts| RecordedScene {
             name: String::new(),
-            light: crate::Light::Level(0.1),
+            light: crate::Stimulus::Level(0.1),
             readouts,
-            skip: 0,
-            still: None,
+            first_readout: 0,
+            static_scene: None,
         };
         let scenes = [scene(400), scene(600)];
         let set = |lost: &[usize]| Located(vec![[None, None], [Some(lost.to_vec()), None]]);

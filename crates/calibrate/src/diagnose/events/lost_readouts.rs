@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use super::missing_spikes::of_light;
-use crate::diagnose::protocol::recorded::Scene;
+use crate::diagnose::protocol::recorded::RecordedScene;
 use crate::diagnose::recording::bits::PixelBits;
 use crate::diagnose::recording::stretches::Stretch;
 
@@ -15,8 +15,8 @@ use crate::diagnose::recording::stretches::Stretch;
 pub(in crate::diagnose) type Periods = Vec<Vec<Range<usize>>>;
 
 /// The times in which a scene's light rests.
-pub(in crate::diagnose) fn periods(scene: &Scene, stretches: &[Stretch], readouts: usize) -> Periods {
-    if scene.constant() {
+pub(in crate::diagnose) fn periods(scene: &RecordedScene, stretches: &[Stretch], readouts: usize) -> Periods {
+    if scene.is_constant() {
         return vec![vec![0..readouts]];
     }
     let Some(first) = stretches.first() else { return Vec::new() };
@@ -60,7 +60,7 @@ pub(in crate::diagnose) fn completed(mut lost: Vec<usize>, stretches: &[Stretch]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spikelane::spikes::{Geometry, Packed, set_bit};
+    use spikelane::spikes::{Geometry, SpikeFramesRef, set_bit};
 
     const READOUTS: usize = 2000;
 
@@ -92,7 +92,7 @@ mod tests {
                 bytes.extend(frame);
             }
         }
-        PixelBits::new(Packed::new(geometry, &bytes).unwrap()).unwrap()
+        PixelBits::new(SpikeFramesRef::new(geometry, &bytes).unwrap()).unwrap()
     }
 
     #[test]

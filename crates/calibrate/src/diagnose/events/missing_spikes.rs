@@ -32,7 +32,7 @@ const JOINED: f64 = 0.15;
 
 /// Spikes that are missing, by twice the readout that would follow, and how many would go with a lost readout.
 #[derive(Clone, Debug)]
-struct Missing {
+struct PeerMissing {
     at: Vec<u32>,
     expected: f64,
     pixels: usize,
@@ -43,14 +43,14 @@ pub(in crate::diagnose) fn of_light(bits: &PixelBits, period: &[Range<usize>]) -
     let pixels = bits.geometry.pixels();
     let rows = pixels.div_ceil(BANDS);
     let of_band = |band: usize| {
-        let mut missing = Missing { at: vec![0; 2 * bits.readouts + 2], expected: 0.0, pixels: 0 };
+        let mut missing = PeerMissing { at: vec![0; 2 * bits.readouts + 2], expected: 0.0, pixels: 0 };
         let mut times = Vec::new();
         for p in (band * rows).min(pixels)..((band + 1) * rows).min(pixels) {
             missing.add(bits.pixel(p), period, &mut times);
         }
         missing
     };
-    let bands: Vec<Missing> = threads::map(0..BANDS, of_band);
+    let bands: Vec<PeerMissing> = threads::map(0..BANDS, of_band);
     let sum = bands.into_iter().reduce(|mut sum, band| {
         sum.at.iter_mut().zip(band.at).for_each(|(a, b)| *a += b);
         sum.expected += band.expected;
@@ -60,7 +60,7 @@ pub(in crate::diagnose) fn of_light(bits: &PixelBits, period: &[Range<usize>]) -
     sum.places(period)
 }
 
-impl Missing {
+impl PeerMissing {
     /// Adds a pixel's; `times` is room for its spikes by stretch.
     fn add(&mut self, words: &[u64], period: &[Range<usize>], times: &mut Vec<Vec<u32>>) {
         let length: usize = period.iter().map(Range::len).sum();
@@ -115,7 +115,7 @@ impl Missing {
         while let Some(i) = self.peak(reach, chance, period) {
             let window = i.saturating_sub(reach)..(i + reach + 1).min(self.at.len());
             let window = self.joined(window, reach + 1, usual);
-            found.extend(self.centres(window.clone(), usual));
+            found.extend(self.centers(window.clone(), usual));
             self.at[window].fill(0);
         }
         Some(found)
@@ -140,7 +140,7 @@ impl Missing {
             let shifted = |n: isize| around.get(i.wrapping_add_signed(n * width)).copied();
             let mut beside = [-2, -1, 1, 2].map(|n| shifted(n).unwrap_or(0));
             beside.sort_unstable();
-            // One neighbour may be another lost readout.
+            // One neighbor may be another lost readout.
             f64::from(around[*i]) >= SHARP * f64::from(beside[2])
         };
         let most = |best: usize, i: usize| if around[i] > around[best] { i } else { best };
@@ -148,12 +148,12 @@ impl Missing {
     }
 
     /// The readouts that are lost in `window`: two that are close to each other take twice the spikes along.
-    fn centres(&self, window: Range<usize>, usual: f64) -> Vec<usize> {
+    fn centers(&self, window: Range<usize>, usual: f64) -> Vec<usize> {
         let chance = usual * window.len() as f64;
         let spikes: Vec<usize> = window.flat_map(|j| std::iter::repeat_n(j, self.at[j] as usize)).collect();
         let several = ((spikes.len() as f64 - chance) / self.expected).round().max(1.0) as usize;
-        let centre = |s: &[usize]| (0.5 * s.iter().sum::<usize>() as f64 / s.len() as f64).round() as usize;
-        spikes.chunks(spikes.len().div_ceil(several)).map(centre).collect()
+        let center = |s: &[usize]| (0.5 * s.iter().sum::<usize>() as f64 / s.len() as f64).round() as usize;
+        spikes.chunks(spikes.len().div_ceil(several)).map(center).collect()
     }
 
     /// A window with what lies next to it, as long as there is more than stray spikes of the same lost readout in `step` more.

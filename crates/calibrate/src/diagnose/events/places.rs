@@ -1,6 +1,6 @@
 //! Where readouts are lost and repeated, and recordings that have them there.
 
-use spikelane::effects::{Definition, Events};
+use spikelane::effects::{Definition, EventKind};
 
 /// Kinds of what happens to whole readouts: lost ones, repeated ones.
 pub(in crate::diagnose) const KINDS: usize = 2;
@@ -11,10 +11,10 @@ pub(in crate::diagnose) type Places = [Option<Vec<usize>>; KINDS];
 
 /// The kind of an effect that happens to whole readouts.
 pub(in crate::diagnose) fn kind(effect: &Definition) -> Option<usize> {
-    match effect.events? {
-        Events::LostReadouts => Some(0),
-        Events::RepeatedReadouts => Some(1),
-        Events::Pixels => None,
+    match effect.event_kind? {
+        EventKind::DroppedReadouts => Some(0),
+        EventKind::RepeatedReadouts => Some(1),
+        EventKind::Pixels => None,
     }
 }
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::lost_readouts::Periods;
 use crate::diagnose::recording::bits::{PixelBits, count_between};
 use crate::diagnose::recording::scan::Scan;
-use spikelane::spikes::{Packed, bit};
+use spikelane::spikes::{SpikeFramesRef, bit};
 
 /// Mean number of bits that change from one readout to the next from which on readouts are compared.
 const CHANGING: f64 = 4.0;
@@ -15,7 +15,7 @@ const PLAIN: usize = 2;
 
 /// Readouts that are those before them once more, in the same light; `None` where hardly anything changes, or no light rests.
 pub(in crate::diagnose) fn repeated(
-    frames: Packed<'_>,
+    frames: SpikeFramesRef<'_>,
     bits: &PixelBits,
     scan: &Scan,
     periods: &Periods,
@@ -32,7 +32,7 @@ pub(in crate::diagnose) fn repeated(
 /// Those in the times of one light. A pixel that fires at fewer than half of the readouts does not fire twice running, and one that fires at
 /// more does not miss twice running. A dead one always misses and tells nothing, nor does one that is bright at other times: in the dark
 /// behind a fall no pixel of a sensor may fire for a while.
-fn again(frames: Packed<'_>, bits: &PixelBits, scan: &Scan, light: &[Range<usize>]) -> Vec<usize> {
+fn again(frames: SpikeFramesRef<'_>, bits: &PixelBits, scan: &Scan, light: &[Range<usize>]) -> Vec<usize> {
     let length: usize = light.iter().map(Range::len).sum();
     let count = |p: usize| light.iter().map(|r| count_between(bits.pixel(p), r.start, r.end) as usize).sum();
     let counts: Vec<usize> = (0..scan.pixels.len()).map(count).collect();
@@ -42,7 +42,7 @@ fn again(frames: Packed<'_>, bits: &PixelBits, scan: &Scan, light: &[Range<usize
         2 * own < length
     };
     let again = |t: &usize| {
-        let frame = &frames.bytes()[t * bytes..(t + 1) * bytes];
+        let frame = &frames.as_bytes()[t * bytes..(t + 1) * bytes];
         scan.changes[*t - 1] == 0 && (0..counts.len()).filter(|p| tells(frame, *p)).count() >= PLAIN
     };
     light.iter().flat_map(|r| r.start + 1..r.end).filter(again).collect()
@@ -68,7 +68,7 @@ mod tests {
     }
 
     fn told(geometry: Geometry, bytes: &[u8], periods: &Periods) -> Option<Vec<usize>> {
-        let frames = Packed::new(geometry, bytes).unwrap();
+        let frames = SpikeFramesRef::new(geometry, bytes).unwrap();
         repeated(frames, &PixelBits::new(frames).unwrap(), &scan(frames, Look::default()).unwrap(), periods)
     }
 

@@ -9,15 +9,15 @@ use super::slopes::Secant;
 use super::unlocated::allowing;
 use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::limits::strays_by;
-use crate::diagnose::null::limits::{Limits, centre, gamma_limit};
+use crate::diagnose::null::limits::{Limits, center, gamma_limit};
 use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::simulate;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
-use spikelane::unstable::draws::pattern::Pattern;
-use spikelane::unstable::draws::{Seeds, Stream};
+use spikelane::unstable::draws::pattern_rng::PatternRng;
+use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane::unstable::threads;
 
 /// Simulations with redrawn numbers.
@@ -42,7 +42,7 @@ pub(in crate::diagnose) struct Own {
 
 impl Own {
     /// What sensors of the base model show.
-    pub(in crate::diagnose) fn of_base(reference: &Reference) -> Self {
+    pub(in crate::diagnose) fn of_base(reference: &NullModel) -> Self {
         let known = vec![CALIBRATED; reference.model.knobs.len()];
         let deviations = roots(&reference.metric.clone().knowing(&known).covariance());
         Self {
@@ -84,13 +84,13 @@ impl Fitter<'_> {
         let strays: Vec<[f64; 3]> = each.iter().map(|s| strays_by(&metric, &(s - &mean), &open)).collect();
         let highest = |i: usize| strays.iter().map(|s| s[i]).fold(0.0, f64::max);
         let lengths: Vec<f64> = each.iter().map(|s| reference.metric.square(&(s - &mean))).collect();
-        let (floor, floor_sd) = centre(&lengths);
+        let (floor, floor_sd) = center(&lengths);
         let allowing = allowing(reference, &fit.events)?;
         let allowed: Vec<f64> = each.iter().map(|s| allowing.square(&(s - &mean))).collect();
         Ok(Own {
             floor,
             floor_sd,
-            allowed_floor: centre(&allowed).0,
+            allowed_floor: center(&allowed).0,
             // The mean itself is known to a part of the noise only.
             limits: Limits {
                 misfit: (1.1 * gamma_limit(&strays.iter().map(|s| s[0]).collect::<Vec<_>>()))
@@ -118,7 +118,8 @@ impl Fitter<'_> {
         let one = |i: usize| -> Result<Redrawn> {
             let seed = reference.seed + 50_000 + i as u64;
             let mut normals =
-                Pattern::new(Seeds { camera: seed, shot: 0, sequence: 0 }, Stream::named("own")).normals();
+                PatternRng::new(Seeds { camera: seed, shot: 0, sequence: 0 }, RandomStream::from_name("own"))
+                    .normals();
             let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
             let wanted = &root * draw(n);
             let off = draw(lamps) * reference.model.lamp;
@@ -127,7 +128,7 @@ impl Fitter<'_> {
                 knob.clamped(fit.u[j] + wanted[j].clamp(-most, most))
             };
             let u: Vec<f64> = (0..n).map(place).collect();
-            let sample = fit.model.sample(&u, off.as_slice(), reference.setup.scenes.len())?;
+            let sample = fit.model.sample(&u, off.as_slice(), reference.setup.recordings.len())?;
             let moved = DVector::from_fn(n, |j, _| u[j] - fit.u[j]);
             Ok(Redrawn {
                 moved,

@@ -9,7 +9,7 @@ use super::fit::Fit;
 use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::derivatives::step;
 use crate::diagnose::null::mean::average;
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::sensors::base::number_of;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
@@ -18,7 +18,7 @@ use spikelane::unstable::threads;
 /// Changes per unit of the base knobs where `fit` stands: those of the base model, and what is plainly another change beside the
 /// fit's effects, by `count` pairs of pairs of simulations with the same draws. Nothing where no effect couples them.
 pub(in crate::diagnose) fn jacobian(
-    reference: &Reference,
+    reference: &NullModel,
     fit: &Fit,
     count: usize,
 ) -> Result<Option<DMatrix<f64>>> {

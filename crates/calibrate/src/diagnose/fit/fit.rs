@@ -7,13 +7,13 @@ use crate::diagnose::events::located::Count;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::metric::{Bound, Metric};
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
-use crate::diagnose::sensors::catalogue::Candidate;
+use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::fixed::Pinned;
 use crate::diagnose::sensors::model::Model;
 use spikelane::effects::Definition;
-use spikelane::effects::definition::Scale;
+use spikelane::effects::definition::SearchScale;
 
 /// What derivatives were taken from: they are taken again where that has changed.
 #[derive(Clone, Debug, Default)]
@@ -58,7 +58,7 @@ pub(in crate::diagnose) struct Fit {
 
 impl Fit {
     /// The base model.
-    pub(crate) fn base(reference: &Reference, data: &DVector<f64>, located: Events) -> Self {
+    pub(crate) fn base(reference: &NullModel, data: &DVector<f64>, located: Events) -> Self {
         let off = data - &reference.mean;
         Self {
             effects: Vec::new(),
@@ -104,13 +104,13 @@ impl Fit {
     }
 
     /// The metric of this model's noise, with what the data have been fitted along projected out.
-    pub(crate) fn metric(&self, reference: &Reference) -> Metric {
+    pub(crate) fn metric(&self, reference: &NullModel) -> Metric {
         Metric::new(&self.likelihood.noise, self.directions(reference))
     }
 
     /// Whether one of its effects sets in late.
     pub(crate) fn sets_in(&self) -> bool {
-        self.effects.iter().any(|e| e.0.sets_in_late)
+        self.effects.iter().any(|e| e.0.has_onset)
     }
 
     /// Number of base knobs.
@@ -216,7 +216,7 @@ impl Fit {
     }
 
     /// Directions that the data have been fitted along: base knobs and effects' knobs.
-    pub(crate) fn directions(&self, reference: &Reference) -> DMatrix<f64> {
+    pub(crate) fn directions(&self, reference: &NullModel) -> DMatrix<f64> {
         let (rows, base, own) = (self.mean.len(), reference.jacobian.ncols(), self.jacobian.ncols());
         let mut all = DMatrix::zeros(rows, base + own);
         all.columns_mut(0, base).copy_from(self.crossed.as_ref().unwrap_or(&reference.jacobian));
@@ -226,9 +226,9 @@ impl Fit {
 }
 
 /// Furthest that a knob moves in one round.
-pub(in crate::diagnose) fn trust(scale: Scale, u: f64) -> f64 {
+pub(in crate::diagnose) fn trust(scale: SearchScale, u: f64) -> f64 {
     match scale {
-        Scale::Log | Scale::Kept => 0.8,
+        SearchScale::Log | SearchScale::LogComplement => 0.8,
         _ => (0.7 * u.abs()).max(0.8),
     }
 }

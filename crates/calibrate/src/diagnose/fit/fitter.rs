@@ -3,14 +3,14 @@
 use super::fit::Fit;
 use super::likelihood::Likelihood;
 use super::unlocated;
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use nalgebra::DVector;
 use spikelane::error::Result;
 
 /// Fits models to the data of one set; other files of this room add what it does to a fit.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::diagnose) struct Fitter<'a> {
-    pub reference: &'a Reference,
+    pub reference: &'a NullModel,
     pub data: &'a DVector<f64>,
 }
 

@@ -1,7 +1,7 @@
 //! What a fitted number may truly be.
 
 use crate::diagnose::null::known::CALIBRATED;
-use spikelane::effects::definition::Scale;
+use spikelane::effects::definition::SearchScale;
 
 /// Quantile of Student's law for 95 % intervals: a deviation is known from thirty simulations.
 const INTERVAL: f64 = 2.04;
@@ -16,8 +16,8 @@ const OPEN: f64 = 0.3;
 /// A variance's noise is in part a share of it, as the variance of 48 columns is known to a fifth: what was found small may be a
 /// larger one that fell short. Its interval holds every variance from which `u` is [`INTERVAL`] of *that* variance's deviations away at
 /// most (Fieller).
-pub(in crate::diagnose) fn interval(scale: Scale, u: f64, deviation: f64, additive: f64) -> [f64; 2] {
-    if scale != Scale::Square || u <= 0.0 {
+pub(in crate::diagnose) fn interval(scale: SearchScale, u: f64, deviation: f64, additive: f64) -> [f64; 2] {
+    if scale != SearchScale::Square || u <= 0.0 {
         return [u - INTERVAL * deviation, u + INTERVAL * deviation];
     }
     let fixed = INTERVAL * additive.min(deviation);
@@ -39,7 +39,7 @@ mod tests {
 
     #[test]
     fn additive_noise_reaches_as_far_to_both_sides() {
-        for scale in [Scale::Square, Scale::Linear] {
+        for scale in [SearchScale::Square, SearchScale::Linear] {
             let [low, high] = interval(scale, 10.0, 1.0, 1.0);
             assert!((low - (10.0 - INTERVAL)).abs() < 1e-12 && (high - (10.0 + INTERVAL)).abs() < 1e-12);
         }
@@ -49,7 +49,7 @@ mod tests {
     fn from_each_end_what_was_found_is_as_many_deviations_of_that_end_away() {
         for (deviation, additive) in [(2.0_f64, 0.0_f64), (2.0, 1.2)] {
             let share = (deviation.powi(2) - additive.powi(2)) / 100.0;
-            for end in interval(Scale::Square, 10.0, deviation, additive) {
+            for end in interval(SearchScale::Square, 10.0, deviation, additive) {
                 let own = (additive.powi(2) + share * end * end).sqrt();
                 assert!(((10.0 - end).abs() - INTERVAL * own).abs() < 1e-9, "{end}");
             }
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn noise_as_large_as_the_variance_leaves_an_end() {
-        let [low, high] = interval(Scale::Square, 10.0, 9.0, 0.0);
+        let [low, high] = interval(SearchScale::Square, 10.0, 9.0, 0.0);
         assert!((low - 10.0 / (1.0 + INTERVAL * 0.9)).abs() < 1e-9, "{low}");
         assert!((55.0..65.0).contains(&high), "{high}");
     }

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::null::mean::average;
 use crate::diagnose::null::metric::{Metric, Noise};
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use spikelane::error::Result;
 
 /// Simulations that the null's variances count for beside a model's own few.
@@ -27,7 +27,7 @@ pub(in crate::diagnose) struct Likelihood {
 impl Likelihood {
     /// That of a model of which these are simulations; `events` are what numbers of events move.
     pub(crate) fn of(
-        reference: &Reference,
+        reference: &NullModel,
         simulations: &[DVector<f64>],
         events: &DMatrix<f64>,
     ) -> Result<Self> {
@@ -44,7 +44,7 @@ impl Likelihood {
     }
 
     /// That of the base model.
-    pub(crate) fn of_null(reference: &Reference) -> Self {
+    pub(crate) fn of_null(reference: &NullModel) -> Self {
         Self { metric: reference.metric.clone(), noise: reference.noise.clone(), log_volume: 0.0 }
     }
 
@@ -56,7 +56,7 @@ impl Likelihood {
 
 /// The noise of simulations of a fitted model about `mean`; `None` where it is the null's.
 pub(super) fn own_noise(
-    reference: &Reference,
+    reference: &NullModel,
     events: &DMatrix<f64>,
     simulations: &[DVector<f64>],
     mean: &DVector<f64>,
@@ -71,7 +71,7 @@ pub(super) fn own_noise(
 }
 
 /// By how much every statistic's deviation exceeds the null's, one where it hardly does.
-fn factors(reference: &Reference, residuals: &[DVector<f64>], freedom: f64) -> Vec<f64> {
+fn factors(reference: &NullModel, residuals: &[DVector<f64>], freedom: f64) -> Vec<f64> {
     let factor = |j: usize| {
         let own = residuals.iter().map(|s| s[j].powi(2)).sum::<f64>();
         let null = reference.noise.covariance[(j, j)];

@@ -2,7 +2,7 @@
 //!
 //! The mean of `n` simulations errs, and its squared error adds to the squared distance from the data. Where the draws of a
 //! model are like the base model's, the base model as control takes nearly all of that away. Where a spike moves the spikes
-//! of its neighbours they are not: weak `spike_coupling` that was hidden cost 227, 187 and 167 with 2, 6 and any number of simulations, where
+//! of its neighbors they are not: weak `spike_coupling` that was hidden cost 227, 187 and 167 with 2, 6 and any number of simulations, where
 //! `crosstalk` cost 155 with each, and was named instead.
 
 use nalgebra::DVector;
@@ -78,15 +78,15 @@ fn errors(each: &[DVector<f64>], baseline: &[DVector<f64>]) -> Vec<DVector<f64>>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spikelane::unstable::draws::pattern::Pattern;
-    use spikelane::unstable::draws::{Seeds, Stream};
+    use spikelane::unstable::draws::pattern_rng::PatternRng;
+    use spikelane::unstable::draws::{RandomStream, Seeds};
 
     /// 300 sets of six simulations of twenty statistics: the draws of the first ten are those of the base model but for a tenth,
     /// the others have their own, and the base model's stray three times as far.
     #[test]
     fn the_squared_error_of_a_mean_is_what_its_simulations_say() {
         let seeds = Seeds { camera: 1, shot: 0, sequence: 0 };
-        let mut normals = Pattern::new(seeds, Stream::named("drawn")).normals();
+        let mut normals = PatternRng::new(seeds, RandomStream::from_name("drawn")).normals();
         let mut draw = || DVector::from_fn(20, |_, _| normals.next().unwrap_or(0.0));
         let (mut found, mut said) = (0.0, 0.0);
         for _ in 0..300 {

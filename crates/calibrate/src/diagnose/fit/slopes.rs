@@ -6,7 +6,7 @@ use super::fitter::Fitter;
 use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::mean::average;
 use nalgebra::{DMatrix, DVector};
-use spikelane::effects::definition::Scale;
+use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
@@ -40,9 +40,9 @@ fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
 }
 
 /// A step by which a knob's derivative is taken.
-fn step(scale: Scale, u: f64) -> f64 {
+fn step(scale: SearchScale, u: f64) -> f64 {
     match scale {
-        Scale::Log | Scale::Kept => 0.35,
+        SearchScale::Log | SearchScale::LogComplement => 0.35,
         _ => (0.4 * u.abs()).max(0.4),
     }
 }

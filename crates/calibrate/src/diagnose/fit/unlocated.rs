@@ -10,21 +10,21 @@ use crate::diagnose::events::places::kind;
 use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::mean::average;
 use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use spikelane::error::Result;
 
 /// Pairs of simulations that tell what an event moves.
 const PAIRS: usize = 2;
 
 /// One column for every recording and event: the change of its statistics for one standard deviation of their number.
-pub(in crate::diagnose) fn columns(reference: &Reference, fit: &Fit) -> Result<DMatrix<f64>> {
+pub(in crate::diagnose) fn columns(reference: &NullModel, fit: &Fit) -> Result<DMatrix<f64>> {
     let mut columns = Vec::new();
     for (e, (effect, _)) in fit.effects.iter().enumerate() {
         let j = fit.knobs_of(e).start;
         let probability = fit.model.knobs[j].value(fit.u[j]);
         let Some(kind) = kind(effect).filter(|_| probability > 0.0) else { continue };
         let by_chance = |k: &usize| fit.model.pinned.places(*k)[kind].is_none();
-        let scenes: Vec<usize> = (0..reference.setup.scenes.len()).filter(by_chance).collect();
+        let scenes: Vec<usize> = (0..reference.setup.recordings.len()).filter(by_chance).collect();
         if scenes.is_empty() {
             continue;
         }
@@ -35,7 +35,7 @@ pub(in crate::diagnose) fn columns(reference: &Reference, fit: &Fit) -> Result<D
         let change: Vec<DVector<f64>> = fewer.each.iter().zip(&fit.each).map(|(a, b)| b - a).collect();
         let change = quiet(2.0 * average(&change), &reference.spread, change.len());
         for k in scenes {
-            let expected = probability * reference.setup.scenes[k].readouts as f64;
+            let expected = probability * reference.setup.recordings[k].readouts as f64;
             let own = |i: usize| f64::from(u8::from(reference.statistics[i].recording == Some(k)));
             columns.push(DVector::from_fn(change.len(), |i, _| own(i) * change[i] / expected.sqrt()));
         }
@@ -45,7 +45,7 @@ pub(in crate::diagnose) fn columns(reference: &Reference, fit: &Fit) -> Result<D
 }
 
 /// The null's metric, with any number of events allowed: what they move is no misfit.
-pub(in crate::diagnose) fn allowing(reference: &Reference, events: &DMatrix<f64>) -> Result<Metric> {
+pub(in crate::diagnose) fn allowing(reference: &NullModel, events: &DMatrix<f64>) -> Result<Metric> {
     if events.is_empty() {
         return Ok(reference.metric.clone());
     }

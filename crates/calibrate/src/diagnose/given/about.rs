@@ -2,14 +2,14 @@
 
 use serde::Serialize;
 
-use super::base_model::{BaseNumber, LampFound};
+use super::base_model::{BaseParameter, FoundLamp};
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::{Light, Pattern, RecordingSet};
+use crate::{RecordingSet, Stimulus, StimulusPattern};
 
 /// A recording as it was judged.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct Judged {
+pub struct JudgedRecording {
     /// Its file.
     pub file: String,
     /// Its light, in words.
@@ -17,16 +17,16 @@ pub struct Judged {
     /// Readouts that were looked at.
     pub readouts: usize,
     /// Readouts before these.
-    pub from: usize,
+    pub first_readout: usize,
 }
 
 /// The sets, the camera and the numbers that a diagnosis began with.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct About {
+pub struct Provenance {
     /// The set's file.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub set: Option<String>,
+    pub set_file: Option<String>,
     /// What was typed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command: Option<String>,
@@ -40,7 +40,7 @@ pub struct About {
     /// Readouts per second.
     pub readout_hz: f64,
     /// The fitted recordings.
-    pub recordings: Vec<Judged>,
+    pub recordings: Vec<JudgedRecording>,
     /// What judged them: a second set, the second halves, or nothing.
     pub held_out: String,
     /// The model that it began with.
@@ -48,48 +48,48 @@ pub struct About {
     /// Seed of the simulations.
     pub seed: u64,
     /// Its numbers.
-    pub numbers: Vec<BaseNumber>,
+    pub base_parameters: Vec<BaseParameter>,
     /// Light levels as calibration found them.
-    pub lamps: Vec<LampFound>,
+    pub lamps: Vec<FoundLamp>,
     /// Relative deviation to which lamps were taken as known.
-    pub lamp_deviation: f64,
+    pub lamp_uncertainty: f64,
 }
 
-impl About {
+impl Provenance {
     pub(in crate::diagnose) fn of(setup: &Setup, set: &RecordingSet) -> Self {
-        let judged = setup.scenes.iter().map(|s| Judged {
+        let judged = setup.recordings.iter().map(|s| JudgedRecording {
             file: s.file_name(),
             light: words(s.light),
             readouts: s.readouts,
-            from: s.skip,
+            first_readout: s.first_readout,
         });
-        let maps = set.rate_maps.iter().filter(|_| setup.maps).map(|m| Judged {
+        let maps = set.rate_maps.iter().filter(|_| setup.has_rate_maps).map(|m| JudgedRecording {
             file: m.file.clone(),
             light: format!("rate map at {}", m.light),
             readouts: m.readouts.unwrap_or(0) as usize,
-            from: 0,
+            first_readout: 0,
         });
         Self {
             width: setup.geometry.width(),
             height: setup.geometry.height(),
             readout_hz: setup.readout_hz,
             recordings: judged.chain(maps).collect(),
-            lamp_deviation: setup.lamp,
+            lamp_uncertainty: setup.lamp_uncertainty,
             ..Self::default()
         }
     }
 }
 
-fn words(light: Light) -> String {
+fn words(light: Stimulus) -> String {
     match light {
-        Light::Level(0.0) => "dark".to_owned(),
-        Light::Level(level) => format!("{level}"),
-        Light::Scene(Pattern::Square { high, low, half_period }) => {
+        Stimulus::Level(0.0) => "dark".to_owned(),
+        Stimulus::Level(level) => format!("{level}"),
+        Stimulus::Scene(StimulusPattern::Square { high, low, half_period }) => {
             format!("{high} and {low} in turn, {half_period} readouts each")
         }
-        Light::Scene(Pattern::Checkerboard { high, low, cell }) => {
+        Stimulus::Scene(StimulusPattern::Checkerboard { high, low, cell }) => {
             format!("squares of {cell} pixels, {high} and {low}")
         }
-        Light::Scene(Pattern::StaticUnknown {}) => "a still scene, unknown".to_owned(),
+        Stimulus::Scene(StimulusPattern::StaticUnknown {}) => "a still scene, unknown".to_owned(),
     }
 }

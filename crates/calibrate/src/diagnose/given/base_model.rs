@@ -8,8 +8,8 @@ use crate::diagnose::given::taken::{Both, Taken};
 use crate::diagnose::sensors::base::BASE;
 use crate::diagnose::sensors::published::published;
 use crate::diagnose::statistics::quantiles::Spread;
-use crate::{self as calibrate, Calibration, RecordingSet, Redrawn};
-use spikelane::effects::definition::Form;
+use crate::{self as calibrate, Calibration, NoiseSampling, RecordingSet};
+use spikelane::effects::definition::ParamKind;
 use spikelane::effects::{
     Camera, Definition, Maps, bias_voltage, dark_current, prnu, shot_noise, start_phase, thermal_noise,
 };
@@ -39,7 +39,7 @@ pub enum NumberSource {
 /// A number of the model that the search began with.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct BaseNumber {
+pub struct BaseParameter {
     /// `effect.key`.
     pub parameter: String,
     /// Its value.
@@ -54,10 +54,10 @@ pub struct BaseNumber {
     pub source: NumberSource,
 }
 
-impl BaseNumber {
+impl BaseParameter {
     fn of(effect: &Definition, key: &str, value: f64, error: Option<f64>, source: NumberSource) -> Self {
-        let unit = match effect.params.iter().find(|p| p.key == key).map(|p| p.form) {
-            Some(Form::Number { unit, .. }) => unit.symbol(),
+        let unit = match effect.params.iter().find(|p| p.key == key).map(|p| p.kind) {
+            Some(ParamKind::Number { unit, .. }) => unit.symbol(),
             _ => "",
         };
         Self { parameter: format!("{}.{key}", effect.name), value, error, unit, source }
@@ -67,11 +67,11 @@ impl BaseNumber {
 /// A level of light as calibration found it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct LampFound {
+pub struct FoundLamp {
     /// Its file.
     pub file: String,
     /// Light as the set states it.
-    pub stated: f64,
+    pub stated_light: f64,
     /// Relative deviation from that, in proportion to the other levels.
     pub deviation: f64,
 }
@@ -79,8 +79,8 @@ pub struct LampFound {
 /// What a search starts from.
 pub(in crate::diagnose) struct BaseModel {
     pub camera: Camera,
-    pub numbers: Vec<BaseNumber>,
-    pub lamps: Vec<LampFound>,
+    pub numbers: Vec<BaseParameter>,
+    pub lamps: Vec<FoundLamp>,
     pub notes: Vec<String>,
 }
 
@@ -114,7 +114,7 @@ impl BaseModel {
     pub(crate) fn of(both: &Both, given: Option<&Camera>) -> Result<Self> {
         let mut base = Self::running(&both.fitted, given)?;
         if let Some(over) = both.begun_over {
-            base.camera = base.camera.with(start_phase::EFFECT.neutral().with("share", over)?);
+            base.camera = base.camera.with_effect(start_phase::EFFECT.neutral().with_value("share", over)?);
         }
         Ok(base)
     }
@@ -136,7 +136,7 @@ impl BaseModel {
             Err(why) => {
                 let numbers = numbers(&camera, NumberSource::Published);
                 let note = format!(
-                    "No camera file was given, and the recordings could not be calibrated ({}): the published numbers of scsim-code were used instead. Give --camera for a camera that is unlike them.",
+                    "There is no camera file, and the recordings could not be calibrated ({}). The published values of scsim-code are used instead. Provide a camera file if the camera differs from them.",
                     why.to_string().trim_end_matches('.')
                 );
                 Ok(Self { camera, numbers, lamps, notes: vec![note] })
@@ -147,7 +147,7 @@ impl BaseModel {
     /// Pixels start anywhere in their cycle: where they began is a property of a recording. Maps give way to their populations.
     fn of_camera(given: &Camera) -> Result<Self> {
         let mut notes = Vec::new();
-        let mut camera = given.clone().with(start_phase::EFFECT.neutral().with("share", 1.0)?);
+        let mut camera = given.clone().with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
         if camera.maps != Maps::default() {
             camera = reduced(camera)?;
             notes.push(
@@ -161,7 +161,7 @@ impl BaseModel {
     fn below_zero(mut self) -> Result<Self> {
         let own = self.camera.effect(dark_current::EFFECT.name).cloned();
         let own = own.unwrap_or_else(|| dark_current::EFFECT.neutral());
-        self.camera = self.camera.with(own.with("negative", 0.0)?);
+        self.camera = self.camera.with_effect(own.with_value("negative", 0.0)?);
         self.notes.push(
             "Pixels that are silent in the dark are short of charge in the light, too: dark currents below zero are kept as they are, where the published model takes them as none.".to_owned(),
         );
@@ -178,20 +178,20 @@ impl BaseModel {
             let sure = error.is_finite() && error < SURE * value.abs() && near;
             let name = format!("{}.{key}", effect.name);
             let number = if sure {
-                self.camera = self.camera.with(own.with(key, value)?);
+                self.camera = self.camera.with_effect(own.with_value(key, value)?);
                 told.push(name);
-                BaseNumber::of(effect, key, value, Some(error), NumberSource::Calibrated)
+                BaseParameter::of(effect, key, value, Some(error), NumberSource::Calibrated)
             } else {
                 untold.push(name);
-                BaseNumber::of(effect, key, published, None, NumberSource::Published)
+                BaseParameter::of(effect, key, published, None, NumberSource::Published)
             };
             self.numbers.push(number);
         }
-        if c.redrawn_told {
-            let redraw = if c.redrawn == Redrawn::EveryReadout { 1.0 } else { 0.0 };
+        if c.is_noise_sampling_identified {
+            let noise_sampling = if c.noise_sampling == NoiseSampling::EveryReadout { 1.0 } else { 0.0 };
             let noise = self.camera.effect(thermal_noise::EFFECT.name).cloned();
             let noise = noise.unwrap_or_else(|| thermal_noise::EFFECT.neutral());
-            self.camera = self.camera.with(noise.with("redraw", redraw)?);
+            self.camera = self.camera.with_effect(noise.with_value("noise_sampling", noise_sampling)?);
         }
         self.notes.push(format!(
             "No camera file was given: these numbers were calibrated from the recordings: {}.",
@@ -209,23 +209,24 @@ impl BaseModel {
 
 fn calibration(set: &RecordingSet) -> Result<Calibration> {
     let options = calibrate::CalibrateOptions::default();
-    calibrate::observe(set, &mut |_, _| {}).and_then(|observed| calibrate::calibrate(&observed, &options))
+    calibrate::measure_levels(set, &mut |_, _| {})
+        .and_then(|observed| calibrate::calibrate(&observed, &options))
 }
 
-fn lamps(c: &Calibration) -> Vec<LampFound> {
-    let lit = c.levels.iter().filter(|l| l.stated > 0.0 && !l.saturated);
-    let of = |l: &calibrate::Lamp| LampFound {
+fn lamps(c: &Calibration) -> Vec<FoundLamp> {
+    let lit = c.lamps.iter().filter(|l| l.stated_light > 0.0 && !l.is_saturated);
+    let of = |l: &calibrate::Lamp| FoundLamp {
         file: l.file.clone(),
-        stated: l.stated,
-        deviation: l.deviation.value / l.stated,
+        stated_light: l.stated_light,
+        deviation: l.deviation.value / l.stated_light,
     };
     lit.map(of).filter(|l| l.deviation.is_finite()).collect()
 }
 
-fn numbers(camera: &Camera, source: NumberSource) -> Vec<BaseNumber> {
+fn numbers(camera: &Camera, source: NumberSource) -> Vec<BaseParameter> {
     let of = |n: &crate::diagnose::sensors::base::Number| {
         let value = camera.effect(n.effect.name)?.get(n.key).ok()?;
-        Some(BaseNumber::of(n.effect, n.key, value, None, source))
+        Some(BaseParameter::of(n.effect, n.key, value, None, source))
     };
     BASE.iter().filter_map(of).collect()
 }
@@ -246,11 +247,11 @@ fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static
         let by_phi = if told { phi * phi_error } else { 0.0 };
         (sd / mean * error / mean).hypot(by_phi) / own(sd, mean)
     };
-    let (centre_d, spread_d) = usual_dark(c);
-    let mean_d = (centre_d / inverse).max(1e-6);
+    let (center_d, spread_d) = usual_dark(c);
+    let mean_d = (center_d / inverse).max(1e-6);
     let mean_a = p.mean_a.value / inverse;
-    let electrons = camera.operating(0.0).electrons;
-    let strength = electrons / c.electrons.value;
+    let electrons = camera.operating_point(0.0).electrons;
+    let strength = electrons / c.electrons_per_spike.value;
     let relative_d = p.sd_d.error / p.sd_d.value;
     vec![
         (&prnu::EFFECT, "mean", mean_a, p.mean_a.error),
@@ -265,11 +266,16 @@ fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static
         (
             &dark_current::EFFECT,
             "sigma",
-            own(spread_d, centre_d).min(0.8) * mean_d * to_pa,
+            own(spread_d, center_d).min(0.8) * mean_d * to_pa,
             spread_d * relative_d * to_pa,
         ),
         (&thermal_noise::EFFECT, "sigma", c.sigma_t.value * swing, c.sigma_t.error * swing),
-        (&shot_noise::EFFECT, "strength", strength, strength * c.electrons.error / c.electrons.value),
+        (
+            &shot_noise::EFFECT,
+            "strength",
+            strength,
+            strength * c.electrons_per_spike.error / c.electrons_per_spike.value,
+        ),
     ]
 }
 
@@ -291,8 +297,8 @@ mod tests {
     fn what_was_guessed_is_fitted_and_what_was_calibrated_stays() {
         let camera = presets::builtin("scsim-code").unwrap();
         let numbers = [
-            BaseNumber::of(&prnu::EFFECT, "mean", 1.5, Some(0.01), NumberSource::Calibrated),
-            BaseNumber::of(&shot_noise::EFFECT, "strength", 1.0, None, NumberSource::Published),
+            BaseParameter::of(&prnu::EFFECT, "mean", 1.5, Some(0.01), NumberSource::Calibrated),
+            BaseParameter::of(&shot_noise::EFFECT, "strength", 1.0, None, NumberSource::Published),
         ];
         let base = BaseModel {
             camera: camera.clone(),
@@ -302,7 +308,7 @@ mod tests {
         };
         assert!(base.is_guessed());
         let quanta = camera.effect(shot_noise::EFFECT.name).unwrap().clone();
-        let found = camera.with(quanta.with("strength", 9.0).unwrap());
+        let found = camera.with_effect(quanta.with_value("strength", 9.0).unwrap());
         let fitted = base.fitted(&found).unwrap();
         assert!(!fitted.is_guessed());
         let said: Vec<_> = fitted.numbers.iter().map(|n| (n.value, n.source)).collect();

@@ -19,7 +19,7 @@ const FAINT: usize = 200;
 
 /// Whether pixels that are silent in the dark lack charge in the light, too.
 pub(in crate::diagnose) fn kept(setup: &Setup, scans: &[Scan]) -> bool {
-    let level = |k: usize| setup.scenes[k].level().map(|light| (k, light));
+    let level = |k: usize| setup.recordings[k].level().map(|light| (k, light));
     let levels: Vec<(usize, f64)> = (0..scans.len()).filter_map(level).collect();
     let Some((dark, _)) = levels.iter().find(|l| l.1 == 0.0).copied() else { return false };
     let dim: Vec<(usize, f64)> = levels.into_iter().filter(|l| l.1 > 0.0 && l.1 <= DIM).collect();
@@ -58,8 +58,8 @@ fn intercept(points: &[[f64; 2]]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::protocol::extent::Extent;
-    use crate::diagnose::protocol::extent::Part;
+    use crate::diagnose::protocol::extent::ReadoutSelection;
+    use crate::diagnose::protocol::extent::RecordingPart;
     use crate::diagnose::sensors::model::Model;
     use crate::diagnose::sensors::published::published;
     use crate::diagnose::sensors::simulate::scans;
@@ -76,12 +76,13 @@ mod tests {
         }
         std::fs::write(folder.path().join("recordings.toml"), toml).unwrap();
         let set = crate::RecordingSet::open(&folder.path().join("recordings.toml")).unwrap();
-        let setup = Setup::of(&set, Part::Whole, Extent::Enough).unwrap();
+        let setup = Setup::new(&set, RecordingPart::Whole, ReadoutSelection::Leading).unwrap();
         let camera = published(&setup).unwrap();
         let below = if kept_below { 0.0 } else { 1.0 };
-        let dark = camera.effect(dark_current::EFFECT.name).unwrap().clone().with("negative", below).unwrap();
-        let model = Model::base(camera.with(dark), &setup);
-        let sample = model.sample(&[], &[], setup.scenes.len()).unwrap();
+        let dark =
+            camera.effect(dark_current::EFFECT.name).unwrap().clone().with_value("negative", below).unwrap();
+        let model = Model::base(camera.with_effect(dark), &setup);
+        let sample = model.sample(&[], &[], setup.recordings.len()).unwrap();
         kept(&setup, &scans(&setup, &sample, seed).unwrap())
     }
 

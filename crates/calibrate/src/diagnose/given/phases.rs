@@ -36,16 +36,17 @@ const BRIGHT: usize = 64;
 
 /// First readouts of each recording in which pixels that began together still are; zeros where they did not.
 pub(in crate::diagnose) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> {
-    let scenes = || setup.scenes.iter().zip(scans).filter(|(s, _)| s.constant() && s.still.is_none());
+    let scenes =
+        || setup.recordings.iter().zip(scans).filter(|(s, _)| s.is_constant() && s.static_scene.is_none());
     // Bright pixels fire before their phase can be told, but recordings of one set were begun in one way.
-    if setup.maps || !scenes().any(|(_, scan)| began_together(scan)) {
-        return vec![0; setup.scenes.len()];
+    if setup.has_rate_maps || !scenes().any(|(_, scan)| began_together(scan)) {
+        return vec![0; setup.recordings.len()];
     }
     let bright = scenes().filter(|(s, _)| s.brightness() > DIM).map(|(s, scan)| apart(scan, s.readouts));
     let bright = bright.max().unwrap_or(BRIGHT);
-    let aside = |(k, scan): (usize, &Scan)| match &setup.scenes[k] {
-        scene if scene.still.is_some() => 0,
-        scene if scene.constant() => apart(scan, scene.readouts),
+    let aside = |(k, scan): (usize, &Scan)| match &setup.recordings[k] {
+        scene if scene.static_scene.is_some() => 0,
+        scene if scene.is_constant() => apart(scan, scene.readouts),
         _ => bright,
     };
     scans.iter().enumerate().map(aside).collect()
@@ -54,12 +55,13 @@ pub(in crate::diagnose) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> 
 /// The share of a threshold over which the charges lay when pixels began together; nothing where they did not. Pixels whose resets lose
 /// charge lock to the readouts and never drift apart: a model must begin as the recordings did, or all that they do together is left.
 pub(in crate::diagnose) fn begun_over(setup: &Setup, scans: &[Scan]) -> Option<f64> {
-    let scenes = || setup.scenes.iter().zip(scans).filter(|(s, _)| s.constant() && s.still.is_none());
-    if setup.maps || !scenes().any(|(_, scan)| began_together(scan)) {
+    let scenes =
+        || setup.recordings.iter().zip(scans).filter(|(s, _)| s.is_constant() && s.static_scene.is_none());
+    if setup.has_rate_maps || !scenes().any(|(_, scan)| began_together(scan)) {
         return None;
     }
     let dim = |scan: &&Scan| scan.pixels.iter().filter(|p| first_tells(p)).count();
-    let (_, scan) = scenes().filter(|(s, _)| s.skip == 0).max_by_key(|(_, scan)| dim(scan))?;
+    let (_, scan) = scenes().filter(|(s, _)| s.first_readout == 0).max_by_key(|(_, scan)| dim(scan))?;
     let charges: Vec<f64> = scan.pixels.iter().filter(|p| first_tells(p)).map(charge).collect();
     let median = Spread::of(&charges).median();
     Some((2.0 * median).clamp(0.0, 1.0))
@@ -135,13 +137,13 @@ fn apart(scan: &Scan, readouts: usize) -> usize {
 mod tests {
     use super::*;
     use spikelane::spikes::Geometry;
-    use spikelane::unstable::draws::pattern::Pattern;
-    use spikelane::unstable::draws::{Seeds, Stream};
+    use spikelane::unstable::draws::pattern_rng::PatternRng;
+    use spikelane::unstable::draws::{RandomStream, Seeds};
 
     /// 48x48 pixels of rate 0.03 with a spread of a tenth, which begin with charges over this share of a threshold.
     fn begun(share: f64) -> Scan {
         let seeds = Seeds { camera: 1, shot: 0, sequence: 0 };
-        let mut normals = Pattern::new(seeds, Stream::named("phases")).normals();
+        let mut normals = PatternRng::new(seeds, RandomStream::from_name("phases")).normals();
         let mut pixel = |i: usize| {
             let rate = 0.03 * (1.0 + 0.1 * normals.next().unwrap());
             let charge = share * (i as f64 * 0.618_034).fract();
@@ -154,7 +156,7 @@ mod tests {
             totals: Vec::new(),
             changes: Vec::new(),
             row_halves: 0.0,
-            neighbours: [0.0; 4],
+            neighbors: [0.0; 4],
             deviations: Vec::new(),
             stretches: Vec::new(),
             contrast: 0.0,

@@ -12,15 +12,17 @@ pub(super) fn reduced(mut camera: Camera) -> Result<Camera> {
     let maps = std::mem::take(&mut camera.maps);
     if let Some(gain) = &maps.gain {
         let spread = Spread::of(gain);
-        let effect = own(&camera, &prnu::EFFECT).with("mean", spread.median())?.with("sigma", spread.sd())?;
-        camera = camera.with(effect);
+        let effect = own(&camera, &prnu::EFFECT)
+            .with_value("mean", spread.median())?
+            .with_value("sigma", spread.sd())?;
+        camera = camera.with_effect(effect);
     }
     if let Some(dark) = &maps.dark_pa {
         camera = with_dark(camera, dark)?;
     }
     if let Some(swing) = &maps.swing_v {
-        let effect = own(&camera, &bias_voltage::EFFECT).with("sigma", Spread::of(swing).sd())?;
-        camera = camera.with(effect);
+        let effect = own(&camera, &bias_voltage::EFFECT).with_value("sigma", Spread::of(swing).sd())?;
+        camera = camera.with_effect(effect);
     }
     Ok(camera)
 }
@@ -38,27 +40,31 @@ fn with_dark(camera: Camera, dark: &[f64]) -> Result<Camera> {
     if tailed {
         let sigma = logarithms.sd();
         let mean = spread.median() * (0.5 * sigma * sigma).exp();
-        let effect = effect.with("mean", mean)?.with("sigma", 0.0)?;
-        return Ok(camera.with(effect).with(dark_tail::EFFECT.neutral().with("log_sigma", sigma)?));
+        let effect = effect.with_value("mean", mean)?.with_value("sigma", 0.0)?;
+        return Ok(camera
+            .with_effect(effect)
+            .with_effect(dark_tail::EFFECT.neutral().with_value("log_sigma", sigma)?));
     }
     let negative = if dark.iter().any(|d| *d < 0.0) { 0.0 } else { 1.0 };
-    let effect =
-        effect.with("mean", spread.median())?.with("sigma", spread.sd())?.with("negative", negative)?;
+    let effect = effect
+        .with_value("mean", spread.median())?
+        .with_value("sigma", spread.sd())?
+        .with_value("negative", negative)?;
     // What the file says of a tail beside its map is in the map.
-    Ok(camera.with(effect).without(dark_tail::EFFECT.name))
+    Ok(camera.with_effect(effect).without_effect(dark_tail::EFFECT.name))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use spikelane::effects::Maps;
-    use spikelane::unstable::draws::pattern::Pattern;
-    use spikelane::unstable::draws::{Seeds, Stream};
+    use spikelane::unstable::draws::pattern_rng::PatternRng;
+    use spikelane::unstable::draws::{RandomStream, Seeds};
 
     /// What a camera whose map holds `current` of 4,000 normal draws amounts to: mean, spread and tail.
     fn of(current: impl Fn(f64) -> f64) -> [f64; 3] {
         let seeds = Seeds { camera: 3, shot: 0, sequence: 0 };
-        let normals = Pattern::new(seeds, Stream::named("reduced")).normals();
+        let normals = PatternRng::new(seeds, RandomStream::from_name("reduced")).normals();
         let mut camera = spikelane::presets::builtin("scsim-code").unwrap();
         camera.maps = Maps { dark_pa: Some(normals.take(4000).map(current).collect()), ..Maps::default() };
         let camera = reduced(camera).unwrap();

@@ -4,7 +4,7 @@ use crate::RecordingSet;
 use crate::diagnose::given::phases::{begun_over, in_step};
 use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::lab::look::look;
-use crate::diagnose::protocol::extent::{Extent, Part};
+use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::statistics::all::vector;
 use crate::diagnose::statistics::measured::{Measured, measure};
@@ -31,7 +31,12 @@ pub(in crate::diagnose) struct Both {
 
 impl Taken {
     /// Reads and measures a part of `set`.
-    pub(crate) fn of(set: &RecordingSet, part: Part, extent: Extent, aside: &[usize]) -> Result<Self> {
+    pub(crate) fn of(
+        set: &RecordingSet,
+        part: RecordingPart,
+        extent: ReadoutSelection,
+        aside: &[usize],
+    ) -> Result<Self> {
         let setup = Setup::behind(set, part, extent, aside)?;
         let measured = measure(&setup, set)?;
         Ok(Self { set: set.clone(), setup, measured })
@@ -57,31 +62,35 @@ impl Taken {
 
 impl Both {
     /// Reads both sets. What pixels that began together do is set aside, and so are recordings that are at fault.
-    pub(crate) fn read(sets: [&RecordingSet; 2], parts: [Part; 2], extent: Extent) -> Result<Self> {
+    pub(crate) fn read(
+        sets: [&RecordingSet; 2],
+        parts: [RecordingPart; 2],
+        extent: ReadoutSelection,
+    ) -> Result<Self> {
         let read = |aside: &[usize]| -> Result<[Taken; 2]> {
             Ok([Taken::of(sets[0], parts[0], extent, aside)?, Taken::of(sets[1], parts[1], extent, aside)?])
         };
         let mut taken = read(&[])?;
         // The second halves of recordings begin where the first ones end.
         let over = begun_over(&taken[0].setup, &taken[0].measured.scans);
-        let begins: &[usize] = if parts[1] == Part::Second { &[0] } else { &[0, 1] };
+        let begins: &[usize] = if parts[1] == RecordingPart::SecondHalf { &[0] } else { &[0, 1] };
         let aside = begins.iter().map(|i| in_step(&taken[*i].setup, &taken[*i].measured.scans));
         let aside =
             aside.reduce(|a, b| a.iter().zip(&b).map(|(a, b)| *a.max(b)).collect()).unwrap_or_default();
         if aside.iter().any(|n| *n > 0) {
             taken = read(&aside)?;
         }
-        let named = taken[0].setup.scenes.iter().zip(&aside).map(|(s, n)| (s.file_name(), *n));
+        let named = taken[0].setup.recordings.iter().zip(&aside).map(|(s, n)| (s.file_name(), *n));
         let aside = named.filter(|(_, n)| *n > 0).collect();
         let [fitted, judging] = taken;
         Ok(Self { fitted, judging, aside, begun_over: over, faults: Vec::new() }.sorted(sets, parts))
     }
 
     /// Without recordings that are at fault in either set.
-    fn sorted(mut self, sets: [&RecordingSet; 2], parts: [Part; 2]) -> Self {
+    fn sorted(mut self, sets: [&RecordingSet; 2], parts: [RecordingPart; 2]) -> Self {
         let other = parts[0] != parts[1] || !std::ptr::eq(sets[0], sets[1]);
         let mut seen = look(&self.fitted.setup, &self.fitted.measured.scans, sets[0]);
-        if other && self.fitted.setup.scenes.len() == self.judging.setup.scenes.len() {
+        if other && self.fitted.setup.recordings.len() == self.judging.setup.recordings.len() {
             let more = look(&self.judging.setup, &self.judging.measured.scans, sets[1]);
             let place = if parts[0] == parts[1] { " of the held-out set" } else { " in the second half" };
             seen.and(more, place);
@@ -94,8 +103,8 @@ impl Both {
             self.fitted = self.fitted.without(&dropped);
             self.judging = self.judging.without(&dropped);
         }
-        self.fitted.setup.lamp = seen.lamp;
-        self.judging.setup.lamp = seen.lamp;
+        self.fitted.setup.lamp_uncertainty = seen.lamp;
+        self.judging.setup.lamp_uncertainty = seen.lamp;
         self
     }
 }

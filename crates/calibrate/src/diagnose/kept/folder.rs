@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use spikelane::error::{Error, Result};
 use spikelane::unstable::kernels::Backend;
-use spikelane_io::storage::{write_renewable, write_small};
+use spikelane_io::storage::{write_small, write_small_unsynced};
 
 /// Programs that make backups leave a folder out that holds this (<https://bford.info/cachedir/>).
 const TAG: &str = "CACHEDIR.TAG";
@@ -39,9 +39,10 @@ impl Kept {
     /// `folder` is made if it is not there.
     pub(crate) fn open(folder: &Path) -> Result<Self> {
         let path = folder.join(format!("{}-{RESULTS_VERSION}", env!("CARGO_PKG_VERSION")));
-        let asked = |e: Error| e.remedy("give another folder for simulations, or allow writing to this one");
+        let asked =
+            |e: Error| e.remedy("choose another folder for simulations, or allow writing to this one");
         fs::create_dir_all(&path)
-            .map_err(|e| Error::io(path.display(), e).expected("a folder that can be made"))
+            .map_err(|e| Error::io(path.display(), e).expected("a folder that can be created"))
             .map_err(asked)?;
         write_small(&path.join(TAG), TAGGED.as_bytes(), true).map_err(asked)?;
         Ok(Self(Arc::new(Folder { path, found: AtomicUsize::new(0), made: AtomicUsize::new(0) })))
@@ -61,7 +62,7 @@ impl Kept {
     /// system and instruction set.
     pub(crate) fn key(&self, hash: impl FnOnce(&mut Keyed)) -> Key {
         let mut keyed = Keyed(blake3::Hasher::new());
-        let sets = Backend::ALL.into_iter().filter(|b| b.available()).map(Backend::name);
+        let sets = Backend::ALL.into_iter().filter(|b| b.is_available()).map(Backend::name);
         let machine = [std::env::consts::OS, std::env::consts::ARCH].into_iter().chain(sets);
         machine.for_each(|name| name.hash(&mut keyed));
         hash(&mut keyed);
@@ -78,7 +79,7 @@ impl Kept {
         let values = simulate()?;
         self.0.made.fetch_add(1, Ordering::Relaxed);
         // A disk that became full is no reason to give up a diagnosis.
-        let _ = write_renewable(&path, &sealed(&values, &key));
+        let _ = write_small_unsynced(&path, &sealed(&values, &key));
         Ok(values)
     }
 }
@@ -167,7 +168,7 @@ mod tests {
         let file = folder.path().join("file");
         fs::write(&file, "mine").unwrap();
         let refused = Kept::open(&file).unwrap_err();
-        assert!(refused.to_string().contains("give another folder"), "{refused}");
+        assert!(refused.to_string().contains("choose another folder"), "{refused}");
         assert_eq!(fs::read(&file).unwrap(), b"mine");
         let kept = Kept::open(&folder.path().join("gone")).unwrap();
         fs::remove_dir_all(folder.path().join("gone")).unwrap();

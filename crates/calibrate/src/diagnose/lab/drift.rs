@@ -1,7 +1,7 @@
 //! Light that changes while it is recorded.
 
 use super::fault::{Fault, FaultKind};
-use crate::Level;
+use crate::LightLevel;
 
 /// How many times the change of steady recordings a lamp's must be: what a camera does is in all of them.
 const BEYOND: f64 = 5.0;
@@ -11,17 +11,17 @@ const STEADY: f64 = 1e-3;
 
 /// Levels that drift by themselves, while half of the lit levels at least are steady. Where most drift together it is the camera, or one
 /// lamp through all of them, and a search says so.
-pub(super) fn drifting(levels: &[(usize, Level)]) -> Vec<(usize, Fault)> {
+pub(super) fn drifting(levels: &[(usize, LightLevel)]) -> Vec<(usize, Fault)> {
     // What the dark current of all pixels changes by is in every level.
     let dark = levels
         .iter()
         .find(|(_, l)| l.light == 0.0)
-        .and_then(|(_, l)| Some(l.change?.value * l.median_rate()).filter(|_| l.drifts()));
-    let own = |l: &Level| {
-        let change = l.change?;
+        .and_then(|(_, l)| Some(l.rate_change?.value * l.median_rate()).filter(|_| l.drifts()));
+    let own = |l: &LightLevel| {
+        let change = l.rate_change?;
         Some((change.value - dark.unwrap_or(0.0) / l.median_rate().max(1e-6), change.error))
     };
-    let lit: Vec<(usize, &Level, f64, f64)> = levels
+    let lit: Vec<(usize, &LightLevel, f64, f64)> = levels
         .iter()
         .filter(|(_, l)| l.light > 0.0)
         .filter_map(|(k, l)| own(l).map(|(change, error)| (*k, l, change, error)))
@@ -35,14 +35,14 @@ pub(super) fn drifting(levels: &[(usize, Level)]) -> Vec<(usize, Fault)> {
     }
     let usual = still.iter().copied().fold(0.2 * STEADY, f64::max);
     let alone =
-        |l: &&(usize, &Level, f64, f64)| l.1.drifts() && !steady(l.2, l.3) && l.2.abs() > BEYOND * usual;
-    let fault = |(k, level, change, error): &(usize, &Level, f64, f64)| {
+        |l: &&(usize, &LightLevel, f64, f64)| l.1.drifts() && !steady(l.2, l.3) && l.2.abs() > BEYOND * usual;
+    let fault = |(k, level, change, error): &(usize, &LightLevel, f64, f64)| {
         let words = format!(
             "its light drifts, by {:+.2} % +- {:.2} % from the first half to the second, and that of the other recordings does not: the lamp, not the camera. Let it settle and record again.",
             100.0 * change,
             100.0 * error
         );
-        (*k, Fault::of(&level.name, FaultKind::LightDrifts, words))
+        (*k, Fault::of(&level.name, FaultKind::LightDrift, words))
     };
     lit.iter().filter(alone).map(fault).collect()
 }
@@ -52,12 +52,12 @@ mod tests {
     use super::*;
     use spikelane_measure::Estimate;
 
-    fn levels(changes: &[f64]) -> Vec<(usize, Level)> {
+    fn levels(changes: &[f64]) -> Vec<(usize, LightLevel)> {
         let of = |(k, change): (usize, &f64)| {
             let light = [0.0, 0.03, 0.1, 0.3, 0.6, 0.9][k];
             let rates = vec![light + 0.005; 4];
-            let mut level = Level::of_rates("flat", light, 4000, vec![2000; 4], rates);
-            level.change = Some(Estimate { value: *change, error: 1e-4, samples: 2304 });
+            let mut level = LightLevel::from_rates("flat", light, 4000, vec![2000; 4], rates);
+            level.rate_change = Some(Estimate { value: *change, error: 1e-4, samples: 2304 });
             (k, level)
         };
         changes.iter().enumerate().map(of).collect()

@@ -2,55 +2,55 @@
 
 use serde::Serialize;
 
-/// What sort of fault.
+/// The kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum FaultKind {
     /// The scene moves.
-    Moves,
-    /// The pixels' own pattern is not that of the other recordings: another frame size, layout or camera.
-    OtherPattern,
-    /// The light of a recording changes while it is recorded.
-    LightDrifts,
-    /// The light of a recording is not what was stated.
-    LightOff,
-    /// The lit levels scatter by more than what was taken as known of lamps.
-    LightsScatter,
-    /// The light swings, as that of a lamp on the mains does.
-    LightSwings,
+    SceneMoves,
+    /// The fixed pattern differs from that of the other recordings: another frame size, layout or camera.
+    PatternMismatch,
+    /// The light changes during the recording.
+    LightDrift,
+    /// The light of the recording differs from the stated one.
+    LightMismatch,
+    /// The lit levels scatter by more than the assumed uncertainty of lamps.
+    LightScatter,
+    /// The light oscillates, as that of a lamp on the mains does.
+    LightFlicker,
 }
 
-/// What is wrong with a recording, its light or its file.
+/// A fault of a recording, of its light or of its file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Fault {
-    /// Its file; nothing where the whole set has it.
+    /// File name of the recording; `None` if the whole set has the fault.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recording: Option<String>,
-    /// What sort.
+    /// Kind of the fault.
     pub kind: FaultKind,
-    /// What was found, in a sentence.
-    pub words: String,
-    /// Whether the recording was set aside.
-    pub set_aside: bool,
+    /// The finding in one sentence.
+    pub description: String,
+    /// Whether the recording was excluded.
+    pub is_excluded: bool,
 }
 
 impl Fault {
     pub(super) fn of(recording: &str, kind: FaultKind, words: String) -> Self {
-        Self { recording: Some(recording.to_owned()), kind, words, set_aside: true }
+        Self { recording: Some(recording.to_owned()), kind, description: words, is_excluded: true }
     }
 
     /// A fault that leaves all recordings in.
     pub(super) fn of_set(kind: FaultKind, words: String) -> Self {
-        Self { recording: None, kind, words, set_aside: false }
+        Self { recording: None, kind, description: words, is_excluded: false }
     }
 
-    /// The sentence with its file, and what became of it.
+    /// Returns the description with the file name, and whether the recording was excluded.
     #[must_use]
     pub fn sentence(&self) -> String {
         let file = self.recording.as_ref().map_or_else(String::new, |file| format!("{file}: "));
-        let aside = if self.set_aside { " It was set aside." } else { "" };
-        format!("{file}{}{aside}", self.words)
+        let aside = if self.is_excluded { " It was set aside." } else { "" };
+        format!("{file}{}{aside}", self.description)
     }
 }

@@ -1,7 +1,7 @@
 //! A recording of even light, as calibration has it.
 
-use crate::Level;
-use crate::diagnose::protocol::recorded::Scene;
+use crate::LightLevel;
+use crate::diagnose::protocol::recorded::RecordedScene;
 use crate::diagnose::recording::pixel::BLOCKS;
 use crate::diagnose::recording::scan::Scan;
 
@@ -11,10 +11,10 @@ fn early(scan: &Scan) -> Vec<u32> {
 }
 
 /// The level of a scan, with what its halves say.
-pub(super) fn level(scene: &Scene, scan: &Scan) -> Level {
+pub(super) fn level(scene: &RecordedScene, scan: &Scan) -> LightLevel {
     let counts = scan.pixels.iter().map(|p| p.count).collect();
     let rates = scan.pixels.iter().map(|p| p.rate).collect();
     let light = scene.level().unwrap_or_else(|| scene.brightness());
-    Level::of_rates(&scene.file_name(), light, scene.readouts as u32, counts, rates)
+    LightLevel::from_rates(&scene.file_name(), light, scene.readouts as u32, counts, rates)
         .with_first_half(&early(scan))
 }

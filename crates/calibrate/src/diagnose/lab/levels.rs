@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fault::{Fault, FaultKind};
-use crate::Level;
+use crate::LightLevel;
 use crate::diagnose::protocol::recorded_set::LAMP;
 use crate::diagnose::statistics::quantiles::Spread;
 
@@ -43,12 +43,12 @@ enum Said {
 
 /// The level that is off, and the deviation of lamps that the levels show. `beside` is what a further scene says of its bright light.
 pub(super) fn odd(
-    levels: &[(usize, Level)],
+    levels: &[(usize, LightLevel)],
     beside: Option<[f64; 2]>,
 ) -> (Vec<(usize, Fault)>, Option<Fault>, f64) {
-    let usual = |l: &Level| Spread::of(&l.rate).trimmed;
+    let usual = |l: &LightLevel| Spread::of(&l.rate).trimmed;
     let dark = levels.iter().find(|(_, l)| l.light == 0.0).map_or(0.0, |(_, l)| usual(l));
-    let lit: Vec<&(usize, Level)> =
+    let lit: Vec<&(usize, LightLevel)> =
         levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= SATURATED).collect();
     let mut points: Vec<[f64; 2]> = lit.iter().map(|(_, l)| [l.light, (usual(l) - dark) / l.light]).collect();
     let own = points.len();
@@ -63,7 +63,7 @@ pub(super) fn odd(
                 level.light,
                 level.light * (1.0 + by)
             );
-            (vec![(*k, Fault::of(&level.name, FaultKind::LightOff, words))], None, LAMP)
+            (vec![(*k, Fault::of(&level.name, FaultKind::LightMismatch, words))], None, LAMP)
         }
         Said::Scatter(times) => {
             let words = format!(
@@ -71,7 +71,7 @@ pub(super) fn odd(
                 100.0 * times * LAMP,
                 100.0 * LAMP
             );
-            (Vec::new(), Some(Fault::of_set(FaultKind::LightsScatter, words)), times * LAMP)
+            (Vec::new(), Some(Fault::of_set(FaultKind::LightScatter, words)), times * LAMP)
         }
     }
 }

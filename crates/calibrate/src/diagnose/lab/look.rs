@@ -9,7 +9,7 @@ use super::swing::swings;
 use crate::diagnose::protocol::recorded_set::{LAMP, Setup};
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::statistics::quantiles::Spread;
-use crate::{Level, Light, Pattern, RecordingSet};
+use crate::{LightLevel, RecordingSet, Stimulus, StimulusPattern};
 
 /// What was seen.
 pub(in crate::diagnose) struct Seen {
@@ -25,16 +25,18 @@ const TOLD_BY: usize = 4;
 
 pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan], set: &RecordingSet) -> Seen {
     let mut seen = Seen { faults: Vec::new(), dropped: Vec::new(), lamp: LAMP };
-    if setup.maps {
+    if setup.has_rate_maps {
         return seen;
     }
     let width = setup.geometry.width();
-    let constant = (0..scans.len()).filter(|k| setup.scenes[*k].constant());
-    seen.take(constant.filter_map(|k| Some((k, moves(&setup.scenes[k], &scans[k])?))).collect());
-    let level_of = |k: usize| setup.scenes[k].level().map(|_| (k, level(&setup.scenes[k], &scans[k])));
-    let mut levels: Vec<(usize, Level)> = (0..scans.len()).filter_map(level_of).collect();
-    let pick =
-        |levels: &mut Vec<(usize, Level)>, seen: &Seen| levels.retain(|(k, _)| !seen.dropped.contains(k));
+    let constant = (0..scans.len()).filter(|k| setup.recordings[*k].is_constant());
+    seen.take(constant.filter_map(|k| Some((k, moves(&setup.recordings[k], &scans[k])?))).collect());
+    let level_of =
+        |k: usize| setup.recordings[k].level().map(|_| (k, level(&setup.recordings[k], &scans[k])));
+    let mut levels: Vec<(usize, LightLevel)> = (0..scans.len()).filter_map(level_of).collect();
+    let pick = |levels: &mut Vec<(usize, LightLevel)>, seen: &Seen| {
+        levels.retain(|(k, _)| !seen.dropped.contains(k))
+    };
     pick(&mut levels, &seen);
     seen.take(strangers(&levels, width));
     pick(&mut levels, &seen);
@@ -82,8 +84,10 @@ impl Seen {
 
 /// Light and mean rate of the bright squares of a checkerboard, away from their edges.
 fn bright_squares(setup: &Setup, scans: &[Scan]) -> Option<[f64; 2]> {
-    let board = |k: usize| match setup.scenes[k].light {
-        Light::Scene(Pattern::Checkerboard { high, cell, .. }) => Some((k, high, cell.max(1) as usize)),
+    let board = |k: usize| match setup.recordings[k].light {
+        Stimulus::Scene(StimulusPattern::Checkerboard { high, cell, .. }) => {
+            Some((k, high, cell.max(1) as usize))
+        }
         _ => None,
     };
     let (k, high, cell) = (0..scans.len()).find_map(board)?;
@@ -106,7 +110,7 @@ mod tests {
 
     #[test]
     fn what_two_takes_show_is_said_once_and_set_aside_in_both() {
-        let fault = |file: &str| Fault::of(file, FaultKind::LightDrifts, "drifts".to_owned());
+        let fault = |file: &str| Fault::of(file, FaultKind::LightDrift, "drifts".to_owned());
         let mut seen = Seen { faults: vec![fault("a.dat")], dropped: vec![3], lamp: LAMP };
         let more = Seen { faults: vec![fault("a.dat"), fault("b.dat")], dropped: vec![3, 4], lamp: 3e-3 };
         seen.and(more, " of the held-out set");

@@ -1,9 +1,9 @@
 //! Scenes that move, and recordings that are not of this sensor as the set describes it.
 
 use super::fault::{Fault, FaultKind};
-use crate::diagnose::protocol::recorded::Scene;
+use crate::diagnose::protocol::recorded::RecordedScene;
 use crate::diagnose::recording::scan::Scan;
-use crate::{Level, alike};
+use crate::{LightLevel, pattern_correlation};
 
 /// Correlation of two recordings' patterns that one sensor has, and that two have.
 const OWN: f64 = 0.5;
@@ -13,29 +13,29 @@ const OTHER: f64 = 0.25;
 const SATURATED: f64 = 0.985;
 
 /// Whether the scene of a recording of constant light moved between its halves.
-pub(super) fn moves(scene: &Scene, scan: &Scan) -> Option<Fault> {
-    let share = match &scene.still {
+pub(super) fn moves(scene: &RecordedScene, scan: &Scan) -> Option<Fault> {
+    let share = match &scene.static_scene {
         Some(still) => still.moved,
         // Nothing is seen that could move. Few spikes of the dark current come in patches by chance.
         None if scene.greatest() == 0.0 => None,
-        None => Some(scan.motion(scene.readouts)).filter(|m| m.moves).map(|m| m.share),
+        None => Some(scan.motion(scene.readouts)).filter(|m| m.is_moving).map(|m| m.moving_share),
     };
     share.map(|share| {
         let words = format!(
             "the scene moves: {:.1} % of the pixels change between the halves in patches that no camera makes. Record a scene that stands still.",
             100.0 * share
         );
-        Fault::of(&scene.file_name(), FaultKind::Moves, words)
+        Fault::of(&scene.file_name(), FaultKind::SceneMoves, words)
     })
 }
 
 /// Lit levels of which the pattern is none of the others', where the others share one.
-pub(super) fn strangers(levels: &[(usize, Level)], width: usize) -> Vec<(usize, Fault)> {
-    let usable: Vec<&(usize, Level)> =
+pub(super) fn strangers(levels: &[(usize, LightLevel)], width: usize) -> Vec<(usize, Fault)> {
+    let usable: Vec<&(usize, LightLevel)> =
         levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= SATURATED).collect();
     let best = |own: usize| {
         let others = (0..usable.len()).filter(|j| *j != own);
-        others.map(|j| alike(&usable[own].1, &usable[j].1, width)).fold(-1.0, f64::max)
+        others.map(|j| pattern_correlation(&usable[own].1, &usable[j].1, width)).fold(-1.0, f64::max)
     };
     let all: Vec<f64> = (0..usable.len()).map(best).collect();
     let own = all.iter().filter(|r| **r > OWN).count();
@@ -50,7 +50,7 @@ pub(super) fn strangers(levels: &[(usize, Level)], width: usize) -> Vec<(usize, 
             all[i],
             all.iter().copied().fold(-1.0, f64::max)
         );
-        (*k, Fault::of(&level.name, FaultKind::OtherPattern, words))
+        (*k, Fault::of(&level.name, FaultKind::PatternMismatch, words))
     };
     (0..usable.len()).filter(stranger).map(fault).collect()
 }
@@ -58,9 +58,9 @@ pub(super) fn strangers(levels: &[(usize, Level)], width: usize) -> Vec<(usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Light;
+    use crate::Stimulus;
     use crate::diagnose::recording::scan::scan;
-    use spikelane::spikes::{Geometry, Packed, set_bit};
+    use spikelane::spikes::{Geometry, SpikeFramesRef, set_bit};
 
     #[test]
     fn few_spikes_that_come_side_by_side_move_a_lit_scene_alone() {
@@ -74,14 +74,14 @@ mod tests {
             let times = (0..p % 3).map(|k| 10 + 90 * k).chain((0..late).map(|k| 600 + 40 * k));
             times.for_each(|t| set_bit(&mut bits[t * geometry.frame_bytes()..], p));
         }
-        let scene = |level| Scene {
+        let scene = |level| RecordedScene {
             name: "flat.dat".to_owned(),
-            light: Light::Level(level),
+            light: Stimulus::Level(level),
             readouts,
-            skip: 0,
-            still: None,
+            first_readout: 0,
+            static_scene: None,
         };
-        let scan = scan(Packed::new(geometry, &bits).unwrap(), scene(0.0).look()).unwrap();
+        let scan = scan(SpikeFramesRef::new(geometry, &bits).unwrap(), scene(0.0).look()).unwrap();
         assert!(moves(&scene(0.03), &scan).is_some());
         assert!(moves(&scene(0.0), &scan).is_none());
     }

@@ -4,7 +4,7 @@ use super::fault::{Fault, FaultKind};
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::statistics::readouts::{line, power};
-use spikelane_measure::Line;
+use spikelane_measure::SpectralLine;
 
 /// Power of a line in the totals over that around it which no clean recording has: one frequency in 10^17 by chance.
 const PLAIN: f64 = 40.0;
@@ -25,8 +25,8 @@ struct Swing {
 /// What swings, and the recordings that are the only ones to do so.
 pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault)> {
     let bright: Vec<usize> = (0..scans.len())
-        .filter(|k| setup.scenes[*k].constant() && setup.scenes[*k].still.is_none())
-        .filter(|k| setup.scenes[*k].brightness() >= BRIGHT)
+        .filter(|k| setup.recordings[*k].is_constant() && setup.recordings[*k].static_scene.is_none())
+        .filter(|k| setup.recordings[*k].brightness() >= BRIGHT)
         .collect();
     let found = bright.iter().filter_map(|k| {
         let (place, depth) = swing(&scans[*k])?;
@@ -34,7 +34,7 @@ pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault
     });
     let found: Vec<Swing> = found.collect();
     let Some(strongest) = found.iter().max_by(|a, b| a.depth.total_cmp(&b.depth)) else { return Vec::new() };
-    let bin = setup.readout_hz / setup.scenes[strongest.scene].readouts.max(1) as f64;
+    let bin = setup.readout_hz / setup.recordings[strongest.scene].readouts.max(1) as f64;
     let alike: Vec<&Swing> = found.iter().filter(|s| (s.hz - strongest.hz).abs() < 1.5 * bin).collect();
     let mains = MAINS.iter().find(|m| (strongest.hz - **m).abs() < bin);
     let whose = mains.map_or_else(
@@ -47,10 +47,10 @@ pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault
         100.0 * strongest.depth
     );
     if alike.len() == 1 && bright.len() >= 3 {
-        let name = setup.scenes[strongest.scene].file_name();
-        return vec![(Some(strongest.scene), Fault::of(&name, FaultKind::LightSwings, words))];
+        let name = setup.recordings[strongest.scene].file_name();
+        return vec![(Some(strongest.scene), Fault::of(&name, FaultKind::LightFlicker, words))];
     }
-    vec![(None, Fault::of_set(FaultKind::LightSwings, words))]
+    vec![(None, Fault::of_set(FaultKind::LightFlicker, words))]
 }
 
 /// Place of the plainest line of a recording that its pixels do not make, in cycles a readout, and the depth of such a swing.
@@ -65,7 +65,7 @@ fn swing(scan: &Scan) -> Option<(f64, f64)> {
     let at = power.get((place * n).round() as usize)?;
     // Pixels that are nearly alike fire together, and close to a spike a readout that beats slowly.
     let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
-    let found = Line { frequency: place, power: *at, prominence: ratio };
+    let found = SpectralLine { frequency: place, power: *at, prominence: ratio };
     if found.harmonic_of(&rates, 1.0 / n).is_some() {
         return None;
     }
@@ -78,7 +78,7 @@ fn swing(scan: &Scan) -> Option<(f64, f64)> {
 mod tests {
     use super::*;
     use crate::diagnose::recording::scan::{Look, scan};
-    use spikelane::spikes::{Geometry, Packed, set_bit};
+    use spikelane::spikes::{Geometry, SpikeFramesRef, set_bit};
 
     /// Readouts of 24x24 integrators whose rates spread by `spread` about 0.9047, in light that swings by `depth` at 0.06 cycles a readout.
     fn lit(spread: f64, depth: f64) -> Scan {
@@ -96,7 +96,7 @@ mod tests {
                 }
             }
         }
-        scan(Packed::new(geometry, &bits).unwrap(), Look::default()).unwrap()
+        scan(SpikeFramesRef::new(geometry, &bits).unwrap(), Look::default()).unwrap()
     }
 
     #[test]

@@ -48,7 +48,7 @@ const LAMP_STEP: f64 = 3.0;
 
 /// Of each lamp only its own recording is simulated again, and none where all vectors were kept.
 pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Drawn> {
-    let still = model.sample(&[], &[], setup.scenes.len())?;
+    let still = model.sample(&[], &[], setup.recordings.len())?;
     if model.lamps.is_empty() {
         let vector = DVector::from_vec(simulate::values(setup, &still, seed)?);
         return Ok(Drawn { vector, lamps: Vec::new() });
@@ -103,7 +103,7 @@ pub(in crate::diagnose) fn changes(
 ) -> Result<Changes> {
     let n = model.knobs.len();
     let one = |j: usize| -> Result<Vec<DVector<f64>>> {
-        let sample = model.sample(&stepped(model, j), &[], setup.scenes.len())?;
+        let sample = model.sample(&stepped(model, j), &[], setup.recordings.len())?;
         let change = |i: usize| -> Result<DVector<f64>> {
             let values = simulate::values(setup, &sample, seed + i as u64)?;
             count(done);
@@ -152,28 +152,28 @@ impl Changes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Light;
-    use crate::diagnose::protocol::recorded::Scene;
+    use crate::Stimulus;
+    use crate::diagnose::protocol::recorded::RecordedScene;
     use spikelane::spikes::Geometry;
 
     /// What is kept of a moved lamp is known by its sample alone, and must be that sample's vector.
     #[test]
     fn a_lamp_moves_its_own_recording_as_a_simulation_of_all_says() {
-        let scene = |light| Scene {
+        let scene = |light| RecordedScene {
             name: String::new(),
-            light: Light::Level(light),
+            light: Stimulus::Level(light),
             readouts: 256,
-            skip: 0,
-            still: None,
+            first_readout: 0,
+            static_scene: None,
         };
         let setup = Setup {
             geometry: Geometry::new(16, 16).unwrap(),
             readout_hz: 20_000.0,
-            scenes: [0.0, 0.1, 0.3, 0.6].map(scene).into(),
-            maps: false,
-            band: None,
-            first_readouts: None,
-            lamp: LAMP,
+            recordings: [0.0, 0.1, 0.3, 0.6].map(scene).into(),
+            has_rate_maps: false,
+            row_band: None,
+            judged_readouts: None,
+            lamp_uncertainty: LAMP,
         };
         let model = Model::base(spikelane::presets::builtin("scsim-code").unwrap(), &setup);
         let drawn = with_lamps(&setup, &model, 3).unwrap();

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::limits::score_of;
 use super::mean::average;
 use super::metric::{Metric, noise};
-use crate::diagnose::sensors::catalogue::Candidate;
+use crate::diagnose::sensors::catalog::Candidate;
 use spikelane::error::Result;
 
 /// Deviation and score up to which a set agrees at first sight. The noise comes from a couple of dozen sensors here, so that a statistic of a
@@ -16,24 +16,25 @@ const PLAIN: f64 = 7.0;
 const NEAR: f64 = 0.35;
 const MOST: usize = 5;
 
-/// What is seen at first sight. The diagnosis goes on, sees weaker effects, fits and compares the names, and may end otherwise.
+/// A preliminary result. The diagnosis then finds weaker effects, fits and compares the effects, and may end with
+/// another result.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
-pub struct FirstLook {
-    /// Whether nothing stands out.
-    pub agrees: bool,
-    /// Names that what stands out looks like, the most likely first.
-    pub likely: Vec<&'static str>,
+pub struct PreliminaryResult {
+    /// Whether no deviation is significant.
+    pub is_consistent: bool,
+    /// Effects that resemble the deviations, the most likely first.
+    pub likely_effects: Vec<&'static str>,
 }
 
-impl FirstLook {
-    /// The same in a sentence.
+impl PreliminaryResult {
+    /// Returns the result as a sentence.
     #[must_use]
     pub fn sentence(&self) -> String {
-        match (self.agrees, self.likely.as_slice()) {
+        match (self.is_consistent, self.likely_effects.as_slice()) {
             (true, _) => "nothing stands out; what is weaker is looked for now".to_owned(),
             (false, []) => {
-                "something stands out that is like no name of the catalogue; it is looked at closely now"
+                "something stands out that is like no name of the catalog; it is looked at closely now"
                     .to_owned()
             }
             (false, names) => format!(
@@ -47,7 +48,7 @@ impl FirstLook {
 /// What is looked at, and who is told.
 pub(in crate::diagnose) struct First<'a> {
     pub data: &'a DVector<f64>,
-    pub told: &'a mut dyn FnMut(&FirstLook),
+    pub told: &'a mut dyn FnMut(&PreliminaryResult),
 }
 
 /// A part of what a reference is made of.
@@ -62,7 +63,7 @@ pub(super) struct Sketch<'a> {
 }
 
 impl Sketch<'_> {
-    pub(super) fn look(&self, data: &DVector<f64>) -> Result<FirstLook> {
+    pub(super) fn look(&self, data: &DVector<f64>) -> Result<PreliminaryResult> {
         let mean = average(self.baseline);
         // The mean is fitted: of so many sensors their squares fall short by one.
         let short = self.baseline.len() as f64 / (self.baseline.len() - 1) as f64;
@@ -85,7 +86,7 @@ impl Sketch<'_> {
         let agrees = deviation < PLAIN && best < PLAIN;
         let near = |n: &&(f64, &str)| n.0 > PLAIN && n.0 * n.0 > NEAR * best * best;
         let likely = names.iter().filter(near).map(|n| n.1).take(MOST);
-        Ok(FirstLook { agrees, likely: likely.collect() })
+        Ok(PreliminaryResult { is_consistent: agrees, likely_effects: likely.collect() })
     }
 }
 
@@ -95,7 +96,9 @@ mod tests {
 
     #[test]
     fn a_look_in_words_says_what_follows() {
-        let look = |agrees, likely: &[&'static str]| FirstLook { agrees, likely: likely.to_vec() }.sentence();
+        let look = |agrees, likely: &[&'static str]| {
+            PreliminaryResult { is_consistent: agrees, likely_effects: likely.to_vec() }.sentence()
+        };
         assert!(look(true, &[]).starts_with("nothing stands out"));
         assert!(look(false, &["leak", "dead_time"]).contains("most like leak, dead_time;"));
         assert!(look(false, &[]).contains("no name"));

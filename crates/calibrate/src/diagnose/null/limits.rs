@@ -69,7 +69,7 @@ impl Clean {
         let folds = threads::try_map(0..FOLDS, fold)?;
         let all: Vec<[f64; 3]> = folds.into_iter().flatten().collect();
         let column = |i: usize| all.iter().map(|a| a[i]).collect::<Vec<f64>>();
-        let (floor, floor_sd) = centre(&column(0));
+        let (floor, floor_sd) = center(&column(0));
         let limits = Limits {
             // Two simulators of one camera differ in their last digits.
             misfit: MARGIN * gamma_limit(&column(0)),
@@ -103,7 +103,7 @@ pub(super) fn score_of(metric: &Metric, change: &DVector<f64>, dual: &DVector<f6
 }
 
 /// Median and standard deviation.
-pub(in crate::diagnose) fn centre(values: &[f64]) -> (f64, f64) {
+pub(in crate::diagnose) fn center(values: &[f64]) -> (f64, f64) {
     let median = spikelane_measure::median(&mut values.to_vec());
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 
 /// Correlations below this many standard errors count as none: with a few hundred simulations most
 /// entries of a covariance are noise.
@@ -52,7 +52,7 @@ pub(in crate::diagnose) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> 
             return Ok(Noise { covariance: shrunk, factor });
         }
     }
-    Err(Error::new(Kind::Config, "covariance of the statistics")
+    Err(Error::new(ErrorKind::Config, "covariance of the statistics")
         .found("not positive")
         .expected("positive variances"))
 }
@@ -63,7 +63,7 @@ impl Noise {
         let covariance = &self.covariance + columns * columns.transpose();
         match Cholesky::new(covariance.clone()) {
             Some(factor) => Ok(Self { covariance, factor }),
-            None => Err(Error::new(Kind::Config, "covariance of the statistics").found("not positive")),
+            None => Err(Error::new(ErrorKind::Config, "covariance of the statistics").found("not positive")),
         }
     }
 
@@ -79,7 +79,7 @@ impl Noise {
         let covariance = DMatrix::from_fn(factors.len(), factors.len(), scale);
         match Cholesky::new(covariance.clone()) {
             Some(factor) => Ok(Self { covariance, factor }),
-            None => Err(Error::new(Kind::Config, "covariance of the statistics").found("not positive")),
+            None => Err(Error::new(ErrorKind::Config, "covariance of the statistics").found("not positive")),
         }
     }
 

@@ -1,15 +1,15 @@
 //! How strong an effect must be on a set before it can be named.
 
-use super::reference::Reference;
+use super::reference::NullModel;
 use super::signature::Signature;
 use super::signature::reach;
-use spikelane::effects::{Definition, Events};
+use spikelane::effects::{Definition, EventKind};
 use spikelane::error::Result;
 
-/// Efficient score at which an effect counts as nameable.
-pub const SCORE: f64 = 5.0;
+/// Efficient score at which an effect counts as detectable.
+pub const DETECTION_SCORE: f64 = 5.0;
 
-/// A length of a signature that is near enough to [`SCORE`] for a straight line.
+/// A length of a signature that is near enough to [`DETECTION_SCORE`] for a straight line.
 const WEAK: f64 = 40.0;
 
 /// Largest cosine that is projected out.
@@ -21,27 +21,28 @@ const ONSET_STEPS: usize = 6;
 /// Events that a set must be expected to hold: fewer than one set in a hundred then has none.
 const LEAST: f64 = 5.0;
 
-/// The smallest strength at which an effect can be told from calibration and from its nearest rival.
+/// The smallest strength at which an effect can be distinguished from calibration and from its nearest rival.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Nameable {
-    /// Canonical name.
+pub struct Detectability {
+    /// Canonical name of the effect.
     pub name: &'static str,
-    /// Its amplitude's key.
-    pub key: &'static str,
-    /// Strength, as a difference from the effect's absence.
+    /// Key of its strength.
+    pub parameter: &'static str,
+    /// Smallest detectable strength, as a difference from the value without the effect, in the parameter's unit.
     pub strength: f64,
-    /// The candidate that it is most alike.
-    pub nearest: &'static str,
-    /// Cosine of the angle between the two.
-    pub alike: f64,
+    /// The most similar other effect.
+    pub nearest_candidate: &'static str,
+    /// Cosine of the angle between the signatures of both effects.
+    pub cosine: f64,
 }
 
-impl Reference {
-    /// Every candidate's smallest nameable strength; the median over the shapes that are tried.
+impl NullModel {
+    /// Returns the smallest detectable strength of every effect.
     ///
-    /// Lengths and angles come from products of different simulations, whose noise averages out.
+    /// It is the median over the shapes that are tried, or the largest value for effects with a frequency. Lengths
+    /// and angles come from products of different simulations, so that their noise averages out.
     #[must_use]
-    pub fn nameable(&self) -> Vec<Nameable> {
+    pub fn detectabilities(&self) -> Vec<Detectability> {
         self.looked_for().into_iter().filter_map(|effect| self.nameable_one(effect)).collect()
     }
 
@@ -57,15 +58,16 @@ impl Reference {
     pub(in crate::diagnose) fn not_testable(&self) -> Vec<&'static str> {
         let strongest = |effect: &&'static Definition| {
             let own = self.signatures.iter().filter(|s| s.candidate.effect == *effect);
-            own.map(|s| self.square(s) * reach(s).powi(2)).fold(0.0, f64::max) < SCORE * SCORE
+            own.map(|s| self.square(s) * reach(s).powi(2)).fold(0.0, f64::max)
+                < DETECTION_SCORE * DETECTION_SCORE
         };
         let weak = self.looked_for().into_iter().filter(strongest);
         weak.chain(self.missing.iter().copied()).map(|effect| effect.name).collect()
     }
 
     /// The same of one name; nothing where its signature is lost in its own noise.
-    pub(in crate::diagnose) fn nameable_one(&self, effect: &'static Definition) -> Option<Nameable> {
-        let mut found: Vec<Nameable> = Vec::new();
+    pub(in crate::diagnose) fn nameable_one(&self, effect: &'static Definition) -> Option<Detectability> {
+        let mut found: Vec<Detectability> = Vec::new();
         for tried in self.signatures.iter().filter(|s| s.candidate.effect == effect) {
             let (nearest, alike) = self.nearest(tried);
             let weak = self.weakened(tried).ok()?;
@@ -76,26 +78,32 @@ impl Reference {
             }
             let length = (square * (1.0 - alike * alike)).sqrt();
             let knob = weak.candidate.knobs[0];
-            let u = self.onset(&weak, SCORE / length).ok()?;
+            let u = self.onset(&weak, DETECTION_SCORE / length).ok()?;
             let strength = (knob.value(u) - knob.value(0.0)).abs();
-            found.push(Nameable { name: effect.name, key: knob.key, strength, nearest, alike });
+            found.push(Detectability {
+                name: effect.name,
+                parameter: knob.key,
+                strength,
+                nearest_candidate: nearest,
+                cosine: alike,
+            });
         }
         let fewest = self.fewest(effect);
         found.iter_mut().for_each(|f| f.strength = f.strength.max(fewest));
         found.sort_by(|a, b| a.strength.total_cmp(&b.strength));
         // Noise falls so much with the frequency of a line that the middle one says nothing of the others: the worst one counts.
-        let is_line = effect.tried().any(|(_, tried)| tried.is_line);
+        let is_line = effect.searched_params().any(|(_, tried)| tried.is_frequency);
         let of_all = if is_line { found.len().saturating_sub(1) } else { found.len() / 2 };
         (!found.is_empty()).then(|| found.swap_remove(of_all))
     }
 
     /// What happens to whole readouts or pixels must happen at all.
     fn fewest(&self, effect: &Definition) -> f64 {
-        let readouts: usize = self.setup.scenes.iter().map(|s| s.readouts).sum();
-        match effect.events {
+        let readouts: usize = self.setup.recordings.iter().map(|s| s.readouts).sum();
+        match effect.event_kind {
             None => 0.0,
-            Some(Events::LostReadouts | Events::RepeatedReadouts) => LEAST / readouts as f64,
-            Some(Events::Pixels) => LEAST / self.setup.geometry.pixels() as f64,
+            Some(EventKind::DroppedReadouts | EventKind::RepeatedReadouts) => LEAST / readouts as f64,
+            Some(EventKind::Pixels) => LEAST / self.setup.geometry.pixels() as f64,
         }
     }
 

@@ -9,8 +9,8 @@ use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
-use spikelane::unstable::draws::pattern::Pattern;
-use spikelane::unstable::draws::{Seeds, Stream};
+use spikelane::unstable::draws::pattern_rng::PatternRng;
+use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane::unstable::threads;
 
 /// Simulations with the fitted numbers redrawn from their posterior.
@@ -35,11 +35,12 @@ pub(in crate::diagnose) fn redraw(
     let one = |i: usize| -> Result<Redrawn> {
         let own = seed + 10_000 + i as u64;
         let mut normals =
-            Pattern::new(Seeds { camera: own, shot: 0, sequence: 0 }, Stream::named("diagnose")).normals();
+            PatternRng::new(Seeds { camera: own, shot: 0, sequence: 0 }, RandomStream::from_name("diagnose"))
+                .normals();
         let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
         let base = &root * draw(n);
         let lamps = draw(model.lamps.len()) * model.lamp;
-        let sample = model.sample(base.as_slice(), lamps.as_slice(), setup.scenes.len())?;
+        let sample = model.sample(base.as_slice(), lamps.as_slice(), setup.recordings.len())?;
         let vector = DVector::from_vec(simulate::values(setup, &sample, own)?);
         count(done);
         Ok(Redrawn { base, lamps, vector })

@@ -9,15 +9,15 @@ use super::metric::{Metric, Noise, noise};
 use super::redraw::{Redrawn, redraw};
 use super::signature::{Signature, changed_by};
 use super::simulated::{Begun, FIXED, STAGES, Simulated};
-use super::watched::{Progress, count, watched};
+use super::watched::{ProgressCallback, count, watched};
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::sensors::catalogue::{Candidate, candidates, looked_for};
+use crate::diagnose::sensors::catalog::{Candidate, candidates, looked_for};
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::remembered::Remembered;
 use crate::diagnose::sensors::simulate;
-use crate::diagnose::statistics::entry::Statistic;
+use crate::diagnose::statistics::entry::DiagnosticStatistic;
 use nalgebra::{DMatrix, DVector};
-use spikelane::effects::{Camera, Catalogue, Definition};
+use spikelane::effects::{Camera, Catalog, Definition};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
@@ -27,12 +27,12 @@ const HALVES: usize = 24;
 /// Simulations of a candidate's signature.
 const SIGNATURE: usize = 2;
 
-/// Sensors of one kind under one protocol; it serves for every set recorded by that protocol.
+/// Simulated sensors of one kind under one protocol. They serve for every set that was recorded by that protocol.
 #[derive(Clone, Debug)]
-pub struct Reference {
+pub struct NullModel {
     pub(in crate::diagnose) setup: Setup,
     pub(in crate::diagnose) model: Model,
-    pub(in crate::diagnose) statistics: Vec<Statistic>,
+    pub(in crate::diagnose) statistics: Vec<DiagnosticStatistic>,
     pub(in crate::diagnose) seed: u64,
     /// Vectors of the first [`FIXED`] seeds.
     pub(in crate::diagnose) baseline: Vec<DVector<f64>>,
@@ -55,25 +55,26 @@ pub struct Reference {
     remembered: Remembered,
 }
 
-impl Reference {
-    /// Simulates sensors like `camera` under the protocol of `setup`, and how each effect of this library shows in them.
+impl NullModel {
+    /// Simulates sensors like `camera` under the protocol of `setup`, and the signature of each effect of this
+    /// library.
     ///
     /// # Errors
-    /// When the camera cannot be simulated at the set's light.
-    pub fn new(setup: Setup, camera: Camera, seed: u64, progress: Progress<'_>) -> Result<Self> {
-        Self::with_effects(setup, camera, seed, &Catalogue::new(), progress)
+    /// If the camera cannot be simulated at the light of the set.
+    pub fn new(setup: Setup, camera: Camera, seed: u64, progress: ProgressCallback<'_>) -> Result<Self> {
+        Self::with_effects(setup, camera, seed, &Catalog::new(), progress)
     }
 
-    /// The same with all of `effects`.
+    /// Simulates sensors as [`NullModel::new`] does, with the signatures of all `effects`.
     ///
     /// # Errors
-    /// As [`Reference::new`].
+    /// See [`NullModel::new`].
     pub fn with_effects(
         setup: Setup,
         camera: Camera,
         seed: u64,
-        effects: &Catalogue,
-        progress: Progress<'_>,
+        effects: &Catalog,
+        progress: ProgressCallback<'_>,
     ) -> Result<Self> {
         Self::looked(setup, Begun::of(camera, None), seed, effects, None, progress)
     }
@@ -83,9 +84,9 @@ impl Reference {
         setup: Setup,
         begun: Begun,
         seed: u64,
-        effects: &Catalogue,
+        effects: &Catalog,
         first: Option<First<'_>>,
-        progress: Progress<'_>,
+        progress: ProgressCallback<'_>,
     ) -> Result<Self> {
         let model = Model::base(begun.camera.clone(), &setup).keeping(begun.kept.as_ref());
         let (all, missing) = tried(&setup, &model, effects);
@@ -133,7 +134,7 @@ impl Reference {
         Base { mean: &self.mean, jacobian: &self.jacobian, signatures: &self.signatures }
     }
 
-    /// What clean sensors keep within.
+    /// Returns the limits that clean sensors do not exceed.
     #[must_use]
     pub fn limits(&self) -> Limits {
         self.clean.limits
@@ -143,7 +144,7 @@ impl Reference {
     pub(in crate::diagnose) fn words(&self, i: usize) -> (String, String) {
         let s = &self.statistics[i];
         let place =
-            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| self.setup.scenes[k].file_name());
+            s.recording.map_or_else(|| "fitted maps".to_owned(), |k| self.setup.recordings[k].file_name());
         (s.name.to_owned(), place)
     }
 
@@ -171,7 +172,7 @@ impl Reference {
         count: usize,
         known: Vec<DVector<f64>>,
     ) -> Result<Means> {
-        let sample = model.sample(u, &[], self.setup.scenes.len())?;
+        let sample = model.sample(u, &[], self.setup.recordings.len())?;
         let simulate =
             |i: usize| Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
         let one = |i: usize| self.remembered.or(&sample, i, || simulate(i));
@@ -188,7 +189,7 @@ impl Reference {
         model: &Model,
         u: &[f64],
     ) -> Result<DVector<f64>> {
-        let sample = model.sample(u, &[], setup.scenes.len())?;
+        let sample = model.sample(u, &[], setup.recordings.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &sample, self.seed + i as u64)?));
         Ok(average(&threads::try_map(0..HALVES, one)?))
     }
@@ -198,8 +199,8 @@ impl Reference {
         let plain = average(each);
         let change: Vec<DVector<f64>> = each.iter().zip(&self.baseline).map(|(s, b)| s - b).collect();
         let controlled = average(&change) + &self.mean;
-        let spread = |rows: &[DVector<f64>], centre: f64, j: usize| {
-            rows.iter().map(|r| (r[j] - centre).powi(2)).sum::<f64>()
+        let spread = |rows: &[DVector<f64>], center: f64, j: usize| {
+            rows.iter().map(|r| (r[j] - center).powi(2)).sum::<f64>()
         };
         DVector::from_fn(plain.len(), |j, _| {
             let close = spread(&change, controlled[j] - self.mean[j], j) < spread(each, plain[j], j);
@@ -209,14 +210,14 @@ impl Reference {
 }
 
 /// What is tried on a set, and the effects that it cannot show, whatever their strength.
-fn tried(setup: &Setup, model: &Model, effects: &Catalogue) -> (Vec<Candidate>, Vec<&'static Definition>) {
-    let longest = setup.scenes.iter().map(|s| s.skip + s.readouts).max().unwrap_or(1);
+fn tried(setup: &Setup, model: &Model, effects: &Catalog) -> (Vec<Candidate>, Vec<&'static Definition>) {
+    let longest = setup.recordings.iter().map(|s| s.first_readout + s.readouts).max().unwrap_or(1);
     let mut all = candidates(&model.camera, longest, effects);
     let mut missing = Vec::new();
     if setup.only_still() {
         missing = looked_for(effects);
-        missing.retain(|effect| effect.part_of_a_scene);
-        all.retain(|c| !c.effect.part_of_a_scene);
+        missing.retain(|effect| effect.is_scene_like);
+        all.retain(|c| !c.effect.is_scene_like);
     }
     (all, missing)
 }

@@ -1,11 +1,11 @@
 //! How a candidate shows.
 
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::sensors::catalogue::Candidate;
+use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use nalgebra::DVector;
-use spikelane::effects::definition::Scale;
+use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 
 /// How a candidate shows at one position.
@@ -20,7 +20,7 @@ pub(in crate::diagnose) struct Signature {
 /// How much further than tried the amplitude can go.
 pub(in crate::diagnose) fn reach(s: &Signature) -> f64 {
     let (knob, u) = (s.candidate.knobs[0], s.candidate.at[0]);
-    let most = knob.position(if u * knob.unit < 0.0 && knob.scale == Scale::Linear {
+    let most = knob.position(if u * knob.unit < 0.0 && knob.scale == SearchScale::Linear {
         knob.range.0
     } else {
         knob.range.1
@@ -41,7 +41,7 @@ pub(super) fn changed_by(
     let zero = vec![0.0; model.knobs.len()];
     model.knobs.extend(candidate.knobs.iter().copied());
     let u = [zero.as_slice(), &candidate.at].concat();
-    let sample = model.sample(&u, &[], setup.scenes.len())?;
+    let sample = model.sample(&u, &[], setup.recordings.len())?;
     let values = simulate::values(setup, &sample, seed + i as u64)?;
     Ok(DVector::from_vec(values) - &baseline[i])
 }

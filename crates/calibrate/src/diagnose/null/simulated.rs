@@ -5,13 +5,13 @@ use super::first_look::{First, Sketch};
 use super::mean::average;
 use super::redraw::REDRAWN;
 use super::signature::changed_by;
-use super::watched::{Progress, Stage, count, watched};
+use super::watched::{ProgressCallback, Stage, count, watched};
 use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::sensors::catalogue::Candidate;
+use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
-use crate::diagnose::statistics::entry::Statistic;
+use crate::diagnose::statistics::entry::DiagnosticStatistic;
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
@@ -46,7 +46,7 @@ impl Begun {
 
 /// The base model under a protocol.
 pub(super) struct Simulated {
-    pub statistics: Vec<Statistic>,
+    pub statistics: Vec<DiagnosticStatistic>,
     pub floors: Vec<f64>,
     pub baseline: Vec<DVector<f64>>,
     pub mean: DVector<f64>,
@@ -95,9 +95,9 @@ impl Simulated {
         seed: u64,
         candidates: &[Candidate],
         first: Option<First<'_>>,
-        progress: Progress<'_>,
+        progress: ProgressCallback<'_>,
     ) -> Result<Self> {
-        let still = model.sample(&[], &[], setup.scenes.len())?;
+        let still = model.sample(&[], &[], setup.recordings.len())?;
         let statistics = simulate::statistics(setup, &still, seed)?;
         let floors: Vec<f64> = statistics.iter().map(|s| s.floor).collect();
         let Begun { each: known, changes: mut moved, .. } = begun;
@@ -165,7 +165,7 @@ impl Work<'_> {
         wanted: usize,
         done: &std::sync::atomic::AtomicUsize,
     ) -> Result<()> {
-        let still = self.model.sample(&[], &[], self.setup.scenes.len())?;
+        let still = self.model.sample(&[], &[], self.setup.recordings.len())?;
         let vector = |i: usize| -> Result<DVector<f64>> {
             let vector = match known.get(i) {
                 Some(known) => known.clone(),

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use spikelane::unstable::threads;
 
-/// Told what is being done and the share of it that is.
-pub type Progress<'a> = &'a mut dyn FnMut(&str, f64);
+/// Callback that receives the current stage and the completed share of the work, 0 to 1.
+pub type ProgressCallback<'a> = &'a mut dyn FnMut(&str, f64);
 
 /// A part of all work: its name, the shares of the whole between which it lies, and how many pieces it has.
 pub(in crate::diagnose) struct Stage {
@@ -18,7 +18,7 @@ pub(in crate::diagnose) struct Stage {
 /// Does `work`, which counts its pieces, and tells `progress` how many are done meanwhile.
 pub(in crate::diagnose) fn watched<T: Send>(
     stage: &Stage,
-    progress: Progress<'_>,
+    progress: ProgressCallback<'_>,
     work: impl FnOnce(&AtomicUsize) -> T + Send,
 ) -> T {
     let done = AtomicUsize::new(0);

@@ -1,9 +1,9 @@
 //! One recording of a set: its light and what can be looked at in it.
 
-use super::still::Still;
+use super::still::StaticScene;
 use crate::diagnose::recording::scan::Look;
 use crate::diagnose::recording::stretches::STEADY;
-use crate::{Light, Pattern};
+use crate::{Stimulus, StimulusPattern};
 
 /// Rates up to this have all intervals looked at.
 const DIM: f64 = 0.25;
@@ -13,20 +13,20 @@ const SHORTEST: usize = STEADY + 40;
 
 /// One recording: what stood in front of the camera, and when.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scene {
+pub struct RecordedScene {
     /// Its file.
     pub name: String,
     /// The light.
-    pub light: Light,
+    pub light: Stimulus,
     /// Readouts.
     pub readouts: usize,
     /// Readouts of the same recording that came before.
-    pub skip: usize,
+    pub first_readout: usize,
     /// What is known of an unknown scene.
-    pub still: Option<Still>,
+    pub static_scene: Option<StaticScene>,
 }
 
-impl Scene {
+impl RecordedScene {
     /// The last part of its file's path.
     pub(in crate::diagnose) fn file_name(&self) -> String {
         let last = std::path::Path::new(&self.name).file_name();
@@ -41,44 +41,46 @@ impl Scene {
 
     /// Whether the light stays the same over time.
     #[must_use]
-    pub fn constant(&self) -> bool {
-        !matches!(self.light, Light::Scene(Pattern::Square { .. }))
+    pub fn is_constant(&self) -> bool {
+        !matches!(self.light, Stimulus::Scene(StimulusPattern::Square { .. }))
     }
 
     /// Mean light.
     #[must_use]
     pub fn brightness(&self) -> f64 {
         match self.light {
-            Light::Level(level) => level,
-            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
-                0.5 * (high + low)
+            Stimulus::Level(level) => level,
+            Stimulus::Scene(
+                StimulusPattern::Square { high, low, .. } | StimulusPattern::Checkerboard { high, low, .. },
+            ) => 0.5 * (high + low),
+            Stimulus::Scene(StimulusPattern::StaticUnknown {}) => {
+                self.static_scene.as_ref().map_or(0.0, |s| s.mean)
             }
-            Light::Scene(Pattern::StaticUnknown {}) => self.still.as_ref().map_or(0.0, |s| s.mean),
         }
     }
 
     /// The brightest light.
     pub(in crate::diagnose) fn greatest(&self) -> f64 {
         match self.light {
-            Light::Scene(Pattern::Square { high, low, .. } | Pattern::Checkerboard { high, low, .. }) => {
-                high.max(low)
-            }
-            _ => self.still.as_ref().map_or(self.brightness(), |s| s.brightest),
+            Stimulus::Scene(
+                StimulusPattern::Square { high, low, .. } | StimulusPattern::Checkerboard { high, low, .. },
+            ) => high.max(low),
+            _ => self.static_scene.as_ref().map_or(self.brightness(), |s| s.brightest),
         }
     }
 
     /// Whether the halves of rows are compared: where spikes are many and the light rests.
     pub(in crate::diagnose) fn rows(&self) -> bool {
-        self.constant() && self.still.is_none() && self.brightness() >= 0.09
+        self.is_constant() && self.static_scene.is_none() && self.brightness() >= 0.09
     }
 
     pub(in crate::diagnose) fn dim(&self) -> bool {
-        self.constant() && self.brightness() < DIM
+        self.is_constant() && self.brightness() < DIM
     }
 
     /// A square wave's half period in readouts, where the light rests long enough after an edge.
     pub(in crate::diagnose) fn half_period(&self) -> Option<usize> {
-        let Light::Scene(Pattern::Square { half_period, .. }) = self.light else { return None };
+        let Stimulus::Scene(StimulusPattern::Square { half_period, .. }) = self.light else { return None };
         Some(half_period as usize).filter(|h| *h >= SHORTEST)
     }
 

@@ -1,10 +1,10 @@
 //! What a set holds, free of files, as it is read.
 
-use super::extent::{Extent, Part, cut};
-use super::recorded::Scene;
-use super::still::Still;
-use crate::{Light, Pattern, Recording, RecordingSet};
-use spikelane::error::{Error, Kind, Result};
+use super::extent::{ReadoutSelection, RecordingPart, cut};
+use super::recorded::RecordedScene;
+use super::still::StaticScene;
+use crate::{Recording, RecordingSet, Stimulus, StimulusPattern};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs;
 
@@ -17,21 +17,21 @@ pub(crate) const LARGEST: usize = 20_000;
 /// Relative standard deviation of a level of light of which nothing else is stated or found.
 pub(in crate::diagnose) const LAMP: f64 = 1e-3;
 
-fn too_short(file: &str, readouts: usize, part: Part) -> Error {
+fn too_short(file: &str, readouts: usize, part: RecordingPart) -> Error {
     let (expected, remedy) = match part {
-        Part::Whole => ("", "record longer"),
+        RecordingPart::Whole => ("", "record longer".to_owned()),
         _ => (
             " in each half of a recording",
-            "record longer, or give a second set with --holdout so that this one is not split",
+            format!("record longer, or set {} to a second set to avoid the split", Setting("holdout")),
         ),
     };
-    Error::new(Kind::Input, file)
+    Error::new(ErrorKind::Input, file)
         .found(format_args!("{readouts} readouts"))
-        .expected(format_args!("{FEWEST} or more{expected}"))
+        .expected(format_args!("at least {FEWEST}{expected}"))
         .remedy(remedy)
 }
 
-/// All recordings of a set.
+/// The protocol of a recording set: size, rate and recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// Width and height.
@@ -39,23 +39,23 @@ pub struct Setup {
     /// Readouts per second.
     pub readout_hz: f64,
     /// The recordings.
-    pub scenes: Vec<Scene>,
-    /// Whether rate maps stand in place of recordings.
-    pub maps: bool,
-    /// First row and rows that are looked at, where a still scene is larger than 20,000 pixels.
-    pub band: Option<(usize, usize)>,
-    /// Fewest and most readouts that are judged of the recordings that have more.
-    pub first_readouts: Option<[usize; 2]>,
-    /// Relative standard deviation of a level of light.
-    pub lamp: f64,
+    pub recordings: Vec<RecordedScene>,
+    /// Whether rate maps replace the recordings.
+    pub has_rate_maps: bool,
+    /// First row and number of rows that are used, if a static scene has more than 20,000 pixels.
+    pub row_band: Option<(usize, usize)>,
+    /// Smallest and largest number of judged readouts, over the recordings that have more.
+    pub judged_readouts: Option<[usize; 2]>,
+    /// Relative standard deviation of a light level.
+    pub lamp_uncertainty: f64,
 }
 
 impl Setup {
-    /// What `set` holds, or a part of it; cuts lie on whole periods of a square wave.
+    /// Reads the protocol of `set`, or of a part of it. A square wave is cut at whole periods.
     ///
     /// # Errors
-    /// When a file cannot be read, or a recording is too short to judge.
-    pub fn of(set: &RecordingSet, part: Part, extent: Extent) -> Result<Self> {
+    /// If a file cannot be read, or a recording is too short.
+    pub fn new(set: &RecordingSet, part: RecordingPart, extent: ReadoutSelection) -> Result<Self> {
         Self::behind(set, part, extent, &[])
     }
 
@@ -65,8 +65,8 @@ impl Setup {
     /// As [`Setup::of`].
     pub(in crate::diagnose) fn behind(
         set: &RecordingSet,
-        part: Part,
-        extent: Extent,
+        part: RecordingPart,
+        extent: ReadoutSelection,
         aside: &[usize],
     ) -> Result<Self> {
         let geometry = set.geometry()?;
@@ -76,7 +76,7 @@ impl Setup {
             let reader = set.reader(recording)?;
             let most = extent.most(geometry, recording.light);
             // Both parts of a recording that is cut in the middle have as many.
-            let all = if part == Part::Whole { most } else { most.saturating_mul(2) };
+            let all = if part == RecordingPart::Whole { most } else { most.saturating_mul(2) };
             if reader.readouts() > all {
                 let [fewest, longest] = first_readouts.unwrap_or([all; 2]);
                 first_readouts = Some([fewest.min(all), longest.max(all)]);
@@ -86,22 +86,36 @@ impl Setup {
                 return Err(too_short(&recording.file, readouts, part));
             }
             let still = match recording.light {
-                Light::Scene(Pattern::StaticUnknown {}) => Some(Still::of(&reader)?),
+                Stimulus::Scene(StimulusPattern::StaticUnknown {}) => Some(StaticScene::of(&reader)?),
                 _ => None,
             };
             let name = recording.file.clone();
-            scenes.push(Scene { name, light: recording.light, readouts, skip, still });
+            scenes.push(RecordedScene {
+                name,
+                light: recording.light,
+                readouts,
+                first_readout: skip,
+                static_scene: still,
+            });
         }
         let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
         let readout_hz = set.readout_hz;
-        let setup = Self { geometry, readout_hz, scenes, maps, band: None, first_readouts, lamp: LAMP };
+        let setup = Self {
+            geometry,
+            readout_hz,
+            recordings: scenes,
+            has_rate_maps: maps,
+            row_band: None,
+            judged_readouts: first_readouts,
+            lamp_uncertainty: LAMP,
+        };
         setup.cut_to_band()
     }
 
     /// Without some of its recordings.
     pub(in crate::diagnose) fn without(mut self, dropped: &[usize]) -> Self {
         let mut k = 0;
-        self.scenes.retain(|_| {
+        self.recordings.retain(|_| {
             k += 1;
             !dropped.contains(&(k - 1))
         });
@@ -110,7 +124,7 @@ impl Setup {
 
     /// Whether still scenes are all that there is.
     pub(in crate::diagnose) fn only_still(&self) -> bool {
-        !self.scenes.is_empty() && self.scenes.iter().all(|s| s.still.is_some())
+        !self.recordings.is_empty() && self.recordings.iter().all(|s| s.static_scene.is_some())
     }
 
     /// A large still scene cut to the rows that hold most of its even surface.
@@ -118,15 +132,17 @@ impl Setup {
         let (width, height) = (self.geometry.width(), self.geometry.height());
         // Rows in eights begin on whole bytes.
         let rows = (LARGEST / width / 8 * 8).max(8);
-        let Some(still) = self.scenes.iter().find_map(|s| s.still.as_ref()) else { return Ok(self) };
+        let Some(still) = self.recordings.iter().find_map(|s| s.static_scene.as_ref()) else {
+            return Ok(self);
+        };
         if height <= rows {
             return Ok(self);
         }
         let starts = (0..=height - rows).step_by(8);
         let first = starts.max_by_key(|r| still.even_in(r * width..(r + rows) * width)).unwrap_or(0);
         self.geometry = Geometry::new(width as u32, rows as u32)?;
-        self.band = Some((first, rows));
-        for still in self.scenes.iter_mut().filter_map(|s| s.still.as_mut()) {
+        self.row_band = Some((first, rows));
+        for still in self.recordings.iter_mut().filter_map(|s| s.static_scene.as_mut()) {
             still.cut(first * width..(first + rows) * width);
         }
         Ok(self)
@@ -134,20 +150,20 @@ impl Setup {
 
     /// The bits of a recording, as far as they are looked at.
     pub(in crate::diagnose) fn read(&self, set: &RecordingSet, k: usize) -> Result<Vec<u8>> {
-        self.part(set, &set.recordings[k], &self.scenes[k])
+        self.part(set, &set.recordings[k], &self.recordings[k])
     }
 
     pub(in crate::diagnose) fn part(
         &self,
         set: &RecordingSet,
         recording: &Recording,
-        scene: &Scene,
+        scene: &RecordedScene,
     ) -> Result<Vec<u8>> {
         let reader = set.reader(recording)?;
         let whole = reader.geometry().frame_bytes();
-        let mut bytes = inputs::zeroed(reader.name(), scene.readouts * whole)?;
-        reader.read_frames(scene.skip, &mut bytes)?;
-        let Some((first, _)) = self.band else { return Ok(bytes) };
+        let mut bytes = inputs::zeroed_vec(reader.name(), scene.readouts * whole)?;
+        reader.read_frames(scene.first_readout, &mut bytes)?;
+        let Some((first, _)) = self.row_band else { return Ok(bytes) };
         let (from, own) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());
         Ok(bytes.chunks_exact(whole).flat_map(|f| &f[from..from + own]).copied().collect())
     }

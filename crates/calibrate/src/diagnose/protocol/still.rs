@@ -4,13 +4,13 @@ use std::hash::{Hash as _, Hasher};
 
 use crate::diagnose::recording::pixel::PixelScan;
 use crate::diagnose::recording::scan::{Look, Scan, scan};
-use spikelane::error::{Error, Kind, Result};
-use spikelane::spikes::Packed;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::inputs;
-use spikelane_io::formats::Reader;
-use spikelane_measure::select_smooth;
+use spikelane_io::formats::StreamReader;
+use spikelane_measure::select_uniform;
 
-/// Radius of the neighbourhood whose mean stands for the scene.
+/// Radius of the neighborhood whose mean stands for the scene.
 const SURFACE: usize = 2;
 
 /// Fewest even, static pixels.
@@ -18,7 +18,7 @@ const FEWEST: usize = 500;
 
 /// A static scene as its own rates show it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Still {
+pub struct StaticScene {
     /// Rate of every pixel, in spikes per readout.
     rates: Vec<f64>,
     /// Means of the pixels around each: the scene without the pixels' own pattern.
@@ -33,14 +33,14 @@ pub struct Still {
     pub(in crate::diagnose) moved: Option<f64>,
 }
 
-impl Still {
+impl StaticScene {
     /// # Errors
     /// When the recording cannot be read or has too few even, static pixels.
-    pub(in crate::diagnose) fn of(reader: &Reader) -> Result<Self> {
+    pub(in crate::diagnose) fn of(reader: &StreamReader) -> Result<Self> {
         let geometry = reader.geometry();
-        let mut bytes = inputs::zeroed(reader.name(), reader.readouts() * geometry.frame_bytes())?;
+        let mut bytes = inputs::zeroed_vec(reader.name(), reader.readouts() * geometry.frame_bytes())?;
         reader.read_frames(0, &mut bytes)?;
-        let scan = scan(Packed::new(geometry, &bytes)?, Look::default())?;
+        let scan = scan(SpikeFramesRef::new(geometry, &bytes)?, Look::default())?;
         let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
         let half = |p: &PixelScan, late: bool| -> u32 {
             let (a, b) = p.blocks.split_at(p.blocks.len() / 2);
@@ -48,19 +48,19 @@ impl Still {
         };
         let steady = |p: &usize| half(&scan.pixels[*p], false).abs_diff(half(&scan.pixels[*p], true)) <= 2;
         // Within 6 % over 11x11 pixels: less than any edge, more than the pixels' own spread.
-        let even = select_smooth(&rates, geometry.width(), &(0.05..0.45), 5, 0.06);
+        let even = select_uniform(&rates, geometry.width(), &(0.05..0.45), 5, 0.06);
         let even: Vec<usize> = even.into_iter().filter(steady).collect();
         if even.len() < FEWEST {
-            return Err(Error::new(Kind::Input, reader.name())
-                .found(format_args!("{} even, static pixels", even.len()))
-                .expected(format_args!("{FEWEST} or more"))
-                .remedy("record a scene with an even surface, without motion"));
+            return Err(Error::new(ErrorKind::Input, reader.name())
+                .found(format_args!("{} static pixels of uniform areas", even.len()))
+                .expected(format_args!("at least {FEWEST}"))
+                .remedy("record a scene with a uniform surface and without motion"));
         }
         let mean = even.iter().map(|p| rates[*p]).sum::<f64>() / even.len() as f64;
         let brightest = rates.iter().copied().fold(0.0, f64::max);
         let surface = spikelane_measure::box_means(&rates, geometry.width(), SURFACE);
         let found = scan.motion(reader.readouts());
-        let moved = found.moves.then_some(found.share);
+        let moved = found.is_moving.then_some(found.moving_share);
         Ok(Self { rates, surface, even, mean, brightest, moved })
     }
 

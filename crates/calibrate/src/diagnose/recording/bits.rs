@@ -4,9 +4,9 @@
 
 use super::pixel::PixelScan;
 use spikelane::error::Result;
-use spikelane::spikes::{Geometry, Packed};
+use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::inputs;
-use spikelane::unstable::kernels::{Bits, Shorts, Work, counting_with};
+use spikelane::unstable::kernels::{BitOps, I16Lanes, Task, dispatch_task};
 use spikelane::unstable::threads;
 
 /// Runs of pixels that are looked at side by side. A fixed number: sums of parts depend on where they are cut.
@@ -28,18 +28,20 @@ const GROUPS: usize = 8;
 impl PixelBits {
     /// # Errors
     /// [`Kind::Memory`](spikelane::Kind::Memory) when the system has no memory for the bits, or for a scan of them.
-    pub(crate) fn new(frames: Packed<'_>) -> Result<Self> {
+    pub(crate) fn new(frames: SpikeFramesRef<'_>) -> Result<Self> {
         let geometry = frames.geometry();
         let readouts = frames.readouts();
         let words = readouts.div_ceil(64);
         let groups = geometry.pixels().div_ceil(64);
-        let mut data =
-            inputs::zeroed(format_args!("{readouts} readouts of {geometry} pixels"), groups * 64 * words)?;
+        let mut data = inputs::zeroed_vec(
+            format_args!("{readouts} readouts of {geometry} pixels"),
+            groups * 64 * words,
+        )?;
         // The scan of all pixels, once by band and once joined, and four maps.
         let per_pixel = 2 * size_of::<PixelScan>() + 4 * size_of::<f64>();
         inputs::check_memory(format_args!("scan of {geometry} pixels"), per_pixel * geometry.pixels())?;
         let turn = |(i, pixels): (usize, &mut [u64])| {
-            counting_with(Turning { frames, first: i * GROUPS, words, pixels });
+            dispatch_task(Turning { frames, first: i * GROUPS, words, pixels });
         };
         let parts: Vec<_> = data.chunks_mut(GROUPS * 64 * words.max(1)).enumerate().collect();
         threads::map(parts, turn);
@@ -53,20 +55,20 @@ impl PixelBits {
 
 /// The bits of some groups of 64 pixels from the `first` on, on their way to `words` words of each.
 struct Turning<'a> {
-    frames: Packed<'a>,
+    frames: SpikeFramesRef<'a>,
     first: usize,
     words: usize,
     pixels: &'a mut [u64],
 }
 
-impl Work for Turning<'_> {
+impl Task for Turning<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, _: S, b: B) {
+    fn run<S: I16Lanes, B: BitOps>(self, _: S, b: B) {
         let bytes = self.frames.geometry().frame_bytes();
         let mut block = [0u64; 64];
-        for (w, frames) in self.frames.bytes().chunks(64 * bytes).enumerate() {
+        for (w, frames) in self.frames.as_bytes().chunks(64 * bytes).enumerate() {
             for (group, pixels) in self.pixels.chunks_exact_mut(64 * self.words).enumerate() {
                 let at = 8 * (self.first + group);
                 // Behind the last readout there is nothing.
@@ -151,7 +153,7 @@ mod tests {
         for (t, frame) in bytes.chunks_exact_mut(geometry.frame_bytes()).enumerate() {
             (0..geometry.pixels()).filter(|p| (p * 7 + t * t) % 5 == 0).for_each(|p| set_bit(frame, p));
         }
-        let turned = PixelBits::new(Packed::new(geometry, &bytes).unwrap()).unwrap();
+        let turned = PixelBits::new(SpikeFramesRef::new(geometry, &bytes).unwrap()).unwrap();
         for (t, frame) in bytes.chunks_exact(geometry.frame_bytes()).enumerate() {
             for p in 0..geometry.pixels() {
                 let found = turned.pixel(p)[t / 64] >> (t % 64) & 1 != 0;

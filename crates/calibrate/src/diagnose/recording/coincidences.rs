@@ -1,24 +1,24 @@
-//! What pixels do together in a recording: whole readouts, rows and neighbours.
+//! What pixels do together in a recording: whole readouts, rows and neighbors.
 
 use std::ops::Range;
 
 use super::bits::{PixelBits, coincidences, word_at};
 use super::pixel::PixelScan;
-use spikelane::spikes::Packed;
-use spikelane::unstable::kernels::counting;
+use spikelane::spikes::SpikeFramesRef;
+use spikelane::unstable::kernels::dispatch;
 use spikelane::unstable::threads;
 
 /// Spikes of each readout, and bits that changed from one to the next.
-pub(in crate::diagnose) fn totals(frames: Packed<'_>) -> [Vec<u32>; 2] {
-    counting(
+pub(in crate::diagnose) fn totals(frames: SpikeFramesRef<'_>) -> [Vec<u32>; 2] {
+    dispatch(
         #[inline(always)]
         || {
             let bytes = frames.geometry().frame_bytes();
             let (mut totals, mut changes) = (vec![0; frames.readouts()], vec![0; frames.readouts()]);
             // The first frame stands before itself: a change that is none.
-            let mut before = &frames.bytes()[..bytes.min(frames.bytes().len())];
+            let mut before = &frames.as_bytes()[..bytes.min(frames.as_bytes().len())];
             let places = totals.iter_mut().zip(&mut changes);
-            for (frame, (total, change)) in frames.bytes().chunks_exact(bytes).zip(places) {
+            for (frame, (total, change)) in frames.as_bytes().chunks_exact(bytes).zip(places) {
                 [*total, *change] = counted(before, frame);
                 before = frame;
             }
@@ -48,7 +48,7 @@ pub(in crate::diagnose) fn row_halves(bits: &PixelBits) -> f64 {
         return 0.0;
     }
     let of_row = |row: usize| {
-        counting(
+        dispatch(
             #[inline(always)]
             || halves_of_row(bits, row),
         )
@@ -123,11 +123,11 @@ fn halves_of_row(bits: &PixelBits, row: usize) -> f64 {
     if scale > 0.0 { (lr - l1 * r1) / scale } else { 0.0 }
 }
 
-pub(in crate::diagnose) fn neighbours(bits: &PixelBits, pixels: &[PixelScan]) -> [f64; 4] {
+pub(in crate::diagnose) fn neighbors(bits: &PixelBits, pixels: &[PixelScan]) -> [f64; 4] {
     let of_row = |row: usize| {
-        counting(
+        dispatch(
             #[inline(always)]
-            || neighbours_of_row(bits, pixels, row),
+            || neighbors_of_row(bits, pixels, row),
         )
     };
     let rows: Vec<[[f64; 2]; 4]> = threads::map(0..bits.geometry.height(), of_row);
@@ -140,10 +140,10 @@ pub(in crate::diagnose) fn neighbours(bits: &PixelBits, pixels: &[PixelScan]) ->
 
 /// Coincidences found and expected by chance: beside and below at lag 0, then at lag 1.
 #[inline(always)]
-fn neighbours_of_row(bits: &PixelBits, pixels: &[PixelScan], row: usize) -> [[f64; 2]; 4] {
+fn neighbors_of_row(bits: &PixelBits, pixels: &[PixelScan], row: usize) -> [[f64; 2]; 4] {
     let (width, n) = (bits.geometry.width(), pixels.len());
     let mut sums = [[0.0; 2]; 4];
-    // Half of the pairs, like the squares of one colour.
+    // Half of the pairs, like the squares of one color.
     for p in (row * width + row % 2..(row + 1) * width).step_by(2) {
         let others = [(p % width + 1 < width, p + 1), (p + width < n, p + width)];
         for (k, (inside, q)) in others.into_iter().enumerate() {
@@ -180,9 +180,9 @@ mod tests {
     fn words_of_bits_say_what_a_visit_of_each_bit_says() {
         let geometry = Geometry::new(13, 11).unwrap();
         let bytes = recording(geometry);
-        let frames = Packed::new(geometry, &bytes).unwrap();
+        let frames = SpikeFramesRef::new(geometry, &bytes).unwrap();
         let [found, changes] = totals(frames);
-        let on = |t: usize, p: usize| bit(frames.frame(t), p);
+        let on = |t: usize, p: usize| bit(frames.frame(t).as_bytes(), p);
         let bits = PixelBits::new(frames).unwrap();
         for t in 0..700 {
             assert_eq!(found[t] as usize, (0..143).filter(|p| on(t, *p)).count());

@@ -2,7 +2,7 @@
 
 use super::pixel::LAGS;
 use super::pixel::PixelScan;
-use spikelane::unstable::kernels::{Bits, Places};
+use spikelane::unstable::kernels::{BitOps, Positions};
 
 /// Longest interval with a mask of its own in bright light.
 const LONGEST: usize = 8;
@@ -15,11 +15,11 @@ const WIDE: usize = 8;
 
 /// The readouts of all `count` spikes of a pixel, in `all`; `places` is for those of a word.
 #[inline(always)]
-pub(in crate::diagnose) fn times<'a, B: Bits>(
+pub(in crate::diagnose) fn times<'a, B: BitOps>(
     b: B,
     words: &[u64],
     count: usize,
-    places: &mut Places,
+    places: &mut Positions,
     all: &'a mut Vec<u32>,
 ) -> &'a [u32] {
     // What is left over of the last sixteen places is clobbered.
@@ -28,7 +28,7 @@ pub(in crate::diagnose) fn times<'a, B: Bits>(
     }
     let (mut at, mut base) = (0, 0);
     for word in words {
-        let end = at + b.places(*word, 0, places, 0);
+        let end = at + b.positions(*word, 0, places, 0);
         for sixteen in places.as_chunks::<SIXTEEN>().0 {
             if at >= end {
                 break;
@@ -152,18 +152,18 @@ fn wide(words: &[u64], w: usize) -> [u64; WIDE] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spikelane::unstable::kernels::{AnyCpu, ROOM, SLACK, Shorts, Work, counting_with};
+    use spikelane::unstable::kernels::{AnyCpu, I16Lanes, MAX_SPIKES, OVERRUN, Task, dispatch_task};
 
     struct Both<'a>(&'a [u64], f64);
 
-    impl Work for Both<'_> {
+    impl Task for Both<'_> {
         type Out = (Vec<u32>, [u32; 2]);
 
-        fn run<S: Shorts, B: Bits>(self, _: S, b: B) -> Self::Out {
+        fn run<S: I16Lanes, B: BitOps>(self, _: S, b: B) -> Self::Out {
             let count = self.0.iter().map(|w| w.count_ones()).sum();
             let mut scan = PixelScan { count, ..PixelScan::default() };
             bright(self.0, self.1, &mut scan);
-            let (mut places, mut all) = ([0; ROOM + SLACK], Vec::new());
+            let (mut places, mut all) = ([0; MAX_SPIKES + OVERRUN], Vec::new());
             (times(b, self.0, count as usize, &mut places, &mut all).to_vec(), scan.off_lattice)
         }
     }
@@ -191,7 +191,7 @@ mod tests {
                 lengths().filter(|n| f64::from(*n) > mean.ceil()).count() as u32,
             ];
             let wanted = (wanted, off);
-            assert_eq!(counting_with(Both(&words, mean)), wanted, "this CPU, {step}");
+            assert_eq!(dispatch_task(Both(&words, mean)), wanted, "this CPU, {step}");
             assert_eq!(Both(&words, mean).run(AnyCpu, AnyCpu), wanted, "{step}");
         }
     }

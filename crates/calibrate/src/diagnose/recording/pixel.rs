@@ -15,7 +15,7 @@ pub(in crate::diagnose) struct PixelScan {
     /// Spikes per readout: by time from three spikes on, by count below.
     pub rate: f64,
     pub blocks: [u32; BLOCKS],
-    /// Phase variance at [`LAGS`] less its quantisation, in thresholds squared; sums over terms.
+    /// Phase variance at [`LAGS`] less its quantization, in thresholds squared; sums over terms.
     pub variance: [f64; LAGS.len()],
     pub terms: [f64; LAGS.len()],
     /// Covariance of intervals one and two apart, in thresholds squared; sums.

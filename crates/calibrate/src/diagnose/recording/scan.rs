@@ -4,17 +4,17 @@ use std::ops::Range;
 
 use super::bits::BANDS;
 use super::bits::{PixelBits, count_between, count_blocks};
-use super::coincidences::{neighbours, row_halves, totals};
+use super::coincidences::{neighbors, row_halves, totals};
 use super::intervals::{bright, intervals, times};
 use super::pixel::BLOCKS;
 use super::pixel::PixelScan;
 use super::stretches::SETTLED;
 use super::stretches::{Stretch, stretches};
 use spikelane::error::Result;
-use spikelane::spikes::{Geometry, Packed};
-use spikelane::unstable::kernels::{Bits, ROOM, SLACK, Shorts, Work, counting_with};
+use spikelane::spikes::{Geometry, SpikeFramesRef};
+use spikelane::unstable::kernels::{BitOps, I16Lanes, MAX_SPIKES, OVERRUN, Task, dispatch_task};
 use spikelane::unstable::threads;
-use spikelane_measure::{Motion, motion};
+use spikelane_measure::{SceneMotion, detect_motion};
 
 /// What a scene makes worth looking at.
 #[derive(Clone, Copy, Debug, Default)]
@@ -38,8 +38,8 @@ pub(in crate::diagnose) struct Scan {
     pub changes: Vec<u32>,
     /// Covariance of the two halves of a row, over the binomial variance of a half.
     pub row_halves: f64,
-    /// Coincidences of neighbours over their chance less one: beside and below at lag 0, then at lag 1.
-    pub neighbours: [f64; 4],
+    /// Coincidences of neighbors over their chance less one: beside and below at lag 0, then at lag 1.
+    pub neighbors: [f64; 4],
     /// Sum of the deviations of intervals that end at a readout, in readouts, and their number.
     pub deviations: Deviations,
     /// The stretches between the steps of a square wave.
@@ -50,7 +50,7 @@ pub(in crate::diagnose) struct Scan {
 
 impl Scan {
     /// Whether the scene moved between the halves of its readouts.
-    pub(in crate::diagnose) fn motion(&self, readouts: usize) -> Motion {
+    pub(in crate::diagnose) fn motion(&self, readouts: usize) -> SceneMotion {
         let half = BLOCKS / 2 * readouts / BLOCKS;
         let rate =
             |blocks: &[u32], readouts: usize| f64::from(blocks.iter().sum::<u32>()) / readouts.max(1) as f64;
@@ -60,7 +60,7 @@ impl Scan {
         };
         // Counts of two halves differ by u0 - 2 u1 + u2 with phases of 1/12 each.
         let sd = 0.5_f64.sqrt() / half.max(1) as f64;
-        motion(&[of(false), of(true)], self.geometry.width(), sd, half)
+        detect_motion(&[of(false), of(true)], self.geometry.width(), sd, half)
     }
 }
 
@@ -68,12 +68,12 @@ impl Scan {
 ///
 /// # Errors
 /// As [`PixelBits::new`].
-pub(in crate::diagnose) fn scan(frames: Packed<'_>, look: Look) -> Result<Scan> {
+pub(in crate::diagnose) fn scan(frames: SpikeFramesRef<'_>, look: Look) -> Result<Scan> {
     Ok(scan_turned(frames, &PixelBits::new(frames)?, look))
 }
 
 /// The same where the frames have been turned round already.
-pub(in crate::diagnose) fn scan_turned(frames: Packed<'_>, bits: &PixelBits, look: Look) -> Scan {
+pub(in crate::diagnose) fn scan_turned(frames: SpikeFramesRef<'_>, bits: &PixelBits, look: Look) -> Scan {
     let [totals, changes] = totals(frames);
     let stretches = look.half_period.map_or_else(Vec::new, |half| stretches(&totals, half));
     let dark: Vec<_> = dark_windows(&stretches).collect();
@@ -82,7 +82,7 @@ pub(in crate::diagnose) fn scan_turned(frames: Packed<'_>, bits: &PixelBits, loo
     let rows = n.div_ceil(BANDS);
     let of_band = |band: usize| {
         let pixels = (band * rows).min(n)..((band + 1) * rows).min(n);
-        counting_with(Band { bits, pixels, dim: look.dim, dark: &dark })
+        dispatch_task(Band { bits, pixels, dim: look.dim, dark: &dark })
     };
     let parts: Vec<(Vec<PixelScan>, Deviations)> = threads::map(0..BANDS, of_band);
     let mut pixels = Vec::with_capacity(n);
@@ -95,7 +95,7 @@ pub(in crate::diagnose) fn scan_turned(frames: Packed<'_>, bits: &PixelBits, loo
         geometry,
         changes,
         row_halves: if look.rows { row_halves(bits) } else { 0.0 },
-        neighbours: neighbours(bits, &pixels),
+        neighbors: neighbors(bits, &pixels),
         pixels,
         totals,
         deviations,
@@ -115,14 +115,14 @@ struct Band<'a> {
     dark: &'a [(usize, usize)],
 }
 
-impl Work for Band<'_> {
+impl Task for Band<'_> {
     type Out = (Vec<PixelScan>, Deviations);
 
     #[inline(always)]
-    fn run<S: Shorts, B: Bits>(self, _: S, b: B) -> Self::Out {
+    fn run<S: I16Lanes, B: BitOps>(self, _: S, b: B) -> Self::Out {
         let readouts = self.bits.readouts;
         let mut deviations = vec![[0.0; 2]; if self.dim { readouts } else { 0 }];
-        let (mut places, mut all) = ([0; ROOM + SLACK], Vec::new());
+        let (mut places, mut all) = ([0; MAX_SPIKES + OVERRUN], Vec::new());
         let ends: [usize; BLOCKS] = std::array::from_fn(|b| (b + 1) * readouts / BLOCKS);
         let mut pixels = Vec::with_capacity(self.pixels.len());
         for p in self.pixels {

@@ -7,7 +7,7 @@ use crate::diagnose::events::located::Events;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::search::round::Step;
@@ -25,7 +25,7 @@ pub(in crate::diagnose) struct Judge<'a> {
 
 impl Judge<'_> {
     /// What `fit` promises of this set.
-    fn mean(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
+    fn mean(&self, reference: &NullModel, fit: &Fit) -> Result<DVector<f64>> {
         match self.setup {
             Some(setup) => reference.mean_under(setup, &fit.judging(), &fit.u),
             None if fit.model.pinned.is_any() => {
@@ -35,7 +35,7 @@ impl Judge<'_> {
         }
     }
 
-    fn off(&self, reference: &Reference, fit: &Fit) -> Result<DVector<f64>> {
+    fn off(&self, reference: &NullModel, fit: &Fit) -> Result<DVector<f64>> {
         Ok(self.data - self.mean(reference, fit)?)
     }
 }

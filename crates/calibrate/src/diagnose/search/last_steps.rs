@@ -34,7 +34,7 @@ impl Case<'_> {
         let places = self.fitter.reference.model.places_in(given);
         // Beside noise as strong as that, what a base number moves is another change altogether; a still scene or maps tell too few apart.
         let setup = &self.fitter.reference.setup;
-        if found.fit.effects.is_empty() || found.fit.is_noisy() || setup.only_still() || setup.maps {
+        if found.fit.effects.is_empty() || found.fit.is_noisy() || setup.only_still() || setup.has_rate_maps {
             return Ok(());
         }
         let Some(mut fit) = self.onward(found, &places)? else { return Ok(()) };

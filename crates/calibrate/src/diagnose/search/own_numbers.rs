@@ -65,7 +65,7 @@ pub(in crate::diagnose) fn rebased(
         if length < SMALL {
             break;
         }
-        let camera = best.model.sample(by.as_slice(), &[], setup.scenes.len())?.camera;
+        let camera = best.model.sample(by.as_slice(), &[], setup.recordings.len())?.camera;
         let next = of(camera)?;
         let closer = next.cost < best.cost;
         if closer {
@@ -89,13 +89,13 @@ pub(in crate::diagnose) fn rebased(
 
 /// What deviations are too small to matter.
 fn floors(setup: &Setup, camera: &Camera, seed: u64) -> Result<Vec<f64>> {
-    let still = Model::base(camera.clone(), setup).sample(&[], &[], setup.scenes.len())?;
+    let still = Model::base(camera.clone(), setup).sample(&[], &[], setup.recordings.len())?;
     Ok(simulate::statistics(setup, &still, seed)?.iter().map(|s| s.floor).collect())
 }
 
 impl Place {
     fn of(setup: &Setup, model: Model, data: &DVector<f64>, seed: u64, floors: &[f64]) -> Result<Self> {
-        let still = model.sample(&[], &[], setup.scenes.len())?;
+        let still = model.sample(&[], &[], setup.recordings.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
         let count = MEAN.max(pairs(setup));
         let each: Vec<DVector<f64>> = threads::try_map(0..count, one)?;
@@ -122,7 +122,7 @@ impl Place {
         let weight = |i: usize| (USUAL / self.z[i].abs().max(1e-9)).min(1.0).sqrt();
         let j = DMatrix::from_fn(derivatives.nrows(), n, |i, k| weight(i) * derivatives[(i, k)] / self.sd[i]);
         let off = DVector::from_fn(self.z.len(), |i, _| weight(i) * self.z[i]);
-        let now_by_first = |k: usize| self.model.knobs[k].centre / given.knobs[k].centre;
+        let now_by_first = |k: usize| self.model.knobs[k].center / given.knobs[k].center;
         let known = DVector::from_fn(n, |k, _| (now_by_first(k) / PRIOR).powi(2));
         let leans = DVector::from_fn(n, |k, _| known[k] * (1.0 / now_by_first(k) - 1.0));
         let information = j.transpose() * &j + DMatrix::from_diagonal(&known);

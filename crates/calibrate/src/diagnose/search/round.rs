@@ -4,16 +4,16 @@ use nalgebra::DVector;
 
 use serde::Serialize;
 
-/// What became of a name that won a round.
+/// The outcome of an effect that won a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Fate {
-    /// It is part of the model.
-    Kept,
-    /// Recordings that were not fitted did not come nearer.
-    TurnedDown,
-    /// Once later names were known, the data did without it.
-    Dropped,
+pub enum EliminationReason {
+    /// The effect is part of the model.
+    Retained,
+    /// The model with the effect did not approach recordings that were not fitted.
+    RejectedByHoldout,
+    /// The data did not require the effect any more after later effects were added.
+    Eliminated,
 }
 
 /// A candidate that was fitted beside the winner.
@@ -42,7 +42,7 @@ impl Step {
     pub(in crate::diagnose) fn words(&self) -> String {
         let [[train, heldout], [train_after, heldout_after]] = [self.before, self.after];
         format!(
-            "the misfit goes from {train:.0} to {train_after:.0} ({heldout:.0} held out: {heldout_after:.0})"
+            "the discrepancy goes from {train:.0} to {train_after:.0} ({heldout:.0} held out: {heldout_after:.0})"
         )
     }
 
@@ -67,7 +67,7 @@ impl Step {
 pub(in crate::diagnose) struct Round {
     pub winner: &'static str,
     pub entrants: Vec<Entrant>,
-    pub fate: Fate,
+    pub fate: EliminationReason,
     /// Share of the excess that the winner's signature explains.
     pub share: f64,
     /// The winner's fitted mean.
@@ -82,7 +82,7 @@ pub(in crate::diagnose) struct Round {
 
 impl Round {
     pub(in crate::diagnose) fn is_kept(&self) -> bool {
-        self.fate == Fate::Kept
+        self.fate == EliminationReason::Retained
     }
 
     /// Notes the names that are as likely, of `rivals` in the order of their prices.
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn a_gap_that_grows_is_no_evidence() {
         let fell = Step { before: [900.0, 950.0], after: [210.0, 200.0] };
-        assert_eq!(fell.words(), "the misfit goes from 900 to 210 (950 held out: 200)");
+        assert_eq!(fell.words(), "the discrepancy goes from 900 to 210 (950 held out: 200)");
         assert_eq!(fell.nearer(190.0), "the held-out gap falls from 950 to 200, where its floor is 190");
         let alone = Step { before: [45.0, 45.0], after: [14.0, 14.0] };
         assert_eq!(alone.nearer(11.0), "the gap falls from 45 to 14, where its floor is 11");

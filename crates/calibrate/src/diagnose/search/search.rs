@@ -3,13 +3,13 @@
 use nalgebra::DVector;
 
 use super::context::{Case, Judged};
-use super::round::Fate;
+use super::round::EliminationReason;
 use super::round::Round;
 use super::weed::REMAINDER;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::null::signature::Signature;
-use crate::diagnose::null::watched::Progress;
+use crate::diagnose::null::watched::ProgressCallback;
 use spikelane::error::Result;
 
 /// Most effects that are added.
@@ -94,7 +94,7 @@ impl Evidence {
     }
 }
 
-pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Result<Found> {
+pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_>) -> Result<Found> {
     let mut at = case.base()?;
     let (mut train, mut heldout, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     let mut gap = |step: String, at: &Judged| {
@@ -123,7 +123,12 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: Progress<'_>) -> Re
         gap(format!("with {}", round.winner), &next);
         let share = round.share;
         let step = case.step(&at, &next);
-        rounds.push(Round { fate: Fate::Kept, evidence: step.words(), step: Some(step), ..round });
+        rounds.push(Round {
+            fate: EliminationReason::Retained,
+            evidence: step.words(),
+            step: Some(step),
+            ..round
+        });
         at = next;
         if share < LIKENESS {
             // What is there is something else; more names would be more likenesses.

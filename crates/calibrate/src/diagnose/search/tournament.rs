@@ -1,7 +1,7 @@
 //! One round of the loop: the candidates that promise most are fitted, and the most likely one wins.
 
 use super::context::Case;
-use super::round::Fate;
+use super::round::EliminationReason;
 use super::round::{Entrant, Round};
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::draws::MOST_SIMULATIONS;
@@ -81,7 +81,7 @@ impl Case<'_> {
         let round = Round {
             winner: last(&best),
             entrants,
-            fate: Fate::TurnedDown,
+            fate: EliminationReason::RejectedByHoldout,
             share,
             mean: best.mean.clone(),
             faint: false,

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::context::{Case, Judged};
-use super::round::Fate;
+use super::round::EliminationReason;
 use super::round::{Entrant, Round, kept_mut};
 use super::tournament::entrants;
 use super::tournament::{NEAR, ROUNDS_BESIDE, cheaper, last};
@@ -70,7 +70,7 @@ impl Case<'_> {
             let name = at.fit.effects[place].0.name;
             *at = without;
             if let Some(round) = kept_mut(rounds, name) {
-                round.fate = Fate::Dropped;
+                round.fate = EliminationReason::Eliminated;
             }
         }
         Ok(())
@@ -206,7 +206,7 @@ impl Case<'_> {
         };
         let fits = threads::try_map(&others, enter)?;
         let fits: Vec<Priced> = fits.into_iter().flatten().collect();
-        // Fewer simulations shrink a model's own noise towards the null's, which makes it dearer by as much as that noise is apart.
+        // Fewer simulations shrink a model's own noise toward the null's, which makes it dearer by as much as that noise is apart.
         let drawn = NEAR + with.fit.noise_of_its_own().max(0.0);
         let front = fits.iter().map(|f| f.price).fold(with.price, f64::min) + drawn;
         let near: Vec<Fit> = fits.into_iter().filter(|f| f.price <= front).map(|f| f.fit).collect();

@@ -1,8 +1,8 @@
 //! Signatures of swinging light at the frequency that a set shows.
 
-use crate::diagnose::null::reference::Reference;
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
-use crate::diagnose::sensors::catalogue::Candidate;
+use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::statistics::measured::Measured;
 use crate::diagnose::statistics::readouts::{line, power, sharpened};
 use spikelane::effects::Definition;
@@ -12,12 +12,12 @@ use spikelane::error::Result;
 const LINE: f64 = 12.0;
 
 /// The signatures, with those of swinging light at the frequency that the frame totals show.
-pub(in crate::diagnose) fn with_line(reference: &Reference, measured: &Measured) -> Result<Vec<Signature>> {
+pub(in crate::diagnose) fn with_line(reference: &NullModel, measured: &Measured) -> Result<Vec<Signature>> {
     let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
     let mut best = (0.0, LINE);
     let mut bright: Vec<&[u32]> = Vec::new();
-    for (scene, scan) in setup.scenes.iter().zip(&measured.scans) {
-        if scene.constant() && scene.brightness() >= 0.2 {
+    for (scene, scan) in setup.recordings.iter().zip(&measured.scans) {
+        if scene.is_constant() && scene.brightness() >= 0.2 {
             let found = line(&power(&scan.totals), scan.totals.len());
             best = if found.1 > best.1 { found } else { best };
             bright.push(&scan.totals);
@@ -39,10 +39,10 @@ pub(in crate::diagnose) fn with_line(reference: &Reference, measured: &Measured)
         let mut candidate: Candidate = signature.candidate.clone();
         for (knob, at) in candidate.knobs.iter_mut().zip(&mut candidate.at) {
             if knob.key == line {
-                knob.centre = frequency * setup.readout_hz;
+                knob.center = frequency * setup.readout_hz;
                 // A third of the line's width: what the sharpened line leaves open.
-                let bin = 0.3 / (frequency * setup.scenes[0].readouts as f64);
-                knob.range = (knob.centre * (1.0 - bin), knob.centre * (1.0 + bin));
+                let bin = 0.3 / (frequency * setup.recordings[0].readouts as f64);
+                knob.range = (knob.center * (1.0 - bin), knob.center * (1.0 + bin));
                 *at = 0.0;
             }
         }
@@ -53,5 +53,5 @@ pub(in crate::diagnose) fn with_line(reference: &Reference, measured: &Measured)
 
 /// The key of an effect's frequency, if it makes the light swing.
 fn line_of(effect: &Definition) -> Option<&'static str> {
-    effect.tried().find(|(_, tried)| tried.is_line).map(|(param, _)| param.key)
+    effect.searched_params().find(|(_, tried)| tried.is_frequency).map(|(param, _)| param.key)
 }

@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn every_number_of_the_base_model_is_one_of_its_effects() {
         for number in &BASE {
-            number.effect.index(number.key).unwrap();
+            number.effect.param_index(number.key).unwrap();
         }
     }
 }

@@ -3,15 +3,23 @@
 use std::hash::{Hash as _, Hasher};
 
 use super::sample::Sample;
-use crate::diagnose::protocol::recorded::Scene;
+use crate::diagnose::protocol::recorded::RecordedScene;
 use crate::diagnose::protocol::recorded_set::Setup;
 
 /// Hashes all that moves the vector of `sample` under `setup` with the draws of `seed`, to the bit.
 pub(in crate::diagnose) fn hash(setup: &Setup, sample: &Sample, seed: u64, into: &mut impl Hasher) {
     // Names move nothing, nor does what was left out of the recordings; how well lamps are known stands in the sample's lamps.
-    let Setup { geometry, readout_hz, scenes, maps, band: _, first_readouts: _, lamp: _ } = setup;
+    let Setup {
+        geometry,
+        readout_hz,
+        recordings: scenes,
+        has_rate_maps: maps,
+        row_band: _,
+        judged_readouts: _,
+        lamp_uncertainty: _,
+    } = setup;
     (geometry.width(), geometry.height(), readout_hz.to_bits(), maps, scenes.len(), seed).hash(into);
-    for Scene { name: _, light, readouts, skip, still } in scenes {
+    for RecordedScene { name: _, light, readouts, first_readout: skip, static_scene: still } in scenes {
         // Numbers are written with as many digits as tell them from every other one.
         (format!("{light:?}"), readouts, skip, still.is_some()).hash(into);
         if let Some(still) = still {
@@ -35,21 +43,27 @@ mod tests {
     use super::*;
     use crate::diagnose::events::located::Located;
     use crate::diagnose::kept::folder::RESULTS_VERSION;
-    use crate::{Light, Pattern};
-    use spikelane::effects::{Catalogue, dead_time, dropped_readouts};
+    use crate::{Stimulus, StimulusPattern};
+    use spikelane::effects::{Catalog, dead_time, dropped_readouts};
     use spikelane::spikes::Geometry;
 
     fn setup() -> Setup {
-        let scene = |light| Scene { name: "a.dat".to_owned(), light, readouts: 256, skip: 0, still: None };
-        let wave = Pattern::Square { high: 0.5, low: 0.1, half_period: 64 };
+        let scene = |light| RecordedScene {
+            name: "a.dat".to_owned(),
+            light,
+            readouts: 256,
+            first_readout: 0,
+            static_scene: None,
+        };
+        let wave = StimulusPattern::Square { high: 0.5, low: 0.1, half_period: 64 };
         Setup {
             geometry: Geometry::new(8, 8).unwrap(),
             readout_hz: 20_000.0,
-            scenes: vec![scene(Light::Level(0.3)), scene(Light::Scene(wave))],
-            maps: false,
-            band: None,
-            first_readouts: None,
-            lamp: 1e-3,
+            recordings: vec![scene(Stimulus::Level(0.3)), scene(Stimulus::Scene(wave))],
+            has_rate_maps: false,
+            row_band: None,
+            judged_readouts: None,
+            lamp_uncertainty: 1e-3,
         }
     }
 
@@ -83,13 +97,13 @@ mod tests {
             key(&setup(), &sample(), 4),
             changed(|setup, _| next(&mut setup.readout_hz)),
             changed(|setup, _| setup.geometry = Geometry::new(4, 16).unwrap()),
-            changed(|setup, _| setup.maps = true),
-            changed(|setup, _| setup.scenes[0].readouts += 1),
-            changed(|setup, _| setup.scenes[1].skip += 1),
-            changed(|setup, _| setup.scenes[0].light = Light::Level(0.3_f64.next_up())),
+            changed(|setup, _| setup.has_rate_maps = true),
+            changed(|setup, _| setup.recordings[0].readouts += 1),
+            changed(|setup, _| setup.recordings[1].first_readout += 1),
+            changed(|setup, _| setup.recordings[0].light = Stimulus::Level(0.3_f64.next_up())),
             changed(|setup, _| {
-                let wave = Pattern::Square { high: 0.5, low: 0.1_f64.next_up(), half_period: 64 };
-                setup.scenes[1].light = Light::Scene(wave);
+                let wave = StimulusPattern::Square { high: 0.5, low: 0.1_f64.next_up(), half_period: 64 };
+                setup.recordings[1].light = Stimulus::Scene(wave);
             }),
             changed(|_, sample| next(&mut sample.lamps[0])),
             changed(|_, sample| next(&mut sample.lamps[1])),
@@ -100,9 +114,10 @@ mod tests {
             changed(|_, sample| {
                 let dead = sample.camera.effect(dead_time::EFFECT.name).unwrap().clone();
                 let lost = dead.get("lost_fraction").unwrap().next_up();
-                sample.camera = sample.camera.clone().with(dead.with("lost_fraction", lost).unwrap());
+                sample.camera =
+                    sample.camera.clone().with_effect(dead.with_value("lost_fraction", lost).unwrap());
             }),
-            changed(|_, sample| sample.camera = sample.camera.clone().without(dead_time::EFFECT.name)),
+            changed(|_, sample| sample.camera = sample.camera.clone().without_effect(dead_time::EFFECT.name)),
             changed(|_, sample| sample.pinned = lost(7)),
             changed(|_, sample| sample.pinned = lost(8)),
         ];
@@ -113,9 +128,9 @@ mod tests {
     fn mean_of_results() -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for maps in [false, true] {
-            for effect in Catalogue::new().all() {
-                let setup = Setup { maps, ..setup() };
-                let camera = sample().camera.with(effect.typical());
+            for effect in Catalog::new().all() {
+                let setup = Setup { has_rate_maps: maps, ..setup() };
+                let camera = sample().camera.with_effect(effect.typical());
                 for (i, value) in
                     values(&setup, &Sample { camera, ..sample() }, 3).unwrap().iter().enumerate()
                 {
@@ -140,10 +155,10 @@ mod tests {
     #[test]
     fn what_is_no_part_of_the_key_moves_no_vector() {
         let changes: [fn(&mut Setup, &mut Sample); 6] = [
-            |setup, _| setup.scenes[0].name = "other/b.dat".to_owned(),
-            |setup, _| setup.band = Some((8, 8)),
-            |setup, _| setup.first_readouts = Some([256; 2]),
-            |setup, _| setup.lamp = 0.1,
+            |setup, _| setup.recordings[0].name = "other/b.dat".to_owned(),
+            |setup, _| setup.row_band = Some((8, 8)),
+            |setup, _| setup.judged_readouts = Some([256; 2]),
+            |setup, _| setup.lamp_uncertainty = 0.1,
             |_, sample| sample.camera.name = "other".to_owned(),
             |_, sample| sample.camera.source = "elsewhere".to_owned(),
         ];

@@ -1,7 +1,7 @@
 //! A camera with knobs gives a simulated set.
 
 pub(super) mod base;
-pub(super) mod catalogue;
+pub(super) mod catalog;
 pub(super) mod fixed;
 pub(super) mod key;
 pub(super) mod knob;

@@ -7,7 +7,7 @@ use super::sample::Sample;
 use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::protocol::recorded_set::Setup;
 use spikelane::effects::Camera;
-use spikelane::effects::definition::Scale;
+use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 
 /// A camera, its knobs and the lamps of the scenes.
@@ -30,17 +30,26 @@ impl Model {
     pub(crate) fn base(camera: Camera, setup: &Setup) -> Self {
         let knob = |number: &Number| {
             let Number { effect, key, .. } = *number;
-            let centre = camera.effect(effect.name)?.get(key).ok()?;
-            let range = (0.02 * centre, 20.0 * centre);
-            (centre > 0.0).then_some(Knob { effect, key, scale: Scale::Linear, centre, unit: centre, range })
+            let center = camera.effect(effect.name)?.get(key).ok()?;
+            let range = (0.02 * center, 20.0 * center);
+            (center > 0.0).then_some(Knob {
+                effect,
+                key,
+                scale: SearchScale::Linear,
+                center,
+                unit: center,
+                range,
+            })
         };
         let shown = |number: &&Number| number.shown_by_still || !setup.only_still();
         // An unknown scene's light is what its rates say.
-        let lit = |k: &usize| setup.scenes[*k].brightness() > 0.0 && setup.scenes[*k].still.is_none();
+        let lit = |k: &usize| {
+            setup.recordings[*k].brightness() > 0.0 && setup.recordings[*k].static_scene.is_none()
+        };
         Self {
             knobs: BASE.iter().filter(shown).filter_map(knob).collect(),
-            lamps: (0..setup.scenes.len()).filter(lit).collect(),
-            lamp: setup.lamp,
+            lamps: (0..setup.recordings.len()).filter(lit).collect(),
+            lamp: setup.lamp_uncertainty,
             camera,
             pinned: Pinned::default(),
             kept: None,
@@ -62,7 +71,7 @@ impl Model {
         let mut camera = self.camera.clone();
         for (knob, u) in self.knobs.iter().zip(u) {
             let effect = camera.effect(knob.effect.name).cloned().unwrap_or_else(|| knob.effect.neutral());
-            camera = camera.with(effect.with(knob.key, knob.value(*u))?);
+            camera = camera.with_effect(effect.with_value(knob.key, knob.value(*u))?);
         }
         let mut factors = vec![1.0; scenes];
         for (k, off) in self.lamps.iter().zip(lamps) {

@@ -12,10 +12,10 @@ pub(in crate::diagnose) fn published(setup: &Setup) -> Result<Camera> {
     let dark =
         camera.effect(dark_current::EFFECT.name).cloned().unwrap_or_else(|| dark_current::EFFECT.neutral());
     camera = camera
-        .with(dark.with("negative", 1.0)?)
-        .with(shot_noise::EFFECT.neutral().with("strength", 1.0)?)
-        .with(start_phase::EFFECT.neutral().with("share", 1.0)?)
-        .without(capacitor_mismatch::EFFECT.name);
+        .with_effect(dark.with_value("negative", 1.0)?)
+        .with_effect(shot_noise::EFFECT.neutral().with_value("strength", 1.0)?)
+        .with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?)
+        .without_effect(capacitor_mismatch::EFFECT.name);
     camera.name = "published".to_owned();
     Ok(camera)
 }

@@ -68,7 +68,7 @@ mod tests {
     fn only_the_same_camera_with_the_same_draws_is_remembered() {
         let camera = spikelane::presets::builtin("scsim-code").unwrap();
         let dead = camera.effect(spikelane::effects::dead_time::EFFECT.name).unwrap().clone();
-        let other = camera.clone().with(dead.with("lost_fraction", 0.0021).unwrap());
+        let other = camera.clone().with_effect(dead.with_value("lost_fraction", 0.0021).unwrap());
         let lost = |at: usize| Arc::new(Located(vec![[Some(vec![at]), None]]));
         let pinned =
             |at: usize| Pinned::new(&lost(at), [&spikelane::effects::dropped_readouts::EFFECT].into_iter());

@@ -7,17 +7,17 @@ use super::key::hash;
 use super::sample::Sample;
 use super::still;
 use crate::diagnose::events::places::put_in;
-use crate::diagnose::protocol::recorded::Scene;
+use crate::diagnose::protocol::recorded::RecordedScene;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::{Scan, scan};
 use crate::diagnose::statistics::all::vector;
-use crate::diagnose::statistics::entry::Statistic;
+use crate::diagnose::statistics::entry::DiagnosticStatistic;
 use crate::diagnose::statistics::entry::Vector;
-use crate::{Light, Pattern};
+use crate::{Stimulus, StimulusPattern};
 use spikelane::effects::{Camera, Model};
 use spikelane::error::Result;
 use spikelane::pixel::Op;
-use spikelane::spikes::{Geometry, Packed};
+use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs;
 use spikelane::unstable::plan::Plan;
@@ -25,12 +25,16 @@ use spikelane::unstable::threads;
 use spikelane_io::simulate::{FrameRef, Simulator};
 
 /// The entries of the vector.
-pub(in crate::diagnose) fn statistics(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<Statistic>> {
+pub(in crate::diagnose) fn statistics(
+    setup: &Setup,
+    sample: &Sample,
+    seed: u64,
+) -> Result<Vec<DiagnosticStatistic>> {
     Ok(statistics_of(setup, sample, seed)?.statistics)
 }
 
 fn statistics_of(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vector> {
-    if setup.maps {
+    if setup.has_rate_maps {
         return still::maps(setup, sample, seed);
     }
     Ok(vector(setup, &scans(setup, sample, seed)?))
@@ -38,14 +42,14 @@ fn statistics_of(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vector> {
 
 /// Scans of the set as `sample` would give it.
 pub(in crate::diagnose) fn scans(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<Scan>> {
-    let scenes = 0..setup.scenes.len();
+    let scenes = 0..setup.recordings.len();
     if setup.only_still() {
         return threads::try_map(scenes, |k| scan_of_recording(setup, sample, k, seed));
     }
     let model = model_of(setup, sample, seed)?;
-    let scene = |k: usize| match setup.scenes[k].still {
+    let scene = |k: usize| match setup.recordings[k].static_scene {
         Some(_) => scan_of_recording(setup, sample, k, seed),
-        None => scan_of(setup.geometry, &bits_of(setup, &model, sample, k, seed)?, &setup.scenes[k]),
+        None => scan_of(setup.geometry, &bits_of(setup, &model, sample, k, seed)?, &setup.recordings[k]),
     };
     threads::try_map(scenes, scene)
 }
@@ -75,8 +79,8 @@ pub(in crate::diagnose) fn scan_of_recording(
     k: usize,
     seed: u64,
 ) -> Result<Scan> {
-    let scene = &setup.scenes[k];
-    if let Some(still) = &scene.still {
+    let scene = &setup.recordings[k];
+    if let Some(still) = &scene.static_scene {
         return still::recording(still, sized(setup, &sample.camera), seeds(seed, k), scene);
     }
     scan_of(setup.geometry, &bits(setup, sample, k, seed)?, scene)
@@ -101,34 +105,34 @@ pub(in crate::diagnose) fn bits(setup: &Setup, sample: &Sample, k: usize, seed: 
 }
 
 fn bits_of(setup: &Setup, model: &Model, sample: &Sample, k: usize, seed: u64) -> Result<Vec<u8>> {
-    let scene = &setup.scenes[k];
+    let scene = &setup.recordings[k];
     let lamp = sample.lamps[k];
     let mut model = in_any_phase(model, seed, k);
     let events = sample.pinned.places(k);
     if model.ops.iter().any(|op| replaced(op, &events)) {
         model.to_mut().ops.retain(|op| !replaced(op, &events));
     }
-    let plan = Plan::of_model(&model, seeds(seed, k), (scene.greatest() * lamp).max(0.01))?;
-    let mut simulator = Simulator::of_plan(plan);
+    let plan = Plan::from_model(&model, seeds(seed, k), (scene.greatest() * lamp).max(0.01))?;
+    let mut simulator = Simulator::from_plan(plan);
     let (bytes, width) = (setup.geometry.frame_bytes(), setup.geometry.width());
-    let total = scene.skip + scene.readouts + events[0].map_or(0, <[usize]>::len);
-    let mut out = inputs::zeroed("simulated readouts", total * bytes)?;
+    let total = scene.first_readout + scene.readouts + events[0].map_or(0, <[usize]>::len);
+    let mut out = inputs::zeroed_vec("simulated readouts", total * bytes)?;
     let hold = match scene.light {
-        Light::Scene(Pattern::Square { half_period, .. }) => half_period as usize,
+        Stimulus::Scene(StimulusPattern::Square { half_period, .. }) => half_period as usize,
         _ => total,
     };
     let (mut filled, mut at) = (0, 0);
     while filled < total {
         // A camera that drops readouts does not stop the light: edges then come early in the file.
         let now = (hold - at % hold).min(total - filled);
-        let level = |p: usize| scene.light.at(p / width, p % width, at as u64).unwrap_or(0.0);
+        let level = |p: usize| scene.light.level_at(p / width, p % width, at as u64).unwrap_or(0.0);
         let samples: Vec<f32> = (0..setup.geometry.pixels()).map(|p| (lamp * level(p)) as f32).collect();
-        let frame = FrameRef::f32(&samples, setup.geometry);
-        filled += simulator.expose(frame, now, &mut out[filled * bytes..])?;
+        let frame = FrameRef::new(&samples);
+        filled += simulator.advance(frame, now, &mut out[filled * bytes..])?;
         at += now;
     }
-    put_in(&mut out, bytes, &events, scene.skip);
-    out.drain(..scene.skip * bytes);
+    put_in(&mut out, bytes, &events, scene.first_readout);
+    out.drain(..scene.first_readout * bytes);
     Ok(out)
 }
 
@@ -154,6 +158,6 @@ fn seeds(seed: u64, k: usize) -> Seeds {
     Seeds { camera: seed, shot: seed ^ 0x5EED, sequence: k as u64 }
 }
 
-fn scan_of(geometry: Geometry, bytes: &[u8], scene: &Scene) -> Result<Scan> {
-    scan(Packed::new(geometry, bytes)?, scene.look())
+fn scan_of(geometry: Geometry, bytes: &[u8], scene: &RecordedScene) -> Result<Scan> {
+    scan(SpikeFramesRef::new(geometry, bytes)?, scene.look())
 }

@@ -1,44 +1,45 @@
 //! What a camera records of a static scene, and its maps of rates.
 
 use super::sample::Sample;
-use crate::diagnose::protocol::recorded::Scene;
+use crate::diagnose::protocol::recorded::RecordedScene;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::protocol::still::Still;
+use crate::diagnose::protocol::still::StaticScene;
 use crate::diagnose::recording::scan::{Look, Scan, scan};
 use crate::diagnose::statistics::entry::Vector;
 use crate::diagnose::statistics::rate_maps;
 use spikelane::effects::{Camera, start_phase};
 use spikelane::error::Result;
-use spikelane::spikes::Packed;
+use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs;
 use spikelane::unstable::plan::Plan;
-use spikelane_io::simulate::{FrameRef, Simulator};
+use spikelane_io::simulate::Simulator;
 
 /// Readouts before the recording, in which models that start in step lose it.
 const LEAD: usize = 200;
 
 /// A camera in front of the scene's surface: the measured rates without what pixels side by side differ by.
 pub(in crate::diagnose) fn recording(
-    still: &Still,
+    still: &StaticScene,
     camera: Camera,
     seeds: Seeds,
-    scene: &Scene,
+    scene: &RecordedScene,
 ) -> Result<Scan> {
     let geometry = camera.sensor.geometry;
     // Nobody knows where in their cycle the pixels were when the recording began.
-    let camera = camera.with(start_phase::EFFECT.neutral().with("share", 1.0)?);
+    let camera = camera.with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
     let light = |rate: &f64| {
-        let light = camera.operating(*rate).light;
+        let light = camera.operating_point(*rate).light;
         if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
     };
     let samples: Vec<f32> = still.surface.iter().map(light).collect();
-    let mut simulator = Simulator::of_plan(Plan::with_light(&camera, seeds, 1.0)?);
-    let mut bits = inputs::zeroed("simulated readouts", LEAD * geometry.frame_bytes())?;
-    simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
+    let mut simulator = Simulator::from_plan(Plan::with_max_light(&camera, seeds, 1.0)?);
+    let mut bits = inputs::zeroed_vec("simulated readouts", LEAD * geometry.frame_bytes())?;
+    simulator.fill(&samples, &mut bits)?;
     bits.resize(scene.readouts * geometry.frame_bytes(), 0);
-    simulator.push(FrameRef::f32(&samples, geometry), &mut bits)?;
-    let mut found = scan(Packed::new(geometry, &bits)?, Look { dim: scene.dim(), ..Look::default() })?;
+    simulator.fill(&samples, &mut bits)?;
+    let mut found =
+        scan(SpikeFramesRef::new(geometry, &bits)?, Look { dim: scene.dim(), ..Look::default() })?;
     still.keep(&mut found);
     Ok(found)
 }

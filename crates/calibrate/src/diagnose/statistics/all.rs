@@ -19,15 +19,15 @@ pub(in crate::diagnose) fn vector(setup: &Setup, scans: &[Scan]) -> Vector {
     let fitted = lines(setup, scans);
     let fitted = fitted.as_ref().map(|lines| (lines, Map::new(&lines.gain), Map::new(&lines.dark)));
     for (k, scan) in scans.iter().enumerate() {
-        let scene = &setup.scenes[k];
-        if scene.constant() {
+        let scene = &setup.recordings[k];
+        if scene.is_constant() {
             intervals(&mut v, k, scan, scene.dim());
             // Parts of a wave hold more or less light by where its steps fall.
             stability(&mut v, k, scan);
         }
-        if scene.still.is_some() {
+        if scene.static_scene.is_some() {
             v.push(k, "pixels side by side, spread of rates", ln(scan.contrast), 5e-3);
-            // Totals and neighbours belong to the scene as well.
+            // Totals and neighbors belong to the scene as well.
             continue;
         }
         readouts::frames(&mut v, k, scan, scene);

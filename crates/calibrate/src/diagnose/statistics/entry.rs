@@ -1,19 +1,19 @@
 //! The vector of statistics and its entries.
 
-/// One entry of the vector.
+/// One entry of the vector of statistics.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Statistic {
-    /// The recording, by its place in the set; `None` for statistics of the fitted maps.
+pub struct DiagnosticStatistic {
+    /// Index of the recording in the set; `None` for statistics of the fitted maps.
     pub recording: Option<usize>,
-    /// What is measured.
+    /// Name of the statistic.
     pub name: &'static str,
-    /// Deviations below this are too small to matter, whatever their noise.
+    /// Smallest deviation that matters, whatever the noise.
     pub floor: f64,
 }
 
 /// Collects entries.
 pub(in crate::diagnose) struct Vector {
-    pub statistics: Vec<Statistic>,
+    pub statistics: Vec<DiagnosticStatistic>,
     pub values: Vec<f64>,
 }
 
@@ -25,7 +25,7 @@ impl Vector {
         value: f64,
         floor: f64,
     ) {
-        self.statistics.push(Statistic { recording: recording.into(), name, floor });
+        self.statistics.push(DiagnosticStatistic { recording: recording.into(), name, floor });
         self.values.push(if value.is_finite() { value } else { 0.0 });
     }
 

@@ -31,7 +31,7 @@ fn scale(light: f64) -> f64 {
 /// `None` without two levels.
 pub(in crate::diagnose) fn lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
     let levels: Vec<(usize, f64)> =
-        setup.scenes.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?))).collect();
+        setup.recordings.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?))).collect();
     if levels.len() < 2 {
         return None;
     }

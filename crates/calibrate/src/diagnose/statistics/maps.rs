@@ -34,12 +34,12 @@ macro_rules! names {
             concat!("row means, ", $map),
             concat!("largest column mean, ", $map),
             concat!("largest row mean, ", $map),
-            concat!("neighbours beside alike, ", $map),
-            concat!("neighbours below alike, ", $map),
-            concat!("neighbours on a diagonal alike, ", $map),
-            concat!("neighbours on the other diagonal alike, ", $map),
+            concat!("neighbors beside alike, ", $map),
+            concat!("neighbors below alike, ", $map),
+            concat!("neighbors on a diagonal alike, ", $map),
+            concat!("neighbors on the other diagonal alike, ", $map),
             concat!("pixels four apart alike, ", $map),
-            concat!("centre to corner, ", $map),
+            concat!("center to corner, ", $map),
             concat!("left to right, ", $map),
             concat!("top to bottom, ", $map),
             concat!("first column, ", $map),
@@ -65,8 +65,8 @@ pub(in crate::diagnose) struct Map<'a> {
 impl<'a> Map<'a> {
     pub(crate) fn new(values: &'a [f64]) -> Self {
         let spread = Spread::of(values);
-        let (centre, scale) = (spread.median(), spread.sd());
-        let z = values.iter().map(|x| ((x - centre) / scale).clamp(-FAR, FAR)).collect();
+        let (center, scale) = (spread.median(), spread.sd());
+        let z = values.iter().map(|x| ((x - center) / scale).clamp(-FAR, FAR)).collect();
         Self { values, spread, z }
     }
 
@@ -150,7 +150,7 @@ fn map(v: &mut Vector, names: &Names, map: &Map<'_>, width: usize) {
 /// Numbers that [`level`] fits.
 const CURVE: usize = 3;
 
-/// What a parabola leaves of the means of lines. Light that falls off towards the corners is one, and at 0.3 it moves row means as much
+/// What a parabola leaves of the means of lines. Light that falls off toward the corners is one, and at 0.3 it moves row means as much
 /// as a row pattern of 0.045. The borders have statistics of their own.
 fn level(lines: &[f64]) -> Vec<f64> {
     let inner = &lines[1..lines.len() - 1];
@@ -237,7 +237,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_fall_off_towards_the_corners_is_no_pattern_of_lines() {
+    fn a_fall_off_toward_the_corners_is_no_pattern_of_lines() {
         let fall: Vec<f64> = (0..48).map(|i| 1.0 + 0.02 * f64::from(i) - 0.01 * f64::from(i * i)).collect();
         // Values of some 20 and 48 steps: rounding is below 48 x 20 x 2.2e-16.
         assert!(largest(&level(&fall)) < 1e-12);

@@ -8,7 +8,7 @@ use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::bits::PixelBits;
 use crate::diagnose::recording::scan::{Scan, scan_turned};
 use spikelane::error::Result;
-use spikelane::spikes::Packed;
+use spikelane::spikes::SpikeFramesRef;
 
 /// A measured set: its vector of statistics and the scans that it comes from.
 #[derive(Clone, Debug)]
@@ -20,17 +20,17 @@ pub(in crate::diagnose) struct Measured {
 
 /// Reads and measures the recordings of `set`.
 pub(in crate::diagnose) fn measure(setup: &Setup, set: &RecordingSet) -> Result<Measured> {
-    if setup.maps {
+    if setup.has_rate_maps {
         let values = rate_maps::measured(setup, set)?;
         return Ok(Measured { scans: Vec::new(), values, located: Located::default() });
     }
     let (mut scans, mut located) = (Vec::new(), Vec::new());
-    for (scene, recording) in setup.scenes.iter().zip(&set.recordings) {
+    for (scene, recording) in setup.recordings.iter().zip(&set.recordings) {
         let bytes = setup.part(set, recording, scene)?;
-        let frames = Packed::new(setup.geometry, &bytes)?;
+        let frames = SpikeFramesRef::new(setup.geometry, &bytes)?;
         let bits = PixelBits::new(frames)?;
         let mut found = scan_turned(frames, &bits, scene.look());
-        if let Some(still) = &scene.still {
+        if let Some(still) = &scene.static_scene {
             still.keep(&mut found);
         }
         located.push(places(frames, &bits, &found, scene));

@@ -3,14 +3,14 @@
 use super::entry::Vector;
 use super::maps::{self, Map};
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::{RecordingSet, observe};
-use spikelane::error::{Error, Kind, Result};
+use crate::{RecordingSet, measure_levels};
+use spikelane::error::{Error, ErrorKind, Result};
 
 /// Statistics of measured rate maps: the darkest and the brightest of them.
 pub(in crate::diagnose) fn measured(setup: &Setup, set: &RecordingSet) -> Result<Vec<f64>> {
-    let observed = observe(set, &mut |_, _| {})?;
+    let observed = measure_levels(set, &mut |_, _| {})?;
     let (Some(dark), Some(bright)) = (observed.levels.first(), observed.levels.last()) else {
-        return Err(Error::new(Kind::Input, "rate maps")
+        return Err(Error::new(ErrorKind::Input, "rate maps")
             .found("none")
             .expected("one in the dark and one lit"));
     };

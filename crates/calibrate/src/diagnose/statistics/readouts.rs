@@ -3,9 +3,9 @@
 use super::entry::Vector;
 use super::entry::ln;
 use super::transforms::transforms;
-use crate::diagnose::protocol::recorded::Scene;
+use crate::diagnose::protocol::recorded::RecordedScene;
 use crate::diagnose::recording::scan::Scan;
-use spikelane::unstable::kernels::counting;
+use spikelane::unstable::kernels::dispatch;
 use spikelane_measure::squared_magnitudes;
 
 /// Highest frequency at which lines are looked for, in cycles per readout: bright pixels' own
@@ -15,14 +15,14 @@ const HIGHEST_LINE: f64 = 0.13;
 /// Light from which on pixels' own rates stay above [`HIGHEST_LINE`].
 const LINES_FROM: f64 = 0.2;
 
-pub(in crate::diagnose) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
+pub(in crate::diagnose) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: &RecordedScene) {
     let n = scan.pixels.len() as f64;
     let t = scan.totals.len();
     let mean = |range: std::ops::Range<usize>| {
         let part = &scan.totals[range];
         part.iter().map(|c| f64::from(*c)).sum::<f64>() / part.len().max(1) as f64
     };
-    if scene.constant() {
+    if scene.is_constant() {
         let rest = mean(t / 16..t);
         v.push(k, "first readouts over the rest", ln(mean(0..t / 64)) - ln(rest), 1e-4);
         v.push(k, "start over the rest", ln(mean(t / 64..t / 16)) - ln(rest), 1e-4);
@@ -35,13 +35,13 @@ pub(in crate::diagnose) fn frames(v: &mut Vector, k: usize, scan: &Scan, scene: 
         v.push(k, "halves of a row together", scan.row_halves, 5e-5);
     }
     const NAMES: [&str; 4] = [
-        "neighbours beside, same readout",
-        "neighbours below, same readout",
-        "neighbours beside, next readout",
-        "neighbours below, next readout",
+        "neighbors beside, same readout",
+        "neighbors below, same readout",
+        "neighbors beside, next readout",
+        "neighbors below, next readout",
     ];
-    // In a wave neighbours fire together because the light does, by how much of it is bright.
-    for (name, value) in NAMES.into_iter().zip(scan.neighbours).filter(|_| scene.constant()) {
+    // In a wave neighbors fire together because the light does, by how much of it is bright.
+    for (name, value) in NAMES.into_iter().zip(scan.neighbors).filter(|_| scene.is_constant()) {
         v.push(k, name, value, 5e-5);
     }
     let mean_changes =
@@ -143,7 +143,7 @@ const REACH: usize = 40;
 pub(in crate::diagnose) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
     let end = ((HIGHEST_LINE * readouts as f64) as usize).min(power.len());
     let mut best = (0.0, 1.0);
-    let sums = counting(
+    let sums = dispatch(
         #[inline(always)]
         || around(power, end),
     );
@@ -171,7 +171,7 @@ fn around(power: &[f64], end: usize) -> Vec<f64> {
     sums
 }
 
-/// Adds one neighbour of all frequencies from `first` on: all neighbours of one frequency would wait for each other's addition.
+/// Adds one neighbor of all frequencies from `first` on: all neighbors of one frequency would wait for each other's addition.
 #[inline(always)]
 fn add(sums: &mut [f64], power: &[f64], first: usize, others: &[f64]) {
     let sums = sums.get_mut(first..).unwrap_or(&mut []);

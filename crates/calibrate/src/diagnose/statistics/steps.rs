@@ -5,16 +5,16 @@ use super::entry::ln;
 use super::lines::Lines;
 use super::maps::Map;
 use super::quantiles::Spread;
-use crate::diagnose::protocol::recorded::Scene;
+use crate::diagnose::protocol::recorded::RecordedScene;
 use crate::diagnose::recording::scan::{Scan, dark_windows};
 use crate::diagnose::recording::stretches::STEADY;
 use crate::diagnose::recording::stretches::Stretch;
-use crate::{Light, Pattern};
+use crate::{Stimulus, StimulusPattern};
 
 /// Windows after an edge, in readouts.
 const WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
 
-pub(in crate::diagnose) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene) {
+pub(in crate::diagnose) fn steps(v: &mut Vector, k: usize, scan: &Scan, scene: &RecordedScene) {
     if scene.half_period().is_none() {
         return;
     }
@@ -52,11 +52,11 @@ pub(in crate::diagnose) fn after_falls(
     v: &mut Vector,
     k: usize,
     scan: &Scan,
-    scene: &Scene,
+    scene: &RecordedScene,
     lines: &Lines,
     [gain, dark]: [&Map<'_>; 2],
 ) {
-    let Light::Scene(Pattern::Square { low, .. }) = scene.light else { return };
+    let Stimulus::Scene(StimulusPattern::Square { low, .. }) = scene.light else { return };
     if scene.half_period().is_none() {
         return;
     }
@@ -72,8 +72,14 @@ pub(in crate::diagnose) fn after_falls(
 }
 
 /// Pixels at the border of a square and inside of it, against what their lines promise.
-pub(in crate::diagnose) fn checkerboard(v: &mut Vector, k: usize, scan: &Scan, scene: &Scene, lines: &Lines) {
-    let Light::Scene(Pattern::Checkerboard { high, low, cell }) = scene.light else { return };
+pub(in crate::diagnose) fn checkerboard(
+    v: &mut Vector,
+    k: usize,
+    scan: &Scan,
+    scene: &RecordedScene,
+    lines: &Lines,
+) {
+    let Stimulus::Scene(StimulusPattern::Checkerboard { high, low, cell }) = scene.light else { return };
     let (width, height) = (scan.geometry.width(), scan.geometry.height());
     let cell = cell.max(1) as usize;
     let bright = |row: usize, col: usize| (row / cell + col / cell).is_multiple_of(2);

@@ -1,84 +1,101 @@
-//! What `evaluate` is asked.
+//! Flags of `evaluate`.
 
 use std::path::{Path, PathBuf};
 
-use crate::shared::stream::StreamArgs;
-use spikelane::{Error, Kind, Result};
-use spikelane_io::formats::Reader;
+use crate::common::stream::StreamArgs;
+use spikelane::{Error, ErrorKind, Result};
+use spikelane_io::formats::StreamReader;
 use spikelane_io::light::Transfer;
 use spikelane_io::simulate::Sidecar;
 
-use super::picture::Wanted;
-use super::truth::{Curve, Truth};
+use super::picture::ReconstructionArgs;
+use super::reference::{ReferenceCurve, ReferenceImage};
 
-/// Say how good the pictures are that a stream gives
+/// Score the images reconstructed from a stream
 ///
-/// TFP, span and TFI pictures of a stream: two estimates of their noise that need no original (patches:
-/// Chen et al. 2015, smallest eigenvalues; differences: Immerkaer 1996) and the signal-to-noise ratio,
-/// 20 log10 of mean over patch noise. With --clear, or for a dataset, also PSNR and SSIM against the
-/// clear image, both as codes of the image's transfer function, cut to 0 to 1, peak 1; and a second table,
-/// in linear light after the line of least squares: PSNR, the share of the detail that is there (1 is sharp),
-/// noise besides, pixels that stand out, with a blurred TFP as what is no improvement. --still gives that table
-/// without a clear image. FILE is a stream, or the folder of a dataset. Of a stream one moment is looked at, or with --every, or
-/// a folder of clear images, many, of which the tables have the means.
+/// FILE is a stream or the folder of a dataset. The command scores TFP, span and TFI pictures at one readout. With
+/// --every, or with a folder of reference images, it scores many readouts and prints means.
+///
+/// The first table has two estimates of the noise that need no reference (patches: Chen et al. 2015, smallest
+/// eigenvalues; differences: Immerkaer 1996), and the signal-to-noise ratio, 20 log10 of mean over patch noise. With
+/// --reference, or for a dataset, it also has PSNR and SSIM. Both use codes of the reference's transfer function,
+/// clipped to 0 to 1, with peak 1.
+///
+/// The second table requires a reference or --static-scene. It compares linear light after a least-squares line:
+/// PSNR, the share of the detail that is present (1 is sharp), noise, and the number of outlier pixels. A blurred TFP
+/// shows the scores of a picture that only looks better.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Stream file, or folder of a dataset
+    /// Score this stream file, or the dataset in this folder
     pub(super) file: PathBuf,
     #[command(flatten)]
     pub(super) stream: StreamArgs,
-    /// The clear image of the moment, or a folder of images that are named by their readouts; with --every one for all moments
+    /// Compare with this image or folder
+    ///
+    /// Images of a folder are named by their readouts. With --every, one image applies to all readouts.
     #[arg(long, value_name = "IMAGE")]
-    pub(super) clear: Option<PathBuf>,
-    /// How the clear image's codes stand for light: linear, srgb, or an exponent such as 2.2
-    /// [default: what the sidecar or the dataset says of the image, else srgb, linear for EXR]
-    #[arg(long, value_name = "FUNCTION")]
-    pub(super) clear_transfer: Option<Transfer>,
-    /// The scene stands still: the readouts before and behind those of a picture say what it should be, where nothing changes
-    #[arg(long, conflicts_with = "clear")]
-    pub(super) still: bool,
-    /// Readout to look at [default: the middle]
+    pub(super) reference: Option<PathBuf>,
+    /// Set the transfer of the reference: linear, srgb or an exponent
+    ///
+    /// Default: from the sidecar or the dataset, else srgb, and linear for EXR.
+    #[arg(hide_short_help = true, long, value_name = "TRANSFER")]
+    pub(super) reference_transfer: Option<Transfer>,
+    /// Compare with other readouts of a static scene
+    ///
+    /// Readouts before and after replace a reference image where nothing changes.
+    #[arg(long, conflicts_with = "reference")]
+    pub(super) static_scene: bool,
+    /// Score at this readout [default: the middle]
     #[arg(long, value_name = "READOUT")]
     pub(super) at: Option<usize>,
-    /// Look at every so many readouts
+    /// Score at every N-th readout
     #[arg(long, value_name = "READOUTS", conflicts_with = "at", value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) every: Option<u32>,
     #[command(flatten)]
-    pub(super) wanted: Wanted,
-    /// Rate of light 1.0, which the clear image shows white [default: from the sidecar or the dataset]
-    #[arg(long, value_name = "RATE")]
-    pub(super) full: Option<f32>,
-    /// Read files of a dataset through links that leave its folder; without it they are refused
-    #[arg(long)]
+    pub(super) reconstruction: ReconstructionArgs,
+    /// Set the rate of light 1.0 [default: from the sidecar]
+    ///
+    /// The reference image shows it as white. The unit is spikes per readout.
+    #[arg(hide_short_help = true, long, value_name = "RATE")]
+    pub(super) full_scale_rate: Option<f32>,
+    /// Follow links that leave the folder
+    ///
+    /// Otherwise such links are an error.
+    #[arg(hide_short_help = true, long)]
     pub(super) follow_links: bool,
 }
 
 impl Args {
-    /// A clear image of a moment of `stream`.
-    pub(super) fn truth(&self, stream: &Path, clear: &Path, reader: &Reader) -> Result<Truth> {
-        let (curve, full) = self.curve(stream, clear)?;
-        Truth::read(clear, reader.geometry(), full, curve)
+    /// Reads the reference image `clear` for a readout of `stream`.
+    pub(super) fn read_reference(
+        &self,
+        stream: &Path,
+        clear: &Path,
+        reader: &StreamReader,
+    ) -> Result<ReferenceImage> {
+        let (curve, full) = self.reference_curve(stream, clear)?;
+        ReferenceImage::read(clear, reader.geometry(), full, curve)
     }
 
-    /// What the codes of a clear image stand for, and the rate of its white.
-    pub(super) fn curve(&self, stream: &Path, clear: &Path) -> Result<(Curve, f32)> {
-        let curve = Curve::found(stream, clear)?.or_given(self.clear_transfer);
-        let full = match self.full.or(curve.full) {
+    /// Returns the transfer function of a reference image, and the rate that corresponds to its white.
+    pub(super) fn reference_curve(&self, stream: &Path, clear: &Path) -> Result<(ReferenceCurve, f32)> {
+        let curve = ReferenceCurve::from_files(stream, clear)?.with_transfer(self.reference_transfer);
+        let full = match self.full_scale_rate.or(curve.full_scale_rate) {
             Some(full) => full,
-            None => camera_full(stream)?,
+            None => camera_full_scale_rate(stream)?,
         };
         Ok((curve, full))
     }
 }
 
-/// The rate of full-scale light of the camera in the sidecar.
-fn camera_full(file: &Path) -> Result<f32> {
-    let camera = Sidecar::beside(file)?.and_then(|(_, s)| s.camera);
+/// Returns the rate of full-scale light for the camera that the sidecar describes.
+fn camera_full_scale_rate(file: &Path) -> Result<f32> {
+    let camera = Sidecar::read_beside(file)?.and_then(|(_, s)| s.camera);
     let wrong = |found: String| {
-        Error::new(Kind::Usage, file.display())
+        Error::new(ErrorKind::Usage, file.display())
             .found(found)
-            .expected("the rate that the clear image's white has")
-            .remedy("give --full RATE")
+            .expected("the rate of white in the reference image")
+            .remedy("set --full-scale-rate")
     };
     let Some(camera) = camera else { return Err(wrong("no sidecar that names the camera".into())) };
     let thresholds = camera.sensor.thresholds_at_full_scale;

@@ -1,35 +1,37 @@
-//! The pictures of a moment, and what is said of them.
+//! The pictures of a readout and the scores of these pictures.
 
 use std::ops::Range;
 
-use crate::shared::picture::around;
+use crate::common::images::frames_around;
 use clap::ValueEnum;
 use serde_json::{Value, json};
-use spikelane::reconstruct::{Tfi, blurred, span, tfi_at, tfp};
-use spikelane::spikes::Packed;
+use spikelane::reconstruct::{Tfi, gaussian_blur, span_rates, tfi_with_open_pixels, tfp};
+use spikelane::spikes::SpikeFramesRef;
 use spikelane::{Geometry, Result};
-use spikelane_io::formats::Reader;
+use spikelane_io::formats::StreamReader;
 
-use super::marks::{DETAIL, HEADER, Marks};
-use super::still::Still;
-use super::truth::Truth;
+use super::reference::ReferenceImage;
+use super::scores::{DETAIL_HEADER, HEADER, Scores};
+use super::static_scene::StaticScene;
 
-/// Readouts on either side that TFI searches.
-const SEARCH: usize = 300;
+/// Number of readouts before and after the center in which TFI searches spikes.
+const TFI_SEARCH_READOUTS: usize = 300;
 
-/// Readouts on either side that are taken for those of a TFI picture: intervals are rarely longer.
-pub(super) const INTERVAL: usize = 20;
+/// A TFI picture counts as computed from this many readouts before and after the center. Longer intervals are rare.
+pub(super) const TFI_INTERVAL_READOUTS: usize = 20;
 
-/// Deviation of the Gaussian, in pixels, of the picture that only looks better.
-const BLUR: f64 = 1.0;
+/// Standard deviation in pixels of the Gaussian blur. Blur makes a picture look less noisy but removes detail.
+const BLUR_SIGMA_PX: f64 = 1.0;
 
-/// The pictures that are asked for.
+/// Flags that select the pictures.
 #[derive(clap::Args, Debug)]
-pub(super) struct Wanted {
-    /// Kinds of pictures; may be repeated [default: all]
-    #[arg(long, value_enum, value_name = "METHOD", default_values_t = Method::ALL, hide_default_value = true)]
+pub(super) struct ReconstructionArgs {
+    /// Score tfp, span or tfi (repeatable) [default: all]
+    #[arg(long, value_enum, value_name = "METHOD", hide_possible_values = true, default_values_t = Method::ALL, hide_default_value = true)]
     pub method: Vec<Method>,
-    /// Readouts in the window of TFP and span; may be repeated
+    /// Set the window (repeatable)
+    ///
+    /// It applies to TFP and span.
     #[arg(long, value_name = "READOUTS", default_values_t = [33, 129],
           value_parser = clap::value_parser!(u32).range(1..))]
     pub window: Vec<u32>,
@@ -46,19 +48,19 @@ impl Method {
     const ALL: [Self; 3] = [Self::Tfp, Self::Span, Self::Tfi];
 }
 
-/// A picture of a stream, or why there is none.
-pub(super) struct Picture {
+/// A picture of a stream and its scores, or the reason why it has no scores.
+pub(super) struct EvaluatedPicture {
     pub name: String,
-    pub marks: Result<Marks, String>,
-    /// What the reader should know of it.
+    pub scores: Result<Scores, String>,
+    /// A note for the user.
     pub note: Option<String>,
 }
 
-impl Picture {
+impl EvaluatedPicture {
     pub(super) fn json(&self) -> Value {
-        let mut all = json!({ "picture": self.name, "measurable": self.marks.is_ok() });
-        match &self.marks {
-            Ok(marks) => all["marks"] = marks.json(),
+        let mut all = json!({ "method": self.name, "is_measurable": self.scores.is_ok() });
+        match &self.scores {
+            Ok(marks) => all["scores"] = marks.json(),
             Err(reason) => all["reason"] = json!(reason),
         }
         if let Some(note) = &self.note {
@@ -68,157 +70,165 @@ impl Picture {
     }
 
     pub(super) fn text(&self) -> String {
-        match &self.marks {
-            Ok(marks) => marks.row(&self.name),
-            Err(reason) => format!("{:<14} not measurable here: {reason}\n", self.name),
+        match &self.scores {
+            Ok(marks) => marks.table_row(&self.name),
+            Err(reason) => format!("{:<14} not measurable: {reason}\n", self.name),
         }
     }
 
-    /// The row of the second table, where there is something to compare with.
+    /// Returns the row of the picture in the second table, or `None` without a reference.
     pub(super) fn detail(&self) -> Option<String> {
-        self.marks.as_ref().ok()?.detail_row(&self.name)
+        self.scores.as_ref().ok()?.detail_row(&self.name)
     }
 }
 
-/// What pictures are compared with.
+/// The reference with which a picture is compared.
 #[derive(Clone, Copy)]
-pub(super) enum Beside<'a> {
-    Nothing,
-    Clear(&'a Truth),
-    Others(&'a Still),
+pub(super) enum Comparison<'a> {
+    None,
+    Image(&'a ReferenceImage),
+    StaticScene(&'a StaticScene),
 }
 
-impl Beside<'_> {
-    /// The truth of a picture made of the readouts `own`.
-    fn marks(self, rates: &[f32], geometry: Geometry, own: Range<usize>) -> Result<Marks> {
+impl Comparison<'_> {
+    /// Scores a picture that was reconstructed from the readouts in `own`.
+    fn score(self, rates: &[f32], geometry: Geometry, own: Range<usize>) -> Result<Scores> {
         match self {
-            Self::Nothing => Marks::of(rates, geometry, None, None),
-            Self::Clear(truth) => Marks::of(rates, geometry, Some(truth), Some(&truth.reference())),
-            // A window that leaves too few readouts has its first table alone.
-            Self::Others(still) => Marks::of(rates, geometry, None, still.reference(own).ok().as_ref()),
+            Self::None => Scores::compute(rates, geometry, None, None),
+            Self::Image(truth) => Scores::compute(rates, geometry, Some(truth), Some(&truth.reference())),
+            // If too few readouts are outside the window, only the scores of the first table are computed.
+            Self::StaticScene(still) => {
+                Scores::compute(rates, geometry, None, still.reference(own).ok().as_ref())
+            }
         }
     }
 
-    fn is_something(self) -> bool {
-        !matches!(self, Self::Nothing)
+    fn has_reference(self) -> bool {
+        !matches!(self, Self::None)
     }
 }
 
-/// The pictures of `reader` around `at`.
-pub(super) fn pictures(
-    wanted: &Wanted,
-    reader: &Reader,
+/// Reconstructs the pictures of `reader` around readout `at` and returns them with their scores.
+pub(super) fn evaluate_pictures(
+    wanted: &ReconstructionArgs,
+    reader: &StreamReader,
     at: usize,
-    beside: Beside<'_>,
-) -> Result<Vec<Picture>> {
-    type Make = fn(Packed, usize, usize) -> Result<Vec<f32>>;
+    beside: Comparison<'_>,
+) -> Result<Vec<EvaluatedPicture>> {
+    type Make = fn(SpikeFramesRef, usize, usize) -> Result<Vec<f32>>;
     let asked = |method| wanted.method.contains(&method);
     let geometry = reader.geometry();
     let near = |half: usize| at.saturating_sub(half)..(at + half + 1).min(reader.readouts());
     let mut all = Vec::new();
-    let windowed = [(Method::Tfp, "tfp", tfp as Make), (Method::Span, "span", span as Make)];
+    let windowed = [(Method::Tfp, "tfp", tfp as Make), (Method::Span, "span", span_rates as Make)];
     for (_, kind, make) in windowed.into_iter().filter(|w| asked(w.0)) {
         for window in &wanted.window {
             let half = (*window / 2) as usize;
-            let (bytes, centre) = around(reader, at, half)?;
-            let packed = Packed::new(geometry, &bytes)?;
+            let (bytes, center) = frames_around(reader, at, half)?;
+            let packed = SpikeFramesRef::new(geometry, &bytes)?;
             let (wanted, there) = (2 * half + 1, packed.readouts());
-            let rates = make(packed, centre, half)?;
-            let note = (there < wanted).then(|| format!("the stream holds {there} of the {wanted} readouts"));
-            let marks = Ok(beside.marks(&rates, geometry, near(half))?);
-            all.push(Picture { name: format!("{kind} {wanted}"), marks, note });
-            if kind == "tfp" && beside.is_something() {
-                let rates = blurred(&rates, geometry, BLUR);
-                let marks = Ok(beside.marks(&rates, geometry, near(half))?);
-                all.push(Picture { name: format!("{kind} {wanted} blurred"), marks, note: None });
+            let rates = make(packed, center, half)?;
+            let note = (there < wanted).then(|| format!("the stream has {there} of the {wanted} readouts"));
+            let marks = Ok(beside.score(&rates, geometry, near(half))?);
+            all.push(EvaluatedPicture { name: format!("{kind} {wanted}"), scores: marks, note });
+            if kind == "tfp" && beside.has_reference() {
+                let rates = gaussian_blur(&rates, geometry, BLUR_SIGMA_PX);
+                let marks = Ok(beside.score(&rates, geometry, near(half))?);
+                all.push(EvaluatedPicture {
+                    name: format!("{kind} {wanted} blurred"),
+                    scores: marks,
+                    note: None,
+                });
             }
         }
     }
     if asked(Method::Tfi) {
-        let (bytes, centre) = around(reader, at, SEARCH)?;
-        let tfi = tfi_at(Packed::new(geometry, &bytes)?, centre, SEARCH)?;
-        let marks = match open(&tfi) {
+        let (bytes, center) = frames_around(reader, at, TFI_SEARCH_READOUTS)?;
+        let tfi = tfi_with_open_pixels(SpikeFramesRef::new(geometry, &bytes)?, center, TFI_SEARCH_READOUTS)?;
+        let marks = match unmeasurable_reason(&tfi) {
             Some(reason) => Err(reason),
-            None => Ok(beside.marks(&tfi.rates, geometry, near(INTERVAL))?),
+            None => Ok(beside.score(&tfi.rates, geometry, near(TFI_INTERVAL_READOUTS))?),
         };
-        all.push(Picture { name: "tfi".into(), marks, note: None });
+        all.push(EvaluatedPicture { name: "tfi".into(), scores: marks, note: None });
     }
-    if let Beside::Clear(truth) = beside {
-        // What the estimates take for noise in a picture that has none.
-        let marks = Marks::of(&truth.light, geometry, None, None)?;
-        all.push(Picture { name: "clear image".into(), marks: Ok(marks), note: None });
+    if let Comparison::Image(truth) = beside {
+        // These scores are the noise that the estimates find in an image without noise.
+        let marks = Scores::compute(&truth.light, geometry, None, None)?;
+        all.push(EvaluatedPicture { name: "clear image".into(), scores: Ok(marks), note: None });
     }
     Ok(all)
 }
 
-/// Why a TFI picture cannot be judged.
-fn open(tfi: &Tfi) -> Option<String> {
+/// Returns the reason why a TFI picture cannot be scored, or `None` if it can be scored.
+fn unmeasurable_reason(tfi: &Tfi) -> Option<String> {
     let (open, all) = (tfi.open_pixels, tfi.rates.len());
     (!tfi.is_measurable())
         .then(|| format!("the stream begins or ends within the interval of {open} of {all} pixels"))
 }
 
-/// The second table, if it has a row.
-pub(super) fn details(rows: impl Iterator<Item = Option<String>>) -> String {
+/// Returns the second table, or an empty text if the table has no rows.
+pub(super) fn detail_table(rows: impl Iterator<Item = Option<String>>) -> String {
     let rows: String = rows.flatten().collect();
-    if rows.is_empty() { rows } else { format!("{DETAIL}{rows}") }
+    if rows.is_empty() { rows } else { format!("{DETAIL_HEADER}{rows}") }
 }
 
-/// The mean over several pictures of one kind.
-pub(super) struct Mean {
+/// The mean scores of several pictures of the same kind.
+pub(super) struct MeanScores {
     name: String,
-    /// How many there are, and in how many there is something to judge.
-    of: usize,
-    measured: usize,
-    average: Option<Marks>,
+    /// Number of pictures. `measured_count` is the number of pictures that have scores.
+    picture_count: usize,
+    measured_count: usize,
+    average: Option<Scores>,
 }
 
-impl Mean {
-    fn new(all: &[&Picture]) -> Self {
-        let marks: Vec<Marks> = all.iter().filter_map(|p| p.marks.as_ref().ok().copied()).collect();
-        let average = (!marks.is_empty()).then(|| Marks::average(&marks));
-        Self { name: all[0].name.clone(), of: all.len(), measured: marks.len(), average }
+impl MeanScores {
+    fn new(all: &[&EvaluatedPicture]) -> Self {
+        let marks: Vec<Scores> = all.iter().filter_map(|p| p.scores.as_ref().ok().copied()).collect();
+        let average = (!marks.is_empty()).then(|| Scores::average(&marks));
+        Self { name: all[0].name.clone(), picture_count: all.len(), measured_count: marks.len(), average }
     }
 
     fn label(&self) -> String {
-        if self.measured == self.of {
+        if self.measured_count == self.picture_count {
             return self.name.clone();
         }
-        format!("{} ({} of {})", self.name, self.measured, self.of)
+        format!("{} ({} of {})", self.name, self.measured_count, self.picture_count)
     }
 
     fn text(&self) -> String {
-        let reason = "not measurable in any of them: their streams end too near the readout";
+        let reason = "not measurable in any of them: the streams end too near the readout";
         match &self.average {
-            Some(average) => average.row(&self.label()),
+            Some(average) => average.table_row(&self.label()),
             None => format!("{:<14} {reason}\n", self.name),
         }
     }
 
-    /// Whether the second table has a row of it.
+    /// Whether the second table has a row for this kind of picture.
     pub(super) fn has_detail(&self) -> bool {
         self.average.is_some_and(|average| average.has_detail())
     }
 
-    /// Noise is a share of each picture's mean.
+    /// Returns the means as JSON. The noise of each picture is divided by the mean of the picture before averaging.
     pub(super) fn json(&self) -> Value {
-        let mut all = json!({ "picture": self.name, "pictures": self.of, "measurable": self.measured });
+        let mut all = json!({ "method": self.name, "pictures": self.picture_count, "is_measurable": self.measured_count });
         if let Some(average) = &self.average {
-            all["marks"] = average.json();
+            all["scores"] = average.json();
         }
         all
     }
 }
 
-/// The means over several moments or sequences, all with the same kinds of pictures.
-pub(super) fn means(all: &[Vec<Picture>]) -> Vec<Mean> {
+/// Returns the mean scores of several readouts or sequences. All of them have the same kinds of pictures.
+pub(super) fn mean_scores(all: &[Vec<EvaluatedPicture>]) -> Vec<MeanScores> {
     let kinds = all.first().map_or(0, Vec::len);
-    (0..kinds).map(|i| Mean::new(&all.iter().map(|pictures| &pictures[i]).collect::<Vec<_>>())).collect()
+    (0..kinds)
+        .map(|i| MeanScores::new(&all.iter().map(|pictures| &pictures[i]).collect::<Vec<_>>()))
+        .collect()
 }
 
-/// Both tables of means.
-pub(super) fn tables(means: &[Mean]) -> String {
-    let rows: String = means.iter().map(Mean::text).collect();
+/// Returns the first and the second table of means.
+pub(super) fn tables(means: &[MeanScores]) -> String {
+    let rows: String = means.iter().map(MeanScores::text).collect();
     let second = means.iter().map(|mean| mean.average.as_ref()?.detail_row(&mean.label()));
-    format!("{HEADER}{rows}{}", details(second))
+    format!("{HEADER}{rows}{}", detail_table(second))
 }

@@ -1,46 +1,46 @@
-//! Where pictures go: one file, a folder, a video.
+//! Outputs of pictures: one file, a folder, or a video.
 
 use std::path::{Path, PathBuf};
 
-use crate::shared::picture::{grey, png};
-use crate::shared::video::Video;
-use spikelane::{Error, Geometry, Kind, Result};
+use crate::common::images::{encode_png, gray_image};
+use crate::common::video::VideoWriter;
+use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::storage;
 
-/// Where pictures go.
-pub(super) trait Sink: Sync {
-    /// The bytes of a picture, for any thread.
+/// An output of pictures.
+pub(super) trait PictureSink: Sync {
+    /// Encodes a picture. Several threads may call this method at the same time.
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>>;
-    /// Takes them, one picture after the other.
-    fn put(&mut self, at: usize, encoded: &[u8]) -> Result<()>;
+    /// Writes an encoded picture. Pictures must be written in order.
+    fn write(&mut self, at: usize, encoded: &[u8]) -> Result<()>;
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
-/// How values become grey levels.
+/// Conversion of rates to gray levels.
 #[derive(Clone, Copy)]
-pub(super) struct Shown {
+pub(super) struct GrayScale {
     pub white: f32,
     pub geometry: Geometry,
 }
 
-impl Shown {
+impl GrayScale {
     fn image(&self, values: &[f32]) -> image::GrayImage {
-        grey(values, self.white, self.geometry)
+        gray_image(values, self.white, self.geometry)
     }
 }
 
-pub(super) struct One {
+pub(super) struct PngSink {
     pub path: PathBuf,
     pub force: bool,
-    pub shown: Shown,
+    pub gray_scale: GrayScale,
 }
 
-impl Sink for One {
+impl PictureSink for PngSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        png(&self.shown.image(values))
+        encode_png(&self.gray_scale.image(values))
     }
 
-    fn put(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
+    fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
         storage::write_small(&self.path, encoded, self.force)
     }
 
@@ -49,17 +49,17 @@ impl Sink for One {
     }
 }
 
-pub(super) struct Film {
-    pub video: Video,
-    pub shown: Shown,
+pub(super) struct VideoSink {
+    pub video: VideoWriter,
+    pub gray_scale: GrayScale,
 }
 
-impl Sink for Film {
+impl PictureSink for VideoSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        Ok(self.shown.image(values).into_raw())
+        Ok(self.gray_scale.image(values).into_raw())
     }
 
-    fn put(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
+    fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
         self.video.push(encoded)
     }
 
@@ -68,31 +68,31 @@ impl Sink for Film {
     }
 }
 
-/// A folder of numbered pictures.
-pub(super) struct Folder {
+/// Writes a folder of numbered pictures.
+pub(super) struct FolderSink {
     pub path: PathBuf,
     pub force: bool,
-    pub shown: Shown,
+    pub gray_scale: GrayScale,
 }
 
-/// Refuses a folder that holds anything, unless its pictures may be replaced.
-pub(super) fn refuse_used(folder: &Path, force: bool) -> Result<()> {
+/// Returns an error if the folder is not empty and `force` is false.
+pub(super) fn check_empty_folder(folder: &Path, force: bool) -> Result<()> {
     let Ok(mut entries) = std::fs::read_dir(folder) else { return Ok(()) };
     if force || entries.next().is_none() {
         return Ok(());
     }
-    Err(Error::new(Kind::Exists, folder.display())
-        .found("a folder that is not empty")
+    Err(Error::new(ErrorKind::Exists, folder.display())
+        .found("a folder with files")
         .expected("an empty or new folder")
-        .remedy("choose another folder, or allow overwriting with --force"))
+        .remedy("choose another folder, or pass --force to replace files"))
 }
 
-impl Sink for Folder {
+impl PictureSink for FolderSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        png(&self.shown.image(values))
+        encode_png(&self.gray_scale.image(values))
     }
 
-    fn put(&mut self, at: usize, encoded: &[u8]) -> Result<()> {
+    fn write(&mut self, at: usize, encoded: &[u8]) -> Result<()> {
         storage::write_small(&self.path.join(format!("{at:09}.png")), encoded, self.force)
     }
 

@@ -1,10 +1,11 @@
-//! Moving runs of bits that start anywhere.
+//! Copies of bit ranges that can start at any bit of a byte.
 
-/// Copies `n` bits, least significant first, from bit `from_bit` of `from` to
-/// bit `to_bit` of `to`; other bits of `to` stay.
+/// Copies `n` bits, least significant first, from bit `from_bit` of `from` to bit `to_bit` of `to`. All other bits of
+/// `to` are unchanged.
 ///
-/// First to a whole byte of the destination, then whole words of it, each from a load, the
-/// byte behind it and a shift (a loop the compiler vectorises), then what is left.
+/// The copy has three steps. The first step fills the first byte of the destination. The second step copies 64-bit
+/// words. Each word is built by a 64-bit load, the byte after the loaded word and a shift, and the compiler vectorizes
+/// this loop. The last step copies the remaining bits.
 pub(crate) fn copy_bits(to: &mut [u8], to_bit: usize, from: &[u8], from_bit: usize, n: usize) {
     let (mut t, mut f, end) = (to_bit, from_bit, to_bit + n);
     if !t.is_multiple_of(8) && t < end {
@@ -35,7 +36,7 @@ fn copy_words(to: &mut [u8], from: &[u8], shift: usize) {
     }
 }
 
-/// Less than 64 bits, to the start of `to`.
+/// Copies `n` < 64 bits to the start of `to`.
 fn copy_rest(to: &mut [u8], from: &[u8], from_bit: usize, n: usize) {
     let (at, shift) = (from_bit / 8, from_bit % 8);
     let mut bytes = [0; 16];
@@ -49,7 +50,7 @@ fn copy_rest(to: &mut [u8], from: &[u8], from_bit: usize, n: usize) {
     }
 }
 
-/// `m` bits, 1 to 8, from bit `bit` on.
+/// Returns the `m` bits that start at bit `bit`. `m` is 1 to 8.
 fn take(from: &[u8], bit: usize, m: usize) -> u8 {
     let (at, shift) = (bit / 8, bit % 8);
     let mut value = from[at] >> shift;
@@ -59,14 +60,14 @@ fn take(from: &[u8], bit: usize, m: usize) -> u8 {
     value & (0xff >> (8 - m))
 }
 
-/// Sets `m` bits from bit `bit` on, all within one byte.
+/// Sets the `m` bits that start at bit `bit`. All `m` bits must be in one byte.
 fn put(to: &mut [u8], bit: usize, value: u8, m: usize) {
     let (at, shift) = (bit / 8, bit % 8);
     let mask = (0xff >> (8 - m)) << shift;
     to[at] = to[at] & !mask | value << shift;
 }
 
-/// Zeroes the bits of the last byte of a packed frame that are no pixel.
+/// Clears the padding bits in the last byte of a packed frame.
 pub(crate) fn clear_padding(frame: &mut [u8], pixels: usize) {
     if let (Some(last), rest @ 1..) = (frame.last_mut(), pixels % 8) {
         *last &= 0xff >> (8 - rest);

@@ -1,10 +1,10 @@
-//! The translation between packed frames and the frames of one layout.
+//! Translation between packed frames in memory and the frames of a layout.
 
 use super::layout::Layout;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::{Geometry, pack_frame, unpack_frame};
 
-/// A layout that is known to hold a geometry.
+/// A layout with a geometry that it supports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Codec {
     layout: Layout,
@@ -13,38 +13,38 @@ pub struct Codec {
 }
 
 impl Codec {
-    /// Frames of `geometry` in `layout`.
+    /// Creates the codec for frames of `geometry` in `layout`.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when the layout does not hold frames of that size.
+    /// [`ErrorKind::Usage`] if the layout does not support the geometry.
     pub fn new(layout: Layout, geometry: Geometry) -> Result<Self> {
         let frame_bytes = layout.frame_bytes(geometry)?;
         Ok(Self { layout, geometry, frame_bytes })
     }
 
-    /// The layout.
+    /// Returns the layout.
     #[must_use]
     pub const fn layout(&self) -> Layout {
         self.layout
     }
 
-    /// Width and height.
+    /// Returns the width and height.
     #[must_use]
     pub const fn geometry(&self) -> Geometry {
         self.geometry
     }
 
-    /// Bytes of a frame in the file.
+    /// Returns the number of bytes of a frame in the file.
     #[must_use]
     pub const fn frame_bytes(&self) -> usize {
         self.frame_bytes
     }
 
-    /// Translates packed frames, one after the other, into the bytes of the file.
-    /// Bits that are no pixel come out as the layout has them, whatever they were.
+    /// Encodes consecutive packed frames in the layout of the file. The padding and tags in `file` follow the layout
+    /// and do not depend on the padding in `packed`.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when the slices do not hold the same number of whole frames.
+    /// [`ErrorKind::Usage`] if the slices do not contain the same number of whole frames.
     pub fn encode(&self, packed: &[u8], file: &mut [u8]) -> Result<()> {
         let size = self.geometry.frame_bytes();
         self.check(packed.len(), file.len())?;
@@ -69,12 +69,12 @@ impl Codec {
         Ok(())
     }
 
-    /// Translates frames of the file, one after the other, into packed frames.
+    /// Decodes consecutive frames of the file to packed frames.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when the slices do not hold the same number of whole frames;
-    /// [`Kind::Input`] when bytes are none of this layout: values other than 0 and 1,
-    /// or 0 and 255, in `npy-bytes`, a frame of `rows1024` without its first and last tag.
+    /// * [`ErrorKind::Usage`] if the slices do not contain the same number of whole frames.
+    /// * [`ErrorKind::Input`] if a frame in layout `npy-bytes` contains values other than 0 and 1, or 0 and 255.
+    /// * [`ErrorKind::Input`] if a frame in layout `rows1024` lacks its first or last tag.
     pub fn decode(&self, file: &[u8], packed: &mut [u8]) -> Result<()> {
         let size = self.geometry.frame_bytes();
         self.check(packed.len(), file.len())?;
@@ -93,18 +93,18 @@ impl Codec {
                 Layout::DatTopMsb => super::copy(self.geometry, &turned, packed),
                 Layout::Rows416 => super::decode_rows416(file, packed),
                 Layout::Rows1024 if super::is_framed(file) => super::decode_rows1024(file, packed),
-                Layout::Rows1024 => return Err(lost_frame(i)),
+                Layout::Rows1024 => return Err(missing_frame_error(i)),
                 Layout::NpyBits => super::decode_bits(self.geometry, file, packed),
                 Layout::NpyBitsMsb => super::decode_bits(self.geometry, &turned, packed),
                 Layout::NpyBytes => {
-                    pack_frame(file, packed).map_err(|p| self.no_bit(i, p, file[p]))?;
+                    pack_frame(file, packed).map_err(|p| self.not_binary_error(i, p, file[p]))?;
                 }
             }
         }
         Ok(())
     }
 
-    /// Whether a frame has the same bytes in the file as in memory.
+    /// Returns whether the bytes of a frame in the file equal the bytes of the packed frame in memory.
     #[must_use]
     pub const fn is_identity(&self) -> bool {
         match self.layout {
@@ -122,45 +122,47 @@ impl Codec {
         {
             return Ok(());
         }
-        Err(Error::new(Kind::Usage, "frames")
-            .found(format_args!("{packed} packed bytes for {file} of the file"))
+        Err(Error::new(ErrorKind::Usage, "frames")
+            .found(format_args!("{packed} packed bytes for {file} bytes of the file"))
             .expected(format_args!(
                 "{size} for every {} ({}, layout {})",
                 self.frame_bytes, self.geometry, self.layout
             )))
     }
 
-    fn no_bit(&self, frame: usize, pixel: usize, value: u8) -> Error {
+    fn not_binary_error(&self, frame: usize, pixel: usize, value: u8) -> Error {
         let (row, col) = (pixel / self.geometry.width(), pixel % self.geometry.width());
-        Error::new(Kind::Input, format_args!("frame {frame}"))
+        Error::new(ErrorKind::Input, format_args!("frame {frame}"))
             .found(format_args!("the value {value} at row {row}, col {col}"))
-            .expected("0 and 1, or 0 and 255, in layout npy-bytes")
-            .remedy("name the layout npy-bits, or npy-bits-msb, if the bytes hold eight pixels each")
+            .expected("0 and 1, or 0 and 255, for layout npy-bytes")
+            .remedy(format_args!(
+                "set {} to npy-bits or npy-bits-msb if each byte contains eight pixels",
+                Setting("layout")
+            ))
     }
 }
 
-fn lost_frame(frame: usize) -> Error {
-    Error::new(Kind::Input, format_args!("frame {frame}"))
-        .found("no tags (line 500, channel 0) and (500, 3) at its ends")
+fn missing_frame_error(frame: usize) -> Error {
+    Error::new(ErrorKind::Input, format_args!("frame {frame}"))
+        .found("no tags (line 500, channel 0) and (500, 3) at the ends")
         .expected("a whole frame of layout rows1024")
-        .remedy("the recording lost bytes before this frame; read the frames before it")
+        .remedy("the recording lost bytes before this frame; read only the frames before it")
 }
 
 impl Layout {
-    /// Translates one packed frame into the bytes of the file.
+    /// Encodes one packed frame in this layout. To write many frames, use a
+    /// [`StreamWriter`](crate::formats::StreamWriter).
     ///
     /// # Errors
-    /// [`Kind::Usage`] when the layout does not hold the geometry, or a slice has
-    /// the wrong length. For many frames use a [`StreamWriter`](crate::formats::StreamWriter).
+    /// [`ErrorKind::Usage`] if the layout does not support the geometry, or if a slice has the wrong length.
     pub fn encode_frame(self, geometry: Geometry, packed: &[u8], file: &mut [u8]) -> Result<()> {
         Codec::new(self, geometry)?.encode(packed, file)
     }
 
-    /// Translates the bytes of one frame of a file into a packed frame.
+    /// Decodes the bytes of one frame in this layout to a packed frame.
     ///
     /// # Errors
-    /// As [`encode_frame`](Self::encode_frame), and [`Kind::Input`] when the
-    /// bytes are none of this layout.
+    /// As [`encode_frame`](Self::encode_frame). Also [`ErrorKind::Input`] if the bytes are invalid in this layout.
     pub fn decode_frame(self, geometry: Geometry, file: &[u8], packed: &mut [u8]) -> Result<()> {
         Codec::new(self, geometry)?.decode(file, packed)
     }

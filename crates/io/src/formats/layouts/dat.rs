@@ -1,18 +1,19 @@
-//! `.dat`: no header, one frame after the other, least significant bit first.
+//! `.dat`: consecutive frames without a header, least significant bit first.
 //!
-//! SpikeCV, Spike-Zoo and the PKU recordings put the bottom row first; SCSim and SPCS
-//! the top row, which makes a frame the same bytes as in memory. A frame is padded to
-//! whole bytes with zero bits at its end, as SCSim's writer does; see `docs/reference/formats.md`.
+//! SpikeCV, Spike-Zoo and the PKU recordings store the bottom row first. SCSim and SPCS store the top row first, which
+//! is also the row order in memory. Zero bits pad the end of each frame to whole bytes, as in the writer of SCSim; see
+//! `docs/reference/formats.md`.
 
 use super::bits::{clear_padding, copy_bits};
 use spikelane::spikes::Geometry;
 
-/// Reverses the order of rows; its own inverse, so it encodes and decodes.
+/// Reverses the order of rows. Two calls restore the original order, so the function both encodes and decodes.
 pub(crate) fn flip(geometry: Geometry, from: &[u8], to: &mut [u8]) {
     let (width, height) = (geometry.width(), geometry.height());
     match width {
-        // The two cameras that exist: a length known to the compiler makes a
-        // row two or four vector moves, where a call to memcpy costs more than the row.
+        // The widths of the two existing cameras have separate fast versions. With a constant row length, the compiler
+        // emits two or four vector moves per row. With a variable row length, the compiler calls `memcpy`, and the
+        // call takes longer than the copy.
         400 => flip_rows::<50>(from, to),
         1000 => flip_rows::<125>(from, to),
         _ if width.is_multiple_of(8) => {
@@ -38,7 +39,7 @@ fn flip_rows<const N: usize>(from: &[u8], to: &mut [u8]) {
     }
 }
 
-/// Top row first: the bytes of memory, with padding that is surely zero.
+/// Copies a frame that is stored with the top row first, and clears its padding.
 pub(crate) fn copy(geometry: Geometry, from: &[u8], to: &mut [u8]) {
     to.copy_from_slice(from);
     clear_padding(to, geometry.pixels());

@@ -1,38 +1,38 @@
-//! How the frames of a stream lie in a file: names, sizes, and what each layout holds.
+//! Layouts of streams in files: names, frame sizes and headers.
 
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 
-/// The longest stream: offsets in files have 63 bits, and a header needs some room.
-const MAX_DATA: u64 = i64::MAX as u64 - (1 << 20);
+/// Size limit of all frames of a stream in bytes. File offsets have 63 bits, and 1 MiB is reserved for the header.
+const MAX_DATA_BYTES: u64 = i64::MAX as u64 - (1 << 20);
 
-/// How the frames of a stream lie in a file.
+/// The encoding of the frames of a stream in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Layout {
-    /// `dat`: SpikeCV, Spike-Zoo and PKU; no header, bottom row first, LSB first.
+    /// `dat`: no header, bottom row first, least significant bit first; used by SpikeCV, Spike-Zoo and PKU.
     #[default]
     Dat,
-    /// `dat-top`: SCSim and SPCS; the same with the top row first.
+    /// `dat-top`: as `dat`, with the top row first; used by SCSim and SPCS.
     DatTop,
-    /// `rows416`: the 400x250 camera; rows of 416 bits, bottom row first.
+    /// `rows416`: rows of 416 bits, bottom row first; used by the 400x250 camera.
     Rows416,
-    /// `rows1024`: the 1000x1000 camera; rows of 1024 bits with tags, top row first.
+    /// `rows1024`: rows of 1024 bits with tags, top row first; used by the 1000x1000 camera.
     Rows1024,
-    /// `npy-bits`: `.npy`, u8, (T, H, ceil(W/8)), LSB first along the row.
+    /// `npy-bits`: `.npy` array of `u8` with shape (T, H, ceil(W/8)), least significant bit first within each byte.
     NpyBits,
-    /// `npy-bytes`: `.npy`, u8 0 and 1, (T, H, W).
+    /// `npy-bytes`: `.npy` array of `u8` with shape (T, H, W) and the values 0 and 1.
     NpyBytes,
-    /// `dat-msb`: `dat` with the most significant bit first.
+    /// `dat-msb`: as `dat`, but the most significant bit comes first.
     DatMsb,
-    /// `dat-top-msb`: `dat-top` with the most significant bit first, as `numpy.packbits` has it.
+    /// `dat-top-msb`: as `dat-top`, but the most significant bit comes first, as in `numpy.packbits`.
     DatTopMsb,
-    /// `npy-bits-msb`: `npy-bits` with the most significant bit first, as `numpy.packbits` has it.
+    /// `npy-bits-msb`: as `npy-bits`, but the most significant bit comes first, as in `numpy.packbits`.
     NpyBitsMsb,
 }
 
 impl Layout {
-    /// Every layout.
+    /// All layouts.
     pub const ALL: [Self; 9] = [
         Self::Dat,
         Self::DatTop,
@@ -45,7 +45,7 @@ impl Layout {
         Self::NpyBitsMsb,
     ];
 
-    /// The name in arguments and sidecars.
+    /// Returns the name of the layout in arguments and sidecars.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -61,33 +61,34 @@ impl Layout {
         }
     }
 
-    /// The layout of that name.
+    /// Returns the layout with this name.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when there is none; the error lists all names.
+    /// [`ErrorKind::Usage`] if the name is unknown. The error lists all names.
     pub fn parse(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|l| l.name() == name).ok_or_else(|| {
-            Error::new(Kind::Usage, "layout")
+            Error::new(ErrorKind::Usage, "layout")
                 .found(format_args!("'{name}'"))
                 .expected(Self::ALL.map(Self::name).join(", "))
-                .or_nearest(name, Self::ALL.map(Self::name))
+                .with_suggestion(name, Self::ALL.map(Self::name))
         })
     }
 
-    /// The extension, without dot, that files of this layout carry.
+    /// Returns the usual file extension of this layout, without the dot.
     #[must_use]
     pub const fn default_extension(self) -> &'static str {
         if self.is_array() { "npy" } else { "dat" }
     }
 
-    /// Whether it is an `.npy` array.
+    /// Returns whether this layout is an `.npy` array.
     #[must_use]
     pub const fn is_array(self) -> bool {
         matches!(self, Self::NpyBits | Self::NpyBitsMsb | Self::NpyBytes)
     }
 
-    /// The layout with the same bytes whose bits run the other way; `None` where bytes are no bits, or a
-    /// camera fixes the order.
+    /// Returns the layout that has the opposite bit order and is otherwise equal.
+    ///
+    /// Returns `None` if bytes are not packed bits, or if the camera of the layout defines the bit order.
     #[must_use]
     pub const fn other_bit_order(self) -> Option<Self> {
         match self {
@@ -101,54 +102,54 @@ impl Layout {
         }
     }
 
-    /// Whether the most significant bit of a byte comes first.
+    /// Returns whether the most significant bit of a byte comes first.
     pub(in crate::formats) const fn is_msb(self) -> bool {
         matches!(self, Self::DatMsb | Self::DatTopMsb | Self::NpyBitsMsb)
     }
 
-    /// The layout for a file of this name: the one that is given, else the usual one of its ending.
+    /// Returns the layout for the file `path`. The layout is `requested` if given, and otherwise the default layout of
+    /// the file extension.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when no stream of that layout, or no stream at all, is written under that ending.
-    pub fn for_name(path: &std::path::Path, given: Option<Self>) -> Result<Self> {
+    /// [`ErrorKind::Usage`] if `requested` does not match the extension, or if no layout uses the extension.
+    pub fn for_path(path: &std::path::Path, requested: Option<Self>) -> Result<Self> {
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         let usual = match ending.as_deref() {
             Some("npy") => Self::NpyBytes,
-            // Cameras' own programs call headerless streams by these, or by no ending.
+            // Programs of camera vendors write headerless streams with one of these extensions or without an
+            // extension.
             None | Some("dat" | "bin" | "raw") => Self::Dat,
             Some(other) => {
-                return Err(Error::new(Kind::Usage, path.display())
-                    .found(format_args!("the ending .{other}"))
-                    .expected("a stream that can be written: .npy, .dat, .bin or .raw")
-                    .remedy("write .npy, which numpy.load reads and numpy.savez or h5py pack"));
+                return Err(Error::new(ErrorKind::Usage, path.display())
+                    .found(format_args!("the file extension .{other}"))
+                    .expected("an extension of a writable stream: .npy, .dat, .bin or .raw")
+                    .remedy("write .npy, which numpy.load reads, and convert it with numpy.savez or h5py"));
             }
         };
-        let layout = given.unwrap_or(usual);
+        let layout = requested.unwrap_or(usual);
         if layout.is_array() == usual.is_array() {
             return Ok(layout);
         }
         let name = layout.default_extension();
-        Err(Error::new(Kind::Usage, path.display())
-            .found(format_args!("layout {layout} under the ending .{}", ending.unwrap_or_default()))
+        Err(Error::new(ErrorKind::Usage, path.display())
+            .found(format_args!("layout {layout} with the file extension .{}", ending.unwrap_or_default()))
             .expected(format_args!("a name that ends in .{name}"))
-            .remedy("correct the name, or leave the layout out"))
+            .remedy(format_args!("correct the name, or omit {}", Setting("layout"))))
     }
 
-    /// What users of a stream of this size should know before they give it on; `None` where all is well.
+    /// Returns a warning if other programs misread streams of this layout and geometry, or `None` otherwise.
     #[must_use]
     pub fn caveat(self, geometry: Geometry) -> Option<String> {
         let plain = matches!(self, Self::Dat | Self::DatTop | Self::DatMsb | Self::DatTopMsb);
         (plain && !geometry.pixels().is_multiple_of(8)).then(|| {
             format!(
-                "{geometry} is {} pixels, no multiple of 8: each frame of layout {self} is padded to a whole byte, as \
-                 SCSim and this program read it; Spike-Zoo refuses such a file and SpikeCV reads wrong bits from \
-                 readout 1 on; layout npy-bytes is read right by all",
+                "{geometry} is {} pixels, not a multiple of 8: each frame of layout {self} is padded to a whole byte, as in SCSim; Spike-Zoo rejects such a file, and SpikeCV reads wrong bits from readout 1 on; all of them read layout npy-bytes correctly",
                 geometry.pixels()
             )
         })
     }
 
-    /// The only geometry of a camera's own layout, `None` for layouts that hold any.
+    /// Returns the geometry of the camera that defines the layout, or `None` if the layout supports every geometry.
     #[must_use]
     pub fn fixed_geometry(self) -> Option<Geometry> {
         match self {
@@ -158,12 +159,12 @@ impl Layout {
         }
     }
 
-    /// The bytes before the first frame of a stream of `readouts` frames.
+    /// Returns the file header of a stream of `readouts` frames.
     ///
     /// # Errors
     /// As [`file_bytes`](Self::file_bytes).
     pub fn header(self, geometry: Geometry, readouts: u64) -> Result<Vec<u8>> {
-        // A length beyond all files is refused before a header claims it.
+        // A length that exceeds the maximum file size must fail before the length is written into a header.
         self.data_bytes(geometry, readouts)?;
         let (w, h) = (geometry.width() as u64, geometry.height() as u64);
         Ok(match self {
@@ -173,30 +174,30 @@ impl Layout {
         })
     }
 
-    /// Bytes of one frame in the file.
+    /// Returns the number of bytes of one frame in the file.
     ///
     /// # Errors
-    /// [`Kind::Usage`] when the layout does not hold frames of that size.
+    /// [`ErrorKind::Usage`] if the layout does not support the geometry.
     pub fn frame_bytes(self, geometry: Geometry) -> Result<usize> {
         if let Some(only) = self.fixed_geometry().filter(|&g| g != geometry) {
-            return Err(Error::new(Kind::Usage, format_args!("layout {}", self.name()))
+            return Err(Error::new(ErrorKind::Usage, format_args!("layout {}", self.name()))
                 .found(format_args!("a {geometry} stream"))
-                .expected(format_args!("{only}, the camera whose rows these are"))
+                .expected(format_args!("{only}, the only size of this layout"))
                 .remedy("choose another layout, such as dat"));
         }
         Ok(match self {
             Self::Dat | Self::DatTop | Self::DatMsb | Self::DatTopMsb => geometry.frame_bytes(),
-            Self::Rows416 => super::ROWS416_FRAME,
-            Self::Rows1024 => super::ROWS1024_FRAME,
-            Self::NpyBits | Self::NpyBitsMsb => super::bits_frame(geometry),
+            Self::Rows416 => super::ROWS416_FRAME_BYTES,
+            Self::Rows1024 => super::ROWS1024_FRAME_BYTES,
+            Self::NpyBits | Self::NpyBitsMsb => super::bits_frame_bytes(geometry),
             Self::NpyBytes => geometry.pixels(),
         })
     }
 
-    /// Bytes of a file of `readouts` frames.
+    /// Returns the number of bytes of a file with `readouts` frames, including the header.
     ///
-    /// # Errors
-    /// [`Kind::Usage`] as [`frame_bytes`](Self::frame_bytes), and when 64 bits cannot count them.
+    /// # Errors [`ErrorKind::Usage`] as in [`frame_bytes`](Self::frame_bytes). Also [`ErrorKind::Usage`] if the file
+    /// length is 2^63 bytes or more.
     pub fn file_bytes(self, geometry: Geometry, readouts: u64) -> Result<u64> {
         let header = self.header(geometry, readouts)?.len() as u64;
         Ok(header + self.data_bytes(geometry, readouts)?)
@@ -205,11 +206,11 @@ impl Layout {
     fn data_bytes(self, geometry: Geometry, readouts: u64) -> Result<u64> {
         readouts
             .checked_mul(self.frame_bytes(geometry)? as u64)
-            .filter(|&bytes| bytes <= MAX_DATA)
+            .filter(|&bytes| bytes <= MAX_DATA_BYTES)
             .ok_or_else(|| {
-                Error::new(Kind::Usage, "readouts")
+                Error::new(ErrorKind::Usage, "readouts")
                     .found(readouts)
-                    .expected(format_args!("a stream of at most {MAX_DATA} bytes"))
+                    .expected(format_args!("a stream of at most {MAX_DATA_BYTES} bytes"))
             })
     }
 }

@@ -1,87 +1,87 @@
-//! `.npy`: a NumPy array, (T,H,ceil(W/8)) of packed bits or (T,H,W) of bytes 0 and 1.
+//! `.npy` arrays of packed bits with shape (T, H, ceil(W/8)), or of bytes 0 and 1 with shape (T, H, W).
 
 use super::bits::copy_bits;
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::npy::{self, Element, Header};
 
-/// What a header says of a stream.
+/// The header of an array that contains a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Array {
-    /// Lengths of the three axes, without one of length 1 for a channel.
+pub(crate) struct ArrayHeader {
+    /// Lengths of the three axes. If the file has a fourth axis of length 1, this axis is removed.
     pub(crate) shape: [u64; 3],
     pub(crate) element: Element,
-    pub(crate) big_endian: bool,
-    /// Whether the first axis is the fastest.
-    pub(crate) fortran: bool,
-    /// Bytes before the data.
-    pub(crate) start: usize,
+    pub(crate) is_big_endian: bool,
+    /// Whether the index of the first axis varies fastest in storage.
+    pub(crate) is_fortran_order: bool,
+    /// Offset of the data in the file.
+    pub(crate) data_offset_bytes: usize,
 }
 
-impl Array {
-    /// Bytes of the data, `None` when no machine could hold them.
+impl ArrayHeader {
+    /// Returns the number of bytes of the data, or `None` if the number does not fit in `u64`.
     pub(crate) fn data_bytes(&self) -> Option<u64> {
         self.shape.iter().try_fold(self.element.bytes() as u64, |a, &b| a.checked_mul(b))
     }
 }
 
-/// A header for an array of `u8`.
+/// Returns the header of a `u8` array.
 pub(crate) fn header(shape: &[u64; 3]) -> Vec<u8> {
-    npy::header(Element::U8, shape)
+    npy::header_bytes(Element::U8, shape)
 }
 
-/// Reads a header. `name` is the file, for errors.
-pub(crate) fn parse(name: &str, bytes: &[u8]) -> Result<Array> {
-    meaning(name, &Header::parse(name, bytes)?)
+/// Parses a header. Error messages refer to the file as `name`.
+pub(crate) fn parse(name: &str, bytes: &[u8]) -> Result<ArrayHeader> {
+    array_header(name, &Header::parse(name, bytes)?)
 }
 
-/// What a header means for a stream.
-pub(crate) fn meaning(name: &str, header: &Header) -> Result<Array> {
-    let shape = three_axes(&header.shape).ok_or_else(|| {
-        Error::new(Kind::Input, name)
+/// Converts a NumPy header to the header of an array that contains a stream.
+pub(crate) fn array_header(name: &str, header: &Header) -> Result<ArrayHeader> {
+    let shape = to_three_axes(&header.shape).ok_or_else(|| {
+        Error::new(ErrorKind::Input, name)
             .found(format_args!("shape {:?}", header.shape))
-            .expected("an array with three axes, (T, H, W), or four of which one is a channel of length 1")
+            .expected("an array with axes (T, H, W), or with four axes of which one is a channel of length 1")
             .remedy("save a.reshape(T, H, W)")
     })?;
-    Ok(Array {
+    Ok(ArrayHeader {
         shape,
         element: header.element,
-        big_endian: header.big_endian,
-        fortran: header.fortran,
-        start: header.start,
+        is_big_endian: header.is_big_endian,
+        is_fortran_order: header.is_fortran_order,
+        data_offset_bytes: header.data_offset,
     })
 }
 
-/// Four axes with a channel are (T, 1, H, W) or (T, H, W, 1), or a batch of one, (1, T, H, W).
-fn three_axes(shape: &[u64]) -> Option<[u64; 3]> {
+/// Returns the shape with three axes. Shapes with four axes must be (T, 1, H, W), (T, H, W, 1) or (1, T, H, W).
+fn to_three_axes(shape: &[u64]) -> Option<[u64; 3]> {
     match *shape {
         [a, b, c] | [a, 1, b, c] | [a, b, c, 1] | [1, a, b, c] => Some([a, b, c]),
         _ => None,
     }
 }
 
-/// The error for frames of another size than wanted.
-pub(crate) fn other_geometry(name: &str, found: Geometry, wanted: Geometry) -> Error {
-    Error::new(Kind::Input, name)
+/// Returns the error for frames whose geometry differs from `wanted`.
+pub(crate) fn geometry_error(name: &str, found: Geometry, wanted: Geometry) -> Error {
+    Error::new(ErrorKind::Input, name)
         .found(format_args!("frames of {found}"))
         .expected(format_args!("{wanted}"))
-        .remedy("leave width and height out, or correct them")
+        .remedy(format_args!("omit {} and {}, or correct them", Setting("width"), Setting("height")))
 }
 
-/// The error for a shape that holds frames of a size in neither order.
-pub(crate) fn no_order(name: &str, shape: [u64; 3], wanted: Geometry) -> Error {
-    Error::new(Kind::Input, name)
+/// Returns the error for a shape that does not contain frames of geometry `wanted` in any axis order.
+pub(crate) fn axis_order_error(name: &str, shape: [u64; 3], wanted: Geometry) -> Error {
+    Error::new(ErrorKind::Input, name)
         .found(format_args!("shape {shape:?}"))
         .expected(format_args!(
             "frames of {wanted}: (T, {h}, {w}) or ({h}, {w}, T)",
             h = wanted.height(),
             w = wanted.width()
         ))
-        .remedy("correct width and height")
+        .remedy(format_args!("correct {} and {}", Setting("width"), Setting("height")))
 }
 
-/// Bytes of a frame of packed bits: each row starts at a whole byte.
-pub(crate) fn bits_frame(geometry: Geometry) -> usize {
+/// Returns the number of bytes of a packed frame in which each row starts at a byte boundary.
+pub(crate) fn bits_frame_bytes(geometry: Geometry) -> usize {
     geometry.height() * geometry.width().div_ceil(8)
 }
 

@@ -1,172 +1,186 @@
-//! The rows of the 1000x1000 camera: 128 bytes, two halves of 500 pixel bits and a tag.
+//! The rows of the 1000x1000 camera, top row first. A row has 128 bytes in two halves. Each half contains 500 pixel
+//! bits and a tag.
 //!
-//! The last two bytes of a half row, little-endian, are `channel << 14 | line << 4 | pixels`:
-//! the low four bits are the last pixels of the half, the other twelve the tag. Top row first.
-//! A frame begins with the half row tagged (line 500, channel 0) and ends with (500, 3);
-//! lines run from 1 to 500 (SpikeCV, `sps_parser.py`). The order of the tags between is
-//! published nowhere; the writer counts lines down to 1 in channels 0 and 1 and up again in
-//! 2 and 3, the simplest order that meets both ends and uses each tag once. Readers,
-//! SpikeCV's and this one, do not depend on it.
+//! The last two bytes of a half row form the little-endian word `channel << 14 | line << 4 | pixels`. The low four
+//! bits are the last four pixels of the half row. The other twelve bits are the tag of the half row. Lines are
+//! numbered from 1 to 500. A frame begins with the tag (line 500, channel 0) and ends with the tag (line 500, channel
+//! 3), as in `sps_parser.py` of SpikeCV.
+//!
+//! The camera vendor has not published the order of the other tags. The writer decreases the line to 1 in channels 0
+//! and 1. Then the writer increases the line from 1 in channels 2 and 3. This is the simplest order that has the
+//! required first and last tags and uses each tag once. The reader of SpikeCV and the reader of this crate accept
+//! every order.
 
 use super::copy_bits;
-use crate::formats::source::Source;
+use crate::formats::source::ByteSource;
 use spikelane::error::Result;
 
-/// Rows of a frame, and pixels of a row.
+/// Number of rows of a frame, and number of pixels of a row.
 const SIDE: usize = 1000;
 /// Pixels of a half row.
 const HALF_PIXELS: usize = SIDE / 2;
 /// Bytes of a half row in the file.
-const HALF: usize = 64;
-/// Bytes of a row of pixels in memory.
-const ROW: usize = SIDE / 8;
+const HALF_ROW_BYTES: usize = 64;
+/// Bytes of a row in memory.
+const PACKED_ROW_BYTES: usize = SIDE / 8;
 /// Bytes of a frame in the file.
-pub(crate) const FRAME: usize = SIDE * 2 * HALF;
+pub(crate) const FRAME_BYTES: usize = SIDE * 2 * HALF_ROW_BYTES;
 
-/// Where a frame can begin: the camera's link moves 16 bytes at a time, and SpikeCV
-/// looks for the first tag in such steps.
-const STEP: usize = 16;
+/// A frame can begin at multiples of this number of bytes. The camera's link transfers 16 bytes at a time, and SpikeCV
+/// searches for the first tag with the same step.
+const LINK_STEP_BYTES: usize = 16;
 
-/// How far into a file the first whole frame is looked for. A recording loses less than
-/// one frame at its start; a second one allows for a damaged one.
-const SEARCH: usize = 2 * FRAME;
+/// Number of bytes at the start of a file in which the first whole frame is searched. A recording can start inside a
+/// frame, so the first whole frame starts within one frame length. The second frame length is searched in case the
+/// first whole frame is damaged.
+const SEARCH_BYTES: usize = 2 * FRAME_BYTES;
 
-/// Bytes in memory while a frame is looked for at every byte.
-const WINDOW: usize = 8 * FRAME;
+/// Number of bytes in memory while every byte offset is searched.
+const WINDOW_BYTES: usize = 8 * FRAME_BYTES;
 
-/// The tag of a half row: (line, channel).
+/// Returns the tag of a half row as (line, channel).
 fn tag(half: &[u8]) -> (u16, u16) {
-    let word = u16::from_le_bytes([half[HALF - 2], half[HALF - 1]]);
+    let word = u16::from_le_bytes([half[HALF_ROW_BYTES - 2], half[HALF_ROW_BYTES - 1]]);
     (word >> 4 & 0x3ff, word >> 14)
 }
 
-/// The tag this project writes for a half row.
+/// Returns the tag that the writer stores in a half row. The four pixel bits are zero.
 fn tag_of(row: usize, half: usize) -> u16 {
     let (line, channel) =
         if row < SIDE / 2 { (SIDE / 2 - row, half) } else { (row + 1 - SIDE / 2, half + 2) };
     (channel << 14 | line << 4) as u16
 }
 
-/// Whether a frame's worth of bytes begins and ends as a frame does.
+/// Returns whether `file` begins and ends with the tags of a frame. `file` must have the length of a frame.
 pub(crate) fn is_framed(file: &[u8]) -> bool {
-    are_ends(&file[..HALF], &file[FRAME - HALF..])
+    are_ends(&file[..HALF_ROW_BYTES], &file[FRAME_BYTES - HALF_ROW_BYTES..])
 }
 
-/// Whether these are the first and the last half row of a frame.
+/// Returns whether `first` and `last` have the tags of the first and the last half row of a frame.
 fn are_ends(first: &[u8], last: &[u8]) -> bool {
     tag(first) == (500, 0) && tag(last) == (500, 3)
 }
 
-/// Whether all tags are possible. Pixels look like the first tag once in 4,096 places,
-/// so finding that one alone would lock onto pictures.
+/// Returns whether all tags are valid. A check of the first tag alone is not sufficient, because random pixels match
+/// its 12 bits at one in 4,096 positions.
 fn is_frame(file: &[u8]) -> bool {
-    is_framed(file) && file.chunks_exact(HALF).all(|h| (1..=500).contains(&tag(h).0))
+    is_framed(file) && file.chunks_exact(HALF_ROW_BYTES).all(|h| (1..=500).contains(&tag(h).0))
 }
 
-/// A stretch of a file in memory, moved along while frames are looked for.
+/// A section of a file that is stored in memory. The section moves along the file during the search for frames.
 struct Window<'a> {
-    source: &'a Source,
-    /// Bytes of the file that are looked at.
+    source: &'a ByteSource,
+    /// Number of bytes at the start of the file in which frames are searched.
     len: usize,
     start: usize,
     bytes: Vec<u8>,
 }
 
 impl<'a> Window<'a> {
-    fn new(source: &'a Source, len: usize) -> Self {
+    fn new(source: &'a ByteSource, len: usize) -> Self {
         Self { source, len, start: 0, bytes: Vec::new() }
     }
 
-    /// Whether a frame of possible tags begins at `at`, and a whole frame fits there.
+    /// Returns whether a whole frame with valid tags begins at `at`.
     fn is_frame(&mut self, at: usize) -> Result<bool> {
-        if at < self.start || at + FRAME > self.start + self.bytes.len() {
-            self.bytes.resize(WINDOW.min(self.len - at), 0);
+        if at < self.start || at + FRAME_BYTES > self.start + self.bytes.len() {
+            self.bytes.resize(WINDOW_BYTES.min(self.len - at), 0);
             self.source.read(at, &mut self.bytes)?;
             self.start = at;
         }
-        Ok(is_frame(&self.bytes[at - self.start..][..FRAME]))
+        Ok(is_frame(&self.bytes[at - self.start..][..FRAME_BYTES]))
     }
 
-    /// Whether a frame begins and ends at `at` as frames do, by its two ends alone.
+    /// Returns whether the bytes at `at` begin and end with the tags of a frame. The other tags are not checked.
     fn is_framed(&self, at: usize) -> Result<bool> {
-        let [mut first, mut last] = [[0; HALF]; 2];
+        let [mut first, mut last] = [[0; HALF_ROW_BYTES]; 2];
         self.source.read(at, &mut first)?;
-        self.source.read(at + FRAME - HALF, &mut last)?;
+        self.source.read(at + FRAME_BYTES - HALF_ROW_BYTES, &mut last)?;
         Ok(are_ends(&first, &last))
     }
 
-    /// The first of these places at which a frame begins.
+    /// Returns the first offset in `places` at which a frame begins.
     fn find(&mut self, mut places: impl Iterator<Item = usize>) -> Result<Option<usize>> {
         places.find_map(|at| self.is_frame(at).map(|found| found.then_some(at)).transpose()).transpose()
     }
 
-    /// The offset of the first whole frame, which lies in steps of the link unless bytes were lost before it.
-    fn synchronise(&mut self) -> Result<Option<usize>> {
-        let Some(last) = self.len.checked_sub(FRAME).map(|n| n.min(SEARCH)) else { return Ok(None) };
-        match self.find((0..=last).step_by(STEP))? {
+    /// Returns the offset of the first whole frame. Multiples of the link step are tried first, because other offsets
+    /// occur only if bytes before the frame are missing.
+    fn synchronize(&mut self) -> Result<Option<usize>> {
+        let Some(last) = self.len.checked_sub(FRAME_BYTES).map(|n| n.min(SEARCH_BYTES)) else {
+            return Ok(None);
+        };
+        match self.find((0..=last).step_by(LINK_STEP_BYTES))? {
             None => self.find(0..=last),
             found => Ok(found),
         }
     }
 }
 
-/// Where the frames of a recording lie.
+/// The positions of the frames in a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Found {
-    /// The offset of each frame; `None` where one was lost.
+pub(crate) struct FrameScan {
+    /// The offset of each frame, or `None` for a missing frame.
     pub(crate) frames: Vec<Option<usize>>,
-    /// Bytes of partial frames before the first and behind the last one.
+    /// Bytes of a partial frame before the first whole frame.
     pub(crate) leading: usize,
+    /// Bytes of a partial frame after the last whole frame.
     pub(crate) trailing: usize,
 }
 
-/// Finds all frames in the first `len` bytes. Where one does not follow the other the next whole frame is looked for, at any
-/// byte; what lies between counts as the frames that it would take to hold its bytes, so a loss of whole frames leaves no trace.
+/// Finds all frames in the first `len` bytes. Returns `None` if the first two frame lengths do not contain the start
+/// of a whole frame.
+///
+/// If the bytes after a frame are not a frame, the next whole frame is searched at every byte offset. The bytes up to
+/// the next whole frame count as missing frames. The number of missing frames is the number of these bytes divided by
+/// the length of a frame, rounded up. The tags contain no frame counter, so a loss of a whole number of frames cannot
+/// be detected.
 ///
 /// # Errors
-/// Those of reading `source`.
-pub(crate) fn find(source: &Source, len: usize) -> Result<Option<Found>> {
+/// Errors of reading `source`.
+pub(crate) fn find(source: &ByteSource, len: usize) -> Result<Option<FrameScan>> {
     let mut window = Window::new(source, len);
-    let Some(leading) = window.synchronise()? else { return Ok(None) };
+    let Some(leading) = window.synchronize()? else { return Ok(None) };
     let (mut frames, mut at) = (Vec::new(), leading);
-    while len - at >= FRAME {
+    while len - at >= FRAME_BYTES {
         if window.is_framed(at)? {
             frames.push(Some(at));
-            at += FRAME;
+            at += FRAME_BYTES;
             continue;
         }
-        // Pixels may look like a last tag where bytes are missing before it.
+        // If bytes are missing in the previous frame, pixels of the following frame can match its last tag by chance.
+        // Therefore all tags of the previous frame are checked.
         if let Some(last) = frames.last().copied().flatten()
             && !window.is_frame(last)?
         {
-            at -= FRAME;
+            at -= FRAME_BYTES;
             frames.pop();
         }
-        let next = window.find(at + 1..=len - FRAME)?;
-        let lost = next.map_or((len - at) / FRAME, |next| (next - at).div_ceil(FRAME));
+        let next = window.find(at + 1..=len - FRAME_BYTES)?;
+        let lost = next.map_or((len - at) / FRAME_BYTES, |next| (next - at).div_ceil(FRAME_BYTES));
         frames.extend(std::iter::repeat_n(None, lost));
-        at = next.unwrap_or(at + lost * FRAME);
+        at = next.unwrap_or(at + lost * FRAME_BYTES);
     }
-    Ok(Some(Found { frames, leading, trailing: len - at }))
+    Ok(Some(FrameScan { frames, leading, trailing: len - at }))
 }
 
 pub(crate) fn encode(packed: &[u8], file: &mut [u8]) {
-    let rows = packed.chunks_exact(ROW).zip(file.chunks_exact_mut(2 * HALF));
+    let rows = packed.chunks_exact(PACKED_ROW_BYTES).zip(file.chunks_exact_mut(2 * HALF_ROW_BYTES));
     for (row, (pixels, out)) in rows.enumerate() {
-        for (half, out) in out.chunks_exact_mut(HALF).enumerate() {
+        for (half, out) in out.chunks_exact_mut(HALF_ROW_BYTES).enumerate() {
             copy_bits(out, 0, pixels, half * HALF_PIXELS, HALF_PIXELS);
             let [low, high] = tag_of(row, half).to_le_bytes();
-            out[HALF - 2] = out[HALF - 2] & 0x0f | low;
-            out[HALF - 1] = high;
+            out[HALF_ROW_BYTES - 2] = out[HALF_ROW_BYTES - 2] & 0x0f | low;
+            out[HALF_ROW_BYTES - 1] = high;
         }
     }
 }
 
 pub(crate) fn decode(file: &[u8], packed: &mut [u8]) {
-    let rows = file.chunks_exact(2 * HALF).zip(packed.chunks_exact_mut(ROW));
+    let rows = file.chunks_exact(2 * HALF_ROW_BYTES).zip(packed.chunks_exact_mut(PACKED_ROW_BYTES));
     for (row, pixels) in rows {
         copy_bits(pixels, 0, row, 0, HALF_PIXELS);
-        copy_bits(pixels, HALF_PIXELS, row, HALF * 8, HALF_PIXELS);
+        copy_bits(pixels, HALF_PIXELS, row, HALF_ROW_BYTES * 8, HALF_PIXELS);
     }
 }
 

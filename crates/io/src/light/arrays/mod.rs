@@ -1,4 +1,4 @@
-//! Arrays of NumPy as light.
+//! NumPy arrays as light.
 
 pub mod npy;
 pub mod npz;

@@ -1,45 +1,46 @@
-//! NumPy arrays (`.npy`): `(T, H, W)`, or `(H, W)` for one frame, of any type of numbers.
+//! NumPy arrays (`.npy`) of numbers with shape `(T, H, W)`, or `(H, W)` for one frame.
 //!
-//! `u8`, `u16`, `bool` and floats have a full scale of their own; other integers need one that is stated.
+//! `u8`, `u16`, `bool` and floats have a default value of full scale. Other integer types require an explicit value of
+//! full scale.
 //!
-//! Read frame by frame, so memory does not grow with the length. Both byte orders are
-//! read. Bytes after the array are left alone, as NumPy leaves them.
+//! Arrays in both byte orders are read frame by frame, so memory use does not depend on the number of frames. Bytes
+//! after the array are ignored, as in NumPy.
 
-use std::io::{BufReader, ErrorKind, Read};
+use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-use spikelane::error::{Error, Kind, Result};
-use spikelane::light::{Curve, Frame, OwnedSamples, Rate, Source, Transfer};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::light::{Frame, OwnedSamples, Rate, Source, ToneCurve, Transfer};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
-use spikelane::unstable::light::stored_size;
+use spikelane::unstable::light::declared_geometry;
 use spikelane::unstable::npy::Header;
 
-use crate::light::fit::Fit;
+use crate::light::resize_mode::ResizeMode;
 
 pub use spikelane::unstable::npy::{Element, MAGIC};
 
-/// Floats above this many full scales are codes rather than light.
-const CODES: f32 = 32.0;
+/// If no full scale is given, float values above this limit are rejected, because they are probably integer codes.
+const MAX_FLOAT_LIGHT: f32 = 32.0;
 
-/// An array as frames at the camera's size.
-pub struct Array {
-    reader: Reader<Box<dyn Read + Send>>,
-    curve: Curve,
+/// An array as a source of frames at the camera's size.
+pub struct ArraySource {
+    reader: ArrayReader<Box<dyn Read + Send>>,
+    curve: ToneCurve,
     front_end: FrontEnd,
-    fit: Fit,
+    resize_mode: ResizeMode,
     camera: Geometry,
-    /// The stored number that is full scale, when it was stated.
+    /// The array value of full scale, if the caller gave one.
     scale: Option<f64>,
 }
 
-impl Array {
-    /// Opens a file and checks that it is long enough.
+impl ArraySource {
+    /// Opens a file and checks its length.
     ///
     /// # Errors
-    /// As [`Array::from_reader`]; [`Kind::Input`] too when the file ends before its array does.
-    pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Self> {
+    /// As [`ArraySource::from_reader`]. Also [`ErrorKind::Input`] if the file ends before the end of the array.
+    pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, transfer: Option<Transfer>) -> Result<Self> {
         let name = path.display().to_string();
         let file = InputFile::open(path)?;
         let len = file.len();
@@ -47,61 +48,67 @@ impl Array {
         let array = Self::from_reader(input, &name, camera, fit, transfer)?;
         let wanted = array.reader.total_bytes();
         if len < wanted {
-            return Err(Error::new(Kind::Input, name)
+            return Err(Error::new(ErrorKind::Input, name)
                 .found(format_args!("{len} bytes"))
-                .expected(format_args!("{wanted} as the header says"))
-                .remedy("the file was cut short; save it again"));
+                .expected(format_args!("{wanted} bytes, as stated in the header"))
+                .remedy("the file is truncated; save it again"));
         }
         Ok(array)
     }
 
-    /// Reads a stream; `name` stands for it in errors. Integers are linear unless `transfer` says otherwise.
+    /// Reads an array from a stream. Error messages refer to the stream as `name`. If `transfer` is `None`, integers
+    /// are linear.
+    ///
+    /// If the element type has no default full scale, this function succeeds. [`ArraySource::with_scale`] and the
+    /// reading of frames report the missing full scale.
     ///
     /// # Errors
-    /// As [`Reader::new`]; [`Kind::Usage`] for a transfer function with floats, which are always
-    /// linear; [`Kind::Input`] when [`Fit::Crop`] finds the frames too small. Whether full scale has to be stated is
-    /// found out by [`Array::with_scale`] and when frames are read.
+    /// * As [`ArrayReader::new`].
+    /// * [`ErrorKind::Usage`] if a nonlinear transfer function is given for floats, which are always linear.
+    /// * [`ErrorKind::Input`] if the mode is [`ResizeMode::Crop`] and the frames are smaller than the camera.
     pub fn from_reader(
         reader: Box<dyn Read + Send>,
         name: &str,
         camera: Geometry,
-        fit: Fit,
+        fit: ResizeMode,
         transfer: Option<Transfer>,
     ) -> Result<Self> {
-        let reader = Reader::new(reader, name)?;
+        let reader = ArrayReader::new(reader, name)?;
         let transfer = transfer.unwrap_or(Transfer::Linear);
         if reader.element().is_float() && transfer != Transfer::Linear {
-            return Err(Error::new(Kind::Usage, name)
+            return Err(Error::new(ErrorKind::Usage, name)
                 .found(format_args!("transfer function {transfer} for an {} array", reader.element()))
-                .expected("linear, as floats always are")
-                .remedy("leave the transfer function out"));
+                .expected("linear, because floats are always linear")
+                .remedy(format_args!("omit {}", Setting("transfer"))));
         }
-        fit.check(reader.geometry(), camera).map_err(|e| e.within(name))?;
+        fit.check(reader.geometry(), camera).map_err(|e| e.with_context(name))?;
         let front_end = FrontEnd { transfer: Some(transfer), ..FrontEnd::default() };
-        Ok(Self { reader, curve: Curve::new(transfer), front_end, fit, camera, scale: None })
+        Ok(Self { reader, curve: ToneCurve::new(transfer), front_end, resize_mode: fit, camera, scale: None })
     }
 
-    /// Takes integers as the codes of a camera's front end, unless `declared` says another transfer function; floats
-    /// stay light.
+    /// Converts integers with the camera's front end. The transfer function `declared` overrides the transfer function
+    /// of the front end. Floats remain linear light.
     #[must_use]
     pub fn with_front_end(mut self, front_end: &FrontEnd, declared: Option<Transfer>) -> Self {
         if !self.reader.element().is_float() {
             let transfer = declared.or(front_end.transfer).unwrap_or(Transfer::Linear);
-            self.curve = Curve::new(transfer);
+            self.curve = ToneCurve::new(transfer);
             self.front_end = FrontEnd { transfer: Some(transfer), ..*front_end };
         }
         self
     }
 
-    /// States the stored number that is full scale; without one it is 255, 65535, true or 1.0.
+    /// Sets the array value of full scale. If `scale` is `None`, full scale is 255 for `u8`, 65535 for `u16`, true for
+    /// `bool` and 1.0 for floats.
     ///
     /// # Errors
-    /// [`Kind::Usage`] for a number that is not positive; [`Kind::Input`] for none where the type has no full scale of its own.
+    /// * [`ErrorKind::Usage`] if `scale` is not finite and positive.
+    /// * [`ErrorKind::Input`] if `scale` is `None` and the element type has no default.
     pub fn with_scale(mut self, scale: Option<f64>) -> Result<Self> {
         if let Some(scale) = scale.filter(|s| !(s.is_finite() && *s > 0.0)) {
-            return Err(Error::new(Kind::Usage, "--scale")
+            return Err(Error::new(ErrorKind::Usage, Setting("full_scale"))
                 .found(scale)
-                .expected("the number of full scale, above 0"));
+                .expected("a finite number above 0"));
         }
         self.scale = scale;
         self.check_scale()?;
@@ -114,24 +121,25 @@ impl Array {
         if own || self.scale.is_some() {
             return Ok(());
         }
-        Err(Error::new(Kind::Input, &self.reader.name)
-            .found(format_args!("elements of type {element}, which have no full scale of their own"))
-            .expected("the number that is full scale")
-            .remedy("give --scale, such as --scale 255 for codes of 8 bits"))
+        Err(Error::new(ErrorKind::Input, &self.reader.name)
+            .found(format_args!("elements of type {element}, which have no default full scale"))
+            .expected("the value of full scale")
+            .remedy(format_args!("set {}, for example to 255 for 8-bit codes", Setting("full_scale"))))
     }
 
-    /// Numbers as shares of full scale.
-    fn scaled(&self, samples: OwnedSamples, frame: u64) -> Result<OwnedSamples> {
+    /// Divides the samples by full scale.
+    fn to_full_scale(&self, samples: OwnedSamples, frame: u64) -> Result<OwnedSamples> {
         let Some(scale) = self.scale else {
             if let OwnedSamples::F32(values) = &samples {
                 let most = values.iter().copied().fold(0.0, f32::max);
-                if most > CODES && most.is_finite() {
-                    return Err(Error::new(Kind::Input, &self.reader.name)
+                if most > MAX_FLOAT_LIGHT && most.is_finite() {
+                    return Err(Error::new(ErrorKind::Input, &self.reader.name)
                         .found(format_args!("the value {most} in frame {frame}"))
                         .expected("light with full scale at 1.0")
-                        .remedy(
-                            "give --scale 255 if 255 is full scale, or --scale 1 if light is that bright",
-                        ));
+                        .remedy(format_args!(
+                            "set {} to 255 if 255 is full scale, or to 1 if the light is that bright",
+                            Setting("full_scale")
+                        )));
                 }
             }
             return Ok(samples);
@@ -146,14 +154,14 @@ impl Array {
         };
         let light = |x: f64| match self.curve.transfer() {
             Transfer::Linear => x,
-            // A code below 0 or not finite stays what it is, and is refused as light.
+            // A negative or non-finite code is not converted. `Frame::new` rejects the code later.
             curve if x >= 0.0 => curve.light(x),
             _ => x,
         };
         Ok(OwnedSamples::F32(values.into_iter().map(|x| light(x / scale) as f32).collect()))
     }
 
-    fn linear(&self, samples: OwnedSamples) -> OwnedSamples {
+    fn linearize(&self, samples: OwnedSamples) -> OwnedSamples {
         if self.curve.transfer() == Transfer::Linear {
             return samples;
         }
@@ -171,7 +179,7 @@ impl Array {
     }
 }
 
-impl Source for Array {
+impl Source for ArraySource {
     fn geometry(&self) -> Geometry {
         self.camera
     }
@@ -186,11 +194,11 @@ impl Source for Array {
             return Ok(false);
         };
         self.check_scale()?;
-        let scaled = self.scaled(samples, index)?;
-        let light = if self.scale.is_some() { scaled } else { self.linear(scaled) };
+        let scaled = self.to_full_scale(samples, index)?;
+        let light = if self.scale.is_some() { scaled } else { self.linearize(scaled) };
         let frame = Frame::new(self.reader.geometry(), light)
-            .map_err(|e| e.within(format_args!("{}: frame {index}", self.reader.name)))?;
-        *into = self.fit.apply(frame, self.camera)?;
+            .map_err(|e| e.with_context(format_args!("{}: frame {index}", self.reader.name)))?;
+        *into = self.resize_mode.apply(frame, self.camera)?;
         Ok(true)
     }
 
@@ -208,33 +216,33 @@ impl Source for Array {
         format!("{}: {} frames of {}, {}{scale}", r.name, r.frames, r.geometry, r.element)
     }
 
-    fn stored(&self) -> Option<Geometry> {
+    fn stored_geometry(&self) -> Option<Geometry> {
         Some(self.reader.geometry())
     }
 }
 
-/// Frames of an array at their own size, as they are stored.
-pub struct Reader<R: Read> {
+/// Reads the frames of an array at their original size. The elements are not converted to light.
+pub struct ArrayReader<R: Read> {
     pub(super) name: String,
     pub(super) reader: R,
     pub(super) geometry: Geometry,
     pub(super) frames: u64,
     pub(super) next: u64,
     pub(super) element: Element,
-    pub(super) big_endian: bool,
+    pub(super) is_big_endian: bool,
     pub(super) header_bytes: u64,
 }
 
-impl<R: Read> Reader<R> {
-    /// Reads the header. `name` stands for the stream in errors.
+impl<R: Read> ArrayReader<R> {
+    /// Reads the header. Error messages refer to the stream as `name`.
     ///
     /// # Errors
-    /// [`Kind::Input`] when the header is damaged, or the array's type, shape or order is not one that is
-    /// read here; [`Kind::Io`] when reading fails.
+    /// * [`ErrorKind::Input`] if the header is damaged, or if type, shape or order is not supported.
+    /// * [`ErrorKind::Io`] if reading fails.
     pub fn new(mut reader: R, name: &str) -> Result<Self> {
         let header = Header::read(name, &mut reader)?;
-        if header.fortran && header.shape.len() > 1 {
-            return Err(Error::new(Kind::Input, name)
+        if header.is_fortran_order && header.shape.len() > 1 {
+            return Err(Error::new(ErrorKind::Input, name)
                 .found("column-major (Fortran) order")
                 .expected("C order")
                 .remedy("save np.ascontiguousarray(a)"));
@@ -242,7 +250,7 @@ impl<R: Read> Reader<R> {
         let (frames, geometry) = shape(&header.shape, name)?;
         let element = header.element;
         if (geometry.pixels() * element.bytes()) as u64 > MAX_PICTURE_BYTES {
-            return Err(Error::new(Kind::Input, name)
+            return Err(Error::new(ErrorKind::Input, name)
                 .found(format_args!("frames of {geometry}, {element}"))
                 .expected(format_args!("frames of at most {MAX_PICTURE_BYTES} bytes")));
         }
@@ -253,60 +261,61 @@ impl<R: Read> Reader<R> {
             frames,
             next: 0,
             element,
-            big_endian: header.big_endian,
-            header_bytes: header.start as u64,
+            is_big_endian: header.is_big_endian,
+            header_bytes: header.data_offset as u64,
         })
     }
 
-    /// Width and height of the array's frames.
+    /// Returns the width and height of the array's frames.
     #[must_use]
     pub const fn geometry(&self) -> Geometry {
         self.geometry
     }
 
-    /// Number of frames that the header declares.
+    /// Returns the number of frames that the header declares.
     #[must_use]
     pub const fn frames(&self) -> u64 {
         self.frames
     }
 
-    /// Type of the elements.
+    /// Returns the element type.
     #[must_use]
     pub const fn element(&self) -> Element {
         self.element
     }
 
-    /// Whether elements of more than a byte are stored with the highest byte first.
+    /// Returns whether multi-byte elements are stored in big-endian order.
     #[must_use]
-    pub const fn big_endian(&self) -> bool {
-        self.big_endian
+    pub const fn is_big_endian(&self) -> bool {
+        self.is_big_endian
     }
 
-    /// Bytes of header and frames together.
+    /// Returns the total number of bytes of the header and all frames.
     #[must_use]
     pub const fn total_bytes(&self) -> u64 {
         let frame = self.geometry.pixels() as u64 * self.element.bytes() as u64;
         self.header_bytes.saturating_add(self.frames.saturating_mul(frame))
     }
 
-    /// The elements of the next frame, or `None` after the last one.
+    /// Returns the elements of the next frame, or `None` after the last frame.
     ///
     /// # Errors
-    /// [`Kind::Input`] when the data end early, [`Kind::Io`] when reading fails.
+    /// * [`ErrorKind::Input`] if the stream ends before the end of the frame.
+    /// * [`ErrorKind::Io`] if reading fails.
     pub fn next_samples(&mut self) -> Result<Option<OwnedSamples>> {
         if self.next == self.frames {
             return Ok(None);
         }
         let wanted = self.geometry.pixels() * self.element.bytes();
-        // `take` grows the buffer with what comes, so a false header cannot ask for memory.
+        // The buffer grows only as bytes are read, so a header with a wrong size cannot cause a large allocation.
         let mut bytes = Vec::new();
         self.reader.by_ref().take(wanted as u64).read_to_end(&mut bytes).map_err(|e| match e.kind() {
-            // What a compressed archive says of its own bytes.
-            ErrorKind::InvalidData => damaged(&self.name, e),
+            // The reader of a compressed archive returns this error kind for damaged data.
+            io::ErrorKind::InvalidData => damaged_error(&self.name, e),
             _ => Error::io(&self.name, e),
         })?;
         if bytes.len() < wanted {
-            return Err(cut_short(&self.name, self.next, self.frames));
+            return Err(truncated_error(&self.name, self.next, self.frames));
         }
         self.next += 1;
         self.decode(bytes).map(Some)
@@ -316,32 +325,32 @@ impl<R: Read> Reader<R> {
         Ok(match self.element {
             Element::U8 => OwnedSamples::U8(bytes),
             Element::U16 => {
-                let order = if self.big_endian { u16::from_be_bytes } else { u16::from_le_bytes };
+                let order = if self.is_big_endian { u16::from_be_bytes } else { u16::from_le_bytes };
                 OwnedSamples::U16(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
             }
             Element::Bool => OwnedSamples::U8(bytes.iter().map(|b| if *b == 0 { 0 } else { 255 }).collect()),
             Element::F32 => {
-                let order = if self.big_endian { f32::from_be_bytes } else { f32::from_le_bytes };
+                let order = if self.is_big_endian { f32::from_be_bytes } else { f32::from_le_bytes };
                 OwnedSamples::F32(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
             }
             other => {
-                let mut values = inputs::buffer(&self.name, self.geometry.pixels())?;
-                other.for_each(self.big_endian, &bytes, |v| values.push(v as f32));
+                let mut values = inputs::reserved_vec(&self.name, self.geometry.pixels())?;
+                other.for_each(self.is_big_endian, &bytes, |v| values.push(v as f32));
                 OwnedSamples::F32(values)
             }
         })
     }
 }
 
-fn cut_short(name: &str, frame: u64, frames: u64) -> Error {
-    Error::new(Kind::Input, name)
-        .found(format_args!("the end within frame {frame}"))
-        .expected(format_args!("{frames} frames, as the header says"))
-        .remedy("the file was cut short; save it again")
+fn truncated_error(name: &str, frame: u64, frames: u64) -> Error {
+    Error::new(ErrorKind::Input, name)
+        .found(format_args!("the end of the file in frame {frame}"))
+        .expected(format_args!("{frames} frames, as stated in the header"))
+        .remedy("the file is truncated; save it again")
 }
 
-fn damaged(name: &str, found: impl std::fmt::Display) -> Error {
-    Error::new(Kind::Input, name)
+fn damaged_error(name: &str, found: impl std::fmt::Display) -> Error {
+    Error::new(ErrorKind::Input, name)
         .found(found)
         .expected("a NumPy array file")
         .remedy("save it again with np.save")
@@ -350,19 +359,19 @@ fn damaged(name: &str, found: impl std::fmt::Display) -> Error {
 fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
     let (frames, rows, cols) = match *shape {
         [rows, cols] => (1, rows, cols),
-        // A channel of length 1 is no axis.
+        // An axis of length 1 is a channel axis and is removed.
         [frames, 1, rows, cols] | [frames, rows, cols, 1] | [frames, rows, cols] => (frames, rows, cols),
         _ => {
-            return Err(Error::new(Kind::Input, name)
+            return Err(Error::new(ErrorKind::Input, name)
                 .found(format_args!("shape {shape:?}"))
                 .expected("(frames, height, width) or (height, width)")
-                .remedy("reshape or average colour channels before saving"));
+                .remedy("reshape the array, or average its color channels, and save it again"));
         }
     };
     if frames == 0 {
-        return Err(Error::new(Kind::Input, name)
+        return Err(Error::new(ErrorKind::Input, name)
             .found(format_args!("shape {shape:?}"))
             .expected("at least one frame"));
     }
-    Ok((frames, stored_size(cols, rows, name)?))
+    Ok((frames, declared_geometry(cols, rows, name)?))
 }

@@ -1,51 +1,56 @@
 //! NumPy archives (`.npz`) with one array.
 //!
-//! An entry of the archive can only be read while the archive is borrowed, so a
-//! thread owns both and hands the bytes over a channel of bounded length: memory does
-//! not grow with the array, and the thread ends when the reader is dropped.
+//! An entry can be read only while the archive is borrowed. A separate thread therefore owns the archive and the
+//! entry, and sends the bytes through a bounded channel. Memory use does not depend on the size of the array. The
+//! thread ends when the receiver is dropped.
 
-use std::io::{BufReader, Error as IoError, ErrorKind, Read, Seek};
+use std::io::{self, BufReader, Error as IoError, Read, Seek};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use super::npy::Array;
+use super::npy::ArraySource;
 use crate::Archive;
-use crate::light::fit::Fit;
-use spikelane::error::{Error, Kind, Result};
+use crate::light::resize_mode::ResizeMode;
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Transfer;
 use spikelane::unstable::inputs::InputFile;
 
 use spikelane::spikes::Geometry;
 use spikelane::unstable::threads;
 
-const BLOCK: usize = 1 << 16;
+const BLOCK_BYTES: usize = 1 << 16;
 
-/// Opens the only array of an archive. Frames come as from [`Array`].
+/// Opens the only array of an archive. [`ArraySource`] would return equal frames for the uncompressed array.
 ///
 /// # Errors
-/// [`Kind::Input`] when it is no archive or does not hold exactly one array; otherwise as
-/// [`Array::from_reader`].
-pub fn open(path: &Path, camera: Geometry, fit: Fit, transfer: Option<Transfer>) -> Result<Array> {
+/// * [`ErrorKind::Input`] if the file is not an archive or does not contain exactly one array.
+/// * Errors of [`ArraySource::from_reader`].
+pub fn open(
+    path: &Path,
+    camera: Geometry,
+    fit: ResizeMode,
+    transfer: Option<Transfer>,
+) -> Result<ArraySource> {
     let name = path.display().to_string();
     let archive = Archive::new(&name, BufReader::new(InputFile::open(path)?.into_reader()))?;
-    let arrays = archive.arrays();
+    let arrays = archive.array_names();
     let [array] = &arrays[..] else {
-        return Err(Error::new(Kind::Input, name)
+        return Err(Error::new(ErrorKind::Input, name)
             .found(format_args!("{} arrays: {}", arrays.len(), arrays.join(", ")))
             .expected("exactly one array")
-            .remedy("save the frames alone, as .npy or .npz"));
+            .remedy("save only the frames, as .npy or .npz"));
     };
     let entry = array.clone();
     let subject = format!("{name}: {array}");
     let (sender, receiver) = sync_channel(4);
-    let unpack = move |archive| unpack(archive, &entry, &sender);
-    threads::spawn("npz", archive, unpack).map_err(|_| threads::no_thread("read an archive"))?;
+    let unpack = move |archive| send_blocks(archive, &entry, &sender);
+    threads::spawn("npz", archive, unpack).map_err(|_| threads::no_thread_error("read an archive"))?;
     let blocks = Blocks { receiver, block: Vec::new(), used: 0 };
-    Array::from_reader(Box::new(blocks), &subject, camera, fit, transfer)
+    ArraySource::from_reader(Box::new(blocks), &subject, camera, fit, transfer)
 }
 
-/// Sends the bytes of an entry until its end, an error, or nobody wants them any more.
-fn unpack(
+/// Sends the bytes of an entry in blocks. Stops at the end of the entry, at an error, or when the receiver is dropped.
+fn send_blocks(
     mut archive: Archive<impl Read + Seek>,
     entry: &str,
     sender: &SyncSender<std::io::Result<Vec<u8>>>,
@@ -53,13 +58,13 @@ fn unpack(
     let mut entry = match archive.entry(entry) {
         Ok(entry) => entry,
         Err(e) => {
-            let _ = sender.send(Err(IoError::new(ErrorKind::InvalidData, e.to_string())));
+            let _ = sender.send(Err(IoError::new(io::ErrorKind::InvalidData, e.to_string())));
             return;
         }
     };
     loop {
-        let mut block = Vec::with_capacity(BLOCK);
-        let read = entry.by_ref().take(BLOCK as u64).read_to_end(&mut block);
+        let mut block = Vec::with_capacity(BLOCK_BYTES);
+        let read = entry.by_ref().take(BLOCK_BYTES as u64).read_to_end(&mut block);
         let over = !matches!(read, Ok(n) if n > 0);
         let sent = match read {
             Ok(0) => break,
@@ -72,7 +77,7 @@ fn unpack(
     }
 }
 
-/// The blocks of the thread as a stream of bytes.
+/// A reader of the blocks that the thread sends.
 struct Blocks {
     receiver: Receiver<std::io::Result<Vec<u8>>>,
     block: Vec<u8>,
@@ -84,7 +89,7 @@ impl Read for Blocks {
         if self.used == self.block.len() {
             match self.receiver.recv() {
                 Ok(block) => self.block = block?,
-                // The thread is done.
+                // The thread has ended, so the reader reports the end of the stream.
                 Err(_) => return Ok(0),
             }
             self.used = 0;

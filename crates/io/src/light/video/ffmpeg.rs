@@ -1,7 +1,8 @@
-//! Any other video, through the user's own `ffmpeg`.
+//! All video formats except y4m. An installed `ffmpeg` decodes the video.
 //!
-//! ffprobe says how the codes are meant; ffmpeg decodes and writes them as they are, as y4m into a pipe.
-//! Interlaced frames are deinterlaced. Every frame comes once: where they come at no one rate, their times say when.
+//! ffprobe reports the encoding of the samples. ffmpeg decodes the samples without conversion and writes y4m to a
+//! pipe. Interlaced frames are deinterlaced. No frame is duplicated or dropped. If the frame rate is not constant, the
+//! frame times are read as well.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read};
@@ -9,11 +10,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::JoinHandle;
 
-use super::probe::{Probe, missing, one_file};
-use super::y4m::Video;
-use crate::light::fit::Fit;
-use crate::light::pictures::picture::Linear;
-use spikelane::error::{Error, Kind, Result};
+use super::probe::{VideoProbe, missing_program_error, single_file_args};
+use super::y4m::Y4mSource;
+use crate::light::images::image_file::Linearization;
+use crate::light::resize_mode::ResizeMode;
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Rate;
 use spikelane::light::{Frame, Source};
 use spikelane::sensor::FrontEnd;
@@ -21,37 +22,38 @@ use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::InputFile;
 use spikelane::unstable::threads;
 
-/// The last lines of ffmpeg's complaints that an error repeats.
-const LAST_LINES: usize = 4;
+/// Maximum number of ffmpeg's last error lines that are reported.
+const MAX_ERROR_LINES: usize = 4;
 
-/// A running ffmpeg; it ends when this is dropped.
-struct Process {
+/// A running ffmpeg process. The process is killed when this value is dropped.
+struct FfmpegProcess {
     path: PathBuf,
     child: Child,
-    complaints: Option<JoinHandle<VecDeque<String>>>,
+    stderr_lines: Option<JoinHandle<VecDeque<String>>>,
 }
 
-impl Process {
+impl FfmpegProcess {
     fn start(path: &Path, program: &str, filters: &str) -> Result<Self> {
         let mut child = Command::new(program)
             .args(["-nostdin", "-v", "error"])
-            .args(one_file(path))
+            .args(single_file_args(path))
             .args(["-map", "0:v:0", "-vf", filters])
-            .args(each_frame_once(program)?)
-            // More than 8 bits, and other names of grey, are not strict y4m.
+            .args(passthrough_args(program)?)
+            // Strict y4m does not permit depths above 8 bits and some gray formats, so the strict mode is disabled.
             .args(["-strict", "-1", "-f", "yuv4mpegpipe", "-"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .map_err(|e| missing(program, e))?;
+            .map_err(|e| missing_program_error(program, e))?;
         let stderr = child.stderr.take();
-        // Read on a thread of its own: a full pipe of complaints would stop ffmpeg, and then us.
+        // A separate thread reads standard error. If nothing read the pipe, the pipe would become full and ffmpeg
+        // would block.
         let complaints = move || {
             let mut last = VecDeque::new();
             for line in stderr.into_iter().flat_map(|s| BufReader::new(s).split(b'\n')) {
                 let Ok(line) = line else { break };
-                if last.len() == LAST_LINES {
+                if last.len() == MAX_ERROR_LINES {
                     last.pop_front();
                 }
                 last.push_back(String::from_utf8_lossy(&line).trim_end().to_owned());
@@ -59,45 +61,49 @@ impl Process {
             last
         };
         let thread = std::thread::Builder::new().name("ffmpeg".into()).spawn(complaints);
-        let mut process = Self { path: path.to_owned(), child, complaints: None };
-        process.complaints = Some(thread.map_err(|_| threads::no_thread("read what ffmpeg prints"))?);
+        let mut process = Self { path: path.to_owned(), child, stderr_lines: None };
+        process.stderr_lines =
+            Some(thread.map_err(|_| threads::no_thread_error("read the messages of ffmpeg"))?);
         Ok(process)
     }
 
-    /// Waits for the end and says whether it was a good one.
+    /// Waits for the end of the process. Returns an error if the process failed.
     fn finish(&mut self) -> Result<()> {
         let status = self.child.wait().map_err(|e| Error::io("waiting for ffmpeg", e))?;
-        let complaints = self.complaints.take().and_then(|c| c.join().ok());
+        let complaints = self.stderr_lines.take().and_then(|c| c.join().ok());
         if status.success() {
             return Ok(());
         }
         let lines: Vec<_> = complaints.unwrap_or_default().into();
-        Err(Error::new(Kind::Tool, self.path.display())
+        Err(Error::new(ErrorKind::Tool, self.path.display())
             .found(format_args!("ffmpeg ended with {status}: {}", lines.join(" | ")))
             .expected("a video that ffmpeg can decode")
             .remedy("try to play it with ffplay"))
     }
 }
 
-impl Drop for Process {
+impl Drop for FfmpegProcess {
     fn drop(&mut self) {
-        // It may be over already, and there is nobody left to tell.
+        // Both results are ignored, because the process may have ended already and `drop` cannot report errors.
         let _ = self.child.kill();
         let _ = self.child.wait();
-        if let Some(complaints) = self.complaints.take() {
+        if let Some(complaints) = self.stderr_lines.take() {
             let _ = complaints.join();
         }
     }
 }
 
-/// The arguments after which frames are neither repeated nor left out: they changed their name with ffmpeg 5.1.
-fn each_frame_once(program: &str) -> Result<[&'static str; 2]> {
-    let ran = Command::new(program).arg("-version").output().map_err(|e| missing(program, e))?;
+/// Returns the arguments that prevent ffmpeg from duplicating or dropping frames. The name of the option changed in
+/// ffmpeg 5.1.
+fn passthrough_args(program: &str) -> Result<[&'static str; 2]> {
+    let ran =
+        Command::new(program).arg("-version").output().map_err(|e| missing_program_error(program, e))?;
     let text = String::from_utf8_lossy(&ran.stdout);
     Ok(if is_before_5_1(&text) { ["-vsync", "passthrough"] } else { ["-fps_mode", "passthrough"] })
 }
 
-/// What `ffmpeg -version` begins with; builds between releases have no such number, and are new.
+/// Returns whether `text`, the output of `ffmpeg -version`, is from a version before 5.1. Development builds have no
+/// version number and count as version 5.1 or later.
 fn is_before_5_1(text: &str) -> bool {
     let word = text.split_whitespace().nth(2).unwrap_or_default().trim_start_matches('n');
     let mut numbers = word.split(|c: char| !c.is_ascii_digit()).map(str::parse::<u32>);
@@ -108,56 +114,65 @@ fn is_before_5_1(text: &str) -> bool {
     }
 }
 
-/// A video that ffmpeg decodes, as frames at the camera's size.
-pub struct Decoded {
-    video: Video,
-    process: Process,
-    announced: Option<u64>,
+/// A video that ffmpeg decodes, as a source of frames at the camera's size.
+pub struct FfmpegSource {
+    video: Y4mSource,
+    process: FfmpegProcess,
+    announced_frames: Option<u64>,
     times: Option<Vec<u64>>,
-    over: bool,
+    has_ended: bool,
 }
 
-impl Decoded {
-    /// Starts ffmpeg on a file and reads the header of what it writes.
+impl FfmpegSource {
+    /// Starts ffmpeg on a file and reads the header that ffmpeg writes.
     ///
     /// # Errors
-    /// [`Kind::Io`] when the file cannot be read, [`Kind::Tool`] when ffmpeg is missing or cannot decode
-    /// it; otherwise as [`crate::light::y4m::Reader::new`].
-    pub fn open(path: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
+    /// * [`ErrorKind::Io`] if the file cannot be read.
+    /// * [`ErrorKind::Tool`] if ffmpeg is missing or cannot decode the file.
+    /// * Otherwise as [`crate::light::y4m::Y4mReader::new`].
+    pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, linear: Linearization) -> Result<Self> {
         Self::open_with("ffmpeg", path, camera, fit, linear)
     }
 
-    /// As [`Decoded::open`], with the name or path of the program.
+    /// As [`FfmpegSource::open`]. `program` is the name or path of ffmpeg.
     ///
     /// # Errors
-    /// As [`Decoded::open`].
-    pub fn open_with(program: &str, path: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
-        // ffmpeg would wait for a pipe without end.
+    /// As [`FfmpegSource::open`].
+    pub fn open_with(
+        program: &str,
+        path: &Path,
+        camera: Geometry,
+        fit: ResizeMode,
+        linear: Linearization,
+    ) -> Result<Self> {
+        // If the path were a pipe, ffmpeg would block. `InputFile::open` accepts only regular files.
         InputFile::open(path)?;
-        let probe = Probe::of(path, program)?;
-        let mut process = Process::start(path, program, &probe.filters())?;
+        let probe = VideoProbe::from_file(path, program)?;
+        let mut process = FfmpegProcess::start(path, program, &probe.filters())?;
         let name = path.display().to_string();
         let mut output = BufReader::new(
             process
                 .child
                 .stdout
                 .take()
-                .ok_or_else(|| Error::new(Kind::Tool, program).found("no output pipe"))?,
+                .ok_or_else(|| Error::new(ErrorKind::Tool, program).found("no output pipe"))?,
         );
-        // An ffmpeg that fails writes nothing at all, and its own words say more than ours.
+        // If ffmpeg fails, its output is empty. The error message of ffmpeg is then more informative than an error of
+        // the y4m reader.
         if output.fill_buf().map_err(|e| Error::io(&name, e))?.is_empty() {
             process.finish()?;
-            return Err(Error::new(Kind::Tool, name)
-                .found("no picture from ffmpeg")
+            return Err(Error::new(ErrorKind::Tool, name)
+                .found("no image from ffmpeg")
                 .expected("a file with a video stream"));
         }
         let output: Box<dyn Read + Send> = Box::new(output);
-        let video = Video::with_known_codes(output, &name, camera, fit, linear, probe.known())?;
-        Ok(Self { video, process, announced: probe.frames, times: probe.times, over: false })
+        let video =
+            Y4mSource::with_sample_encoding(output, &name, camera, fit, linear, probe.sample_encoding())?;
+        Ok(Self { video, process, announced_frames: probe.frames, times: probe.times, has_ended: false })
     }
 }
 
-impl Source for Decoded {
+impl Source for FfmpegSource {
     fn geometry(&self) -> Geometry {
         self.video.geometry()
     }
@@ -167,25 +182,26 @@ impl Source for Decoded {
     }
 
     fn announced_frames(&self) -> Option<u64> {
-        self.announced
+        self.announced_frames
     }
 
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
-        if self.over {
+        if self.has_ended {
             return Ok(false);
         }
         let next = self.video.next_frame(into);
         if matches!(next, Ok(true)) {
             return next;
         }
-        self.over = true;
-        // Where both have something to say, ffmpeg knows why the frame was cut short.
+        self.has_ended = true;
+        // If both ffmpeg and the reader fail, the error of ffmpeg is returned, because it explains why the frame is
+        // truncated.
         self.process.finish()?;
         next
     }
 
     fn rate(&self) -> Option<Rate> {
-        // What the stream says of a variable rate is a guess.
+        // If the frame rate varies, the declared rate is only an estimate and is not returned.
         self.video.rate().filter(|_| self.times.is_none())
     }
 
@@ -198,11 +214,11 @@ impl Source for Decoded {
         format!("{}{rate}, decoded by ffmpeg", self.video.describe())
     }
 
-    fn stored(&self) -> Option<Geometry> {
-        self.video.stored()
+    fn stored_geometry(&self) -> Option<Geometry> {
+        self.video.stored_geometry()
     }
 
-    fn times(&self) -> Option<&[u64]> {
+    fn frame_times(&self) -> Option<&[u64]> {
         self.times.as_deref()
     }
 }
@@ -212,7 +228,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_of_ffmpeg_are_told_apart() {
+    fn versions_of_ffmpeg_are_distinguished() {
         for (text, before) in [
             ("ffmpeg version 5.1.9-0+deb12u1 Copyright", false),
             ("ffmpeg version 4.4.2-0ubuntu0.22.04.1 Copyright", true),

@@ -1,4 +1,4 @@
-//! Video: y4m as it comes, everything else through ffmpeg.
+//! Video sources. y4m is read directly, and ffmpeg decodes all other formats.
 
 pub mod ffmpeg;
 pub(super) mod probe;

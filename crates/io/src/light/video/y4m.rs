@@ -1,13 +1,13 @@
 //! YUV4MPEG2 video (`.y4m`), from a file or a pipe.
 //!
-//! Luminance is a sum of *linear* colours, and Y' is a sum of coded ones, so
-//! a colour frame goes Y'CbCr -> R'G'B' -> linear -> luminance; the shortcut
-//! from Y' alone is wrong by a third on saturated colours. Subsampled chroma is
-//! repeated, not interpolated. Mono frames have only Y'.
+//! Luminance is a weighted sum of *linear* colors, but Y' is a weighted sum of *coded* colors. A color frame is
+//! therefore converted from Y'CbCr to R'G'B', then to linear colors, then to luminance. If luminance were computed
+//! from Y' alone, saturated colors would be wrong by a third. Subsampled chroma is repeated, not interpolated. Mono
+//! frames contain only Y'.
 //!
-//! The header may say `XCOLORRANGE=FULL` or `LIMITED`; without it colour is limited
-//! (16 to 235) and mono is full, as ffmpeg treats them. It never says which
-//! matrix was used: see [`Matrix`]. R'G'B' outside 0 to 1 is clipped.
+//! The header may contain `XCOLORRANGE=FULL` or `XCOLORRANGE=LIMITED`. If the header contains neither, color has
+//! limited range (16 to 235) and mono has full range, as in ffmpeg. The header never declares the matrix; see
+//! [`Matrix`]. R'G'B' values outside 0 to 1 are clipped.
 
 use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 use std::path::Path;
@@ -15,79 +15,80 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ::y4m::{Decoder, Limits};
-use spikelane::error::{Error, Kind, Result};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::{Frame, OwnedSamples, Rate, Source};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
-use spikelane::unstable::light::stored_size;
+use spikelane::unstable::light::declared_geometry;
 
-use super::yuv::{Known, Layout, chroma};
-use crate::light::fit::Fit;
-use crate::light::pictures::picture::Linear;
+use super::yuv::{PlaneLayout, SampleEncoding, chroma};
+use crate::light::images::image_file::Linearization;
+use crate::light::resize_mode::ResizeMode;
 
 pub use super::yuv::Matrix;
 
-/// A `.y4m` video as frames at the camera's size.
-pub struct Video {
-    reader: Reader<Box<dyn Read + Send>>,
+/// A `.y4m` video as a source of frames at the camera's size.
+pub struct Y4mSource {
+    reader: Y4mReader<Box<dyn Read + Send>>,
     frames: Option<u64>,
-    linear: Linear,
-    fit: Fit,
+    linear: Linearization,
+    resize_mode: ResizeMode,
     camera: Geometry,
 }
 
-impl Video {
-    /// Opens a file and counts its frames by their headers alone.
+impl Y4mSource {
+    /// Opens a file and counts its frames. The frames are not decoded.
     ///
     /// # Errors
-    /// As [`Reader::new`]; [`Kind::Input`] too when the last frame is cut short or there is none.
-    pub fn open(path: &Path, camera: Geometry, fit: Fit, linear: Linear) -> Result<Self> {
+    /// As [`Y4mReader::new`]. Also [`ErrorKind::Input`] if the last frame is truncated or the file contains no frame.
+    pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, linear: Linearization) -> Result<Self> {
         let name = path.display().to_string();
         let input = Box::new(InputFile::open(path)?.into_reader());
         let mut video = Self::from_reader(input, &name, camera, fit, linear)?;
-        let frames = video.reader.count(&InputFile::open(path)?)?;
+        let frames = video.reader.count_frames(&InputFile::open(path)?)?;
         if frames == 0 {
-            return Err(Error::new(Kind::Input, name).found("no frame").expected("at least one frame"));
+            return Err(Error::new(ErrorKind::Input, name).found("no frame").expected("at least one frame"));
         }
         video.frames = Some(frames);
         Ok(video)
     }
 
-    /// Reads a stream; `name` stands for it in errors.
+    /// Reads a video from a stream. Error messages refer to the stream as `name`.
     ///
     /// # Errors
-    /// As [`Reader::new`], and when [`Fit::Crop`] finds the video too small.
+    /// As [`Y4mReader::new`]. Also [`ErrorKind::Input`] if the mode is [`ResizeMode::Crop`] and the video is smaller
+    /// than the camera.
     pub fn from_reader(
         reader: Box<dyn Read + Send>,
         name: &str,
         camera: Geometry,
-        fit: Fit,
-        linear: Linear,
+        fit: ResizeMode,
+        linear: Linearization,
     ) -> Result<Self> {
-        Self::with_known_codes(reader, name, camera, fit, linear, Known::default())
+        Self::with_sample_encoding(reader, name, camera, fit, linear, SampleEncoding::default())
     }
 
-    pub(in crate::light) fn with_known_codes(
+    pub(in crate::light) fn with_sample_encoding(
         reader: Box<dyn Read + Send>,
         name: &str,
         camera: Geometry,
-        fit: Fit,
-        linear: Linear,
-        known: Known,
+        fit: ResizeMode,
+        linear: Linearization,
+        known: SampleEncoding,
     ) -> Result<Self> {
-        let reader = Reader::with_known(reader, name, known)?;
-        fit.check(reader.geometry(), camera).map_err(|e| e.within(name))?;
-        Ok(Self { reader, frames: None, linear, fit, camera })
+        let reader = Y4mReader::with_sample_encoding(reader, name, known)?;
+        fit.check(reader.geometry(), camera).map_err(|e| e.with_context(name))?;
+        Ok(Self { reader, frames: None, linear, resize_mode: fit, camera })
     }
 }
 
-impl Source for Video {
+impl Source for Y4mSource {
     fn geometry(&self) -> Geometry {
         self.camera
     }
 
-    fn stored(&self) -> Option<Geometry> {
+    fn stored_geometry(&self) -> Option<Geometry> {
         Some(self.reader.geometry())
     }
 
@@ -99,7 +100,7 @@ impl Source for Video {
         let Some(frame) = self.reader.next_light(&self.linear)? else {
             return Ok(false);
         };
-        *into = self.fit.apply(frame, self.camera)?;
+        *into = self.resize_mode.apply(frame, self.camera)?;
         Ok(true)
     }
 
@@ -108,7 +109,7 @@ impl Source for Video {
     }
 
     fn front_end(&self) -> FrontEnd {
-        self.linear.used(false)
+        self.linear.front_end_for(false)
     }
 
     fn describe(&self) -> String {
@@ -119,107 +120,127 @@ impl Source for Video {
     }
 }
 
-/// The first bytes of every file.
+/// The first bytes of every y4m file.
 pub const MAGIC: &[u8] = b"YUV4MPEG2 ";
 
-/// Longest header line; the decoder's own bound.
-const LINE: u64 = 1024;
+/// Maximum length of a header line. The `y4m` decoder has the same limit.
+const MAX_HEADER_LINE_BYTES: u64 = 1024;
 
-/// Counts what the decoder takes, which alone tells a clean end from a frame cut short.
-struct Counted<R> {
+/// Counts the bytes that the decoder reads. At the end of the stream, only the byte count distinguishes a complete
+/// last frame from a truncated last frame.
+struct CountingReader<R> {
     inner: R,
-    taken: Arc<AtomicU64>,
+    bytes_read: Arc<AtomicU64>,
 }
 
-impl<R: Read> Read for Counted<R> {
+impl<R: Read> Read for CountingReader<R> {
     fn read(&mut self, buf: &mut [u8]) -> std::io::Result<usize> {
         let n = self.inner.read(buf)?;
-        self.taken.fetch_add(n as u64, Ordering::Relaxed);
+        self.bytes_read.fetch_add(n as u64, Ordering::Relaxed);
         Ok(n)
     }
 }
 
-type Input<R> = Counted<Chain<Cursor<Vec<u8>>, BufReader<R>>>;
+type Input<R> = CountingReader<Chain<Cursor<Vec<u8>>, BufReader<R>>>;
 
-/// Frames of a `.y4m` stream at their own size.
-pub struct Reader<R: Read> {
+/// Reads the frames of a `.y4m` stream at their original size.
+pub struct Y4mReader<R: Read> {
     pub(super) name: String,
     decoder: Decoder<Input<R>>,
-    pub(super) taken: Arc<AtomicU64>,
-    pub(super) read: u64,
+    pub(super) bytes_read: Arc<AtomicU64>,
+    pub(super) frames_read: u64,
     pub(super) geometry: Geometry,
-    pub(super) layout: Layout,
+    pub(super) planes: PlaneLayout,
 }
 
-impl<R: Read> Reader<R> {
-    /// Reads the header. `name` stands for the stream in errors; without a `matrix` the height decides.
+impl<R: Read> Y4mReader<R> {
+    /// Reads the header. Error messages refer to the stream as `name`. If `matrix` is `None`, the height of the video
+    /// determines the matrix.
     ///
     /// # Errors
-    /// [`Kind::Input`] when the header is damaged, describes an impossible size, an unknown colour space or interlaced video.
+    /// [`ErrorKind::Input`] if the header is damaged or declares an invalid size, an unknown color space or interlaced video.
     pub fn new(reader: R, name: &str, matrix: Option<Matrix>) -> Result<Self> {
-        Self::with_known(reader, name, Known { matrix, full: None })
+        Self::with_sample_encoding(reader, name, SampleEncoding { matrix, is_full_range: None })
     }
 
-    /// As [`Reader::new`], for a stream of whose codes more is known than its header says.
-    pub(in crate::light) fn with_known(reader: R, name: &str, known: Known) -> Result<Self> {
+    /// As [`Y4mReader::new`], but the properties in `SampleEncoding` override the header.
+    pub(in crate::light) fn with_sample_encoding(
+        reader: R,
+        name: &str,
+        known: SampleEncoding,
+    ) -> Result<Self> {
         let mut reader = BufReader::new(reader);
         let mut header = Vec::new();
-        reader.by_ref().take(LINE).read_until(b'\n', &mut header).map_err(|e| Error::io(name, e))?;
+        reader
+            .by_ref()
+            .take(MAX_HEADER_LINE_BYTES)
+            .read_until(b'\n', &mut header)
+            .map_err(|e| Error::io(name, e))?;
         check_header(&header, name)?;
-        let full = known.full.or(range(&header));
-        let depth = shallow(&mut header);
+        let full = known.is_full_range.or(declares_full_range(&header));
+        let depth = replace_deep_color_space(&mut header);
         let taken = Arc::new(AtomicU64::new(0));
-        let input = Counted { inner: Cursor::new(header).chain(reader), taken: Arc::clone(&taken) };
+        let input =
+            CountingReader { inner: Cursor::new(header).chain(reader), bytes_read: Arc::clone(&taken) };
         let limits = Limits { bytes: MAX_PICTURE_BYTES as usize };
-        let decoder = Decoder::new_with_limits(input, limits).map_err(|e| damaged(name, &e))?;
+        let decoder = Decoder::new_with_limits(input, limits).map_err(|e| damaged_error(name, &e))?;
         let (width, height) = (decoder.get_width(), decoder.get_height());
-        let geometry = stored_size(width as u64, height as u64, name)?;
+        let geometry = declared_geometry(width as u64, height as u64, name)?;
         let chroma = chroma(decoder.get_colorspace());
-        let layout = Layout {
+        let layout = PlaneLayout {
             width,
             height,
             depth: depth.unwrap_or(decoder.get_bit_depth()),
             chroma,
-            full: full.unwrap_or(chroma.is_none()),
-            matrix: known.matrix.unwrap_or(Matrix::of_height(height)),
+            is_full_range: full.unwrap_or(chroma.is_none()),
+            matrix: known.matrix.unwrap_or(Matrix::from_height(height)),
         };
-        Ok(Self { name: name.to_owned(), decoder, taken, read: 0, geometry, layout })
+        Ok(Self {
+            name: name.to_owned(),
+            decoder,
+            bytes_read: taken,
+            frames_read: 0,
+            geometry,
+            planes: layout,
+        })
     }
 
-    /// Width and height of the video.
+    /// Returns the width and height of the video.
     #[must_use]
     pub const fn geometry(&self) -> Geometry {
         self.geometry
     }
 
-    /// Frames per second, unless the header says nothing sensible.
+    /// Returns the frame rate in frames per second, or `None` if the header contains no valid rate.
     #[must_use]
     pub fn rate(&self) -> Option<Rate> {
         let rate = self.decoder.get_framerate();
         Rate::new(rate.num as u64, rate.den as u64).ok()
     }
 
-    /// Bits of a sample: 8, 9, 10, 12, 14 or 16.
+    /// Returns the number of bits per sample, which is 8, 9, 10, 12, 14 or 16.
     #[must_use]
     pub const fn depth(&self) -> usize {
-        self.layout.depth
+        self.planes.depth
     }
 
-    /// The planes of the next frame as they are stored (16-bit samples little-endian), or `None` at the end.
+    /// Returns the stored planes of the next frame, or `None` at the end of the stream. 16-bit samples are
+    /// little-endian.
     ///
     /// # Errors
-    /// [`Kind::Input`] when a frame is cut short or does not begin as one, [`Kind::Io`] when reading fails.
+    /// * [`ErrorKind::Input`] if a frame is truncated or does not start with a frame header.
+    /// * [`ErrorKind::Io`] if reading fails.
     pub fn next_planes(&mut self) -> Result<Option<[Vec<u8>; 3]>> {
         self.next(|f| [f.get_y_plane(), f.get_u_plane(), f.get_v_plane()].map(<[u8]>::to_vec))
     }
 
-    /// The luminance of the next frame, or `None` at the end. 8-bit video gives
-    /// 16-bit samples, deeper video floats.
+    /// Returns the luminance of the next frame, or `None` at the end of the stream. 8-bit video is converted to 16-bit
+    /// samples, and deeper video to floats.
     ///
     /// # Errors
-    /// As [`Reader::next_planes`].
-    pub fn next_light(&mut self, linear: &Linear) -> Result<Option<Frame>> {
-        let (layout, geometry) = (self.layout, self.geometry);
+    /// As [`Y4mReader::next_planes`].
+    pub fn next_light(&mut self, linear: &Linearization) -> Result<Option<Frame>> {
+        let (layout, geometry) = (self.planes, self.geometry);
         let table = linear.integers().table16();
         let samples = self.next(|f| {
             let planes = [f.get_y_plane(), f.get_u_plane(), f.get_v_plane()];
@@ -234,49 +255,50 @@ impl<R: Read> Reader<R> {
     }
 
     fn next<T>(&mut self, take: impl FnOnce(&::y4m::Frame) -> T) -> Result<Option<T>> {
-        let before = self.taken.load(Ordering::Relaxed);
+        let before = self.bytes_read.load(Ordering::Relaxed);
         match self.decoder.read_frame() {
             Ok(frame) => {
-                self.read += 1;
+                self.frames_read += 1;
                 Ok(Some(take(&frame)))
             }
             Err(::y4m::Error::EOF) => {
-                let got = self.taken.load(Ordering::Relaxed) - before;
+                let got = self.bytes_read.load(Ordering::Relaxed) - before;
                 if got == 0 {
                     return Ok(None);
                 }
-                Err(cut_short(&self.name, self.read))
+                Err(truncated_error(&self.name, self.frames_read))
             }
             Err(::y4m::Error::IoError(e)) => Err(Error::io(&self.name, e)),
-            Err(e) => Err(damaged(&format!("{}: frame {}", self.name, self.read), &e)),
+            Err(e) => Err(damaged_error(&format!("{}: frame {}", self.name, self.frames_read), &e)),
         }
     }
 }
 
-fn cut_short(name: &str, frame: u64) -> Error {
-    Error::new(Kind::Input, name)
-        .found(format_args!("the end within frame {frame}"))
-        .expected("whole frames")
-        .remedy("the video was cut short; make it again")
+fn truncated_error(name: &str, frame: u64) -> Error {
+    Error::new(ErrorKind::Input, name)
+        .found(format_args!("the end of the file in frame {frame}"))
+        .expected("complete frames")
+        .remedy("the video is truncated; create it again")
 }
 
-fn damaged(name: &str, error: &::y4m::Error) -> Error {
+fn damaged_error(name: &str, error: &::y4m::Error) -> Error {
     let found = match error {
-        ::y4m::Error::UnknownColorspace => "a colour space that is not known here".to_owned(),
+        ::y4m::Error::UnknownColorspace => "an unknown color space".to_owned(),
         ::y4m::Error::EOF => "no complete header".to_owned(),
         ::y4m::Error::OutOfMemory => format!("frames of more than {MAX_PICTURE_BYTES} bytes"),
         other => other.to_string(),
     };
-    Error::new(Kind::Input, name)
+    Error::new(ErrorKind::Input, name)
         .found(found)
         .expected("YUV4MPEG2 in mono, 420, 422 or 444 of 8, 9, 10, 12, 14 or 16 bits")
         .remedy("convert it with ffmpeg -pix_fmt yuv444p -f yuv4mpegpipe")
 }
 
-/// Refuses what the decoder would take on trust: sizes whose product overflows, and interlacing.
+/// Checks the properties of a header that the decoder does not check. The size must be valid, and the video must be
+/// progressive.
 fn check_header(header: &[u8], name: &str) -> Result<()> {
     let bad = |found: &str| {
-        Error::new(Kind::Input, name)
+        Error::new(ErrorKind::Input, name)
             .found(found)
             .expected("a YUV4MPEG2 header line with width and height of progressive video")
     };
@@ -288,16 +310,19 @@ fn check_header(header: &[u8], name: &str) -> Result<()> {
         let (key, value) = token.split_at(1);
         let text = str::from_utf8(value).unwrap_or("");
         match key {
-            b"W" => sides[0] = text.parse().map_err(|_| bad("an impossible width"))?,
-            b"H" => sides[1] = text.parse().map_err(|_| bad("an impossible height"))?,
+            b"W" => sides[0] = text.parse().map_err(|_| bad("an invalid width"))?,
+            b"H" => sides[1] = text.parse().map_err(|_| bad("an invalid height"))?,
             b"I" if matches!(text, "t" | "b" | "m") => {
-                return Err(bad("interlaced video").remedy("deinterlace it, as ffmpeg -vf yadif does"));
+                return Err(
+                    bad("interlaced video").remedy("deinterlace it, for example with ffmpeg -vf yadif")
+                );
             }
             _ => {}
         }
     }
-    let geometry = stored_size(sides[0].into(), sides[1].into(), name)?;
-    // The decoder aborts the process where memory is missing: three planes of 16 bits, and the light of a frame.
+    let geometry = declared_geometry(sides[0].into(), sides[1].into(), name)?;
+    // If an allocation fails, the decoder aborts the process. The decoder allocates three planes of 16 bits and the
+    // light of one frame, so this amount is checked first.
     inputs::check_memory(name, 8 * geometry.pixels())
 }
 
@@ -305,9 +330,12 @@ fn tokens(header: &[u8]) -> impl Iterator<Item = &[u8]> {
     header[MAGIC.len()..].trim_ascii_end().split(|b| *b == b' ').filter(|t| !t.is_empty())
 }
 
-/// Gives a colour space of more than 8 bits the decoder's name for samples of two bytes, and returns its bits: the
-/// decoder knows only 10 and 12, and mono only of 12, but looks no further than at the bytes.
-fn shallow(header: &mut Vec<u8>) -> Option<usize> {
+/// Replaces the name of a color space of more than 8 bits by a name that the decoder supports. Returns the original
+/// number of bits.
+///
+/// The decoder supports only 10 and 12 bits, and only 12 bits for mono. The decoder only computes the number of bytes
+/// per sample from this name. Therefore the names of 12-bit color spaces also work for other depths.
+fn replace_deep_color_space(header: &mut Vec<u8>) -> Option<usize> {
     let token = tokens(header).find(|t| t.first() == Some(&b'C'))?;
     let space = str::from_utf8(&token[1..]).ok()?;
     let (kind, bits) = match space.strip_prefix("mono") {
@@ -321,8 +349,8 @@ fn shallow(header: &mut Vec<u8>) -> Option<usize> {
     Some(bits)
 }
 
-/// Whether the header declares full range.
-fn range(header: &[u8]) -> Option<bool> {
+/// Returns whether the header declares full range. Returns `None` if the header declares no range.
+fn declares_full_range(header: &[u8]) -> Option<bool> {
     tokens(header).find_map(|t| match t {
         b"XCOLORRANGE=FULL" => Some(true),
         b"XCOLORRANGE=LIMITED" => Some(false),
@@ -330,29 +358,30 @@ fn range(header: &[u8]) -> Option<bool> {
     })
 }
 
-impl<R: Read> Reader<R> {
-    /// Counts the frames of the file that this reader reads, skipping their contents.
-    pub(super) fn count(&self, file: &InputFile) -> Result<u64> {
+impl<R: Read> Y4mReader<R> {
+    /// Counts the frames of the file. The frames are not decoded, and the position of this reader does not change.
+    pub(super) fn count_frames(&self, file: &InputFile) -> Result<u64> {
         let refused = |e| Error::io(&self.name, e);
         let length = file.len();
         let mut file = BufReader::with_capacity(256, file.reader());
         let mut line = Vec::new();
-        file.by_ref().take(LINE).read_until(b'\n', &mut line).map_err(refused)?;
+        file.by_ref().take(MAX_HEADER_LINE_BYTES).read_until(b'\n', &mut line).map_err(refused)?;
         let mut at = line.len() as u64;
-        let bytes = self.layout.bytes();
+        let bytes = self.planes.bytes();
         let mut frames = 0;
         while at < length {
             line.clear();
-            let head = file.by_ref().take(LINE).read_until(b'\n', &mut line).map_err(refused)?;
+            let head =
+                file.by_ref().take(MAX_HEADER_LINE_BYTES).read_until(b'\n', &mut line).map_err(refused)?;
             if !b"FRAME".starts_with(&line[..line.len().min(5)]) {
-                return Err(Error::new(Kind::Input, &self.name)
-                    .found(format_args!("something else at byte {at}"))
+                return Err(Error::new(ErrorKind::Input, &self.name)
+                    .found(format_args!("other data at byte {at}"))
                     .expected(format_args!("the word FRAME before frame {frames}"))
-                    .remedy("the video is damaged; make it again"));
+                    .remedy("the video is damaged; create it again"));
             }
             at += head as u64 + bytes;
             if at > length {
-                return Err(cut_short(&self.name, frames));
+                return Err(truncated_error(&self.name, frames));
             }
             file.seek_relative(bytes as i64).map_err(refused)?;
             frames += 1;

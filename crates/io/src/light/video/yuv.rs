@@ -1,10 +1,10 @@
-//! Planes of Y'CbCr to luminance.
+//! Conversion of Y'CbCr planes to luminance.
 
 use ::y4m::Colorspace;
 
-use crate::light::pictures::picture::Linear;
+use crate::light::images::image_file::Linearization;
 
-/// The coefficients between R'G'B' and Y'CbCr.
+/// The matrix that converts between R'G'B' and Y'CbCr.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Matrix {
     /// ITU-R BT.601: standard definition.
@@ -17,25 +17,27 @@ pub enum Matrix {
     Smpte240m,
     /// FCC 73.682: NTSC of 1953.
     Fcc,
-    /// No matrix: the planes are G', B' and R', of full range.
+    /// No matrix. The planes contain G', B' and R' at full range.
     Gbr,
 }
 
-/// What is known of a stream beside its header; `None` for what the header and the height say.
+/// Properties of a stream that override its header. If a property is `None`, the header or the height of the video
+/// determines the property.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::light) struct Known {
+pub(in crate::light) struct SampleEncoding {
     pub(in crate::light) matrix: Option<Matrix>,
-    pub(in crate::light) full: Option<bool>,
+    pub(in crate::light) is_full_range: Option<bool>,
 }
 
 impl Matrix {
-    /// What players assume of a video that does not say: BT.709 from 720 rows on.
+    /// Returns the matrix that players assume if a video declares none. The matrix is BT.709 for 720 rows or more, and
+    /// BT.601 for fewer rows.
     #[must_use]
-    pub const fn of_height(rows: usize) -> Self {
+    pub const fn from_height(rows: usize) -> Self {
         if rows >= 720 { Self::Bt709 } else { Self::Bt601 }
     }
 
-    /// Weights of red and blue in Y'.
+    /// Returns the weights of red and blue in Y'.
     const fn red_blue(self) -> [f32; 2] {
         match self {
             Self::Bt601 => [0.299, 0.114],
@@ -43,37 +45,37 @@ impl Matrix {
             Self::Bt2020 => [0.2627, 0.0593],
             Self::Smpte240m => [0.212, 0.087],
             Self::Fcc => [0.30, 0.11],
-            // Whatever they are, `Layout::light` does not ask for them.
+            // `PlaneLayout::light` does not use the weights of RGB planes.
             Self::Gbr => [0.0, 0.0],
         }
     }
 }
 
-/// How the planes of a frame are stored, and what their codes mean.
+/// The storage of the planes of a frame, and the meaning of their codes.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::light) struct Layout {
+pub(in crate::light) struct PlaneLayout {
     pub(in crate::light) width: usize,
     pub(in crate::light) height: usize,
     pub(in crate::light) depth: usize,
-    /// Binary logarithm of the horizontal and vertical reduction of chroma; `None` for mono.
+    /// Base-2 logarithms of the horizontal and vertical chroma subsampling, or `None` for mono.
     pub(in crate::light) chroma: Option<[usize; 2]>,
-    pub(in crate::light) full: bool,
+    pub(in crate::light) is_full_range: bool,
     pub(in crate::light) matrix: Matrix,
 }
 
-/// Binary logarithms of the reduction of chroma on x and y; `None` for mono.
+/// Returns the base-2 logarithms of the horizontal and vertical chroma subsampling, or `None` for mono.
 pub(in crate::light) fn chroma(space: Colorspace) -> Option<[usize; 2]> {
     match space {
         Colorspace::Cmono | Colorspace::Cmono12 => None,
         Colorspace::C422 | Colorspace::C422p10 | Colorspace::C422p12 => Some([1, 0]),
         Colorspace::C444 | Colorspace::C444p10 | Colorspace::C444p12 => Some([0, 0]),
-        // All the others are 4:2:0; they differ in where the chroma samples sit.
+        // All other formats are 4:2:0 and differ only in the positions of the chroma samples.
         _ => Some([1, 1]),
     }
 }
 
-impl Layout {
-    /// Bytes of the planes of one frame.
+impl PlaneLayout {
+    /// Returns the number of bytes of all planes of one frame.
     pub(in crate::light) fn bytes(self) -> u64 {
         let chroma = self
             .chroma
@@ -82,11 +84,12 @@ impl Layout {
         if self.depth == 8 { samples } else { 2 * samples }
     }
 
-    /// Luminance of the pixels in order, 1.0 at full scale; `table` linearises 16-bit codes.
+    /// Returns the luminance of the pixels, row by row. Full scale is 1.0. `table` contains the linear light of each
+    /// 16-bit code.
     pub(in crate::light) fn light<'a>(
         self,
         planes: [&'a [u8]; 3],
-        linear: &'a Linear,
+        linear: &'a Linearization,
         table: &'a [f32],
     ) -> impl Iterator<Item = f32> + 'a {
         let [black, white, swing] = self.levels();
@@ -95,7 +98,7 @@ impl Layout {
         let [kr, kb] = self.matrix.red_blue();
         let kg = 1.0 - kr - kb;
         let code = |code: f32| (code.clamp(0.0, 1.0) * 65535.0 + 0.5).floor();
-        // Grey codes of an 8-bit video are 8-bit codes: 257 of the table's.
+        // `table` is indexed by 16-bit codes. The gray codes of an 8-bit video are multiples of 257 in 16-bit codes.
         let unit = if self.depth == 8 { 257.0 } else { 1.0 };
         let look_up = move |code: usize| table[code];
         let [shift_x, shift_y] = self.chroma.unwrap_or_default();
@@ -115,16 +118,17 @@ impl Layout {
                 let red = y + 2.0 * (1.0 - kr) * cr;
                 let blue = y + 2.0 * (1.0 - kb) * cb;
                 let green = (y - kr * red - kb * blue) / kg;
-                // The weights add up to 1 only within rounding.
+                // The sum of the weights can differ slightly from 1 because of rounding, so the light is limited to 1.
                 linear.light([red, green, blue].map(code), [unit, 65535.0], look_up).min(1.0)
             })
         })
     }
 
-    /// Codes of black and white in Y', and the whole swing of Cb and Cr (BT.709-6, item 4.6).
+    /// Returns three values: the code of black in Y', the code of white in Y', and the full swing of Cb and Cr
+    /// (BT.709-6, item 4.6).
     fn levels(self) -> [f32; 3] {
         let step = (1_u32 << (self.depth - 8)) as f32;
-        if self.full {
+        if self.is_full_range {
             let top = ((1_u32 << self.depth) - 1) as f32;
             [0.0, top, top]
         } else {

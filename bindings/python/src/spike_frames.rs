@@ -1,0 +1,263 @@
+//! Streams of packed frames in memory.
+
+use numpy::{PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
+use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PySlice, PyType};
+use spikelane::Geometry;
+use spikelane::spikes::SpikeFramesRef;
+
+use crate::arrays::{array_from_vec, borrow_bytes, geometry, shape_text, zeros};
+use crate::error::{OrRaise as _, type_error, usage_error};
+
+/// A stream of packed frames, for example the result of `Simulator.run`.
+///
+/// `packed` is uint8 of shape (readouts, ceil(height * width / 8)). Bit p % 8 of byte p // 8 is pixel p = row * width + col,
+/// least significant first. `len(frames)` is the number of readouts, `frames[i]` and iteration give uint8 arrays (height, width)
+/// of 0 and 1, and `frames[a:b]` gives SpikeFrames. `numpy.asarray(frames)` is `frames.to_dense()`.
+///
+/// Create one with `SpikeFrames.from_dense` or `SpikeFrames.from_packed`. Comparable and picklable.
+#[pyclass(frozen, module = "spikelane", sequence)]
+pub struct SpikeFrames {
+    packed: Py<PyArrayDyn<u8>>,
+    geometry: Geometry,
+}
+
+impl SpikeFrames {
+    /// Wraps an array of shape (readouts, frame bytes) without a copy.
+    pub fn new(packed: Bound<'_, PyArrayDyn<u8>>, geometry: Geometry) -> Self {
+        Self { packed: packed.unbind(), geometry }
+    }
+
+    /// Returns the packed bytes of an argument: `SpikeFrames`, or an array together with `height` and `width`.
+    ///
+    /// The array may have any shape whose last axis has the bytes of a frame.
+    pub fn borrow_argument<'py>(
+        spikes: &Bound<'py, PyAny>,
+        size: (Option<usize>, Option<usize>),
+    ) -> PyResult<(PyReadonlyArrayDyn<'py, u8>, Geometry)> {
+        if let Ok(frames) = spikes.cast::<Self>() {
+            let frames = frames.get();
+            frames.check_size(size)?;
+            return Ok((frames.borrow(spikes.py())?, frames.geometry));
+        }
+        let packed = borrow_bytes(spikes, "spikes")?;
+        let (Some(height), Some(width)) = size else {
+            return Err(usage_error(
+                "height and width",
+                "not both",
+                "both for an array of packed spikes",
+                "pass height and width, or SpikeFrames",
+            ));
+        };
+        let geometry = geometry(height, width)?;
+        match packed.shape() {
+            [_, .., bytes] if *bytes == geometry.frame_bytes() => Ok((packed, geometry)),
+            shape => Err(usage_error(
+                "spikes",
+                format_args!("shape {}", shape_text(shape)),
+                format_args!("(..., readouts, {}) for {geometry} pixels (W x H)", geometry.frame_bytes()),
+                "check height and width",
+            )),
+        }
+    }
+
+    /// Checks that a size, if given, is the size of the frames.
+    pub fn check_size(&self, (height, width): (Option<usize>, Option<usize>)) -> PyResult<()> {
+        for (name, given, own) in
+            [("height", height, self.geometry.height()), ("width", width, self.geometry.width())]
+        {
+            if let Some(found) = given.filter(|n| *n != own) {
+                let expected = format!("{own}, the {name} of the frames");
+                return Err(usage_error(name, found, expected, "leave it out"));
+            }
+        }
+        Ok(())
+    }
+
+    pub fn geometry(&self) -> Geometry {
+        self.geometry
+    }
+
+    /// Borrows the packed bytes.
+    pub fn borrow<'py>(&self, py: Python<'py>) -> PyResult<PyReadonlyArrayDyn<'py, u8>> {
+        borrow_bytes(self.packed.bind(py), "packed")
+    }
+
+    /// Calls `work` with the stream. The interpreter's lock stays held.
+    fn read<T>(&self, py: Python<'_>, work: impl FnOnce(SpikeFramesRef<'_>) -> T) -> PyResult<T> {
+        let packed = self.borrow(py)?;
+        Ok(work(SpikeFramesRef::new(self.geometry, packed.as_slice()?).or_raise()?))
+    }
+}
+
+#[pymethods]
+impl SpikeFrames {
+    /// Packs uint8 or bool (readouts, height, width) of 0 and 1; uint8 may also be 0 and 255.
+    ///
+    /// Raises SpikelaneError with the position of a byte that has another value, and SpikelaneTypeError for another dtype.
+    #[classmethod]
+    fn from_dense(_: &Bound<'_, PyType>, array: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let py = array.py();
+        let is_bool = array.getattr("dtype").is_ok_and(|dtype| dtype.to_string() == "bool");
+        let bytes = if is_bool { array.call_method1("view", ("uint8",))? } else { array.clone() };
+        let dense = borrow_bytes(&bytes, "array")?;
+        let &[readouts, height, width] = dense.shape() else {
+            return Err(usage_error(
+                "array",
+                format_args!("shape {}", shape_text(dense.shape())),
+                "(readouts, height, width)",
+                "pass frame[None] for a single frame",
+            ));
+        };
+        let geometry = geometry(height, width)?;
+        let packed = zeros(py, &[readouts, geometry.frame_bytes()])?;
+        let mut target = packed.try_readwrite()?;
+        // The interpreter's lock stays held, because a copy would take as long as the packing.
+        spikelane::spikes::pack(geometry, dense.as_slice()?, target.as_slice_mut()?).or_raise()?;
+        drop(target);
+        Ok(Self::new(packed, geometry))
+    }
+
+    /// Wraps packed uint8 (readouts, ceil(height * width / 8)) without a copy.
+    ///
+    /// Raises SpikelaneError for another shape, and SpikelaneTypeError for another dtype.
+    #[classmethod]
+    fn from_packed(
+        _: &Bound<'_, PyType>,
+        packed: &Bound<'_, PyAny>,
+        height: usize,
+        width: usize,
+    ) -> PyResult<Self> {
+        let geometry = geometry(height, width)?;
+        let bytes = borrow_bytes(packed, "packed")?;
+        if !matches!(bytes.shape(), [_, last] if *last == geometry.frame_bytes()) {
+            return Err(usage_error(
+                "packed",
+                format_args!("shape {}", shape_text(bytes.shape())),
+                format_args!("(readouts, {}) for {geometry} pixels (W x H)", geometry.frame_bytes()),
+                "check height and width",
+            ));
+        }
+        Ok(Self::new(packed.cast::<PyArrayDyn<u8>>()?.clone(), geometry))
+    }
+
+    /// The packed frames, uint8 of shape (readouts, ceil(height * width / 8)): the memory of the stream, not a copy.
+    #[getter]
+    fn packed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArrayDyn<u8>> {
+        self.packed.bind(py).clone()
+    }
+
+    /// Rows of a frame.
+    #[getter]
+    fn height(&self) -> usize {
+        self.geometry.height()
+    }
+
+    /// Columns of a frame.
+    #[getter]
+    fn width(&self) -> usize {
+        self.geometry.width()
+    }
+
+    /// Number of readouts.
+    #[getter]
+    fn readouts(&self, py: Python<'_>) -> PyResult<usize> {
+        self.read(py, |stream| stream.readouts())
+    }
+
+    /// (readouts, height, width).
+    #[getter]
+    fn shape(&self, py: Python<'_>) -> PyResult<(usize, usize, usize)> {
+        Ok((self.readouts(py)?, self.height(), self.width()))
+    }
+
+    /// Number of spikes.
+    #[getter]
+    fn spike_count(&self, py: Python<'_>) -> PyResult<u64> {
+        self.read(py, |stream| stream.spikes())
+    }
+
+    /// Returns a byte of 0 or 1 for every pixel: uint8 of shape (readouts, height, width).
+    fn to_dense<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        let (readouts, height, width) = self.shape(py)?;
+        let dense = zeros(py, &[readouts, height, width])?;
+        crate::spikes::unpack_into(py, &self.borrow(py)?, self.geometry, &dense)?;
+        Ok(dense)
+    }
+
+    /// Returns the spikes, int64 of shape (N, 3): readout, row and column, in this order of sorting.
+    fn spikes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
+        let numbers = self.read(py, |stream| {
+            let mut numbers = Vec::with_capacity(3 * stream.spikes() as usize);
+            for spike in stream.iter_spikes() {
+                numbers.extend([spike.readout, spike.row, spike.col].map(|n| n as i64));
+            }
+            numbers
+        })?;
+        let count = numbers.len() / 3;
+        array_from_vec(py, numbers, &[count, 3])
+    }
+
+    #[pyo3(signature = (dtype=None, copy=None))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<&Bound<'py, PyAny>>,
+        copy: Option<&Bound<'py, PyBool>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        if copy.is_some_and(|copy| !copy.is_true()) {
+            let text = "SpikeFrames: a dense array needs a copy; leave out copy=False, or use packed";
+            return Err(PyValueError::new_err(text));
+        }
+        let dense = self.to_dense(py)?.into_any();
+        match dtype {
+            Some(dtype) => dense.call_method1("astype", (dtype, "K", "unsafe", true, false)),
+            None => Ok(dense),
+        }
+    }
+
+    fn __len__(&self, py: Python<'_>) -> PyResult<usize> {
+        self.readouts(py)
+    }
+
+    fn __getitem__<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        if index.is_instance_of::<PySlice>() {
+            let part = self.packed.bind(py).get_item(index)?.cast_into::<PyArrayDyn<u8>>()?;
+            let part = if part.is_c_contiguous() { part } else { part.call_method0("copy")?.cast_into()? };
+            return Ok(Bound::new(py, Self::new(part, self.geometry))?.into_any());
+        }
+        let Ok(i) = index.extract::<isize>() else {
+            let remedy = "index frames.to_dense() for rows and columns";
+            return Err(type_error("index", index.get_type(), "an integer or a slice of readouts", remedy));
+        };
+        let readouts = self.readouts(py)?;
+        let at = if i < 0 { i + readouts as isize } else { i };
+        let Some(at) = usize::try_from(at).ok().filter(|at| *at < readouts) else {
+            let last = readouts.saturating_sub(1);
+            return Err(PyIndexError::new_err(format!("found readout {i}, expected -{readouts} to {last}")));
+        };
+        let frame = zeros(py, &[self.height(), self.width()])?;
+        let mut target = frame.try_readwrite()?;
+        let bits = target.as_slice_mut()?;
+        self.read(py, |stream| spikelane::spikes::unpack(self.geometry, stream.frame(at).as_bytes(), bits))?
+            .or_raise()?;
+        drop(target);
+        Ok(frame.into_any())
+    }
+
+    fn __eq__(&self, py: Python<'_>, other: &Bound<'_, Self>) -> PyResult<bool> {
+        let other = other.get();
+        Ok(self.geometry == other.geometry && self.borrow(py)?.as_slice()? == other.borrow(py)?.as_slice()?)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let arguments = (self.packed(py), self.height(), self.width()).into_pyobject(py)?;
+        Ok((py.get_type::<Self>().getattr("from_packed")?, arguments.into_any()))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let (readouts, height, width) = self.shape(py)?;
+        Ok(format!("<spikelane.SpikeFrames, {readouts} readouts of {height} x {width} pixels>"))
+    }
+}

@@ -1,0 +1,263 @@
+//! Compares cameras with a measured set of gray levels, as in the main figure of the SCSim paper.
+
+use serde::Serialize;
+use spikelane::SimulatorOptions;
+
+use crate::{ProgressCallback, RecordingSet};
+use spikelane::effects::Camera;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes::SpikeFramesRef;
+use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::inputs;
+use spikelane::unstable::threads;
+use spikelane_measure::{Accumulator, MeasureOptions, Statistics, measure_stream};
+
+/// Gray levels on a scale of 0 to 255 at which interval histograms are compared. The paper uses the same levels.
+const HISTOGRAM_GRAY_LEVELS: [f64; 4] = [0.0, 120.0, 180.0, 240.0];
+
+/// Longest interval in readouts that has its own bin. The intervals of dark pixels are long.
+const MAX_INTERVAL_BIN: u32 = 1023;
+
+/// Response and histograms of one camera, and their distances from those of the measured camera.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct CameraDistance {
+    /// Name of the camera.
+    pub name: String,
+    /// Mean rate at each level in spikes per readout.
+    pub response: Vec<f64>,
+    /// Interval histograms at the compared levels. Entry `n` of a histogram is the share of intervals of `n` readouts.
+    pub histograms: Vec<Vec<f64>>,
+    /// Root mean square of the difference between the two responses, in spikes per readout.
+    pub response_distance: f64,
+    /// Total variation distance of each histogram, 0 to 1. It is half the sum of the absolute differences.
+    pub histogram_distance: Vec<f64>,
+}
+
+/// Result of the comparison of models with a measured set.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct GrayComparison {
+    /// Light levels in ascending order. Light 1 causes one spike per readout.
+    pub lights: Vec<f64>,
+    /// Light levels of the histograms. They are the levels of the set that are nearest to gray 0, 120, 180 and 240.
+    pub histogram_lights: Vec<f64>,
+    /// The measured camera.
+    pub measured_camera: CameraDistance,
+    /// Name of the simulated camera. `None` if a real camera was measured.
+    pub simulated_camera: Option<String>,
+    /// Distances between the two halves of the measured recordings. Only temporal noise causes them.
+    pub noise_floor: NoiseFloor,
+    /// Distances between the nearest model and the same model with another fixed pattern. Two cameras of one kind
+    /// differ in the same way.
+    pub fixed_pattern_floor: NoiseFloor,
+    /// The models in order of increasing response distance.
+    pub models: Vec<CameraDistance>,
+}
+
+/// Distances that occur although the models are equal.
+#[derive(Clone, Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct NoiseFloor {
+    /// Distance of the responses, computed as [`CameraDistance::response_distance`].
+    pub response: f64,
+    /// Distances of the histograms, computed as [`CameraDistance::histogram_distance`].
+    pub histograms: Vec<f64>,
+}
+
+/// Response and histograms of one camera at all levels.
+struct CameraPass {
+    response: Vec<f64>,
+    histograms: Vec<Vec<f64>>,
+}
+
+/// Compares `cameras` with the uniform levels of `set`. Each simulation has as many readouts as the measured recording,
+/// but at most `max_readouts`.
+///
+/// # Errors
+/// If a recording cannot be read, or if the set has fewer than two uniform levels.
+pub fn compare_gray_levels(
+    set: &RecordingSet,
+    cameras: &[Camera],
+    seeds: Seeds,
+    max_readouts: usize,
+    progress: ProgressCallback<'_>,
+) -> Result<GrayComparison> {
+    let mut levels: Vec<_> = set.recordings.iter().filter_map(|r| Some((r.light.level()?, r))).collect();
+    levels.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if levels.len() < 2 {
+        return Err(Error::new(ErrorKind::Input, "recording set")
+            .found(format_args!("{} uniform levels", levels.len()))
+            .expected("at least two; histograms require gray 0, 120, 180 and 240"));
+    }
+    let lights: Vec<f64> = levels.iter().map(|l| l.0).collect();
+    let chosen = nearest_levels(&lights);
+    let parts = cameras.len() as f64 + 2.0;
+    let mut own = CameraPass { response: Vec::new(), histograms: Vec::new() };
+    let mut lengths = Vec::new();
+    let mut floor = NoiseFloor::default();
+    for (k, (_, recording)) in levels.iter().enumerate() {
+        progress(&recording.file, k as f64 / lights.len() as f64 / parts);
+        let reader = set.reader(recording)?;
+        lengths.push(reader.readouts().min(max_readouts));
+        let found =
+            measure_stream(&reader, &measure_options(chosen.contains(&k), reader.readouts()), &mut |_| {})?;
+        floor.response += half_rate_difference(&found).powi(2) / lights.len() as f64;
+        own.add(&found);
+    }
+    floor.response = floor.response.sqrt();
+    for k in &chosen {
+        floor.histograms.push(half_histogram_distance(set, levels[*k].1)?);
+    }
+    let mut models = Vec::new();
+    for (i, camera) in cameras.iter().enumerate() {
+        progress(&camera.name, (i as f64 + 1.0) / parts);
+        let pass = simulate(set, camera, &lights, &lengths, &chosen, seeds)?;
+        models.push((camera, camera_distance(&camera.name, pass, &own)));
+    }
+    models.sort_by(|a, b| a.1.response_distance.total_cmp(&b.1.response_distance));
+    let mut pattern_floor = NoiseFloor::default();
+    if let Some((camera, first)) = models.first() {
+        let other = Seeds { camera: !seeds.camera, shot: !seeds.shot, ..seeds };
+        let again = simulate(set, camera, &lights, &lengths, &chosen, other)?;
+        let first = CameraPass { response: first.response.clone(), histograms: first.histograms.clone() };
+        let apart = camera_distance("", again, &first);
+        pattern_floor =
+            NoiseFloor { response: apart.response_distance, histograms: apart.histogram_distance };
+    }
+    let same = CameraPass { response: own.response.clone(), histograms: own.histograms.clone() };
+    Ok(GrayComparison {
+        histogram_lights: chosen.iter().map(|k| lights[*k]).collect(),
+        lights,
+        simulated_camera: set.simulated_camera.clone(),
+        measured_camera: camera_distance("measured", same, &own),
+        noise_floor: floor,
+        fixed_pattern_floor: pattern_floor,
+        models: models.into_iter().map(|m| m.1).collect(),
+    })
+}
+
+fn measure_options(intervals: bool, readouts: usize) -> MeasureOptions {
+    MeasureOptions {
+        frames: false,
+        intervals,
+        lags: vec![1],
+        longest_bin: MAX_INTERVAL_BIN,
+        split: Some((readouts / 2) as u32),
+        series_readouts: 0,
+        ..MeasureOptions::default()
+    }
+}
+
+fn nearest_levels(lights: &[f64]) -> Vec<usize> {
+    let of = |gray: f64| {
+        let distance = |k: &usize| (lights[*k] - gray / 255.0).abs();
+        (0..lights.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
+    };
+    let mut chosen: Vec<usize> = HISTOGRAM_GRAY_LEVELS.into_iter().map(of).collect();
+    chosen.dedup();
+    chosen
+}
+
+fn sum(counts: &[u32]) -> f64 {
+    counts.iter().map(|n| f64::from(*n)).sum()
+}
+
+/// Returns the difference between the mean rates of the two halves, in spikes per readout.
+fn half_rate_difference(statistics: &Statistics) -> f64 {
+    let (Some(counts), Some(early)) = (&statistics.counts, &statistics.counts_before_split) else {
+        return 0.0;
+    };
+    let split = f64::from(statistics.readouts / 2);
+    let late = f64::from(statistics.readouts) - split;
+    let (e, all) = (sum(early), sum(&counts.count));
+    (e / split - (all - e) / late) / counts.count.len() as f64
+}
+
+/// Returns the total variation distance between the histograms of the two halves of a recording.
+fn half_histogram_distance(set: &RecordingSet, recording: &crate::Recording) -> Result<f64> {
+    let reader = set.reader(recording)?;
+    let middle = reader.readouts() / 2;
+    let half = |range: std::ops::Range<usize>| -> Result<Vec<f64>> {
+        let mut accumulator = Accumulator::new(reader.geometry(), &measure_options(true, range.len()))?;
+        let mut frame = inputs::zeroed_vec(reader.name(), reader.geometry().frame_bytes())?;
+        for i in range {
+            reader.read_frame(i, &mut frame)?;
+            accumulator.push(SpikeFramesRef::new(reader.geometry(), &frame)?)?;
+        }
+        Ok(histogram(&accumulator.finish()))
+    };
+    Ok(total_variation(&half(0..middle)?, &half(middle..reader.readouts())?))
+}
+
+fn histogram(statistics: &Statistics) -> Vec<f64> {
+    let Some(intervals) = &statistics.intervals else { return Vec::new() };
+    let counts = intervals.histogram().counts();
+    let all = counts.iter().sum::<u64>().max(1) as f64;
+    counts.iter().map(|n| *n as f64 / all).collect()
+}
+
+fn total_variation(a: &[f64], b: &[f64]) -> f64 {
+    0.5 * a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>()
+}
+
+impl CameraPass {
+    fn add(&mut self, statistics: &Statistics) {
+        if let Some(counts) = &statistics.counts {
+            let bits = counts.count.len() as f64 * f64::from(statistics.readouts);
+            self.response.push(sum(&counts.count) / bits);
+        }
+        if statistics.intervals.is_some() {
+            self.histograms.push(histogram(statistics));
+        }
+    }
+}
+
+fn camera_distance(name: &str, pass: CameraPass, own: &CameraPass) -> CameraDistance {
+    let square = |(a, b): (&f64, &f64)| (a - b).powi(2);
+    let sum: f64 = pass.response.iter().zip(&own.response).map(square).sum();
+    CameraDistance {
+        name: name.to_owned(),
+        response_distance: (sum / own.response.len() as f64).sqrt(),
+        histogram_distance: pass
+            .histograms
+            .iter()
+            .zip(&own.histograms)
+            .map(|(a, b)| total_variation(a, b))
+            .collect(),
+        response: pass.response,
+        histograms: pass.histograms,
+    }
+}
+
+fn simulate(
+    set: &RecordingSet,
+    camera: &Camera,
+    lights: &[f64],
+    lengths: &[usize],
+    chosen: &[usize],
+    seeds: Seeds,
+) -> Result<CameraPass> {
+    let geometry = set.geometry()?;
+    let mut camera = camera.clone();
+    camera.sensor.geometry = geometry;
+    let mut pass = CameraPass { response: Vec::new(), histograms: Vec::new() };
+    for (k, (light, readouts)) in lights.iter().zip(lengths).enumerate() {
+        let seeds = Seeds { sequence: seeds.sequence + k as u64, ..seeds };
+        let mut simulator =
+            SimulatorOptions::new().seeds(seeds).threads(threads::thread_count()).build(&camera)?;
+        let samples = vec![*light as f32; geometry.pixels()];
+        let mut accumulator = Accumulator::new(geometry, &measure_options(chosen.contains(&k), *readouts))?;
+        let mut bits = inputs::zeroed_vec("simulated readouts", 496 * geometry.frame_bytes())?;
+        let mut left = *readouts;
+        while left > 0 {
+            let now = left.min(496);
+            let out = &mut bits[..now * geometry.frame_bytes()];
+            simulator.fill(&samples, out)?;
+            accumulator.push(SpikeFramesRef::new(geometry, out)?)?;
+            left -= now;
+        }
+        pass.add(&accumulator.finish());
+    }
+    Ok(pass)
+}

@@ -1,0 +1,57 @@
+//! How strong effects must be before a set can name them.
+
+use crate::RecordingSet;
+use crate::diagnose::given::base_model::BaseModel;
+use crate::diagnose::given::taken::Both;
+use crate::diagnose::kept::folder::Kept;
+use crate::diagnose::lab::fault::Fault;
+use crate::diagnose::null::nameable::Detectability;
+use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null::simulated::Begun;
+use crate::diagnose::null::watched::ProgressCallback;
+use crate::diagnose::protocol::extent::RecordingPart;
+use crate::diagnose::run::DiagnoseOptions;
+use spikelane::effects::Catalog;
+use spikelane::error::Result;
+
+/// The detectability of effects in a recording set.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct DetectabilityReport {
+    /// Smallest detectable strength of each effect, with a second set of the same scenes held out. If each recording
+    /// is cut in two instead, the strength is 1.4 times as large.
+    pub detectabilities: Vec<Detectability>,
+    /// Effects that the set cannot show at any strength.
+    pub undetectable: Vec<&'static str>,
+    /// Faults of the recordings; recordings with a fault may be excluded.
+    pub faults: Vec<Fault>,
+    /// Notes on the parameters of the simulated sensors.
+    pub notes: Vec<String>,
+}
+
+/// Returns the smallest detectable strengths of effects in `set`. The simulated sensors follow the data, or the
+/// camera of `options`.
+///
+/// # Errors
+/// If a recording cannot be read or is too short, or the cache folder cannot be created or written to.
+pub fn detectability(
+    set: &RecordingSet,
+    options: DiagnoseOptions<'_>,
+    progress: ProgressCallback<'_>,
+) -> Result<DetectabilityReport> {
+    let kept = options.cache.map(Kept::open).transpose()?;
+    progress("reading", 0.0);
+    let both = Both::read([set, set], [RecordingPart::Whole; 2], options.readout_selection)?;
+    let base = BaseModel::of(&both, options.camera)?;
+    let library = Catalog::new();
+    let effects = options.effects.unwrap_or(&library);
+    let setup = both.fitted.setup;
+    let begun = Begun::of(base.camera, kept.as_ref());
+    let reference = NullModel::looked(setup, begun, options.seed, effects, None, progress)?;
+    Ok(DetectabilityReport {
+        detectabilities: reference.detectabilities(),
+        undetectable: reference.not_testable(),
+        faults: both.faults,
+        notes: base.notes,
+    })
+}

@@ -1,0 +1,244 @@
+//! Aligns the fitted light levels with the stated levels, after excluding stated levels that are wrong.
+//!
+//! The recordings alone determine the levels `m` only up to one scale `s` and one shift `t`. Every pixel follows
+//! `x = a m + d`. Here `x` is the charge per readout in thresholds, `a` the gain in thresholds per readout at full light,
+//! and `d` the dark rate in thresholds per readout. Levels `s m + t` with gains `a / s` and dark rates `d - a t / s`
+//! cause the same rates. The stated levels determine scale and shift. A dark recording determines the shift, because its
+//! light is exactly 0.
+//!
+//! The found levels are aligned with the stated levels by least trimmed squares (Rousseeuw 1984). Of `n` lit levels, only
+//! the `h = n - n/3` levels that agree best are fitted. If `h` of `n` values lie exactly on a line with `p` parameters,
+//! the fit finds this line whenever `h >= (n + p + 1) / 2` (Rousseeuw and Leroy 1987, section 3.4). The remaining values
+//! can be arbitrary. With a dark recording `p` is 1, and three lit levels suffice to find a wrong level. Without a dark
+//! recording `p` is 2, and four lit levels are necessary.
+
+use super::scale_posterior::{StatedLevel, scale_posterior};
+use crate::formulas::cholesky::solve_cholesky;
+
+/// Smallest distance of an outlier from the line through the other levels, in stated standard deviations. One in two
+/// thousand correctly stated levels exceeds this distance.
+const OUTLIER_Z_THRESHOLD: f64 = 3.5;
+
+/// Smallest error ratio for which the choice of trusted levels is ambiguous. The ratio is the posterior error of the scale
+/// divided by the error for the trusted levels alone.
+const AMBIGUITY_ERROR_RATIO: f64 = 1.5;
+
+/// Alignment of found levels. The light is `scale * found + shift`.
+#[derive(Clone, Debug)]
+pub(super) struct Alignment {
+    pub(super) scale: f64,
+    pub(super) shift: f64,
+    /// Relative standard error of the scale that all levels share.
+    pub(super) scale_error: f64,
+    /// Standard error of the shift in units of light. It is 0 if there is a dark recording.
+    pub(super) shift_error: f64,
+    /// Whether each level is off the line through the other levels.
+    pub(super) is_outlier: Vec<bool>,
+    /// Whether there are enough levels to identify a single wrong level.
+    pub(super) is_outlier_identifiable: bool,
+    /// Whether another set of levels agrees nearly as well as the trusted levels.
+    pub(super) is_ambiguous: bool,
+}
+
+/// Aligns found levels with stated levels. Returns `None` if more than a third of the levels are off the line through the
+/// other levels.
+pub(super) fn align_levels(levels: &[StatedLevel]) -> Option<Alignment> {
+    let lit: Vec<StatedLevel> = levels.iter().copied().filter(|l| l.stated_light > 0.0).collect();
+    let dark = levels.iter().find(|l| l.stated_light == 0.0);
+    let parameters = if dark.is_some() { 1 } else { 2 };
+    let (n, kept) = (lit.len(), lit.len() - lit.len() / 3);
+    let told = kept < n && kept >= (n + parameters).div_ceil(2);
+    let mut line = match (dark, n) {
+        (None, 0) => return None,
+        (None, 1) => (lit[0].stated_light / lit[0].found_light, 0.0),
+        _ if told => fit_trimmed_line(&lit, dark, kept),
+        _ => fit_weighted_line(&lit, dark, &vec![true; n])?.0,
+    };
+    let off = |(scale, shift): (f64, f64)| {
+        move |l: &StatedLevel| (scale * l.found_light + shift - l.stated_light) / l.sd
+    };
+    let mut believed = vec![true; n];
+    if told {
+        // The line is refitted to all levels that agree with it, until the set of these levels no longer changes.
+        for _ in 0..10 {
+            let agree: Vec<bool> =
+                lit.iter().map(off(line)).map(|z| z.abs() <= OUTLIER_Z_THRESHOLD).collect();
+            if agree.iter().filter(|a| **a).count() < kept {
+                return None;
+            }
+            line = fit_weighted_line(&lit, dark, &agree)?.0;
+            if agree == believed {
+                break;
+            }
+            believed = agree;
+        }
+    }
+    let [mut scale_error, mut shift_error] = match (dark, n) {
+        (None, 1) => [lit[0].sd / lit[0].stated_light, 0.0],
+        _ => fit_weighted_line(&lit, dark, &believed)?.1,
+    };
+    if !told {
+        // Two levels may contradict each other. The errors are then enlarged to cover both levels.
+        let worst = lit.iter().map(off(line)).fold(1.0_f64, |w, z| w.max(z.abs()));
+        scale_error *= worst;
+        shift_error *= worst;
+    }
+    let (mut doubtful, sure) = (false, [scale_error, shift_error]);
+    if told {
+        let held = scale_posterior(&lit, dark, line, sure);
+        (scale_error, shift_error) = (sure[0].max(held[0]), sure[1].max(held[1]));
+        doubtful = scale_error > AMBIGUITY_ERROR_RATIO * sure[0];
+    }
+    let wrong = levels
+        .iter()
+        .map(|l| l.stated_light > 0.0 && told && off(line)(l).abs() > OUTLIER_Z_THRESHOLD)
+        .collect();
+    let (scale, shift) = line;
+    Some(Alignment {
+        scale,
+        shift,
+        scale_error,
+        shift_error,
+        is_outlier: wrong,
+        is_outlier_identifiable: told,
+        is_ambiguous: doubtful,
+    })
+}
+
+/// Returns the line for which the sum of the `kept` smallest squared distances is least. The candidates are all lines
+/// through two levels. With a dark level, the candidates are all lines through the dark level and one lit level.
+fn fit_trimmed_line(lit: &[StatedLevel], dark: Option<&StatedLevel>, kept: usize) -> (f64, f64) {
+    let mut best = (f64::INFINITY, (1.0, 0.0));
+    for (i, p) in lit.iter().enumerate() {
+        let others: Vec<&StatedLevel> = dark.map_or_else(|| lit[i + 1..].iter().collect(), |d| vec![d]);
+        for q in others.into_iter().filter(|q| q.found_light != p.found_light) {
+            let scale = (p.stated_light - q.stated_light) / (p.found_light - q.found_light);
+            let shift = p.stated_light - scale * p.found_light;
+            let mut squares: Vec<f64> = lit
+                .iter()
+                .map(|l| ((scale * l.found_light + shift - l.stated_light) / l.sd).powi(2))
+                .collect();
+            squares.sort_by(f64::total_cmp);
+            let sum = squares[..kept].iter().sum();
+            if sum < best.0 {
+                best = (sum, (scale, shift));
+            }
+        }
+    }
+    best.1
+}
+
+/// Returns the weighted line through the trusted levels. Also returns the relative error of its scale and the error of its
+/// shift.
+fn fit_weighted_line(
+    lit: &[StatedLevel],
+    dark: Option<&StatedLevel>,
+    believed: &[bool],
+) -> Option<((f64, f64), [f64; 2])> {
+    let used = lit.iter().zip(believed).filter(|(_, b)| **b).map(|(l, _)| l);
+    if let Some(dark) = dark {
+        let (mut top, mut weight) = (0.0, 0.0);
+        for l in used {
+            let (m, w) = (l.found_light - dark.found_light, l.sd.powi(-2));
+            top += w * m * l.stated_light;
+            weight += w * m * m;
+        }
+        let scale = top / weight;
+        return scale
+            .is_finite()
+            .then(|| ((scale, -scale * dark.found_light), [weight.powf(-0.5) / scale, 0.0]));
+    }
+    let (mut h, mut g) = ([0.0; 4], [0.0; 2]);
+    for l in used {
+        let (m, w) = (l.found_light, l.sd.powi(-2));
+        h = [h[0] + w * m * m, h[1] + w * m, h[2] + w * m, h[3] + w];
+        g = [g[0] + w * m * l.stated_light, g[1] + w * l.stated_light];
+    }
+    let (line, variance) = solve_cholesky(&h, &g, 2)?;
+    Some(((line[0], line[1]), [variance[0].sqrt() / line[0], variance[1].sqrt()]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Creates levels. The found light is `0.97 * stated * (1 + off) + shift`.
+    fn levels_with_errors(stated: &[f64], off: &[f64], shift: f64) -> Vec<StatedLevel> {
+        let of = |(s, e): (&f64, &f64)| StatedLevel {
+            found_light: 0.97 * s * (1.0 + e) + shift,
+            stated_light: *s,
+            sd: if *s == 0.0 { 1e-12 } else { 0.01 * s },
+        };
+        stated.iter().zip(off).map(of).collect()
+    }
+
+    #[test]
+    fn one_third_of_levels_may_be_outliers() {
+        let stated = [0.0, 0.03, 0.1, 0.2, 0.3, 0.6, 0.9];
+        let found =
+            align_levels(&levels_with_errors(&stated, &[0.0, 0.1, 0.0, 0.0, 0.0, 0.1, 0.0], 0.0)).unwrap();
+        assert!((found.scale * 0.97 - 1.0).abs() < 1e-12 && found.is_outlier_identifiable, "{found:?}");
+        assert_eq!(found.is_outlier, [false, true, false, false, false, true, false]);
+        // Four correct levels with errors of 1 % have a mean error of 0.5 %. Ambiguity adds a small share.
+        assert!((0.005..0.006).contains(&found.scale_error) && !found.is_ambiguous, "{found:?}");
+    }
+
+    #[test]
+    fn without_dark_four_levels_identify_an_outlier_and_three_do_not() {
+        let off = [0.0, 0.0, 0.1, 0.0];
+        let found = align_levels(&levels_with_errors(&[0.05, 0.2, 0.5, 0.9], &off, 0.01)).unwrap();
+        assert_eq!(
+            (found.is_outlier_identifiable, found.is_outlier),
+            (true, vec![false, false, true, false])
+        );
+        assert!((found.scale * 0.97 - 1.0).abs() < 1e-9 && (found.shift + 0.01 / 0.97).abs() < 1e-9);
+        let found = align_levels(&levels_with_errors(&[0.05, 0.2, 0.5], &off[1..], 0.01)).unwrap();
+        assert!(!found.is_outlier_identifiable);
+    }
+
+    #[test]
+    fn interval_covers_two_contradicting_levels() {
+        let found = align_levels(&levels_with_errors(&[0.0, 0.3, 0.6], &[0.0, 0.0, 0.1], 0.0)).unwrap();
+        assert!(!found.is_outlier_identifiable && found.is_outlier.iter().all(|w| !w));
+        let z = (found.scale * 0.97 - 1.0).abs() / found.scale_error;
+        assert!(z < 1.96, "{z}: {found:?}");
+    }
+
+    #[test]
+    fn alignment_fails_when_half_of_the_levels_disagree() {
+        let off = [0.0, 0.0, 0.0, 0.1, 0.1];
+        assert!(align_levels(&levels_with_errors(&[0.0, 0.1, 0.3, 0.5, 0.8], &off, 0.0)).is_none());
+    }
+
+    /// Creates a dark level and lit levels with an error of 1 %. Their found light is wrong by `off` percent.
+    fn levels_with_dark(off: &[f64]) -> Vec<StatedLevel> {
+        let dark = StatedLevel { found_light: 0.0, stated_light: 0.0, sd: 1e-12 };
+        let lit = off.iter().enumerate().map(|(k, e)| {
+            let light = 0.2 + 0.1 * k as f64;
+            StatedLevel { found_light: light * (1.0 + e / 100.0), stated_light: light, sd: 0.01 * light }
+        });
+        std::iter::once(dark).chain(lit).collect()
+    }
+
+    #[test]
+    fn error_covers_both_of_two_equally_consistent_pairs() {
+        // Either the first two levels are right, or the last two levels are right.
+        let found = align_levels(&levels_with_dark(&[1.8, -1.7, -5.1])).unwrap();
+        assert!(
+            found.is_outlier_identifiable && (found.scale - 1.0).abs() < 2.0 * found.scale_error,
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn lamps_that_agree_have_the_error_of_their_mean() {
+        let found = align_levels(&levels_with_dark(&[0.6, -0.4, -0.9, 1.2])).unwrap();
+        assert!((0.005..0.0057).contains(&found.scale_error), "{found:?}");
+    }
+
+    #[test]
+    fn a_clear_outlier_widens_the_error_little() {
+        let found = align_levels(&levels_with_dark(&[0.6, -0.4, -0.9, 8.0])).unwrap();
+        assert!((0.0057..0.0068).contains(&found.scale_error), "{found:?}");
+    }
+}

@@ -1,0 +1,157 @@
+//! Results of the light levels, notes about the levels, and the check that enough pixels were fitted.
+
+use super::state::Fitter;
+use crate::formulas::fit::{PixelFit, fit_line};
+use crate::recordings::observations::LightLevel;
+use crate::result::Lamp;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane_measure::{Estimate, median_and_spread};
+
+/// Smallest number of fitted pixels for which spreads are estimated.
+const MIN_FITTED_PIXELS: usize = 8;
+
+/// Typical nonlinearity of responses and of stated lamps: the relative deviation at full light minus that near the dark.
+const TYPICAL_NONLINEARITY: f64 = 0.02;
+
+/// Returns the likely size of a nonlinearity that is not significant.
+///
+/// Let `t` be the relative trend, `e` its standard error and `b` the typical nonlinearity. The squared size is
+/// `max(t^2 - e^2, 0) b^2 / (b^2 + e^2)`. `e^2` is subtracted, because chance alone contributes `e^2` to `t^2`.
+pub(super) fn expected_nonlinearity(bend: Estimate) -> f64 {
+    let (usual, error) = (TYPICAL_NONLINEARITY.powi(2), bend.error.powi(2));
+    ((bend.value.powi(2) - error).max(0.0) * usual / (usual + error)).sqrt()
+}
+
+/// If the typical chi-square divided by its expectation exceeds this ratio, a note is added. For a hundred pixels the
+/// error of the median chi-square is about 10 %.
+const CHI2_WARNING_RATIO: f64 = 2.0;
+
+impl Fitter<'_> {
+    /// Returns an error unless at least [`MIN_FITTED_PIXELS`] pixels have a line, because a spread requires several pixels.
+    pub(super) fn check_fitted_pixels(&self) -> Result<()> {
+        let known = self.fits.iter().filter(|f| f.a.is_finite()).count();
+        if known >= MIN_FITTED_PIXELS {
+            return Ok(());
+        }
+        Err(Error::new(ErrorKind::Input, "recording set")
+            .found(format_args!("{known} pixels with spikes at two levels below saturation"))
+            .expected(format_args!("at least {MIN_FITTED_PIXELS}"))
+            .remedy("record longer, or at levels where pixels neither stay silent nor saturate"))
+    }
+
+    /// Returns the results of the levels. Their errors include the errors of the common scale and shift.
+    pub(super) fn lamps(&self, scale: f64, shift: f64) -> Vec<Lamp> {
+        let lamp = |(k, level): (usize, &LightLevel)| {
+            let offset = self.level_offsets[k];
+            let error = offset.error.max((scale * level.light).hypot(shift));
+            // The light of a dark level is exactly 0, so it has no deviation.
+            let deviation = match level.light {
+                0.0 => Estimate { value: 0.0, error: 0.0, ..offset },
+                _ => Estimate { error, ..offset },
+            };
+            let rate = self.mean_rate(level);
+            Lamp {
+                file: level.name.clone(),
+                stated_light: level.light,
+                stated_uncertainty: if level.light == 0.0 { 0.0 } else { self.level_uncertainty(k) },
+                deviation,
+                is_outlier: self.is_outlier[k],
+                light_change: level.rate_change,
+                drifts: level.drifts(),
+                is_saturated: self.is_saturated[k],
+                readouts: level.readouts,
+                mean_rate: rate,
+                rate_scatter: self.rate_scatter(level, level.light + offset.value, rate),
+            }
+        };
+        self.observed.levels.iter().enumerate().map(lamp).collect()
+    }
+
+    /// Returns each rate of a level together with the line of its pixel. Pixels without a rate or a line are skipped.
+    fn rates_with_fits<'a>(&'a self, level: &'a LightLevel) -> impl Iterator<Item = (f64, &'a PixelFit)> {
+        let known = |(x, f): &(f64, &PixelFit)| x.is_finite() && f.a.is_finite();
+        level.rate.iter().copied().zip(&self.fits).filter(known)
+    }
+
+    fn mean_rate(&self, level: &LightLevel) -> f64 {
+        let (sum, n) = self.rates_with_fits(level).fold((0.0, 0.0), |(sum, n), (x, _)| (sum + x, n + 1.0));
+        if n > 0.0 { sum / n } else { 0.0 }
+    }
+
+    /// Returns the robust spread of the rates about the fitted lines at `light`, divided by the mean rate `mean`. Returns
+    /// 0 if no pixel fired.
+    fn rate_scatter(&self, level: &LightLevel, light: f64, mean: f64) -> f64 {
+        let mut off: Vec<f64> = self.rates_with_fits(level).map(|(x, f)| x - f.a * light - f.d).collect();
+        if mean > 0.0 { median_and_spread(&mut off).1 / mean } else { 0.0 }
+    }
+
+    /// Adds notes about wrong levels, too few levels, ambiguous levels, drift, and a high chi-square.
+    pub(super) fn note_levels(&mut self) {
+        for (k, level) in self.observed.levels.iter().enumerate().filter(|(k, _)| self.is_outlier[*k]) {
+            self.notes.push(format!(
+                "The light of {} deviates: {:.5} stated, {:.5} estimated in proportion to the other levels. It does not contribute to the scale.",
+                level.name,
+                level.light,
+                level.light + self.level_offsets[k].value
+            ));
+        }
+        if self.alignment.as_ref().is_some_and(|a| !a.is_outlier_identifiable) {
+            let usable = self.is_saturated.iter().filter(|s| !**s).count();
+            self.notes.push(format!(
+                "{usable} levels cannot show whether a single level is wrong: this requires three lit levels and a dark recording, or four lit levels. The errors include the stated uncertainty of the light."
+            ));
+        }
+        if self.alignment.as_ref().is_some_and(|a| a.is_ambiguous) {
+            self.notes.push(
+                "Another set of correct levels agrees nearly as well: the recordings cannot show which lamp deviates, and the errors include both cases. Another recording at a reliable light level would decide.".to_owned(),
+            );
+        }
+        for (level, change) in
+            self.observed.levels.iter().filter_map(|l| Some((l, l.rate_change?))).filter(|(l, _)| l.drifts())
+        {
+            self.notes.push(format!(
+                "{} of {} drifts: by {:+.2} % +- {:.2} % from the first half to the second. The estimate is its mean. Its intervals do not contribute to the estimates of noise and electrons.",
+                if level.light == 0.0 { "The dark current" } else { "The light" },
+                level.name,
+                100.0 * change.value,
+                100.0 * change.error
+            ));
+        }
+        if self.chi2_scale > CHI2_WARNING_RATIO {
+            self.notes.push(format!(
+                "The pixel responses are not linear: the typical chi-square is {:.1} times the expected value, and the errors are multiplied by its root. A possible cause is a nonlinear response that differs between pixels.",
+                self.chi2_scale
+            ));
+        }
+    }
+
+    /// Returns the trend of the relative deviations of the trusted lit levels as a function of the light. The weights are
+    /// the stated uncertainties. Returns `None` with fewer than three such levels.
+    ///
+    /// A nonlinearity that all pixels share does not appear as a misfit of single pixels, because the fitted levels absorb
+    /// it.
+    pub(super) fn nonlinearity(&self) -> Option<Estimate> {
+        let used = |k: &usize| {
+            let light = self.observed.levels[*k].light;
+            light > 0.0 && !self.is_saturated[*k] && !self.is_outlier[*k]
+        };
+        let point = |k: usize| {
+            let light = self.observed.levels[k].light;
+            (light, self.level_offsets[k].value / light, self.level_uncertainty(k).powi(2))
+        };
+        let points: Vec<_> = (0..self.level_offsets.len()).filter(used).map(point).collect();
+        if points.len() < 3 {
+            return None;
+        }
+        let line = fit_line(&points)?;
+        Some(Estimate { value: line.a, error: line.var_a.sqrt(), samples: points.len() })
+    }
+
+    pub(super) fn note_nonlinearity(&mut self, bend: Estimate) {
+        self.notes.push(format!(
+            "The estimated levels deviate from the stated ones by {:+.1} % +- {:.1} % from dark to full light. Either all pixels have the same nonlinear response, or the stated light has this error; the recordings cannot decide. The camera file is linear, and the errors include this deviation.",
+            100.0 * bend.value,
+            100.0 * bend.error
+        ));
+    }
+}

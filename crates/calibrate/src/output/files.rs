@@ -1,0 +1,183 @@
+//! The files of a calibration: camera file, maps, JSON and HTML report.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::html_report::html_report;
+use crate::population::mean_and_sd;
+use crate::result::{Calibration, Lamp};
+use crate::snee::{SneeMaps, SneePixel};
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::pixel::NoiseSampling;
+use spikelane::unstable::npy;
+use spikelane_measure::report::insert_present;
+use spikelane_measure::{Estimate, median};
+
+/// The paths of the files of a calibration.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct CalibrationFiles {
+    /// Path of `camera.toml`. It is an input of `simulate`.
+    pub camera: PathBuf,
+    /// Path of `calibration.json`.
+    pub calibration_json: PathBuf,
+    /// Path of `report.html`.
+    pub report: PathBuf,
+}
+
+/// Returns an estimate as JSON. Value and error are omitted if they are not finite.
+fn estimate_json(e: Estimate) -> Value {
+    let parts = [("value", e.value), ("error", e.error)];
+    parts.into_iter().filter(|(_, x)| x.is_finite()).map(|(key, x)| (key.to_owned(), json!(x))).collect()
+}
+
+fn lamp_json(l: &Lamp) -> Value {
+    let about = json!({
+        "file": l.file, "stated_light": l.stated_light, "stated_uncertainty": l.stated_uncertainty, "found_light": l.found_light(),
+        "deviation": estimate_json(l.deviation), "is_outlier": l.is_outlier, "is_saturated": l.is_saturated, "drifts": l.drifts,
+        "readouts": l.readouts, "mean_rate": l.mean_rate, "rate_scatter": l.rate_scatter,
+    });
+    insert_present(about, [("light_change", l.light_change.map(estimate_json))])
+}
+
+impl Calibration {
+    /// Returns the calibration without the maps as JSON. Unknown numbers are omitted.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        let p = &self.population;
+        let whole = json!({
+            "width": self.sensor.geometry.width(),
+            "height": self.sensor.geometry.height(),
+            "readout_hz": self.sensor.readout_hz,
+            "population": {
+                "mean_a": estimate_json(p.mean_a), "sd_a": estimate_json(p.sd_a),
+                "mean_d": estimate_json(p.mean_d), "sd_d": estimate_json(p.sd_d),
+                "covariance": estimate_json(p.covariance), "sigma_phi": estimate_json(p.sigma_phi),
+            },
+            "sigma_t": estimate_json(self.sigma_t),
+            "electrons_per_spike": estimate_json(self.electrons_per_spike),
+            "dark_shot_noise": self.dark_shot_noise,
+            "is_noise_sampling_identified": self.is_noise_sampling_identified,
+            "noise_sampling": if self.noise_sampling == NoiseSampling::EveryReadout { "every-readout" } else { "every-reset" },
+            "bias_share": estimate_json(self.bias_share),
+            "dead_time_fraction": self.dead_time_fraction,
+            "light_scale_error": self.light_scale_error,
+            "is_nonlinear": self.is_nonlinear,
+            "lamps": self.lamps.iter().map(lamp_json).collect::<Vec<_>>(),
+            "unfitted_pixels": self.unfitted_pixels(),
+            "dead_pixels": self.dead_pixels, "hot_pixels": self.hot_pixels, "poor_fit_pixels": self.poor_fit_pixels,
+            "verdict": self.verdict(), "cautions": self.cautions(),
+            "notes": self.notes,
+        });
+        let further = [
+            ("nonlinearity", self.nonlinearity.map(estimate_json)),
+            ("reduced_chi2", self.reduced_chi2().map(Into::into)),
+            ("snee", self.snee.as_ref().map(|paper| self.snee_json(paper))),
+        ];
+        insert_present(whole, further)
+    }
+
+    /// Returns the pixels that have no fit. The files contain the means of the population for these pixels.
+    #[must_use]
+    pub fn unfitted_pixels(&self) -> Vec<usize> {
+        (0..self.fits.len()).filter(|p| !self.fits[*p].a.is_finite()).collect()
+    }
+
+    fn snee_json(&self, paper: &SneeMaps) -> Value {
+        let moments = |of: fn(&SneePixel) -> f64| {
+            let (mean, sd) = mean_and_sd(&paper.map(of));
+            json!({ "mean": mean, "sd": sd })
+        };
+        json!({
+            "box_half_width": paper.box_half_width,
+            "edge_counts": paper.edge_counts(),
+            "edge_share": paper.edge_counts().edge_share(),
+            "light_scale": paper.light_scale,
+            "a": moments(|s| s.alpha / s.phi), "d": moments(|s| s.dark / s.phi),
+            "phi": moments(|s| s.phi), "c_s": moments(|s| s.c_s), "v_s": moments(|s| s.v_s),
+        })
+    }
+
+    /// Returns the median over the pixels of chi-square per degree of freedom. Returns `None` if no pixel has a degree of
+    /// freedom.
+    #[must_use]
+    pub fn reduced_chi2(&self) -> Option<f64> {
+        let of = |f: &crate::formulas::fit::PixelFit| f.chi2 / f64::from(f.degrees_of_freedom);
+        let good = self.fits.iter().filter(|f| f.degrees_of_freedom > 0 && f.chi2.is_finite());
+        let mut all: Vec<f64> = good.map(of).collect();
+        (!all.is_empty()).then(|| median(&mut all))
+    }
+
+    /// Returns the maps of the fit and their names. Pixels without a fit have the means and spreads of the population. In
+    /// the map `known` they have the value 0.
+    pub(crate) fn maps(&self) -> [(&'static str, Vec<f64>); 7] {
+        let p = &self.population;
+        let of_population = crate::formulas::fit::PixelFit {
+            a: p.mean_a.value,
+            d: p.mean_d.value,
+            var_a: p.sd_a.value.powi(2),
+            var_d: p.sd_d.value.powi(2),
+            chi2: 0.0,
+            ..crate::formulas::fit::PixelFit::NAN
+        };
+        let known = |f: &crate::formulas::fit::PixelFit| f.a.is_finite();
+        let map = |of: fn(&crate::formulas::fit::PixelFit) -> f64| {
+            self.fits.iter().map(|f| of(if known(f) { f } else { &of_population })).collect::<Vec<f64>>()
+        };
+        [
+            ("fitted_mask", self.fits.iter().map(|f| f64::from(u8::from(known(f)))).collect()),
+            ("a", map(|f| f.a)),
+            ("a_error", map(|f| f.var_a.sqrt())),
+            ("d", map(|f| f.d)),
+            ("d_error", map(|f| f.var_d.sqrt())),
+            ("chi2", map(|f| f.chi2)),
+            ("threshold_sd", self.threshold_posteriors.iter().map(|t| t[1]).collect()),
+        ]
+    }
+}
+
+/// Writes the files of a calibration into `folder`. Creates the folder if necessary.
+///
+/// The files are `camera.toml` with its maps, the maps of the fit, `calibration.json` and `report.html`. If the estimator
+/// of the paper was run, its maps are written too.
+///
+/// # Errors
+/// If a file exists and `force` is not set, or if a file cannot be written.
+pub fn write_calibration(calibration: &Calibration, folder: &Path, force: bool) -> Result<CalibrationFiles> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+    let mut group = spikelane_io::storage::FileGroup::new(force);
+    let mut put = |name: &str, bytes: &[u8]| group.write(&folder.join(name), bytes);
+    let saved = spikelane::presets::to_toml(&calibration.camera()?)?;
+    for (name, bytes) in &saved.maps {
+        put(name, bytes)?;
+    }
+    for (name, map) in calibration.maps() {
+        put(&format!("fit_{name}.npy"), &npy::map_to_bytes(&map, calibration.sensor.geometry.width())?)?;
+    }
+    for (name, map) in calibration.snee.iter().flat_map(snee_maps) {
+        put(&format!("snee_{name}.npy"), &npy::map_to_bytes(&map, calibration.sensor.geometry.width())?)?;
+    }
+    put("camera.toml", saved.text.as_bytes())?;
+    let text = serde_json::to_string_pretty(&calibration.to_json());
+    put(
+        "calibration.json",
+        text.map_err(|e| Error::new(ErrorKind::Config, "calibration").found(e))?.as_bytes(),
+    )?;
+    put("report.html", html_report(calibration)?.as_bytes())?;
+    group.commit()?;
+    Ok(CalibrationFiles {
+        camera: folder.join("camera.toml"),
+        calibration_json: folder.join("calibration.json"),
+        report: folder.join("report.html"),
+    })
+}
+
+fn snee_maps(paper: &SneeMaps) -> [(&'static str, Vec<f64>); 4] {
+    [
+        ("c_s", paper.map(|s| s.c_s)),
+        ("v_s", paper.map(|s| s.v_s)),
+        ("alpha", paper.map(|s| s.alpha)),
+        ("dark", paper.map(|s| s.dark)),
+    ]
+}

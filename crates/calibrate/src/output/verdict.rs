@@ -1,0 +1,81 @@
+//! The verdict on a calibration and the cautions for its user.
+
+use crate::result::{Calibration, Lamp};
+use spikelane_measure::Estimate;
+
+/// If the typical chi-square per degree of freedom exceeds this ratio, a caution about the straight lines is issued. For a
+/// hundred pixels the error of the typical chi-square is about 10 %.
+const CHI2_CAUTION_RATIO: f64 = 1.5;
+
+/// If the share of unfitted pixels exceeds this value, a caution is issued.
+const UNFITTED_CAUTION_SHARE: f64 = 0.01;
+
+impl Calibration {
+    /// Returns one sentence. It reports whether the camera follows its recordings, the error of its gain, and the number
+    /// of cautions.
+    #[must_use]
+    pub fn verdict(&self) -> String {
+        let gain = self.population.mean_a;
+        let known =
+            format!("the relative error of the mean gain is {:.2} %", 100.0 * gain.error / gain.value);
+        match self.cautions().len() {
+            0 => format!("The camera agrees with its recordings; {known}."),
+            1 => format!("The camera is usable with one caution; {known}."),
+            n => format!("The camera is usable with {n} cautions; {known}."),
+        }
+    }
+
+    /// Returns the cautions for users of this camera. They concern wrong or drifting lamps, assumed nominal values, and
+    /// unfitted pixels.
+    #[must_use]
+    pub fn cautions(&self) -> Vec<String> {
+        let mut said = self.lamp_cautions();
+        if self.is_nonlinear {
+            said.push("The estimated levels deviate from a line: the camera file is linear, but a measured response may not be.".to_owned());
+        }
+        if let Some(chi2) = self.reduced_chi2().filter(|x| *x > CHI2_CAUTION_RATIO) {
+            said.push(format!("The pixel responses are not linear: the typical chi-square per degree of freedom is {chi2:.1}."));
+        }
+        if !self.is_noise_sampling_identified {
+            said.push("The recordings do not show when threshold noise is redrawn: the camera file uses the nominal setting, every reset.".to_owned());
+        }
+        let assumed = |what: &str, e: Estimate| {
+            let digits = if e.value >= 100.0 { 0 } else { 6 };
+            (!e.error.is_finite()).then(|| {
+                format!(
+                    "{what} could not be estimated: the camera file has the nominal {:.digits$}.",
+                    e.value
+                )
+            })
+        };
+        said.extend(assumed("The number of electrons per spike", self.electrons_per_spike));
+        said.extend(assumed("The threshold noise", self.sigma_t));
+        let (unknown, all) = (self.unfitted_pixels().len(), self.fits.len());
+        if unknown as f64 > UNFITTED_CAUTION_SHARE * all as f64 {
+            said.push(format!(
+                "{unknown} of {all} pixels provide no estimate: the camera file uses the population means for them."
+            ));
+        }
+        said
+    }
+
+    fn lamp_cautions(&self) -> Vec<String> {
+        let lit = self.lamps.iter().filter(|l| l.stated_light > 0.0).count();
+        let named = |of: fn(&&Lamp) -> bool| -> Vec<&str> {
+            self.lamps.iter().filter(of).map(|l| l.file.as_str()).collect()
+        };
+        let mut said = Vec::new();
+        let mut add = |files: Vec<&str>, what: &str| {
+            if !files.is_empty() {
+                said.push(format!("{} of {lit} lit levels {what}: {}.", files.len(), files.join(", ")));
+            }
+        };
+        add(named(|l| l.is_outlier), "deviate from their stated light");
+        add(named(|l| l.drifts && l.stated_light > 0.0), "drift");
+        add(named(|l| l.is_saturated), "saturate the camera");
+        if self.lamps.iter().any(|l| l.drifts && l.stated_light == 0.0) {
+            said.push("The dark current drifts within its recording.".to_owned());
+        }
+        said
+    }
+}

@@ -1,0 +1,251 @@
+//! Checks of a recording set that need the recorded data.
+
+use super::observations::{LightLevel, Observations};
+use super::recording_set::Stimulus;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes::Geometry;
+use spikelane_measure::{finite_values, high_pass, median};
+
+/// Rate above which a pixel is saturated, in spikes per readout. A saturated pixel fires at nearly every readout, so its
+/// rate contains no information about the light.
+pub(crate) const SATURATION_RATE: f64 = 0.985;
+
+/// Smallest number of spikes from which a rate is computed from spike times. Two spikes form one interval.
+///
+/// A larger minimum would bias slow pixels. Consider a pixel that fires 2.5 times on average. With a minimum of three
+/// spikes, its rate would be computed from the count whenever it fires twice. Its mean rate would be a tenth too low.
+pub(crate) const MIN_TIMED_SPIKES: u32 = 2;
+
+/// Number of spikes that most pixels of a lit level must have.
+pub(crate) const MIN_LIT_SPIKES: u32 = 3;
+
+/// Largest share of drifting pixels in a scene that counts as static.
+const MAX_DRIFTING_SHARE: f64 = 0.02;
+
+fn set_error(name: &str) -> Error {
+    Error::new(ErrorKind::Input, name)
+}
+
+/// Checks that the high squares of a checkerboard are brighter than the low squares. The recording set states the
+/// positions of the squares.
+pub(crate) fn check_checkerboard(level: &LightLevel, light: Stimulus, geometry: Geometry) -> Result<()> {
+    let width = geometry.width();
+    let bright = |flip: bool| {
+        let mut sides = [(0.0, 0.0); 2];
+        let levels = |p: usize| {
+            let row = if flip { geometry.height() - 1 - p / width } else { p / width };
+            light.level_at(row, p % width, 0).unwrap_or(0.0)
+        };
+        let highest = (0..level.rate.len()).map(levels).fold(0.0, f64::max);
+        for (p, rate) in level.rate.iter().enumerate() {
+            let side = &mut sides[usize::from(levels(p) < highest)];
+            *side = (side.0 + rate, side.1 + 1.0);
+        }
+        let [high, low] = sides.map(|(sum, n)| if n > 0.0 { sum / n } else { 0.0 });
+        // If one square covers the sensor, or if the recording has no spikes, the contrast is 0.
+        if high + low > 0.0 { (high - low) / (high + low) } else { 0.0 }
+    };
+    let (high, low) = match light {
+        Stimulus::Scene(super::recording_set::StimulusPattern::Checkerboard { high, low, .. }) => {
+            (high.min(1.0), low.min(1.0))
+        }
+        _ => return Ok(()),
+    };
+    // The limit is half of the contrast, because crosstalk, dark current and blur reduce the contrast by less.
+    let least = 0.5 * (high - low) / (high + low);
+    if high == low || bright(false) >= least {
+        return Ok(());
+    }
+    if bright(true) >= least {
+        return Err(set_error(&level.name)
+            .found("an upside-down checkerboard")
+            .expected("row 0 at the top")
+            .remedy("set layout = \"dat-top\" for files written with the top row first, or \"dat\" for the other order"));
+    }
+    Err(set_error(&level.name)
+        .found(format_args!("contrast {:.3} between the squares", bright(false)))
+        .expected(format_args!("at least {least:.3}"))
+        .remedy("check the width, height, square size and layout of the file"))
+}
+
+/// Checks the levels of a set for motion, usable light, spike counts, unit of the light, order and orientation.
+pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
+    let levels = &observed.levels;
+    if let Some(moving) = levels.iter().find(|l| l.drifting_share > MAX_DRIFTING_SHARE) {
+        return Err(set_error(&moving.name)
+            .found(format_args!(
+                "{:.1} % of the pixels change between the halves",
+                100.0 * moving.drifting_share
+            ))
+            .expected("a static scene under constant light")
+            .remedy("record again, or cut the file to its static part"));
+    }
+    let lit: Vec<&LightLevel> = levels.iter().filter(|l| l.light > 0.0).collect();
+    let set = "recording set";
+    if lit.is_empty() {
+        return Err(set_error(set)
+            .found(if levels.is_empty() { "no uniform level" } else { "dark recordings only" })
+            .expected("at least two levels, one of them lit")
+            .remedy("add flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation"));
+    }
+    let usable = |l: &LightLevel| l.median_rate() <= SATURATION_RATE;
+    if !lit.iter().any(|l| usable(l)) {
+        return Err(set_error(set)
+            .found("only saturated lit levels")
+            .expected("a level at which most pixels do not fire in every readout")
+            .remedy("reduce the light, or close the aperture"));
+    }
+    if levels.iter().filter(|l| usable(l)).count() < 2 {
+        return Err(set_error(set)
+            .found("one usable level")
+            .expected("at least two: a dark recording and a flat field")
+            .remedy("add a dark recording and flat fields at 0.1, 0.3 and 0.6 of saturation"));
+    }
+    check_spike_counts(&lit)?;
+    check_light_unit(levels)?;
+    check_monotonic(levels)?;
+    check_orientation(observed)
+}
+
+/// Checks that most pixels of each lit level have enough spikes to compute a rate from spike times.
+fn check_spike_counts(lit: &[&LightLevel]) -> Result<()> {
+    for level in lit.iter().filter(|l| l.readouts > 0) {
+        let few = level.spikes.iter().filter(|n| **n < MIN_LIT_SPIKES).count();
+        if few * 2 > level.spikes.len() {
+            let rate = level.spikes.iter().map(|n| f64::from(*n)).sum::<f64>()
+                / (level.spikes.len() as f64 * f64::from(level.readouts));
+            // If pixels have ten spikes on average, slow pixels have at least three spikes.
+            let rate = if rate > 0.0 { rate } else { level.light };
+            return Err(set_error(&level.name)
+                .found(format_args!("{} readouts, too few spikes for a rate", level.readouts))
+                .expected(format_args!("at least {MIN_LIT_SPIKES} spikes in most pixels"))
+                .remedy(format_args!("record at least {:.0} readouts", (10.0 / rate).ceil())));
+        }
+    }
+    Ok(())
+}
+
+/// Checks the unit of the light. Light 1 causes one spike per readout, so the rate of a level must nearly equal its light.
+/// The check finds levels that are stated in percent, gray values or lux. Rate maps of unknown length are not checked,
+/// because they can have another unit.
+fn check_light_unit(levels: &[LightLevel]) -> Result<()> {
+    let streams: Vec<(&LightLevel, f64)> =
+        levels.iter().filter(|l| l.readouts > 0).map(|l| (l, l.median_rate())).collect();
+    let usable = |l: &&(&LightLevel, f64)| l.1 <= SATURATION_RATE && l.0.light > 0.0;
+    let (Some((_, dark)), Some((level, rate))) = (streams.first(), streams.iter().rfind(usable)) else {
+        return Ok(());
+    };
+    let lowest = streams[0].0.light;
+    if level.light <= lowest {
+        return Ok(());
+    }
+    let slope = (rate - dark) / (level.light - lowest);
+    if (0.5..2.0).contains(&slope) {
+        return Ok(());
+    }
+    Err(set_error(&level.name)
+        .found(format_args!("rate {rate:.4} at light {}", level.light))
+        .expected("light as a fraction of the light that gives one spike per readout, and a similar rate")
+        .remedy(format_args!("multiply all levels by {slope:.4}")))
+}
+
+/// Checks that more light causes more spikes, nearly in proportion.
+fn check_monotonic(levels: &[LightLevel]) -> Result<()> {
+    let medians: Vec<(&LightLevel, f64)> =
+        levels.iter().map(|l| (l, l.median_rate())).filter(|(_, m)| *m <= SATURATION_RATE).collect();
+    if medians.len() >= 4 {
+        // If the light of two adjacent levels differs by less than the uncertainty, their order can be wrong. The fit
+        // of the pixels finds which level is wrong.
+        return check_linearity(&medians);
+    }
+    for pair in medians.windows(2) {
+        if pair[1].1 < pair[0].1 {
+            return Err(contradiction_error(pair[1].0).found(format_args!(
+                "rate {:.5} at light {}, but {:.5} at {}",
+                pair[1].1, pair[1].0.light, pair[0].1, pair[0].0.light
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that four or more levels lie on a line. The error names the level that is off the line through the other
+/// levels, even if a neighbor of this level also contradicts it.
+///
+/// Smaller deviations are errors of the lamps, and the fit of the pixels finds them.
+fn check_linearity(medians: &[(&LightLevel, f64)]) -> Result<()> {
+    // Theil's line has the median of all slopes. A few wrong levels do not change this median.
+    let mut slopes = Vec::new();
+    for (i, p) in medians.iter().enumerate() {
+        slopes.extend(medians[i + 1..].iter().map(|q| (q.1 - p.1) / (q.0.light - p.0.light)));
+    }
+    let slope = median(&mut slopes);
+    let at = |(l, m): &(&LightLevel, f64)| m - slope * l.light;
+    let offset = median(&mut medians.iter().map(at).collect::<Vec<_>>());
+    let lowest = medians.iter().find(|(l, _)| l.light > 0.0).map_or(0.0, |(_, m)| *m);
+    for (level, found) in medians {
+        let expected = slope * level.light + offset;
+        // The light of the dark level is exact. If the dark level is off the line, a wrong lit level may have tilted the
+        // line. The dark level therefore has the tolerance of a lit level. The fit of the pixels finds the wrong level.
+        let scale = if level.light == 0.0 { expected.max(lowest) } else { expected };
+        if (found - expected).abs() > 0.12 * scale + 0.003 {
+            return Err(contradiction_error(level).found(format_args!(
+                "rate {found:.5} at light {}, where the other levels give {expected:.5}",
+                level.light
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn contradiction_error(level: &LightLevel) -> Error {
+    set_error(&level.name)
+        .expected("rates that increase with the light as at the other levels")
+        .remedy("check the light of this file in the recording set; levels are fractions of saturation")
+}
+
+/// Checks that all recordings have the same orientation. All recordings of one camera contain the same fixed pattern. If
+/// a recording matches the pattern only upside down, its layout differs from the other recordings.
+fn check_orientation(observed: &Observations) -> Result<()> {
+    let geometry = observed.geometry;
+    let (width, height) = (geometry.width(), geometry.height());
+    let usable = |l: &&LightLevel| l.light > 0.0 && l.median_rate() <= SATURATION_RATE;
+    let lit: Vec<&LightLevel> = observed.levels.iter().filter(usable).collect();
+    if lit.len() < 2 || height < 5 || width < 5 {
+        return Ok(());
+    }
+    let pattern = |l: &LightLevel| high_pass(&l.rate, width);
+    let flipped = |map: &[f64]| map.chunks_exact(width).rev().flatten().copied().collect::<Vec<f64>>();
+    let reference = pattern(lit[0]);
+    for level in &lit[1..] {
+        let own = pattern(level);
+        let (straight, upside) =
+            (rank_correlation(&reference, &own), rank_correlation(&reference, &flipped(&own)));
+        if upside > 0.5 && straight < 0.25 {
+            return Err(set_error(&level.name)
+                .found(format_args!("a fixed pattern that is upside down, compared with {}", lit[0].name))
+                .expected("the same row order in all files")
+                .remedy("set the layout of this recording (\"dat\" or \"dat-top\")"));
+        }
+    }
+    Ok(())
+}
+
+/// Returns the correlation between the fixed patterns of two levels. `width` is the number of pixels per row.
+pub(crate) fn pattern_correlation(a: &LightLevel, b: &LightLevel, width: usize) -> f64 {
+    rank_correlation(&high_pass(&a.rate, width), &high_pass(&b.rate, width))
+}
+
+/// Returns the correlation between two zero-centered maps. Each map is first clamped to three robust standard deviations,
+/// which limits the influence of hot pixels.
+fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
+    let cut = |map: &[f64]| {
+        let (_, spread) = spikelane_measure::median_and_spread(&mut finite_values(map));
+        let limit = 3.0 * spread;
+        map.iter().map(|x| x.clamp(-limit, limit)).collect::<Vec<f64>>()
+    };
+    let (a, b) = (cut(a), cut(b));
+    let sum =
+        |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).filter(|v| v.is_finite()).sum::<f64>();
+    sum(&a, &b) / (sum(&a, &a) * sum(&b, &b)).sqrt()
+}

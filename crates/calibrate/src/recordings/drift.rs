@@ -1,0 +1,84 @@
+//! Measures changes between the two halves of a recording, for single pixels and for the mean rate of all pixels.
+
+use super::observations::LightLevel;
+use spikelane_measure::{Estimate, median_and_spread};
+
+/// Smallest change of the mean rate that counts as drift, in standard errors of the change. With a steady lamp, one in
+/// two million recordings exceeds it.
+const DRIFT_Z_THRESHOLD: f64 = 5.0;
+/// Smallest change of the mean rate that counts as drift, divided by the mean rate. Incomplete mains periods at the ends
+/// of the halves change the mean by less.
+const MIN_RELATIVE_DRIFT: f64 = 1e-3;
+
+/// Difference between the halves, in spikes per pixel, that start phases can cause without any change of light. In the
+/// first half, pixels that all start empty fire half a spike less than pixels at random phases. Pixels that all start
+/// full fire half a spike more.
+const START_PHASE_SPIKES: f64 = 0.5;
+
+/// Largest deviation of the change of a pixel from the median change, in robust standard deviations. Larger deviations are
+/// clamped, because a single blinking pixel must not look like a drifting lamp.
+const MAX_PIXEL_DEVIATION: f64 = 4.0;
+
+/// Returns the share of the pixels whose spike counts differ between the two halves by more than the tolerance.
+///
+/// `early` contains the number of spikes of each pixel in the first half. For a pixel with `n` spikes in both halves
+/// together, the tolerance is `2 + 6 sqrt(s n) + 0.002 n` spikes. The 2 spikes are for the ends of the halves. The second
+/// term is six standard deviations of phase noise. The last term, 0.2 %, is for a lamp that settles. The variance per
+/// spike, `s = 1e-3` thresholds squared, is thirty times the variance of known cameras.
+pub(crate) fn drifting_share(level: &LightLevel, early: &[u32]) -> f64 {
+    let split = f64::from(level.readouts / 2);
+    let late = f64::from(level.readouts) - split;
+    let moves = |(n, e): (&u32, &u32)| {
+        let (e, l) = (f64::from(*e), f64::from(n - e) * split / late);
+        (e - l).abs() > 2.0 + 6.0 * (1e-3 * (e + l)).sqrt() + 0.002 * (e + l)
+    };
+    let moving = level.spikes.iter().zip(early).filter(|pair| moves(*pair)).count();
+    moving as f64 / level.spikes.len() as f64
+}
+
+/// Returns the change of the mean rate of all pixels between the first and the second half of a recording, divided by the
+/// mean rate. The standard error is computed from the scatter of the pixels.
+///
+/// `early` contains the number of spikes of each pixel in the first half. Returns `None` for a recording without spikes.
+///
+/// The difference between the two counts of a pixel is `u0 - 2 u1 + u2` plus noise. `u0`, `u1` and `u2` are the phases at
+/// the start, the middle and the end. Each has a variance of 1/12 spike squared, so the variance of `u0 - 2 u1 + u2` is
+/// 1/2. A single pixel resolves a change of a tenth. The mean over many pixels resolves a change of a thousandth.
+pub(crate) fn mean_rate_change(level: &LightLevel, early: &[u32]) -> Option<Estimate> {
+    let split = f64::from(level.readouts / 2);
+    let late = f64::from(level.readouts) - split;
+    let each = |(n, e): (&u32, &u32)| f64::from(n - e) / late - f64::from(*e) / split;
+    let mut all: Vec<f64> = level.spikes.iter().zip(early).map(each).collect();
+    let (center, spread) = median_and_spread(&mut all.clone());
+    // In the dark most pixels can fire equally often in both halves. The robust spread is then 0, so a minimum is needed.
+    let half_a_spike = 0.5_f64.sqrt() / split;
+    let reach = MAX_PIXEL_DEVIATION * spread.max(half_a_spike);
+    all.iter_mut().for_each(|d| *d = d.clamp(center - reach, center + reach));
+    let found = Estimate::mean(all.iter().copied());
+    let spikes = level.spikes.iter().map(|n| f64::from(*n)).sum::<f64>();
+    let rate = spikes / (f64::from(level.readouts) * all.len() as f64);
+    // If all pixels change equally, their scatter is 0. The error of one pixel is then used instead.
+    let error = if found.error > 0.0 { found.error } else { half_a_spike };
+    let known = rate > 0.0 && found.value.is_finite() && error.is_finite();
+    known.then(|| Estimate { value: found.value / rate, error: error / rate, samples: all.len() })
+}
+
+impl LightLevel {
+    /// Sets the drift statistics of the level. `early` contains the number of spikes of each pixel in the first half of the
+    /// readouts, rounded down.
+    #[must_use]
+    pub fn with_first_half(mut self, early: &[u32]) -> Self {
+        self.drifting_share = drifting_share(&self, early);
+        self.rate_change = mean_rate_change(&self, early);
+        self
+    }
+
+    /// Returns whether the light, or the dark current of all pixels, changed during the recording. An effect of the
+    /// pixels' charge at the start does not count as a change.
+    #[must_use]
+    pub fn drifts(&self) -> bool {
+        let spikes = self.spikes.iter().map(|n| f64::from(*n)).sum::<f64>() / self.spikes.len() as f64;
+        let least = MIN_RELATIVE_DRIFT.max(START_PHASE_SPIKES / (spikes / 2.0));
+        self.rate_change.is_some_and(|c| c.value.abs() > least && c.value.abs() > DRIFT_Z_THRESHOLD * c.error)
+    }
+}

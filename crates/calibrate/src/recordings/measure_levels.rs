@@ -1,0 +1,176 @@
+//! Measures a recording set. One pass collects all data that the estimators need.
+
+use std::io::BufReader;
+use std::path::Path;
+
+use super::check;
+use super::observations::{IntervalNoise, LightLevel, Observations};
+use super::recording_set::{RateMap, RecordingSet, Stimulus, StimulusPattern};
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs;
+use spikelane::unstable::inputs::InputFile;
+use spikelane::unstable::npy;
+use spikelane::unstable::threads;
+use spikelane_io::formats::StreamReader;
+use spikelane_measure::{
+    MeasureOptions, NO_SPIKE, Statistics, finite_values, measure_stream, median, median_and_spread,
+};
+
+/// Brightest light at which intervals are measured. In brighter light the quantization of spike times hides the phase
+/// noise per spike, and measuring intervals takes the most time.
+const MAX_INTERVAL_LIGHT: f64 = 0.12;
+
+/// Lags whose variances are measured, in intervals.
+const INTERVAL_LAGS: [u32; 6] = [1, 2, 4, 8, 16, 32];
+
+/// Callback that receives the name of the current file or camera, and the completed share of the work, 0 to 1.
+pub type ProgressCallback<'a> = &'a mut dyn FnMut(&str, f64);
+
+/// Measures every recording of uniform light, and checks the set.
+///
+/// The function needs about 40 bytes per pixel and level, plus 400 bytes per pixel. The memory does not depend on the
+/// length of the recordings. Bands of rows are measured in parallel.
+///
+/// # Errors
+/// * If a file cannot be read, if a scene moves, if the levels contradict each other, or if all levels are dark or
+///   saturated.
+/// * If a checkerboard or the fixed pattern shows a wrong geometry or an upside-down layout.
+pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Result<Observations> {
+    let geometry = set.geometry()?;
+    // Memory contains counts and rates of each recording, at most 16 bytes per pixel, and six maps.
+    let kept = 16 * set.recordings.len() + 6 * size_of::<f64>();
+    inputs::check_memory(format_args!("recordings of {geometry} pixels"), kept * geometry.pixels())?;
+    let readers = set.recordings.iter().map(|r| set.reader(r)).collect::<Result<Vec<_>>>()?;
+    let total: usize = readers.iter().map(StreamReader::readouts).sum();
+    let mut observed = Observations {
+        geometry,
+        readout_hz: set.readout_hz,
+        levels: Vec::new(),
+        other_recordings: Vec::new(),
+    };
+    let mut done = 0;
+    for (recording, reader) in set.recordings.iter().zip(&readers) {
+        let name = recording.file.as_str();
+        let mut tell = |readouts: usize| progress(name, (done + readouts) as f64 / total.max(1) as f64);
+        let light = recording.light;
+        let wanted =
+            light.level().is_some() || matches!(light, Stimulus::Scene(StimulusPattern::Checkerboard { .. }));
+        if wanted {
+            let dim = light.level().is_some_and(|l| l <= MAX_INTERVAL_LIGHT);
+            let statistics = measure_recording(reader, dim, &mut tell)?;
+            let mut level = level_from_statistics(name, light.level().unwrap_or(f64::NAN), &statistics);
+            level.light_uncertainty = recording.light_uncertainty.or(set.light_uncertainty);
+            match light.level() {
+                Some(_) => observed.levels.push(level),
+                None => {
+                    check::check_checkerboard(&level, light, geometry)?;
+                    observed.other_recordings.push(name.to_owned());
+                }
+            }
+        } else {
+            observed.other_recordings.push(name.to_owned());
+        }
+        done += reader.readouts();
+    }
+    for map in &set.rate_maps {
+        let mut level = read_rate_map(&set.folder, map, geometry)?;
+        level.light_uncertainty = map.light_uncertainty.or(set.light_uncertainty);
+        observed.levels.push(level);
+    }
+    observed.levels.sort_by(|a, b| a.light.total_cmp(&b.light));
+    check::check_levels(&observed)?;
+    Ok(observed)
+}
+
+fn measure_recording(
+    reader: &StreamReader,
+    intervals: bool,
+    tell: &mut dyn FnMut(usize),
+) -> Result<Statistics> {
+    let options = MeasureOptions {
+        counts: true,
+        frames: false,
+        intervals,
+        lags: INTERVAL_LAGS.to_vec(),
+        split: Some((reader.readouts() / 2) as u32),
+        series_readouts: 0,
+        ..MeasureOptions::default()
+    };
+    measure_stream(reader, &options, tell)
+}
+
+fn level_from_statistics(name: &str, light: f64, statistics: &Statistics) -> LightLevel {
+    let Some(counts) = &statistics.counts else { unreachable!("counts are always measured") };
+    debug_assert!(counts.first_spike.iter().zip(&counts.count).all(|(f, n)| (*f == NO_SPIKE) == (*n == 0)));
+    let mut level = LightLevel::from_counts(
+        name,
+        light,
+        statistics.readouts,
+        counts.count.clone(),
+        &counts.first_spike,
+        &counts.last_spike,
+    );
+    if let Some(early) = &statistics.counts_before_split {
+        level = level.with_first_half(early);
+    }
+    level.interval_noise = statistics.intervals.as_ref().map(|intervals| {
+        let shortest = shortest_lag(&level);
+        let of_pixel = |p: usize| intervals.growth(p, shortest) * level.rate[p] * level.rate[p];
+        let map = threads::map(0..intervals.len(), of_pixel);
+        IntervalNoise { map, lags: fitted_lags(&level, shortest) }
+    });
+    level
+}
+
+/// Returns the shortest lag, in intervals, of the fit of the growth of the variance of spike times.
+///
+/// The lag is 4 if most pixels have enough spikes for the lags 4, 8 and 16. In a short dark recording most pixels have
+/// too few spikes. The lag is then 1 if the mean intervals of the pixels spread by more than half a readout. With this
+/// spread, the mean quantization variance differs between lags by at most `exp(-2 pi^2 / 4)`, which is 0.7 %.
+fn shortest_lag(level: &LightLevel) -> u32 {
+    let mut spikes: Vec<f64> = level.spikes.iter().map(|n| f64::from(*n)).collect();
+    let intervals: Vec<f64> = level.rate.iter().filter(|f| **f > 0.0).map(|f| 1.0 / f).collect();
+    let (_, spread) = median_and_spread(&mut finite_values(&intervals));
+    if median(&mut spikes) < 32.0 && spread > 0.5 { 1 } else { 4 }
+}
+
+/// Returns the lags at which the growth is fitted for most pixels. No lag exceeds half the number of intervals of the
+/// median pixel.
+fn fitted_lags(level: &LightLevel, shortest: u32) -> Vec<u32> {
+    let mut spikes: Vec<f64> = level.spikes.iter().map(|n| f64::from(*n)).collect();
+    let half = 0.5 * (median(&mut spikes) - 1.0);
+    INTERVAL_LAGS.into_iter().filter(|lag| *lag >= shortest && f64::from(*lag) <= half).collect()
+}
+
+fn read_rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<LightLevel> {
+    let path = folder.join(&map.file);
+    let file = InputFile::open(&path)?;
+    let wrong = |found: String| {
+        Error::new(ErrorKind::Input, path.display()).found(found).expected(format_args!(
+            "an .npy array of {} rows by {}",
+            geometry.height(),
+            geometry.width()
+        ))
+    };
+    let (header, rate) = npy::read_map(&path.display().to_string(), &mut BufReader::new(file.reader()))?;
+    if header.shape != [geometry.height() as u64, geometry.width() as u64] {
+        return Err(wrong(format!("shape {:?}", header.shape)));
+    }
+    if let Some(bad) = rate.iter().find(|r| !(0.0..=1.0).contains(*r)) {
+        return Err(wrong(format!("a rate of {bad}")).remedy("rates are spikes per readout, 0 to 1"));
+    }
+    let readouts = map.readouts.unwrap_or(0);
+    let spikes = rate.iter().map(|r| (r * f64::from(readouts)).round() as u32).collect();
+    Ok(LightLevel {
+        name: map.file.clone(),
+        light: map.light,
+        light_uncertainty: None,
+        readouts,
+        spikes,
+        rate,
+        drifting_share: 0.0,
+        rate_change: None,
+        interval_noise: None,
+    })
+}

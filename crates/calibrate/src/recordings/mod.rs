@@ -1,0 +1,9 @@
+//! Recording sets: plans, files, measurements and checks.
+
+pub(super) mod check;
+pub(super) mod drift;
+pub(super) mod measure_levels;
+pub(super) mod observations;
+pub(super) mod protocol;
+pub(super) mod published_maps;
+pub(super) mod recording_set;

@@ -1,0 +1,99 @@
+//! Measurements of a recording set: for each uniform level, the data of each pixel.
+
+use spikelane::spikes::{Geometry, span_rate};
+use spikelane_measure::{Estimate, finite_values, median};
+
+/// Phase variance per spike of every pixel at one light level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IntervalNoise {
+    /// Variance per spike of each pixel, in squared thresholds of this pixel. NaN if the pixel has too few intervals.
+    pub map: Vec<f64>,
+    /// Lags in intervals. The map was fitted to the variances at these lags.
+    pub lags: Vec<u32>,
+}
+
+/// Measurements at one uniform light level. Maps are row-major, with one entry per pixel.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct LightLevel {
+    /// File name of the recording.
+    pub name: String,
+    /// Light level. Light 1 causes one spike per readout.
+    pub light: f64,
+    /// Relative standard deviation of the light, if the set states it.
+    pub light_uncertainty: Option<f64>,
+    /// Number of readouts. It is 0 for a rate map of unknown length.
+    pub readouts: u32,
+    /// Number of spikes of each pixel.
+    pub spikes: Vec<u32>,
+    /// Rate of each pixel in spikes per readout, computed from spike times. With fewer than two spikes it is computed
+    /// from the count.
+    pub rate: Vec<f64>,
+    /// Share of the pixels whose spike counts differ between the halves by more than a static scene allows.
+    pub drifting_share: f64,
+    /// Change of the mean rate of all pixels between the first and the second half, divided by the mean rate. `None` if
+    /// unknown.
+    pub rate_change: Option<Estimate>,
+    /// Phase noise per spike. It is measured only for dim levels.
+    pub interval_noise: Option<IntervalNoise>,
+}
+
+impl LightLevel {
+    /// Creates a level from three values of each pixel: the spike count, the first spike and the last spike. `first` and
+    /// `last` contain readout numbers, or `u32::MAX` for a pixel without spikes.
+    #[must_use]
+    pub fn from_counts(
+        name: &str,
+        light: f64,
+        readouts: u32,
+        count: Vec<u32>,
+        first: &[u32],
+        last: &[u32],
+    ) -> Self {
+        let counted = |p: usize| f64::from(count[p]) / f64::from(readouts);
+        let rate = |p: usize| span_rate(count[p], first[p], last[p]).unwrap_or_else(|| counted(p));
+        let rate = (0..count.len()).map(rate).collect();
+        Self {
+            name: name.to_owned(),
+            light,
+            light_uncertainty: None,
+            readouts,
+            spikes: count,
+            rate,
+            drifting_share: 0.0,
+            rate_change: None,
+            interval_noise: None,
+        }
+    }
+
+    /// Creates a level from known rates.
+    pub(crate) fn from_rates(
+        name: &str,
+        light: f64,
+        readouts: u32,
+        spikes: Vec<u32>,
+        rate: Vec<f64>,
+    ) -> Self {
+        let nowhere = vec![0; spikes.len()];
+        Self { rate, ..Self::from_counts(name, light, readouts, spikes, &nowhere, &nowhere) }
+    }
+
+    /// Returns the median rate of the pixels in spikes per readout.
+    #[must_use]
+    pub fn median_rate(&self) -> f64 {
+        median(&mut finite_values(&self.rate))
+    }
+}
+
+/// The uniform levels of a set, and the file names of the set's other recordings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observations {
+    /// Width and height of the sensor.
+    pub geometry: Geometry,
+    /// Readouts per second.
+    pub readout_hz: f64,
+    /// The levels in ascending order of light.
+    pub levels: Vec<LightLevel>,
+    /// File names of the recordings with other light. The estimators do not use these recordings.
+    pub other_recordings: Vec<String>,
+}

@@ -1,0 +1,239 @@
+//! Plans of recordings, and simulation of the planned recordings.
+
+use spikelane::SimulatorOptions;
+use std::path::{Path, PathBuf};
+
+use super::recording_set::{Recording, RecordingSet, Stimulus, StimulusPattern};
+use crate::formulas::fit::RateWeighting;
+use spikelane::effects::Camera;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes;
+use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::inputs;
+use spikelane::unstable::plan::Plan;
+use spikelane::unstable::threads;
+use spikelane_io::formats::{Layout, StreamWriter};
+use spikelane_io::simulate::{CameraFacts, LightFacts, Sidecar, StreamFacts, WrittenStream};
+
+/// Number of readouts that one call of the simulator produces.
+const BATCH_READOUTS: usize = 496;
+
+/// A plan of recordings: the light of each recording, and the common length.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Protocol {
+    /// File stem and light of each recording. Light 1 is the full scale of the camera.
+    pub recordings: Vec<(String, Stimulus)>,
+    /// Number of readouts of each recording.
+    pub readouts: u32,
+}
+
+impl Protocol {
+    /// Returns the recommended plan: dark, flats, steps and a checkerboard. Together these identify most effects.
+    ///
+    /// Five flats are at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation. Four more flats are near 1/2, 2/3 and 3/4 spikes per
+    /// readout, because an incomplete reset is visible at these rates.
+    #[must_use]
+    pub fn recommended(readouts: u32) -> Self {
+        let flat = |l: f64| (format!("flat_{:04}", (l * 1e4).round() as u32), Stimulus::Level(l));
+        let mut recordings = vec![("dark".to_owned(), Stimulus::Level(0.0))];
+        recordings.extend([0.03, 0.1, 0.3, 0.49, 0.51, 0.6, 0.66, 0.74, 0.9].map(flat));
+        let square = StimulusPattern::Square { high: 0.8, low: 0.03, half_period: 500 };
+        let board = StimulusPattern::Checkerboard { high: 0.8, low: 0.03, cell: 8 };
+        recordings.push(("steps".to_owned(), Stimulus::Scene(square)));
+        recordings.push(("checker".to_owned(), Stimulus::Scene(board)));
+        Self { recordings, readouts }
+    }
+
+    /// Returns a plan with the 25 gray levels of the SCSim paper: 0, 10, ..., 240 on a scale of 0 to 255.
+    #[must_use]
+    pub fn gray_levels(readouts: u32) -> Self {
+        let gray = |k: u32| (format!("gray_{:03}", 10 * k), Stimulus::Level(f64::from(10 * k) / 255.0));
+        Self { recordings: (0..25).map(gray).collect(), readouts }
+    }
+
+    /// Returns the total size of the recordings of `camera` in bytes.
+    #[must_use]
+    pub fn recording_bytes(&self, camera: &Camera) -> u64 {
+        let frame = camera.sensor.geometry.frame_bytes() as u64;
+        frame * u64::from(self.readouts) * self.recordings.len() as u64
+    }
+
+    /// Simulates every recording with `camera` and writes the recordings into `folder`. Returns the path of the new
+    /// recording set.
+    ///
+    /// Each recording is a `.dat` stream with a sidecar. The recording set is the file `recordings.toml`. In this file,
+    /// light 1 causes one spike per readout. Each recording has another sequence number, so the noise of the recordings
+    /// differs.
+    ///
+    /// # Errors
+    /// * If the camera cannot be simulated, or if the plan is empty or contains an unknown scene.
+    /// * If a file exists and `force` is false, or if a file cannot be written.
+    pub fn record(
+        &self,
+        camera: &Camera,
+        seeds: Seeds,
+        folder: &Path,
+        force: bool,
+        progress: super::measure_levels::ProgressCallback<'_>,
+    ) -> Result<PathBuf> {
+        if self.readouts == 0 || self.recordings.is_empty() {
+            return Err(Error::new(ErrorKind::Usage, "recordings")
+                .found("none")
+                .expected("at least one readout and level"));
+        }
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+        let total = self.recordings.len() as f64;
+        for (i, (stem, light)) in self.recordings.iter().enumerate() {
+            let seeds = Seeds { sequence: seeds.sequence + i as u64, ..seeds };
+            let mut tell = |share: f64| progress(stem, (i as f64 + share) / total);
+            self.record_one_stream(
+                camera,
+                seeds,
+                *light,
+                &folder.join(format!("{stem}.dat")),
+                force,
+                &mut tell,
+            )?;
+        }
+        let geometry = camera.sensor.geometry;
+        let recording = |(stem, light): &(String, Stimulus)| Recording {
+            file: format!("{stem}.dat"),
+            light: light.scale(camera.sensor.thresholds_at_full_scale),
+            light_uncertainty: None,
+            layout: None,
+        };
+        let set = RecordingSet {
+            width: geometry.width() as u32,
+            height: geometry.height() as u32,
+            readout_hz: camera.sensor.readout_hz,
+            layout: None,
+            light_uncertainty: None,
+            simulated_camera: Some(camera.name.clone()),
+            recordings: self.recordings.iter().map(recording).collect(),
+            rate_maps: Vec::new(),
+            folder: folder.to_path_buf(),
+        };
+        let path = folder.join("recordings.toml");
+        spikelane_io::storage::write_small(&path, set.to_toml()?.as_bytes(), force)?;
+        Ok(path)
+    }
+
+    fn record_one_stream(
+        &self,
+        camera: &Camera,
+        seeds: Seeds,
+        light: Stimulus,
+        path: &Path,
+        force: bool,
+        tell: &mut dyn FnMut(f64),
+    ) -> Result<()> {
+        let geometry = camera.sensor.geometry;
+        let frame = |readout: u64| {
+            let at = |p: usize| {
+                light.level_at(p / geometry.width(), p % geometry.width(), readout).map(|l| l as f32)
+            };
+            (0..geometry.pixels()).map(at).collect::<Option<Vec<f32>>>()
+        };
+        let greatest = match light {
+            Stimulus::Level(level) => level,
+            Stimulus::Scene(
+                StimulusPattern::Square { high, low, .. } | StimulusPattern::Checkerboard { high, low, .. },
+            ) => high.max(low),
+            Stimulus::Scene(StimulusPattern::StaticUnknown {}) => {
+                return Err(Error::new(ErrorKind::Usage, path.display())
+                    .found("an unknown scene")
+                    .expected("light that can be simulated"));
+            }
+        };
+        let plan = Plan::with_max_light(camera, seeds, greatest.max(1.0))?;
+        let mut simulator = SimulatorOptions::new().threads(threads::thread_count()).build_from_plan(plan)?;
+        let mut writer = StreamWriter::create(path, Layout::Dat, geometry, u64::from(self.readouts), force)?;
+        let hold = match light {
+            Stimulus::Scene(StimulusPattern::Square { half_period, .. }) => u64::from(half_period),
+            _ => u64::MAX,
+        };
+        let mut buffer = inputs::zeroed_vec("simulated readouts", BATCH_READOUTS * geometry.frame_bytes())?;
+        let mut fired = 0;
+        let (mut at, end) = (0, u64::from(self.readouts));
+        let mut samples = frame(0).unwrap_or_default();
+        while at < end {
+            if at > 0 && at % hold == 0 {
+                samples = frame(at).unwrap_or_default();
+            }
+            let now = (BATCH_READOUTS as u64).min(end - at).min(hold - at % hold) as usize;
+            let out = &mut buffer[..now * geometry.frame_bytes()];
+            simulator.fill(&samples, out)?;
+            fired += spikes::count_spikes(out);
+            writer.write_frames(at, out)?;
+            at += now as u64;
+            tell(at as f64 / end as f64);
+        }
+        if force {
+            // The old sidecar must not describe the new stream. It is therefore deleted before the new stream receives its
+            // final name.
+            spikelane_io::storage::remove_stale(&path.with_extension("json"))?;
+        }
+        let done = writer.finish()?;
+        let written =
+            WrittenStream { spikes: fired, path: done.path, bytes: done.bytes, digest: done.digest };
+        let facts = StreamFacts::new(&written, geometry, end);
+        let sidecar = Sidecar {
+            readout_hz: Some(camera.sensor.readout_hz),
+            seeds: Some(Sidecar::seed_facts(seeds)),
+            camera: Some(CameraFacts::new(camera)?),
+            light: Some(LightFacts {
+                source: format!("{light:?}, in full scales"),
+                transfer: "linear".to_owned(),
+                interpolation: "hold".to_owned(),
+                exposure_electrons: camera.operating_point(0.0).electrons
+                    * camera.sensor.thresholds_at_full_scale,
+                max_light: greatest.max(1.0),
+                ..LightFacts::default()
+            }),
+            ..Sidecar::new(geometry, Layout::Dat, end, facts)
+        };
+        sidecar.write(&path.with_extension("json"), force)
+    }
+}
+
+/// Predicted standard errors for an average pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Precision {
+    /// Number of readouts per level.
+    pub readouts: u32,
+    /// Relative standard error of the gain `a` of a pixel.
+    pub gain_error: f64,
+    /// Relative standard error of the dark rate `d` of a pixel. Infinite for a camera without dark current.
+    pub dark_rate_error: f64,
+}
+
+/// Predicts the standard errors of the gain `a` and the dark rate `d` of an average pixel.
+///
+/// Each uniform level of the plan is recorded for `readouts` readouts. The errors are computed from the Fisher information
+/// of rates from spike times, with the noise of the camera. Returns `None` if the levels cannot separate `a` from `d`.
+#[must_use]
+pub fn predict_precision(protocol: &Protocol, camera: &Camera, readouts: u32) -> Option<Precision> {
+    let zero = camera.operating_point(0.0);
+    let d = zero.from_dark;
+    let at = camera.operating_point(d + 1.0);
+    let a = 1.0 / at.light;
+    let mut points = Vec::new();
+    for light in protocol.recordings.iter().filter_map(|(_, l)| l.level()) {
+        let x = a * light + d;
+        let here = camera.operating_point(x);
+        let moment = |e: &spikelane::effects::Effect| e.moments(&here).map_or(0.0, |m| m.phase_variance);
+        let mut s: f64 = camera.effects().iter().map(moment).sum();
+        if let Some(noise) = camera.effect("thermal_noise").filter(|e| e.moments(&here).is_none()) {
+            let sigma = noise.get("sigma").unwrap_or(0.0) / here.swing_v;
+            s += sigma * sigma * crate::formulas::selection::firing_draw_variance(x / sigma.max(1e-12));
+        }
+        let intervals = x * f64::from(readouts);
+        if x > 0.0 && x < super::check::SATURATION_RATE && intervals >= 2.0 {
+            let weights = RateWeighting { threshold_variance: s, light_variance: 0.0, dark_variance: 0.0 };
+            points.push((light, x, weights.variance(x, intervals, 0.0)));
+        }
+    }
+    let fit = crate::formulas::fit::fit_line(&points)?;
+    Some(Precision { readouts, gain_error: fit.var_a.sqrt() / a, dark_rate_error: fit.var_d.sqrt() / d })
+}

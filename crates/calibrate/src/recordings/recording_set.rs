@@ -1,0 +1,298 @@
+//! Recording sets. A set lists the recordings of one camera, and the light of each recording.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs;
+use spikelane_io::formats::{Layout, StreamReader};
+
+/// The light in front of the camera. Light 1 causes one spike per readout.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(untagged)]
+#[non_exhaustive]
+pub enum Stimulus {
+    /// A uniform, constant level. Level 0 is dark.
+    Level(f64),
+    /// Any other light.
+    Scene(StimulusPattern),
+}
+
+/// Light that is not one uniform, constant level.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum StimulusPattern {
+    /// Uniform light that alternates between two levels. The first half period has the high level.
+    Square {
+        /// Level of the first half of each period.
+        high: f64,
+        /// Level of the second half of each period.
+        low: f64,
+        /// Duration of half a period in readouts.
+        half_period: u32,
+    },
+    /// A checkerboard with squares of `cell` x `cell` pixels. A pixel has the high level if `row / cell + col / cell` is
+    /// even.
+    Checkerboard {
+        /// Level of the even squares.
+        high: f64,
+        /// Level of the odd squares.
+        low: f64,
+        /// Side of a square in pixels.
+        cell: u32,
+    },
+    /// A static scene whose light is unknown.
+    StaticUnknown {},
+}
+
+impl Stimulus {
+    /// Returns the level of pixel `(row, col)` at `readout`, or `None` for an unknown scene.
+    #[must_use]
+    pub fn level_at(self, row: usize, col: usize, readout: u64) -> Option<f64> {
+        match self {
+            Self::Level(level) => Some(level),
+            Self::Scene(StimulusPattern::Square { high, low, half_period }) => {
+                let first = (readout / u64::from(half_period.max(1))).is_multiple_of(2);
+                Some(if first { high } else { low })
+            }
+            Self::Scene(StimulusPattern::Checkerboard { high, low, cell }) => {
+                let cell = cell.max(1) as usize;
+                Some(if (row / cell + col / cell).is_multiple_of(2) { high } else { low })
+            }
+            Self::Scene(StimulusPattern::StaticUnknown {}) => None,
+        }
+    }
+
+    /// Returns the uniform level, or `None` for any other light.
+    #[must_use]
+    pub fn level(self) -> Option<f64> {
+        match self {
+            Self::Level(level) => Some(level),
+            Self::Scene(_) => None,
+        }
+    }
+
+    /// Returns this light with every level multiplied by `factor`.
+    #[must_use]
+    pub fn scale(self, factor: f64) -> Self {
+        match self {
+            Self::Level(level) => Self::Level(level * factor),
+            Self::Scene(StimulusPattern::Square { high, low, half_period }) => {
+                Self::Scene(StimulusPattern::Square { high: high * factor, low: low * factor, half_period })
+            }
+            Self::Scene(StimulusPattern::Checkerboard { high, low, cell }) => {
+                Self::Scene(StimulusPattern::Checkerboard { high: high * factor, low: low * factor, cell })
+            }
+            Self::Scene(StimulusPattern::StaticUnknown {}) => self,
+        }
+    }
+
+    fn check(self, file: &str) -> Result<()> {
+        let (levels, length) = match self {
+            Self::Level(level) => ([level, level], 1),
+            Self::Scene(StimulusPattern::Square { high, low, half_period }) => ([high, low], half_period),
+            Self::Scene(StimulusPattern::Checkerboard { high, low, cell }) => ([high, low], cell),
+            Self::Scene(StimulusPattern::StaticUnknown {}) => ([0.0, 0.0], 1),
+        };
+        if levels.iter().any(|l| !(0.0..=100.0).contains(l)) || length == 0 {
+            return Err(Error::new(ErrorKind::Config, format_args!("light of {file}"))
+                .found(match self {
+                    Self::Level(level) => level.to_string(),
+                    Self::Scene(_) => {
+                        format!("levels {} and {}, length {length}", levels[0], levels[1])
+                    }
+                })
+                .expected("levels from 0 to 100 times saturation, and lengths above zero"));
+        }
+        Ok(())
+    }
+}
+
+/// The line that `spikelane record --template` writes in place of an unknown light.
+pub const UNSPECIFIED_LIGHT: &str = "light = \"?\"";
+
+/// A recorded stream of the set.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct Recording {
+    /// Path of the stream, relative to the file of the set.
+    pub file: String,
+    /// The light in front of the camera.
+    pub light: Stimulus,
+    /// Relative standard deviation of the light of this recording. If absent, the value of the set applies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_uncertainty: Option<f64>,
+    /// File layout of this recording. If absent, the layout of the set applies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layout: Option<String>,
+}
+
+/// A map of per-pixel rates that replaces a stream. It is an `.npy` array of f32 or f64 in spikes per readout, with the
+/// top row first.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct RateMap {
+    /// Path of the map, relative to the file of the set.
+    pub file: String,
+    /// Uniform light level. Light 1 causes one spike per readout.
+    pub light: f64,
+    /// Relative standard deviation of the light of this map. If absent, the value of the set applies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_uncertainty: Option<f64>,
+    /// Number of readouts from which the rates were measured. `None` if unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub readouts: Option<u32>,
+}
+
+/// The recordings of one camera.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct RecordingSet {
+    /// Number of pixels per row.
+    pub width: u32,
+    /// Number of rows.
+    pub height: u32,
+    /// Readouts per second.
+    pub readout_hz: f64,
+    /// Layout of the files. If absent, the sidecar or the array header of each file determines it. A file without either
+    /// has the layout `dat`. See [`Layout`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layout: Option<String>,
+    /// Relative standard deviation of the light levels. If absent, it is 0.01.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_uncertainty: Option<f64>,
+    /// Name of the simulated camera, if the recordings were simulated. Reports mention this name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simulated_camera: Option<String>,
+    /// Recorded streams.
+    #[serde(default, rename = "recording")]
+    pub recordings: Vec<Recording>,
+    /// Rate maps.
+    #[serde(default, rename = "rate_map", skip_serializing_if = "Vec::is_empty")]
+    pub rate_maps: Vec<RateMap>,
+    /// Folder to which the paths of the set are relative.
+    #[serde(skip)]
+    pub folder: PathBuf,
+}
+
+impl RecordingSet {
+    /// Reads and checks the file of a set.
+    ///
+    /// # Errors
+    /// * [`ErrorKind::Io`] if the file cannot be read.
+    /// * [`ErrorKind::Config`] if the file does not describe a set. Examples are unknown keys, impossible light, and a
+    ///   level or a file that occurs twice.
+    pub fn open(path: &Path) -> Result<Self> {
+        let text = inputs::read_text(path, "a set of recordings")?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        Self::parse(&text, folder).map_err(|e| e.with_context(path.display()))
+    }
+
+    /// Reads and checks the text of a set. Paths are relative to `folder`.
+    ///
+    /// # Errors
+    /// If the text does not describe a set. See [`RecordingSet::open`].
+    pub fn parse(text: &str, folder: PathBuf) -> Result<Self> {
+        if let Some(line) = text.lines().position(|l| l.trim() == UNSPECIFIED_LIGHT) {
+            return Err(Error::new(ErrorKind::Config, format_args!("line {}", line + 1)).found(UNSPECIFIED_LIGHT).expected(
+                "the light of this recording: 0 in the dark, otherwise a fraction of saturation, such as 0.3",
+            ));
+        }
+        let mut set: Self = toml::from_str(text)
+            .map_err(|e| Error::new(ErrorKind::Config, "recording set").found(e.to_string().trim_end()))?;
+        set.folder = folder;
+        set.check()?;
+        Ok(set)
+    }
+
+    /// Returns the text of this set. [`RecordingSet::parse`] can read this text.
+    ///
+    /// # Errors
+    /// None in practice, because every value can be written.
+    pub fn to_toml(&self) -> Result<String> {
+        toml::to_string(self).map_err(|e| Error::new(ErrorKind::Config, "recording set").found(e))
+    }
+
+    /// Returns the width and height of the sensor.
+    ///
+    /// # Errors
+    /// See [`Geometry::new`].
+    pub fn geometry(&self) -> Result<Geometry> {
+        Geometry::new(self.width, self.height)
+    }
+
+    /// Returns file and light of each uniform level. Streams precede maps, and both are in the order of the set's file.
+    pub fn levels(&self) -> impl Iterator<Item = (&str, f64)> {
+        let streams = self.recordings.iter().filter_map(|r| Some((r.file.as_str(), r.light.level()?)));
+        streams.chain(self.rate_maps.iter().map(|m| (m.file.as_str(), m.light)))
+    }
+
+    /// Opens the stream of `recording`.
+    ///
+    /// # Errors
+    /// See [`StreamReader::open`].
+    pub fn reader(&self, recording: &Recording) -> Result<StreamReader> {
+        let name = recording.layout.as_ref().or(self.layout.as_ref());
+        let layout = name.map(|n| Layout::parse(n)).transpose()?;
+        StreamReader::open(&self.folder.join(&recording.file), layout, Some(self.geometry()?))
+    }
+
+    fn check(&self) -> Result<()> {
+        self.geometry()?;
+        if !(self.readout_hz.is_finite() && self.readout_hz > 0.0) {
+            return Err(Error::new(ErrorKind::Config, "readout_hz")
+                .found(self.readout_hz)
+                .expected("readouts per second, a positive number"));
+        }
+        for recording in &self.recordings {
+            recording.light.check(&recording.file)?;
+        }
+        for map in &self.rate_maps {
+            Stimulus::Level(map.light).check(&map.file)?;
+        }
+        self.check_uncertainties()?;
+        if self.recordings.is_empty() && self.rate_maps.is_empty() {
+            return Err(Error::new(ErrorKind::Config, "recording set")
+                .found("no recordings")
+                .expected("[[recording]] or [[rate_map]] entries"));
+        }
+        self.check_duplicates()
+    }
+
+    fn check_uncertainties(&self) -> Result<()> {
+        let own = self.recordings.iter().filter_map(|r| r.light_uncertainty);
+        let maps = self.rate_maps.iter().filter_map(|m| m.light_uncertainty);
+        match own.chain(maps).chain(self.light_uncertainty).find(|u| !(*u > 0.0 && *u < 1.0)) {
+            None => Ok(()),
+            Some(u) => Err(Error::new(ErrorKind::Config, "light_uncertainty")
+                .found(u)
+                .expected("a relative standard deviation above 0 and below 1, such as 0.01")),
+        }
+    }
+
+    fn check_duplicates(&self) -> Result<()> {
+        let files = self.recordings.iter().map(|r| &r.file).chain(self.rate_maps.iter().map(|m| &m.file));
+        let mut files: Vec<&String> = files.collect();
+        files.sort_unstable();
+        if let Some(twice) = files.windows(2).find(|w| w[0] == w[1]) {
+            return Err(Error::new(ErrorKind::Config, "recording set")
+                .found(format_args!("{} twice", twice[0]))
+                .expected("each file once"));
+        }
+        let mut levels: Vec<(&str, f64)> = self.levels().collect();
+        levels.sort_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some(twice) = levels.windows(2).find(|w| w[0].1 == w[1].1) {
+            return Err(Error::new(ErrorKind::Config, "recording set")
+                .found(format_args!("light {} for {} and for {}", twice[0].1, twice[0].0, twice[1].0))
+                .expected("each level once")
+                .remedy("set a repeated recording to its actual light, or put it into another set"));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,169 @@
+//! Pictures for people: rates as gray levels, and the contact sheet of a simulation.
+
+use std::io::Cursor;
+
+use image::{GrayImage, ImageFormat, Luma, imageops};
+use spikelane::reconstruct::{tfi_with_open_pixels, tfp};
+use spikelane::spikes::{SpikeFramesRef, bit};
+use spikelane::unstable::inputs;
+use spikelane::unstable::light::srgb_byte;
+use spikelane::{Error, ErrorKind, Geometry, Result};
+use spikelane_io::formats::StreamReader;
+use spikelane_io::simulate::LightSample;
+
+/// Number of readouts before and after the center of the TFP window on the contact sheet. At 20 kHz the window lasts 8
+/// ms. In this time a bar of the chart moves a quarter of its width.
+const HALF_WINDOW_READOUTS: usize = 80;
+
+/// Number of readouts before and after the center in which TFI searches spikes.
+const SEARCH_READOUTS: usize = 200;
+
+/// Distance between the panels, and height of the strip that contains the name of a panel.
+const PANEL_GAP_PX: u32 = 6;
+const LABEL_STRIP_PX: u32 = 14;
+
+/// Gray levels of the background and of the text.
+const BACKGROUND_LEVEL: u8 = 24;
+const TEXT_LEVEL: u8 = 220;
+
+/// Converts linear values to 8-bit sRGB. Values of at least `white` become white.
+pub(crate) fn gray_image(values: &[f32], white: f32, geometry: Geometry) -> GrayImage {
+    let level = |v: f32| srgb_byte(v / white);
+    image_from_levels(values.iter().map(|&v| level(v)), geometry)
+}
+
+fn image_from_levels(levels: impl Iterator<Item = u8>, geometry: Geometry) -> GrayImage {
+    let mut image = GrayImage::new(geometry.width() as u32, geometry.height() as u32);
+    image.iter_mut().zip(levels).for_each(|(pixel, level)| *pixel = level);
+    image
+}
+
+/// Returns the value that one pixel in 500 exceeds. If it is used as the white level, a few hot pixels do not matter.
+pub(crate) fn white_rate(values: &[f32]) -> f32 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    let value = sorted.get(sorted.len() - 1 - sorted.len() / 500).copied().unwrap_or(0.0);
+    if value > 0.0 { value } else { 1.0 }
+}
+
+pub(crate) fn encode_png(image: &GrayImage) -> Result<Vec<u8>> {
+    let mut bytes = Cursor::new(Vec::new());
+    image.write_to(&mut bytes, ImageFormat::Png).map_err(|e| Error::new(ErrorKind::Io, "PNG").found(e))?;
+    Ok(bytes.into_inner())
+}
+
+/// Returns the middle readout of each interval of `step` readouts.
+pub(crate) fn sample_readouts(readouts: usize, step: usize) -> Vec<usize> {
+    let first = (step / 2).min(readouts / 2);
+    (first..readouts).step_by(step).collect()
+}
+
+/// Reads `half` packed frames before and after readout `at`. Returns them and the index of readout `at` among them.
+pub(crate) fn frames_around(reader: &StreamReader, at: usize, half: usize) -> Result<(Vec<u8>, usize)> {
+    let first = at.saturating_sub(half);
+    let end = at.saturating_add(half).saturating_add(1).min(reader.readouts());
+    if at >= reader.readouts() {
+        return Err(Error::new(ErrorKind::Usage, format_args!("readout {at}")).expected(format_args!(
+            "less than {}, the length of {}",
+            reader.readouts(),
+            reader.name()
+        )));
+    }
+    let mut packed = inputs::zeroed_vec(reader.name(), (end - first) * reader.geometry().frame_bytes())?;
+    reader.read_frames(first, &mut packed)?;
+    Ok((packed, at - first))
+}
+
+fn window_rates(reader: &StreamReader, at: usize) -> Result<Vec<f32>> {
+    let (bytes, center) = frames_around(reader, at, HALF_WINDOW_READOUTS)?;
+    tfp(SpikeFramesRef::new(reader.geometry(), &bytes)?, center, HALF_WINDOW_READOUTS)
+}
+
+/// Returns an image of one readout. Spikes are white.
+pub(crate) fn spikes_picture(reader: &StreamReader, at: usize) -> Result<GrayImage> {
+    let geometry = reader.geometry();
+    let (spikes, center) = frames_around(reader, at, 0)?;
+    let frame = &spikes[center * geometry.frame_bytes()..];
+    Ok(image_from_levels((0..geometry.pixels()).map(|p| 255 * u8::from(bit(frame, p))), geometry))
+}
+
+/// Returns a PNG of up to four panels: the light, one readout of spikes, TFP of the noisy stream, and TFP of the clean
+/// stream.
+///
+/// Without a clean stream, the last panel is TFI of the noisy stream. This panel is omitted if the stream is too short.
+/// `full` is the rate of full-scale light. All panels have the same white level. One pixel in 500 of the light exceeds
+/// the white level, so dark scenes are visible too.
+pub(crate) fn contact_sheet(
+    glance: &LightSample,
+    noisy: &StreamReader,
+    clean: Option<&StreamReader>,
+    full: f32,
+) -> Result<Vec<u8>> {
+    let geometry = noisy.geometry();
+    let at = (glance.readout as usize).min(noisy.readouts() - 1);
+    let light = glance.frame.to_f32();
+    let brightest = white_rate(&light).min(1.0);
+    let white = full * brightest;
+    let mut panels = vec![
+        ("LIGHT", gray_image(&light, brightest, geometry)),
+        ("SPIKES", spikes_picture(noisy, at)?),
+        ("TFP NOISY", gray_image(&window_rates(noisy, at)?, white, geometry)),
+    ];
+    if let Some(clean) = clean {
+        panels.push(("TFP CLEAN", gray_image(&window_rates(clean, at)?, white, geometry)));
+    } else {
+        let (bytes, center) = frames_around(noisy, at, SEARCH_READOUTS)?;
+        let tfi = tfi_with_open_pixels(SpikeFramesRef::new(geometry, &bytes)?, center, SEARCH_READOUTS)?;
+        if tfi.is_measurable() {
+            panels.push(("TFI NOISY", gray_image(&tfi.rates, white, geometry)));
+        }
+    }
+    encode_png(&arrange_panels(&panels, geometry))
+}
+
+fn arrange_panels(panels: &[(&str, GrayImage)], geometry: Geometry) -> GrayImage {
+    let (w, h) =
+        (geometry.width() as u32 + PANEL_GAP_PX, geometry.height() as u32 + LABEL_STRIP_PX + PANEL_GAP_PX);
+    let mut sheet = GrayImage::from_pixel(2 * w + PANEL_GAP_PX, 2 * h, Luma([BACKGROUND_LEVEL]));
+    for (i, (name, panel)) in (0..).zip(panels) {
+        let (x, y) = (PANEL_GAP_PX + i % 2 * w, i / 2 * h + LABEL_STRIP_PX);
+        imageops::replace(&mut sheet, panel, x.into(), y.into());
+        draw_text(&mut sheet, name, x, y + 4 - LABEL_STRIP_PX);
+    }
+    sheet
+}
+
+/// Letters of five columns and seven rows. The lowest bit of a column is the top pixel. The program needs only these
+/// letters, so a font crate would be disproportionate.
+const FONT: [(char, [u8; 5]); 16] = [
+    ('A', [0x7e, 0x09, 0x09, 0x09, 0x7e]),
+    ('C', [0x3e, 0x41, 0x41, 0x41, 0x22]),
+    ('E', [0x7f, 0x49, 0x49, 0x49, 0x41]),
+    ('F', [0x7f, 0x09, 0x09, 0x09, 0x01]),
+    ('G', [0x3e, 0x41, 0x49, 0x49, 0x7a]),
+    ('H', [0x7f, 0x08, 0x08, 0x08, 0x7f]),
+    ('I', [0x00, 0x41, 0x7f, 0x41, 0x00]),
+    ('K', [0x7f, 0x08, 0x14, 0x22, 0x41]),
+    ('L', [0x7f, 0x40, 0x40, 0x40, 0x40]),
+    ('N', [0x7f, 0x02, 0x0c, 0x10, 0x7f]),
+    ('O', [0x3e, 0x41, 0x41, 0x41, 0x3e]),
+    ('P', [0x7f, 0x09, 0x09, 0x09, 0x06]),
+    ('S', [0x26, 0x49, 0x49, 0x49, 0x32]),
+    ('T', [0x01, 0x01, 0x7f, 0x01, 0x01]),
+    ('Y', [0x07, 0x08, 0x70, 0x08, 0x07]),
+    (' ', [0; 5]),
+];
+
+fn draw_text(image: &mut GrayImage, text: &str, x: u32, y: u32) {
+    for (i, letter) in (0..).zip(text.chars()) {
+        let Some((_, columns)) = FONT.iter().find(|(c, _)| *c == letter) else { continue };
+        for (col, bits) in (0..).zip(columns) {
+            for row in (0..7).filter(|row| bits >> row & 1 != 0) {
+                let (x, y) = (x + 6 * i + col, y + row);
+                if x < image.width() && y < image.height() {
+                    image.put_pixel(x, y, Luma([TEXT_LEVEL]));
+                }
+            }
+        }
+    }
+}

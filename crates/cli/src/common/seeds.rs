@@ -1,0 +1,45 @@
+//! The three seeds, with the same names and defaults in every command.
+
+use spikelane::unstable::draws::Seeds;
+
+/// Seeds of the temporal noise and of the camera's fixed pattern.
+#[derive(clap::Args, Clone, Copy, Debug, Default)]
+pub(crate) struct SeedArgs {
+    /// Set the seed of the temporal noise
+    ///
+    /// It also selects the start charge.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Seeds")]
+    pub seed: u64,
+    #[command(flatten)]
+    camera: CameraSeed,
+}
+
+/// Seed of the camera's fixed pattern.
+#[derive(clap::Args, Clone, Copy, Debug, Default)]
+pub(crate) struct CameraSeed {
+    /// Set the seed of the fixed pattern
+    ///
+    /// It selects the individual camera.
+    #[arg(hide_short_help = true, long, value_name = "N", default_value_t = 0, help_heading = "Seeds")]
+    pub camera_seed: u64,
+}
+
+/// Seed of the scene.
+#[derive(clap::Args, Clone, Copy, Debug, Default)]
+pub(crate) struct SceneSeed {
+    /// Set the seed of the scene
+    ///
+    /// It selects the scene, its lighting and its traffic.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Seeds")]
+    pub scene_seed: u64,
+}
+
+impl SeedArgs {
+    pub(crate) const fn camera_seed(self) -> u64 {
+        self.camera.camera_seed
+    }
+
+    pub(crate) const fn seeds(self) -> Seeds {
+        Seeds { camera: self.camera.camera_seed, shot: self.seed, sequence: 0 }
+    }
+}

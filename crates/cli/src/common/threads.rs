@@ -1,0 +1,26 @@
+//! The number of threads.
+
+use super::console::Console;
+
+#[derive(clap::Args, Clone, Copy, Debug, Default)]
+pub(crate) struct ThreadArgs {
+    /// Set the number of threads [default and maximum: one per CPU]
+    ///
+    /// The result does not depend on the number of threads.
+    #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+}
+
+impl ThreadArgs {
+    /// Returns the number of threads to use. Prints a message if it is smaller than the number that the user requested.
+    pub(crate) fn thread_count(self, out: &Console) -> usize {
+        let cpus = std::thread::available_parallelism().map_or(1, usize::from);
+        let asked = self.threads.map_or(cpus, usize::from);
+        if asked > cpus {
+            out.print_message(format_args!(
+                "uses {cpus} threads instead of {asked}, because this machine runs {cpus} at a time"
+            ));
+        }
+        asked.min(cpus)
+    }
+}

@@ -1,0 +1,91 @@
+//! Implements `spikelane dataset merge`.
+
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+use serde_json::json;
+
+use super::messages::{print_copied_files, print_failures, print_outside_inputs};
+use crate::common::console::Console;
+use crate::common::progress::{FileProgress, stop_flag};
+use spikelane::{Error, ErrorKind, Result};
+use spikelane_dataset::shards::{self, MergeOptions, ShardPlan};
+
+/// Verify all shards and merge them into the dataset
+///
+/// Prints one digest. It does not depend on the division into shards, and equals that of 'spikelane dataset' with the
+/// same options.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct Args {
+    /// Use the plan in this folder
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Compare sizes and times of files, not digests
+    #[arg(long)]
+    no_verify: bool,
+    /// Do not create the folders for data loaders
+    ///
+    /// Their links are most of the work for the file system.
+    #[arg(long)]
+    no_links: bool,
+    /// Do not lock the shard
+    ///
+    /// Use it if the file system has no locks and no other process merges.
+    #[arg(long)]
+    no_lock: bool,
+    /// Follow links that leave the folder
+    ///
+    /// Otherwise such links are an error.
+    #[arg(long)]
+    follow_links: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Those of [`shards::merge`]. After merging, [`ErrorKind::Input`] if sequences failed.
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    let plan = ShardPlan::open_with_links(&args.folder, args.follow_links)?;
+    print_outside_inputs(&plan, out);
+    let stop = stop_flag()?;
+    let mut bar = FileProgress::new(out);
+    let how = MergeOptions {
+        verify_digests: !args.no_verify,
+        create_links: !args.no_links,
+        take_lock: !args.no_lock,
+    };
+    let merged = shards::merge(&plan, &how, &mut |shard, of| {
+        if stop.load(Ordering::Relaxed) {
+            return Err(
+                Error::new(ErrorKind::Requeue, "stopped on request").remedy("run the same command again")
+            );
+        }
+        bar.update(plan.shard_name(shard).as_str(), shard as f64 / of.max(1) as f64);
+        Ok(())
+    });
+    drop(bar);
+    let merged = merged?;
+    let place = plan.folder.display();
+    let text = format!(
+        "{place}: {} sequences, {} failed\ndigest {}\n",
+        merged.sequences,
+        merged.failures.len(),
+        merged.digest
+    );
+    let set_aside: Vec<_> =
+        merged.failures.iter().map(|(input, why)| json!({"input": input, "reason": why})).collect();
+    let event = json!({
+        "event": "merged", "output": place.to_string(), "sequences": merged.sequences, "failures": set_aside,
+        "digest": merged.digest, "copied_files": merged.copied_files,
+    });
+    out.print_result(&event, &text)?;
+    print_failures(&merged.failures, &[], out);
+    print_copied_files(merged.copied_files, out);
+    if merged.failures.is_empty() {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Input, plan.folder.join("manifest.jsonl").display())
+        .found(format_args!("{} failed sequences", merged.failures.len()))
+        .expected("none")
+        .remedy("see the manifest for the reasons; the other sequences are merged"))
+}

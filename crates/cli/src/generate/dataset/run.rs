@@ -1,0 +1,109 @@
+//! Implements `spikelane dataset run`.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::messages::{print_failures, print_outside_inputs};
+use super::progress::DatasetProgress;
+use crate::common::console::Console;
+use crate::common::threads::ThreadArgs;
+use spikelane::{Error, ErrorKind, Result};
+use spikelane_dataset::shards::{self, ShardOptions, ShardPlan, shard_numbers};
+
+/// Generate the missing sequences of a shard; rerun to resume
+///
+/// The exit code is 75 after SIGTERM or SIGINT: queue the command again. It is 10 if another process works on the
+/// shard.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct Args {
+    /// Use the plan in this folder
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Select shards, such as 0, 3,7-9 or all
+    ///
+    /// Numbers begin with 0.
+    #[arg(long, value_name = "SHARDS")]
+    shards: String,
+    #[command(flatten)]
+    threads: ThreadArgs,
+    /// Also compare the digests of existing files
+    #[arg(long)]
+    verify: bool,
+    /// Generate failed sequences again
+    #[arg(long)]
+    retry_failed: bool,
+    /// Do not lock the shard
+    ///
+    /// Use it if the file system has no locks and the scheduler starts each shard only once.
+    #[arg(long)]
+    no_lock: bool,
+    /// Follow links that leave the folder
+    ///
+    /// Otherwise such links are an error.
+    #[arg(long)]
+    follow_links: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Those of [`shards::generate_shard`]. [`ErrorKind::Requeue`] after a request to stop.
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    let plan = ShardPlan::open_with_links(&args.folder, args.follow_links)?;
+    print_outside_inputs(&plan, out);
+    let how = ShardOptions {
+        threads: args.threads.thread_count(out),
+        verify_digests: args.verify,
+        retry_failed: args.retry_failed,
+        take_lock: !args.no_lock,
+    };
+    // All shards share one progress display, so a stop request between two shards is not lost.
+    let mut watcher = DatasetProgress::new(out)?;
+    let mut busy = None;
+    for shard in shard_numbers::parse_shards(&args.shards, plan.shards())? {
+        match run_shard(&plan, shard, &how, &mut watcher, out) {
+            Err(e) if e.kind() == ErrorKind::Busy => {
+                // The remaining shards do not depend on the busy shard, so the loop continues.
+                out.print_message(format_args!("spikelane: {e}"));
+                busy = Some(e);
+            }
+            other => other?,
+        }
+    }
+    busy.map_or(Ok(()), Err)
+}
+
+fn run_shard(
+    plan: &ShardPlan,
+    shard: u64,
+    how: &ShardOptions,
+    watcher: &mut DatasetProgress,
+    out: &Console,
+) -> Result<()> {
+    let made = watcher
+        .check_stop()
+        .and_then(|()| shards::generate_shard(plan, shard, how, &mut |p| watcher.update(p)));
+    watcher.bar.finish_and_clear();
+    watcher.bar.reset();
+    let report = made.map_err(|e| match e.kind() {
+        ErrorKind::Interrupted => Error::new(ErrorKind::Requeue, "stopped on request")
+            .remedy("finished sequences are kept; run the same command again"),
+        _ => e,
+    })?;
+    let name = plan.shard_name(shard);
+    let text = format!(
+        "shard {name}: {} generated, {} kept, {} failed\n",
+        report.generated,
+        report.reused,
+        report.failures.len()
+    );
+    let set_aside: Vec<_> =
+        report.failures.iter().map(|(input, why)| json!({"input": input, "reason": why})).collect();
+    let event = json!({
+        "event": "shard", "shard": shard, "generated": report.generated, "reused": report.reused, "failures": set_aside,
+    });
+    out.print_result(&event, &text)?;
+    print_failures(&report.failures, &report.notes, out);
+    Ok(())
+}

@@ -1,0 +1,330 @@
+//! The specification of a dataset. It comes from flags or from a dataset.toml.
+
+use std::path::{Path, PathBuf};
+
+use clap::builder::PossibleValuesParser;
+
+use crate::common::camera::CameraArgs;
+use crate::common::console::Console;
+use crate::common::seeds::{SceneSeed, SeedArgs};
+use crate::common::threads::ThreadArgs;
+use spikelane::Result;
+use spikelane_dataset::{
+    Cameras, Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions, SceneContent,
+    Splits, config,
+};
+use spikelane_io::light::{Interpolation, ResizeMode, Transfer};
+use spikelane_io::simulate::ImageFormat;
+use spikelane_scene::Lighting;
+
+/// The specification of a dataset.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct DatasetSpec {
+    /// Write the dataset to this folder
+    #[arg(short, long, value_name = "DIR", required = true)]
+    pub(crate) output: Option<PathBuf>,
+    /// Generate the dataset of this dataset.toml
+    ///
+    /// --print-config prints such a file. Flags that describe the dataset cannot be combined with it.
+    #[arg(hide_short_help = true, long, value_name = "FILE", conflicts_with_all = SPEC_FLAGS)]
+    pub(crate) config: Option<PathBuf>,
+    /// Convert the videos and images in this folder
+    ///
+    /// Folders below are searched too.
+    #[arg(long, value_name = "DIR", group = "inputs")]
+    pub(crate) from: Option<PathBuf>,
+    /// Convert the videos and image folders that FILE lists
+    ///
+    /// One path per line, relative to the folder of FILE.
+    #[arg(hide_short_help = true, long, value_name = "FILE", group = "inputs")]
+    pub(crate) from_list: Option<PathBuf>,
+    /// Use 30 scenes (rhdd) or 2 short ones (tiny)
+    ///
+    /// rhdd has 500 images per scene, tiny 40. Both have one readout per image.
+    #[arg(long, hide_possible_values = true, value_name = "NAME", default_value = "rhdd", conflicts_with = "inputs",
+          value_parser = PossibleValuesParser::new(SceneContent::PRESETS))]
+    pub(crate) scene_preset: String,
+    /// Set the number of scenes [default: preset]
+    #[arg(long, value_name = "N", conflicts_with = "inputs", help_heading = "Scenes")]
+    pub(crate) sequences: Option<u32>,
+    /// Set the images per scene [default: preset]
+    #[arg(long, value_name = "N", conflicts_with = "inputs", help_heading = "Scenes")]
+    pub(crate) images_per_scene: Option<u32>,
+    /// Set the readouts from one image to the next [default: 1]
+    ///
+    /// The light changes at every readout.
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "N",
+        conflicts_with = "inputs",
+        help_heading = "Scenes"
+    )]
+    pub(crate) readouts_per_image: Option<u32>,
+    /// Label every N-th image; 0 for no labels [default: from the preset]
+    ///
+    /// The presets have 25 (rhdd) and 20 (tiny).
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "N",
+        conflicts_with = "inputs",
+        help_heading = "Scenes"
+    )]
+    pub(crate) label_every: Option<u32>,
+    /// Set the lighting, such as dusk [default: random]
+    ///
+    /// One of noon, low-sun, overcast, rain, tunnel, dusk and night.
+    #[arg(long, hide_possible_values = true, value_name = "NAME", conflicts_with = "inputs", help_heading = "Scenes",
+          value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
+    pub(crate) lighting: Option<String>,
+    /// Set the flicker frequency of lamps [default: no flicker]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "HZ",
+        conflicts_with = "inputs",
+        help_heading = "Scenes"
+    )]
+    pub(crate) flicker_hz: Option<f64>,
+    /// Set the number of vehicles in each scene [default: random]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "N",
+        conflicts_with = "inputs",
+        help_heading = "Scenes"
+    )]
+    pub(crate) vehicles: Option<u32>,
+    /// Set the speed of the camera's car [default: random]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "KMH",
+        conflicts_with = "inputs",
+        help_heading = "Scenes"
+    )]
+    pub(crate) speed_kmh: Option<f64>,
+    /// Set the luminance of full scale [default: white of each scene]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "CD_M2",
+        conflicts_with = "inputs",
+        help_heading = "Scenes"
+    )]
+    pub(crate) white_cd_m2: Option<f32>,
+    /// Also write reference images as linear float arrays
+    #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
+    pub(crate) npy: bool,
+    /// Also write depth and flow as KITTI's 16-bit PNGs
+    #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
+    pub(crate) kitti: bool,
+    /// Also write the light of labeled images in color as EXR, in cd/m2
+    #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
+    pub(crate) exr: bool,
+    /// Show each frame for N readouts [default: 20]
+    ///
+    /// By default, the times or the rate of the input determine it. Without them it is 20 readouts, one
+    /// millisecond at 20 kHz.
+    #[arg(hide_short_help = true, long, value_name = "N", requires = "inputs", help_heading = "Conversion",
+          value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) readouts_per_frame: Option<u64>,
+    /// Set the light between two frames: hold, linear or flow
+    ///
+    /// flow follows an estimated motion. hold changes all pixels at once.
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "MODE",
+        default_value = "linear",
+        requires = "inputs",
+        help_heading = "Conversion"
+    )]
+    pub(crate) interpolation: Interpolation,
+    /// Fit frames to the camera's size: cover, stretch or crop
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "MODE",
+        default_value = "cover",
+        requires = "inputs",
+        help_heading = "Conversion"
+    )]
+    pub(crate) resize_mode: ResizeMode,
+    /// Convert codes to light: linear, srgb or an exponent such as 2.2
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "TRANSFER",
+        requires = "inputs",
+        help_heading = "Conversion"
+    )]
+    pub(crate) transfer: Option<Transfer>,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
+    #[command(flatten)]
+    pub(crate) seeds: SeedArgs,
+    #[command(flatten)]
+    pub(crate) scene: SceneSeed,
+    /// Write the light of every N-th readout as images/READOUT
+    ///
+    /// Default: every image of driving scenes, no image of given inputs.
+    #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) images_every: Option<u64>,
+    /// Set the format of reference images: u8, u16 or f32
+    ///
+    /// u8 is PNG in sRGB, u16 is linear PNG, f32 is linear npy.
+    #[arg(hide_short_help = true, long, value_name = "FORMAT", default_value = "u8")]
+    pub(crate) images_format: ImageFormat,
+    /// Create folders for spikecv or spike-zoo
+    ///
+    /// Value 255 of the ground truth is rate 1 for spikecv and rate 0.6 for spike-zoo.
+    #[arg(long, value_name = "NAME", default_value = "spikecv")]
+    pub(crate) dataset_layout: DatasetLayout,
+    /// Set the share of sequences for testing
+    #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.2)]
+    pub(crate) test_share: f64,
+    /// Set the share of sequences for validation
+    #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.0)]
+    pub(crate) validation_share: f64,
+    /// Apply the shares to each lighting separately
+    #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
+    pub(crate) stratify_by_lighting: bool,
+    /// Record a version of the data
+    #[arg(hide_short_help = true, long, value_name = "VERSION")]
+    pub(crate) data_version: Option<String>,
+    /// Record the license of your data, such as CC-BY-4.0
+    #[arg(hide_short_help = true, long, value_name = "SPDX")]
+    pub(crate) license: Option<String>,
+    /// Follow links that leave the folder
+    ///
+    /// Otherwise such links are an error.
+    #[arg(hide_short_help = true, long)]
+    pub(crate) follow_links: bool,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+}
+
+/// Flags that describe the dataset. With `--config` a dataset.toml replaces all of them.
+const SPEC_FLAGS: [&str; 39] = [
+    "from",
+    "from_list",
+    "scene_preset",
+    "sequences",
+    "images_per_scene",
+    "readouts_per_image",
+    "label_every",
+    "lighting",
+    "flicker_hz",
+    "vehicles",
+    "speed_kmh",
+    "white_cd_m2",
+    "npy",
+    "kitti",
+    "exr",
+    "readouts_per_frame",
+    "interpolation",
+    "resize_mode",
+    "transfer",
+    "camera",
+    "camera_format",
+    "width",
+    "height",
+    "readout_hz",
+    "exposure",
+    "effect",
+    "disable_effect",
+    "seed",
+    "camera_seed",
+    "scene_seed",
+    "images_every",
+    "images_format",
+    "dataset_layout",
+    "test_share",
+    "validation_share",
+    "stratify_by_lighting",
+    "data_version",
+    "license",
+    "inputs",
+];
+
+impl DatasetSpec {
+    /// Returns the options. They come from the flags, or from the dataset.toml of `--config`.
+    pub(super) fn options(&self, out: &Console) -> Result<DatasetOptions> {
+        let output = self.output.clone().unwrap_or_default();
+        let threads = self.threads.thread_count(out);
+        if let Some(path) = &self.config {
+            return Ok(DatasetOptions { output, threads, ..config::open(path, self.follow_links)? });
+        }
+        Ok(DatasetOptions {
+            output,
+            content: self.content(),
+            camera: self.camera.camera()?,
+            images: ReferenceImageOptions { every: self.images_every, format: self.images_format },
+            seed: self.seeds.seed,
+            scene_seed: self.scene.scene_seed,
+            camera_seed: self.seeds.camera_seed(),
+            dataset_layout: self.dataset_layout,
+            cameras: Cameras::Single,
+            splits: Splits {
+                validation: self.validation_share,
+                test: self.test_share,
+                stratify_by_lighting: self.stratify_by_lighting,
+            },
+            data_version: self.data_version.clone(),
+            license: self.license.clone(),
+            threads,
+            resume: false,
+            follow_links: self.follow_links,
+        })
+    }
+
+    fn content(&self) -> Content {
+        let listed = self.from_list.as_ref().map(|list| list.parent().unwrap_or(Path::new("")).to_owned());
+        if let Some(folder) = self.from.clone().or(listed) {
+            return Content::Inputs(InputContent {
+                folder,
+                list: self.from_list.clone(),
+                readouts_per_frame: self.readouts_per_frame,
+                interpolation: self.interpolation,
+                resize_mode: self.resize_mode,
+                transfer: self.transfer,
+            });
+        }
+        let known = SceneContent::from_preset(&self.scene_preset).unwrap_or_else(SceneContent::rhdd);
+        Content::Scenes(SceneContent {
+            sequences: self.sequences.unwrap_or(known.sequences),
+            images_per_scene: self.images_per_scene.unwrap_or(known.images_per_scene),
+            readouts_per_image: self.readouts_per_image.unwrap_or(known.readouts_per_image),
+            label_every: self.label_every.unwrap_or(known.label_every),
+            lighting: self.lighting.as_deref().and_then(Lighting::from_name).into_iter().collect(),
+            flicker_hz: self.flicker_hz,
+            vehicles: self.vehicles,
+            speed_kmh: self.speed_kmh,
+            white_cd_m2: self.white_cd_m2,
+            npy: self.npy,
+            kitti: self.kitti,
+            exr: self.exr,
+            ..known
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If a flag were missing in the list, it could be combined with `--config` but would have no effect.
+    #[test]
+    fn every_spec_flag_conflicts_with_config() {
+        let command = <DatasetSpec as clap::Args>::augment_args(clap::Command::new("dataset"));
+        let beside = ["output", "config", "threads", "follow_links"];
+        let missing: Vec<&str> = command
+            .get_arguments()
+            .map(|arg| arg.get_id().as_str())
+            .filter(|id| !beside.contains(id) && !SPEC_FLAGS.contains(id))
+            .collect();
+        assert!(missing.is_empty(), "{missing:?}");
+    }
+}

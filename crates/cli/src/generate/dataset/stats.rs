@@ -1,0 +1,74 @@
+//! Implements `spikelane dataset stats`.
+
+use std::path::PathBuf;
+
+use indicatif::DecimalBytes;
+use serde_json::json;
+
+use crate::common::console::Console;
+use crate::common::output_claims;
+use spikelane::{Error, ErrorKind, Result};
+use spikelane_dataset::statistics::{DatasetStatistics, dataset_statistics, format_number, html_report};
+use spikelane_io::storage;
+
+/// Summarize a dataset: splits, lighting, cameras, rates, motion and boxes
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct Args {
+    /// Read the dataset in this folder
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Also write an HTML report
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Overwrite existing files
+    #[arg(long)]
+    force: bool,
+    /// Follow links that leave the folder
+    ///
+    /// Otherwise such links are an error.
+    #[arg(long)]
+    follow_links: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Those of [`dataset_statistics`]. [`ErrorKind::Exists`] if the HTML page exists.
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    let _claim = args.report.as_ref().map(|report| output_claims::claim([report], args.force)).transpose()?;
+    let found = dataset_statistics(&args.folder, args.follow_links)?;
+    if let Some(path) = &args.report {
+        let name = args.folder.file_name().unwrap_or_default().to_string_lossy();
+        storage::write_small(path, html_report(&name, &found)?.as_bytes(), args.force)?;
+    }
+    let about = serde_json::to_value(&found)
+        .map_err(|e| Error::new(ErrorKind::Config, args.folder.display()).found(e))?;
+    out.print_result(&json!({"event": "stats", "stats": about}), &statistics_text(&found))
+}
+
+fn statistics_text(stats: &DatasetStatistics) -> String {
+    let mut text = format!(
+        "{} sequences, {} readouts, {}, {} failed\n",
+        stats.splits.values().sum::<u64>(),
+        stats.readouts,
+        DecimalBytes(stats.bytes),
+        stats.failed_sequences
+    );
+    for (what, counts) in [
+        ("split", &stats.splits),
+        ("light", &stats.lighting),
+        ("camera", &stats.cameras),
+        ("boxes", &stats.boxes),
+    ] {
+        if !counts.is_empty() && counts.len() <= 12 {
+            let each: Vec<_> = counts.iter().map(|(name, n)| format!("{name} {n}")).collect();
+            text += &format!("{what:<8}{}\n", each.join(", "));
+        }
+    }
+    text += &format!("{:<40}{:>12}{:>12}{:>12}\n", "", "least", "median", "greatest");
+    for (name, s) in &stats.quantities {
+        let [least, median, greatest] = [s.min, s.median, s.max].map(format_number);
+        text += &format!("{name:<40}{least:>12}{median:>12}{greatest:>12}\n");
+    }
+    text + &format!("digest {}\n", stats.digest)
+}

@@ -1,0 +1,168 @@
+//! Help texts that begin with examples, and suggestions for users who type a file name instead of a command.
+
+use std::ffi::OsString;
+use std::io::Write as _;
+use std::path::Path;
+
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{CommandFactory as _, FromArgMatches as _};
+
+use crate::command::Cli;
+use spikelane::error::printable;
+
+/// Two examples of each command.
+const COMMAND_EXAMPLES: &[(&str, [&str; 2])] = &[
+    (
+        "simulate",
+        ["simulate lake.mp4 -o out/lake --clean", "simulate photo.png -o out/photo --readouts 4000"],
+    ),
+    (
+        "live",
+        [
+            "live --builtin-light chart --readouts 2000 --sink pipe > chart.dat",
+            "live photo.png --sink tcp:localhost:9000 --block",
+        ],
+    ),
+    ("inspect", ["inspect out/lake.dat", "inspect camera.dat --width 400 --height 250 --png look.png"]),
+    (
+        "convert",
+        ["convert out/lake.dat lake.npy", "convert in.dat part.dat --readouts 0..1000 --crop 100,50,64,64"],
+    ),
+    ("verify", ["verify out/lake.dat", "verify out/*.json"]),
+    ("partials", ["partials out", "partials out --delete"]),
+    (
+        "reconstruct",
+        [
+            "reconstruct out/lake.dat -o lake.png",
+            "reconstruct out/lake.dat -o lake.mp4 --method span --window 41",
+        ],
+    ),
+    ("evaluate", ["evaluate out/lake.dat", "evaluate out/photo.dat --reference photo.png"]),
+    ("preset", ["preset list", "preset show physical > mine.toml"]),
+    ("effects", ["effects", "effects prnu"]),
+    ("measure", ["measure flat.dat", "measure flat.dat --report flat.html"]),
+    (
+        "calibrate",
+        [
+            "record physical -o set && spikelane calibrate set/recordings.toml",
+            "calibrate mine/recordings.toml -o camera --light-uncertainty 0.02",
+        ],
+    ),
+    ("compare", ["compare static.dat", "compare set/recordings.toml --camera physical --camera mine.toml"]),
+    (
+        "diagnose",
+        ["diagnose first.toml --holdout second.toml", "diagnose first.toml --camera mine.toml -o found"],
+    ),
+    ("record", ["record physical -o set", "record --camera mine.toml --dry-run"]),
+    ("scene", ["scene -o drive", "scene -o drive --scene-seed 3 --frames 100 --video"]),
+    (
+        "dataset",
+        ["dataset -o first --scene-preset tiny", "dataset -o set --from clips --dataset-layout spike-zoo"],
+    ),
+    ("speed", ["speed", "speed --quick"]),
+    ("completions", ["completions bash", "completions zsh"]),
+    ("man", ["man | man -l -", "man --output man"]),
+];
+
+/// Order of the parts of the help: description, examples, usage, arguments.
+const HELP_TEMPLATE: &str =
+    "{about-with-newline}\n{before-help}{usage-heading} {usage}\n\n{all-args}{after-help}";
+
+/// Returns the command line definition with the examples of all commands.
+pub(crate) fn command() -> clap::Command {
+    let shown = |examples: &[&str; 2]| {
+        let line = |example: &&str| format!("  spikelane {example}").trim_end().to_owned();
+        format!("Examples:\n{}", examples.iter().map(line).collect::<Vec<_>>().join("\n"))
+    };
+    let command = Cli::command()
+        .help_template(HELP_TEMPLATE)
+        .before_help(shown(&["", "simulate lake.mp4 -o out/lake"]));
+    COMMAND_EXAMPLES.iter().fold(command, |command, (name, examples)| {
+        command.mut_subcommand(name, |c| c.help_template(HELP_TEMPLATE).before_help(shown(examples)))
+    })
+}
+
+/// Parses a command line. The first argument is the program name.
+///
+/// # Errors
+/// The exit code, if help was printed or if the arguments were rejected.
+pub(crate) fn parse(args: &[OsString]) -> Result<Cli, u8> {
+    let read = command().try_get_matches_from(args).and_then(|matches| Cli::from_arg_matches(&matches));
+    read.map_err(|error| {
+        // If a standard channel is closed, the failure cannot be reported.
+        let _ = match (suggestion(&error), error.render().to_string()) {
+            (Some(line), _) => writeln!(std::io::stderr(), "spikelane: {}", printable(&line)),
+            // clap prints in color. A text with control characters is escaped and printed without color.
+            (None, text) if printable(&text) == text => error.print(),
+            (None, text) => write!(std::io::stderr(), "{}", printable(&text)),
+        };
+        u8::try_from(error.exit_code()).unwrap_or(2)
+    })
+}
+
+/// Returns the correct command if the user typed a file name instead of a command.
+fn suggestion(error: &clap::Error) -> Option<String> {
+    if error.kind() != ErrorKind::InvalidSubcommand {
+        return None;
+    }
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return None };
+    let path = Path::new(word);
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    if ending.is_none() && !path.exists() {
+        return None;
+    }
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let typed = match ending.as_deref() {
+        Some("dat") => format!("spikelane inspect {word}"),
+        Some("toml") => {
+            format!("spikelane calibrate {word}' or 'spikelane simulate --camera {word} -o out/")
+        }
+        Some("json") => format!("spikelane verify {word}"),
+        Some("npy" | "npz") => {
+            format!("spikelane inspect {word}' or 'spikelane simulate {word} -o out/{stem}")
+        }
+        _ => format!("spikelane simulate {word} -o out/{stem}"),
+    };
+    Some(format!("{word}: found a file, expected a command; type '{typed}'"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_has_two_examples_that_parse() {
+        let mut tree = command();
+        tree.build();
+        for sub in tree.get_subcommands().filter(|c| c.get_name() != "help") {
+            let name = sub.get_name();
+            let found = COMMAND_EXAMPLES.iter().find(|(n, _)| *n == name).map(|(_, examples)| examples);
+            for example in found.unwrap_or_else(|| panic!("{name} has no examples")) {
+                for part in example.split("&& spikelane").flat_map(|p| p.split(['|', '>']).next()) {
+                    let words = std::iter::once("spikelane").chain(part.split_whitespace());
+                    if let Err(error) = command().try_get_matches_from(words) {
+                        panic!("{example}: {error}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn short_help_of_every_command_fits_a_screen() {
+        let mut tree = command();
+        tree.build();
+        for sub in tree.get_subcommands_mut() {
+            let lines = sub.render_help().to_string().lines().count();
+            assert!(lines <= 45, "{}: {lines} lines", sub.get_name());
+        }
+    }
+
+    #[test]
+    fn a_file_in_place_of_a_command_gets_a_suggestion() {
+        let said = |word: &str| suggestion(&command().try_get_matches_from(["spikelane", word]).unwrap_err());
+        assert!(said("lake.mp4").unwrap().contains("spikelane simulate lake.mp4 -o out/lake"));
+        assert!(said("run.dat").unwrap().contains("spikelane inspect run.dat"));
+        assert_eq!(said("simulat"), None);
+    }
+}

@@ -1,0 +1,184 @@
+//! The reference image and its transfer function.
+
+use std::path::Path;
+
+use serde_json::Value;
+use spikelane::reconstruct::DetailReference;
+use spikelane::{Error, ErrorKind, Geometry, Result};
+use spikelane_dataset::SequenceRecord;
+use spikelane_io::light::image_file::{Linearization, read};
+use spikelane_io::light::{Transfer, srgb_code};
+use spikelane_io::simulate::Sidecar;
+
+/// A reference image, and the rate that corresponds to its white.
+pub(crate) struct ReferenceImage {
+    pub light: Vec<f32>,
+    /// Codes of the image, 0 to 1, in the image's own transfer function.
+    pub codes: Vec<f32>,
+    full_scale_rate: f32,
+    transfer: Transfer,
+    source: &'static str,
+}
+
+impl ReferenceImage {
+    pub(crate) fn read(path: &Path, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
+        let frame = read(path, &Linearization::new(curve.transfer))?;
+        if frame.geometry() != geometry {
+            return Err(Error::new(ErrorKind::Input, path.display())
+                .found(frame.geometry())
+                .expected(format_args!("{geometry}, the size of the stream")));
+        }
+        let light = frame.to_f32();
+        let transfer = curve.transfer.unwrap_or(Transfer::Srgb);
+        let codes = light.iter().map(|&x| encode_light(transfer, x)).collect();
+        Ok(Self { light, codes, full_scale_rate: full, transfer, source: curve.source })
+    }
+
+    /// Converts rates to the codes that the reference image would have for these rates.
+    pub(crate) fn codes_from_rates(&self, rates: &[f32]) -> Vec<f32> {
+        rates.iter().map(|r| encode_light(self.transfer, r / self.full_scale_rate)).collect()
+    }
+
+    /// Returns the light of the image as the reference for the detail of a picture.
+    pub(crate) fn reference(&self) -> DetailReference {
+        DetailReference { observations: [self.light.clone(), self.light.clone()], mask: None, is_scene: true }
+    }
+
+    pub(crate) fn json(&self) -> Value {
+        // The number is printed with the shortest digits of the f32. A conversion to f64 would print more digits.
+        let full = self.full_scale_rate.to_string().parse::<f64>().unwrap_or(self.full_scale_rate.into());
+        serde_json::json!({ "transfer": self.transfer.to_string(), "transfer_source": self.source, "full_scale_rate": full })
+    }
+
+    pub(crate) fn text_line(&self) -> String {
+        format!(
+            "reference image: transfer {} ({}), white is rate {}",
+            self.transfer, self.source, self.full_scale_rate
+        )
+    }
+}
+
+/// Converts light to a code. Both are clamped to the range 0 to 1.
+fn encode_light(transfer: Transfer, light: f32) -> f32 {
+    let light = light.clamp(0.0, 1.0);
+    match transfer {
+        Transfer::Linear => light,
+        Transfer::Srgb => srgb_code(light),
+        Transfer::Gamma(g) => light.powf((1.0 / g) as f32),
+    }
+}
+
+/// A transfer function and its source. If `transfer` is `None`, the default for the kind of file applies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ReferenceCurve {
+    transfer: Option<Transfer>,
+    source: &'static str,
+    /// Rate that corresponds to white. `None` if it is the rate of the camera.
+    pub full_scale_rate: Option<f32>,
+}
+
+impl ReferenceCurve {
+    const DEFAULT: Self = Self { transfer: None, source: "the default", full_scale_rate: None };
+
+    /// Returns this curve with the transfer function that the user specified, if any.
+    pub(crate) fn with_transfer(self, transfer: Option<Transfer>) -> Self {
+        match transfer {
+            None => self,
+            given => Self { transfer: given, source: "--reference-transfer", ..self },
+        }
+    }
+
+    /// Reads the transfer function of a reference image from the files beside the image or beside the stream.
+    ///
+    /// These files are the record of a dataset's sequence, or the sidecar of a simulation. The simulation must have
+    /// written the image or have started with it.
+    pub(crate) fn from_files(stream: &Path, clear: &Path) -> Result<Self> {
+        // The images of a sequence can be in a subfolder of the sequence.
+        let record = clear.ancestors().skip(1).take(2).find_map(|folder| SequenceRecord::read(folder).ok());
+        if let Some(record) = record {
+            return Ok(
+                curve_from_json(&record.facts, clear, "the record of the sequence").unwrap_or(Self::DEFAULT)
+            );
+        }
+        let Some((path, _)) = Sidecar::read_beside(stream)? else { return Ok(Self::DEFAULT) };
+        let text = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
+        let sidecar = serde_json::from_slice(&text)
+            .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
+        Ok(curve_from_json(&sidecar, clear, "the sidecar").unwrap_or(Self::DEFAULT))
+    }
+}
+
+/// Returns the transfer function of a reference image from the JSON of a record or a sidecar.
+fn curve_from_json(about: &Value, clear: &Path, from: &'static str) -> Option<ReferenceCurve> {
+    // Older sidecars contain words such as `default` that are not the name of a transfer function.
+    let curve = |value: &Value, full| {
+        let transfer = value.as_str()?.parse().ok()?;
+        Some(ReferenceCurve { transfer: Some(transfer), source: from, full_scale_rate: full })
+    };
+    let name = |path: Option<&Path>| path?.file_name()?.to_str().map(str::to_owned);
+    let (file, folder) = (name(Some(clear)), name(clear.parent()));
+    let is = |value: &Value, wanted: &Option<String>| wanted.is_some() && value.as_str() == wanted.as_deref();
+    let (images, truth, light) = (&about["images"], &about["ground_truth"], &about["light"]);
+    if is(&images["folder"], &folder) {
+        return curve(&images["transfer"], None);
+    }
+    if is(&truth["file"], &file) {
+        return curve(&truth["transfer"], truth["rate_at_255"].as_f64().map(|rate| rate as f32));
+    }
+    if let Some(named) = curve(&about["reference_transfer"], None) {
+        return Some(named);
+    }
+    if is_source(light["source"].as_str()?, clear) { curve(&light["transfer"], None) } else { None }
+}
+
+/// Whether `words`, a description of a source in the form `PATH: ...`, describes this image or its folder.
+fn is_source(words: &str, clear: &Path) -> bool {
+    let Some((path, _)) = words.rsplit_once(": ") else { return false };
+    let source = Path::new(path).file_name();
+    let folder = clear.parent().and_then(Path::file_name);
+    source.is_some() && (source == clear.file_name() || source == folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_code_undoes_the_transfer_function() {
+        for transfer in [Transfer::Linear, Transfer::Srgb, Transfer::Gamma(2.2), Transfer::Gamma(0.5)] {
+            for i in 0..=255_u8 {
+                let wanted = f32::from(i) / 255.0;
+                let light = transfer.light(f64::from(wanted)) as f32;
+                // The relative rounding error of f32 light is 6e-8. The steepest curve is the 2.2nd root near zero. It converts
+                // this error to less than 1e-5.
+                assert!((encode_light(transfer, light) - wanted).abs() < 1e-5, "{transfer} {i}");
+            }
+        }
+        assert_eq!([-1.0, 7.0].map(|x| encode_light(Transfer::Gamma(2.2), x)), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn records_and_sidecars_name_the_curves_of_their_images() {
+        let about = serde_json::json!({
+            "images": { "folder": "images", "transfer": "linear" },
+            "ground_truth": { "file": "gt.png", "transfer": "linear", "rate_at_255": 0.6 },
+            "light": { "source": "in/a.png: one image of 8x8", "transfer": "2.2" },
+        });
+        let of = |path: &str| {
+            curve_from_json(&about, Path::new(path), "x").map(|c| (c.transfer, c.full_scale_rate))
+        };
+        assert_eq!(of("s/images/000003.png"), Some((Some(Transfer::Linear), None)));
+        assert_eq!(of("s/gt.png"), Some((Some(Transfer::Linear), Some(0.6))));
+        assert_eq!(of("a.png"), Some((Some(Transfer::Gamma(2.2)), None)));
+        assert_eq!(of("s/reference.png"), None);
+    }
+
+    #[test]
+    fn a_source_is_known_by_its_name_or_its_folder() {
+        let clear = Path::new("b/frames/000.png");
+        assert!(is_source("a: b/000.png: one image of 8x8", clear));
+        assert!(is_source("/x/frames: 3 images of 8x8, 0 other entries ignored", clear));
+        assert!(!is_source("built-in test chart, 400x250", clear));
+        assert!(!is_source("other.png: one image of 8x8", clear));
+    }
+}

@@ -1,0 +1,208 @@
+//! Scores of a picture. All scores are finite.
+
+use serde_json::{Map, Value, json};
+use spikelane::reconstruct::{DetailReference, DetailScores, psnr, score_detail, ssim};
+use spikelane::{Geometry, Result};
+use spikelane_measure::image_noise::{difference_noise, patch_noise};
+
+use super::reference::ReferenceImage;
+
+/// Largest reported ratio in decibels. Rates are floats with 24 significant bits, so a ratio above `20 log10(2^24)` dB
+/// contains only rounding errors.
+const MAX_DB: f64 = 144.5;
+
+/// A value in decibels, or a lower bound of a value above [`MAX_DB`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Decibels {
+    Exact(f64),
+    AtLeast(f64),
+}
+
+impl Decibels {
+    /// Returns `value`, or the lower bound [`MAX_DB`] if `value` is larger. `value` is infinite if two pictures are equal.
+    fn new(value: f64) -> Self {
+        if value < MAX_DB { Self::Exact(value) } else { Self::AtLeast(MAX_DB) }
+    }
+
+    fn number(self) -> f64 {
+        match self {
+            Self::Exact(x) | Self::AtLeast(x) => x,
+        }
+    }
+
+    fn text(self) -> String {
+        match self {
+            Self::Exact(x) => format!("{x:.2}"),
+            Self::AtLeast(x) => format!(">{x:.1}"),
+        }
+    }
+
+    /// Inserts the value with the key `key`. A lower bound has the key `{key}_above`.
+    fn insert(self, key: &str, into: &mut Map<String, Value>) {
+        match self {
+            Self::Exact(x) => into.insert(key.to_owned(), json!(x)),
+            Self::AtLeast(x) => into.insert(format!("{key}_above"), json!(x)),
+        };
+    }
+
+    /// Returns the mean. The mean is a lower bound if at least one value is a lower bound.
+    fn mean(all: &[Self]) -> Option<Self> {
+        let mean = average(all.iter().map(|d| Some(d.number())))?;
+        let known = all.iter().all(|d| matches!(d, Self::Exact(_)));
+        Some(if known { Self::Exact(mean) } else { Self::AtLeast(mean) })
+    }
+}
+
+/// Returns the mean of the values, or `None` if at least one value is absent.
+fn average(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let all: Vec<f64> = values.collect::<Option<_>>()?;
+    (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+}
+
+/// The scores of one picture. A score that does not exist is `None`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Scores {
+    psnr: Option<Decibels>,
+    ssim: Option<f64>,
+    /// Standard deviations of the noise in the unit of the picture. `None` for pictures below about 32x32 pixels.
+    patch_noise: Option<f64>,
+    difference_noise: Option<f64>,
+    mean: f64,
+    /// Scores from the comparison with a reference. `None` without a reference or for a uniform picture.
+    detail: Option<DetailScores>,
+}
+
+/// Header of the second table.
+pub(crate) const DETAIL_HEADER: &str = "against the truth aligned, dB  detail   noise, %   outliers\n";
+
+pub(crate) const HEADER: &str = "image          PSNR, dB    SSIM patches, % differences, %  SNR, dB\n";
+
+impl Scores {
+    pub(crate) fn compute(
+        rates: &[f32],
+        geometry: Geometry,
+        truth: Option<&ReferenceImage>,
+        reference: Option<&DetailReference>,
+    ) -> Result<Self> {
+        let mut marks = Self {
+            // Both estimates fail only for small pictures. Such a picture has no estimate.
+            patch_noise: patch_noise(rates, geometry).ok(),
+            difference_noise: difference_noise(rates, geometry).ok(),
+            mean: rates.iter().map(|r| f64::from(*r)).sum::<f64>() / rates.len() as f64,
+            // Scoring the detail fails only for pictures that are uniform or too small.
+            detail: reference.and_then(|reference| score_detail(rates, reference, geometry).ok()),
+            ..Self::default()
+        };
+        if let Some(truth) = truth {
+            let codes = truth.codes_from_rates(rates);
+            marks.psnr = Some(Decibels::new(psnr(&codes, &truth.codes, 1.0)?));
+            marks.ssim = ssim(&codes, &truth.codes, geometry, 1.0).ok();
+        }
+        Ok(marks)
+    }
+
+    /// Returns the noise divided by the mean of the picture, or `None` for a dark picture.
+    fn relative_noise(&self, noise: Option<f64>) -> Option<f64> {
+        noise.filter(|_| self.mean > 0.0).map(|noise| noise / self.mean)
+    }
+
+    fn snr(&self) -> Option<Decibels> {
+        self.relative_noise(self.patch_noise).map(|share| Decibels::new(-20.0 * share.log10()))
+    }
+
+    pub(crate) fn json(&self) -> Value {
+        let mut all = Map::new();
+        let numbers = [
+            ("ssim", self.ssim),
+            ("patch_noise", self.patch_noise),
+            ("difference_noise", self.difference_noise),
+            ("mean", Some(self.mean)),
+        ];
+        for (key, value) in numbers {
+            if let Some(value) = value {
+                all.insert(key.to_owned(), json!(value));
+            }
+        }
+        if let Some(found) = &self.detail {
+            all.insert("detail_slope".to_owned(), json!(found.slope));
+            all.insert("high_pass_noise".to_owned(), json!(found.noise));
+            all.insert("outliers".to_owned(), json!(found.outliers));
+        }
+        let aligned = self.detail.map(|d| Decibels::new(d.aligned_psnr_db));
+        for (key, value) in [("psnr_db", self.psnr), ("snr_db", self.snr()), ("aligned_psnr_db", aligned)] {
+            if let Some(value) = value {
+                value.insert(key, &mut all);
+            }
+        }
+        Value::Object(all)
+    }
+
+    pub(crate) fn table_row(&self, name: &str) -> String {
+        let number = |v: Option<f64>, n: usize| v.map_or("-".into(), |v| format!("{v:.n$}"));
+        let decibels = |v: Option<Decibels>| v.map_or("-".into(), Decibels::text);
+        let percent = |v| self.relative_noise(v).map(|share| 100.0 * share);
+        format!(
+            "{name:<14} {:>8} {:>7} {:>10} {:>12} {:>8}\n",
+            decibels(self.psnr),
+            number(self.ssim, 4),
+            number(percent(self.patch_noise), 3),
+            number(percent(self.difference_noise), 3),
+            decibels(self.snr()),
+        )
+    }
+
+    pub(crate) fn has_detail(&self) -> bool {
+        self.detail.is_some()
+    }
+
+    /// Returns the row below [`DETAIL_HEADER`], or `None` without a reference.
+    pub(crate) fn detail_row(&self, name: &str) -> Option<String> {
+        let found = self.detail?;
+        Some(format!(
+            "{name:<17}{:>12} {:>7.3} {:>10.3} {:>10}\n",
+            Decibels::new(found.aligned_psnr_db).text(),
+            found.slope,
+            100.0 * found.noise,
+            found.outliers
+        ))
+    }
+
+    /// Returns the mean of each score. The noise of each picture is divided by the mean of the picture first.
+    pub(crate) fn average(all: &[Self]) -> Self {
+        let decibels = |f: fn(&Self) -> Option<Decibels>| {
+            Decibels::mean(&all.iter().map(f).collect::<Option<Vec<_>>>()?)
+        };
+        Self {
+            psnr: decibels(|m| m.psnr),
+            ssim: average(all.iter().map(|m| m.ssim)),
+            patch_noise: average(all.iter().map(|m| m.relative_noise(m.patch_noise))),
+            difference_noise: average(all.iter().map(|m| m.relative_noise(m.difference_noise))),
+            mean: 1.0,
+            detail: all
+                .iter()
+                .map(|m| m.detail)
+                .collect::<Option<Vec<_>>>()
+                .and_then(|d| DetailScores::average(&d)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_with_a_bound_is_a_bound() {
+        let all = [Decibels::new(f64::INFINITY), Decibels::new(35.5)];
+        assert_eq!(Decibels::mean(&all), Some(Decibels::AtLeast(90.0)));
+        assert_eq!(Decibels::mean(&[]), None);
+    }
+
+    #[test]
+    fn a_missing_value_makes_the_mean_missing() {
+        let dark = Scores { patch_noise: Some(0.0), ..Scores::default() };
+        let lit = Scores { patch_noise: Some(0.1), mean: 1.0, ..Scores::default() };
+        assert!(Scores::average(&[dark, lit]).patch_noise.is_none());
+        assert_eq!(Scores::average(&[lit, lit]).patch_noise, Some(0.1));
+    }
+}

@@ -1,4 +1,0 @@
-//! Files and folders from strangers.
-
-mod folders;
-mod hostile;

@@ -1,0 +1,4 @@
+//! Tests untrusted files and folders.
+
+mod folders;
+mod hostile;

@@ -1,0 +1,238 @@
+//! Finds videos and image folders in a folder and its subfolders.
+
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use crate::InputContent;
+use crate::fingerprint::image_files;
+use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::draws::RandomStream;
+use spikelane::unstable::inputs::{PlainName, read_bytes};
+use spikelane_io::light::{TIMESTAMPS_FILE_NAME, image_file};
+
+/// Extensions of files that may contain several frames.
+const VIDEO_EXTENSIONS: [&str; 19] = [
+    "mp4", "mkv", "mov", "avi", "webm", "m4v", "mpg", "mpeg", "ts", "mts", "wmv", "flv", "ogv", "3gp", "gif",
+    "mxf", "y4m", "npy", "npz",
+];
+
+/// Maximum size of a list of inputs in bytes.
+const MAX_LIST_BYTES: u64 = 1 << 30;
+
+/// An input file or folder that becomes a sequence.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Input {
+    /// Unique name of the sequence. The name is derived from the path.
+    pub id: PlainName,
+    /// Path relative to the searched folder.
+    pub path: PathBuf,
+    /// Number of frames. `None` if the folder listing does not determine the number.
+    pub frames: Option<u64>,
+}
+
+/// Returns the inputs in `folder` and its subfolders, in the order of their paths.
+///
+/// Links to folders are not followed. Hidden entries are skipped. The folder `excluded`, which is the output folder,
+/// is also skipped.
+///
+/// # Errors
+/// * [`ErrorKind::Io`] if a folder cannot be listed.
+/// * [`ErrorKind::Input`] if no input is found.
+pub fn discover_inputs(folder: &Path, excluded: &Path) -> Result<Vec<Input>> {
+    let mut all = Vec::new();
+    for_each_in_folder(folder, excluded, &mut |input| {
+        all.push(input);
+        Ok(())
+    })?;
+    Ok(all)
+}
+
+/// Calls `tell` for each input of a dataset in the order of the paths. If the dataset has a list of inputs, only the
+/// inputs in the list are used. Otherwise all inputs in the folder are used.
+///
+/// Memory contains only the names of one folder at a time, or the list.
+pub(super) fn for_each_input(
+    inputs: &InputContent,
+    except: &Path,
+    tell: &mut dyn FnMut(Input) -> Result<()>,
+) -> Result<()> {
+    match &inputs.list {
+        Some(list) => for_each_in_list(list, &inputs.folder, tell),
+        None => for_each_in_folder(&inputs.folder, except, tell),
+    }
+}
+
+fn for_each_in_folder(folder: &Path, except: &Path, tell: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
+    let own = fs::canonicalize(folder).ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
+    let own = own.unwrap_or_else(|| "clip".to_owned());
+    let (mut found, mut others) = (0u64, 0u64);
+    walk_inputs(folder, except, &mut |path, what| match what {
+        PathKind::Input(frames) => {
+            found += 1;
+            tell(Input { id: sequence_id(&path, &own)?, path, frames })
+        }
+        PathKind::Other => {
+            others += 1;
+            Ok(())
+        }
+    })?;
+    if found > 0 {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Input, folder.display())
+        .found(format_args!("neither a video nor a folder of images among {others} files"))
+        .expected("at least one video, or a folder of two or more images")
+        .remedy(format_args!(
+            "add one; a single image can be simulated on its own, still or with {}",
+            Setting("motion")
+        )))
+}
+
+/// Calls `tell` for the inputs in a list. Each line contains one path, which is relative to `folder`. Empty lines are
+/// skipped.
+fn for_each_in_list(list: &Path, folder: &Path, tell: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
+    let bytes = read_bytes(list, "a list of inputs", MAX_LIST_BYTES)?;
+    let text = str::from_utf8(&bytes)
+        .map_err(|e| Error::new(ErrorKind::Input, list.display()).found(e).expected("one path per line"))?;
+    let mut lines: Vec<(&str, usize)> =
+        text.lines().zip(1..).map(|(line, n)| (line.trim_end(), n)).filter(|(l, _)| !l.is_empty()).collect();
+    lines.sort_unstable();
+    lines.dedup_by_key(|(line, _)| *line);
+    if lines.is_empty() {
+        return Err(Error::new(ErrorKind::Input, list.display())
+            .found("no path")
+            .expected("one path per line"));
+    }
+    for (line, n) in lines {
+        let whole = folder.join(line);
+        let found = fs::metadata(&whole)
+            .map_err(|e| Error::io(format_args!("{}: line {n}: {}", list.display(), whole.display()), e))?;
+        let frames = if found.is_dir() { Some(image_files(&whole)?.len() as u64) } else { None };
+        tell(Input { id: sequence_id(Path::new(line), "clip")?, path: PathBuf::from(line), frames })?;
+    }
+    Ok(())
+}
+
+/// Returns the files that are not a sequence and do not belong to a sequence. The paths are relative to `folder`.
+///
+/// If a folder contains a single image, such as a cover or a thumbnail, the image is one of these files.
+///
+/// # Errors
+/// [`ErrorKind::Io`] if a folder cannot be listed.
+pub fn skipped_files(folder: &Path, excluded: &Path) -> Result<Vec<PathBuf>> {
+    let mut others = Vec::new();
+    walk_inputs(folder, excluded, &mut |path, what| {
+        if matches!(what, PathKind::Other) {
+            others.push(path);
+        }
+        Ok(())
+    })?;
+    others.sort();
+    Ok(others)
+}
+
+/// Returns a readable and unique name. The name consists of the alphanumeric characters of the path and a hash of the
+/// whole path. If the input is the searched folder, the name of this folder (`own`) replaces the path.
+///
+/// If the path is not ASCII or has more than 60 bytes, only the hash distinguishes the names of similar paths. The
+/// hash then has 64 bits. With 32 bits, about a hundred of a million names would be duplicates.
+fn sequence_id(path: &Path, own: &str) -> Result<PlainName> {
+    let text = path.to_string_lossy();
+    let readable = if text.is_empty() { own } else { &*text };
+    let plain: String =
+        readable.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).take(60).collect();
+    let plain = plain.trim_matches('-');
+    let name = if plain.is_empty() { "clip" } else { plain };
+    let hash = RandomStream::from_name(&text).id();
+    let id = if text.is_ascii() && text.len() <= 60 {
+        format!("{name}-{:08x}", hash as u32)
+    } else {
+        format!("{name}-{hash:016x}")
+    };
+    PlainName::parse(ErrorKind::Input, path.display(), &id)
+}
+
+/// Returns the path of the input that has the name `name` in a manifest or a plan.
+///
+/// The user chooses the paths of a list, so these paths may be outside the folder. Paths from a searched folder must
+/// be inside that folder.
+///
+/// # Errors
+/// [`ErrorKind::Corrupt`] if a path from a searched folder is outside that folder.
+pub(super) fn input_path(inputs: &InputContent, name: &Path) -> Result<PathBuf> {
+    let inside = || name.components().all(|part| matches!(part, Component::Normal(_)));
+    if inputs.list.is_some() || inside() {
+        return Ok(inputs.folder.join(name));
+    }
+    Err(Error::new(ErrorKind::Corrupt, name.display())
+        .found("a path that points outside the input folder")
+        .expected(format_args!("an input inside {}", inputs.folder.display()))
+        .remedy("plan the dataset again, or generate it in another folder"))
+}
+
+/// Kind of a path in a folder.
+enum PathKind {
+    /// A sequence. The number of frames is `None` if the folder listing does not determine the number.
+    Input(Option<u64>),
+    Other,
+}
+
+fn walk_inputs(
+    folder: &Path,
+    except: &Path,
+    tell: &mut dyn FnMut(PathBuf, PathKind) -> Result<()>,
+) -> Result<()> {
+    let except = fs::canonicalize(except).ok();
+    walk_below(folder, Path::new(""), except.as_deref(), tell)
+}
+
+fn walk_below(
+    root: &Path,
+    below: &Path,
+    except: Option<&Path>,
+    tell: &mut dyn FnMut(PathBuf, PathKind) -> Result<()>,
+) -> Result<()> {
+    let folder = root.join(below);
+    let refused = |e| Error::io(folder.display(), e);
+    let (mut pictures, mut one) = (0u64, None);
+    let mut names = Vec::new();
+    for entry in fs::read_dir(&folder).map_err(refused)? {
+        let entry = entry.map_err(refused)?;
+        let (name, kind) = (entry.file_name(), entry.file_type().map_err(refused)?);
+        let path = Path::new(&name);
+        if name.as_encoded_bytes().starts_with(b".") {
+            continue;
+        }
+        if kind.is_dir() {
+            names.push((name, true));
+        } else if image_file::is_image(path) {
+            pictures += 1;
+            one.get_or_insert(name);
+        } else if is_video(path) {
+            names.push((name, false));
+        } else if name != TIMESTAMPS_FILE_NAME {
+            tell(below.join(&name), PathKind::Other)?;
+        }
+    }
+    match (pictures, one) {
+        (1, Some(name)) => tell(below.join(name), PathKind::Other)?,
+        (0, _) => {}
+        _ => tell(below.to_owned(), PathKind::Input(Some(pictures)))?,
+    }
+    names.sort_unstable();
+    for (name, is_folder) in names {
+        let path = below.join(&name);
+        if !is_folder {
+            tell(path, PathKind::Input(None))?;
+        } else if except.is_none() || fs::canonicalize(root.join(&path)).ok().as_deref() != except {
+            walk_below(root, &path, except, tell)?;
+        }
+    }
+    Ok(())
+}
+
+fn is_video(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    ending.is_some_and(|e| VIDEO_EXTENSIONS.contains(&e.as_str()))
+}

@@ -1,0 +1,153 @@
+//! Writes `croissant.json` in format Croissant 1.0 (MLCommons). The file describes the dataset for search engines and
+//! loaders.
+
+use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
+
+use super::metadata;
+use crate::{DatasetOptions, Split};
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane_io::storage::{self, folders};
+use spikelane_measure::report::insert_present;
+
+const FILE_NAME: &str = "croissant.json";
+
+/// Describes the tables of the splits. A table lists the files of every sequence in the split. `about` is a
+/// description of the dataset.
+pub(super) fn write(options: &DatasetOptions, tables: &[(Split, String)], about: &str) -> Result<()> {
+    let path = options.output.join(FILE_NAME);
+    if tables.is_empty() {
+        return folders::remove(&options.output, &FILE_NAME.into());
+    }
+    let described = metadata_json(options, tables, about);
+    let text = serde_json::to_vec_pretty(&described)
+        .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
+    storage::write_small(&path, &text, true)
+}
+
+fn metadata_json(options: &DatasetOptions, tables: &[(Split, String)], about: &str) -> Value {
+    let files: Vec<Value> = tables.iter().map(|(split, text)| file_object(*split, text)).collect();
+    let records: Vec<Value> = tables.iter().map(|(split, text)| record_set(*split, text)).collect();
+    let name = options.output.file_name().unwrap_or_default().to_string_lossy();
+    // The identifiers in the file start with the dataset's name. Identifiers must consist of letters, digits and
+    // dashes.
+    let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+    let all = json!({
+        "@context": context(), "@type": "sc:Dataset", "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "name": plain, "description": about, "distribution": files, "recordSet": records,
+    });
+    let known = [
+        ("license", options.license.as_deref().map(license_value)),
+        ("version", options.data_version.as_deref().map(Into::into)),
+    ];
+    insert_present(all, known)
+}
+
+/// Returns the URL of the license page if `text` is an SPDX identifier. Other text is returned unchanged.
+fn license_value(text: &str) -> Value {
+    if text.chars().all(|c| c.is_ascii_alphanumeric() || "-.+".contains(c)) {
+        return format!("https://spdx.org/licenses/{text}.html").into();
+    }
+    text.into()
+}
+
+fn file_object(split: Split, text: &str) -> Value {
+    let split = split.name();
+    json!({
+        "@type": "cr:FileObject", "@id": format!("{split}-table"), "name": format!("{split}-table"),
+        "description": "One line per sequence: its ground truth image, its noisy stream and its clean stream.",
+        "contentUrl": format!("{split}/{}", metadata::FILE_NAME), "contentSize": format!("{} B", text.len()),
+        "encodingFormat": "application/jsonlines", "sha256": sha256(text),
+    })
+}
+
+/// Returns the SHA-256 digest as hexadecimal digits.
+fn sha256(text: &str) -> String {
+    Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn record_set(split: Split, text: &str) -> Value {
+    let split = split.name();
+    let field = |name: &str, kind: &str, what: &str| {
+        json!({
+            "@type": "cr:Field", "@id": format!("{split}/{name}"), "name": name, "description": what,
+            "dataType": format!("sc:{kind}"),
+            "source": {"fileObject": {"@id": format!("{split}-table")}, "extract": {"column": name}},
+        })
+    };
+    let mut fields = vec![
+        field("id", "Text", "Name of the sequence."),
+        field("file_name", "Text", "Ground truth image, in the folder of the split."),
+        field("spike", "Text", "Noisy stream: one bit per pixel and readout, in the folder of the split."),
+        field("clean", "Text", "Clean stream: the noisy stream without noise."),
+        field("readouts", "Integer", "Readouts of each stream."),
+        field("camera_seed", "Text", "Seed of the fixed pattern."),
+        field("record", "Text", "Digest of the record of the sequence."),
+    ];
+    // If no line of the table contains a key, the table does not have this column.
+    for (name, what) in [("input", "Path of the input."), ("scene_seed", "Seed of the scene.")] {
+        if text.contains(&format!("\"{name}\":")) {
+            fields.push(field(name, "Text", what));
+        }
+    }
+    json!({
+        "@type": "cr:RecordSet", "@id": split, "name": split, "key": {"@id": format!("{split}/id")}, "field": fields,
+    })
+}
+
+/// Returns the context that version 1.0 of the specification defines.
+fn context() -> Value {
+    let own = |name: &str| (name.to_owned(), Value::from(format!("cr:{name}")));
+    let mut all: serde_json::Map<String, Value> = [
+        "citeAs",
+        "column",
+        "extract",
+        "field",
+        "fileProperty",
+        "fileObject",
+        "fileSet",
+        "format",
+        "includes",
+        "isLiveDataset",
+        "jsonPath",
+        "key",
+        "md5",
+        "parentField",
+        "path",
+        "recordSet",
+        "references",
+        "regex",
+        "repeated",
+        "replace",
+        "separator",
+        "source",
+        "subField",
+        "transform",
+    ]
+    .into_iter()
+    .map(own)
+    .collect();
+    let further = [
+        ("@language", json!("en")),
+        ("@vocab", json!("https://schema.org/")),
+        ("conformsTo", json!("dct:conformsTo")),
+        ("cr", json!("http://mlcommons.org/croissant/")),
+        ("rai", json!("http://mlcommons.org/croissant/RAI/")),
+        ("dct", json!("http://purl.org/dc/terms/")),
+        ("sc", json!("https://schema.org/")),
+        ("data", json!({"@id": "cr:data", "@type": "@json"})),
+        ("dataType", json!({"@id": "cr:dataType", "@type": "@vocab"})),
+        ("examples", json!({"@id": "cr:examples", "@type": "@json"})),
+    ];
+    all.extend(further.map(|(key, value)| (key.to_owned(), value)));
+    all.into()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_digest_is_that_of_the_standard_example() {
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(super::sha256("abc"), expected);
+    }
+}

@@ -1,0 +1,143 @@
+//! Creates the folders that loaders expect. The folders contain links to the files of the sequences.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use crate::{DatasetOptions, SequenceEntry, Split};
+use spikelane::error::{Error, Result};
+use spikelane::unstable::inputs::{InnerPath, PlainName, read_bytes};
+use spikelane_io::simulate::{Sidecar, StreamFacts};
+use spikelane_io::storage::{folders, is_same_file, sync};
+
+/// Returns the paths of a sequence's files for loaders, relative to the folder of the split.
+fn split_paths(id: &PlainName) -> [InnerPath; 8] {
+    let at = |folder: &'static str, ending| InnerPath::from(folder).join(id.with_ending(ending));
+    [
+        at("spike", ".dat"),
+        at("spike", ".json"),
+        at("clean", ".dat"),
+        at("clean", ".json"),
+        at("gt", ".png"),
+        at("mot", ""),
+        at("kitti/label_02", ".txt"),
+        at("kitti/calib", ".txt"),
+    ]
+}
+
+/// Returns the paths of a sequence's labels for SpikeCV, relative to the folder of the dataset.
+fn spikecv_paths(split: Split, id: &PlainName) -> impl Iterator<Item = InnerPath> {
+    ["boxes", "depth", "flow"].into_iter().flat_map(move |kind| {
+        let root = InnerPath::from("spikecv").join(kind).join(split.name());
+        [root.join("spike").join(id), root.join(kind).join(id)]
+    })
+}
+
+/// Creates links to the streams and the ground truth of a sequence in the loaders' folders.
+///
+/// Hard links use no disk space and look like regular files. If the file system does not support hard links, files are
+/// copied. The result is the number of copied files. Existing files are not replaced.
+pub(crate) fn link_sequence(options: &DatasetOptions, entry: &SequenceEntry) -> Result<u64> {
+    let (root, access, id) = (&options.output, options.access(), &entry.id);
+    let sequence = entry.path().resolve_in(root, access)?;
+    let own = |name: &'static str| InnerPath::from(name).resolve_in(&sequence, access);
+    let split = InnerPath::from(entry.split.name());
+    let sidecar = Sidecar::read(&own("stream.json")?)?;
+    let mut copied = 0;
+    for (file, folder) in [("stream.dat", "spike"), ("stream.clean.dat", "clean")] {
+        let name = id.with_ending(".dat");
+        let folder = split.join(folder);
+        copied += link_or_copy(&own(file)?, root, &folder.join(&name))?;
+        // In the loaders' folders, each stream has its own sidecar, and the name of the sequence is its file name.
+        let stream = StreamFacts { file: name.to_string(), ..sidecar.stream_facts(file).clone() };
+        let own = Sidecar { stream, clean: None, images: None, ..sidecar.clone() };
+        own.write(&folders::create_parents(root, &folder.join(id.with_ending(".json")))?, true)?;
+    }
+    copied += link_or_copy(&own("gt.png")?, root, &split.join("gt").join(id.with_ending(".png")))?;
+    Ok(copied)
+}
+
+/// Removes the partial files that killed processes did not remove from the dataset's own folders. No other process may
+/// write to these folders at the same time.
+pub(crate) fn remove_partials(folder: &Path) -> Result<()> {
+    folders::remove_partials(folder, |_| true)?;
+    folders::remove_partials_in(folder, &"sequences".into())?;
+    for split in Split::ALL.map(|split| InnerPath::from(split.name())) {
+        folders::remove_partials_in(folder, &split)?;
+        for kind in ["spike", "clean", "gt"] {
+            folders::remove_partials_in(folder, &split.join(kind))?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes the files of a sequence from the loaders' folders.
+pub(crate) fn unlink_sequence(options: &DatasetOptions, id: &PlainName) -> Result<()> {
+    for split in Split::ALL {
+        for path in split_paths(id) {
+            folders::remove(&options.output, &InnerPath::from(split.name()).join(path))?;
+        }
+        for path in spikecv_paths(split, id) {
+            folders::remove(&options.output, &path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Creates the additional name `inner` below `root` for the file `from`. Returns 1 if the file was copied, and
+/// otherwise 0.
+///
+/// The name of the hidden file depends only on the final name. If a process is killed, the next attempt therefore
+/// replaces its hidden file.
+pub(super) fn link_or_copy(from: &Path, root: &Path, inner: &InnerPath) -> Result<u64> {
+    let to = folders::create_parents(root, inner)?;
+    if are_same_file(from, &to) {
+        return Ok(0);
+    }
+    let hidden = hidden_path(&to);
+    let io = |e| Error::io(to.display(), e);
+    // The target of a link is linked, because a hard link to a relative symbolic link would not work in another
+    // folder.
+    let from = fs::canonicalize(from).map_err(|e| Error::io(from.display(), e))?;
+    let _ = fs::remove_file(&hidden);
+    let mut copied = 0;
+    if fs::hard_link(&from, &hidden).is_err() {
+        let mut file = folders::create(&hidden)?;
+        let source = spikelane::unstable::inputs::InputFile::open(&from)?;
+        std::io::copy(&mut source.reader(), &mut file).map_err(io)?;
+        sync::sync_file(&file, &hidden)?;
+        copied = 1;
+    }
+    // If both names are hard links to the same file, the rename has no effect. Therefore the hidden name is removed
+    // explicitly.
+    let renamed = sync::rename(&hidden, &to);
+    let _ = fs::remove_file(&hidden);
+    renamed.map(|()| copied)
+}
+
+/// Writes the small file `inner` below `root`. If the file already contains `bytes`, the file is not written again.
+pub(super) fn write_if_changed(root: &Path, inner: &InnerPath, bytes: &[u8]) -> Result<()> {
+    let to = folders::create_parents(root, inner)?;
+    if read_bytes(&to, "a file of the dataset", bytes.len() as u64).is_ok_and(|found| found == bytes) {
+        return Ok(());
+    }
+    let hidden = hidden_path(&to);
+    let mut file = folders::create(&hidden)?;
+    file.write_all(bytes).map_err(|e| Error::io(to.display(), e))?;
+    sync::sync_file(&file, &hidden)?;
+    sync::rename(&hidden, &to)
+}
+
+/// Returns the hidden name under which a file is written before the rename. Both names are in the same folder.
+fn hidden_path(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{name}.partial"))
+}
+
+/// Returns whether two paths refer to the same file.
+fn are_same_file(a: &Path, b: &Path) -> bool {
+    match (fs::metadata(a), fs::metadata(b)) {
+        (Ok(a), Ok(b)) => is_same_file(&a, &b) == Some(true),
+        _ => false,
+    }
+}

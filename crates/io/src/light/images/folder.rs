@@ -1,0 +1,202 @@
+//! A folder of images. The images are sorted by the numbers in the file names.
+
+use std::path::{Path, PathBuf};
+
+use super::image_file;
+use super::image_file::{ImageHeader, Linearization};
+use super::missing_numbers;
+use super::natural_order::natural_cmp;
+use crate::light::resize_mode::ResizeMode;
+use crate::light::timestamps;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::light::Rate;
+use spikelane::light::{Frame, Source};
+use spikelane::sensor::FrontEnd;
+use spikelane::spikes::Geometry;
+
+/// The images of a folder. Each image is one frame. Subfolders are ignored.
+#[derive(Debug)]
+pub struct ImageFolder {
+    folder: PathBuf,
+    files: Vec<PathBuf>,
+    /// Names of the visible entries that are not images.
+    ignored_names: Vec<String>,
+    /// Number of all entries that are not images, including hidden entries.
+    ignored_entries: usize,
+    /// The path of the timestamp file, and the times of the frames in nanoseconds after the first frame.
+    times: Option<(PathBuf, Vec<u64>)>,
+    size: Geometry,
+    camera: Geometry,
+    resize_mode: ResizeMode,
+    linear: Linearization,
+    front_end: FrontEnd,
+    next: usize,
+}
+
+impl ImageFolder {
+    /// Lists the folder and reads the header of every image.
+    ///
+    /// # Errors
+    /// * [`ErrorKind::Io`] if the folder cannot be listed.
+    /// * [`ErrorKind::Input`] if the folder contains no image, or if an image cannot be read.
+    /// * [`ErrorKind::Input`] if image sizes differ, or if some images have float pixels and some have integer pixels.
+    /// * [`ErrorKind::Input`] if the mode is [`ResizeMode::Crop`] and the images are smaller than the camera.
+    /// * [`ErrorKind::Input`] if a `timestamps.txt` in the folder does not contain a time for each image.
+    pub fn open(folder: &Path, camera: Geometry, fit: ResizeMode, linear: Linearization) -> Result<Self> {
+        let (files, mut ignored, others) = list_images(folder)?;
+        let Some(first) = files.first() else {
+            return Err(Error::new(ErrorKind::Input, folder.display())
+                .found(format_args!("no image among {others} entries"))
+                .expected(format_args!("files named {}", image_file::EXTENSIONS.join(", "))));
+        };
+        let ImageHeader { size, has_float_pixels: floats } = image_file::read_header(first)?;
+        for file in &files[1..] {
+            let header = image_file::read_header(file)?;
+            check_same_size(file, header.size, first, size)?;
+            check_same_kind(file, header.has_float_pixels, first, floats)?;
+        }
+        fit.check(size, camera).map_err(|e| e.with_context(folder.display()))?;
+        // A `timestamps.txt` in the folder must be valid. A `timestamps.txt` in the parent folder may belong to other
+        // files, so it is ignored if it does not match the images.
+        let times = match timestamps::find_beside(folder) {
+            Some(path) if path.parent() == Some(folder) => {
+                let starts = timestamps::read(&path, files.len())?;
+                Some((path, starts))
+            }
+            Some(path) => timestamps::read(&path, files.len()).ok().map(|starts| (path, starts)),
+            None => None,
+        };
+        ignored.retain(|name| name != timestamps::TIMESTAMPS_FILE_NAME);
+        Ok(Self {
+            folder: folder.to_owned(),
+            files,
+            ignored_names: ignored,
+            ignored_entries: others,
+            times,
+            size,
+            camera,
+            resize_mode: fit,
+            front_end: linear.front_end_for(floats),
+            linear,
+            next: 0,
+        })
+    }
+
+    /// Returns the image files in the order in which they are read.
+    #[must_use]
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+}
+
+fn check_same_size(file: &Path, found: Geometry, first: &Path, size: Geometry) -> Result<()> {
+    if found == size {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Input, file.display())
+        .found(found)
+        .expected(format_args!("{size}, the size of {}", first.display()))
+        .remedy("resize the images to one size, or put them into separate folders"))
+}
+
+/// Rejects a mixture of integer and float images, because their transfer functions differ.
+fn check_same_kind(file: &Path, found: bool, first: &Path, floats: bool) -> Result<()> {
+    if found == floats {
+        return Ok(());
+    }
+    let name = |floats| if floats { "float pixels" } else { "integer pixels" };
+    Err(Error::new(ErrorKind::Input, file.display())
+        .found(name(found))
+        .expected(format_args!("{}, as in {}", name(floats), first.display()))
+        .remedy("put the images into separate folders"))
+}
+
+/// Returns the images in natural order, the names of visible entries that are not images, and the number of all
+/// entries that are not images.
+fn list_images(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>, usize)> {
+    let refused = |e| Error::io(folder.display(), e);
+    let (mut files, mut ignored, mut hidden) = (Vec::new(), Vec::new(), 0);
+    for entry in std::fs::read_dir(folder).map_err(refused)? {
+        let path = entry.map_err(refused)?.path();
+        if name(&path).starts_with('.') {
+            hidden += 1;
+        } else if image_file::is_image(&path) && std::fs::metadata(&path).is_ok_and(|about| !about.is_dir()) {
+            files.push(path);
+        } else {
+            ignored.push(name(&path));
+        }
+    }
+    ignored.sort_by(|a, b| natural_cmp(a, b));
+    files.sort_by(|a, b| natural_cmp(&name(a), &name(b)));
+    let others = ignored.len() + hidden;
+    Ok((files, ignored, others))
+}
+
+/// Returns a note that lists the entries that are not images.
+fn skipped_note(names: &[String]) -> Option<String> {
+    const MAX_LISTED_NAMES: usize = 3;
+    let listed = names.iter().take(MAX_LISTED_NAMES).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let (entries, are) =
+        if names.len() == 1 { ("entry", "is not an image") } else { ("entries", "are not images") };
+    let more = if names.len() > MAX_LISTED_NAMES { ", ..." } else { "" };
+    (!names.is_empty()).then(|| format!("{} {entries} {are} and ignored: {listed}{more}", names.len()))
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+impl Source for ImageFolder {
+    fn geometry(&self) -> Geometry {
+        self.camera
+    }
+
+    fn frames(&self) -> Option<u64> {
+        Some(self.files.len() as u64)
+    }
+
+    fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
+        let Some(file) = self.files.get(self.next) else {
+            return Ok(false);
+        };
+        let frame = image_file::read(file, &self.linear)?;
+        // The file may have changed since the folder was listed, so the kind and the size are checked again.
+        check_same_size(file, frame.geometry(), &self.files[0], self.size)?;
+        *into = self.resize_mode.apply(frame, self.camera)?;
+        self.next += 1;
+        Ok(true)
+    }
+
+    fn rate(&self) -> Option<Rate> {
+        None
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.front_end
+    }
+
+    fn describe(&self) -> String {
+        format!(
+            "{}: {} images of {}, {} other entries ignored",
+            self.folder.display(),
+            self.files.len(),
+            self.size,
+            self.ignored_entries
+        )
+    }
+
+    fn stored_geometry(&self) -> Option<Geometry> {
+        Some(self.size)
+    }
+
+    fn frame_times(&self) -> Option<&[u64]> {
+        self.times.as_ref().map(|(_, starts)| starts.as_slice())
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let place = self.folder.display();
+        let gap = missing_numbers::missing_numbers_note(&self.files).map(|text| format!("{place}: {text}"));
+        let skipped = skipped_note(&self.ignored_names).map(|text| format!("{place}: {text}"));
+        gap.into_iter().chain(skipped).collect()
+    }
+}

@@ -1,0 +1,127 @@
+//! A single image as one frame, or as the frames of a camera motion across the image.
+
+use std::path::{Path, PathBuf};
+
+use super::image_file;
+use super::image_file::Linearization;
+use crate::light::camera_motion::CameraMotion;
+use crate::light::resize_mode::FullImage;
+use crate::light::resize_mode::ResizeMode;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::light::Rate;
+use spikelane::light::{Frame, Source};
+use spikelane::sensor::FrontEnd;
+use spikelane::spikes::Geometry;
+
+/// A camera motion and the full image across which the camera moves.
+#[derive(Debug)]
+struct MotionView {
+    image: FullImage,
+    motion: CameraMotion,
+    rate: Rate,
+}
+
+/// A single image, optionally with a camera motion.
+#[derive(Debug)]
+pub struct StillImage {
+    path: PathBuf,
+    size: Geometry,
+    camera: Geometry,
+    /// The image that the camera shows at its rest position.
+    frame_at_rest: Frame,
+    motion_view: Option<MotionView>,
+    front_end: FrontEnd,
+    frames: u64,
+    next: u64,
+}
+
+impl StillImage {
+    /// Reads an image as a single frame.
+    ///
+    /// # Errors
+    /// As [`image_file::read`] and [`ResizeMode::apply`].
+    pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, linear: &Linearization) -> Result<Self> {
+        let read = image_file::read(path, linear)?;
+        let (size, floats) = (read.geometry(), image_file::read_header(path)?.has_float_pixels);
+        let picture = fit.apply(read, camera).map_err(|e| e.with_context(path.display()))?;
+        let path = path.to_owned();
+        let front_end = linear.front_end_for(floats);
+        Ok(Self {
+            path,
+            size,
+            camera,
+            frame_at_rest: picture,
+            motion_view: None,
+            front_end,
+            frames: 1,
+            next: 0,
+        })
+    }
+
+    /// Reads an image across which the camera moves. The motion has `frames` frames at the rate `rate`.
+    ///
+    /// # Errors
+    /// As [`StillImage::open`]. Also [`ErrorKind::Usage`] if `frames` is 0.
+    pub fn open_moving(
+        path: &Path,
+        camera: Geometry,
+        fit: ResizeMode,
+        linear: &Linearization,
+        (motion, rate, frames): (CameraMotion, Rate, u64),
+    ) -> Result<Self> {
+        if frames == 0 {
+            return Err(Error::new(ErrorKind::Usage, "frames of motion").found(0).expected("at least 1"));
+        }
+        let still = Self::open(path, camera, fit, linear)?;
+        let whole = FullImage::new(image_file::read(path, linear)?, camera, fit);
+        let whole = whole.map_err(|e| e.with_context(path.display()))?;
+        Ok(Self { motion_view: Some(MotionView { image: whole, motion, rate }), frames, ..still })
+    }
+}
+
+impl Source for StillImage {
+    fn geometry(&self) -> Geometry {
+        self.camera
+    }
+
+    fn frames(&self) -> Option<u64> {
+        Some(self.frames)
+    }
+
+    fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
+        if self.next == self.frames {
+            return Ok(false);
+        }
+        *into = match &self.motion_view {
+            Some(m) if !m.motion.is_at_rest(m.rate, self.next) => {
+                m.motion.view(&m.image, self.camera, m.rate, self.next)?
+            }
+            _ => self.frame_at_rest.clone(),
+        };
+        self.next += 1;
+        Ok(true)
+    }
+
+    fn stored_geometry(&self) -> Option<Geometry> {
+        Some(self.size)
+    }
+
+    fn rate(&self) -> Option<Rate> {
+        self.motion_view.as_ref().map(|m| m.rate)
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.front_end
+    }
+
+    fn describe(&self) -> String {
+        let path = self.path.display();
+        match &self.motion_view {
+            None => format!("{path}: one image of {}", self.size),
+            Some(MotionView { rate, .. }) => format!(
+                "{path}: motion over an image of {}, {} frames at {rate} per second",
+                self.size, self.frames
+            ),
+        }
+    }
+}

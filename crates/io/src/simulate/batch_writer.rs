@@ -1,0 +1,112 @@
+//! Writes batches of packed readouts to files.
+//!
+//! Encoding, hashing and the first write to new pages together take about as long as the kernel on two cores. If a run
+//! has more than one thread, a separate thread therefore writes while the kernel fills the next buffer. The written
+//! bytes are the same with and without a separate thread.
+
+use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
+
+use crate::formats::StreamWriter;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes;
+use spikelane::unstable::threads;
+
+/// Number of buffers. One buffer is being filled, one is waiting in the queue, and one is being written.
+const BUFFER_COUNT: usize = 3;
+
+/// A stream that is being written, and the number of spikes written to this stream.
+pub(super) struct OutputStream {
+    pub writer: StreamWriter,
+    pub spikes: u64,
+}
+
+impl OutputStream {
+    fn append(&mut self, packed: &[u8]) -> Result<()> {
+        self.spikes += spikes::count_spikes(packed);
+        self.writer.write_frames(self.writer.written(), packed)
+    }
+}
+
+/// How batches are written.
+pub(super) enum BatchWriter<'s> {
+    /// Writes to the streams on the calling thread.
+    Inline { streams: &'s mut [OutputStream], buffer: Vec<u8> },
+    /// Sends the batches to the writer thread.
+    Thread { full: SyncSender<(usize, Vec<u8>)>, empty: Receiver<Vec<u8>> },
+}
+
+impl BatchWriter<'_> {
+    /// Calls `fill` with a buffer of `bytes` bytes whose content is unspecified. `fill` returns a number of bytes, and
+    /// `append` appends this number of bytes to stream `index`.
+    ///
+    /// # Errors
+    /// Errors of the file. A writer thread may report an error a few batches later.
+    pub(crate) fn append(
+        &mut self,
+        index: usize,
+        bytes: usize,
+        fill: impl FnOnce(&mut [u8]) -> usize,
+    ) -> Result<()> {
+        match self {
+            Self::Inline { streams, buffer } => {
+                buffer.resize(bytes, 0);
+                let kept = fill(buffer);
+                buffer.truncate(kept);
+                streams[index].append(buffer)
+            }
+            Self::Thread { full, empty } => {
+                let mut buffer = empty.recv().map_err(|_| thread_ended_error())?;
+                buffer.resize(bytes, 0);
+                let kept = fill(&mut buffer);
+                buffer.truncate(kept);
+                full.send((index, buffer)).map_err(|_| thread_ended_error())
+            }
+        }
+    }
+}
+
+/// Returns a placeholder error for a writer thread that has ended. [`with_writer`] replaces the placeholder with the
+/// error of the writer thread.
+fn thread_ended_error() -> Error {
+    Error::new(ErrorKind::Io, "writing").found("a thread that ended")
+}
+
+/// Calls `work` with a writer for `streams`. If `beside` is true and the system can start a thread, a separate thread
+/// writes. Otherwise the calling thread writes.
+///
+/// # Errors
+/// Errors of the files and of `work`.
+pub(super) fn with_writer<T>(
+    streams: &mut [OutputStream],
+    beside: bool,
+    work: impl FnOnce(BatchWriter<'_>) -> Result<T>,
+) -> Result<T> {
+    if !beside {
+        return work(BatchWriter::Inline { streams, buffer: Vec::new() });
+    }
+    let (full, batches) = sync_channel::<(usize, Vec<u8>)>(1);
+    let (back, empty) = channel();
+    for _ in 0..BUFFER_COUNT {
+        // The receiver still exists, so `send` cannot fail.
+        let _ = back.send(Vec::new());
+    }
+    std::thread::scope(|scope| {
+        let append = move |streams: &mut [OutputStream]| {
+            for (index, packed) in batches {
+                streams[index].append(&packed)?;
+                // `send` fails if the run has ended. The buffer is then not needed again.
+                let _ = back.send(packed);
+            }
+            Ok(())
+        };
+        let files = match threads::spawn_scoped(scope, "files", streams, append) {
+            Ok(files) => files,
+            Err(streams) => return work(BatchWriter::Inline { streams, buffer: Vec::new() }),
+        };
+        let done = work(BatchWriter::Thread { full, empty });
+        match files.join() {
+            Ok(written) => written.and(done),
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    })
+}

@@ -1,4 +1,0 @@
-//! Clear images that a run keeps.
-
-pub(super) mod images;
-pub(super) mod looks;

@@ -1,0 +1,109 @@
+//! Decodes the next frames of a source while the current frames are being simulated.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::Duration;
+
+use crate::light::{Frame, Rate, Source};
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes::Geometry;
+use spikelane::unstable::threads;
+
+/// Maximum number of frames in the queue. Several queued frames compensate for uneven decoding times.
+const MAX_FRAMES_AHEAD: usize = 4;
+
+/// Time between two checks of the stop flag while waiting for input.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
+
+/// A source that a separate thread reads. If the system cannot start a thread, the calling thread reads the source.
+///
+/// A stop request takes effect even if the input blocks, such as a pipe without a writer. The reading thread then ends
+/// after the next frame is read.
+pub struct ReadAhead {
+    frames: FrameFeed,
+    stop: Arc<AtomicBool>,
+    geometry: Geometry,
+    count: Option<u64>,
+    rate: Option<Rate>,
+    description: String,
+    has_ended: bool,
+}
+
+/// Where the frames come from.
+enum FrameFeed {
+    /// The reading thread.
+    Thread(Receiver<Result<Frame>>),
+    /// The source itself, read on the calling thread.
+    Inline(Box<dyn Source>),
+}
+
+impl ReadAhead {
+    /// Starts reading. If `stop` becomes true, the next call of `next_frame` fails with [`ErrorKind::Interrupted`].
+    #[must_use]
+    pub fn new(source: Box<dyn Source>, stop: Arc<AtomicBool>) -> Self {
+        let (geometry, count, rate) = (source.geometry(), source.frames(), source.rate());
+        let about = source.describe();
+        let (sender, frames) = sync_channel(MAX_FRAMES_AHEAD);
+        let frames = match threads::spawn("light", source, move |source| read(source, &sender)) {
+            Ok(()) => FrameFeed::Thread(frames),
+            Err(source) => FrameFeed::Inline(source),
+        };
+        Self { frames, stop, geometry, count, rate, description: about, has_ended: false }
+    }
+}
+
+fn read(mut source: Box<dyn Source>, sender: &SyncSender<Result<Frame>>) {
+    loop {
+        let mut frame = Frame::dark(source.geometry());
+        let message = match source.next_frame(&mut frame) {
+            Ok(true) => Ok(frame),
+            Ok(false) => return,
+            Err(e) => Err(e),
+        };
+        let last = message.is_err();
+        // `send` fails if the run ended before the source, so the thread ends.
+        if sender.send(message).is_err() || last {
+            return;
+        }
+    }
+}
+
+impl Source for ReadAhead {
+    fn geometry(&self) -> Geometry {
+        self.geometry
+    }
+
+    fn frames(&self) -> Option<u64> {
+        self.count
+    }
+
+    fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
+        while !self.has_ended {
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(Error::new(ErrorKind::Interrupted, "reading light").found("a request to stop"));
+            }
+            let frames = match &mut self.frames {
+                FrameFeed::Thread(frames) => frames,
+                FrameFeed::Inline(source) => return source.next_frame(into),
+            };
+            match frames.recv_timeout(POLL_INTERVAL) {
+                Ok(frame) => {
+                    *into = frame?;
+                    return Ok(true);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => self.has_ended = true,
+            }
+        }
+        Ok(false)
+    }
+
+    fn rate(&self) -> Option<Rate> {
+        self.rate
+    }
+
+    fn describe(&self) -> String {
+        self.description.clone()
+    }
+}

@@ -1,0 +1,4 @@
+//! Reference images and light samples of a run.
+
+pub(super) mod images;
+pub(super) mod light_tap;

@@ -1,0 +1,60 @@
+//! Decides whether a silent pixel is dead.
+
+use super::Counts;
+use super::estimate::median;
+
+/// Lowest rate of an intact pixel, as a share of the median rate of its neighbors.
+const MIN_NEIGHBOR_RATE_SHARE: f64 = 0.5;
+
+/// Largest accepted probability that at least one intact pixel of a recording is reported as dead.
+const MAX_FALSE_DEAD_PROBABILITY: f64 = 0.01;
+
+/// Whether a pixel that never fired must be dead, if its neighbors fire at `rate` spikes per readout.
+///
+/// `readouts` is the length of the recording. `pixels` is the number of pixels of the sensor.
+///
+/// An intact pixel fires at `f = rate / 2` or more. If its readouts are independent, the probability that it is silent
+/// for `T` readouts is `(1 - f)^T`. For other pixels this probability is an upper bound: a pixel that integrates charge
+/// fires at regular intervals, and noise makes its readouts more independent. A pixel is dead if both conditions hold:
+/// * `pixels (1 - f)^T < 0.01`, because any pixel of the sensor can be the silent one (Bonferroni);
+/// * `f T > 2`, because a regular pixel would then have fired.
+///
+/// For a rate of 0.2 and 100,000 pixels both conditions hold after 153 readouts.
+#[must_use]
+pub fn is_dead_if_silent(rate: f64, readouts: u32, pixels: usize) -> bool {
+    let (least, readouts) = (MIN_NEIGHBOR_RATE_SHARE * rate.clamp(0.0, 1.0), f64::from(readouts));
+    readouts * (-least).ln_1p() < (MAX_FALSE_DEAD_PROBABILITY / pixels as f64).ln() && least * readouts > 2.0
+}
+
+/// Returns the pixels that never fired although [`is_dead_if_silent`] excludes silence at the rate of their neighbors.
+///
+/// The neighbors' rate is the median rate in the 5x5 box around the pixel, without the pixel. Silent neighbors have the
+/// rate 0, which prevents false reports in dark corners.
+pub(super) fn find_dead(counts: &Counts, width: usize) -> Vec<usize> {
+    let (height, readouts) = (counts.count.len() / width, counts.readouts());
+    let impossible = |p: &usize| {
+        let (row, col) = (p / width, p % width);
+        let rows = row.saturating_sub(2)..(row + 3).min(height);
+        let around = rows.flat_map(|r| {
+            let cols = col.saturating_sub(2)..(col + 3).min(width);
+            cols.map(move |c| r * width + c)
+        });
+        let others = around.filter(|q| q != p);
+        let mut rates: Vec<f64> = others.map(|q| f64::from(counts.count[q]) / f64::from(readouts)).collect();
+        is_dead_if_silent(median(&mut rates), readouts, counts.count.len())
+    };
+    (0..counts.count.len()).filter(|p| counts.count[*p] == 0).filter(impossible).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_of_a_fifth_takes_153_readouts() {
+        let found = (1..1000).find(|t| is_dead_if_silent(0.2, *t, 100_000));
+        assert_eq!(found, Some(153));
+        assert!(!is_dead_if_silent(f64::NAN, 1000, 10), "no neighbors tell nothing");
+        assert!(!is_dead_if_silent(0.0, u32::MAX, 10));
+    }
+}

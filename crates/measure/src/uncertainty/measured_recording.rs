@@ -1,0 +1,170 @@
+//! Measures a whole recording, its halves and its quarters.
+//!
+//! The two halves are two recordings by the same sensor. In each pixel, the difference of the halves contains no fixed
+//! pattern. What remains is the scatter that another recording would show.
+//!
+//! Each part ends before the next part starts. The gap is a sixteenth of the recording. Because of the gap, the phase of
+//! a pixel at the start of a part is practically independent of the preceding part. Without the gap, the last spike of
+//! one part would determine the first spike of the next part. The difference would then scatter too little or too much,
+//! depending on the length of the interval in readouts.
+
+use super::quantity::Quantity;
+use super::recording_part::{self, RecordingPart};
+use super::scatter::{Scatter, gap_readouts};
+use crate::stream::{band_accumulators, join_accumulators};
+use crate::{Accumulator, MeasureOptions, Statistics};
+use spikelane::error::Result;
+use spikelane::spikes::{Geometry, SpikeFramesRef};
+use spikelane::unstable::inputs;
+use spikelane::unstable::threads;
+use spikelane_io::formats::StreamReader;
+
+/// Number of readouts per read.
+const BATCH_READOUTS: usize = 248;
+
+/// The statistics of a recording, and the scatter of these statistics between parts of the recording.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct MeasuredRecording {
+    /// Statistics of the whole recording, without the deviations of single readouts
+    /// ([`Intervals::deviations`](crate::Intervals::deviations)).
+    pub statistics: Statistics,
+    pub(super) scatter: Scatter,
+}
+
+/// Accumulates the statistics of a recording whose length is known in advance.
+pub struct RecordingAccumulator {
+    geometry: Geometry,
+    readouts_pushed: usize,
+    quarter: usize,
+    whole: Vec<Accumulator>,
+    scatter: Scatter,
+}
+
+impl RecordingAccumulator {
+    /// Returns an empty accumulator for `readouts` readouts of a sensor.
+    ///
+    /// The accumulator uses the default options, but it does not measure deviations of single readouts.
+    ///
+    /// # Errors
+    /// Those of [`Accumulator::new`].
+    pub fn new(geometry: Geometry, readouts: usize) -> Result<Self> {
+        let options = MeasureOptions::default();
+        // The report does not use the deviations of single readouts. Measuring them would take a third of the time.
+        let of_pixels = MeasureOptions { frames: false, series_readouts: 0, ..options.clone() };
+        let of_frames = MeasureOptions { counts: false, intervals: false, ..options.clone() };
+        let mut whole = band_accumulators(geometry, &of_pixels)?;
+        whole.push(Accumulator::new(geometry, &of_frames)?);
+        let scatter = Scatter::new(Quantity::all(&options.lags), geometry, readouts);
+        Ok(Self { geometry, readouts_pushed: 0, quarter: readouts / 4, whole, scatter })
+    }
+
+    /// Adds the next readouts.
+    ///
+    /// # Errors
+    /// Those of [`Accumulator::push`].
+    pub fn push(&mut self, frames: SpikeFramesRef<'_>) -> Result<()> {
+        let size = self.geometry.frame_bytes();
+        let mut rest = frames.as_bytes();
+        let kept = self.quarter - gap_readouts(self.quarter);
+        while !rest.is_empty() && self.readouts_pushed < 4 * self.quarter {
+            let within = self.readouts_pushed % self.quarter;
+            if within == 0 {
+                self.begin_parts();
+            }
+            let end = if within < kept { kept } else { self.quarter };
+            let here = (end - within).min(rest.len() / size);
+            let (now, later) = rest.split_at(here * size);
+            self.push_all(SpikeFramesRef::new(self.geometry, now)?)?;
+            self.readouts_pushed += here;
+            rest = later;
+            if within + here == kept {
+                self.end_parts()?;
+            }
+        }
+        self.push_all(SpikeFramesRef::new(self.geometry, rest)?)
+    }
+
+    /// Adds readouts to all accumulators in parallel.
+    fn push_all(&mut self, frames: SpikeFramesRef<'_>) -> Result<()> {
+        match self.whole.len() {
+            0..=2 => self.whole.iter_mut().try_for_each(|a| a.push(frames)),
+            _ => threads::try_map(&mut self.whole, |a| a.push(frames)).map(drop),
+        }
+    }
+
+    /// Begins a quarter. At every second quarter it also begins a half. A half includes the gap between its quarters.
+    fn begin_parts(&mut self) {
+        let half = self.readouts_pushed.is_multiple_of(2 * self.quarter);
+        threads::map(&mut self.whole, |a| {
+            recording_part::begin(a, RecordingPart::Quarter);
+            if half {
+                recording_part::begin(a, RecordingPart::Half);
+            }
+        });
+    }
+
+    /// Ends a quarter. At every second quarter it also ends a half.
+    fn end_parts(&mut self) -> Result<()> {
+        let quarter = self.end_part(RecordingPart::Quarter)?;
+        self.scatter.add_quarter(&quarter);
+        if !((self.readouts_pushed - 1) / self.quarter).is_multiple_of(2) {
+            let half = self.end_part(RecordingPart::Half)?;
+            self.scatter.add_half(&half);
+        }
+        Ok(())
+    }
+
+    fn end_part(&mut self, part: RecordingPart) -> Result<Statistics> {
+        let parts: Vec<_> = threads::map(&mut self.whole, |a| recording_part::end(a, part));
+        Statistics::join(parts.into_iter().flatten().collect())
+    }
+
+    /// Returns the measured recording.
+    ///
+    /// # Errors
+    /// Those of [`Statistics::join`].
+    pub fn finish(self) -> Result<MeasuredRecording> {
+        Ok(MeasuredRecording { statistics: join_accumulators(self.whole)?, scatter: self.scatter })
+    }
+}
+
+impl MeasuredRecording {
+    /// Measures a whole stream. Calls `progress` with the number of readouts measured so far.
+    ///
+    /// # Errors
+    /// If the stream cannot be read, or if it is longer than an [`Accumulator`] accepts.
+    pub fn from_stream(reader: &StreamReader, progress: &mut dyn FnMut(usize)) -> Result<Self> {
+        let geometry = reader.geometry();
+        let mut recorder = RecordingAccumulator::new(geometry, reader.readouts())?;
+        let size = geometry.frame_bytes();
+        let all = reader.readouts();
+        let room = || inputs::zeroed_vec(reader.name(), BATCH_READOUTS.min(all) * size);
+        let (mut now, mut next) = (room()?, room()?);
+        let batch = |at: usize| at..(at + BATCH_READOUTS).min(all);
+        reader.read_frames(0, &mut now[..batch(0).len() * size])?;
+        let mut at = 0;
+        while at < all {
+            // One thread reads the next batch while the other threads measure the current batch.
+            let (here, then) = (batch(at), batch((at + BATCH_READOUTS).min(all)));
+            let measured = || recorder.push(SpikeFramesRef::new(geometry, &now[..here.len() * size])?);
+            let read = || reader.read_frames(then.start, &mut next[..then.len() * size]);
+            let (measured, read) = threads::join(measured, read);
+            measured.and(read)?;
+            std::mem::swap(&mut now, &mut next);
+            at = here.end;
+            progress(at);
+        }
+        recorder.finish()
+    }
+
+    /// Measures packed readouts in memory.
+    ///
+    /// # Errors
+    /// Those of [`Accumulator::push`].
+    pub fn from_frames(frames: SpikeFramesRef<'_>) -> Result<Self> {
+        let mut recorder = RecordingAccumulator::new(frames.geometry(), frames.readouts())?;
+        recorder.push(frames)?;
+        recorder.finish()
+    }
+}

@@ -1,0 +1,56 @@
+//! Measures a part of a recording together with the whole recording.
+
+use crate::{Accumulator, Counts, Intervals, Statistics};
+
+/// Kinds of parts. At most one part of each kind can be open at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum RecordingPart {
+    Half,
+    Quarter,
+}
+
+/// Begins a part at the next readout of `whole`. The function has no effect if `whole` does not measure intervals.
+pub(super) fn begin(whole: &mut Accumulator, part: RecordingPart) {
+    flush(whole);
+    if let Some(state) = &mut whole.intervals {
+        state.begin_part(part as usize);
+    }
+}
+
+/// Ends a part at the last readout that was pushed. Returns `None` if the part never began.
+///
+/// The result contains the intervals of the part, without the histogram of lengths and without the extremes. It also
+/// contains the counts of the part, without coincidences.
+pub(super) fn end(whole: &mut Accumulator, part: RecordingPart) -> Option<Statistics> {
+    flush(whole);
+    let intervals = whole.intervals.as_mut()?.end_part(part as usize)?;
+    Some(Statistics {
+        geometry: whole.geometry,
+        rows: whole.rows.clone(),
+        readouts: intervals.readouts(),
+        counts: Some(interval_counts(&intervals)),
+        frames: None,
+        intervals: Some(intervals),
+        counts_before_split: None,
+    })
+}
+
+fn flush(whole: &mut Accumulator) {
+    if whole.intervals.is_some() && whole.block.len() > 0 {
+        whole.process();
+    }
+}
+
+/// Returns the counts that can be computed from the intervals.
+fn interval_counts(intervals: &Intervals) -> Counts {
+    let (first, last) = intervals.first_and_last_spikes().unzip();
+    Counts {
+        geometry: intervals.geometry,
+        rows: intervals.rows.clone(),
+        readouts: intervals.readouts(),
+        count: intervals.spikes().collect(),
+        first_spike: first,
+        last_spike: last,
+        coincidences: Default::default(),
+    }
+}

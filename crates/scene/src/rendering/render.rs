@@ -1,0 +1,207 @@
+//! Renders a frame. The steps are visibility, labels and deferred shading.
+
+use glam::Vec3;
+
+use super::band::Band;
+use super::fragment::{Facet, FacetCache, surface_id, world_direction};
+use super::frame::SceneInstant;
+use super::raster::{NO_TRIANGLE, SamplePattern};
+use super::rendered_frame::{Labels, RenderedFrame, SamplesPerPixel};
+use super::shade;
+use super::tiles::{BAND_ROWS, Tiles};
+use super::visibility::{Visibility, band_rows, compute_visibility};
+use crate::lighting::luminance;
+use crate::world::Scene;
+use spikelane::error::Result;
+use spikelane::unstable::threads;
+
+impl Scene {
+    /// Renders light and labels at time `t` with `threads` threads.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Usage`](spikelane::error::ErrorKind::Usage) if `t` is outside the drive.
+    pub fn render(&self, t: f64, samples: SamplesPerPixel, threads: usize) -> Result<RenderedFrame> {
+        self.check_time(t)?;
+        Ok(self.render_tiles(t, samples, &self.tiles(), threads))
+    }
+
+    /// Returns the labels at the pixel centers. This is several times faster than a render.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Usage`](spikelane::error::ErrorKind::Usage) if `t` is outside the drive.
+    pub fn labels(&self, t: f64, threads: usize) -> Result<Labels> {
+        self.check_time(t)?;
+        Ok(compute_visibility(
+            &SceneInstant::new(self, t),
+            &SamplePattern::new(0),
+            &self.tiles(),
+            false,
+            threads,
+        )
+        .labels)
+    }
+
+    /// Returns all tiles of the image.
+    pub(crate) fn tiles(&self) -> Tiles {
+        Tiles::all(self.intrinsics.width as usize, self.intrinsics.height as usize)
+    }
+
+    /// Renders light and labels of the tiles that `tiles` selects. `t` must be inside the drive.
+    ///
+    /// In all other tiles, the light is zero and every label is the label of the sky.
+    pub(crate) fn render_tiles(
+        &self,
+        t: f64,
+        samples: SamplesPerPixel,
+        tiles: &Tiles,
+        threads: usize,
+    ) -> RenderedFrame {
+        let frame = &SceneInstant::new(self, t);
+        let pattern = SamplePattern::new(samples.count());
+        let shadows = self.light.sun_illuminance.max_element() > 0.0;
+        let seen = compute_visibility(frame, &pattern, tiles, shadows, threads);
+        let bands = threads::map_indexed(threads, seen.bands.len(), |b| {
+            shade_band(frame, &seen, &pattern, (b, tiles))
+        });
+        let rgb: Vec<[f32; 3]> = bands.into_iter().flatten().collect();
+        let light = rgb.iter().map(|&c| luminance(c.into())).collect();
+        RenderedFrame { labels: seen.labels, light, rgb }
+    }
+}
+
+/// The samples of one pixel at which the same surface is visible.
+#[derive(Clone, Copy)]
+pub(super) struct SurfaceGroup {
+    key: (usize, u32),
+    pub id: u32,
+    /// Number of samples at which the surface is visible. The triangle `id` represents the surface. `triangle_samples`
+    /// is the number of samples at which this triangle is visible.
+    count: f32,
+    pub triangle_samples: f32,
+    /// Sum of the positions of the samples at which the triangle `id` is visible.
+    pub position_sum: (f32, f32),
+}
+
+pub(super) fn shade_band(
+    frame: &SceneInstant,
+    seen: &Visibility,
+    pattern: &SamplePattern,
+    (index, tiles): (usize, &Tiles),
+) -> Vec<[f32; 3]> {
+    let (width, height) = (seen.labels.width, seen.labels.height);
+    let (rows, runs) = (band_rows(index, height), tiles.runs(index));
+    let mut out = vec![[0.0; 3]; width * rows];
+    let mut groups: Vec<SurfaceGroup> = Vec::new();
+    let mut latest = FacetCache::default();
+    for row in 0..rows {
+        let y = index * BAND_ROWS + row;
+        for x in runs.iter().flat_map(|run| run.0..run.1).filter(|&x| tiles.needs_light(x, y)) {
+            groups.clear();
+            collect(frame, &seen.bands[index], pattern, (row, x, y), &mut groups);
+            let mut sum = Vec3::ZERO;
+            for g in &groups {
+                let (gx, gy) = (g.position_sum.0 / g.triangle_samples, g.position_sum.1 / g.triangle_samples);
+                sum += g.count
+                    * if g.id == NO_TRIANGLE {
+                        shade::sky_luminance(frame, world_direction(frame, gx, gy))
+                    } else {
+                        let facet = latest.get(frame, g.id);
+                        let sun = sun_share(frame, seen, pattern, (g, facet), (x, y));
+                        shade::shade(frame, &facet.fragment_at(frame, gx, gy), sun)
+                    };
+            }
+            out[row * width + x] = (sum / (pattern.rows() - 1) as f32).to_array();
+        }
+    }
+    out
+}
+
+pub(super) fn collect(
+    frame: &SceneInstant,
+    band: &Band,
+    pattern: &SamplePattern,
+    (row, x, y): (usize, usize, usize),
+    groups: &mut Vec<SurfaceGroup>,
+) {
+    let first = band.triangle_id(row, x, 0);
+    if (1..pattern.rows()).all(|k| k == pattern.center || band.triangle_id(row, x, k) == first) {
+        // In most pixels, all samples show the same triangle.
+        let key = if first == NO_TRIANGLE { (usize::MAX, 0) } else { surface_id(frame, first) };
+        let count = (pattern.rows() - 1) as f32;
+        // The mean position of the samples of a pixel is the center of the pixel.
+        groups.push(SurfaceGroup {
+            key,
+            id: first,
+            count,
+            triangle_samples: count,
+            position_sum: (count * (x as f32 + 0.5), count * (y as f32 + 0.5)),
+        });
+        return;
+    }
+    for (k, &(dx, dy)) in pattern.offsets.iter().enumerate() {
+        if k == pattern.center {
+            continue;
+        }
+        let id = band.triangle_id(row, x, k);
+        let (px, py) = (x as f32 + dx, y as f32 + dy);
+        // The surface is looked up only if no group has this triangle id.
+        let known = groups.iter().position(|g| g.id == id).or_else(|| {
+            let key = (id != NO_TRIANGLE).then(|| surface_id(frame, id))?;
+            groups.iter().position(|g| g.id != NO_TRIANGLE && g.key == key)
+        });
+        if let Some(i) = known {
+            let g = &mut groups[i];
+            g.count += 1.0;
+            if g.id == id {
+                g.triangle_samples += 1.0;
+                g.position_sum.0 += px;
+                g.position_sum.1 += py;
+            }
+        } else {
+            let key = if id == NO_TRIANGLE { (usize::MAX, 0) } else { surface_id(frame, id) };
+            groups.push(SurfaceGroup { key, id, count: 1.0, triangle_samples: 1.0, position_sum: (px, py) });
+        }
+    }
+}
+
+/// Returns the fraction of the sun that is visible.
+///
+/// If the neighboring pixel centers on the same surface are all sunlit or all in shadow, the result is 1 or 0.
+/// Otherwise up to four rays are traced.
+pub(super) fn sun_share(
+    frame: &SceneInstant,
+    seen: &Visibility,
+    pattern: &SamplePattern,
+    (g, facet): (&SurfaceGroup, &Facet),
+    (x, y): (usize, usize),
+) -> f32 {
+    if frame.scene.light.sun_illuminance.max_element() <= 0.0 {
+        return 0.0;
+    }
+    let (width, height) = (seen.labels.width, seen.labels.height);
+    let (mut sunny, mut known) = (0u32, 0u32);
+    for ny in y.saturating_sub(1)..(y + 2).min(height) {
+        let columns = x.saturating_sub(1)..(x + 2).min(width);
+        let ids = &seen.bands[ny / BAND_ROWS].sample_row(ny % BAND_ROWS, pattern.center)[columns.clone()];
+        for (&id, &sun) in ids.iter().zip(&seen.is_sunlit[ny * width..][columns]) {
+            if id == g.id || (id != NO_TRIANGLE && surface_id(frame, id) == g.key) {
+                known += 1;
+                sunny += u32::from(sun);
+            }
+        }
+    }
+    if known > 1 && (sunny == 0 || sunny == known) {
+        return if sunny > 0 { 1.0 } else { 0.0 };
+    }
+    let ray =
+        |x: f32, y: f32| shade::sees_sun(frame, &facet.surface_point(frame, x, y, facet.depth(frame, x, y)));
+    if g.count < 2.0 {
+        return f32::from(u8::from(ray(
+            g.position_sum.0 / g.triangle_samples,
+            g.position_sum.1 / g.triangle_samples,
+        )));
+    }
+    let spread = [(0.375, 0.125), (0.875, 0.375), (0.125, 0.625), (0.625, 0.875)];
+    let rays = spread.iter().filter(|&&(dx, dy)| ray(x as f32 + dx, y as f32 + dy)).count();
+    rays as f32 * 0.25
+}

@@ -1,0 +1,11 @@
+//! Conversions from and to types of other crates. Each conversion requires the feature with the name of the other crate.
+
+#[cfg(feature = "image")]
+mod image;
+#[cfg(feature = "ndarray")]
+mod ndarray;
+#[cfg(feature = "serde")]
+mod serde;
+
+#[cfg(feature = "image")]
+pub use image::gray_image;

@@ -1,0 +1,160 @@
+//! The catalog of effects. It contains the effects of this library and the effects that other crates add.
+
+use crate::error::{Error, ErrorKind, Result};
+
+use super::ALL;
+use super::definition::{Definition, Param, ParamKind};
+
+/// A list of effects that can be found by name.
+///
+/// It contains the effects of this library ([`ALL`]) first, then the added effects in the order of addition. Functions
+/// that read cameras or diagnose sensors require a catalog, for example [`Catalog::load`] and
+/// `crate::diagnose::DiagnoseOptions`. The simulation of a camera requires no catalog.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Catalog {
+    extra_definitions: Vec<&'static Definition>,
+}
+
+impl Catalog {
+    /// Returns a catalog with the effects of this library only.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Returns this catalog with `definition` added. A catalog that already contains `definition` is unchanged.
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::Config`] if another effect has the same name, or if the definition contradicts itself. A
+    /// contradiction is a name that a camera file cannot contain, a repeated parameter key, or a neutral, typical or
+    /// search value outside its range.
+    pub fn with_definition(mut self, definition: &'static Definition) -> Result<Self> {
+        if self.all().any(|d| d == definition) {
+            return Ok(self);
+        }
+        if self.all().any(|d| d.name == definition.name) {
+            return Err(name_clash_error(definition.name));
+        }
+        check_definition(definition)
+            .map_err(|e| e.with_context(format_args!("effect {}", definition.name)))?;
+        self.extra_definitions.push(definition);
+        Ok(self)
+    }
+
+    /// Returns all effects. The effects of the library are first.
+    pub fn all(&self) -> impl Iterator<Item = &'static Definition> + '_ {
+        ALL.iter().chain(&self.extra_definitions).copied()
+    }
+
+    /// Returns the effect called `name`.
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::Config`] if there is no such effect. The error lists the names of all effects.
+    pub fn find(&self, name: &str) -> Result<&'static Definition> {
+        self.all().find(|d| d.name == name).ok_or_else(|| {
+            let names: Vec<_> = self.all().map(|d| d.name).collect();
+            Error::new(ErrorKind::Config, "effect")
+                .found(format_args!("\"{name}\""))
+                .expected(format_args!("one of {}", names.join(", ")))
+                .with_suggestion(name, names)
+        })
+    }
+}
+
+/// Returns the error for two effects with the same name.
+pub(super) fn name_clash_error(name: &str) -> Error {
+    Error::new(ErrorKind::Config, format_args!("effect {name}"))
+        .found("two effects with this name")
+        .expected("a different name for each effect")
+        .remedy("rename your effect")
+}
+
+fn check_definition(definition: &Definition) -> Result<()> {
+    let plain = |name: &str| {
+        let letters = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+        !name.is_empty() && name.chars().all(letters)
+    };
+    for (i, param) in definition.params.iter().enumerate() {
+        if !plain(param.key) || definition.params[..i].iter().any(|p| p.key == param.key) {
+            return Err(Error::new(ErrorKind::Config, "parameter")
+                .found(format_args!("\"{}\"", param.key))
+                .expected("lowercase letters, digits and _, each key once"));
+        }
+        check_values(param).map_err(|e| e.with_context(param.key))?;
+    }
+    if plain(definition.name) {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Config, "name")
+        .found(format_args!("\"{}\"", definition.name))
+        .expected("lowercase letters, digits and _"))
+}
+
+fn check_values(param: &Param) -> Result<()> {
+    param.check(param.neutral)?;
+    param.check(param.typical)?;
+    let Some(tried) = param.search else { return Ok(()) };
+    if let ParamKind::Choice(_) = param.kind {
+        return Err(Error::new(ErrorKind::Config, "search range")
+            .found("a parameter with a choice of words")
+            .expected("a numeric parameter"));
+    }
+    let (low, high) = tried.range;
+    let inside = |value: &f64| (low..=high).contains(value) && param.check(*value).is_ok();
+    if tried.values.iter().all(inside) && low.is_finite() && high.is_finite() {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Config, "search range")
+        .found(format_args!("{:?} in {low} to {high}", tried.values))
+        .expected(format_args!("values in a finite range, within {}", param.range())))
+}
+
+/// Returns the effect of this library called `name`.
+///
+/// # Errors
+/// Returns [`ErrorKind::Config`] if there is no such effect. The error lists the names of all effects.
+pub fn find(name: &str) -> Result<&'static Definition> {
+    Catalog::new().find(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::definition::SearchSpec;
+    use crate::units::Unit;
+
+    const SHARE: Param = Param::number("share", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.1, "share");
+
+    #[test]
+    fn every_effect_of_the_library_could_be_brought_from_outside() {
+        for definition in ALL {
+            check_definition(definition).unwrap_or_else(|e| panic!("{}: {e}", definition.name));
+        }
+    }
+
+    #[test]
+    fn a_name_that_is_taken_is_refused() {
+        static LEAK: Definition = Definition::new("leak", "", "", &[]);
+        static NEW: Definition = Definition::new("new", "", "", &[]);
+        static NEWER: Definition = Definition::new("new", "", "", &[]);
+        assert_eq!(Catalog::new().with_definition(&LEAK).unwrap_err().kind(), ErrorKind::Config);
+        let one = Catalog::new().with_definition(&NEW).unwrap();
+        assert_eq!(one.clone().with_definition(&NEW).unwrap(), one, "the same again");
+        assert!(one.with_definition(&NEWER).unwrap_err().to_string().contains("effect new"));
+    }
+
+    #[test]
+    fn a_definition_that_contradicts_itself_is_refused() {
+        static SPACED: Definition = Definition::new("two words", "", "", &[]);
+        static TWICE: Definition = Definition::new("twice", "", "", &[SHARE, SHARE]);
+        static NEUTRAL: [Param; 1] =
+            [Param::number("share", Unit::Dimensionless, (0.5, 1.0), 0.0, 0.6, "share")];
+        static OUTSIDE: Definition = Definition::new("outside", "", "", &NEUTRAL);
+        static BEYOND: [Param; 1] = [SHARE.with_search(SearchSpec::amplitude((0.0, 2.0), &[1.5]))];
+        static TRIED: Definition = Definition::new("tried", "", "", &BEYOND);
+        for definition in [&SPACED, &TWICE, &OUTSIDE, &TRIED] {
+            let error = Catalog::new().with_definition(definition).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Config, "{}", definition.name);
+        }
+    }
+}

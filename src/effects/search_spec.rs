@@ -1,0 +1,78 @@
+//! The values of a parameter that a diagnosis tries.
+
+/// The scale on which a diagnosis varies a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SearchScale {
+    /// Linear: the statistics change in proportion to the parameter.
+    Linear,
+    /// Square: the statistics change in proportion to the square of the parameter, for standard deviations.
+    Square,
+    /// Logarithm, for shapes such as time constants.
+    Log,
+    /// Logarithm of `1 - x`, for the share `x` that remains after a readout.
+    LogComplement,
+}
+
+/// The values of a parameter that a diagnosis tries, their range and their scale.
+///
+/// In the list of an effect's parameters, the first parameter with a search specification is the amplitude. Further
+/// parameters with a search specification describe the shape. A diagnosis tries all combinations of the start values.
+///
+/// Start values of an amplitude increase from weak to strong. At each start value the effect is clearly visible but still
+/// nearly linear. The range contains every plausible sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct SearchSpec {
+    /// Scale on which the parameter varies.
+    pub scale: SearchScale,
+    /// Smallest and largest value.
+    pub range: (f64, f64),
+    /// Start values. If the list is empty, the only start value is the length of the recording in readouts.
+    pub values: &'static [f64],
+    /// Whether the parameter is a frequency of the light in hertz. Such light adds a line to the spectrum of the frame
+    /// totals.
+    pub is_frequency: bool,
+}
+
+impl SearchSpec {
+    const fn new(scale: SearchScale, range: (f64, f64), values: &'static [f64]) -> Self {
+        assert!(range.0 <= range.1, "a range from the smaller to the larger value");
+        Self { scale, range, values, is_frequency: false }
+    }
+
+    /// Returns a specification for a strength. The statistics change in proportion to the strength.
+    #[must_use]
+    pub const fn amplitude(range: (f64, f64), values: &'static [f64]) -> Self {
+        Self::new(SearchScale::Linear, range, values)
+    }
+
+    /// Returns a specification for a standard deviation. The statistics change in proportion to its square.
+    #[must_use]
+    pub const fn deviation(range: (f64, f64), values: &'static [f64]) -> Self {
+        Self::new(SearchScale::Square, range, values)
+    }
+
+    /// Returns a specification for a positive shape: a time constant, a length or a share of the pixels.
+    #[must_use]
+    pub const fn shape(range: (f64, f64), values: &'static [f64]) -> Self {
+        Self::new(SearchScale::Log, range, values)
+    }
+
+    /// Returns a specification for the share, below one, of a quantity that remains after a readout.
+    #[must_use]
+    pub const fn retention(range: (f64, f64), values: &'static [f64]) -> Self {
+        Self::new(SearchScale::LogComplement, range, values)
+    }
+
+    /// Returns a specification for a frequency of the light, in hertz.
+    #[must_use]
+    pub const fn frequency(range: (f64, f64), values: &'static [f64]) -> Self {
+        Self { is_frequency: true, ..Self::new(SearchScale::Log, range, values) }
+    }
+
+    /// Returns a specification for a duration in readouts. The start value is the length of the recording.
+    #[must_use]
+    pub const fn recording_length() -> Self {
+        Self::new(SearchScale::Log, (1.0, 1e9), &[])
+    }
+}

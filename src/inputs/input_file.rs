@@ -1,0 +1,289 @@
+//! Opening and reading of input files.
+
+use std::borrow::Borrow;
+use std::fs::{File, Metadata};
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// Largest size in bytes of a text file with settings: a plan, a camera, a set of recordings or a sidecar.
+pub const MAX_TEXT_BYTES: u64 = 16 << 20;
+
+/// A regular file, open for reading at any position and from any thread.
+///
+/// The length is determined when the file is opened. Another process may change or shorten the file at any time. The
+/// bytes are therefore copied and never mapped. Reading after a new end then returns an error and does not raise a
+/// signal.
+#[derive(Debug)]
+pub struct InputFile {
+    file: File,
+    path: PathBuf,
+    len: u64,
+}
+
+impl InputFile {
+    /// Opens the regular file at `path` without blocking.
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::Io`] if the file cannot be opened, and [`ErrorKind::Input`] if it is a folder, pipe, socket or
+    /// device.
+    pub fn open(path: &Path) -> Result<Self> {
+        let io = |e| Error::io(path.display(), e);
+        // Opening a named pipe blocks until another process opens the pipe, so the type is checked before the file is
+        // opened.
+        // The file at `path` can be replaced between the check and the opening. The file is therefore opened without
+        // blocking and checked again.
+        check_regular(path, &std::fs::metadata(path).map_err(io)?)?;
+        let file = open_without_waiting(path).map_err(io)?;
+        let found = file.metadata().map_err(io)?;
+        check_regular(path, &found)?;
+        Ok(Self { file, path: path.to_owned(), len: found.len() })
+    }
+
+    /// Returns whether the file was empty at opening.
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Returns the length at opening, in bytes.
+    pub const fn len(&self) -> u64 {
+        self.len
+    }
+
+    /// Returns the path under which the file was opened.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Fills `bytes` with the bytes of the file that start at `offset`.
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::Input`] if the file has too few bytes, for example because another process shortened the
+    /// file.
+    /// Returns [`ErrorKind::Io`] if the system cannot read the file.
+    pub fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
+        read_exact_at(&self.file, offset, bytes).map_err(|e| match e.kind() {
+            io::ErrorKind::UnexpectedEof => self.shortened_error(offset + bytes.len() as u64),
+            _ => Error::io(self.path.display(), e),
+        })
+    }
+
+    /// Returns a reader with its own position, which starts at the first byte.
+    ///
+    /// The reader ends at the length of the file at opening. It returns an error if the file has been shortened since.
+    pub fn reader(&self) -> InputReader<&Self> {
+        InputReader { file: self, position: 0 }
+    }
+
+    /// Returns a reader that owns the file and otherwise equals [`InputFile::reader`].
+    pub fn into_reader(self) -> InputReader<Self> {
+        InputReader { file: self, position: 0 }
+    }
+
+    fn shortened_error(&self, wanted: u64) -> Error {
+        let now = self.file.metadata().map_or(0, |m| m.len());
+        Error::new(ErrorKind::Input, self.path.display())
+            .found(format_args!("{now} bytes; the file had {} when it was opened", self.len))
+            .expected(format_args!("bytes up to {wanted}"))
+            .remedy("another process shortened or replaced the file; read it again when that process has finished")
+    }
+}
+
+/// A sequential reader of an [`InputFile`].
+#[derive(Debug)]
+pub struct InputReader<F> {
+    file: F,
+    position: u64,
+}
+
+impl<F: Borrow<InputFile>> Read for InputReader<F> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let file = self.file.borrow();
+        let left = file.len.saturating_sub(self.position);
+        let len = usize::try_from(left).unwrap_or(usize::MAX).min(bytes.len());
+        file.read_at(self.position, &mut bytes[..len]).map_err(io::Error::other)?;
+        self.position += len as u64;
+        Ok(len)
+    }
+}
+
+impl<F: Borrow<InputFile>> Seek for InputReader<F> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let moved = match to {
+            SeekFrom::Start(at) => Some(at),
+            SeekFrom::End(by) => self.file.borrow().len.checked_add_signed(by),
+            SeekFrom::Current(by) => self.position.checked_add_signed(by),
+        };
+        self.position = moved.ok_or(io::ErrorKind::InvalidInput)?;
+        Ok(self.position)
+    }
+}
+
+/// Returns all bytes of the regular file at `path`.
+///
+/// `limit` is the maximum size in bytes. `description` names the kind of file in errors.
+///
+/// # Errors
+/// Returns the errors of [`InputFile::open`]. Returns [`ErrorKind::Input`] if the file is larger than `limit`.
+pub fn read_bytes(path: &Path, description: &str, limit: u64) -> Result<Vec<u8>> {
+    let file = InputFile::open(path)?;
+    if file.len() > limit {
+        return Err(Error::new(ErrorKind::Input, path.display())
+            .found(format_args!("{} bytes", file.len()))
+            .expected(format_args!("{description}, at most {limit} bytes")));
+    }
+    let len = usize::try_from(file.len()).unwrap_or(usize::MAX);
+    let mut bytes = super::zeroed_vec(path.display(), len)?;
+    file.read_at(0, &mut bytes)?;
+    Ok(bytes)
+}
+
+/// Returns the text of the regular file at `path`. The maximum size is [`MAX_TEXT_BYTES`].
+///
+/// `description` names the kind of file in errors.
+///
+/// # Errors
+/// Returns the errors of [`read_bytes`], and [`ErrorKind::Input`] if the text is not UTF-8.
+pub fn read_text(path: &Path, description: &str) -> Result<String> {
+    read_text_up_to(path, description, MAX_TEXT_BYTES)
+}
+
+/// Returns the text of the regular file at `path`. The maximum size is `limit` bytes.
+///
+/// `description` names the kind of file in errors.
+///
+/// # Errors
+/// Returns the errors of [`read_text`].
+pub fn read_text_up_to(path: &Path, description: &str, limit: u64) -> Result<String> {
+    let bytes = read_bytes(path, description, limit)?;
+    String::from_utf8(bytes).map_err(|e| {
+        Error::new(ErrorKind::Input, path.display())
+            .found(format_args!("bytes at {} that are not UTF-8", e.utf8_error().valid_up_to()))
+            .expected(format_args!("{description}, as text"))
+    })
+}
+
+/// Replaces the error that a file does not exist by `None`.
+///
+/// # Errors
+/// Returns every other error of `read`.
+pub fn not_found_as_none<T>(read: Result<T>) -> Result<Option<T>> {
+    match read {
+        Ok(value) => Ok(Some(value)),
+        Err(e) if e.io_error().is_some_and(|e| e.kind() == io::ErrorKind::NotFound) => Ok(None),
+        Err(e) => Err(e),
+    }
+}
+
+fn check_regular(path: &Path, found: &Metadata) -> Result<()> {
+    if found.is_file() {
+        return Ok(());
+    }
+    let description = if found.is_dir() { "a directory" } else { "a pipe or device" };
+    Err(Error::new(ErrorKind::Input, path.display()).found(description).expected("a regular file"))
+}
+
+/// The flag `O_NONBLOCK` of `open(2)`.
+#[cfg(any(target_os = "linux", target_os = "android"))]
+const O_NONBLOCK: i32 = 0o4000;
+#[cfg(target_vendor = "apple")]
+const O_NONBLOCK: i32 = 0x4;
+
+#[cfg(any(target_os = "linux", target_os = "android", target_vendor = "apple"))]
+fn open_without_waiting(path: &Path) -> io::Result<File> {
+    use std::os::unix::fs::OpenOptionsExt as _;
+    File::options().read(true).custom_flags(O_NONBLOCK).open(path)
+}
+
+#[cfg(not(any(target_os = "linux", target_os = "android", target_vendor = "apple")))]
+fn open_without_waiting(path: &Path) -> io::Result<File> {
+    File::open(path)
+}
+
+#[cfg(unix)]
+fn read_exact_at(file: &File, offset: u64, bytes: &mut [u8]) -> io::Result<()> {
+    use std::os::unix::fs::FileExt as _;
+    file.read_exact_at(bytes, offset)
+}
+
+/// Reads with `seek` and `read`, because stable Rust has no positioned reads on WebAssembly.
+///
+/// WebAssembly has no threads, so no other code can change the position between the two calls.
+#[cfg(not(any(unix, windows)))]
+fn read_exact_at(mut file: &File, offset: u64, bytes: &mut [u8]) -> io::Result<()> {
+    file.seek(SeekFrom::Start(offset))?;
+    file.read_exact(bytes)
+}
+
+#[cfg(windows)]
+fn read_exact_at(file: &File, mut offset: u64, mut bytes: &mut [u8]) -> io::Result<()> {
+    use std::os::windows::fs::FileExt as _;
+    while !bytes.is_empty() {
+        match file.seek_read(bytes, offset) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(n) => {
+                bytes = &mut bytes[n..];
+                offset += n as u64;
+            }
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_is_shortened_while_it_is_read_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("stream.dat");
+        std::fs::write(&path, [7; 1000]).unwrap();
+        let file = InputFile::open(&path).unwrap();
+        let mut bytes = [0; 100];
+        file.read_at(900, &mut bytes).unwrap();
+        assert_eq!(bytes, [7; 100]);
+        File::options().write(true).open(&path).unwrap().set_len(950).unwrap();
+        let error = file.read_at(900, &mut bytes).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Input);
+        assert!(error.to_string().contains("950 bytes; the file had 1000"), "{error}");
+        assert!(io::copy(&mut file.reader(), &mut io::sink()).is_err());
+    }
+
+    #[test]
+    fn a_reader_ends_at_the_length_at_opening() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("growing");
+        std::fs::write(&path, "first").unwrap();
+        let file = InputFile::open(&path).unwrap();
+        std::fs::write(&path, "first and more").unwrap();
+        let mut text = String::new();
+        file.reader().read_to_string(&mut text).unwrap();
+        assert_eq!(text, "first");
+    }
+
+    #[test]
+    fn large_files_and_folders_are_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(InputFile::open(folder.path()).unwrap_err().kind(), ErrorKind::Input);
+        let path = folder.path().join("plan.json");
+        std::fs::write(&path, "{}").unwrap();
+        assert_eq!(read_text(&path, "a plan").unwrap(), "{}");
+        assert_eq!(read_bytes(&path, "a plan", 1).unwrap_err().kind(), ErrorKind::Input);
+        File::options().write(true).open(&path).unwrap().set_len(MAX_TEXT_BYTES + 1).unwrap();
+        assert_eq!(read_text(&path, "a plan").unwrap_err().kind(), ErrorKind::Input);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        assert_eq!(InputFile::open(&path).unwrap_err().kind(), ErrorKind::Input);
+        assert_eq!(InputFile::open(Path::new("/dev/zero")).unwrap_err().kind(), ErrorKind::Input);
+    }
+}

@@ -1,0 +1,55 @@
+//! The duration of the frames of a source.
+
+use super::frame::Source;
+use super::rate::Rate;
+use super::timeline::{Interpolation, Timeline};
+use crate::error::Result;
+
+/// Number of readouts per frame for a source without frame times and without a rate.
+///
+/// At 20 kHz, 20 readouts last 1 ms. Motion at 1,000 pixels per second moves one pixel in 1 ms.
+pub const DEFAULT_READOUTS_PER_FRAME: u64 = 20;
+
+/// The frame timing that the user requests. A field that is `None` uses the timing of the source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameTiming {
+    /// Number of readouts per frame.
+    pub readouts_per_frame: Option<u64>,
+    /// Frames per second. This rate replaces the rate of the source.
+    pub frame_rate: Option<Rate>,
+}
+
+impl FrameTiming {
+    /// Returns whether neither the user nor the source states a timing.
+    #[must_use]
+    pub fn is_guessed(&self, source: &dyn Source) -> bool {
+        let said = self.readouts_per_frame.is_some() || self.frame_rate.is_some();
+        !said && source.frame_times().is_none() && source.rate().is_none()
+    }
+
+    /// Returns the timeline. The first present item of this list determines the timing:
+    ///
+    /// 1. the readouts per frame,
+    /// 2. the frame rate,
+    /// 3. the frame times of the source,
+    /// 4. the rate of the source,
+    /// 5. [`DEFAULT_READOUTS_PER_FRAME`].
+    ///
+    /// # Errors
+    /// Returns the errors of [`Timeline::from_readouts_per_frame`], [`Timeline::from_rates`] and [`Timeline::from_times`].
+    pub fn timeline(
+        &self,
+        source: &dyn Source,
+        readout: Rate,
+        interpolation: Interpolation,
+    ) -> Result<Timeline> {
+        if let Some(readouts) = self.readouts_per_frame {
+            return Timeline::from_readouts_per_frame(readouts, interpolation);
+        }
+        match (self.frame_rate, source.frame_times(), source.rate()) {
+            (None, Some(times), _) if times.len() > 1 => Timeline::from_times(times, readout, interpolation),
+            (Some(rate), ..) | (None, _, Some(rate)) => Timeline::from_rates(rate, readout, interpolation),
+            _ => Timeline::from_readouts_per_frame(DEFAULT_READOUTS_PER_FRAME, interpolation),
+        }
+    }
+}

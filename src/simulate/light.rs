@@ -1,0 +1,157 @@
+//! The light of a run: the form that callers pass, and the form that kernels use.
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::kernels::{Segment, SegmentLight};
+use crate::light::{Frame, Timeline};
+use crate::simulate::FrameRef;
+use crate::simulate::frame_ref::DenseFrame;
+use crate::simulate::frame_sequence::FrameSequence;
+use crate::spikes::Geometry;
+
+/// The light during the readouts of one call.
+///
+/// Samples, a [`FrameRef`] or a [`Frame`] convert to light that is constant during the whole call.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{Interpolation, Timeline};
+/// use spikelane::{Camera, FrameRef, Light, Seeds, Sensor, Simulator};
+/// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(4, 2, 20_000.0)?), Seeds::default())?;
+/// let (dark, bright) = (vec![0u8; 8], vec![255u8; 8]);
+///
+/// // One frame for ten readouts.
+/// simulator.run(&bright, 10)?;
+///
+/// // A straight line from one frame to another, with a weight of the second frame for each of four readouts.
+/// simulator.run(Light::linear(&dark, &bright, &[0.0, 0.25, 0.5, 0.75]), 4)?;
+///
+/// // Frames along a timeline: a new frame every 20 readouts, linear in between.
+/// let frames = [FrameRef::new(&dark), FrameRef::new(&bright)];
+/// let timeline = Timeline::from_readouts_per_frame(20, Interpolation::Linear)?;
+/// let spikes = simulator.run(Light::sequence(&frames, &timeline), 40)?;
+/// assert_eq!(spikes.readouts(), 40);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Light<'a>(Source<'a>);
+
+#[derive(Clone, Debug)]
+enum Source<'a> {
+    Hold(FrameRef<'a>),
+    Linear { from: FrameRef<'a>, to: FrameRef<'a>, weights: &'a [f32] },
+    Sequence { frames: &'a [FrameRef<'a>], timeline: &'a Timeline },
+}
+
+impl<'a> Light<'a> {
+    /// Returns light that is `frame` at every readout.
+    #[must_use]
+    pub fn hold(frame: impl Into<FrameRef<'a>>) -> Self {
+        Self(Source::Hold(frame.into()))
+    }
+
+    /// Returns light between two frames. The light of readout `i` is `from + (to - from) * weights[i]`.
+    ///
+    /// The call must run exactly one readout per weight. Weights must be within 0 to 1.
+    #[must_use]
+    pub fn linear(from: impl Into<FrameRef<'a>>, to: impl Into<FrameRef<'a>>, weights: &'a [f32]) -> Self {
+        Self(Source::Linear { from: from.into(), to: to.into(), weights })
+    }
+
+    /// Returns the light of frames on a timeline. Readout 0 of the timeline is the first readout of the call.
+    ///
+    /// The call may run at most [`Timeline::readouts`] readouts. To continue with further frames in another call, pass
+    /// the last frame of this call as the first frame of the other call.
+    #[must_use]
+    pub fn sequence(frames: &'a [FrameRef<'a>], timeline: &'a Timeline) -> Self {
+        Self(Source::Sequence { frames, timeline })
+    }
+}
+
+impl<'a> From<FrameRef<'a>> for Light<'a> {
+    fn from(frame: FrameRef<'a>) -> Self {
+        Self::hold(frame)
+    }
+}
+
+impl<'a> From<&'a Frame> for Light<'a> {
+    fn from(frame: &'a Frame) -> Self {
+        Self::hold(frame)
+    }
+}
+
+macro_rules! light_from_samples {
+    ($($sample:ty),*) => {$(
+        impl<'a> From<&'a [$sample]> for Light<'a> {
+            fn from(samples: &'a [$sample]) -> Self {
+                Self::hold(samples)
+            }
+        }
+
+        impl<'a> From<&'a Vec<$sample>> for Light<'a> {
+            fn from(samples: &'a Vec<$sample>) -> Self {
+                Self::hold(samples)
+            }
+        }
+
+        impl<'a, const N: usize> From<&'a [$sample; N]> for Light<'a> {
+            fn from(samples: &'a [$sample; N]) -> Self {
+                Self::hold(samples)
+            }
+        }
+    )*};
+}
+
+light_from_samples!(u8, u16, f32);
+
+/// Light whose frames have the size of the sensor and valid samples.
+pub(super) enum ValidLight<'a> {
+    Hold(DenseFrame<'a>),
+    Linear { from: DenseFrame<'a>, to: DenseFrame<'a>, weights: &'a [f32] },
+    Sequence(Box<FrameSequence<'a>>),
+}
+
+impl<'a> ValidLight<'a> {
+    /// Checks `light` for a call of `readouts` readouts.
+    ///
+    /// # Errors
+    /// Returns the errors of [`crate::Simulator::fill`].
+    pub(super) fn new(light: Light<'a>, geometry: Geometry, readouts: usize) -> Result<Self> {
+        Ok(match light.0 {
+            Source::Hold(frame) => Self::Hold(frame.validate(geometry)?),
+            Source::Linear { from, to, weights } => {
+                check_weights(weights, readouts)?;
+                Self::Linear { from: from.validate(geometry)?, to: to.validate(geometry)?, weights }
+            }
+            Source::Sequence { frames, timeline } => {
+                Self::Sequence(Box::new(FrameSequence::new(frames, timeline, geometry, readouts)?))
+            }
+        })
+    }
+
+    /// Returns a segment of one readout with the light of the last readout.
+    pub(super) fn last(&self) -> Segment<'_> {
+        let light = match self {
+            Self::Hold(frame) => SegmentLight::Hold(frame.samples()),
+            Self::Linear { from, to, weights } => SegmentLight::Linear {
+                from: from.samples(),
+                to: to.samples(),
+                weights: &weights[weights.len().saturating_sub(1)..],
+            },
+            Self::Sequence(frames) => SegmentLight::Hold(frames.current()),
+        };
+        Segment { readouts: 1, light }
+    }
+}
+
+fn check_weights(weights: &[f32], readouts: usize) -> Result<()> {
+    let error = || Error::new(ErrorKind::Usage, "weights");
+    if weights.len() != readouts {
+        return Err(error()
+            .found(format_args!("{} weights", weights.len()))
+            .expected(format_args!("{readouts}, one for each readout")));
+    }
+    match weights.iter().find(|w| !(0.0..=1.0).contains(*w)) {
+        Some(weight) => Err(error().found(weight).expected("weights within 0 to 1")),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,86 @@
+//! Saved runs: the state of a simulator, and the identity of its camera and seeds. The Python and C libraries use the
+//! same format.
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::plan::SimulatorState;
+use crate::presets::fingerprint;
+use crate::simulate::Simulator;
+
+/// The first bytes of a saved run. They identify the format and its version.
+const MAGIC: &[u8; 8] = b"spkrun02";
+
+/// Length of the magic and the header. The header contains five little-endian 64-bit words: the fingerprint of the
+/// camera, its three seeds, and the maximum light.
+const HEADER_BYTES: usize = 8 + 5 * 8;
+
+/// Length of the [`fingerprint`] that follows the header. It is the fingerprint of the bytes of the state, which follow.
+const FINGERPRINT_BYTES: usize = 8;
+
+impl Simulator {
+    /// Returns the state of this simulator, its seeds and its maximum light as bytes. [`Simulator::restore`] reads these
+    /// bytes.
+    ///
+    /// `camera_fingerprint` is the [`crate::presets::fingerprint`] of the bytes of the camera.
+    #[must_use]
+    pub fn save(&self, camera_fingerprint: u64) -> Vec<u8> {
+        let mut bytes = header(self, camera_fingerprint);
+        let state = self.state().to_bytes();
+        bytes.extend(fingerprint(&state).to_le_bytes());
+        bytes.extend(state);
+        bytes
+    }
+
+    /// Restores the state from the result of [`Simulator::save`]. The following bits equal the bits that the saved
+    /// simulator would return.
+    ///
+    /// # Errors
+    /// If the call fails, this simulator is unchanged.
+    /// * [`ErrorKind::Usage`] if the version, the camera, the seeds or the maximum light differ.
+    /// * [`ErrorKind::Corrupt`] if the bytes have changed since they were saved.
+    /// * [`ErrorKind::Input`] if no run can produce the state.
+    pub fn restore(&mut self, camera_fingerprint: u64, bytes: &[u8]) -> Result<()> {
+        let bad = |found: &str| {
+            Error::new(ErrorKind::Usage, "saved state")
+                .found(found)
+                .expected("a state of this camera and these seeds")
+                .remedy("create the simulator with the arguments of the saved run")
+        };
+        let header = header(self, camera_fingerprint);
+        if !bytes.starts_with(MAGIC) || bytes.len() < HEADER_BYTES + FINGERPRINT_BYTES {
+            let version = bytes.starts_with(&MAGIC[..6]);
+            return Err(if version {
+                bad("a state of another version")
+                    .remedy("simulate from the start and save the state with this version")
+            } else {
+                bad("other data")
+            });
+        }
+        let (own, rest) = bytes.split_at(HEADER_BYTES);
+        for (part, found) in [
+            (8..16, "a state of another camera"),
+            (16..40, "a state of other seeds"),
+            (40..HEADER_BYTES, "a state with another max light"),
+        ] {
+            if own[part.clone()] != header[part] {
+                return Err(bad(found));
+            }
+        }
+        let (stored, rest) = rest.split_at(FINGERPRINT_BYTES);
+        if stored != fingerprint(rest).to_le_bytes() {
+            return Err(Error::new(ErrorKind::Corrupt, "saved state")
+                .found("data that does not match its checksum")
+                .expected("the data as it was saved")
+                .remedy("save it again, or simulate from the start"));
+        }
+        let state = SimulatorState::from_bytes(rest, &self.plan().initial_state())?;
+        self.set_state(state)
+    }
+}
+
+fn header(simulator: &Simulator, camera: u64) -> Vec<u8> {
+    let (seeds, light) = (simulator.plan().seeds(), simulator.plan().max_light());
+    let mut bytes = MAGIC.to_vec();
+    let words = [camera, seeds.camera, seeds.shot, seeds.sequence, light.to_bits()];
+    words.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
+    bytes
+}
