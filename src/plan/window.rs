@@ -16,7 +16,7 @@ impl Plan {
     /// this plan.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within the sensor.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the rectangle is empty or not within the sensor.
     pub fn window(&self, crop: Crop) -> Result<Self> {
         let geometry = crop.geometry(self.geometry)?;
         let cut = WindowCutter {
