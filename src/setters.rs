@@ -6,7 +6,7 @@ macro_rules! with_methods {
     ($owner:ty { $($method:ident: $field:ident: $kind:ty),+ $(,)? }) => {
         impl $owner {
             $(
-                #[doc = concat!("The same with another [`", stringify!($field), "`](Self::", stringify!($field), ").")]
+                #[doc = concat!("Sets [`", stringify!($field), "`](Self::", stringify!($field), ").")]
                 #[must_use]
                 pub fn $method(mut self, $field: $kind) -> Self {
                     self.$field = $field;

@@ -93,9 +93,18 @@ impl<'a> From<Samples<'a>> for FrameRef<'a> {
     }
 }
 
-impl<'a> From<&'a Frame> for FrameRef<'a> {
+impl<'a, T: ?Sized> From<&'a T> for FrameRef<'a>
+where
+    &'a T: Into<Samples<'a>>,
+{
+    fn from(samples: &'a T) -> Self {
+        Self::new(samples)
+    }
+}
+
+impl<'a> From<&'a Frame> for Samples<'a> {
     fn from(frame: &'a Frame) -> Self {
-        Self::new(frame.samples().as_samples())
+        frame.samples().as_samples()
     }
 }
 
@@ -116,24 +125,6 @@ macro_rules! from_samples {
         impl<'a, const N: usize> From<&'a [$sample; N]> for Samples<'a> {
             fn from(samples: &'a [$sample; N]) -> Self {
                 Self::$variant(samples)
-            }
-        }
-
-        impl<'a> From<&'a [$sample]> for FrameRef<'a> {
-            fn from(samples: &'a [$sample]) -> Self {
-                Self::new(samples)
-            }
-        }
-
-        impl<'a> From<&'a Vec<$sample>> for FrameRef<'a> {
-            fn from(samples: &'a Vec<$sample>) -> Self {
-                Self::new(samples)
-            }
-        }
-
-        impl<'a, const N: usize> From<&'a [$sample; N]> for FrameRef<'a> {
-            fn from(samples: &'a [$sample; N]) -> Self {
-                Self::new(samples)
             }
         }
     )*};

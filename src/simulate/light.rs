@@ -2,7 +2,7 @@
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::kernels::{Segment, SegmentLight};
-use crate::light::{Frame, Timeline};
+use crate::light::Timeline;
 use crate::simulate::FrameRef;
 use crate::simulate::frame_ref::DenseFrame;
 use crate::simulate::frame_sequence::FrameSequence;
@@ -73,35 +73,15 @@ impl<'a> From<FrameRef<'a>> for Light<'a> {
     }
 }
 
-impl<'a> From<&'a Frame> for Light<'a> {
-    fn from(frame: &'a Frame) -> Self {
+/// Samples and [`Frame`](crate::light::Frame)s convert as they do into a [`FrameRef`].
+impl<'a, T: ?Sized> From<&'a T> for Light<'a>
+where
+    &'a T: Into<FrameRef<'a>>,
+{
+    fn from(frame: &'a T) -> Self {
         Self::hold(frame)
     }
 }
-
-macro_rules! light_from_samples {
-    ($($sample:ty),*) => {$(
-        impl<'a> From<&'a [$sample]> for Light<'a> {
-            fn from(samples: &'a [$sample]) -> Self {
-                Self::hold(samples)
-            }
-        }
-
-        impl<'a> From<&'a Vec<$sample>> for Light<'a> {
-            fn from(samples: &'a Vec<$sample>) -> Self {
-                Self::hold(samples)
-            }
-        }
-
-        impl<'a, const N: usize> From<&'a [$sample; N]> for Light<'a> {
-            fn from(samples: &'a [$sample; N]) -> Self {
-                Self::hold(samples)
-            }
-        }
-    )*};
-}
-
-light_from_samples!(u8, u16, f32);
 
 /// Light whose frames have the size of the sensor and valid samples.
 pub(super) enum ValidLight<'a> {

@@ -3,6 +3,7 @@ use crate::effects::Camera;
 use crate::error::{Error, ErrorKind, Result};
 use crate::kernels::{self, Backend, Batch, Job, Segment, SegmentLight};
 use crate::plan::{FOREIGN_STATE, Plan, SimulatorState, StateTile};
+use crate::simulate::frame_sequence::FrameSequence;
 use crate::simulate::light::{Light, ValidLight};
 use crate::simulate::segments::batches;
 use crate::simulate::tiles::{gather_frame, tile_pixels};
@@ -281,21 +282,25 @@ impl Simulator {
         out: &mut [u8],
         observe: &mut dyn FnMut(usize) -> Result<()>,
     ) -> Result<usize> {
-        let frames = match light {
-            ValidLight::Hold(frame) => {
-                let light = SegmentLight::Hold(frame.samples());
-                let filled = self.run_segments(&[Segment { readouts, light }], out);
-                observe(readouts)?;
-                return Ok(filled);
-            }
+        let light = match light {
+            ValidLight::Hold(frame) => SegmentLight::Hold(frame.samples()),
             ValidLight::Linear { from, to, weights } => {
-                let light = SegmentLight::Linear { from: from.samples(), to: to.samples(), weights };
-                let filled = self.run_segments(&[Segment { readouts, light }], out);
-                observe(readouts)?;
-                return Ok(filled);
+                SegmentLight::Linear { from: from.samples(), to: to.samples(), weights }
             }
-            ValidLight::Sequence(frames) => frames,
+            ValidLight::Sequence(frames) => return self.run_sequence(frames, readouts, out, observe),
         };
+        let filled = self.run_segments(&[Segment { readouts, light }], out);
+        observe(readouts)?;
+        Ok(filled)
+    }
+
+    fn run_sequence(
+        &mut self,
+        frames: &mut FrameSequence<'_>,
+        readouts: usize,
+        out: &mut [u8],
+        observe: &mut dyn FnMut(usize) -> Result<()>,
+    ) -> Result<usize> {
         let bytes = self.plan.geometry().frame_bytes();
         let (mut done, mut filled) = (0, 0);
         while done < readouts {

@@ -174,6 +174,6 @@ pub fn trimmed_mean(map: &[f64], trim: f64) -> Estimate {
     let (Some(low), Some(high)) = (kept.first(), kept.last()) else {
         return Estimate::mean([]);
     };
-    let winsorised = Estimate::mean(values.iter().map(|x| x.clamp(*low, *high)));
-    Estimate { value, error: winsorised.error / (kept.len() as f64 / n as f64), samples: n }
+    let winsorized = Estimate::mean(values.iter().map(|x| x.clamp(*low, *high)));
+    Estimate { value, error: winsorized.error / (kept.len() as f64 / n as f64), samples: n }
 }

@@ -12,7 +12,7 @@ fn commit() -> String {
     let commit = command_output("git", &["rev-parse", "--short", "HEAD"]);
     let changed = command_output(
         "git",
-        &["status", "--porcelain", "--untracked-files=no", "--", "src", "study", "tests"],
+        &["status", "--porcelain", "--untracked-files=no", "--", "src", "crates", "studies", "tests"],
     );
     if changed.is_empty() { commit } else { format!("{commit} with changes") }
 }
