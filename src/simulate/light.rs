@@ -10,7 +10,7 @@ use crate::spikes::Geometry;
 
 /// The light during the readouts of one call.
 ///
-/// Samples, a [`FrameRef`] or a [`Frame`] convert to light that is constant during the whole call.
+/// Samples, a [`FrameRef`] or a [`Frame`](crate::light::Frame) convert to light that is constant during the whole call.
 ///
 /// # Examples
 /// ```
