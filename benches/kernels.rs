@@ -91,23 +91,23 @@ fn kernels(c: &mut Criterion) {
         let frames: Vec<Vec<u8>> =
             (0..READOUTS).map(|t| (0..PIXELS).map(|p| level(p, t)).collect()).collect();
         let light = |f| SegmentLight::Hold(Samples::U8(f));
-        let held = [Segment { readouts: READOUTS, light: light(&frames[0]) }];
+        let held_light = [Segment { readouts: READOUTS, light: light(&frames[0]) }];
         let new: Vec<_> = frames.iter().map(|f| Segment { readouts: 1, light: light(f) }).collect();
         let weights: Vec<f32> = (0..READOUTS).map(|t| t as f32 / READOUTS as f32).collect();
         let [from, to] = [&frames[0], &frames[READOUTS / 2]].map(|f| Samples::U8(f));
-        let way =
+        let linear_light =
             [Segment { readouts: READOUTS, light: SegmentLight::Linear { from, to, weights: &weights } }];
         let few = |readouts| -> Vec<_> {
             let all = frames.iter().take(READOUTS / readouts);
             all.map(|f| Segment { readouts, light: light(f) }).collect()
         };
         for (name, segments) in [
-            ("held", &held[..]),
+            ("held", &held_light[..]),
             ("held-16", &few(16)),
             ("held-8", &few(8)),
             ("held-4", &few(4)),
             ("new-frame", &new[..]),
-            ("between", &way[..]),
+            ("between", &linear_light[..]),
         ] {
             let expected = run(&plan, &start, Backend::Reference, segments, &mut out);
             let mut group = c.benchmark_group(format!("{noise}/{name}"));
@@ -141,9 +141,9 @@ fn compare_with_scalar_loop() {
     let plan = Plan::new(&camera("full"), Seeds::default()).unwrap();
     let start = plan.initial_state();
     let frame: Vec<u8> = (0..PIXELS).map(|p| 60 + (p * 7 % 40) as u8).collect();
-    let mut plain = scalar::ScalarCamera::new(PIXELS);
+    let mut scalar_camera = scalar::ScalarCamera::new(PIXELS);
     let mut bits = vec![0; PIXELS / 8];
-    let slow = min_seconds(|| plain.readout(&frame, &mut bits));
+    let slow = min_seconds(|| scalar_camera.readout(&frame, &mut bits));
     let rate = spikelane::spikes::count_spikes(&bits) as f64 / PIXELS as f64;
     assert!((0.25..0.38).contains(&rate), "the plain loop fires at {rate}");
     println!("plain f32 loop: {:.4} Gpixel-readouts/s", PIXELS as f64 / slow / 1e9);

@@ -34,9 +34,9 @@ fn main() -> std::io::Result<()> {
 }
 
 /// Frame after frame; with several streams their words alternate.
-fn along_pixels(out: &mut impl Write, clocks: &[CounterRng]) -> std::io::Result<()> {
+fn along_pixels(out: &mut impl Write, rngs: &[CounterRng]) -> std::io::Result<()> {
     for readout in 0.. {
-        let rounds: Vec<RoundKey> = clocks.iter().map(|c| c.round_key(readout)).collect();
+        let rounds: Vec<RoundKey> = rngs.iter().map(|c| c.round_key(readout)).collect();
         for pair in 0..PAIRS {
             for &round in &rounds {
                 out.write_all(&hash_bits(address_key(pair), round).to_le_bytes())?;
@@ -47,9 +47,9 @@ fn along_pixels(out: &mut impl Write, clocks: &[CounterRng]) -> std::io::Result<
 }
 
 /// A thousand readouts of one pair, then of the next; then the next thousand.
-fn along_readouts(out: &mut impl Write, clock: CounterRng) -> std::io::Result<()> {
+fn along_readouts(out: &mut impl Write, rng: CounterRng) -> std::io::Result<()> {
     for block in 0u64.. {
-        let rounds: Vec<RoundKey> = (0..1000).map(|t| clock.round_key(block * 1000 + t)).collect();
+        let rounds: Vec<RoundKey> = (0..1000).map(|t| rng.round_key(block * 1000 + t)).collect();
         for pair in 0..PAIRS {
             for &round in &rounds {
                 out.write_all(&hash_bits(address_key(pair), round).to_le_bytes())?;

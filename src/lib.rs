@@ -56,7 +56,6 @@ mod draws;
 pub mod effects;
 pub mod error;
 mod inputs;
-mod interpolation;
 mod kernels;
 pub mod light;
 mod npy;

@@ -12,10 +12,6 @@ pub mod draws {
 pub mod inputs {
     pub use crate::inputs::*;
 }
-/// Interpolation between samples.
-pub mod interpolation {
-    pub use crate::interpolation::*;
-}
 /// Loops that write and read spike bits.
 pub mod kernels {
     pub use crate::kernels::*;
@@ -32,8 +28,9 @@ pub mod plan {
 pub mod threads {
     pub use crate::threads::*;
 }
-/// Light of stored images.
+/// Light of stored images, and interpolation between samples.
 pub mod light {
+    pub use crate::light::catmull_rom::catmull_rom;
     pub use crate::light::frame::declared_geometry;
     pub use crate::light::transfer::srgb_byte;
 }

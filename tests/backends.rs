@@ -61,14 +61,14 @@ fn dark() -> effects::Effect {
 /// operations.
 fn camera(width: u32, height: u32) -> impl Strategy<Value = Camera> {
     let strengths = proptest::collection::vec((any::<bool>(), 0.0..2.0f64, 0..4u8), effects::ALL.len());
-    let further: Vec<bool> = effects::ALL.iter().map(|d| has_dynamics(d)).collect();
+    let are_dynamic: Vec<bool> = effects::ALL.iter().map(|d| has_dynamics(d)).collect();
     (any::<bool>(), strengths).prop_map(move |(beyond, strengths)| {
         let mut camera = Camera::ideal(Sensor::new(width, height, 20_000.0).unwrap());
-        let all = effects::ALL.iter().zip(strengths).zip(&further);
-        for ((definition, (present, strength, choice)), further) in all {
-            if present && (beyond || !further) {
-                let anywhere = *further && choice == 3;
-                camera = camera.with_effect(effect(definition, strength, choice, anywhere));
+        let all = effects::ALL.iter().zip(strengths).zip(&are_dynamic);
+        for ((definition, (present, strength, choice)), is_dynamic) in all {
+            if present && (beyond || !is_dynamic) {
+                let full_range = *is_dynamic && choice == 3;
+                camera = camera.with_effect(effect(definition, strength, choice, full_range));
             }
         }
         camera
@@ -81,13 +81,13 @@ fn effect(
     definition: &'static effects::Definition,
     strength: f64,
     choice: u8,
-    anywhere: bool,
+    full_range: bool,
 ) -> effects::Effect {
     let mut effect = definition.neutral();
     for param in definition.params {
         let value = match param.kind {
             effects::definition::ParamKind::Choice(words) => f64::from(choice % words.len() as u8),
-            effects::definition::ParamKind::Number { low, high, .. } if anywhere => {
+            effects::definition::ParamKind::Number { low, high, .. } if full_range => {
                 low + (high - low) * strength / 2.0
             }
             effects::definition::ParamKind::Number { low, high, .. } if param.neutral.is_finite() => {
@@ -109,10 +109,10 @@ fn run(
     backend: Backend,
 ) -> (Vec<Vec<u8>>, SimulatorState) {
     let (from, to) = frames.pair();
-    let held = readouts / 2;
-    let weights: Vec<f32> = (0..readouts - held).map(|i| i as f32 / 64.0).collect();
+    let held_readouts = readouts / 2;
+    let weights: Vec<f32> = (0..readouts - held_readouts).map(|i| i as f32 / 64.0).collect();
     let segments = [
-        Segment { readouts: held, light: SegmentLight::Hold(from) },
+        Segment { readouts: held_readouts, light: SegmentLight::Hold(from) },
         interpolated_segment((from, to), &weights),
     ];
     if plan.has_coupled_pixels() {
@@ -140,7 +140,7 @@ fn run(
 fn run_coupled(
     plan: &Plan,
     segments: &[Segment<'_>],
-    most: usize,
+    max_batch: usize,
     backend: Backend,
 ) -> (Vec<Vec<u8>>, SimulatorState) {
     let mut simulator = SimulatorOptions::new().backend(backend).build_from_plan(plan.clone()).unwrap();
@@ -148,10 +148,10 @@ fn run_coupled(
     let bytes = geometry.frame_bytes();
     let mut bits = Vec::new();
     for segment in segments {
-        for first in (0..segment.readouts).step_by(most) {
-            let readouts = most.min(segment.readouts - first);
+        for first in (0..segment.readouts).step_by(max_batch) {
+            let readouts = max_batch.min(segment.readouts - first);
             let mut out = vec![0xa5; readouts * bytes];
-            let kept = match segment.light {
+            let frames_written = match segment.light {
                 SegmentLight::Hold(samples) => {
                     simulator.advance(FrameRef::new(samples), readouts, &mut out).unwrap()
                 }
@@ -161,7 +161,7 @@ fn run_coupled(
                     simulator.advance(Light::linear(from, to, weights), weights.len(), &mut out).unwrap()
                 }
             };
-            bits.extend(out.chunks(bytes).take(kept).map(<[u8]>::to_vec));
+            bits.extend(out.chunks(bytes).take(frames_written).map(<[u8]>::to_vec));
         }
     }
     (bits, simulator.state().clone())
@@ -190,7 +190,7 @@ fn required_backends_are_available() {
         return;
     };
     for name in required.split(',').filter(|n| !n.is_empty()) {
-        assert!(Backend::parse(name).unwrap().is_available(), "{name}");
+        assert!(name.parse::<Backend>().unwrap().is_available(), "{name}");
     }
 }
 
@@ -200,13 +200,13 @@ proptest! {
     #[test]
     fn every_backend_equals_the_reference_bit_for_bit(
         (camera, frames) in (1u32..90, 1u32..5).prop_flat_map(|(w, h)| (camera(w, h), frames((w * h) as usize))),
-        greatest in 0.5f64..2.0,
+        max_light in 0.5f64..2.0,
         shot in any::<u64>(),
         readouts in 1usize..70,
         tile in 1usize..4,
     ) {
         let seeds = Seeds { camera: 7, shot, sequence: 1 };
-        let plan = match Plan::with_max_light(&camera, seeds, greatest) {
+        let plan = match Plan::with_max_light(&camera, seeds, max_light) {
             Ok(plan) => plan,
             // If the values of a camera do not fit in fixed-point arithmetic, planning must fail instead of
             // approximating the camera.
@@ -214,8 +214,8 @@ proptest! {
         };
         let expected = run(&plan, &frames, readouts, 64, Backend::Reference);
         for backend in vector_backends() {
-            let found = run(&plan, &frames, readouts, 64, backend);
-            prop_assert_eq!(&expected, &found, "{}", backend);
+            let actual = run(&plan, &frames, readouts, 64, backend);
+            prop_assert_eq!(&expected, &actual, "{}", backend);
         }
         let (bits, state) = run(&plan, &frames, readouts, tile * 64, Backend::Reference);
         prop_assert_eq!(&expected.1, &state, "tile {}", tile);
@@ -349,7 +349,7 @@ proptest! {
         clamped in any::<bool>(),
         dark_quanta in any::<bool>(),
         moves in any::<bool>(),
-        beside in 0..EXTRA_EFFECTS.len(),
+        extra in 0..EXTRA_EFFECTS.len(),
         noise_sampling in prop_oneof![Just("every-readout"), Just("every-reset")],
         width in 60u32..150,
         readouts in 1usize..150,
@@ -374,7 +374,7 @@ proptest! {
         if dark_quanta {
             camera = camera.with_effect(typical("dark_shot_noise"));
         }
-        if let Some(name) = EXTRA_EFFECTS[beside] {
+        if let Some(name) = EXTRA_EFFECTS[extra] {
             camera = camera.with_effect(typical(name));
         }
         let plan = Plan::with_max_light(&camera, Seeds { camera: seed, shot: seed, sequence: 0 }, 1.3).unwrap();
@@ -399,7 +399,7 @@ proptest! {
         };
         let expected = stream(Backend::Reference);
         for backend in vector_backends() {
-            prop_assert!(expected == stream(backend), "{} beside {:?}", backend, EXTRA_EFFECTS[beside]);
+            prop_assert!(expected == stream(backend), "{} extra {:?}", backend, EXTRA_EFFECTS[extra]);
         }
     }
 }

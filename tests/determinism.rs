@@ -114,10 +114,10 @@ fn the_camera_seed_alone_moves_the_fixed_pattern_and_the_shot_seed_alone_the_noi
     assert_ne!(base.1, other_shot.1, "the shot seed left the temporal noise");
     // The camera seed does not change the temporal draws. Without a fixed pattern, the bits for different camera seeds
     // are therefore equal.
-    let plain =
+    let base_camera =
         camera_with(100, 100, &[("shot_noise", &[("strength", 1.0)]), ("start_phase", &[("share", 1.0)])]);
     let bits = |camera_seed, shot| {
-        simulate_packed(&plain, Seeds { camera: camera_seed, shot, sequence: 0 }, &light, 100)
+        simulate_packed(&base_camera, Seeds { camera: camera_seed, shot, sequence: 0 }, &light, 100)
     };
     assert!(bits(1, 1) == bits(2, 1) && bits(1, 1) != bits(1, 2));
 }
@@ -132,8 +132,8 @@ fn run_in_pieces(
     threads: usize,
 ) -> (Vec<u8>, SimulatorState) {
     let geometry = plan.geometry();
-    let fresh = || SimulatorOptions::new().threads(threads).build_from_plan(plan.clone()).unwrap();
-    let mut simulator = fresh();
+    let new_simulator = || SimulatorOptions::new().threads(threads).build_from_plan(plan.clone()).unwrap();
+    let mut simulator = new_simulator();
     let mut all = Vec::new();
     for &readouts in pieces {
         let mut bytes = vec![0x5a; readouts * geometry.frame_bytes()];
@@ -141,7 +141,7 @@ fn run_in_pieces(
         all.extend(bytes);
         if save {
             let saved = simulator.state().to_bytes();
-            simulator = fresh();
+            simulator = new_simulator();
             simulator.set_state(SimulatorState::from_bytes(&saved, &plan.initial_state()).unwrap()).unwrap();
         }
     }
@@ -166,13 +166,13 @@ proptest! {
         shot in any::<u64>(),
         level in 0.0f32..1.3,
     ) {
-        let greatest = if camera.name == "spikecv-image" { 2.0 } else { 1.5 };
-        let plan = Plan::with_max_light(&camera, seeds(shot), greatest).unwrap();
+        let max_light = if camera.name == "spikecv-image" { 2.0 } else { 1.5 };
+        let plan = Plan::with_max_light(&camera, seeds(shot), max_light).unwrap();
         let light = spread_light(f64::from(level), 0.3, plan.geometry().pixels(), shot);
-        let whole = run_in_pieces(&plan, &light, &[pieces.iter().sum()], false, 1);
+        let one_piece = run_in_pieces(&plan, &light, &[pieces.iter().sum()], false, 1);
         let cut = run_in_pieces(&plan, &light, &pieces, save, threads);
-        prop_assert!(whole.0 == cut.0, "bits differ");
-        prop_assert!(whole.1 == cut.1, "states differ");
+        prop_assert!(one_piece.0 == cut.0, "bits differ");
+        prop_assert!(one_piece.1 == cut.1, "states differ");
     }
 
     #[test]

@@ -93,21 +93,24 @@ fn pixels_without_noise_fire_as_the_exact_frame_does() {
         .map(|(i, &(low, high))| random_light(143, low, high, i as u64))
         .collect();
     let without = camera_with(13, 11, &[START, pattern, dark]);
-    let (_, plain) = differing_bits(&without, &without, &frames, 400);
+    let (_, base_spikes) = differing_bits(&without, &without, &frames, 400);
     for &(name, values) in cases {
         let camera = |values: Values<'_>| camera_with(13, 11, &[START, pattern, dark, (name, values)]);
         let stronger: Vec<_> =
             values.iter().map(|(k, v)| (*k, if *k == values[0].0 { v * 1.001 } else { *v })).collect();
         let (differing, bytes) = differing_bits(&camera(values), &camera(values), &frames, 400);
-        let (seen, _) = differing_bits(&camera(values), &camera(&stronger), &frames, 400);
+        let (changed, _) = differing_bits(&camera(values), &camera(&stronger), &frames, 400);
         let spikes = spikelane::spikes::count_spikes(&bytes);
-        let moved: u32 = plain.iter().zip(&bytes).map(|(a, b)| (a ^ b).count_ones()).sum();
+        let moved_bits: u32 = base_spikes.iter().zip(&bytes).map(|(a, b)| (a ^ b).count_ones()).sum();
         eprintln!(
-            "{name} {values:?}: {differing} bits of {spikes} spikes differ, {seen} with a thousandth more, {moved} without"
+            "{name} {values:?}: {differing} bits of {spikes} spikes differ, {changed} with a thousandth more, {moved_bits} without"
         );
         let allowed = if name == "supply_droop" { 400 } else { 20 };
         assert!(differing <= allowed, "{name} {values:?}: {differing} bits of {spikes} spikes");
-        assert!(seen > allowed && moved > 1000, "{name} {values:?}: {seen} bits, {moved} bits");
+        assert!(
+            changed > allowed && moved_bits > 1000,
+            "{name} {values:?}: {changed} bits, {moved_bits} bits"
+        );
     }
 }
 
@@ -245,9 +248,9 @@ fn resume_points_threads_and_backends_change_no_bit() {
     assert!(cameras.len() >= 15, "{} cameras", cameras.len());
     for camera in cameras {
         let plan = Plan::with_max_light(&camera, seeds(1), 0.8).unwrap();
-        let whole = pieces(&plan, &light, &[150], Backend::best(), 1);
+        let full = pieces(&plan, &light, &[150], Backend::best(), 1);
         let cut = pieces(&plan, &light, &[1, 129, 20], Backend::Portable, 3);
-        assert!(whole == cut, "{:?}", names(&camera));
+        assert!(full == cut, "{:?}", names(&camera));
     }
 }
 
@@ -304,20 +307,20 @@ fn dropped_readouts_are_those_of_the_whole_stream_left_out() {
     );
     let geometry = whole_camera.sensor.geometry;
     let light = random_light(155, 0.0, 0.9, 3);
-    let whole = common_oracle::simulate_packed(&whole_camera, seeds(4), &light, 3000);
+    let full = common_oracle::simulate_packed(&whole_camera, seeds(4), &light, 3000);
     let plan = Plan::new(&lossy, seeds(4)).unwrap();
     let mut simulator = Simulator::from_plan(plan.clone());
     let mut bytes = vec![0; 3000 * geometry.frame_bytes()];
-    let kept = simulator.advance(FrameRef::new(&light), 3000, &mut bytes).unwrap();
+    let frames_written = simulator.advance(FrameRef::new(&light), 3000, &mut bytes).unwrap();
     let expected: Vec<_> =
-        (0..3000).filter(|&t| !plan.is_dropped(t as u64)).map(|t| frames(&whole, geometry)[t]).collect();
-    assert!(kept == expected.len() && frames(&bytes, geometry)[..kept] == expected);
-    assert!((kept as f64 / 3000.0 - 0.8).abs() < 4.5 * 0.0073, "{kept}");
+        (0..3000).filter(|&t| !plan.is_dropped(t as u64)).map(|t| frames(&full, geometry)[t]).collect();
+    assert!(frames_written == expected.len() && frames(&bytes, geometry)[..frames_written] == expected);
+    assert!((frames_written as f64 / 3000.0 - 0.8).abs() < 4.5 * 0.0073, "{frames_written}");
     // `fill` fills the whole buffer even if readouts are dropped.
     let mut filled = vec![0; 3000 * geometry.frame_bytes()];
     let mut simulator = Simulator::from_plan(plan);
     simulator.fill(&light, &mut filled).unwrap();
-    assert!(frames(&filled, geometry)[..kept] == expected && simulator.state().readout() > 3000);
+    assert!(frames(&filled, geometry)[..frames_written] == expected && simulator.state().readout() > 3000);
 }
 
 #[test]
@@ -331,17 +334,17 @@ fn a_scene_goes_on_between_frames_while_readouts_are_dropped() {
     let (from, to) = (random_light(155, 0.0, 0.9, 3), random_light(155, 0.0, 0.9, 5));
     let weights: Vec<f32> = (0..600).map(|i| i as f32 / 600.0).collect();
     let (from, to) = (FrameRef::new(&from), FrameRef::new(&to));
-    let mut whole = vec![0; 600 * geometry.frame_bytes()];
+    let mut full = vec![0; 600 * geometry.frame_bytes()];
     let mut simulator = Simulator::new(&whole_camera, seeds(4)).unwrap();
-    simulator.fill(Light::linear(from, to, &weights), &mut whole).unwrap();
+    simulator.fill(Light::linear(from, to, &weights), &mut full).unwrap();
     let mut bytes = vec![0; 600 * geometry.frame_bytes()];
-    let kept = Simulator::from_plan(lossy.clone())
+    let frames_written = Simulator::from_plan(lossy.clone())
         .advance(Light::linear(from, to, &weights), weights.len(), &mut bytes)
         .unwrap();
     let expected: Vec<_> =
-        (0..600).filter(|&t| !lossy.is_dropped(t as u64)).map(|t| frames(&whole, geometry)[t]).collect();
-    assert!((400..560).contains(&kept), "{kept}");
-    assert!(kept == expected.len() && frames(&bytes, geometry)[..kept] == expected);
+        (0..600).filter(|&t| !lossy.is_dropped(t as u64)).map(|t| frames(&full, geometry)[t]).collect();
+    assert!((400..560).contains(&frames_written), "{frames_written}");
+    assert!(frames_written == expected.len() && frames(&bytes, geometry)[..frames_written] == expected);
     // The output buffer is one frame too short, or the weights are invalid.
     let mut simulator = Simulator::from_plan(lossy);
     let short = &mut bytes[geometry.frame_bytes()..];
@@ -362,20 +365,20 @@ fn repeated_readouts_hold_the_bits_of_the_readout_before() {
         let camera = camera_with(width, 5, base).with_effect(effect.clone());
         let geometry = camera.sensor.geometry;
         let light = random_light(geometry.pixels(), 0.0, 0.9, 3);
-        let whole = common_oracle::simulate_packed(
+        let full = common_oracle::simulate_packed(
             &camera.clone().without_effect("repeated_readouts"),
             seeds(4),
             &light,
             2000,
         );
-        let found = common_oracle::simulate_packed(&camera, seeds(4), &light, 2000);
+        let actual = common_oracle::simulate_packed(&camera, seeds(4), &light, 2000);
         let plan = Plan::new(&camera, seeds(4)).unwrap();
-        let (whole, found) = (frames(&whole, geometry), frames(&found, geometry));
+        let (full, actual) = (frames(&full, geometry), frames(&actual, geometry));
         let mut repeated = 0;
         for t in 0..2000 {
             let copied = plan.is_repeated(t as u64);
             repeated += usize::from(copied);
-            assert!(found[t] == if copied { found[t - 1] } else { whole[t] }, "width {width}, readout {t}");
+            assert!(actual[t] == if copied { actual[t - 1] } else { full[t] }, "width {width}, readout {t}");
         }
         // The number of repeated readouts is binomial with mean 600 and standard deviation 20 to 21.
         assert!((510..690).contains(&repeated), "{repeated}");
@@ -395,11 +398,11 @@ fn gain_and_dark_current_have_the_stated_correlation() {
     for r in [-0.9, 0.4] {
         let values = [("correlation", r)];
         let c = circuit(200, 200, &[base[0], base[1], ("gain_dark_correlation", &values)]);
-        let plain = circuit(200, 200, &base);
-        let found = correlation(&c.gain, &c.dark_pa);
-        assert!((found - r).abs() < 4.5 * 0.005, "{found}, {r}");
+        let base_circuit = circuit(200, 200, &base);
+        let measured = correlation(&c.gain, &c.dark_pa);
+        assert!((measured - r).abs() < 4.5 * 0.005, "{measured}, {r}");
         let spread = |v: &[f64]| Estimate::from_values(v.iter().copied()).error;
-        let ratio = spread(&c.dark_pa) / spread(&plain.dark_pa);
+        let ratio = spread(&c.dark_pa) / spread(&base_circuit.dark_pa);
         assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
     }
 }
@@ -417,8 +420,8 @@ fn smooth_gain_is_correlated_over_its_length_and_equally_strong_everywhere() {
         let here: Vec<f64> = places().map(|(row, col)| at(row, col)).collect();
         let there: Vec<f64> = places().map(|(row, col)| at(row + down, col + right)).collect();
         let expected = (-((down * down + right * right) as f64) / 16.0).exp();
-        let found = correlation(&here, &there);
-        assert!((found - expected).abs() < 0.04, "{down}, {right}: {found}, {expected}");
+        let measured = correlation(&here, &there);
+        assert!((measured - expected).abs() < 0.04, "{down}, {right}: {measured}, {expected}");
     }
     let strength = |v: Vec<f64>| (v.iter().map(|x| x * x).sum::<f64>() / v.len() as f64).sqrt();
     let border = strength((0..300).flat_map(|i| [at(0, i), at(i, 0), at(299, i), at(i, 299)]).collect());

@@ -158,9 +158,9 @@ fn streams_have_their_golden_checksums_on_every_backend() {
                 eprintln!("skipped backend {backend}: this CPU lacks its instructions");
                 continue;
             }
-            let found = format!("{:#018x}", checksum(&stream(&camera, kind, backend)));
+            let actual = format!("{:#018x}", checksum(&stream(&camera, kind, backend)));
             let row = serde_json::json!({
-                "name": name, "light": light_name(kind), "camera": text, "fnv1a": found,
+                "name": name, "light": light_name(kind), "camera": text, "fnv1a": actual,
             });
             if std::env::var_os("GOLDEN_PRINT").is_none() {
                 assert_eq!(table[i], row, "{name} on {backend}");

@@ -22,7 +22,7 @@ fn cameras(width: u32, height: u32) -> Vec<Camera> {
     let shot = fixed.clone().with_effect(typical("shot_noise"));
     let often = typical("thermal_noise").with_text("noise_sampling", "every-readout").unwrap();
     let dark = typical("dark_current").with_value("mean", 0.1).unwrap();
-    let further = [
+    let dynamic_effects = [
         "crosstalk",
         "flicker",
         "response_nonlinearity",
@@ -34,7 +34,8 @@ fn cameras(width: u32, height: u32) -> Vec<Camera> {
         "adaptation",
         "leak",
     ];
-    let general = further.into_iter().fold(shot.clone(), |camera, name| camera.with_effect(typical(name)));
+    let general =
+        dynamic_effects.into_iter().fold(shot.clone(), |camera, name| camera.with_effect(typical(name)));
     let few = shot.clone().with_effect(typical("dark_shot_noise")).with_effect(dark);
     vec![
         shot.clone().with_effect(often.clone()),
@@ -79,13 +80,13 @@ fn run(plan: &Plan, backend: Backend, segments: &[Segment<'_>]) -> Vec<u8> {
 /// Compares all backends under constant light, under a new frame at every readout, and under interpolated light.
 fn compare(plan: &Plan, frames: &[Samples<'_>]) {
     let weights: Vec<f32> = (0..READOUTS).map(|i| i as f32 / READOUTS as f32).collect();
-    let held = [Segment { readouts: READOUTS, light: SegmentLight::Hold(frames[0]) }];
+    let held_light = [Segment { readouts: READOUTS, light: SegmentLight::Hold(frames[0]) }];
     let new: Vec<_> = (0..READOUTS)
         .map(|t| Segment { readouts: 1, light: SegmentLight::Hold(frames[t % frames.len()]) })
         .collect();
     let between = SegmentLight::Linear { from: frames[0], to: frames[1], weights: &weights };
     let between = [Segment { readouts: READOUTS, light: between }];
-    for segments in [&held[..], &new, &between] {
+    for segments in [&held_light[..], &new, &between] {
         let expected = run(plan, Backend::Reference, segments);
         for backend in Backend::ALL.into_iter().skip(1) {
             if !backend.is_available() {

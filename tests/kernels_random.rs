@@ -18,9 +18,9 @@ type Field = Vec<Vec<f32>>;
 
 fn draw_field(stream: &str, value: impl Fn(u16) -> f32) -> Field {
     let seeds = Seeds { camera: 1, shot: 5, sequence: 2 };
-    let clock = CounterRng::new(seeds, RandomStream::from_name(stream));
+    let rng = CounterRng::new(seeds, RandomStream::from_name(stream));
     let readout = |t: usize| {
-        let round = clock.round_key(t as u64);
+        let round = rng.round_key(t as u64);
         (0..PIXELS).map(|p| value(pixel_half(hash_bits(address_key(p as u32 / 2), round), p))).collect()
     };
     (0..READOUTS).map(readout).collect()
@@ -64,8 +64,8 @@ fn along_readouts(field: &Field, lag: usize) -> f64 {
     sigmas(field[lag..].iter().zip(field).map(|(a, b)| (&a[..], &b[..])))
 }
 
-fn check(found: f64, what: &str) {
-    assert!(found.abs() < 5.0, "{what}: {found:.2} standard deviations");
+fn check(value: f64, what: &str) {
+    assert!(value.abs() < 5.0, "{what}: {value:.2} standard deviations");
 }
 
 #[test]

@@ -89,9 +89,9 @@ proptest! {
         let packed = SpikeFramesRef::new(g, &bytes).unwrap();
         let at = at % packed.readouts();
         let wanted = pixels(packed).filter(|(r, c)| naive_open(packed, at, search, *r, *c)).count();
-        let found = tfi_with_open_pixels(packed, at, search).unwrap();
-        prop_assert_eq!(found.open_pixels, wanted);
-        prop_assert!(wanted > 0 || found.is_measurable());
+        let tfi = tfi_with_open_pixels(packed, at, search).unwrap();
+        prop_assert_eq!(tfi.open_pixels, wanted);
+        prop_assert!(wanted > 0 || tfi.is_measurable());
     }
 
     #[test]
@@ -175,11 +175,11 @@ fn integrators(f: f64, readouts: usize) -> (Geometry, Vec<u8>) {
 /// probability of rounding up is the fractional part of `n / f`.
 fn span_error_squared(f: f64, w: f64) -> f64 {
     let (spikes, one_more) = ((w * f).floor(), (w * f).fract());
-    let of = |n: f64| {
+    let variance = |n: f64| {
         let (low, up) = ((n / f).floor(), (n / f).fract());
         (1.0 - up) * (n / low - f).powi(2) + up * (n / (low + 1.0) - f).powi(2)
     };
-    (1.0 - one_more) * of(spikes - 1.0) + one_more * of(spikes)
+    (1.0 - one_more) * variance(spikes - 1.0) + one_more * variance(spikes)
 }
 
 /// The error of a rate from counting is `sqrt(x (1 - x)) / W`, where `x` is the fractional part of `f W`.
@@ -214,8 +214,8 @@ fn tfi_counts_in_the_middle_of_a_stream_and_not_at_its_ends() {
     let packed = SpikeFramesRef::new(g, &bytes).unwrap();
     for (at, wanted) in [(0, false), (5, false), (15, true), (50, true), (85, true), (94, false), (99, false)]
     {
-        let found = tfi_with_open_pixels(packed, at, 300).unwrap();
-        assert_eq!(found.is_measurable(), wanted, "at {at}: {} open", found.open_pixels);
+        let tfi = tfi_with_open_pixels(packed, at, 300).unwrap();
+        assert_eq!(tfi.is_measurable(), wanted, "at {at}: {} open", tfi.open_pixels);
     }
     // If a pixel is silent during a complete search, the image shows it as dark. The end of the stream then does not
     // matter.

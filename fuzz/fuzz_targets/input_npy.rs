@@ -20,7 +20,7 @@ fuzz_target!(|bytes: &[u8]| {
     let exact = matches!(reader.element(), Element::U8 | Element::U16 | Element::F32);
     let mut again = Vec::new();
     let mut frames = 0_u64;
-    let whole = loop {
+    let is_complete = loop {
         match reader.next_samples() {
             Ok(Some(samples)) => {
                 frames += 1;
@@ -30,15 +30,15 @@ fuzz_target!(|bytes: &[u8]| {
             Err(_) => break false,
         }
     };
-    assert_eq!(whole, frames == declared);
-    assert_eq!(whole, bytes.len() as u64 >= total);
+    assert_eq!(is_complete, frames == declared);
+    assert_eq!(is_complete, bytes.len() as u64 >= total);
     if !exact {
         return;
     }
     assert_eq!(again.len() as u64, frames * frame_bytes as u64);
     // The frames are after the header. If all bytes were read, the length of the header is the total minus the bytes of
     // the frames.
-    if whole {
+    if is_complete {
         let header = total as usize - again.len();
         assert_eq!(&bytes[header..total as usize], again);
     }

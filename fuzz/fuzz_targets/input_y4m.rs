@@ -23,14 +23,14 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     }
     let mut planes = Vec::new();
-    let whole = loop {
+    let is_complete = loop {
         match video.next_planes() {
             Ok(Some(frame)) => planes.push(frame),
             Ok(None) => break true,
             Err(_) => break false,
         }
     };
-    check_light(bytes, planes.len(), whole);
+    check_light(bytes, planes.len(), is_complete);
     let header = bytes.iter().position(|b| *b == b'\n').expect("a header line") + 1;
     let mut again = bytes[..header].to_vec();
     for frame in &planes {
@@ -48,7 +48,7 @@ fn open(bytes: &[u8]) -> Option<Y4mReader<&[u8]>> {
     Y4mReader::new(bytes, "fuzz", None).ok()
 }
 
-fn check_light(bytes: &[u8], frames: usize, whole: bool) {
+fn check_light(bytes: &[u8], frames: usize, is_complete: bool) {
     let mut input = bytes;
     let mut video = Y4mReader::new(&mut input as &mut dyn Read, "fuzz", None).expect("opened before");
     for _ in 0..frames {
@@ -57,7 +57,7 @@ fn check_light(bytes: &[u8], frames: usize, whole: bool) {
         assert!(light.max() <= 1.0);
     }
     match video.next_light(&LINEAR) {
-        Ok(last) => assert!(whole && last.is_none()),
-        Err(_) => assert!(!whole),
+        Ok(last) => assert!(is_complete && last.is_none()),
+        Err(_) => assert!(!is_complete),
     }
 }

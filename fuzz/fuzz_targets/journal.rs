@@ -23,7 +23,7 @@ fn lines(data: &[u8]) -> usize {
 }
 
 fuzz_target!(|data: &[u8]| {
-    let whole = lines(data);
-    assert!(whole <= data.iter().filter(|b| **b == b'\n').count());
-    assert!(lines(&data[..data.len() / 2]) <= whole);
+    let complete = lines(data);
+    assert!(complete <= data.iter().filter(|b| **b == b'\n').count());
+    assert!(lines(&data[..data.len() / 2]) <= complete);
 });

@@ -33,8 +33,8 @@ fuzz_target!(|data: &[u8]| {
         return;
     };
     let seeds = Seeds { camera: bytes.next().into(), shot: bytes.next().into(), sequence: 0 };
-    let greatest = f64::from(bytes.word()) / 16_384.0;
-    let plan = match Plan::with_max_light(&camera, seeds, greatest) {
+    let max_light = f64::from(bytes.word()) / 16_384.0;
+    let plan = match Plan::with_max_light(&camera, seeds, max_light) {
         Ok(plan) => plan,
         Err(error) => return assert_eq!(error.kind(), ErrorKind::Config, "{error}"),
     };
@@ -45,11 +45,11 @@ fuzz_target!(|data: &[u8]| {
     let expected = run(&plan, Backend::Reference, pieces, kind, &light);
     for backend in Backend::ALL.into_iter().filter(|b| b.is_available()) {
         let swapped = [pieces[1], pieces[0]];
-        let found = run(&plan, backend, pieces, kind, &light);
-        assert!(found == expected, "{backend} differs: {:?}", camera.effects());
-        let held = run(&plan, backend, swapped, kind, &light);
+        let actual = run(&plan, backend, pieces, kind, &light);
+        assert!(actual == expected, "{backend} differs: {:?}", camera.effects());
+        let held_output = run(&plan, backend, swapped, kind, &light);
         // Under constant light, the result must not depend on the division into calls.
-        assert!(kind == 0 || held == expected, "{backend}: cut elsewhere");
+        assert!(kind == 0 || held_output == expected, "{backend}: cut elsewhere");
     }
     let used = geometry.pixels() % 8;
     if used != 0 {

@@ -6,13 +6,13 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::ErrorKind;
-use spikelane_dataset::Manifest;
+use spikelane_dataset::{Access, Manifest};
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::temp_folder("manifest"));
 
 fuzz_target!(|data: &[u8]| {
     std::fs::write(FOLDER.join("manifest.jsonl"), data).expect("a temporary file");
-    if let Err(error) = Manifest::read(&FOLDER) {
+    if let Err(error) = Manifest::read(&FOLDER, Access::Read) {
         let kinds =
             [ErrorKind::Config, ErrorKind::Input, ErrorKind::Io, ErrorKind::Corrupt, ErrorKind::Usage];
         assert!(kinds.contains(&error.kind()), "{error}");

@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::ErrorKind;
-use spikelane_dataset::SequenceRecord;
+use spikelane_dataset::{Access, SequenceRecord};
 use spikelane_io::storage::Digest;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::temp_folder("record"));
@@ -15,7 +15,9 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::temp_folder(
 fuzz_target!(|data: &[u8]| {
     std::fs::write(FOLDER.join("record.json"), data).expect("a temporary file");
     if let Err(error) =
-        SequenceRecord::read(&FOLDER).and_then(|_| SequenceRecord::verify(&FOLDER, &Digest::hash_bytes(data)))
+        SequenceRecord::read(&FOLDER, Access::Read).and_then(|_| {
+            SequenceRecord::verify(&FOLDER, &Digest::hash_bytes(data), Access::Read, &mut || Ok(()))
+        })
     {
         let kinds =
             [ErrorKind::Config, ErrorKind::Input, ErrorKind::Io, ErrorKind::Corrupt, ErrorKind::Usage];

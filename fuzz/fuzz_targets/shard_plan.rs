@@ -6,13 +6,14 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::ErrorKind;
+use spikelane_dataset::Access;
 use spikelane_dataset::shards::ShardPlan;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::temp_folder("plan"));
 
 fuzz_target!(|data: &[u8]| {
     std::fs::write(FOLDER.join("plan.json"), data).expect("a temporary file");
-    if let Err(error) = ShardPlan::open(&FOLDER) {
+    if let Err(error) = ShardPlan::open(&FOLDER, Access::Read) {
         let kinds =
             [ErrorKind::Config, ErrorKind::Input, ErrorKind::Io, ErrorKind::Corrupt, ErrorKind::Usage];
         assert!(kinds.contains(&error.kind()), "{error}");

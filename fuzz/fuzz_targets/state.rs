@@ -67,11 +67,11 @@ fuzz_target!(|data: &[u8]| {
         assert_eq!(simulator.save(CAMERA), bytes);
         let mut out = vec![0xa5; 9 * geometry.frame_bytes()];
         simulator.fill(&light, &mut out).expect("valid light");
-        let found = (out, simulator.save(CAMERA));
+        let actual = (out, simulator.save(CAMERA));
         let used = geometry.pixels() % 8;
-        let last = found.0.chunks_exact(geometry.frame_bytes()).map(|f| f[f.len() - 1]);
+        let last = actual.0.chunks_exact(geometry.frame_bytes()).map(|f| f[f.len() - 1]);
         assert!(used == 0 || last.into_iter().all(|b| b >> used == 0));
-        let same = expected.get_or_insert_with(|| found.clone()) == &found;
+        let same = expected.get_or_insert_with(|| actual.clone()) == &actual;
         assert!(same, "{backend} differs");
     }
 });

@@ -109,15 +109,15 @@ mod tests {
     #[test]
     fn rounds_of_different_addresses_differ() {
         let seeds = Seeds { camera: 0, shot: 1, sequence: 2 };
-        let clock = |s: Seeds, n: &str| CounterRng::new(s, RandomStream::from_name(n));
-        let base = clock(seeds, "shot_noise");
+        let rng = |s: Seeds, n: &str| CounterRng::new(s, RandomStream::from_name(n));
+        let base = rng(seeds, "shot_noise");
         assert_ne!(base.round_key(0), base.round_key(1));
-        assert_ne!(base.round_key(0), clock(seeds, "thermal_noise").round_key(0));
+        assert_ne!(base.round_key(0), rng(seeds, "thermal_noise").round_key(0));
         let other = Seeds { sequence: 3, ..seeds };
-        assert_ne!(base.round_key(0), clock(other, "shot_noise").round_key(0));
+        assert_ne!(base.round_key(0), rng(other, "shot_noise").round_key(0));
         let other = Seeds { shot: 2, ..seeds };
-        assert_ne!(base.round_key(0), clock(other, "shot_noise").round_key(0));
+        assert_ne!(base.round_key(0), rng(other, "shot_noise").round_key(0));
         let camera = Seeds { camera: 9, ..seeds };
-        assert_eq!(base.round_key(0), clock(camera, "shot_noise").round_key(0));
+        assert_eq!(base.round_key(0), rng(camera, "shot_noise").round_key(0));
     }
 }

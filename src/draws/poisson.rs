@@ -95,8 +95,8 @@ impl PoissonTables {
         let upper = u32::from(bits & 511 < prepared.share);
         let column = bits >> 25;
         let entry = self.alias[((prepared.point + upper) * COLUMNS as u32 + column) as usize];
-        let kept = (bits >> 9 & 0xffff) < entry >> 8;
-        if kept { column } else { entry & 0xff }
+        let is_column = (bits >> 9 & 0xffff) < entry >> 8;
+        if is_column { column } else { entry & 0xff }
     }
 }
 
@@ -144,8 +144,8 @@ fn alias_table(p: &[f64; COLUMNS]) -> Vec<u32> {
 
 fn table_mean(table: &[u32]) -> f64 {
     let parts = table.iter().enumerate().map(|(k, &entry)| {
-        let kept = f64::from(entry >> 8) / 65_536.0;
-        kept * k as f64 + (1.0 - kept) * f64::from(entry & 0xff)
+        let column_share = f64::from(entry >> 8) / 65_536.0;
+        column_share * k as f64 + (1.0 - column_share) * f64::from(entry & 0xff)
     });
     parts.sum::<f64>() / COLUMNS as f64
 }
@@ -161,9 +161,9 @@ mod tests {
         for (point, weight) in [(prepared.point, 1.0 - upper), (prepared.point + 1, upper)] {
             for column in 0..COLUMNS {
                 let entry = tables.alias[point as usize * COLUMNS + column];
-                let kept = f64::from(entry >> 8) / 65_536.0;
-                p[column] += weight * kept / COLUMNS as f64;
-                p[(entry & 0xff) as usize] += weight * (1.0 - kept) / COLUMNS as f64;
+                let column_share = f64::from(entry >> 8) / 65_536.0;
+                p[column] += weight * column_share / COLUMNS as f64;
+                p[(entry & 0xff) as usize] += weight * (1.0 - column_share) / COLUMNS as f64;
             }
         }
         p
@@ -178,11 +178,11 @@ mod tests {
             // denser.
             let mean = 64.0 * (f64::from(i) + 0.37).powi(2) / 4000.0f64.powi(2);
             let prepared = tables.prepare(mean as f32);
-            let found = distribution(&tables, prepared);
+            let actual = distribution(&tables, prepared);
             let truth = probabilities(mean);
-            let distance: f64 = found.iter().zip(&truth).map(|(a, b)| (a - b).abs()).sum();
+            let distance: f64 = actual.iter().zip(&truth).map(|(a, b)| (a - b).abs()).sum();
             worst = worst.max(0.5 * distance);
-            let found_mean: f64 = found.iter().enumerate().map(|(k, p)| k as f64 * p).sum();
+            let found_mean: f64 = actual.iter().enumerate().map(|(k, p)| k as f64 * p).sum();
             assert!((found_mean - f64::from(prepared.mean)).abs() < 1e-6 * found_mean + 1e-7);
         }
         assert!(worst < 2e-4, "{worst}");
@@ -199,8 +199,8 @@ mod tests {
                 with_17_bits += u32::from(entry >> 8 > 0xffff);
                 // A result changes only at a threshold, so the test draws numbers next to the thresholds.
                 for draw in [0, (entry >> 8).saturating_sub(1), entry >> 8, 0xffff].map(|d| d.min(0xffff)) {
-                    let kept = |bound: u32, alias: u32| if draw < bound { column as u32 } else { alias };
-                    assert_eq!(kept(bound, bytes[0][column].into()), kept(entry >> 8, entry & 0xff));
+                    let choose = |bound: u32, alias: u32| if draw < bound { column as u32 } else { alias };
+                    assert_eq!(choose(bound, bytes[0][column].into()), choose(entry >> 8, entry & 0xff));
                 }
             }
         }

@@ -109,8 +109,8 @@ impl Camera {
         let mut twin = Self::ideal(self.sensor);
         twin.name = format!("{} (clean)", self.name);
         twin.source.clone_from(&self.source);
-        for kept in [&start_phase::EFFECT, &saturation_clamp::EFFECT] {
-            if let Some(effect) = self.effect(kept.name) {
+        for definition in [&start_phase::EFFECT, &saturation_clamp::EFFECT] {
+            if let Some(effect) = self.effect(definition.name) {
                 twin = twin.with_effect(effect.clone());
             }
         }
@@ -170,8 +170,8 @@ impl Camera {
     ///
     /// Also returns an error if the sensor is invalid or if the pattern does not fit in memory.
     pub fn model(&self, seeds: Seeds) -> Result<Model> {
-        if let Some((whole, crop)) = self.whole_sensor()? {
-            return whole.model(seeds).map(|model| model.window(crop));
+        if let Some((full_sensor, crop)) = self.whole_sensor()? {
+            return full_sensor.model(seeds).map(|model| model.window(crop));
         }
         let sensor = self.sensor.validate()?;
         let geometry = sensor.geometry;

@@ -70,19 +70,19 @@ pub(super) fn name_clash_error(name: &str) -> Error {
 }
 
 fn check_definition(definition: &Definition) -> Result<()> {
-    let plain = |name: &str| {
+    let is_plain = |name: &str| {
         let letters = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         !name.is_empty() && name.chars().all(letters)
     };
     for (i, param) in definition.params.iter().enumerate() {
-        if !plain(param.key) || definition.params[..i].iter().any(|p| p.key == param.key) {
+        if !is_plain(param.key) || definition.params[..i].iter().any(|p| p.key == param.key) {
             return Err(Error::new(ErrorKind::Config, "parameter")
                 .found(format_args!("\"{}\"", param.key))
                 .expected("lowercase letters, digits and _, each key once"));
         }
         check_values(param).map_err(|e| e.with_context(param.key))?;
     }
-    if plain(definition.name) {
+    if is_plain(definition.name) {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Config, "name")

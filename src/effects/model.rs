@@ -180,11 +180,11 @@ impl Model {
     /// Returns the distribution of the charge at the first readout.
     #[must_use]
     pub fn start_phases(&self) -> StartPhases {
-        let of = |op: &Op| match *op {
+        let phase_of = |op: &Op| match *op {
             Op::Phase { share, charge_fc } => Some((share, charge_fc / self.circuit.threshold_fc())),
             _ => None,
         };
-        StartPhases(self.ops.iter().filter_map(of).collect())
+        StartPhases(self.ops.iter().filter_map(phase_of).collect())
     }
 
     /// Returns the number of electrons in a nominal threshold.
@@ -204,14 +204,14 @@ impl Model {
             gain,
             dark_pa,
             telegraph,
-            jitter_share: undecided,
+            jitter_share,
             // All pixels have the same value of these fields.
             period_s: _,
             nominal_ff: _,
             nominal_v: _,
             sensitivity: _,
         } = &mut self.circuit;
-        for column in [capacitance_ff, swing_v, gain, dark_pa, telegraph, undecided] {
+        for column in [capacitance_ff, swing_v, gain, dark_pa, telegraph, jitter_share] {
             if !column.is_empty() {
                 *column = crop.pick(*geometry, column);
             }

@@ -17,13 +17,13 @@ impl Camera {
     /// Returns the errors of [`Self::whole_sensor`].
     pub fn window(&self, crop: Crop) -> Result<Self> {
         let geometry = crop.geometry(self.sensor.geometry)?;
-        let (whole, outer) = match self.whole_sensor()? {
-            Some((whole, outer)) => (whole.sensor.geometry, (outer.x, outer.y)),
+        let (full_sensor, outer) = match self.whole_sensor()? {
+            Some((whole, outer)) => (whole.sensor.geometry, (outer.row, outer.col)),
             None => (self.sensor.geometry, (0, 0)),
         };
         let mut part = self.clone();
         part.sensor.geometry = geometry;
-        part.window = Some((whole, Crop { x: outer.0 + crop.x, y: outer.1 + crop.y, ..crop }));
+        part.window = Some((full_sensor, Crop { row: outer.0 + crop.row, col: outer.1 + crop.col, ..crop }));
         Ok(part)
     }
 
@@ -41,16 +41,16 @@ impl Camera {
                 .expected(format_args!("{}x{}, the size of the window", crop.width, crop.height))
                 .remedy("resize the camera first, then select the window"));
         }
-        let mut whole = self.clone();
-        whole.sensor.geometry = geometry;
-        whole.window = None;
-        Ok(Some((whole, crop)))
+        let mut full = self.clone();
+        full.sensor.geometry = geometry;
+        full.window = None;
+        Ok(Some((full, crop)))
     }
 
     /// Returns the geometry of the sensor to which maps refer. For a window it is the geometry of the whole sensor.
     #[must_use]
     pub fn sensor_geometry(&self) -> Geometry {
-        self.window.map_or(self.sensor.geometry, |(whole, _)| whole)
+        self.window.map_or(self.sensor.geometry, |(geometry, _)| geometry)
     }
 
     /// Returns the rectangle of this window in the whole sensor, or `None` if this camera is not a window.

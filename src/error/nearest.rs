@@ -8,10 +8,10 @@ use strsim::osa_distance;
 /// 3), 4)`, where `letters` is the number of letters of `word`. Case is ignored, and spaces and underscores are replaced
 /// by hyphens.
 pub(super) fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let plain = |name: &str| name.to_lowercase().replace([' ', '_'], "-");
-    let word = plain(word);
+    let normalize = |name: &str| name.to_lowercase().replace([' ', '_'], "-");
+    let word = normalize(word);
     let allowed = word.chars().count().div_ceil(3).min(4);
-    let distances = names.into_iter().map(|name| (osa_distance(&word, &plain(name)), name));
+    let distances = names.into_iter().map(|name| (osa_distance(&word, &normalize(name)), name));
     let (distance, name) = distances.min_by_key(|(distance, _)| *distance)?;
     (distance <= allowed).then_some(name)
 }
@@ -32,10 +32,10 @@ mod tests {
     #[test]
     fn letters_that_are_missing_wrong_or_swapped_count_one_each() {
         // The maximum distance is 2 for a word of four letters.
-        for (word, found) in
+        for (word, expected) in
             [("pnru", Some("prnu")), ("prnuu", Some("prnu")), ("pu", None), ("abnu", Some("prnu"))]
         {
-            assert_eq!(nearest(word, ["prnu"]), found, "{word}");
+            assert_eq!(nearest(word, ["prnu"]), expected, "{word}");
         }
     }
 }

@@ -36,9 +36,9 @@ impl InputFile {
         // blocking and checked again.
         check_regular(path, &std::fs::metadata(path).map_err(io)?)?;
         let file = open_without_waiting(path).map_err(io)?;
-        let found = file.metadata().map_err(io)?;
-        check_regular(path, &found)?;
-        Ok(Self { file, path: path.to_owned(), len: found.len() })
+        let metadata = file.metadata().map_err(io)?;
+        check_regular(path, &metadata)?;
+        Ok(Self { file, path: path.to_owned(), len: metadata.len() })
     }
 
     /// Returns whether the file was empty at opening.
@@ -110,12 +110,12 @@ impl<F: Borrow<InputFile>> Read for InputReader<F> {
 
 impl<F: Borrow<InputFile>> Seek for InputReader<F> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let moved = match to {
+        let position = match to {
             SeekFrom::Start(at) => Some(at),
             SeekFrom::End(by) => self.file.borrow().len.checked_add_signed(by),
             SeekFrom::Current(by) => self.position.checked_add_signed(by),
         };
-        self.position = moved.ok_or(io::ErrorKind::InvalidInput)?;
+        self.position = position.ok_or(io::ErrorKind::InvalidInput)?;
         Ok(self.position)
     }
 }
@@ -176,11 +176,11 @@ pub fn not_found_as_none<T>(read: Result<T>) -> Result<Option<T>> {
     }
 }
 
-fn check_regular(path: &Path, found: &Metadata) -> Result<()> {
-    if found.is_file() {
+fn check_regular(path: &Path, metadata: &Metadata) -> Result<()> {
+    if metadata.is_file() {
         return Ok(());
     }
-    let description = if found.is_dir() { "a directory" } else { "a pipe or device" };
+    let description = if metadata.is_dir() { "a directory" } else { "a pipe or device" };
     Err(Error::new(ErrorKind::Input, path.display()).found(description).expected("a regular file"))
 }
 

@@ -213,7 +213,7 @@ impl fmt::Display for InnerPath {
 /// # Errors
 /// Returns [`ErrorKind::Input`] if `access` forbids the link.
 pub fn check_link(folder: &Path, path: &Path, access: Access) -> Result<()> {
-    let is_link = std::fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink());
+    let is_link = std::fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_symlink());
     if is_link && !is_link_allowed(folder, path, access) { Err(link_error(path, access)) } else { Ok(()) }
 }
 

@@ -1,3 +1,5 @@
+use std::str::FromStr;
+
 use crate::error::{Error, ErrorKind, Result};
 
 /// An implementation of the kernels. All backends return equal bits, but their speed differs.
@@ -34,18 +36,6 @@ impl Backend {
         }
     }
 
-    /// Returns the backend with this name.
-    ///
-    /// # Errors
-    /// Returns [`ErrorKind::Usage`] if no backend has this name.
-    pub fn parse(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|b| b.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "backend")
-                .found(format_args!("\"{name}\""))
-                .expected("one of reference, portable, sse4.1, avx2, avx512")
-        })
-    }
-
     /// Returns whether this CPU can run the backend.
     #[must_use]
     pub fn is_available(self) -> bool {
@@ -68,7 +58,7 @@ impl Backend {
     /// Returns [`ErrorKind::Usage`] if no backend has this name.
     pub fn from_environment() -> Result<Option<Self>> {
         let Some(name) = std::env::var_os(BACKEND_ENV_VAR) else { return Ok(None) };
-        Self::parse(&name.to_string_lossy()).map(Some).map_err(|e| e.with_context(BACKEND_ENV_VAR))
+        name.to_string_lossy().parse::<Self>().map(Some).map_err(|e| e.with_context(BACKEND_ENV_VAR))
     }
 
     /// Returns the backend that the environment variable `SPIKELANE_BACKEND` names, if the CPU can run this backend.
@@ -79,6 +69,22 @@ impl Backend {
         forced.unwrap_or_else(|| {
             let fastest = Self::ALL.into_iter().rev().find(|b| b.is_available());
             fastest.unwrap_or(Self::Portable)
+        })
+    }
+}
+
+impl FromStr for Backend {
+    type Err = Error;
+
+    /// Returns the backend with this name.
+    ///
+    /// # Errors
+    /// If no backend has this name ([`ErrorKind::Usage`]).
+    fn from_str(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|b| b.name() == name).ok_or_else(|| {
+            Error::new(ErrorKind::Usage, "backend")
+                .found(format_args!("\"{name}\""))
+                .expected("one of reference, portable, sse4.1, avx2, avx512")
         })
     }
 }

@@ -180,10 +180,10 @@ impl<'a> Batch<'a> {
 
 impl RoundKeys {
     fn new(plan: &Plan, first: u64, readouts: usize) -> Self {
-        let clocks = plan.rngs();
-        let words = |clock: CounterRng, wanted: bool| -> Vec<RoundKey> {
+        let rngs = plan.rngs();
+        let words = |rng: CounterRng, wanted: bool| -> Vec<RoundKey> {
             let count = if wanted { readouts as u64 } else { 0 };
-            (0..count).map(|t| clock.round_key(first.wrapping_add(t))).collect()
+            (0..count).map(|t| rng.round_key(first.wrapping_add(t))).collect()
         };
         let flip = plan.rules().flip;
         let missed = flip.is_some_and(|f| f.missed_spikes != 0);
@@ -193,17 +193,17 @@ impl RoundKeys {
         // Both vectors of keys are then filled.
         let rules = plan.rules();
         let drawn = counted || plan.tables().noise.is_some();
-        let undecided = !plan.tables().jitter_width.is_empty();
+        let has_jitter = !plan.tables().jitter_width.is_empty();
         let noisy =
-            drawn || undecided || rules.counts_surplus || rules.has_extras() || plan.dynamics().is_some();
-        let shot = words(clocks.shot, noisy).into_iter();
-        let thermal = words(clocks.thermal, noisy);
+            drawn || has_jitter || rules.counts_surplus || rules.has_extras() || plan.dynamics().is_some();
+        let shot = words(rngs.shot, noisy).into_iter();
+        let thermal = words(rngs.thermal, noisy);
         Self {
             noise: shot.zip(thermal).map(|(shot, thermal)| NoiseRoundKeys { shot, thermal }).collect(),
-            counts: words(clocks.counts, counted),
-            jitter: words(clocks.jitter, undecided),
-            missed_spikes: clocks.missed_spikes.map(|c| words(c, missed)),
-            false_spikes: clocks.false_spikes.map(|c| words(c, spurious)),
+            counts: words(rngs.counts, counted),
+            jitter: words(rngs.jitter, has_jitter),
+            missed_spikes: rngs.missed_spikes.map(|c| words(c, missed)),
+            false_spikes: rngs.false_spikes.map(|c| words(c, spurious)),
         }
     }
 }

@@ -35,59 +35,59 @@ pub struct SpikeFeedback {
 
 impl Modulation {
     pub(super) fn new(plan: &Plan, first: u64, readouts: usize) -> Self {
-        let Some(moving) = plan.dynamics() else { return Self::default() };
-        let clocks = plan.rngs();
-        let words = |clock: CounterRng, wanted: bool| -> Vec<RoundKey> {
+        let Some(dynamics) = plan.dynamics() else { return Self::default() };
+        let rngs = plan.rngs();
+        let words = |rng: CounterRng, wanted: bool| -> Vec<RoundKey> {
             let count = if wanted { readouts as u64 } else { 0 };
-            (0..count).map(|t| clock.round_key(first.wrapping_add(t))).collect()
+            (0..count).map(|t| rng.round_key(first.wrapping_add(t))).collect()
         };
-        let row = words(clocks.row_noise, moving.row_noise != 0.0);
-        let factors = moving.schedule.map(|schedule| {
+        let row = words(rngs.row_noise, dynamics.row_noise != 0.0);
+        let factors = dynamics.schedule.map(|schedule| {
             let factor = |t| schedule.factor(first.wrapping_add(t)) as f32;
             (0..readouts as u64).map(factor).collect()
         });
         Self {
             light_factors: factors.unwrap_or_default(),
-            row_offsets: row.iter().flat_map(|round| row_offsets(moving, *round)).collect(),
+            row_offsets: row.iter().flat_map(|round| row_offsets(dynamics, *round)).collect(),
             row_noise: row,
-            comparator_noise: words(clocks.comparator_noise, moving.comparator_noise != 0.0),
-            slow_noise: words(clocks.slow_noise, moving.slow_noise.is_some()),
-            telegraph: clocks.telegraph.map(|clock| words(clock, moving.telegraph.is_some())),
+            comparator_noise: words(rngs.comparator_noise, dynamics.comparator_noise != 0.0),
+            slow_noise: words(rngs.slow_noise, dynamics.slow_noise.is_some()),
+            telegraph: rngs.telegraph.map(|rng| words(rng, dynamics.telegraph.is_some())),
             ..Self::default()
         }
     }
 
     /// Adds the influence of the spikes before the first readout.
     pub(super) fn add_feedback(&mut self, plan: &Plan, state: &SimulatorState) {
-        let Some(moving) = plan.dynamics().filter(|f| f.has_coupled_pixels()) else { return };
-        self.feedback.update(plan, moving, &state.fired);
+        let Some(dynamics) = plan.dynamics().filter(|f| f.has_coupled_pixels()) else { return };
+        self.feedback.update(plan, dynamics, &state.fired);
     }
 }
 
 impl SpikeFeedback {
     /// Computes the influence of the spikes of a readout. `fired` is padded and contains -1 for each spike.
     #[inline(always)]
-    pub(super) fn update(&mut self, plan: &Plan, moving: &Dynamics, fired: &[i16]) {
+    pub(super) fn update(&mut self, plan: &Plan, dynamics: &Dynamics, fired: &[i16]) {
         let geometry = plan.geometry();
         let padded = fired.len();
         let fired = &fired[..geometry.pixels()];
-        if moving.droop != 0.0 {
+        if dynamics.droop != 0.0 {
             let spikes: i32 = fired.iter().map(|&f| -i32::from(f)).sum();
-            self.droop = -(moving.droop * (spikes as f32 / geometry.pixels() as f32));
+            self.droop = -(dynamics.droop * (spikes as f32 / geometry.pixels() as f32));
         }
-        if moving.coupling != 0.0 {
+        if dynamics.coupling != 0.0 {
             self.fired_neighbors.resize(padded, 0);
             count_fired_neighbors(fired, geometry.width(), &mut self.fired_neighbors[..geometry.pixels()]);
         }
     }
 }
 
-fn row_offsets(moving: &Dynamics, round: RoundKey) -> impl Iterator<Item = f32> {
+fn row_offsets(dynamics: &Dynamics, round: RoundKey) -> impl Iterator<Item = f32> {
     let offset = move |row: usize| {
         f32::from(gauss::draw(pixel_half(hash_bits(address_key(row as u32 / 2), round), row)))
-            * moving.row_noise
+            * dynamics.row_noise
     };
-    (0..moving.height()).map(offset)
+    (0..dynamics.height()).map(offset)
 }
 
 /// Counts the neighbors above, below, left and right of each pixel that have fired. In `fired`, a spike is -1.

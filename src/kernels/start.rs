@@ -23,20 +23,20 @@ impl StartDraws for BlockDraws {
     fn charges(
         &self,
         phases: &StartPhases,
-        clock: CounterRng,
+        rng: CounterRng,
         first: usize,
         (exact, thresholds): (&[f64], &[i16]),
         (wholes, fractions): (&mut [i16], &mut [i16]),
     ) {
-        let whole = exact.len() / BLOCK * BLOCK;
-        let (exact, last_exact) = exact.split_at(whole);
-        let (thresholds, last_thresholds) = thresholds.split_at(whole);
-        let (wholes, last_wholes) = wholes.split_at_mut(whole);
-        let (fractions, last_fractions) = fractions.split_at_mut(whole);
+        let block_end = exact.len() / BLOCK * BLOCK;
+        let (exact, last_exact) = exact.split_at(block_end);
+        let (thresholds, last_thresholds) = thresholds.split_at(block_end);
+        let (wholes, last_wholes) = wholes.split_at_mut(block_end);
+        let (fractions, last_fractions) = fractions.split_at_mut(block_end);
         let parts = phases.parts();
-        dispatch_f64_task(Charges { parts, clock, first, exact, thresholds, wholes, fractions });
+        dispatch_f64_task(Charges { parts, rng, first, exact, thresholds, wholes, fractions });
         let last = ((last_exact, last_thresholds), (last_wholes, last_fractions));
-        ScalarDraws.charges(phases, clock, first + whole, last.0, last.1);
+        ScalarDraws.charges(phases, rng, first + block_end, last.0, last.1);
     }
 
     fn normals(&self, round: RoundKey, to: &mut [i16]) {
@@ -47,7 +47,7 @@ impl StartDraws for BlockDraws {
 /// A task that draws the charges of whole blocks.
 struct Charges<'a> {
     parts: &'a [(f64, f64)],
-    clock: CounterRng,
+    rng: CounterRng,
     first: usize,
     exact: &'a [f64],
     thresholds: &'a [i16],
@@ -66,7 +66,7 @@ impl Task for Charges<'_> {
         let fractions = self.fractions.as_chunks_mut::<BLOCK>().0;
         for (i, (whole, fraction)) in wholes.iter_mut().zip(fractions).enumerate() {
             let first = self.first + i * BLOCK;
-            charges(self.parts, self.clock, first, (&exact[i], &thresholds[i]), (whole, fraction));
+            charges(self.parts, self.rng, first, (&exact[i], &thresholds[i]), (whole, fraction));
         }
     }
 }
@@ -78,14 +78,14 @@ impl Task for Charges<'_> {
 #[inline(always)]
 fn charges(
     parts: &[(f64, f64)],
-    clock: CounterRng,
+    rng: CounterRng,
     first: usize,
     (exact, thresholds): (&[f64; BLOCK], &[i16; BLOCK]),
     (wholes, fractions): (&mut [i16; BLOCK], &mut [i16; BLOCK]),
 ) {
     let mut bits = [0; BLOCK];
     for i in 0..BLOCK {
-        bits[i] = clock.pixel_bits((first + i) as u32);
+        bits[i] = rng.pixel_bits((first + i) as u32);
     }
     // The scalar code sums an empty iterator of `f64`, which returns -0.0. The initial value is therefore -0.0 and not
     // 0.0.
@@ -195,11 +195,11 @@ mod tests {
     #[test]
     fn initial_state_in_blocks_equals_pixel_by_pixel() {
         for (width, height) in [(1, 1), (8, 8), (13, 5), (96, 96), (67, 31)] {
-            let plain = camera(width, height);
+            let base_camera = camera(width, height);
             let thermal = find("thermal_noise").unwrap().typical();
             let frozen =
-                plain.clone().with_effect(thermal.with_text("noise_sampling", "every-reset").unwrap());
-            for camera in [Camera::ideal(plain.sensor), plain, frozen] {
+                base_camera.clone().with_effect(thermal.with_text("noise_sampling", "every-reset").unwrap());
+            for camera in [Camera::ideal(base_camera.sensor), base_camera, frozen] {
                 for sequence in [0, 1, u64::MAX] {
                     let seeds = Seeds { camera: 3, shot: sequence ^ 7, sequence };
                     let plan = Plan::new(&camera, seeds).unwrap();
@@ -215,18 +215,17 @@ mod tests {
         // The cases: shares of a threshold, absolute charges, both, none, and charges that exceed the range of the
         // state.
         for parts in [&[(1.0, 0.0)][..], &[(0.0, 0.7)], &[(0.4, 0.3), (0.1, 1.5)], &[], &[(1e9, 1e300)]] {
-            let clock =
-                CounterRng::new(Seeds::default(), crate::draws::RandomStream::from_name("start_phase"));
+            let rng = CounterRng::new(Seeds::default(), crate::draws::RandomStream::from_name("start_phase"));
             let phases = StartPhases::from_parts(parts);
-            let mut found = [[0; BLOCK]; 4];
-            let [whole, fraction, expected_whole, expected_fraction] = &mut found;
+            let mut actual = [[0; BLOCK]; 4];
+            let [whole, fraction, expected_whole, expected_fraction] = &mut actual;
             let pixels = (&exact[..], &thresholds[..]);
-            ScalarDraws.charges(&phases, clock, 64, pixels, (expected_whole, expected_fraction));
+            ScalarDraws.charges(&phases, rng, 64, pixels, (expected_whole, expected_fraction));
             let (exact, thresholds) = pixels;
             let work =
-                Charges { parts, clock, first: 64, exact, thresholds, wholes: whole, fractions: fraction };
+                Charges { parts, rng, first: 64, exact, thresholds, wholes: whole, fractions: fraction };
             work.run(AnyCpu, AnyCpu);
-            assert_eq!(found[..2], found[2..], "{parts:?}");
+            assert_eq!(actual[..2], actual[2..], "{parts:?}");
         }
     }
 }

@@ -23,8 +23,8 @@ impl FrameTiming {
     /// Returns whether neither the user nor the source states a timing.
     #[must_use]
     pub fn is_guessed(&self, source: &dyn Source) -> bool {
-        let said = self.readouts_per_frame.is_some() || self.frame_rate.is_some();
-        !said && source.frame_times().is_none() && source.rate().is_none()
+        let has_explicit_rate = self.readouts_per_frame.is_some() || self.frame_rate.is_some();
+        !has_explicit_rate && source.frame_times().is_none() && source.rate().is_none()
     }
 
     /// Returns the timeline. The first present item of this list determines the timing:

@@ -5,6 +5,7 @@
 //! The crate `spikelane-io` reads files. `docs/reference/inputs.md` lists the accepted inputs.
 
 pub(crate) mod builtin;
+pub(crate) mod catmull_rom;
 pub(crate) mod frame;
 mod frame_timing;
 mod rate;

@@ -21,8 +21,8 @@ impl Rate {
         if num == 0 || den == 0 || num > MAX_TERM || den > MAX_TERM {
             return Err(bad_rate(&format!("{num}/{den}")));
         }
-        let g = gcd(num, den);
-        Ok(Self { num: num / g, den: den / g })
+        let divisor = gcd(num.into(), den.into()) as u64;
+        Ok(Self { num: num / divisor, den: den / divisor })
     }
 
     /// Returns the numerator and the denominator in lowest terms.
@@ -44,7 +44,8 @@ impl Rate {
     }
 }
 
-fn gcd(a: u64, b: u64) -> u64 {
+/// Returns the greatest common divisor.
+pub(super) fn gcd(a: u128, b: u128) -> u128 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
@@ -71,13 +72,13 @@ impl FromStr for Rate {
         if let Some((num, den)) = text.split_once('/') {
             return Self::new(digits(num)?, digits(den)?).map_err(|_| bad());
         }
-        let (whole, part) = text.split_once('.').unwrap_or((text, ""));
+        let (integer, part) = text.split_once('.').unwrap_or((text, ""));
         if part.len() > 6 {
             return Err(bad());
         }
         let den = 10_u64.pow(part.len() as u32);
         let tail = if part.is_empty() { 0 } else { digits(part)? };
-        let num = digits(whole)?.checked_mul(den).and_then(|n| n.checked_add(tail));
+        let num = digits(integer)?.checked_mul(den).and_then(|n| n.checked_add(tail));
         Self::new(num.ok_or_else(bad)?, den).map_err(|_| bad())
     }
 }

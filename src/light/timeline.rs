@@ -10,7 +10,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::light::rate::Rate;
+use crate::light::rate::{Rate, gcd};
 
 /// The method that computes the light between two frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -122,8 +122,8 @@ impl Timeline {
     pub fn from_rates(source: Rate, readout: Rate, interpolation: Interpolation) -> Result<Self> {
         let num = u128::from(source.num) * u128::from(readout.den);
         let den = u128::from(source.den) * u128::from(readout.num);
-        let g = gcd128(num, den);
-        match (u64::try_from(num / g), u64::try_from(den / g)) {
+        let divisor = gcd(num, den);
+        match (u64::try_from(num / divisor), u64::try_from(den / divisor)) {
             (Ok(num), Ok(den)) => Ok(Self { num, den, interpolation, starts: None }),
             _ => Err(Error::new(ErrorKind::Usage, "frame and readout rates")
                 .found(format_args!("{source} and {readout} per second"))
@@ -176,13 +176,13 @@ impl Timeline {
                 .unwrap_or(u64::MAX - last);
         }
         let from = Self::frame_start(starts, frame) * den;
-        let (mut part, mut of) =
+        let (mut part, mut duration) =
             (time - from, Self::frame_start(starts, frame.saturating_add(1)) * den - from);
-        while of > u128::from(u64::MAX) {
-            (part, of) = (part >> 1, of >> 1);
+        while duration > u128::from(u64::MAX) {
+            (part, duration) = (part >> 1, duration >> 1);
         }
         let part = if self.interpolation == Interpolation::Hold { 0 } else { part as u64 };
-        FramePosition { frame, numerator: part, denominator: (of as u64).max(1) }
+        FramePosition { frame, numerator: part, denominator: (duration as u64).max(1) }
     }
 
     /// Returns the interpolation between frames.
@@ -255,8 +255,4 @@ impl Timeline {
     pub fn readouts(&self, frames: u64) -> Option<u64> {
         self.first_readout(frames)
     }
-}
-
-fn gcd128(a: u128, b: u128) -> u128 {
-    if b == 0 { a } else { gcd128(b, a % b) }
 }

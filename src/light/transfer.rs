@@ -8,8 +8,13 @@ use std::sync::OnceLock;
 
 pub use crate::sensor::Transfer;
 
-/// Luminance weights of linear red, green and blue: ITU-R BT.709-6, item 3.2 (the primaries of sRGB).
-pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
+/// Luminance weights of linear red, green and blue: ITU-R BT.709-6, item 3.2
+/// (the primaries of sRGB).
+pub const LUMINANCE_WEIGHTS: [f32; 3] =
+    [EXACT_LUMINANCE_WEIGHTS[0] as f32, EXACT_LUMINANCE_WEIGHTS[1] as f32, EXACT_LUMINANCE_WEIGHTS[2] as f32];
+
+/// [`LUMINANCE_WEIGHTS`] in double precision.
+pub(crate) const EXACT_LUMINANCE_WEIGHTS: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// A transfer function with its lookup tables. The 16-bit table is computed when it is first used.
 #[derive(Debug)]
@@ -93,12 +98,12 @@ impl SrgbByteTable {
         for code in 1..=255u8 {
             // The bit patterns of positive floats increase with their values, so a binary search in the bit patterns
             // finds the smallest light.
-            let (mut below, mut least) = (0u32, 1f32.to_bits());
-            while least - below > 1 {
-                let middle = below.midpoint(least);
-                if byte(f32::from_bits(middle)) >= code { least = middle } else { below = middle }
+            let (mut below, mut above) = (0u32, 1f32.to_bits());
+            while above - below > 1 {
+                let middle = below.midpoint(above);
+                if byte(f32::from_bits(middle)) >= code { above = middle } else { below = middle }
             }
-            from[usize::from(code)] = f32::from_bits(least);
+            from[usize::from(code)] = f32::from_bits(above);
         }
         Self {
             min_light: from,

@@ -194,9 +194,9 @@ mod tests {
             };
             for big in [false, true] {
                 let bytes: Vec<u8> = if big { one.iter().rev().copied().collect() } else { one.clone() };
-                let mut seen = Vec::new();
-                element.for_each(big, &bytes, |v| seen.push(v));
-                assert_eq!(seen, [1.0], "{element}");
+                let mut values = Vec::new();
+                element.for_each(big, &bytes, |v| values.push(v));
+                assert_eq!(values, [1.0], "{element}");
             }
             assert_eq!(Element::from_descr(&element.descr()), Some((element, false)));
         }

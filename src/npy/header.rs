@@ -63,16 +63,16 @@ impl Header {
         }
         let start = bytes.len();
         read_exactly(name, reader, &mut bytes, length)?;
-        let said = header_text::parse(&bytes[start..]).map_err(|found| damaged_error(name, found))?;
-        let (element, big_endian) = Element::from_descr(&said.descr).ok_or_else(|| {
-            damaged_error(name, format_args!("elements of type '{}'", said.descr))
+        let fields = header_text::parse(&bytes[start..]).map_err(|found| damaged_error(name, found))?;
+        let (element, big_endian) = Element::from_descr(&fields.descr).ok_or_else(|| {
+            damaged_error(name, format_args!("elements of type '{}'", fields.descr))
                 .expected("an array of numbers or bool")
         })?;
         Ok(Self {
             element,
             is_big_endian: big_endian,
-            is_fortran_order: said.is_fortran_order,
-            shape: said.shape,
+            is_fortran_order: fields.is_fortran_order,
+            shape: fields.shape,
             data_offset: bytes.len(),
         })
     }
@@ -165,9 +165,9 @@ mod tests {
             (Element::I64, &[], "{'descr': '<i8', 'fortran_order': False, 'shape': (), }", 63),
         ] {
             let expected = header_around(1, &format!("{text}{}\n", spaces(rest - 1)));
-            let found = header_bytes(element, shape);
-            assert_eq!(found.len() % 64, 0);
-            assert_eq!(String::from_utf8_lossy(&found[8..]), String::from_utf8_lossy(&expected[8..]));
+            let bytes = header_bytes(element, shape);
+            assert_eq!(bytes.len() % 64, 0);
+            assert_eq!(String::from_utf8_lossy(&bytes[8..]), String::from_utf8_lossy(&expected[8..]));
         }
     }
 
@@ -182,7 +182,7 @@ mod tests {
         let text = "{'shape': (4L, 2), 'fortran_order': True, 'descr': '>f8'}\n";
         for version in 1..=3 {
             let bytes = header_around(version, text);
-            let found = Header::parse("a", &bytes).unwrap();
+            let header = Header::parse("a", &bytes).unwrap();
             let start = bytes.len();
             let shape = vec![4, 2];
             let expected = Header {
@@ -192,8 +192,8 @@ mod tests {
                 shape,
                 data_offset: start,
             };
-            assert_eq!(found, expected);
-            assert_eq!(found.data_bytes(), Some(64));
+            assert_eq!(header, expected);
+            assert_eq!(header.data_bytes(), Some(64));
         }
     }
 

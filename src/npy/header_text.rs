@@ -23,20 +23,20 @@ pub(super) fn parse(text: &[u8]) -> Result<HeaderFields, String> {
         let behind = match key {
             "descr" if value.starts_with('[') => return Err("a structured type".into()),
             "descr" => {
-                let (found, behind) = parse_quoted(value).ok_or("a header whose descr is not text")?;
-                descr = Some(found.to_owned());
+                let (parsed, behind) = parse_quoted(value).ok_or("a header whose descr is not text")?;
+                descr = Some(parsed.to_owned());
                 behind
             }
             "fortran_order" => {
-                let (found, behind) =
+                let (parsed, behind) =
                     parse_bool(value).ok_or("a header whose fortran_order is not a Boolean value")?;
-                fortran = Some(found);
+                fortran = Some(parsed);
                 behind
             }
             "shape" => {
-                let (found, behind) =
+                let (parsed, behind) =
                     parse_shape(value).ok_or("a header whose shape is not a tuple of lengths")?;
-                shape = Some(found);
+                shape = Some(parsed);
                 behind
             }
             other => return Err(format!("a header with the key '{other}'")),
@@ -65,8 +65,8 @@ fn parse_quoted(text: &str) -> Option<(&str, &str)> {
 }
 
 fn parse_bool(text: &str) -> Option<(bool, &str)> {
-    let of = |word, value| text.strip_prefix(word).map(|rest| (value, rest));
-    of("True", true).or(of("False", false))
+    let parse_word = |word, value| text.strip_prefix(word).map(|rest| (value, rest));
+    parse_word("True", true).or(parse_word("False", false))
 }
 
 /// Parses a tuple such as `(2, 3)`, `(2,)`, `()`, or `(2L, 3L)` from Python 2. Returns the values and the text after the

@@ -140,8 +140,8 @@ impl Law {
 
     /// Returns the state of a pixel that was just switched on and contains `charge`.
     pub fn initial_state(&self, charge: f64, noise: &mut impl NoiseSource) -> PixelState {
-        let held = self.threshold_noise * noise.normal();
-        let mut state = PixelState { charge, frozen_noise: held, ..PixelState::default() };
+        let frozen = self.threshold_noise * noise.normal();
+        let mut state = PixelState { charge, frozen_noise: frozen, ..PixelState::default() };
         if self.slow_noise.sigma > 0.0 {
             state.slow_deviation = self.slow_noise.sigma * noise.normal();
         }
@@ -176,7 +176,7 @@ impl Law {
             quantum,
             quanta_light,
             quanta_dark,
-            quanta_retention: settling,
+            quanta_retention,
             lost_increment,
             ceiling,
             floor,
@@ -210,7 +210,7 @@ impl Law {
             state.pending_noise += quantum * (noise.poisson(quanta) - quanta);
         }
         // If the retention is 0, all noise of the quanta arrives at the readout at which it is drawn.
-        let arrived = (1.0 - settling) * state.pending_noise;
+        let arrived = (1.0 - quanta_retention) * state.pending_noise;
         state.pending_noise -= arrived;
         charge += arrived;
         if state.fired {
@@ -271,10 +271,10 @@ impl Law {
                 self.slow_noise.retention * state.slow_deviation + self.slow_noise.step() * noise.normal();
             state.slow_deviation = next.clamp(-bound, bound);
         }
-        let fresh = self.threshold_noise * noise.normal();
+        let new_noise = self.threshold_noise * noise.normal();
         let threshold = self.threshold * (1.0 + offset + state.slow_deviation + state.threshold_rise)
             + match self.noise_sampling {
-                NoiseSampling::EveryReadout => fresh,
+                NoiseSampling::EveryReadout => new_noise,
                 NoiseSampling::EveryReset => state.frozen_noise,
             };
         let unsubtracted = if self.comparator_noise > 0.0 {
@@ -291,7 +291,7 @@ impl Law {
         state.threshold_rise *= self.adaptation.retention;
         if state.fired {
             state.charge = (state.charge - threshold) * (1.0 - self.lost_remainder);
-            state.frozen_noise = fresh;
+            state.frozen_noise = new_noise;
             state.threshold_rise = (state.threshold_rise + self.adaptation.rise).min(Adaptation::MAX_RISE);
         }
     }

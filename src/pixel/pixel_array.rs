@@ -38,10 +38,10 @@ impl PixelArray {
                 row = law.row_noise * noise.normal();
             }
             let around = self.neighbors(p);
-            let given = around.iter().map(|&q| light[p] - light[q]).sum::<f64>() * law.crosstalk / 4.0;
+            let exchanged = around.iter().map(|&q| light[p] - light[q]).sum::<f64>() * law.crosstalk / 4.0;
             let spikes = around.iter().filter(|&&q| fired[q]).count() as f64;
             let surround = Surround { charge: law.coupling * spikes, offset: row - law.droop * share };
-            bits.push(law.step_with_surround(&mut self.states[p], light[p] - given, surround, noise));
+            bits.push(law.step_with_surround(&mut self.states[p], light[p] - exchanged, surround, noise));
         }
         bits
     }

@@ -131,7 +131,7 @@ pub(super) fn build(laws: &[RoundedLaw<'_>], width: usize) -> Option<Dynamics> {
     };
     let height = laws.len() / width;
     let padded = laws.len().next_multiple_of(PIXEL_ALIGNMENT);
-    let moving = Dynamics {
+    let dynamics = Dynamics {
         schedule: (!schedule.is_steady()).then_some(schedule),
         quadratic: (quadratic / LIGHT_UNITS_AT_FULL_SCALE) as f32,
         peak: if quadratic < 0.0 { (-0.5 / quadratic * LIGHT_UNITS_AT_FULL_SCALE) as f32 } else { f32::MAX },
@@ -162,15 +162,16 @@ pub(super) fn build(laws: &[RoundedLaw<'_>], width: usize) -> Option<Dynamics> {
         droop: droop as f32,
         threshold: pad(laws, 0.0, |r| (r.threshold_steps * FRACTION_UNITS_PER_STEP) as f32),
         max_offset: pad(laws, 0, |r| {
-            let given = 4.0 * r.law.coupling.abs();
-            let most = (r.law.max_threshold_offset(f64::from(gauss::MAX_DRAW) / gauss::STD_DEV) + given)
+            let coupled = 4.0 * r.law.coupling.abs();
+            let max_threshold = (r.law.max_threshold_offset(f64::from(gauss::MAX_DRAW) / gauss::STD_DEV)
+                + coupled)
                 * r.threshold_steps;
             // The factor 1.001 exceeds all rounding errors of the kernels.
-            (1.001 * most).ceil().min(f64::from(i16::MAX)) as i16
+            (1.001 * max_threshold).ceil().min(f64::from(i16::MAX)) as i16
         }),
         pixel_rows: (0..padded).map(|p| (p / width).min(height - 1) as u32).collect(),
     };
-    moving.is_needed().then_some(moving)
+    dynamics.is_needed().then_some(dynamics)
 }
 
 impl Dynamics {

@@ -50,7 +50,7 @@ pub(crate) trait StartDraws {
     fn charges(
         &self,
         phases: &StartPhases,
-        clock: CounterRng,
+        rng: CounterRng,
         first: usize,
         pixels: (&[f64], &[i16]),
         to: (&mut [i16], &mut [i16]),
@@ -67,14 +67,14 @@ impl StartDraws for ScalarDraws {
     fn charges(
         &self,
         phases: &StartPhases,
-        clock: CounterRng,
+        rng: CounterRng,
         first: usize,
         (exact, thresholds): (&[f64], &[i16]),
         (wholes, fractions): (&mut [i16], &mut [i16]),
     ) {
         let pixels = exact.iter().zip(thresholds).enumerate();
         for ((p, (&exact, &threshold)), (whole, fraction)) in pixels.zip(wholes.iter_mut().zip(fractions)) {
-            let fixed = start_charge(phases, clock, first + p, exact, threshold);
+            let fixed = start_charge(phases, rng, first + p, exact, threshold);
             *whole = saturate_to_i16(steps_above_threshold(fixed, threshold));
             *fraction = (fixed as u16 ^ FRACTION_TOP_BIT) as i16;
         }
@@ -97,9 +97,9 @@ impl Plan {
 
     /// Returns the state before the first readout, drawn by `draws`.
     pub(crate) fn initial_state_with(&self, draws: &impl StartDraws) -> SimulatorState {
-        let (tables, rules, moving) = (self.tables(), self.rules(), self.dynamics());
+        let (tables, rules, dynamics) = (self.tables(), self.rules(), self.dynamics());
         let padded = self.padded_pixels();
-        let asks_fired = rules.lost_increment != 0.0 || moving.is_some_and(Dynamics::has_coupled_pixels);
+        let asks_fired = rules.lost_increment != 0.0 || dynamics.is_some_and(Dynamics::has_coupled_pixels);
         let waits = rules.release_share != 0;
         let mut state = SimulatorState {
             charge: vec![-1; padded],
@@ -115,8 +115,8 @@ impl Plan {
         if rules.noise_sampling == NoiseSampling::EveryReset {
             freeze_noise(&mut state, self.seeds, tables, draws);
         }
-        if let Some(moving) = moving {
-            init_slow_state(&mut state, self.seeds, moving);
+        if let Some(dynamics) = dynamics {
+            init_slow_state(&mut state, self.seeds, dynamics);
         }
         if self.faults.repeat_probability != 0 {
             state.last_frame = vec![0; self.geometry.frame_bytes().div_ceil(2)];
@@ -133,17 +133,17 @@ fn draw_charges(
     thresholds: &[i16],
     draws: &impl StartDraws,
 ) {
-    let clock = CounterRng::new(seeds, RandomStream::from_name("start_phase"));
+    let rng = CounterRng::new(seeds, RandomStream::from_name("start_phase"));
     if state.surplus.is_empty() {
         let pixels = origin.thresholds.len();
         let to = (&mut state.charge[..pixels], &mut state.fraction[..pixels]);
-        draws.charges(&origin.phases, clock, 0, (&origin.thresholds, &thresholds[..pixels]), to);
+        draws.charges(&origin.phases, rng, 0, (&origin.thresholds, &thresholds[..pixels]), to);
         return;
     }
     let pixels = origin.thresholds.iter().zip(thresholds).enumerate();
     let outs = state.charge.iter_mut().zip(&mut state.fraction).zip(&mut state.surplus);
     for ((p, (&exact, &threshold)), ((whole, fraction), surplus)) in pixels.zip(outs) {
-        let fixed = start_charge(&origin.phases, clock, p, exact, threshold);
+        let fixed = start_charge(&origin.phases, rng, p, exact, threshold);
         let (mut above, size) = (steps_above_threshold(fixed, threshold), i64::from(threshold));
         if above >= 0 {
             let thresholds = (above / size + 1).min(i64::from(i16::MAX));
@@ -156,9 +156,9 @@ fn draw_charges(
 }
 
 /// Returns the charge of pixel `p` in steps x 65,536.
-fn start_charge(phases: &StartPhases, clock: CounterRng, p: usize, exact: f64, threshold: i16) -> i64 {
+fn start_charge(phases: &StartPhases, rng: CounterRng, p: usize, exact: f64, threshold: i16) -> i64 {
     let unit = |b: u32| f64::from(b) / 4_294_967_296.0;
-    let bits = clock.pixel_bits(p as u32);
+    let bits = rng.pixel_bits(p as u32);
     let charge = phases.charge(exact, unit((bits >> 32) as u32), unit(bits as u32));
     (charge * f64::from(threshold) / exact * 65_536.0) as i64
 }
@@ -173,31 +173,31 @@ fn saturate_to_i16(x: i64) -> i16 {
 
 /// Initializes the slow state. The slow noise and the switching dark currents start with their stationary distributions.
 /// All other values start at 0.
-fn init_slow_state(state: &mut SimulatorState, seeds: Seeds, moving: &Dynamics) {
-    let padded = moving.threshold.len();
-    let clock = |name: &str| CounterRng::new(seeds, RandomStream::from_name(name));
+fn init_slow_state(state: &mut SimulatorState, seeds: Seeds, dynamics: &Dynamics) {
+    let padded = dynamics.threshold.len();
+    let rng = |name: &str| CounterRng::new(seeds, RandomStream::from_name(name));
     let mut store = |at: usize, value: &dyn Fn(usize) -> f32| {
         let bits: Vec<u32> = (0..padded).map(|p| value(p).to_bits()).collect();
         state.slow_state[at] = bits.iter().map(|b| (b >> 16) as i16).collect();
         state.slow_state[at + 1] = bits.iter().map(|b| *b as i16).collect();
     };
-    if let Some(slow) = moving.slow_noise {
-        let clock = clock("slow_threshold_noise/start");
+    if let Some(slow) = dynamics.slow_noise {
+        let rng = rng("slow_threshold_noise/start");
         store(SLOW_NOISE_COLUMN, &|p| {
-            let deviation = f32::from(gauss::draw(clock.pixel_bits(p as u32) as u16)) * slow.start;
+            let deviation = f32::from(gauss::draw(rng.pixel_bits(p as u32) as u16)) * slow.start;
             deviation.clamp(-slow.bound, slow.bound)
         });
     }
-    if moving.adaptation.is_some() {
+    if dynamics.adaptation.is_some() {
         store(ADAPTATION_COLUMN, &|_| 0.0);
     }
-    if moving.lag.is_some() {
+    if dynamics.lag.is_some() {
         store(LAG_COLUMN, &|_| 0.0);
     }
-    if moving.telegraph.is_some() {
-        let clock = clock("telegraph_dark/start");
+    if dynamics.telegraph.is_some() {
+        let rng = rng("telegraph_dark/start");
         state.slow_state[TELEGRAPH_COLUMN] =
-            (0..padded).map(|p| -((clock.pixel_bits(p as u32) & 1) as i16)).collect();
+            (0..padded).map(|p| -((rng.pixel_bits(p as u32) & 1) as i16)).collect();
     }
 }
 

@@ -86,20 +86,20 @@ pub struct NoiseRngs {
 
 impl NoiseRngs {
     fn new(seeds: Seeds) -> Self {
-        let clock = |name| CounterRng::new(seeds, RandomStream::from_name(name));
+        let rng = |name| CounterRng::new(seeds, RandomStream::from_name(name));
         Self {
-            shot: clock("shot_noise"),
-            counts: clock("shot_noise/counts"),
-            thermal: clock("thermal_noise"),
-            missed_spikes: [clock("missed_spikes"), clock("missed_spikes/fine")],
-            false_spikes: [clock("false_spikes"), clock("false_spikes/fine")],
-            comparator_noise: clock("comparator_noise"),
-            row_noise: clock("row_noise"),
-            jitter: clock("readout_jitter"),
-            slow_noise: clock("slow_threshold_noise"),
-            telegraph: [clock("telegraph_dark"), clock("telegraph_dark/fine")],
-            dropped_readouts: clock("dropped_readouts"),
-            repeated_readouts: clock("repeated_readouts"),
+            shot: rng("shot_noise"),
+            counts: rng("shot_noise/counts"),
+            thermal: rng("thermal_noise"),
+            missed_spikes: [rng("missed_spikes"), rng("missed_spikes/fine")],
+            false_spikes: [rng("false_spikes"), rng("false_spikes/fine")],
+            comparator_noise: rng("comparator_noise"),
+            row_noise: rng("row_noise"),
+            jitter: rng("readout_jitter"),
+            slow_noise: rng("slow_threshold_noise"),
+            telegraph: [rng("telegraph_dark"), rng("telegraph_dark/fine")],
+            dropped_readouts: rng("dropped_readouts"),
+            repeated_readouts: rng("repeated_readouts"),
         }
     }
 }
@@ -147,8 +147,8 @@ impl Plan {
                 .found(max_light)
                 .expected("a finite multiple of full scale, zero or more"));
         }
-        if let Some((whole, crop)) = camera.whole_sensor()? {
-            return Self::with_max_light(&whole, seeds, max_light)?.window(crop);
+        if let Some((full_sensor, crop)) = camera.whole_sensor()? {
+            return Self::with_max_light(&full_sensor, seeds, max_light)?.window(crop);
         }
         Self::from_model(&camera.model(seeds)?, seeds, max_light)
     }
@@ -168,7 +168,7 @@ impl Plan {
         threads::check_stop();
         let scale = step_scale::choose_scale(model, &laws, max_light)?;
         threads::check_stop();
-        let (tables, rules, moving) = tables::build(model, &laws, &scale, max_light);
+        let (tables, rules, dynamics) = tables::build(model, &laws, &scale, max_light);
         let losses = ReadoutFaults::from_model(model);
         threads::check_stop();
         let origin = StartDistribution::from_model(model, &laws);
@@ -182,7 +182,7 @@ impl Plan {
             rngs: NoiseRngs::new(seeds),
             tables: Arc::new(tables),
             rules,
-            dynamics: moving.map(Arc::new),
+            dynamics: dynamics.map(Arc::new),
             start_distribution: Arc::new(origin),
             faults: losses,
             count_tables: counts,

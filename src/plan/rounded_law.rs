@@ -20,8 +20,8 @@ pub(super) struct RoundedLaw<'a> {
 
 impl<'a> RoundedLaw<'a> {
     pub(super) fn new(law: &'a Law, scale: &StepScale) -> Self {
-        let whole = (law.threshold * f64::from(scale.steps)).round();
-        Self { law, threshold_steps: whole, steps_per_charge: whole / law.threshold }
+        let rounded = (law.threshold * f64::from(scale.steps)).round();
+        Self { law, threshold_steps: rounded, steps_per_charge: rounded / law.threshold }
     }
 }
 

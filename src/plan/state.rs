@@ -84,8 +84,8 @@ impl SimulatorState {
     pub(crate) fn record_or_repeat(&mut self, repeated: bool, frame: &mut [u8]) {
         // The odd last byte is a separate case. A loop that also handled shorter pairs would copy byte by byte.
         let (pairs, odd) = frame.as_chunks_mut::<2>();
-        let whole = pairs.len().min(self.last_frame.len());
-        let (last, end) = self.last_frame.split_at_mut(whole);
+        let paired = pairs.len().min(self.last_frame.len());
+        let (last, end) = self.last_frame.split_at_mut(paired);
         let ends = odd.iter_mut().zip(end);
         if repeated {
             pairs.iter_mut().zip(last).for_each(|(pair, last)| *pair = last.to_le_bytes());
@@ -103,22 +103,22 @@ impl SimulatorState {
         let mut fraction = self.fraction.chunks_mut(pixels);
         let mut surplus = self.surplus.chunks_mut(pixels);
         let mut fired = self.fired.chunks_mut(pixels);
-        let mut held = self.frozen_noise.chunks_mut(pixels);
-        let mut held_fraction = self.frozen_noise_fraction.chunks_mut(pixels);
-        let mut waiting = self.pending_noise.chunks_mut(pixels);
-        let mut waiting_fraction = self.pending_noise_fraction.chunks_mut(pixels);
-        let mut lingering = self.slow_state.each_mut().map(|column| column.chunks_mut(pixels));
+        let mut frozen = self.frozen_noise.chunks_mut(pixels);
+        let mut frozen_fraction = self.frozen_noise_fraction.chunks_mut(pixels);
+        let mut pending = self.pending_noise.chunks_mut(pixels);
+        let mut pending_fraction = self.pending_noise_fraction.chunks_mut(pixels);
+        let mut slow_state = self.slow_state.each_mut().map(|column| column.chunks_mut(pixels));
         (0..count)
             .map(|_| StateTile {
                 charge: charge.next().unwrap_or_default(),
                 fraction: fraction.next().unwrap_or_default(),
                 surplus: surplus.next().unwrap_or_default(),
                 fired: fired.next().unwrap_or_default(),
-                frozen_noise: held.next().unwrap_or_default(),
-                frozen_noise_fraction: held_fraction.next().unwrap_or_default(),
-                pending_noise: waiting.next().unwrap_or_default(),
-                pending_noise_fraction: waiting_fraction.next().unwrap_or_default(),
-                slow_state: lingering.each_mut().map(|column| column.next().unwrap_or_default()),
+                frozen_noise: frozen.next().unwrap_or_default(),
+                frozen_noise_fraction: frozen_fraction.next().unwrap_or_default(),
+                pending_noise: pending.next().unwrap_or_default(),
+                pending_noise_fraction: pending_fraction.next().unwrap_or_default(),
+                slow_state: slow_state.each_mut().map(|column| column.next().unwrap_or_default()),
             })
             .collect()
     }
@@ -129,8 +129,8 @@ impl SimulatorState {
             fraction,
             surplus,
             fired,
-            frozen_noise: held,
-            frozen_noise_fraction: held_fraction,
+            frozen_noise: frozen,
+            frozen_noise_fraction: frozen_fraction,
             // `optional_blocks` returns these columns. `readout` is in the header.
             slow_state: _,
             last_frame: _,
@@ -138,7 +138,7 @@ impl SimulatorState {
             pending_noise_fraction: _,
             readout: _,
         } = self;
-        [charge, fraction, surplus, fired, held, held_fraction]
+        [charge, fraction, surplus, fired, frozen, frozen_fraction]
     }
 
     /// Returns the columns that few plans use, as two blocks. The first block is the slow state and the last frame. The
@@ -147,13 +147,13 @@ impl SimulatorState {
     /// If all columns of a block are empty, the block is not saved. A version that adds a block therefore writes equal
     /// bytes for states without the new block.
     fn optional_blocks(&self) -> [Vec<&Vec<i16>>; 2] {
-        let lingering = self.slow_state.iter().chain([&self.last_frame]).collect();
-        [lingering, vec![&self.pending_noise, &self.pending_noise_fraction]]
+        let columns = self.slow_state.iter().chain([&self.last_frame]).collect();
+        [columns, vec![&self.pending_noise, &self.pending_noise_fraction]]
     }
 
     fn optional_blocks_mut(&mut self) -> [Vec<&mut Vec<i16>>; 2] {
-        let lingering = self.slow_state.iter_mut().chain([&mut self.last_frame]).collect();
-        [lingering, vec![&mut self.pending_noise, &mut self.pending_noise_fraction]]
+        let columns = self.slow_state.iter_mut().chain([&mut self.last_frame]).collect();
+        [columns, vec![&mut self.pending_noise, &mut self.pending_noise_fraction]]
     }
 
     /// Returns whether the columns of this state match a plan whose initial state is `like`.

@@ -32,7 +32,10 @@ impl SimulatorState {
             Some("a charge above the threshold after a reset")
         } else if !self.frozen_noise_is_drawable(plan.tables().noise.as_ref()) {
             Some("threshold noise outside the range of all draws")
-        } else if plan.dynamics().is_some_and(|moving| !self.slow_state_is_reachable(moving, plan.rules())) {
+        } else if plan
+            .dynamics()
+            .is_some_and(|dynamics| !self.slow_state_is_reachable(dynamics, plan.rules()))
+        {
             Some("a threshold or late light that no run reaches")
         } else if !self.last_frame_is_padded(plan.geometry().pixels()) {
             Some("spikes outside the sensor")
@@ -43,27 +46,27 @@ impl SimulatorState {
 
     /// Returns whether every frozen value is between the noise of the smallest draw and the noise of the largest draw.
     fn frozen_noise_is_drawable(&self, noise: Option<&NoiseTable>) -> bool {
-        let held = self.frozen_noise.iter().enumerate();
+        let frozen = self.frozen_noise.iter().enumerate();
         match noise {
             None => self.frozen_noise.iter().all(|v| *v == 0),
-            Some(NoiseTable::Whole(multipliers)) => held.zip(multipliers).all(|((_, v), m)| {
+            Some(NoiseTable::Whole(multipliers)) => frozen.zip(multipliers).all(|((_, v), m)| {
                 // This is the rounded multiplication of the kernels. Its result is a monotonic function of the draw.
                 let scaled = |draw: i16| (i32::from(draw) * i32::from(*m) + (1 << 14)) >> 15;
                 (scaled(-gauss::MAX_DRAW)..=scaled(gauss::MAX_DRAW)).contains(&i32::from(*v))
             }),
-            Some(NoiseTable::Fine(per_unit)) => held.zip(per_unit).all(|((p, whole), per_unit)| {
+            Some(NoiseTable::Fine(per_unit)) => frozen.zip(per_unit).all(|((p, whole), per_unit)| {
                 let fraction = self.frozen_noise_fraction.get(p).copied().unwrap_or(0) as u16;
                 let value = i32::from(*whole) << 16 | i32::from(fraction);
-                let most = (f32::from(gauss::MAX_DRAW) * per_unit).round_ties_even() as i32;
-                (-most..=most).contains(&value)
+                let max_draw = (f32::from(gauss::MAX_DRAW) * per_unit).round_ties_even() as i32;
+                (-max_draw..=max_draw).contains(&value)
             }),
         }
     }
 
-    fn slow_state_is_reachable(&self, moving: &Dynamics, rules: &Rules) -> bool {
-        let slow = moving.slow_noise.map_or(0.0, |slow| f64::from(slow.bound));
-        let adapted = moving.adaptation.map_or(0.0, max_rise);
-        let late = max_effective_light(moving, rules);
+    fn slow_state_is_reachable(&self, dynamics: &Dynamics, rules: &Rules) -> bool {
+        let slow = dynamics.slow_noise.map_or(0.0, |slow| f64::from(slow.bound));
+        let adapted = dynamics.adaptation.map_or(0.0, max_rise);
+        let late = max_effective_light(dynamics, rules);
         let is_within = |at: usize, range: RangeInclusive<f64>| {
             let words = self.slow_state[at].iter().zip(&self.slow_state[at + 1]);
             let mut values = words
@@ -103,10 +106,10 @@ fn max_rise(adaptation: AdaptationRule) -> f64 {
 }
 
 /// Returns the largest effective light of a pixel, in 1/255 of full scale, including rounding errors.
-fn max_effective_light(moving: &Dynamics, rules: &Rules) -> f64 {
-    let factor = moving.schedule.map_or(1.0, |schedule| schedule.max_factor());
-    let light = (f64::from(rules.max_light) * factor).min(f64::from(moving.peak));
-    (light + light * light * f64::from(moving.quadratic)) * (1.0 + 16.0 * HALF_ULP)
+fn max_effective_light(dynamics: &Dynamics, rules: &Rules) -> f64 {
+    let factor = dynamics.schedule.map_or(1.0, |schedule| schedule.max_factor());
+    let light = (f64::from(rules.max_light) * factor).min(f64::from(dynamics.peak));
+    (light + light * light * f64::from(dynamics.quadratic)) * (1.0 + 16.0 * HALF_ULP)
 }
 
 #[cfg(test)]

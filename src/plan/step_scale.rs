@@ -99,7 +99,7 @@ impl Extremes {
             ceiling,
             telegraph,
             coupling,
-            quanta_retention: settling,
+            quanta_retention,
             // `max_effective_light` uses these fields:
             quadratic: _,
             schedule: _,
@@ -122,8 +122,8 @@ impl Extremes {
             jitter_width: _,
         } = *law;
         let light = law.max_effective_light(light);
-        let given = 4.0 * coupling.abs() * threshold;
-        let dark = dark.max(0.0) + telegraph.amplitude.abs() + given;
+        let coupled = 4.0 * coupling.abs() * threshold;
+        let dark = dark.max(0.0) + telegraph.amplitude.abs() + coupled;
         let increment = gain.max(0.0) * light + dark;
         let quanta = quanta_light * light + quanta_dark;
         Self {
@@ -132,9 +132,10 @@ impl Extremes {
             increment: self.increment.max(increment),
             noise: self.noise.max(noise),
             shot: self.shot.max(quantum * quanta.sqrt()),
-            pending_noise: self
-                .pending_noise
-                .max(quantum * quanta.sqrt() * settling / (1.0 - settling * settling).sqrt()),
+            pending_noise: self.pending_noise.max(
+                quantum * quanta.sqrt() * quanta_retention
+                    / (1.0 - quanta_retention * quanta_retention).sqrt(),
+            ),
             ceiling: self.ceiling.max(ceiling / threshold),
             relative_increment: self.relative_increment.max(increment / threshold),
             max_offset: self
@@ -149,8 +150,8 @@ pub(super) fn choose_scale(model: &Model, laws: &[Law], light: f64) -> Result<St
     let mut e = Extremes::from_laws(laws, light);
     let storage = storage(model, &mut e);
     let reach = f64::from(gauss::MAX_DRAW) / gauss::STD_DEV;
-    let sway = e.max_offset * e.threshold;
-    let most = [
+    let max_jitter = e.max_offset * e.threshold;
+    let limits = [
         f64::from(MAX_THRESHOLD_STEPS),
         24_000.0 / e.threshold,
         // The multipliers of shot noise and threshold noise must fit in 16 bits.
@@ -162,19 +163,19 @@ pub(super) fn choose_scale(model: &Model, laws: &[Law], light: f64) -> Result<St
             // Worst case: the charge is just below the highest threshold, an increment with its noise is added, and the
             // lowest threshold is subtracted.
             Storage::Free | Storage::Surplus => {
-                31_000.0 / (e.increment + reach * (e.shot + 2.0 * e.noise) + 2.0 * sway)
+                31_000.0 / (e.increment + reach * (e.shot + 2.0 * e.noise) + 2.0 * max_jitter)
             }
             // First bound: if the sum of charge and increment saturates, the sum must exceed the largest charge even
             // after the lowest shot noise. The clamp then sets the charge to the largest charge. Second bound: the
             // largest charge minus the lowest threshold must fit in the state.
             Storage::Clamped => {
-                let most = e.ceiling * e.threshold;
-                (32_000.0 / (most + reach * e.shot))
-                    .min(32_000.0 / (most - e.threshold + reach * e.noise + sway))
+                let max_charge = e.ceiling * e.threshold;
+                (32_000.0 / (max_charge + reach * e.shot))
+                    .min(32_000.0 / (max_charge - e.threshold + reach * e.noise + max_jitter))
             }
         },
     ];
-    let limit = most.into_iter().fold(f64::INFINITY, f64::min);
+    let limit = limits.into_iter().fold(f64::INFINITY, f64::min);
     if limit < f64::from(MIN_STEPS) {
         return Err(too_wide_error(&e, light));
     }

@@ -134,7 +134,7 @@ pub(super) fn build(
     let laws: Vec<RoundedLaw<'_>> = laws.iter().map(|law| RoundedLaw::new(law, scale)).collect();
     // All pixels have equal values of the fields that this pattern binds. The tables contain the other fields.
     let Law {
-        quanta_retention: settling,
+        quanta_retention,
         lost_increment,
         lost_remainder,
         missed_spikes: missed,
@@ -171,7 +171,11 @@ pub(super) fn build(
         noise_sampling: noise_sampling(model),
         counts_surplus: scale.storage == Storage::Surplus,
         extra_thresholds: scale.extra_thresholds,
-        release_share: if laws.iter().any(|r| r.law.quantum > 0.0) { release_share(settling) } else { 0 },
+        release_share: if laws.iter().any(|r| r.law.quantum > 0.0) {
+            release_share(quanta_retention)
+        } else {
+            0
+        },
         lost_increment: lost_increment as f32,
         retained_remainder: (1.0 - lost_remainder) as f32,
         lost_remainder: lost_remainder as f32,
@@ -184,13 +188,17 @@ pub(super) fn build(
         // The whole-step kernel does not clamp light, so it must not run if the maximum light is below full scale.
         tables.whole_gain.clear();
     }
-    let moving = dynamics::build(&laws, model.circuit.geometry.width());
-    (tables, rules, moving)
+    let dynamics = dynamics::build(&laws, model.circuit.geometry.width());
+    (tables, rules, dynamics)
 }
 
-/// Returns `1 - settling` in units of 1/32,768. Returns 0 if all noise arrives at the readout at which it is drawn.
-fn release_share(settling: f64) -> i16 {
-    if settling == 0.0 { 0 } else { ((1.0 - settling) * 32_768.0).round().clamp(1.0, 32_767.0) as i16 }
+/// Returns `1 - settling` in units of 1/32,768, or 0 if all noise arrives at once.
+fn release_share(settled_share: f64) -> i16 {
+    if settled_share == 0.0 {
+        0
+    } else {
+        ((1.0 - settled_share) * 32_768.0).round().clamp(1.0, 32_767.0) as i16
+    }
 }
 
 /// Number of steps that is well below the maximum of the state, 32,767 steps.
@@ -199,8 +207,9 @@ const SAFE_STEPS: f64 = 16_000.0;
 fn needs_clip(rounded: &RoundedLaw<'_>, max_light: f64) -> bool {
     let (law, unit) = (rounded.law, rounded.steps_per_charge);
     let switched = law.telegraph.amplitude.abs();
-    let most = (law.gain.abs() * law.max_effective_light(max_light) + law.dark.abs() + switched) * unit;
-    most > 2.0 * SAFE_STEPS
+    let max_increment =
+        (law.gain.abs() * law.max_effective_light(max_light) + law.dark.abs() + switched) * unit;
+    max_increment > 2.0 * SAFE_STEPS
         || (law.dark - switched) * unit < -SAFE_STEPS
         || law.quantum * unit * poisson::COLUMNS as f64 > SAFE_STEPS
 }
@@ -224,7 +233,7 @@ fn tables(laws: &[RoundedLaw<'_>], scale: &StepScale) -> PixelTables {
             exact + exact.abs() * up
         }
     };
-    let plain = |f: fn(&Law) -> f64| pad(laws, 0.0, |r| f(r.law) as f32);
+    let column = |f: fn(&Law) -> f64| pad(laws, 0.0, |r| f(r.law) as f32);
     let ceiling = |r: &RoundedLaw<'_>| {
         let bound = r.law.ceiling / r.law.threshold;
         let thresholds = if bound.is_finite() { bound } else { scale.unreachable_charge };
@@ -254,8 +263,8 @@ fn tables(laws: &[RoundedLaw<'_>], scale: &StepScale) -> PixelTables {
         ceiling: if scale.storage == Storage::Clamped { pad(laws, 0, ceiling) } else { Vec::new() },
         shot: laws.iter().any(|r| r.law.quantum > 0.0).then(|| ShotTables {
             keys: keys(padded),
-            light: plain(|law| law.quanta_light / LIGHT_UNITS_AT_FULL_SCALE),
-            dark: plain(|law| law.quanta_dark),
+            light: column(|law| law.quanta_light / LIGHT_UNITS_AT_FULL_SCALE),
+            dark: column(|law| law.quanta_dark),
             quantum: fixed(|law| law.quantum),
             whole_noise_min_light: pad(laws, f32::INFINITY, |r| {
                 whole_noise_min_light(r.law, r.steps_per_charge)

@@ -21,16 +21,16 @@ impl Plan {
         let geometry = crop.geometry(self.geometry)?;
         let cut = WindowCutter {
             crop,
-            whole: self.geometry,
+            sensor: self.geometry,
             padded: geometry.pixels().next_multiple_of(PIXEL_ALIGNMENT),
         };
         let tables = cut.tables(&self.tables);
-        let moving = self.dynamics().map(|moving| cut.moving(moving, geometry));
+        let dynamics = self.dynamics().map(|dynamics| cut.dynamics(dynamics, geometry));
         let origin = self.start_distribution.window(crop, geometry);
         Ok(Self {
             geometry,
             tables: Arc::new(tables),
-            dynamics: moving.map(Arc::new),
+            dynamics: dynamics.map(Arc::new),
             start_distribution: Arc::new(origin),
             // All pixels have equal values of these fields.
             seeds: self.seeds,
@@ -47,7 +47,7 @@ impl Plan {
 
 struct WindowCutter {
     crop: Crop,
-    whole: Geometry,
+    sensor: Geometry,
     padded: usize,
 }
 
@@ -58,23 +58,23 @@ impl WindowCutter {
         if table.is_empty() {
             return Vec::new();
         }
-        let mut part = self.crop.pick(self.whole, table);
+        let mut part = self.crop.pick(self.sensor, table);
         part.resize(self.padded, filler);
         part
     }
 
-    fn tables(&self, whole: &PixelTables) -> PixelTables {
+    fn tables(&self, full: &PixelTables) -> PixelTables {
         // The filler values are repeated here, because a table of the sensor may end without padding from which they
         // could be copied.
         PixelTables {
-            threshold: self.cut(&whole.threshold, 16_000),
+            threshold: self.cut(&full.threshold, 16_000),
             pair_keys: self.keys(self.padded / 2),
-            gain: self.cut(&whole.gain, 0.0),
-            whole_gain: self.cut(&whole.whole_gain, 0),
-            dark: self.cut(&whole.dark, 0.0),
-            ceiling: self.cut(&whole.ceiling, 0),
-            jitter_width: self.cut(&whole.jitter_width, 0),
-            shot: whole.shot.as_ref().map(|shot| ShotTables {
+            gain: self.cut(&full.gain, 0.0),
+            whole_gain: self.cut(&full.whole_gain, 0),
+            dark: self.cut(&full.dark, 0.0),
+            ceiling: self.cut(&full.ceiling, 0),
+            jitter_width: self.cut(&full.jitter_width, 0),
+            shot: full.shot.as_ref().map(|shot| ShotTables {
                 keys: self.keys(self.padded),
                 light: self.cut(&shot.light, 0.0),
                 dark: self.cut(&shot.dark, 0.0),
@@ -83,7 +83,7 @@ impl WindowCutter {
                 slope: self.cut(&shot.slope, 0.0),
                 offset: self.cut(&shot.offset, 0.0),
             }),
-            noise: whole.noise.as_ref().map(|noise| match noise {
+            noise: full.noise.as_ref().map(|noise| match noise {
                 NoiseTable::Whole(table) => NoiseTable::Whole(self.cut(table, 0)),
                 NoiseTable::Fine(table) => NoiseTable::Fine(self.cut(table, 0.0)),
             }),
@@ -94,7 +94,7 @@ impl WindowCutter {
         (0..count as u32).map(hash::address_key).collect()
     }
 
-    fn moving(&self, whole: &Dynamics, geometry: Geometry) -> Dynamics {
+    fn dynamics(&self, full: &Dynamics, geometry: Geometry) -> Dynamics {
         let last = geometry.height() - 1;
         let Dynamics {
             schedule,
@@ -111,15 +111,15 @@ impl WindowCutter {
             adaptation,
             droop,
             threshold,
-            max_offset: sway,
+            max_offset,
             pixel_rows: _,
-        } = whole;
+        } = full;
         Dynamics {
             telegraph: telegraph
                 .as_ref()
                 .map(|t| TelegraphRule { amplitude: self.cut(&t.amplitude, 0.0), rate: t.rate }),
             threshold: self.cut(threshold, 0.0),
-            max_offset: self.cut(sway, 0),
+            max_offset: self.cut(max_offset, 0),
             pixel_rows: (0..self.padded).map(|p| (p / geometry.width()).min(last) as u32).collect(),
             schedule: *schedule,
             quadratic: *quadratic,

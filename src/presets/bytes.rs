@@ -86,8 +86,8 @@ struct EmbeddedMaps<'a>(&'a [&'a [u8]]);
 impl MapSource for EmbeddedMaps<'_> {
     fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)> {
         let (pairs, _) = self.0.as_chunks::<2>();
-        let found = pairs.iter().find(|[name, _]| *name == file.as_bytes());
-        found.map(|[_, bytes]| (Cow::Borrowed(*bytes), file.to_owned())).ok_or_else(|| {
+        let pair = pairs.iter().find(|[name, _]| *name == file.as_bytes());
+        pair.map(|[_, bytes]| (Cow::Borrowed(*bytes), file.to_owned())).ok_or_else(|| {
             Error::new(ErrorKind::Input, file)
                 .found("a reference to a map that the data does not contain")
                 .expected("every map of the camera")
@@ -113,7 +113,7 @@ mod tests {
     fn a_camera_with_maps_and_a_window_comes_back_whole() {
         let camera = camera();
         assert_eq!(from_bytes(&to_bytes(&camera).unwrap()).unwrap(), camera);
-        let part = camera.window(Crop { x: 1, y: 1, width: 3, height: 2 }).unwrap();
+        let part = camera.window(Crop { row: 1, col: 1, width: 3, height: 2 }).unwrap();
         assert_eq!(from_bytes(&to_bytes(&part).unwrap()).unwrap(), part);
         assert_ne!(part, camera);
     }

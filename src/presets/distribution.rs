@@ -97,11 +97,11 @@ impl CameraDistribution {
             }
             Ok(())
         })?;
-        let whole = Self { text: text.to_owned(), table, ranges, effects: effects.clone() };
+        let distribution = Self { text: text.to_owned(), table, ranges, effects: effects.clone() };
         // The cameras at both ends of all ranges must be valid, so no single number makes a drawn camera invalid.
-        whole.camera(&|range| range.low)?;
-        whole.camera(&|range| range.high)?;
-        Ok(whole)
+        distribution.camera(&|range| range.low)?;
+        distribution.camera(&|range| range.high)?;
+        Ok(distribution)
     }
 
     /// Reads the distribution in the file at `path`.
@@ -197,15 +197,15 @@ impl ParamRange {
     }
 }
 
-/// Calls `tell` with the key and the value of every entry of `[sensor]` and of every effect.
-fn for_each_number(table: &Table, tell: &mut dyn FnMut(&str, &Value) -> Result<()>) -> Result<()> {
+/// Calls `visit` with the key and the value of every entry of `[sensor]` and of every effect.
+fn for_each_number(table: &Table, visit: &mut dyn FnMut(&str, &Value) -> Result<()>) -> Result<()> {
     if let Some(Value::Table(sensor)) = table.get("sensor") {
-        sensor.iter().try_for_each(|(key, value)| tell(&format!("sensor.{key}"), value))?;
+        sensor.iter().try_for_each(|(key, value)| visit(&format!("sensor.{key}"), value))?;
     }
     let Some(Value::Table(all)) = table.get("effects") else { return Ok(()) };
     for (name, effect) in all {
         let Value::Table(effect) = effect else { continue };
-        effect.iter().try_for_each(|(key, value)| tell(&format!("effects.{name}.{key}"), value))?;
+        effect.iter().try_for_each(|(key, value)| visit(&format!("effects.{name}.{key}"), value))?;
     }
     Ok(())
 }

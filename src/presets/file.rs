@@ -44,11 +44,11 @@ pub(super) struct WindowTable {
 
 impl WindowTable {
     pub(crate) fn from_crop(crop: Crop) -> Self {
-        Self { row: crop.y, col: crop.x, height: crop.height, width: crop.width }
+        Self { row: crop.row, col: crop.col, height: crop.height, width: crop.width }
     }
 
     fn crop(&self) -> Crop {
-        Crop { x: self.col, y: self.row, width: self.width, height: self.height }
+        Crop { row: self.row, col: self.col, width: self.width, height: self.height }
     }
 }
 

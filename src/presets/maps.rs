@@ -97,10 +97,10 @@ fn hash(_: &[u8]) -> String {
 impl MapEntry {
     fn load(&self, files: &dyn MapSource, geometry: Geometry) -> Result<Vec<f64>> {
         let (bytes, name) = files.read(&self.file)?;
-        let found = digest(&bytes)?;
-        if found != self.digest {
+        let actual = digest(&bytes)?;
+        if actual != self.digest {
             return Err(Error::new(ErrorKind::Corrupt, name)
-                .found(found)
+                .found(actual)
                 .expected(&self.digest)
                 .remedy("restore the map that belongs to this camera file"));
         }

@@ -56,11 +56,12 @@ impl DetailReference {
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if there are fewer than 20 readouts before `own` or after `own`.
-    pub fn from_surrounding(packed: SpikeFramesRef, own: Range<usize>) -> Result<Self> {
+    pub fn from_surrounding(packed: SpikeFramesRef, used_readouts: Range<usize>) -> Result<Self> {
         let all = packed.readouts();
-        if own.start < Self::MIN_SIDE_READOUTS || own.end + Self::MIN_SIDE_READOUTS > all {
+        if used_readouts.start < Self::MIN_SIDE_READOUTS || used_readouts.end + Self::MIN_SIDE_READOUTS > all
+        {
             return Err(Error::new(ErrorKind::Usage, "readouts outside the window of the image")
-                .found(format_args!("{all} readouts, {own:?} of them in the window"))
+                .found(format_args!("{all} readouts, {used_readouts:?} of them in the window"))
                 .expected(format_args!(
                     "at least {} readouts before and after the window",
                     Self::MIN_SIDE_READOUTS
@@ -71,8 +72,13 @@ impl DetailReference {
                     Setting("at")
                 )));
         }
-        let of = |part: Range<usize>| span_rates(packed.slice(part.clone()), part.len() / 2, part.len());
-        Ok(Self { observations: [of(0..own.start)?, of(own.end..all)?], mask: None, is_scene: false })
+        let rates_of =
+            |part: Range<usize>| span_rates(packed.slice(part.clone()), part.len() / 2, part.len());
+        Ok(Self {
+            observations: [rates_of(0..used_readouts.start)?, rates_of(used_readouts.end..all)?],
+            mask: None,
+            is_scene: false,
+        })
     }
 }
 
@@ -131,9 +137,9 @@ pub fn score_detail(
     }
     // The noise variance of the mean of two observations is a quarter of the variance of their difference: var((a - b) /
     // 2).
-    let own = a.iter().zip(&b).map(|(a, b)| (0.5 * (a - b)).powi(2)).sum::<f64>();
+    let noise_sum = a.iter().zip(&b).map(|(a, b)| (0.5 * (a - b)).powi(2)).sum::<f64>();
     let left = p.iter().zip(&both).map(|(p, r)| (p / gain - slope * r).powi(2)).sum::<f64>();
-    let variance = (left - slope * slope * own).max(0.0) / p.len() as f64;
+    let variance = (left - slope * slope * noise_sum).max(0.0) / p.len() as f64;
     let level = inside.iter().map(|p| f64::from(mean[*p])).sum::<f64>() / inside.len() as f64;
     Ok(DetailScores {
         aligned_psnr_db: aligned_psnr(&select_pixels(picture, &inside), &select_pixels(&mean, &inside))?,
@@ -178,8 +184,8 @@ pub fn gaussian_blur(picture: &[f32], geometry: Geometry, sigma: f64) -> Vec<f32
     let along = |values: &[f32], p: usize, place: usize, size: usize, step: usize| {
         let near = |k: usize| (place + k).saturating_sub(reach).min(size - 1);
         let line = p - place * step;
-        let taken = weights.iter().enumerate().map(|(k, w)| w * f64::from(values[line + near(k) * step]));
-        (taken.sum::<f64>() / sum) as f32
+        let terms = weights.iter().enumerate().map(|(k, w)| w * f64::from(values[line + near(k) * step]));
+        (terms.sum::<f64>() / sum) as f32
     };
     let all = 0..geometry.pixels();
     let rows: Vec<f32> = all.clone().map(|p| along(picture, p, p % width, width, 1)).collect();
@@ -279,9 +285,9 @@ fn mean_value(values: &[f32]) -> f64 {
 fn neighbor_median(values: &[f32], width: usize, p: usize) -> f64 {
     let around =
         [p - width - 1, p - width, p - width + 1, p - 1, p + 1, p + width - 1, p + width, p + width + 1];
-    let mut found = around.map(|q| values[q]);
-    found.sort_by(f32::total_cmp);
-    f64::midpoint(f64::from(found[3]), f64::from(found[4]))
+    let mut sorted = around.map(|q| values[q]);
+    sorted.sort_by(f32::total_cmp);
+    f64::midpoint(f64::from(sorted[3]), f64::from(sorted[4]))
 }
 
 #[cfg(test)]
@@ -326,8 +332,8 @@ mod tests {
     #[test]
     fn slope_and_noise_of_a_noisy_sharp_picture_are_one_and_its_noise() {
         let (truth, grain) = (scene(), noise(1, 0.05));
-        let found = score_with(&sum(&truth, &grain), [truth.clone(), truth.clone()]);
-        assert!((found.slope - 1.0).abs() < 0.05 && (found.noise - 0.05).abs() < 0.002, "{found:?}");
+        let detail = score_with(&sum(&truth, &grain), [truth.clone(), truth.clone()]);
+        assert!((detail.slope - 1.0).abs() < 0.05 && (detail.noise - 0.05).abs() < 0.002, "{detail:?}");
     }
 
     /// The noise of the observations is as large as the noise of the image.
@@ -335,8 +341,8 @@ mod tests {
     fn noise_of_the_reference_changes_neither() {
         let truth = scene();
         let [picture, a, b] = [1, 2, 3].map(|seed| sum(&truth, &noise(seed, 0.05)));
-        let found = score_with(&picture, [a, b]);
-        assert!((found.slope - 1.0).abs() < 0.1 && (found.noise - 0.05).abs() < 0.005, "{found:?}");
+        let detail = score_with(&picture, [a, b]);
+        assert!((detail.slope - 1.0).abs() < 0.1 && (detail.noise - 0.05).abs() < 0.005, "{detail:?}");
     }
 
     #[test]

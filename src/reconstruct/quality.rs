@@ -43,8 +43,8 @@ pub fn ssim(a: &[f32], b: &[f32], geometry: Geometry, peak: f64) -> Result<f64> 
         let pairs = x.iter().zip(y);
         blur(pairs.map(|(&x, &y)| f64::from(x) * f64::from(y)).collect(), geometry)
     };
-    let plain = |x: &[f32]| blur(x.iter().map(|&x| f64::from(x)).collect(), geometry);
-    let (mean_a, mean_b) = (plain(a), plain(b));
+    let blurred = |x: &[f32]| blur(x.iter().map(|&x| f64::from(x)).collect(), geometry);
+    let (mean_a, mean_b) = (blurred(a), blurred(b));
     let (aa, bb, ab) = (product(a, a), product(b, b), product(a, b));
     let (c1, c2) = ((0.01 * peak).powi(2), (0.03 * peak).powi(2));
     let sum: f64 = (0..mean_a.len())

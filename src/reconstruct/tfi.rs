@@ -69,9 +69,9 @@ pub fn tfi_with_open_pixels(packed: SpikeFramesRef, at: usize, search: usize) ->
         rounding_error: 0.0,
     };
     for sides in spike_distances(packed, at, search) {
-        let found = interval(sides);
-        tfi.rates.push(found.map_or(missing, |n| 1.0 / n as f32));
-        if let Some(n) = found {
+        let readouts = interval(sides);
+        tfi.rates.push(readouts.map_or(missing, |n| 1.0 / n as f32));
+        if let Some(n) = readouts {
             tfi.rounding_error += f64::from(n).powi(-4) / 6.0;
         } else if let [Some(before), Some(after)] = [0, 1].map(|i| sides[i].map(|n| n as usize).or(cut[i])) {
             tfi.open_pixels += 1;
@@ -119,27 +119,28 @@ fn interval([before, after]: [Option<u32>; 2]) -> Option<u32> {
 /// The first readout of the sequence has the distance `start`. The search ends when every pixel has fired.
 fn distances(packed: SpikeFramesRef, readouts: impl Iterator<Item = usize>, start: u32) -> Vec<Option<u32>> {
     let bytes = packed.geometry().frame_bytes();
-    let mut found = vec![None; bytes * 8];
-    let mut waiting = vec![0xff_u8; bytes];
+    let mut intervals = vec![None; bytes * 8];
+    let mut pending = vec![0xff_u8; bytes];
     if !packed.geometry().pixels().is_multiple_of(8) {
         // Padding bits never fire. They are cleared, because the search otherwise would not end before the last readout.
-        waiting[bytes - 1] = (1 << (packed.geometry().pixels() % 8)) - 1;
+        pending[bytes - 1] = (1 << (packed.geometry().pixels() % 8)) - 1;
     }
     let mut left = packed.geometry().pixels();
-    let mut fresh = vec![0_u8; bytes];
+    let mut new_spikes = vec![0_u8; bytes];
     for (distance, readout) in (start..).zip(readouts) {
-        for ((new, wait), &spikes) in fresh.iter_mut().zip(&mut waiting).zip(packed.frame(readout).as_bytes())
+        for ((new, wait), &spikes) in
+            new_spikes.iter_mut().zip(&mut pending).zip(packed.frame(readout).as_bytes())
         {
             *new = spikes & *wait;
             *wait &= !spikes;
         }
-        for p in firing_pixels(&fresh) {
-            found[p] = Some(distance);
+        for p in firing_pixels(&new_spikes) {
+            intervals[p] = Some(distance);
             left -= 1;
         }
         if left == 0 {
             break;
         }
     }
-    found
+    intervals
 }

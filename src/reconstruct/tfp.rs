@@ -63,8 +63,8 @@ impl<'a> TfpSequence<'a> {
         let from = center.saturating_sub(self.half);
         let to = center.saturating_add(self.half).saturating_add(1).min(self.packed.readouts());
         let old = self.window.clone();
-        let moved = old.start.abs_diff(from) + old.end.abs_diff(to);
-        if moved >= to - from || to <= old.start || old.end <= from {
+        let distance = old.start.abs_diff(from) + old.end.abs_diff(to);
+        if distance >= to - from || to <= old.start || old.end <= from {
             self.counts.fill(0);
             self.add(from..to);
         } else {

@@ -2,6 +2,7 @@
 
 use super::Transfer;
 use crate::error::{Error, ErrorKind, Result};
+use crate::light::transfer::EXACT_LUMINANCE_WEIGHTS;
 
 /// The stored value that corresponds to light 1.0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +52,7 @@ impl Default for FrontEnd {
     fn default() -> Self {
         Self {
             transfer: None,
-            luminance: [0.2126, 0.7152, 0.0722],
+            luminance: EXACT_LUMINANCE_WEIGHTS,
             gray_codes: false,
             full_scale: FullScale::MAX_CODE,
         }
@@ -66,8 +67,8 @@ impl FrontEnd {
     /// outside 1 to 65535.
     pub fn validate(self) -> Result<Self> {
         let sum: f64 = self.luminance.iter().sum();
-        let whole = (0.999..=1.001).contains(&sum);
-        if !whole || self.luminance.iter().any(|w| *w < 0.0) {
+        let is_normalized = (0.999..=1.001).contains(&sum);
+        if !is_normalized || self.luminance.iter().any(|w| *w < 0.0) {
             return Err(Error::new(ErrorKind::Config, "luminance")
                 .found(self.luminance.map(|w| w.to_string()).join(", "))
                 .expected("weights of red, green and blue that are not negative and sum to 1"));
@@ -93,8 +94,8 @@ impl std::fmt::Display for FrontEnd {
             None => f.write_str("curve of the file type")?,
         }
         let [r, g, b] = self.luminance;
-        let how = if self.gray_codes { "gray codes" } else { "luminance" };
-        write!(f, ", {how} {r:.4} {g:.4} {b:.4}")?;
+        let conversion = if self.gray_codes { "gray codes" } else { "luminance" };
+        write!(f, ", {conversion} {r:.4} {g:.4} {b:.4}")?;
         match self.full_scale {
             FullScale::Code(code) => write!(f, ", full scale {code}"),
             FullScale::Peak => f.write_str(", full scale at each frame's brightest pixel"),

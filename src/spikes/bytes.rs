@@ -57,8 +57,8 @@ pub fn pack(geometry: Geometry, bits: &[u8], packed: &mut [u8]) -> Result<()> {
 
 fn check(geometry: Geometry, packed: usize, bits: usize) -> Result<()> {
     let (frame, pixels) = (geometry.frame_bytes(), geometry.pixels());
-    let whole = packed.is_multiple_of(frame) && bits.is_multiple_of(pixels);
-    if whole && packed / frame == bits / pixels {
+    let is_complete = packed.is_multiple_of(frame) && bits.is_multiple_of(pixels);
+    if is_complete && packed / frame == bits / pixels {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Usage, "frames")
@@ -107,8 +107,8 @@ pub fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
 /// Returns eight bits as eight bytes, lowest bit first. The mask leaves bit k in byte k. The addition carries each bit to
 /// bit 7.
 pub fn unpack_byte(byte: u8) -> u64 {
-    let kept = (u64::from(byte) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
-    (kept + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101
+    let selected = (u64::from(byte) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
+    (selected + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101
 }
 
 /// Returns eight bytes of 0 or 1 as eight bits.
@@ -135,9 +135,9 @@ mod tests {
             }
             let mut bits = vec![9; 3 * pixels];
             unpack(geometry, &packed, &mut bits).unwrap();
-            for (i, &found) in bits.iter().enumerate() {
+            for (i, &value) in bits.iter().enumerate() {
                 let frame = &packed[i / pixels * frame..];
-                assert_eq!(found, u8::from(bit(frame, i % pixels)), "{geometry}, byte {i}");
+                assert_eq!(value, u8::from(bit(frame, i % pixels)), "{geometry}, byte {i}");
             }
             let mut again = vec![255; packed.len()];
             pack(geometry, &bits, &mut again).unwrap();

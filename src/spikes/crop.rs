@@ -5,10 +5,10 @@ use crate::spikes::Geometry;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Crop {
-    /// First column.
-    pub x: usize,
     /// First row.
-    pub y: usize,
+    pub row: usize,
+    /// First column.
+    pub col: usize,
     /// Number of columns.
     pub width: usize,
     /// Number of rows.
@@ -20,16 +20,16 @@ impl Crop {
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within `whole`.
-    pub fn geometry(&self, whole: Geometry) -> Result<Geometry> {
+    pub fn geometry(&self, full: Geometry) -> Result<Geometry> {
         let inside =
-            |start: usize, len, whole| len > 0 && start.checked_add(len).is_some_and(|end| end <= whole);
+            |start: usize, len, size| len > 0 && start.checked_add(len).is_some_and(|end| end <= size);
         let side = |n| u32::try_from(n).unwrap_or(u32::MAX);
-        if inside(self.x, self.width, whole.width()) && inside(self.y, self.height, whole.height()) {
+        if inside(self.col, self.width, full.width()) && inside(self.row, self.height, full.height()) {
             return Geometry::new(side(self.width), side(self.height));
         }
         Err(Error::new(ErrorKind::Usage, "crop")
-            .found(format_args!("{}x{} at x {}, y {}", self.width, self.height, self.x, self.y))
-            .expected(format_args!("a rectangle of pixels within {whole}")))
+            .found(format_args!("{}x{} at row {}, col {}", self.width, self.height, self.row, self.col))
+            .expected(format_args!("a rectangle of pixels within {full}")))
     }
 
     /// Returns the values of the pixels in the rectangle, row by row. `values` contains one value per pixel of a sensor
@@ -37,8 +37,8 @@ impl Crop {
     ///
     /// # Panics
     /// If the rectangle is not within the sensor, or if `values` lacks the value of a pixel in the rectangle.
-    pub fn pick<T: Copy>(&self, whole: Geometry, values: &[T]) -> Vec<T> {
-        let rows = (self.y..self.y + self.height).map(|row| row * whole.width() + self.x);
+    pub fn pick<T: Copy>(&self, full: Geometry, values: &[T]) -> Vec<T> {
+        let rows = (self.row..self.row + self.height).map(|row| row * full.width() + self.col);
         rows.flat_map(|start| &values[start..start + self.width]).copied().collect()
     }
 }

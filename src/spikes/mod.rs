@@ -138,6 +138,6 @@ pub fn span_rate(spikes: u32, first: u32, last: u32) -> Option<f64> {
 #[inline]
 pub fn count_spikes(bytes: &[u8]) -> u64 {
     let (words, tail) = bytes.as_chunks::<8>();
-    let whole: u64 = words.iter().map(|w| u64::from(u64::from_le_bytes(*w).count_ones())).sum();
-    whole + tail.iter().map(|b| u64::from(b.count_ones())).sum::<u64>()
+    let full_words: u64 = words.iter().map(|w| u64::from(u64::from_le_bytes(*w).count_ones())).sum();
+    full_words + tail.iter().map(|b| u64::from(b.count_ones())).sum::<u64>()
 }

@@ -104,7 +104,7 @@ impl Pool {
     pub(super) fn thread_pool(&self) -> Option<Arc<ThreadPool>> {
         let process = std::process::id();
         let known = |slot: &Option<ProcessThreads>| {
-            slot.as_ref().filter(|made| made.process == process).and_then(|made| made.threads.clone())
+            slot.as_ref().filter(|cached| cached.process == process).and_then(|cached| cached.threads.clone())
         };
         if let Some(pool) = known(&self.lock()) {
             return Some(pool);
@@ -206,8 +206,8 @@ mod tests {
     fn a_thread_without_others_does_the_work_alone() {
         let sum = std::thread::spawn(|| {
             use_current_thread();
-            let own = std::thread::current().id();
-            (0..100).into_par_iter().map(|i| (i, std::thread::current().id() == own)).collect::<Vec<_>>()
+            let caller = std::thread::current().id();
+            (0..100).into_par_iter().map(|i| (i, std::thread::current().id() == caller)).collect::<Vec<_>>()
         });
         assert_eq!(sum.join().unwrap(), (0..100).map(|i| (i, true)).collect::<Vec<_>>());
     }

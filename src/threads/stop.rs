@@ -145,11 +145,11 @@ mod tests {
 
     #[test]
     fn a_stop_ends_work_at_its_next_check_and_drops_its_values() {
-        let (calls, asked) = nth(3);
+        let (calls, should_stop) = nth(3);
         let dropped = Arc::new(());
-        let held = Arc::clone(&dropped);
-        let stopped = run_until(asked, || -> Result<()> {
-            let _held = held;
+        let captured = Arc::clone(&dropped);
+        let stopped = run_until(should_stop, || -> Result<()> {
+            let _held = captured;
             loop {
                 check_stop();
             }
@@ -190,8 +190,8 @@ mod tests {
     #[cfg(feature = "threads")]
     #[test]
     fn a_stop_reaches_parallel_work_on_other_threads() {
-        let (_, asked) = nth(2);
-        let stopped = run_until(asked, || {
+        let (_, should_stop) = nth(2);
+        let stopped = run_until(should_stop, || {
             crate::threads::map(0..4, |_| {
                 loop {
                     check_stop();
@@ -205,8 +205,8 @@ mod tests {
 
     #[test]
     fn a_stop_reaches_the_threads_of_indexed_work() {
-        let (_, asked) = nth(2);
-        let stopped = run_until(asked, || {
+        let (_, should_stop) = nth(2);
+        let stopped = run_until(should_stop, || {
             crate::threads::map_indexed(3, 3, |_| {
                 loop {
                     check_stop();

@@ -8,14 +8,14 @@ mod share;
 use serde_json::{Value, json};
 use share::Share;
 
-fn score_names(hidden: &[&str], said: &[(&str, &[&str])]) -> Value {
+fn score_names(hidden: &[&str], named: &[(&str, &[&str])]) -> Value {
     let hidden: Vec<Value> = hidden.iter().map(|name| json!({ "name": name })).collect();
-    let effects: Vec<Value> = said
+    let effects: Vec<Value> = named
         .iter()
         .map(|(name, ties)| json!({ "name": name, "ambiguous_with": ties, "is_tentative": false }))
         .collect();
-    let said = json!({ "verdict": "explained", "effects": effects, "parameter_mismatches": [] });
-    score::score(&Value::from(hidden), &said)
+    let diagnosis = json!({ "verdict": "explained", "effects": effects, "parameter_mismatches": [] });
+    score::score(&Value::from(hidden), &diagnosis)
 }
 
 #[test]
@@ -43,12 +43,12 @@ fn the_name_with_fewer_ties_takes_its_effect_first() {
 
 #[test]
 fn tentative_names_do_not_count_and_mismatches_do() {
-    let said = json!({
+    let diagnosis = json!({
         "verdict": "partly-explained",
         "effects": [{ "name": "leak", "ambiguous_with": [], "is_tentative": true }],
         "parameter_mismatches": [{ "parameter": "thermal_noise.sigma", "ambiguous_with": [] }],
     });
-    let score = score::score(&json!([{ "name": "leak" }]), &said);
+    let score = score::score(&json!([{ "name": "leak" }]), &diagnosis);
     assert_eq!(score["names"], json!(["thermal_noise"]));
     assert_eq!(score["found"], json!([]));
     assert_eq!(score::score(&json!([]), &json!({ "error": "no" })), json!({ "error": true }));

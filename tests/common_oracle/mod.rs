@@ -113,8 +113,8 @@ pub(crate) fn simulate_times(
 
 /// Returns the packed stream that the plan of `camera` produces.
 pub(crate) fn simulate_packed(camera: &Camera, seeds: Seeds, light: &[f32], readouts: usize) -> Vec<u8> {
-    let greatest = light.iter().fold(1.0f32, |a, &b| a.max(b));
-    let plan = Plan::with_max_light(camera, seeds, f64::from(greatest)).unwrap();
+    let max_light = light.iter().fold(1.0f32, |a, &b| a.max(b));
+    let plan = Plan::with_max_light(camera, seeds, f64::from(max_light)).unwrap();
     let mut bytes = vec![0; readouts * camera.sensor.geometry.frame_bytes()];
     let mut simulator = Simulator::from_plan(plan);
     simulator.fill(FrameRef::new(light), &mut bytes).unwrap();

@@ -63,9 +63,9 @@ fn short_sums_of_settling_quanta_have_less_noise_and_long_ones_all_of_it() {
     let camera = correlated_camera(20_000, 1.0);
     let quanta = LIGHT / camera.model(seeds(1)).unwrap().electrons();
     for m in [1, 3, 12, 60, 400] {
-        let (found, expected) = (sum_variance(&camera, m) / quanta, closed_form(m));
-        eprintln!("{m} readouts: {found:.4}, closed form {expected:.4}, without settling {m}");
-        assert!((found / expected - 1.0).abs() < 0.05, "{m} readouts: {found} instead of {expected}");
+        let (actual, expected) = (sum_variance(&camera, m) / quanta, closed_form(m));
+        eprintln!("{m} readouts: {actual:.4}, closed form {expected:.4}, without settling {m}");
+        assert!((actual / expected - 1.0).abs() < 0.05, "{m} readouts: {actual} instead of {expected}");
     }
 }
 
@@ -75,7 +75,7 @@ fn the_exact_law_settles_as_the_closed_form_says() {
     let model = camera.model(seeds(1)).unwrap();
     let quanta = LIGHT / model.electrons();
     for m in [1, 12, 60] {
-        let found = variance((0..4000).map(|p| {
+        let sampled = variance((0..4000).map(|p| {
             let (law, mut noise) = (model.law(p), IndependentNoise::new(p as u64));
             let mut state = law.initial_state(noise.uniform(), &mut noise);
             (0..WARMUP_READOUTS).for_each(|_| _ = law.step(&mut state, LIGHT, &mut noise));
@@ -85,8 +85,8 @@ fn the_exact_law_settles_as_the_closed_form_says() {
         })) / quanta;
         // With 4,000 pixels, the standard error is 2.2 %. The test allows five standard errors.
         assert!(
-            (found / closed_form(m) - 1.0).abs() < 0.11,
-            "{m} readouts: {found} instead of {}",
+            (sampled / closed_form(m) - 1.0).abs() < 0.11,
+            "{m} readouts: {sampled} instead of {}",
             closed_form(m)
         );
     }
@@ -107,8 +107,8 @@ fn counted_quanta_settle_too() {
         ],
     );
     for m in [1, 12, 60] {
-        let (found, expected) = (sum_variance(&camera, m) / (LIGHT / 100.0), closed_form(m));
-        assert!((found / expected - 1.0).abs() < 0.05, "{m} readouts: {found} instead of {expected}");
+        let (actual, expected) = (sum_variance(&camera, m) / (LIGHT / 100.0), closed_form(m));
+        assert!((actual / expected - 1.0).abs() < 0.05, "{m} readouts: {actual} instead of {expected}");
     }
 }
 
@@ -134,8 +134,8 @@ fn jitter_moves_a_quarter_of_whole_intervals_each_way_and_no_more_at_long_lags()
             times.interval_sum_variance(1),
             times.interval_sum_variance(20)
         );
-        for of in [early, late] {
-            assert!((of.mean - 0.25).abs() < 5.0 * of.error, "{side}: {of}");
+        for share in [early, late] {
+            assert!((share.mean - 0.25).abs() < 5.0 * share.error, "{side}: {share}");
         }
         for lag in [1, 20] {
             let d = times.interval_sum_variance(lag);
@@ -157,11 +157,14 @@ fn undecided_pixels_of_a_plan_follow_the_exact_law() {
     let sides = [simulate_times(&camera, seeds(1), &light, 300, 3000), oracle(&model, &light, 300, 3000, 5)];
     for length in [4, 5, 6] {
         let [plan, law] = sides.each_ref().map(|times| share(times, length));
-        let apart = Estimate::from_values((0..1000).map(|p| {
+        let difference = Estimate::from_values((0..1000).map(|p| {
             interval_share(&sides[0].pixels[p], length) - interval_share(&sides[1].pixels[p], length)
         }));
         eprintln!("intervals of {length}: plan {plan}, law {law}");
-        assert!(apart.mean.abs() < 5.0 * apart.error, "intervals of {length}: plan {plan}, law {law}");
+        assert!(
+            difference.mean.abs() < 5.0 * difference.error,
+            "intervals of {length}: plan {plan}, law {law}"
+        );
     }
     let [plan, law] = sides.each_ref().map(SpikeTimes::rate);
     assert!((plan.mean - law.mean).abs() < 2e-5, "{plan} {law}");
@@ -178,6 +181,6 @@ fn share(times: &SpikeTimes, length: u32) -> Estimate {
 }
 
 fn interval_share(times: &[u32], length: u32) -> f64 {
-    let of = times.windows(2).filter(|w| w[1] - w[0] == length).count();
-    of as f64 / (times.len() - 1) as f64
+    let matching = times.windows(2).filter(|w| w[1] - w[0] == length).count();
+    matching as f64 / (times.len() - 1) as f64
 }

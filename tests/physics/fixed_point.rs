@@ -143,7 +143,7 @@ fn differing_bits(lost: f64, by_law: f64) -> (usize, usize) {
         simulator.fill(FrameRef::new(&[light; 1024]), &mut part).unwrap();
         bytes.extend(part);
     }
-    let mut apart = 0;
+    let mut differing = 0;
     for p in 0..1024 {
         let (law, mut charge, mut t) = (model.law(p), 0.0, 0);
         for (readouts, light) in stretches {
@@ -151,12 +151,12 @@ fn differing_bits(lost: f64, by_law: f64) -> (usize, usize) {
                 charge += law.gain * f64::from(light) + law.dark;
                 let fires = charge >= law.threshold;
                 charge = if fires { (charge - law.threshold) * (1.0 - by_law) } else { charge };
-                apart += usize::from(fires != bit(&bytes[t * geometry.frame_bytes()..], p));
+                differing += usize::from(fires != bit(&bytes[t * geometry.frame_bytes()..], p));
                 t += 1;
             }
         }
     }
-    (apart, spikelane::spikes::count_spikes(&bytes) as usize)
+    (differing, spikelane::spikes::count_spikes(&bytes) as usize)
 }
 
 /// In 1,200 readouts, fixed-point arithmetic changes a charge by about 1e-6 thresholds. About one in 10^6 spikes may
@@ -166,13 +166,15 @@ fn differing_bits(lost: f64, by_law: f64) -> (usize, usize) {
 #[test]
 fn a_reset_loses_its_share_of_the_charge_above_full_scale_too() {
     for lost in [0.0053, 0.05, 0.37] {
-        let (apart, spikes) = differing_bits(lost, lost);
-        let (seen, _) = differing_bits(lost, lost * 1.001);
-        eprintln!("loss of {lost}: {apart} bits of {spikes} spikes apart, {seen} with a thousandth more");
-        assert!(apart <= 10 && seen > 400, "loss of {lost}: {apart} of {spikes}, {seen}");
+        let (differing, spikes) = differing_bits(lost, lost);
+        let (changed, _) = differing_bits(lost, lost * 1.001);
+        eprintln!(
+            "loss of {lost}: {differing} bits of {spikes} spikes apart, {changed} with a thousandth more"
+        );
+        assert!(differing <= 10 && changed > 400, "loss of {lost}: {differing} of {spikes}, {changed}");
     }
-    let (apart, _) = differing_bits(1.0, 1.0);
-    assert!(apart <= 10, "a hard reset: {apart} bits apart");
+    let (differing, _) = differing_bits(1.0, 1.0);
+    assert!(differing <= 10, "a hard reset: {differing} bits apart");
 }
 
 /// Compares the variance of the charges of 2^20 empty pixels after one readout.

@@ -26,10 +26,10 @@ fn check(frame: FrameRef<'_>, light: &[f64], slack: f64) {
         let times = unpack(&bytes, geometry);
         for (spikes, &x) in times.pixels.iter().zip(light) {
             let expected = READOUTS as f64 * x;
-            let least = (expected - slack).floor();
-            let most = (expected + phase + slack).floor().min(READOUTS as f64);
+            let min_spikes = (expected - slack).floor();
+            let max_spikes = (expected + phase + slack).floor().min(READOUTS as f64);
             let count = spikes.len() as f64;
-            assert!((least..=most).contains(&count), "{x}: {count} spikes, expected {expected}");
+            assert!((min_spikes..=max_spikes).contains(&count), "{x}: {count} spikes, expected {expected}");
             for n in [1, 7, 50] {
                 let sums = || spikes.iter().zip(spikes.iter().skip(n)).map(|(a, b)| b - a);
                 if let (Some(low), Some(high)) = (sums().min(), sums().max()) {

@@ -34,8 +34,8 @@ fn check_preset(name: &str) {
     for (i, rate) in [0.005, 0.05, 0.195, 0.45, 0.95].into_iter().enumerate() {
         let light = spread_light(light_for(&camera, rate), 0.05, 240, 77);
         let truth = oracle(&model, &light, 500, readouts, 10 + i as u64);
-        let found = simulate_times(&camera, seeds(20 + i as u64), &light, 500, readouts);
-        let rates = Estimate::from_values(found.rates().zip(truth.rates()).map(|(a, b)| a - b));
+        let times = simulate_times(&camera, seeds(20 + i as u64), &light, 500, readouts);
+        let rates = Estimate::from_values(times.rates().zip(truth.rates()).map(|(a, b)| a - b));
         let expected = |p: usize| {
             let law = model.law(p);
             (law.gain * f64::from(light[p]) + law.dark) / law.threshold * readouts as f64
@@ -45,7 +45,7 @@ fn check_preset(name: &str) {
         // 4.5 standard errors of the mean.
         assert!(rates.mean.abs() < 4.5 * rates.error.max(1e-7), "{name} at {rate}: {rates}");
         for n in LAGS {
-            let difference = paired(&found, &truth, n, |p| expected(p) > 2.4 * n as f64);
+            let difference = paired(&times, &truth, n, |p| expected(p) > 2.4 * n as f64);
             eprintln!("  D({n}) oracle {}, plan - oracle {difference}", truth.interval_sum_variance(n));
             assert!(difference.pixels >= 60, "{name} at {rate}, D({n}): {} pixels", difference.pixels);
             let bound = 4.5 * difference.error.max(1e-6);
@@ -81,9 +81,9 @@ fn wall_light(camera: &Camera, pixels: usize, seed: u64) -> Vec<f32> {
 #[test]
 fn physical_has_the_lags_of_a_real_wall() {
     let camera = preset("physical", 200, 100);
-    let found = simulate_times(&camera, seeds(3), &wall_light(&camera, 20_000, 5), 500, 3000);
+    let times = simulate_times(&camera, seeds(3), &wall_light(&camera, 20_000, 5), 500, 3000);
     for (n, real) in WALL_GROWTH {
-        let d = found.interval_sum_variance(n);
+        let d = times.interval_sum_variance(n);
         let derived = 1.0 / 6.0 + n as f64 * (1.0 / 29_852.0 + 7.69e-7) / 0.195f64.powi(2);
         eprintln!("D({n}): physical {d}, derived {derived:.4}, real {real}");
         assert!(d.error < 0.001, "the test would not see 0.006: {d}");
@@ -100,10 +100,10 @@ fn physical_has_the_lags_of_a_real_wall() {
 fn physical_has_the_lags_and_outliers_of_its_law_over_three_hundred_readouts() {
     let camera = preset("physical", 200, 50);
     let light = wall_light(&camera, 10_000, 5);
-    let found = simulate_times(&camera, seeds(4), &light, 500, 300);
+    let times = simulate_times(&camera, seeds(4), &light, 500, 300);
     let truth = oracle(&camera.model(seeds(0)).unwrap(), &light, 500, 300, 6);
     for (n, _) in WALL_GROWTH {
-        let difference = paired(&found, &truth, n, |_| true);
+        let difference = paired(&times, &truth, n, |_| true);
         eprintln!(
             "D({n}) over 300 readouts: oracle {}, plan - oracle {difference}",
             truth.interval_sum_variance(n)
@@ -111,7 +111,7 @@ fn physical_has_the_lags_and_outliers_of_its_law_over_three_hundred_readouts() {
         assert!(difference.error < 0.002, "the test would not see 0.01: {difference}");
         assert!(difference.mean.abs() < 4.5 * difference.error, "D({n}): {difference}");
     }
-    let (plan, law) = (found.outliers(), truth.outliers());
+    let (plan, law) = (times.outliers(), truth.outliers());
     eprintln!("outliers: plan {plan:.2e}, oracle {law:.2e}, real 5e-4 to 7e-4");
     // 570,000 intervals contain about 430 outliers, with a standard error of 5 %. 4.5 joint standard errors of plan and
     // law are 30 %.
@@ -151,12 +151,12 @@ fn physical_has_the_lags_of_the_recording_itself() {
         preset("physical", real.pixels.len() as u32, 1).without_effect("prnu").without_effect("hot_pixels");
     let rates = real.pixels.iter().map(|t| 1.0 / crate::common_oracle::mean_interval(t));
     let light: Vec<f32> = rates.map(|r| light_for(&camera, r) as f32).collect();
-    let found = simulate_times(&camera, seeds(8), &light, 500, real.readouts);
+    let times = simulate_times(&camera, seeds(8), &light, 500, real.readouts);
     eprintln!("{} pixels, rate {}, spread {:.3}", real.pixels.len(), real.rate(), real.spread());
     for n in [1, 8, 16, 24, 32] {
-        let (a, b) = (real.interval_sum_variance(n), found.interval_sum_variance(n));
+        let (a, b) = (real.interval_sum_variance(n), times.interval_sum_variance(n));
         eprintln!("D({n}): real {a}, physical {b}");
         assert!(n < 8 || (a.mean - b.mean).abs() < 0.006, "D({n}): real {a}, physical {b}");
     }
-    eprintln!("outliers: real {:.2e}, physical {:.2e}", real.outliers(), found.outliers());
+    eprintln!("outliers: real {:.2e}, physical {:.2e}", real.outliers(), times.outliers());
 }

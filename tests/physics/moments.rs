@@ -26,8 +26,8 @@ fn every_effect_at_its_neutral_value_equals_its_absence_bit_for_bit() {
             let light = mixed_light();
             // With a hard reset and without a clamp, planning fails for light above full scale. It must fail with and
             // without the effect.
-            let most = f64::from(light.iter().copied().fold(0.0, f32::max));
-            let plans = [&without, &neutral].map(|c| Plan::with_max_light(c, seeds(1), most).is_ok());
+            let max_light = f64::from(light.iter().copied().fold(0.0, f32::max));
+            let plans = [&without, &neutral].map(|c| Plan::with_max_light(c, seeds(1), max_light).is_ok());
             assert_eq!(plans[0], plans[1], "{} on {}", definition.name, camera.name);
             if plans[0] {
                 let [a, b] = [&without, &neutral].map(|c| simulate_packed(c, seeds(1), &light, 150));
@@ -158,10 +158,10 @@ fn check_pattern(known: &mut KnownRates, definition: &'static Definition, streng
         _ => [0, readouts],
     };
     let readouts = spans[1];
-    let found = plan_rates(&with, light, spans, flips);
+    let predicted_rates = plan_rates(&with, light, spans, flips);
     let key = format!("{:?} {rate} {spans:?} {flips}", without.effects());
     let before = known.entry(key).or_insert_with(|| mean(&plan_rates(&without, light, spans, flips)));
-    let added = mean(&found) - *before;
+    let added = mean(&predicted_rates) - *before;
     let rare = match definition.name {
         "hot_pixels" | "dead_pixels" => 5.0 / (25_000.0 * effect.values()[0]).sqrt(),
         "dark_tail" => 0.2,
@@ -173,9 +173,10 @@ fn check_pattern(known: &mut KnownRates, definition: &'static Definition, streng
     let scatter = (predicted.rate.abs() / (25_000.0 * readouts as f64)).sqrt();
     let second_order = 2.0 * spread + 2.0 * predicted.rate.abs() / rate;
     // Standard error of the mean rate of all pixels due to temporal noise.
-    let own = (predicted.phase_variance / (rate * readouts as f64 * 25_000.0)).sqrt() * rate;
+    let phase_error = (predicted.phase_variance / (rate * readouts as f64 * 25_000.0)).sqrt() * rate;
     let pattern = spread * rate / cells(definition).sqrt();
-    let tolerance = predicted.rate.abs() * (rare + second_order) + 5.0 * (pattern + scatter + own) + 4e-6;
+    let tolerance =
+        predicted.rate.abs() * (rare + second_order) + 5.0 * (pattern + scatter + phase_error) + 4e-6;
     assert!(
         (added - predicted.rate).abs() < tolerance,
         "{} x {strength} at {rate}: rate {added:+.3e}, predicted {:+.3e}, tolerance {tolerance:.1e}",
@@ -189,7 +190,7 @@ fn check_pattern(known: &mut KnownRates, definition: &'static Definition, streng
     let bound = predicted.spatial_variance * (rare + second_order) + 1e-7;
     // The rates of the plan also contain temporal noise, because the run is finite.
     let temporal = 1.5 * predicted.phase_variance / (rate * readouts as f64);
-    for (side, rates, noise) in [("plan", &found, temporal), ("oracle", &exact, 0.0)] {
+    for (side, rates, noise) in [("plan", &predicted_rates, temporal), ("oracle", &exact, 0.0)] {
         let variance = relative_variance(rates);
         let bound = bound + noise;
         assert!(
@@ -293,18 +294,18 @@ fn phase_variances_are_the_predicted_ones() {
             let camera = without.clone().with_effect(effect);
             let light = crate::common_oracle::spread_light(without.operating_point(rate).light, 0.05, 300, 3);
             let lags = if rate < 0.1 { [4, 40] } else { [40, 400] };
-            let found = growth(&simulate_times(&camera, seeds(1), &light, 100, 20_000), lags);
+            let measured = growth(&simulate_times(&camera, seeds(1), &light, 100, 20_000), lags);
             let truth = growth(&oracle(&camera.model(seeds(1)).unwrap(), &light, 100, 20_000, 2), lags);
             eprintln!(
                 "{name} at {rate}: predicted {:.3e}, plan {:.3e} +- {:.0e}, oracle {:.3e}",
-                predicted.phase_variance, found.mean, found.error, truth.mean
+                predicted.phase_variance, measured.mean, measured.error, truth.mean
             );
             // The mean interval is estimated from the same stream, which reduces variances. The variance of the sum of n
             // of N intervals is reduced to 1 - n/N of its value. The growth between two lags is reduced to 1 - (low +
             // high)/N.
-            let kept = 1.0 - (lags[0] + lags[1]) as f64 / (20_000.0 * rate);
-            let pinned = predicted.phase_variance * kept;
-            for side in [found, truth] {
+            let share = 1.0 - (lags[0] + lags[1]) as f64 / (20_000.0 * rate);
+            let pinned = predicted.phase_variance * share;
+            for side in [measured, truth] {
                 let bound = 4.5 * side.error + 0.05 * pinned;
                 assert!((side.mean - pinned).abs() < bound, "{name} at {rate}: {side}, {predicted:?}");
             }
@@ -335,7 +336,7 @@ fn effects_without_a_closed_form_follow_the_exact_law() {
                 .with_value("largest_charge", 3.0)
                 .unwrap();
             let camera = without.with_effect(effect.clone()).with_effect(clamp);
-            let found = simulate_times(&camera, seeds(1), &light, 200, 10_000).rate();
+            let simulated_rate = simulate_times(&camera, seeds(1), &light, 200, 10_000).rate();
             let truth = oracle(&camera.model(seeds(1)).unwrap(), &light, 200, 10_000, 2).rate();
             // The light of plan and law is equal. Each pixel's counts differ by less than one spike in 10,000 readouts.
             // For 200 pixels, this is a difference of 1e-5 in the mean rate. Noise that changes the rate adds a scatter
@@ -344,10 +345,14 @@ fn effects_without_a_closed_form_follow_the_exact_law() {
                 "{} {:?} at {rate}: plan {:.6}, oracle {:.6}",
                 effect.name(),
                 effect.values(),
-                found.mean,
+                simulated_rate.mean,
                 truth.mean
             );
-            assert!((found.mean - truth.mean).abs() < 6e-5, "{} at {rate}: {found} {truth}", effect.name());
+            assert!(
+                (simulated_rate.mean - truth.mean).abs() < 6e-5,
+                "{} at {rate}: {simulated_rate} {truth}",
+                effect.name()
+            );
         }
     }
 }

@@ -40,10 +40,10 @@ fn the_kernels_counts_are_the_tables_counts() {
         }
         let mut probability = (-mean).exp();
         let (mut square, mut cells) = (0.0, 0.0);
-        for (k, found) in histogram.iter().enumerate() {
+        for (k, observed) in histogram.iter().enumerate() {
             let expected = probability * f64::from(pixels as u32);
             if expected > 10.0 {
-                square += (found - expected).powi(2) / expected;
+                square += (observed - expected).powi(2) / expected;
                 cells += 1.0;
             }
             probability *= mean / (k + 1) as f64;
@@ -65,21 +65,21 @@ fn nothing_jumps_where_the_normal_draw_takes_over() {
     let model = camera.model(seeds(6)).unwrap();
     let run = |quanta: f64| {
         let light = vec![(quanta / PHOTONS) as f32; 400];
-        let found = simulate_times(&camera, seeds(7), &light, 100, 20_000);
+        let times = simulate_times(&camera, seeds(7), &light, 100, 20_000);
         let truth = oracle(&model, &light, 100, 20_000, 5);
         let scale =
             |e: Estimate| Estimate { mean: e.mean * quanta.powi(2), error: e.error * quanta.powi(2), ..e };
         let rate = |e: Estimate| Estimate { mean: e.mean / quanta, error: e.error / quanta, ..e };
         eprintln!(
             "{quanta}: D(8) {} oracle {}, rate {} oracle {}",
-            found.interval_sum_variance(8),
+            times.interval_sum_variance(8),
             truth.interval_sum_variance(8),
-            found.rate(),
+            times.rate(),
             truth.rate()
         );
-        assert!(found.interval_sum_variance(8).sigmas(truth.interval_sum_variance(8), 1e-6).abs() < 4.5);
-        assert!(found.rate().sigmas(truth.rate(), 1e-7).abs() < 4.5);
-        (scale(found.interval_sum_variance(8)), rate(found.rate()))
+        assert!(times.interval_sum_variance(8).sigmas(truth.interval_sum_variance(8), 1e-6).abs() < 4.5);
+        assert!(times.rate().sigmas(truth.rate(), 1e-7).abs() < 4.5);
+        (scale(times.interval_sum_variance(8)), rate(times.rate()))
     };
     let (below, above) = (run(63.9), run(64.1));
     // D(8) f^2 = f^2/6 + 8/400. The first term differs by 0.6 % between the two levels, which is 0.13 % of the sum.

@@ -89,8 +89,8 @@ fn light_spreads_by_seven_per_cent() {
 /// The standard error of a share is 0.0016 for the plan's 100,000 pixels and 0.0035 for the law's 20,000 pixels.
 #[test]
 fn its_own_start_phase_fires_in_a_burst_and_a_uniform_one_does_not() {
-    let own = preset("scsim-code", 400, 50);
-    let uniform = own
+    let code_camera = preset("scsim-code", 400, 50);
+    let uniform = code_camera
         .clone()
         .with_effect(effects::find("start_phase").unwrap().neutral().with_value("share", 1.0).unwrap());
     let light = vec![0.19f32; 20_000];
@@ -98,23 +98,23 @@ fn its_own_start_phase_fires_in_a_burst_and_a_uniform_one_does_not() {
         let at = |times: &crate::common_oracle::SpikeTimes, t: u32| {
             times.pixels.iter().filter(|p| p.contains(&t)).count() as f64 / 20_000.0
         };
-        let found = simulate_times(camera, seeds(2), &light, 0, 20);
+        let simulated = simulate_times(camera, seeds(2), &light, 0, 20);
         let truth = oracle(&camera.model(seeds(2)).unwrap(), &light, 0, 20, 3);
-        (0..20).map(|t| (at(&found, t), at(&truth, t))).unzip()
+        (0..20).map(|t| (at(&simulated, t), at(&truth, t))).unzip()
     };
-    let (found, truth) = shares(&own);
+    let (simulated, truth) = shares(&code_camera);
     let mean = 0.1947;
-    eprintln!("shares firing at readouts 0 to 9: {:.3?}, oracle {:.3?}", &found[..10], &truth[..10]);
-    assert!(found[..3].iter().all(|&s| s < 0.001), "{found:?}");
-    assert!((found[4] / mean - 3.7).abs() < 0.25, "{}", found[4] / mean);
-    for (a, b) in found.iter().zip(&truth) {
+    eprintln!("shares firing at readouts 0 to 9: {:.3?}, oracle {:.3?}", &simulated[..10], &truth[..10]);
+    assert!(simulated[..3].iter().all(|&s| s < 0.001), "{simulated:?}");
+    assert!((simulated[4] / mean - 3.7).abs() < 0.25, "{}", simulated[4] / mean);
+    for (a, b) in simulated.iter().zip(&truth) {
         // The pixels are equal but their start phases differ. 4.5 standard errors of the difference of two shares of
         // 20,000 pixels are at most 0.0225.
-        assert!((a - b).abs() < 0.0225, "{found:?} {truth:?}");
+        assert!((a - b).abs() < 0.0225, "{simulated:?} {truth:?}");
     }
-    let (found, truth) = shares(&uniform);
-    for share in found.iter().chain(&truth) {
-        assert!((share - mean).abs() < 4.5 * (mean * (1.0 - mean) / 20_000.0f64).sqrt(), "{found:?}");
+    let (simulated, truth) = shares(&uniform);
+    for share in simulated.iter().chain(&truth) {
+        assert!((share - mean).abs() < 4.5 * (mean * (1.0 - mean) / 20_000.0f64).sqrt(), "{simulated:?}");
     }
 }
 
@@ -129,18 +129,18 @@ fn threshold_noise_redrawn_at_every_readout_raises_dim_rates_and_frozen_noise_do
             let noise: &[(&str, f64)] = &[("sigma", sigma), ("noise_sampling", noise_sampling)];
             let camera = camera_with(400, 1, &[("thermal_noise", noise), ("start_phase", &[("share", 1.0)])]);
             let light = vec![0.021f32; 400];
-            let found = simulate_times(&camera, seeds(9), &light, 200, 20_000).rate().mean / 0.021 - 1.0;
+            let deviation = simulate_times(&camera, seeds(9), &light, 200, 20_000).rate().mean / 0.021 - 1.0;
             let model = camera.model(seeds(9)).unwrap();
             let truth = oracle(&model, &light, 200, 20_000, 4).rate().mean / 0.021 - 1.0;
             eprintln!(
-                "{sigma} V, noise_sampling {noise_sampling}: plan {found:+.5}, oracle {truth:+.5}, tabled {tabled}"
+                "{sigma} V, noise_sampling {noise_sampling}: plan {deviation:+.5}, oracle {truth:+.5}, tabled {tabled}"
             );
-            assert!((found - truth).abs() < 5e-4, "{sigma} {noise_sampling}: {found} {truth}");
+            assert!((deviation - truth).abs() < 5e-4, "{sigma} {noise_sampling}: {deviation} {truth}");
             if noise_sampling == 0.0 {
-                assert!(found.abs() < 5e-4, "{sigma}: frozen noise moves the rate by {found}");
+                assert!(deviation.abs() < 5e-4, "{sigma}: frozen noise moves the rate by {deviation}");
             } else {
                 // The values in the table have two digits. They were measured together with the other noise of the code.
-                assert!((found / tabled - 1.0).abs() < 0.35, "{sigma}: {found}, tabled {tabled}");
+                assert!((deviation / tabled - 1.0).abs() < 0.35, "{sigma}: {deviation}, tabled {tabled}");
             }
         }
     }

@@ -78,18 +78,18 @@ fn folded_spikingsim(light: &[f32]) -> SpikeTimes {
 #[test]
 fn the_folded_increment_has_the_statistics_of_spikingsims_clocks() {
     let light = spread_light(0.19, 0.05, 1500, 1);
-    let clocks = spikingsim(&light, 20, 600, 2, false);
+    let simulated = spikingsim(&light, 20, 600, 2, false);
     let folded = folded_spikingsim(&light);
-    let (a, b) = (clocks.rate(), folded.rate());
-    eprintln!("rate: clocks {a}, folded {b}");
+    let (a, b) = (simulated.rate(), folded.rate());
+    eprintln!("rate: simulated {a}, folded {b}");
     assert!(a.sigmas(b, 0.0).abs() < 4.5, "{a} {b}");
     for n in [1, 8, 32] {
-        let (a, b) = (clocks.interval_sum_variance(n), folded.interval_sum_variance(n));
-        eprintln!("D({n}): clocks {a}, folded {b}");
+        let (a, b) = (simulated.interval_sum_variance(n), folded.interval_sum_variance(n));
+        eprintln!("D({n}): simulated {a}, folded {b}");
         assert!(a.sigmas(b, 0.0).abs() < 4.5, "D({n}): {a} {b}");
     }
-    let (a, b) = (outliers(&clocks), outliers(&folded));
-    eprintln!("outliers: clocks {a}, folded {b}");
+    let (a, b) = (outliers(&simulated), outliers(&folded));
+    eprintln!("outliers: simulated {a}, folded {b}");
     assert!(a.sigmas(b, 0.0).abs() < 4.5, "{a} {b}");
 }
 
@@ -123,13 +123,13 @@ fn evenly_spaced_false_spikes_lower_the_long_lags_only() {
 #[test]
 fn spikecvs_image_converter_quantizes_rates_and_loses_light() {
     let light = spread_light(0.39, 0.05, 20_000, 4);
-    let found = simulate_times(&preset("spikecv-image", 400, 50), seeds(1), &light, 0, 1000);
-    for (times, &x) in found.pixels.iter().zip(&light) {
+    let simulated = simulate_times(&preset("spikecv-image", 400, 50), seeds(1), &light, 0, 1000);
+    for (times, &x) in simulated.pixels.iter().zip(&light) {
         let period = (1.0 / (0.5 * f64::from(x))).ceil() as u32;
         assert!(times.windows(2).all(|w| w[1] - w[0] == period), "{x}");
     }
     let ideal = light.iter().map(|&x| 0.5 * f64::from(x)).sum::<f64>() / 20_000.0;
-    let lost = found.rate().mean / ideal - 1.0;
+    let lost = simulated.rate().mean / ideal - 1.0;
     let expected =
         light.iter().map(|&x| 1.0 / (2.0 / f64::from(x)).ceil()).sum::<f64>() / 20_000.0 / ideal - 1.0;
     eprintln!("mean rate {lost:+.4}, by the rule {expected:+.4}");
@@ -161,16 +161,16 @@ macro_rules! readouts_of {
 #[test]
 fn every_gray_fires_at_the_readouts_of_spikecvs_image_converter() {
     let levels: Vec<f32> = (0..=255).map(|g| g as f32 / 255.0).collect();
-    let found = simulate_times(&preset("spikecv-image", 256, 1), seeds(1), &levels, 0, 1100);
+    let simulated = simulate_times(&preset("spikecv-image", 256, 1), seeds(1), &levels, 0, 1100);
     let mut late = Vec::new();
-    for (gray, times) in found.pixels.iter().enumerate() {
+    for (gray, times) in simulated.pixels.iter().enumerate() {
         assert_eq!(times, &readouts_of!(f32, gray, 1100), "gray {gray}");
         if times != &readouts_of!(f64, gray, 1100) {
             late.push(gray);
         }
     }
     assert_eq!(late, [1, 2, 3, 5, 6, 17, 34, 51, 85]);
-    assert_eq!(found.pixels[170][..3], [2, 5, 8]);
+    assert_eq!(simulated.pixels[170][..3], [2, 5, 8]);
 }
 
 /// The rate of the noise-free video converters is gray/divisor, with an error of at most one spike.
@@ -178,8 +178,8 @@ fn every_gray_fires_at_the_readouts_of_spikecvs_image_converter() {
 fn the_noise_free_converters_divide_the_gray_level_as_stated() {
     let levels: Vec<f32> = (0..=255).map(|g| g as f32 / 255.0).collect();
     for (name, divisor) in [("spcs", 256.0), ("spikecv", 5.0 * 255.0), ("spike-zoo", 2.0 * 255.0)] {
-        let found = simulate_times(&preset(name, 256, 1), seeds(1), &levels, 0, 10_000);
-        for (g, times) in found.pixels.iter().enumerate() {
+        let simulated = simulate_times(&preset(name, 256, 1), seeds(1), &levels, 0, 10_000);
+        for (g, times) in simulated.pixels.iter().enumerate() {
             let expected = g as f64 / divisor * 10_000.0;
             assert!(
                 (times.len() as f64 - expected).abs() <= 1.01,
@@ -194,10 +194,10 @@ fn the_noise_free_converters_divide_the_gray_level_as_stated() {
 fn rates_of(name: &str, levels: &[f64], pixels: usize, readouts: usize) -> Vec<f64> {
     let camera = preset(name, (pixels * levels.len()) as u32, 1);
     let light: Vec<f32> = levels.iter().flat_map(|&level| vec![level as f32; pixels]).collect();
-    let found = simulate_times(&camera, seeds(1), &light, 20, readouts);
+    let simulated = simulate_times(&camera, seeds(1), &light, 20, readouts);
     let rate =
         |times: &[Vec<u32>]| times.iter().map(Vec::len).sum::<usize>() as f64 / (pixels * readouts) as f64;
-    found.pixels.chunks(pixels).map(rate).collect()
+    simulated.pixels.chunks(pixels).map(rate).collect()
 }
 
 /// Returns the light, in full scales, to which the front end of the preset converts a gray code.
@@ -351,8 +351,8 @@ fn comparison_presets_fire_at_the_rates_of_their_originals_on_gray_and_color_lig
         for name in names {
             let (pixels, readouts) = if name.starts_with("scsim") { (1920, 600) } else { (192, 1500) };
             let codes = colors.map(|c| code(name, c));
-            let found = rates_of(name, &codes.map(|c| level(name, c, peak)), pixels, readouts);
-            for ((&c, code), rate) in colors.iter().zip(codes).zip(found) {
+            let rates = rates_of(name, &codes.map(|c| level(name, c, peak)), pixels, readouts);
+            for ((&c, code), rate) in colors.iter().zip(codes).zip(rates) {
                 let wanted = original_rate(name, code, peak, &mut noise);
                 eprintln!(
                     "{name} {c:?}: {rate:.5}, original {wanted:.5}, {:+.3} %",

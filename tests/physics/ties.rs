@@ -79,9 +79,9 @@ fn fires_by_the_rule(times: &[u32], x: Ratio, steps: u32, readouts: usize) -> Re
     if times == wanted {
         return Ok(());
     }
-    let found = &times[..times.len().min(4)];
+    let first_times = &times[..times.len().min(4)];
     Err(format!(
-        "{x:?} is due at every readout {exact}, short of one less by {short:e} ({added:e} allowed): {found:?}"
+        "{x:?} is due at every readout {exact}, short of one less by {short:e} ({added:e} allowed): {first_times:?}"
     ))
 }
 
@@ -95,9 +95,9 @@ fn every_gray_of_a_hard_reset_fires_at_the_readout_of_the_exact_rule() {
     let grays: Vec<u8> = (0..=255).collect();
     for exposure in [Ratio(1, 2), Ratio(1, 1), Ratio(1, 3), Ratio(7, 10), Ratio(255, 256)] {
         for backend in backends() {
-            let (found, _) = spikes(&lossy_camera(exposure, 1.0), Samples::U8(&grays), 1100, backend);
-            assert!(found[0].is_empty(), "the dark fires");
-            for (gray, times) in found.iter().enumerate().skip(1) {
+            let (counts, _) = spikes(&lossy_camera(exposure, 1.0), Samples::U8(&grays), 1100, backend);
+            assert!(counts[0].is_empty(), "the dark fires");
+            for (gray, times) in counts.iter().enumerate().skip(1) {
                 let period = exposure.times(Ratio(gray as i128, 255)).readouts() as u32;
                 let wanted: Vec<u32> = (1..).map(|n| n * period - 1).take_while(|t| *t < 1100).collect();
                 assert_eq!(times, &wanted, "gray {gray} at {exposure:?} on {backend}: due every {period}");
@@ -112,8 +112,8 @@ fn codes_of_sixteen_bits_fire_at_ties_and_their_neighbors_do_not() {
     let divisors = (1..=65_535u32).filter(|v| 131_070 % v == 0 && *v >= 66);
     let codes: Vec<u16> = divisors.flat_map(|v| [v - 1, v, (v + 1).min(65_535)]).map(|v| v as u16).collect();
     for backend in backends() {
-        let (found, _) = spikes(&lossy_camera(Ratio(1, 2), 1.0), Samples::U16(&codes), 4200, backend);
-        for (code, times) in codes.iter().zip(&found) {
+        let (counts, _) = spikes(&lossy_camera(Ratio(1, 2), 1.0), Samples::U16(&codes), 4200, backend);
+        for (code, times) in codes.iter().zip(&counts) {
             let period = Ratio(i128::from(*code), 131_070).readouts() as u32;
             let wanted: Vec<u32> = (1..).map(|n| n * period - 1).take_while(|t| *t < 4200).collect();
             assert_eq!(times, &wanted, "code {code} on {backend}: due every {period}");
@@ -127,9 +127,9 @@ fn codes_of_sixteen_bits_fire_at_ties_and_their_neighbors_do_not() {
 fn resets_that_lose_half_and_more_never_miss_a_tie() {
     let light: Vec<f32> = (1..=256).map(|k| 1.0 / k as f32).collect();
     for lost in [0.5, 0.8, 1.0] {
-        let (found, _) =
+        let (counts, _) =
             spikes(&lossy_camera(Ratio(1, 1), lost), Samples::F32(&light), 3000, Backend::best());
-        for (period, times) in (1..=256u32).zip(&found) {
+        for (period, times) in (1..=256u32).zip(&counts) {
             let wanted: Vec<u32> = (1..).map(|n| n * period - 1).take_while(|t| *t < 3000).collect();
             assert_eq!(times, &wanted, "a share of {lost} is lost, light 1/{period}");
         }
@@ -152,8 +152,8 @@ proptest! {
     ) {
         let exposure = Ratio(exposure.0.min(exposure.1), exposure.0.max(exposure.1));
         let samples: Vec<f32> = lights.iter().map(|l| l.1).collect();
-        let (found, steps) = spikes(&lossy_camera(exposure, 1.0), Samples::F32(&samples), 800, Backend::best());
-        for ((ratio, _), times) in lights.iter().zip(&found) {
+        let (counts, steps) = spikes(&lossy_camera(exposure, 1.0), Samples::F32(&samples), 800, Backend::best());
+        for ((ratio, _), times) in lights.iter().zip(&counts) {
             fires_by_the_rule(times, exposure.times(*ratio), steps, 800).map_err(TestCaseError::fail)?;
         }
     }
@@ -165,8 +165,8 @@ proptest! {
         let needed = first.max((exposure.1 + exposure.0 - 1) / exposure.0);
         let lights: Vec<Ratio> = (needed..needed + 64).map(|k| Ratio(exposure.1, exposure.0 * k)).collect();
         let samples: Vec<f32> = lights.iter().map(|l| l.value() as f32).collect();
-        let (found, steps) = spikes(&lossy_camera(exposure, 1.0), Samples::F32(&samples), 1300, Backend::best());
-        for (ratio, times) in lights.iter().zip(&found) {
+        let (counts, steps) = spikes(&lossy_camera(exposure, 1.0), Samples::F32(&samples), 1300, Backend::best());
+        for (ratio, times) in lights.iter().zip(&counts) {
             let x = exposure.times(*ratio);
             prop_assert!(x.divides_the_threshold());
             fires_by_the_rule(times, x, steps, 1300).map_err(TestCaseError::fail)?;
@@ -236,8 +236,8 @@ proptest! {
         bound in 1.0..1.99f64,
         lights in proptest::collection::vec(0.3f32..1.0, 64),
     ) {
-        let (found, step) = clamped_spikes(&lights, bound, 400);
-        for (light, counts) in lights.iter().zip(&found) {
+        let (spike_counts, step) = clamped_spikes(&lights, bound, 400);
+        for (light, counts) in lights.iter().zip(&spike_counts) {
             let [low, high] = interval_ends(*light, bound, step, 400);
             let within = counts.iter().zip(low.iter().zip(&high)).all(|(n, (a, b))| a <= n && n <= b);
             prop_assert!(within, "light {light}, bound {bound}: {:?}", (low.last(), counts.last(), high.last()));
@@ -253,16 +253,16 @@ proptest! {
 #[test]
 fn the_stated_interval_of_a_clamp_is_reached_at_both_ends() {
     let lights: Vec<f32> = (0..400).map(|i| 0.9 - 1e-7 * i as f32).collect();
-    let (found, step) = clamped_spikes(&lights, 1.2, 3000);
+    let (spike_counts, step) = clamped_spikes(&lights, 1.2, 3000);
     assert_eq!(step, 1.0 / 16_320.0);
-    let above = lights.iter().zip(&found).filter(|(light, counts)| {
+    let above = lights.iter().zip(&spike_counts).filter(|(light, counts)| {
         bounded_spikes(f64::from(**light) + 4.0 * HALF_ULP, 1.2 + 0.9 * step, 3000).last() < counts.last()
     });
     assert!(above.count() > 0, "no light shows nine tenths of a step beyond the bound");
     // The clamp is 0.45 steps above a whole number of steps, so it is rounded down.
     let bound = 1.2 + 0.45 * step;
-    let (found, _) = clamped_spikes(&lights, bound, 3000);
-    let below = lights.iter().zip(&found).filter(|(light, counts)| {
+    let (spike_counts, _) = clamped_spikes(&lights, bound, 3000);
+    let below = lights.iter().zip(&spike_counts).filter(|(light, counts)| {
         bounded_spikes(f64::from(**light) - 4.0 * HALF_ULP, bound, 3000).last() > counts.last()
     });
     assert!(below.count() > 0, "no light shows that the bound is a whole number of steps");

@@ -148,10 +148,10 @@ fn compare(
     let timeline = Timeline::from_readouts_per_frame(per_frame.into(), Interpolation::Hold)?;
     let borrowed: Vec<FrameRef<'_>> = frames.iter().map(|f| FrameRef::new(*f)).collect();
     for _ in 0..MEASUREMENTS {
-        for (way, rate) in best.iter_mut().enumerate() {
+        for (variant, rate) in best.iter_mut().enumerate() {
             let start = processor_time();
             for _ in 0..calls {
-                if way == 0 {
+                if variant == 0 {
                     rust.fill(spikelane::Light::sequence(&borrowed, &timeline), &mut out[0])?;
                 } else {
                     library.run(frames, per_frame, &mut out[1]);

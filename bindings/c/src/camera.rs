@@ -102,7 +102,7 @@ impl Camera {
     }
 
     pub fn window(&self, col: u32, row: u32, width: u32, height: u32) -> Result<Self> {
-        let [x, y, width, height] = [col, row, width, height].map(|n| n as usize);
-        self.0.window(Crop { x, y, width, height }).map(Self)
+        let [row, col, width, height] = [row, col, width, height].map(|n| n as usize);
+        self.0.window(Crop { row, col, width, height }).map(Self)
     }
 }

@@ -34,10 +34,14 @@ pub fn ffi_guard(work: impl FnOnce() -> Result<()>) -> spl_status {
             store_error(status(parts.kind), texts)
         }
         Err(panic) => {
-            let said = panic.downcast_ref::<String>().map(String::as_str);
-            let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("a panic");
-            let message = format!("spikelane: found {said}, expected no panic; please report it");
-            store_error(spl_status::SPL_PANIC, [&message, "spikelane", said, "no panic", "please report it"])
+            let panic_text = panic.downcast_ref::<String>().map(String::as_str);
+            let panic_text =
+                panic_text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("a panic");
+            let message = format!("spikelane: found {panic_text}, expected no panic; please report it");
+            store_error(
+                spl_status::SPL_PANIC,
+                [&message, "spikelane", panic_text, "no panic", "please report it"],
+            )
         }
     }
 }

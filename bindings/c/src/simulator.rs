@@ -35,7 +35,7 @@ impl Simulator {
     }
 
     pub fn set_backend(&mut self, name: &str) -> Result<()> {
-        let backend = if name == "auto" { Backend::best() } else { Backend::parse(name)? };
+        let backend = if name == "auto" { Backend::best() } else { name.parse()? };
         self.inner.set_backend(backend)?;
         Ok(())
     }

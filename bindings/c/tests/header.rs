@@ -29,14 +29,14 @@ fn functions(header: &str) -> Vec<&str> {
     names
 }
 
-fn compare(path: &str, found: &str) {
+fn compare(path: &str, actual: &str) {
     let path = root().join(path);
     if std::env::var_os("WRITE").is_some() {
-        std::fs::write(&path, found).unwrap();
+        std::fs::write(&path, actual).unwrap();
     }
     let committed = std::fs::read_to_string(&path).unwrap();
     assert!(
-        committed == found,
+        committed == actual,
         "{} is not what the sources say; WRITE=1 cargo test -p spikelane-c --test header writes it anew",
         path.display()
     );

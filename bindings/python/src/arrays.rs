@@ -138,12 +138,12 @@ impl<'py, T: Element + Copy> FrameArray<'py, T> {
                 "wait for the other call, or give a copy",
             )
         };
-        let given = array.try_readonly().map_err(busy)?;
+        let original = array.try_readonly().map_err(busy)?;
         let read = match copies == CopyPolicy::All || !is_contiguous(array) {
             true => copy_contiguous(array)?,
             false => array.try_readonly().map_err(busy)?,
         };
-        Ok(Self { _original: given, contiguous: read })
+        Ok(Self { _original: original, contiguous: read })
     }
 
     fn frame_refs<'s>(
@@ -289,8 +289,8 @@ pub fn zeros<'py>(py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyArr
         return Ok(PyArrayDyn::zeros(py, shape.to_vec(), false));
     }
     // NumPy's own `zeros` raises MemoryError if the system cannot allocate the memory.
-    let made = py.import("numpy")?.call_method1("zeros", (shape.to_vec(), "uint8"))?;
-    Ok(made.cast_into::<PyArrayDyn<u8>>()?)
+    let array = py.import("numpy")?.call_method1("zeros", (shape.to_vec(), "uint8"))?;
+    Ok(array.cast_into::<PyArrayDyn<u8>>()?)
 }
 
 /// Returns an array of `values` with this shape.

@@ -130,9 +130,9 @@ pub fn simulate_batch<'py>(
         .clone()
         .try_readwrite()
         .map_err(|e| usage_error("out", e, "an array of its own in one block", "give another array"))?;
-    let whole = target.as_slice_mut()?;
-    let size = (whole.len() / lights.len()).max(1);
-    let mut parts = whole.chunks_mut(size);
+    let output = target.as_slice_mut()?;
+    let size = (output.len() / lights.len()).max(1);
+    let mut parts = output.chunks_mut(size);
     let items: Vec<Mutex<ClipTask<'_>>> = (0..lights.len())
         .map(|i| {
             Ok(Mutex::new(ClipTask {
@@ -172,13 +172,13 @@ fn run_batch(
         return Ok(());
     }
     let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let (tell, told) = mpsc::channel();
+    let (result_sender, results) = mpsc::channel();
     std::thread::scope(|scope| {
         let mut started = 0;
         for _ in 0..threads {
-            let tell = tell.clone();
+            let result_sender = result_sender.clone();
             let work = || {
-                let tell = tell;
+                let result_sender = result_sender;
                 let mut worker = BatchWorker::default();
                 loop {
                     let i = next.fetch_add(1, Ordering::Relaxed);
@@ -188,7 +188,7 @@ fn run_batch(
                         true => Err(Error::new(ErrorKind::Interrupted, "stopped on request")),
                         false => Ok(()),
                     };
-                    let _ = tell.send(worker.simulate_clip(i, item, common, go_on));
+                    let _ = result_sender.send(worker.simulate_clip(i, item, common, go_on));
                 }
             };
             // In unoptimized builds, the stack frames of the kernels overflow stacks of the usual size.
@@ -198,14 +198,14 @@ fn run_batch(
             }
             started += 1;
         }
-        drop(tell);
+        drop(result_sender);
         if started == 0 {
             // If the system cannot start a thread, the calling thread simulates all clips.
             return run_batch(items, common, 1, watch);
         }
         let (mut done, mut result) = (0.0, Ok(()));
         loop {
-            let step = match told.recv_timeout(SIGNAL_CHECK_INTERVAL) {
+            let step = match results.recv_timeout(SIGNAL_CHECK_INTERVAL) {
                 Ok(clip) => clip.and_then(|()| {
                     done += 1.0;
                     watch.update(done, total)
@@ -306,15 +306,15 @@ fn clip_lights<'py>(clips: &Bound<'py, PyAny>, copies: CopyPolicy) -> PyResult<V
 }
 
 /// Returns one camera per clip. `given` is one camera for all clips or a sequence of `count` cameras.
-fn one_or_each_camera(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Camera>> {
-    if let Ok(one) = given.cast::<Camera>() {
+fn one_or_each_camera(cameras: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Camera>> {
+    if let Ok(one) = cameras.cast::<Camera>() {
         return Ok(vec![one.get().clone(); count]);
     }
     let wrong = |found: &Bound<'_, PyAny>| {
         let expected = "a Camera, or one for each clip";
         crate::error::type_error("camera", found.get_type(), expected, "give spikelane.Camera objects")
     };
-    let Ok(all) = given.try_iter() else { return Err(wrong(given)) };
+    let Ok(all) = cameras.try_iter() else { return Err(wrong(cameras)) };
     let camera = |one: PyResult<Bound<'_, PyAny>>| {
         let one = one?;
         one.cast::<Camera>().map(|c| c.get().clone()).map_err(|_| wrong(&one))
@@ -322,8 +322,8 @@ fn one_or_each_camera(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Ca
     check_count(all.map(camera).collect::<PyResult<Vec<_>>>()?, count, "camera")
 }
 
-fn one_or_each_number(given: &Bound<'_, PyAny>, count: usize, name: &str) -> PyResult<Vec<u64>> {
-    let all: PyResult<Vec<u64>> = given.try_iter().and_then(|all| all.map(|n| n?.extract()).collect());
+fn one_or_each_number(numbers: &Bound<'_, PyAny>, count: usize, name: &str) -> PyResult<Vec<u64>> {
+    let all: PyResult<Vec<u64>> = numbers.try_iter().and_then(|all| all.map(|n| n?.extract()).collect());
     let all = all.map_err(|e| {
         usage_error(
             name,
@@ -342,15 +342,20 @@ fn check_count<T>(all: Vec<T>, count: usize, name: &str) -> PyResult<Vec<T>> {
     Err(usage_error(name, all.len(), format_args!("{count}, one for each clip"), "give as many as clips"))
 }
 
-fn window_crops(given: &Bound<'_, PyAny>, count: usize, height: usize, width: usize) -> PyResult<Vec<Crop>> {
+fn window_crops(
+    windows: &Bound<'_, PyAny>,
+    count: usize,
+    height: usize,
+    width: usize,
+) -> PyResult<Vec<Crop>> {
     let place = |pair: Bound<'_, PyAny>| -> PyResult<Crop> {
         let pair: Vec<usize> = pair.try_iter()?.map(|n| n?.extract()).collect::<PyResult<_>>()?;
         match pair[..] {
-            [row, col] => Ok(Crop { x: col, y: row, width, height }),
+            [row, col] => Ok(Crop { row, col, width, height }),
             _ => Err(pyo3::exceptions::PyValueError::new_err(format!("{} numbers", pair.len()))),
         }
     };
-    let all: PyResult<Vec<Crop>> = given.try_iter().and_then(|all| all.map(|p| place(p?)).collect());
+    let all: PyResult<Vec<Crop>> = windows.try_iter().and_then(|all| all.map(|p| place(p?)).collect());
     let all = all
         .map_err(|e| usage_error("windows", e, "(row, col) for each clip", "give an integer array (B, 2)"))?;
     check_count(all, count, "windows")

@@ -60,17 +60,17 @@ impl Camera {
 
     /// Returns the plan of this camera from a cache. The plan can be used with any shot seed and sequence.
     pub fn plan(&self, camera_seed: u64, max_light: f64) -> spikelane::Result<Arc<Plan>> {
-        let same = |kept: &CachedPlan| {
-            let fits = kept.seed == camera_seed && kept.light == max_light.to_bits();
-            fits && *self == kept.camera
+        let same = |cached: &CachedPlan| {
+            let fits = cached.seed == camera_seed && cached.light == max_light.to_bits();
+            fits && *self == cached.camera
         };
         // `try_lock` does not wait. Another thread may hold the lock, or may have held it when this process was forked.
         if let Ok(mut all) = PLANS.try_lock()
             && let Some(at) = all.iter().position(same)
         {
-            let kept = all.remove(at);
-            let plan = Arc::clone(&kept.plan);
-            all.push(kept);
+            let cached = all.remove(at);
+            let plan = Arc::clone(&cached.plan);
+            all.push(cached);
             return Ok(plan);
         }
         let seeds = Seeds { camera: camera_seed, ..Seeds::default() };
@@ -276,7 +276,7 @@ impl Camera {
     ///
     /// Raises SpikelaneError if the rectangle is empty or not within the sensor.
     fn window(&self, row: usize, col: usize, height: usize, width: usize) -> PyResult<Self> {
-        let crop = Crop { x: col, y: row, width, height };
+        let crop = Crop { row, col, width, height };
         Self::new(self.camera().window(crop).or_raise()?)
     }
 
@@ -321,7 +321,7 @@ impl Camera {
     /// (row, col, height, width) of this window in the whole sensor, or None if this camera is not a window.
     #[getter]
     fn window_crop(&self) -> Option<(usize, usize, usize, usize)> {
-        self.camera().window_crop().map(|c| (c.y, c.x, c.height, c.width))
+        self.camera().window_crop().map(|c| (c.row, c.col, c.height, c.width))
     }
 
     /// Effects by name. Each effect is a dict of its parameters. Values are numbers in the unit of the parameter, or
@@ -393,7 +393,7 @@ impl Camera {
         );
         let camera = self.camera();
         if let Some(crop) = camera.window_crop() {
-            text += &format!("; window at row {}, col {}", crop.y, crop.x);
+            text += &format!("; window at row {}, col {}", crop.row, crop.col);
         }
         let effects: Vec<&str> = camera.effects().iter().map(Effect::name).collect();
         text += &match &effects[..] {

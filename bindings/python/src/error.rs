@@ -24,11 +24,11 @@ pub fn to_exception(error: &Error) -> PyErr {
         let io = error.io_error();
         let errno = io.and_then(std::io::Error::raw_os_error);
         let missing = io.is_some_and(|e| e.kind() == std::io::ErrorKind::NotFound);
-        let made = make_error(py).and_then(|make| {
+        let exception = make_error(py).and_then(|make| {
             let fields = (parts.kind.name(), parts.subject, parts.found, parts.expected, parts.remedy);
             make.call1((message(error), fields, errno, missing))
         });
-        match made {
+        match exception {
             Ok(exception) => PyErr::from_value(exception),
             Err(failed) => failed,
         }
@@ -62,8 +62,9 @@ pub fn type_error(
         let error = Error::new(ErrorKind::Usage, subject).found(found).expected(expected).remedy(remedy);
         let parts = error.render_parts(&parameter);
         let fields = ("type", parts.subject, parts.found, parts.expected, parts.remedy);
-        let made = make_error(py).and_then(|make| make.call1((message(&error), fields, None::<i32>, false)));
-        made.map_or_else(|failed| failed, PyErr::from_value)
+        let exception =
+            make_error(py).and_then(|make| make.call1((message(&error), fields, None::<i32>, false)));
+        exception.map_or_else(|failed| failed, PyErr::from_value)
     })
 }
 

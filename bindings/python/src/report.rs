@@ -10,7 +10,6 @@ use spikelane::{Error, ErrorKind};
 use spikelane_calibrate::diagnose::{DiagnoseOptions as Diagnosing, ReadoutSelection};
 use spikelane_calibrate::{
     CalibrateOptions as Calibrating, RecordingSet, SneeOptions, estimate_snee, measure_levels,
-    write_calibration,
 };
 use spikelane_io::formats::{Layout, OutputSet, StreamReader};
 use spikelane_measure::{MeasuredRecording, high_pass};
@@ -22,8 +21,8 @@ use crate::spike_frames::SpikeFrames;
 use crate::stream::Stream;
 use crate::watch::{WorkMonitor, run_interruptible};
 
-fn to_value<T: serde::Serialize>(of: &T) -> spikelane::Result<Value> {
-    serde_json::to_value(of).map_err(|e| Error::new(ErrorKind::Config, "report").found(e))
+fn to_value<T: serde::Serialize>(value: &T) -> spikelane::Result<Value> {
+    serde_json::to_value(value).map_err(|e| Error::new(ErrorKind::Config, "report").found(e))
 }
 
 /// Reserves the files of a report before the work, which can take hours. Keep the claim until the last file has its final
@@ -58,9 +57,10 @@ pub fn measure(
         let reader = StreamReader::from_bytes("packed spikes", bytes, Some(Layout::DatTop), Some(geometry));
         std::sync::Arc::new(crate::error::OrRaise::or_raise(reader)?)
     };
-    run_interruptible(py, WorkMonitor::new(py, progress, "share")?, |tell| {
+    run_interruptible(py, WorkMonitor::new(py, progress, "share")?, |report_progress| {
         let all = reader.readouts().max(1) as f64;
-        let recording = MeasuredRecording::from_stream(&reader, &mut |done| tell(done as f64 / all))?;
+        let recording =
+            MeasuredRecording::from_stream(&reader, &mut |done| report_progress(done as f64 / all))?;
         let mut result = recording.report()?.to_json()?;
         let statistics = &recording.statistics;
         let lengths = statistics.intervals.as_ref().map(|i| i.histogram().counts().to_vec());
@@ -89,24 +89,28 @@ pub fn calibrate(
     force: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Camera)> {
-    let (text, camera) = run_interruptible(py, WorkMonitor::new(py, progress, "share")?, |tell| {
-        let _claim =
-            claim_report_files(out.as_deref(), ["camera.toml", "calibration.json", "report.html"], force)?;
-        let set = RecordingSet::open(&recordings)?;
-        let observed = measure_levels(&set, &mut |_, share| tell(share))?;
-        let options = Calibrating::default()
-            .with_dead_time_fraction(dead_time_fraction)
-            .with_light_uncertainty(light_uncertainty)
-            .with_max_gain_error(max_gain_error);
-        let mut calibration = spikelane_calibrate::calibrate(&observed, &options)?;
-        if snee {
-            calibration.snee = Some(estimate_snee(&observed, &SneeOptions::default())?);
-        }
-        if let Some(folder) = &out {
-            write_calibration(&calibration, folder, force)?;
-        }
-        Ok((calibration.to_json().to_string(), calibration.camera()?))
-    })?;
+    let (text, camera) =
+        run_interruptible(py, WorkMonitor::new(py, progress, "share")?, |report_progress| {
+            let _claim = claim_report_files(
+                out.as_deref(),
+                ["camera.toml", "calibration.json", "report.html"],
+                force,
+            )?;
+            let set = RecordingSet::open(&recordings)?;
+            let observed = measure_levels(&set, &mut |_, share| report_progress(share))?;
+            let options = Calibrating::default()
+                .with_dead_time_fraction(dead_time_fraction)
+                .with_light_uncertainty(light_uncertainty)
+                .with_max_gain_error(max_gain_error);
+            let mut calibration = spikelane_calibrate::calibrate(&observed, &options)?;
+            if snee {
+                calibration.snee = Some(estimate_snee(&observed, &SneeOptions::default())?);
+            }
+            if let Some(folder) = &out {
+                calibration.write(folder, force)?;
+            }
+            Ok((calibration.to_json().to_string(), calibration.camera()?))
+        })?;
     Ok((text, Camera::new(camera)?))
 }
 
@@ -126,22 +130,24 @@ pub fn diagnose(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Camera)> {
     let camera = camera.map(Camera::camera);
-    let (text, found) = run_interruptible(py, WorkMonitor::new(py, progress, "share")?, |tell| {
-        let _claim =
-            claim_report_files(out.as_deref(), ["diagnosis.json", "report.html", "camera.toml"], force)?;
-        let set = RecordingSet::open(&recordings)?;
-        let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;
-        let readout_selection = if all_readouts { ReadoutSelection::All } else { ReadoutSelection::Leading };
-        let options = Diagnosing { camera, seed, readout_selection, ..Diagnosing::default() };
-        let found =
-            spikelane_calibrate::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| {
-                tell(share)
-            })?;
-        let json = match &out {
-            Some(folder) => spikelane_calibrate::diagnose::write_diagnosis(&found, folder, force)?,
-            None => to_value(&found)?,
-        };
-        Ok((json.to_string(), found.camera))
-    })?;
-    Ok((text, Camera::new(found)?))
+    let (text, diagnosed_camera) =
+        run_interruptible(py, WorkMonitor::new(py, progress, "share")?, |report_progress| {
+            let _claim =
+                claim_report_files(out.as_deref(), ["diagnosis.json", "report.html", "camera.toml"], force)?;
+            let set = RecordingSet::open(&recordings)?;
+            let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;
+            let readout_selection =
+                if all_readouts { ReadoutSelection::All } else { ReadoutSelection::Leading };
+            let options = Diagnosing { camera, seed, readout_selection, ..Diagnosing::default() };
+            let diagnosis =
+                spikelane_calibrate::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| {
+                    report_progress(share)
+                })?;
+            let json = match &out {
+                Some(folder) => spikelane_calibrate::diagnose::write_diagnosis(&diagnosis, folder, force)?,
+                None => to_value(&diagnosis)?,
+            };
+            Ok((json.to_string(), diagnosis.camera))
+        })?;
+    Ok((text, Camera::new(diagnosed_camera)?))
 }

@@ -41,14 +41,14 @@ impl Scene {
         vehicles: Option<u32>,
         flicker_hz: Option<f64>,
     ) -> PyResult<Self> {
-        let named = |name: &str| {
+        let parse_lighting = |name: &str| {
             let names: Vec<_> = Lighting::ALL.iter().map(|l| l.name()).collect();
             let wrong = || {
                 usage_error("lighting", format_args!("{name:?}"), names.join(", "), "leave it to the seed")
             };
             Lighting::from_name(name).ok_or_else(wrong)
         };
-        let lighting = lighting.map(named).transpose()?;
+        let lighting = lighting.map(parse_lighting).transpose()?;
         let options = SceneOptions::default()
             .with_width(width)
             .with_height(height)
@@ -102,22 +102,22 @@ impl Scene {
             16 => SamplesPerPixel::Sixteen,
             other => return Err(usage_error("samples", other, "4 or 16 color samples a pixel", "give 4")),
         };
-        let (mut drawn, boxes) = run_interruptible(py, WorkMonitor::new(py, None, "")?, |_| {
+        let (mut frame, boxes) = run_interruptible(py, WorkMonitor::new(py, None, "")?, |_| {
             let drawn = self.scene.render(t, samples, threads)?;
             let boxes = self.scene.boxes(&drawn.labels)?;
             Ok((drawn, boxes))
         })?;
         let white = self.scene.white_cd_m2();
-        drawn.light.iter_mut().for_each(|l| *l /= white);
-        let shape = [drawn.labels.height, drawn.labels.width];
-        let rgb: Vec<f32> = drawn.rgb.iter().flatten().copied().collect();
+        frame.light.iter_mut().for_each(|l| *l /= white);
+        let shape = [frame.labels.height, frame.labels.width];
+        let rgb: Vec<f32> = frame.rgb.iter().flatten().copied().collect();
         let dict = PyDict::new(py);
         dict.set_item("t", t)?;
-        dict.set_item("light", array_from_vec(py, drawn.light, &shape)?)?;
+        dict.set_item("light", array_from_vec(py, frame.light, &shape)?)?;
         dict.set_item("rgb", array_from_vec(py, rgb, &[shape[0], shape[1], 3])?)?;
-        dict.set_item("depth", array_from_vec(py, drawn.labels.depth_m, &shape)?)?;
-        dict.set_item("instances", array_from_vec(py, drawn.labels.instance, &shape)?)?;
-        dict.set_item("semantic", array_from_vec(py, drawn.labels.semantic, &shape)?)?;
+        dict.set_item("depth", array_from_vec(py, frame.labels.depth_m, &shape)?)?;
+        dict.set_item("instances", array_from_vec(py, frame.labels.instance, &shape)?)?;
+        dict.set_item("semantic", array_from_vec(py, frame.labels.semantic, &shape)?)?;
         let all = PyList::empty(py);
         for b in boxes {
             let one = PyDict::new(py);
@@ -195,13 +195,13 @@ impl Scene {
         let samples = if samples == 16 { SamplesPerPixel::Sixteen } else { SamplesPerPixel::Four };
         let watch = WorkMonitor::new(py, progress, "frames")?;
         let white = self.scene.white_cd_m2();
-        let (light, size) = run_interruptible(py, watch, |tell| {
+        let (light, size) = run_interruptible(py, watch, |report_progress| {
             let (mut light, mut size) = (Vec::new(), (0, 0));
             for i in 0..frames {
                 let drawn = self.scene.render(t + i as f64 / fps, samples, threads)?;
                 size = (drawn.labels.height, drawn.labels.width);
                 light.extend(drawn.light.iter().map(|l| l / white));
-                tell((i as f64 + 1.0) / frames as f64);
+                report_progress((i as f64 + 1.0) / frames as f64);
             }
             Ok((light, size))
         })?;
@@ -218,14 +218,14 @@ impl Scene {
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
         let o = &self.options;
-        let named = PyDict::new(py);
-        named.set_item("fov_deg", o.fov_deg)?;
-        named.set_item("lighting", o.lighting.map(Lighting::name))?;
-        named.set_item("duration_s", o.duration_s)?;
-        named.set_item("speed_kmh", o.speed_kmh)?;
-        named.set_item("vehicles", o.vehicles)?;
-        named.set_item("flicker_hz", o.flicker_hz)?;
-        Ok(((self.scene.seed(), o.height, o.width).into_pyobject(py)?, named))
+        let fields = PyDict::new(py);
+        fields.set_item("fov_deg", o.fov_deg)?;
+        fields.set_item("lighting", o.lighting.map(Lighting::name))?;
+        fields.set_item("duration_s", o.duration_s)?;
+        fields.set_item("speed_kmh", o.speed_kmh)?;
+        fields.set_item("vehicles", o.vehicles)?;
+        fields.set_item("flicker_hz", o.flicker_hz)?;
+        Ok(((self.scene.seed(), o.height, o.width).into_pyobject(py)?, fields))
     }
 
     fn __repr__(&self) -> String {

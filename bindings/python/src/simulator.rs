@@ -58,11 +58,11 @@ impl Simulator {
     ) -> PyResult<Self> {
         check_threads(threads)?;
         let seeds = Seeds { camera: camera_seed, shot: seed, sequence };
-        let named = backend.map(Backend::parse).transpose().or_raise()?;
+        let named_backend = backend.map(str::parse::<Backend>).transpose().or_raise()?;
         let simulator = py.detach(|| {
             let plan = camera.plan(camera_seed, max_light)?.with_seeds(seeds)?;
             let options = spikelane::SimulatorOptions::new().threads(threads);
-            named.map_or(options.clone(), |backend| options.backend(backend)).build_from_plan(plan)
+            named_backend.map_or(options.clone(), |backend| options.backend(backend)).build_from_plan(plan)
         });
         let inner = SimulatorState { simulator: simulator.or_raise()?, scratch: Vec::new() };
         Ok(Self {
@@ -226,12 +226,12 @@ impl Simulator {
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((Camera,), Bound<'py, PyDict>)> {
         let (camera_seed, seed, sequence) = self.seeds()?;
-        let named =
+        let named_seeds =
             [("seed", seed), ("sequence", sequence), ("camera_seed", camera_seed)].into_py_dict(py)?;
-        named.set_item("threads", self.threads)?;
-        named.set_item("backend", &self.backend)?;
-        named.set_item("max_light", self.max_light)?;
-        Ok(((self.camera.clone(),), named))
+        named_seeds.set_item("threads", self.threads)?;
+        named_seeds.set_item("backend", &self.backend)?;
+        named_seeds.set_item("max_light", self.max_light)?;
+        Ok(((self.camera.clone(),), named_seeds))
     }
 
     fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
 use spikelane::{Geometry, spikes};
 use spikelane_io::formats::{Layout, OutputSet, StreamReader, StreamWriter};
-use spikelane_io::simulate::{Sidecar, StreamFacts, WrittenStream};
+use spikelane_io::simulate::{Sidecar, StreamFacts};
 
 use crate::arrays::{borrow_bytes, geometry, shape_text, zeros};
 use crate::error::{OrRaise as _, usage_error};
@@ -154,12 +154,12 @@ impl Stream {
         self.reader()?;
         let path = std::path::absolute(&self.path).map_err(|e| spikelane::Error::io(self.path.display(), e));
         let (layout, height, width) = &self.open_arguments;
-        let named = PyDict::new(py);
-        named.set_item("layout", layout)?;
-        named.set_item("height", height)?;
-        named.set_item("width", width)?;
+        let fields = PyDict::new(py);
+        fields.set_item("layout", layout)?;
+        fields.set_item("height", height)?;
+        fields.set_item("width", width)?;
         let open = py.import("spikelane")?.getattr("open_stream")?;
-        let open = py.import("functools")?.getattr("partial")?.call((open,), Some(&named))?;
+        let open = py.import("functools")?.getattr("partial")?.call((open,), Some(&fields))?;
         Ok((open, (path.or_raise()?,)))
     }
 
@@ -256,11 +256,11 @@ pub fn write_stream(
     let (packed, geometry) = packed_stream(py, spikes, optional_geometry(height, width)?)?;
     let from = packed.as_slice()?;
     let readouts = (from.len() / geometry.frame_bytes()) as u64;
-    let beside = path.with_extension("json");
+    let sidecar_path = path.with_extension("json");
     let mut watch = WorkMonitor::new(py, progress, "readouts")?;
     let result = py.detach(|| -> spikelane::Result<String> {
         // The claim must last until the sidecar has its final name.
-        let files = [Some(&path), sidecar.then_some(&beside)];
+        let files = [Some(&path), sidecar.then_some(&sidecar_path)];
         let _claim = OutputSet::claim(files.into_iter().flatten(), force)?;
         let mut writer = StreamWriter::create(&path, layout, geometry, readouts, force)?;
         let piece = ((4 << 20) / geometry.frame_bytes()).max(1) * geometry.frame_bytes();
@@ -270,21 +270,14 @@ pub fn write_stream(
             writer.write_frames(writer.written(), &packed)?;
             watch.update(writer.written() as f64, readouts as f64)?;
         }
-        let done = writer.finish()?;
-        let digest = done.digest.clone();
+        let written = writer.finish()?;
         if sidecar {
-            let written = WrittenStream {
-                path: done.path,
-                bytes: done.bytes,
-                digest: done.digest,
-                spikes: spikes::count_spikes(from),
-            };
             let facts = StreamFacts::new(&written, geometry, readouts);
             let mut sidecar = Sidecar::new(geometry, layout, readouts, facts);
             sidecar.readout_hz = readout_hz;
-            sidecar.write(&beside, force)?;
+            sidecar.write(&sidecar_path, force)?;
         }
-        Ok(digest)
+        Ok(written.digest)
     });
     watch.into_result(result)
 }

@@ -25,9 +25,9 @@ impl WorkMonitor {
     /// `unit`.
     pub fn new(py: Python<'_>, progress: Option<Py<PyAny>>, unit: &str) -> PyResult<Self> {
         let progress = match progress {
-            Some(asked) if asked.bind(py).is_instance_of::<PyBool>() => {
+            Some(flag) if flag.bind(py).is_instance_of::<PyBool>() => {
                 let bar = py.import("spikelane._progress")?.getattr("progress_callback")?;
-                bar.call1((asked, unit))?.extract()?
+                bar.call1((flag, unit))?.extract()?
             }
             Some(other) if !other.bind(py).is_callable() => {
                 let found = other.bind(py).get_type();
@@ -58,7 +58,7 @@ impl WorkMonitor {
         if last && self.progress.is_none() {
             return Ok(());
         }
-        let looked = Python::attach(|py| {
+        let outcome = Python::attach(|py| {
             py.check_signals()?;
             match &self.progress {
                 Some(progress) => progress.call1(py, (done, total)).map(drop),
@@ -66,7 +66,7 @@ impl WorkMonitor {
             }
         });
         self.last_check = Instant::now();
-        looked.map_err(|error| {
+        outcome.map_err(|error| {
             self.exception = Some(error);
             Error::new(ErrorKind::Interrupted, "stopped on request")
         })
@@ -104,11 +104,11 @@ pub fn run_interruptible<T: Send>(
     let looking = Arc::clone(&watch);
     // The progress function runs while the monitor is locked. It may call code that checks for a stop, so this check
     // must not wait.
-    let asked = move || looking.try_lock().is_ok_and(|mut watch| watch.is_stopped());
+    let should_stop = move || looking.try_lock().is_ok_and(|mut watch| watch.is_stopped());
     let result = py.detach(|| {
         // Only shares below 1 are reported here. `update_now` reports the end.
-        let mut tell = |share: f64| drop(lock_monitor(&watch).update(share.min(0.999_999), 1.0));
-        let value = spikelane::unstable::threads::run_until(asked, || work(&mut tell))?;
+        let mut report_progress = |share: f64| drop(lock_monitor(&watch).update(share.min(0.999_999), 1.0));
+        let value = spikelane::unstable::threads::run_until(should_stop, || work(&mut report_progress))?;
         lock_monitor(&watch).update_now(1.0, 1.0).map(|()| value)
     });
     let raised = lock_monitor(&watch).exception.take();

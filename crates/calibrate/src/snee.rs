@@ -260,8 +260,8 @@ mod tests {
         // The rates are rounded in the same way as counts, so the residuals are not zero.
         let rates: Vec<f64> =
             lights.iter().map(|l| ((0.95 * l + 0.0047) * 1000.0).floor() / 1000.0).collect();
-        let found = solve(&rates, &lights, &SneeOptions::default()).unwrap();
-        assert!((found.phi - 0.8).abs() < 1e-4, "{found:?}");
-        assert!((found.alpha / found.phi - 0.95).abs() < 0.01, "{found:?}");
+        let solution = solve(&rates, &lights, &SneeOptions::default()).unwrap();
+        assert!((solution.phi - 0.8).abs() < 1e-4, "{solution:?}");
+        assert!((solution.alpha / solution.phi - 0.95).abs() < 0.01, "{solution:?}");
     }
 }

@@ -79,13 +79,13 @@ fn realism_options() -> RealismOptions {
 #[test]
 fn auc_is_low_for_the_recording_camera_and_high_for_a_noisier_one() {
     let folder = tempfile::tempdir().unwrap();
-    let own = recording(folder.path(), &stream(&physical_camera()), READOUTS);
+    let real = recording(folder.path(), &stream(&physical_camera()), READOUTS);
     let models = [physical_camera(), noisy_camera(), preset("ideal", SIZE.0, SIZE.1)];
-    let found = compare_realism(&own, &models, &realism_options(), &mut |_, _| {}).unwrap();
-    let of = |name: &str| found.cameras.iter().find(|r| r.name == name).unwrap().auc.value;
-    assert!((of("physical") - 0.5).abs() < 0.12, "{}", of("physical"));
-    assert!(of("noisy") > 0.9 && of("ideal") > 0.9, "{} {}", of("noisy"), of("ideal"));
-    assert_eq!(found.cameras[0].name, "physical");
+    let comparison = compare_realism(&real, &models, &realism_options(), &mut |_, _| {}).unwrap();
+    let auc = |name: &str| comparison.cameras.iter().find(|r| r.name == name).unwrap().auc.value;
+    assert!((auc("physical") - 0.5).abs() < 0.12, "{}", auc("physical"));
+    assert!(auc("noisy") > 0.9 && auc("ideal") > 0.9, "{} {}", auc("noisy"), auc("ideal"));
+    assert_eq!(comparison.cameras[0].name, "physical");
 }
 
 /// The variances of such a scene would be NaN, and the first model in the list would be the nearest.
@@ -119,25 +119,25 @@ fn model_fixed_pattern_is_not_added_to_measured_rates() {
     let with = patterns
         .iter()
         .fold(physical_camera(), |camera, name| camera.with_effect(find(name).unwrap().typical()));
-    let found = compare_models(&stream(&physical_camera()), &[physical_camera(), with]);
-    let [plain, patterned] = &found.models[..] else { panic!("two models") };
-    assert_eq!(plain.distance, patterned.distance);
-    assert_eq!(plain.row_band_outlier_shares, patterned.row_band_outlier_shares);
+    let comparison = compare_models(&stream(&physical_camera()), &[physical_camera(), with]);
+    let [unpatterned, patterned] = &comparison.models[..] else { panic!("two models") };
+    assert_eq!(unpatterned.distance, patterned.distance);
+    assert_eq!(unpatterned.row_band_outlier_shares, patterned.row_band_outlier_shares);
 }
 
 #[test]
 fn uniform_noise_ranks_the_recording_camera_first() {
     for camera in [physical_camera(), noisy_camera()] {
-        let found = compare_models(&stream(&camera), &[noisy_camera(), physical_camera()]);
-        eprintln!("{}", found.verdict());
-        assert_eq!(found.models[0].name, camera.name);
-        assert!(!found.models[1].is_tied_with_nearest(), "{}", found.verdict());
+        let comparison = compare_models(&stream(&camera), &[noisy_camera(), physical_camera()]);
+        eprintln!("{}", comparison.verdict());
+        assert_eq!(comparison.models[0].name, camera.name);
+        assert!(!comparison.models[1].is_tied_with_nearest(), "{}", comparison.verdict());
         assert!(
-            found.row_bands.iter().filter(|a| a.nearest_model == camera.name).count() >= 7,
+            comparison.row_bands.iter().filter(|a| a.nearest_model == camera.name).count() >= 7,
             "{:?}",
-            found.row_bands
+            comparison.row_bands
         );
-        assert!(found.verdict().ends_with("separates it from all others."), "{}", found.verdict());
+        assert!(comparison.verdict().ends_with("separates it from all others."), "{}", comparison.verdict());
     }
 }
 
@@ -149,11 +149,11 @@ fn row_bands_with_different_noise_leave_the_ranking_undecided() {
     let half = physical_camera().sensor.geometry.frame_bytes() / 2;
     let halves = quiet.chunks_exact(half).zip(loud.chunks_exact(half)).enumerate();
     let mixed: Vec<u8> = halves.flat_map(|(i, (q, l))| if i % 2 == 0 { q } else { l }).copied().collect();
-    let found = compare_models(&mixed, &[physical_camera(), noisy_camera()]);
-    eprintln!("{}", found.verdict());
-    let nearest = |name: &str| found.row_bands.iter().filter(|a| a.nearest_model == name).count();
-    assert_eq!((nearest("physical"), nearest("noisy")), (4, 4), "{:?}", found.row_bands);
-    assert!(found.models[1].is_tied_with_nearest(), "{}", found.verdict());
-    assert!(found.verdict().contains("does not separate it from"), "{}", found.verdict());
-    assert!(found.html_report().unwrap().contains("Row bands"));
+    let comparison = compare_models(&mixed, &[physical_camera(), noisy_camera()]);
+    eprintln!("{}", comparison.verdict());
+    let nearest = |name: &str| comparison.row_bands.iter().filter(|a| a.nearest_model == name).count();
+    assert_eq!((nearest("physical"), nearest("noisy")), (4, 4), "{:?}", comparison.row_bands);
+    assert!(comparison.models[1].is_tied_with_nearest(), "{}", comparison.verdict());
+    assert!(comparison.verdict().contains("does not separate it from"), "{}", comparison.verdict());
+    assert!(comparison.html_report().unwrap().contains("Row bands"));
 }

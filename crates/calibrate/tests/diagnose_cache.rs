@@ -26,10 +26,10 @@ fn sets(folder: &Path) -> [RecordingSet; 2] {
 /// of simulations from the cache and the number of new simulations.
 fn diagnosis_text(sets: &[RecordingSet; 2], cache: Option<&Path>) -> (String, Option<[usize; 2]>) {
     let options = DiagnoseOptions { cache, ..DiagnoseOptions::default() };
-    let mut found = diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap();
-    assert!(!found.effects.is_empty(), "nothing was fitted");
-    found.seconds = 0.0;
-    (format!("{} {:?}", serde_json::to_string(&found).unwrap(), found.camera), found.cache_counts)
+    let mut diagnosis = diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap();
+    assert!(!diagnosis.effects.is_empty(), "nothing was fitted");
+    diagnosis.seconds = 0.0;
+    (format!("{} {:?}", serde_json::to_string(&diagnosis).unwrap(), diagnosis.camera), diagnosis.cache_counts)
 }
 
 /// Returns the files of simulated vectors and their bytes, sorted by path. The tag file of the folder is excluded.
@@ -46,18 +46,18 @@ fn files(cache: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 fn cached_simulations_do_not_change_a_diagnosis() {
     let folder = tempfile::tempdir().unwrap();
     let (sets, cache) = (sets(folder.path()), folder.path().join("cache"));
-    let (plain, none) = diagnosis_text(&sets, None);
+    let (uncached, none) = diagnosis_text(&sets, None);
     assert_eq!(none, None);
 
     let (cold, counts) = diagnosis_text(&sets, Some(&cache));
-    assert!(cold == plain, "nothing was kept: {cold} and not {plain}");
-    let [again, made] = counts.unwrap();
+    assert!(cold == uncached, "nothing was kept: {cold} and not {uncached}");
+    let [again, simulated] = counts.unwrap();
     let all = files(&cache);
-    assert_eq!(all.len(), made, "a file each");
+    assert_eq!(all.len(), simulated, "a file each");
 
     let (warm, counts) = diagnosis_text(&sets, Some(&cache));
-    assert!(warm == plain, "all was kept: {warm} and not {plain}");
-    assert_eq!(counts, Some([made + again, 0]));
+    assert!(warm == uncached, "all was kept: {warm} and not {uncached}");
+    assert_eq!(counts, Some([simulated + again, 0]));
 
     // Damages the cache: some files are missing, cut short or zeroed, as after a stopped run on a faulty disk.
     for (i, (file, bytes)) in all.iter().enumerate() {
@@ -69,8 +69,8 @@ fn cached_simulations_do_not_change_a_diagnosis() {
         }
     }
     let (torn, counts) = diagnosis_text(&sets, Some(&cache));
-    assert!(torn == plain, "a part was kept: {torn} and not {plain}");
-    assert_eq!(counts, Some([again + made / 4, made - made / 4]));
+    assert!(torn == uncached, "a part was kept: {torn} and not {uncached}");
+    assert_eq!(counts, Some([again + simulated / 4, simulated - simulated / 4]));
     assert!(files(&cache) == all, "what was lost is there again");
 }
 
@@ -78,16 +78,16 @@ fn cached_simulations_do_not_change_a_diagnosis() {
 fn repeated_detectability_uses_the_cache() {
     let folder = tempfile::tempdir().unwrap();
     let (sets, cache) = (sets(folder.path()), folder.path().join("cache"));
-    let asked = || {
+    let run = || {
         let options = DiagnoseOptions { cache: Some(&cache), ..DiagnoseOptions::default() };
         format!("{:?}", detectability(&sets[0], options, &mut |_, _| {}).unwrap())
     };
-    let first = asked();
+    let first = run();
     let times = || -> Vec<_> {
         files(&cache).iter().map(|(f, _)| std::fs::metadata(f).unwrap().modified().unwrap()).collect()
     };
-    let made = times();
-    assert!(made.len() > 100, "{}", made.len());
-    assert_eq!(asked(), first);
-    assert!(times() == made, "some were made again");
+    let modified = times();
+    assert!(modified.len() > 100, "{}", modified.len());
+    assert_eq!(run(), first);
+    assert!(times() == modified, "some were made again");
 }

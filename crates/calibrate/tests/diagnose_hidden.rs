@@ -94,23 +94,23 @@ fn the_hidden_sensor_shares_no_code_with_the_library() {
 fn clean_sensors_raise_no_alarm() {
     // Each of three sensors raises an alarm with a probability of at most one in a thousand for each of three limits.
     for seed in 11..14 {
-        let found = diagnose_hidden(&[], seed);
-        assert_eq!(found.verdict, Verdict::Agrees, "sensor {seed}: {found:?}");
+        let diagnosis = diagnose_hidden(&[], seed);
+        assert_eq!(diagnosis.verdict, Verdict::Agrees, "sensor {seed}: {diagnosis:?}");
     }
 }
 
 #[test]
 fn a_hidden_effect_is_named_and_the_gap_shrinks() {
     for (name, strength) in [("false_spikes", 1e-3), ("row_noise", 0.02), ("readout_jitter", 0.03)] {
-        let found = diagnose_hidden(&[(name, strength)], 21);
-        let named = found.effects.iter().any(|e| e.name == name || e.ambiguous_with.contains(&name));
-        assert!(named, "{name}: {:?} {:?} {:?}", found.verdict, found.effects, found.unexplained);
-        let held = &found.discrepancy.held_out_set;
+        let diagnosis = diagnose_hidden(&[(name, strength)], 21);
+        let named = diagnosis.effects.iter().any(|e| e.name == name || e.ambiguous_with.contains(&name));
+        assert!(named, "{name}: {:?} {:?} {:?}", diagnosis.verdict, diagnosis.effects, diagnosis.unexplained);
+        let discrepancy = &diagnosis.discrepancy.held_out_set;
         assert!(
-            held[held.len() - 1] - found.discrepancy.noise_floor
-                < 0.3 * (held[0] - found.discrepancy.noise_floor),
+            discrepancy[discrepancy.len() - 1] - diagnosis.discrepancy.noise_floor
+                < 0.3 * (discrepancy[0] - diagnosis.discrepancy.noise_floor),
             "{name}: {:?}",
-            found.discrepancy
+            diagnosis.discrepancy
         );
     }
 }
@@ -120,23 +120,26 @@ fn a_hidden_effect_is_named_and_the_gap_shrinks() {
 #[test]
 fn readout_jitter_of_some_rows_is_identified() {
     // In 8 of 24 rows the jitter has more than half of its largest width.
-    let physics = Physics { undecided: (0.03, 0.0, 7.0), ..Physics::default() };
+    let physics = Physics { jitter: (0.03, 0.0, 7.0), ..Physics::default() };
     let (_folder, sets) = record_takes(SIZE, physics, 23);
-    let found = diagnose_with_shared_null_model(&sets);
-    let effect = found.effects.iter().find(|e| e.name == "readout_jitter" && !e.is_tentative);
-    let said = &effect.unwrap_or_else(|| panic!("{found:?}")).parameters;
-    let spread = said.iter().find(|p| p.name == "spread").unwrap();
-    assert!((5.5..9.0).contains(&spread.value), "{said:?}");
-    assert!(spread.low > 4.0 && spread.high < 14.0, "{said:?}");
+    let diagnosis = diagnose_with_shared_null_model(&sets);
+    let effect = diagnosis.effects.iter().find(|e| e.name == "readout_jitter" && !e.is_tentative);
+    let parameters = &effect.unwrap_or_else(|| panic!("{diagnosis:?}")).parameters;
+    let spread = parameters.iter().find(|p| p.name == "spread").unwrap();
+    assert!((5.5..9.0).contains(&spread.value), "{parameters:?}");
+    assert!(spread.low > 4.0 && spread.high < 14.0, "{parameters:?}");
 }
 
 /// The estimate of a full correlation must not be biased toward 0, and the interval must nearly include 1.
 #[test]
 fn full_gain_dark_correlation_is_recovered() {
-    let found = diagnose_hidden(&[("gain_dark_correlation", 1.0)], 61);
-    let effect = found.effects.iter().find(|e| e.name == "gain_dark_correlation");
-    let said = &effect.unwrap_or_else(|| panic!("{found:?}")).parameters[0];
-    assert!(said.low.abs().max(said.high.abs()) > 0.97 && said.value.abs() > 0.85, "{said:?}");
+    let diagnosis = diagnose_hidden(&[("gain_dark_correlation", 1.0)], 61);
+    let effect = diagnosis.effects.iter().find(|e| e.name == "gain_dark_correlation");
+    let parameter = &effect.unwrap_or_else(|| panic!("{diagnosis:?}")).parameters[0];
+    assert!(
+        parameter.low.abs().max(parameter.high.abs()) > 0.97 && parameter.value.abs() > 0.85,
+        "{parameter:?}"
+    );
 }
 
 #[test]
@@ -147,18 +150,18 @@ fn doubled_gain_spread_in_the_camera_file_is_reported() {
     let (right, prnu) =
         (camera.effect("prnu").unwrap().get("sigma").unwrap(), camera.effect("prnu").unwrap());
     let wrong = camera.clone().with_effect(prnu.clone().with_value("sigma", 2.0 * right).unwrap());
-    let found = diagnose_against_camera(&wrong, &sets);
-    let said: Vec<&str> = found.parameter_mismatches.iter().map(|m| m.parameter.as_str()).collect();
+    let diagnosis = diagnose_against_camera(&wrong, &sets);
+    let mismatches: Vec<&str> = diagnosis.parameter_mismatches.iter().map(|m| m.parameter.as_str()).collect();
     assert_eq!(
-        (found.verdict, said.as_slice()),
+        (diagnosis.verdict, mismatches.as_slice()),
         (Verdict::Explained, ["prnu.sigma"].as_slice()),
-        "{found:?}"
+        "{diagnosis:?}"
     );
     // With 576 pixels the error of the spread is about 8 %.
     assert!(
-        (found.parameter_mismatches[0].fitted_value / right - 1.0).abs() < 0.25,
+        (diagnosis.parameter_mismatches[0].fitted_value / right - 1.0).abs() < 0.25,
         "{:?}",
-        found.parameter_mismatches
+        diagnosis.parameter_mismatches
     );
 }
 
@@ -169,35 +172,40 @@ fn effects_beside_dropped_or_repeated_readouts_are_found() {
     for (name, other, strength) in
         [("dropped_readouts", "missed_spikes", 0.004), ("repeated_readouts", "false_spikes", 0.001)]
     {
-        let found = diagnose_hidden(&[(name, 0.003), (other, strength)], 71);
-        let named: Vec<&str> = found.effects.iter().filter(|e| !e.is_tentative).map(|e| e.name).collect();
-        assert!(named.contains(&name) && named.contains(&other), "{:?} {:?}", found.verdict, found.effects);
-        let said = found.effects.iter().find(|e| e.name == name).unwrap();
+        let diagnosis = diagnose_hidden(&[(name, 0.003), (other, strength)], 71);
+        let named: Vec<&str> = diagnosis.effects.iter().filter(|e| !e.is_tentative).map(|e| e.name).collect();
+        assert!(
+            named.contains(&name) && named.contains(&other),
+            "{:?} {:?}",
+            diagnosis.verdict,
+            diagnosis.effects
+        );
+        let effect = diagnosis.effects.iter().find(|e| e.name == name).unwrap();
         // There are about 100 events, so their number has a standard deviation of 10 %. The tolerance is five times 10 %.
-        let p = &said.parameters[0];
+        let p = &effect.parameters[0];
         assert!((p.value / 0.003 - 1.0).abs() < 0.5 && p.low < p.value && p.value < p.high, "{p:?}");
-        assert!(said.evidence.contains(" found in "), "{}", said.evidence);
+        assert!(effect.evidence.contains(" found in "), "{}", effect.evidence);
     }
 }
 
 /// The test uses strong noise in some of the pixels, because it resembles lost readouts.
 #[test]
 fn strong_noise_in_some_pixels_is_not_reported_as_dropped_readouts() {
-    let found = diagnose_hidden(&[("two populations of threshold noise", 4.0)], 81);
-    assert!(!matches!(found.verdict, Verdict::Agrees), "{:?}", found.discrepancy);
-    let events = found.effects.iter().any(|e| e.name.ends_with("_readouts"));
-    assert!(!events, "{:?}", found.effects);
+    let diagnosis = diagnose_hidden(&[("two populations of threshold noise", 4.0)], 81);
+    assert!(!matches!(diagnosis.verdict, Verdict::Agrees), "{:?}", diagnosis.discrepancy);
+    let events = diagnosis.effects.iter().any(|e| e.name.ends_with("_readouts"));
+    assert!(!events, "{:?}", diagnosis.effects);
 }
 
 /// If the clamp were only linearized, the parameters of the base model could absorb the remaining error. A partial reset
 /// of 0.56 would then fit equally well.
 #[test]
 fn saturation_clamp_far_from_its_linearization_is_found() {
-    let found = diagnose_hidden(&[("saturation_clamp", 0.757)], 94);
-    let named: Vec<&str> = found.effects.iter().filter(|e| !e.is_tentative).map(|e| e.name).collect();
-    assert_eq!(named, ["saturation_clamp"], "{:?} {:?}", found.verdict, found.effects);
-    let said = &found.effects[0].parameters[0];
-    assert!((said.value - 1.243).abs() < 0.01, "{said:?}");
+    let diagnosis = diagnose_hidden(&[("saturation_clamp", 0.757)], 94);
+    let named: Vec<&str> = diagnosis.effects.iter().filter(|e| !e.is_tentative).map(|e| e.name).collect();
+    assert_eq!(named, ["saturation_clamp"], "{:?} {:?}", diagnosis.verdict, diagnosis.effects);
+    let parameter = &diagnosis.effects[0].parameters[0];
+    assert!((parameter.value - 1.243).abs() < 0.01, "{parameter:?}");
 }
 
 /// If the camera file lacks an effect, its parameters absorb part of the effect. If the diagnosis judged the parameters
@@ -207,30 +215,38 @@ fn strong_row_noise_does_not_blame_a_correct_camera_file() {
     let (_folder, sets) = recording_sets(Size { width: 36, height: 36, ..SIZE }, &[("row_noise", 0.02)], 62);
     let setup = Setup::new(&sets[0], RecordingPart::Whole, ReadoutSelection::All).unwrap();
     let camera = published_camera(&setup).unwrap();
-    let found = diagnose_against_camera(&camera, &sets);
-    assert!(found.effects.iter().any(|e| e.name == "row_noise" && !e.is_tentative), "{:?}", found.effects);
-    assert!(found.parameter_mismatches.is_empty(), "{:?}", found.parameter_mismatches);
+    let diagnosis = diagnose_against_camera(&camera, &sets);
+    assert!(
+        diagnosis.effects.iter().any(|e| e.name == "row_noise" && !e.is_tentative),
+        "{:?}",
+        diagnosis.effects
+    );
+    assert!(diagnosis.parameter_mismatches.is_empty(), "{:?}", diagnosis.parameter_mismatches);
 }
 
 #[test]
 fn threads_change_no_number() {
     let of_threads = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let mut found = pool.install(|| diagnose_hidden(&[("dead_pixels", 0.02)], 41));
-        found.seconds = 0.0;
-        format!("{found:?}")
+        let mut diagnosis = pool.install(|| diagnose_hidden(&[("dead_pixels", 0.02)], 41));
+        diagnosis.seconds = 0.0;
+        format!("{diagnosis:?}")
     };
-    let alone = of_threads(1);
-    assert!(alone.contains("dead_pixels"), "{alone}");
-    assert_eq!(alone, of_threads(3));
+    let single_thread = of_threads(1);
+    assert!(single_thread.contains("dead_pixels"), "{single_thread}");
+    assert_eq!(single_thread, of_threads(3));
 }
 
 #[test]
 fn an_effect_outside_the_catalog_is_unknown() {
-    let found = diagnose_hidden(&[("two-tap parity", 0.02)], 31);
-    assert!(matches!(found.verdict, Verdict::Unknown | Verdict::PartlyExplained), "{:?}", found.verdict);
-    assert!(found.effects.iter().all(|e| e.is_tentative), "{:?}", found.effects);
-    assert!(!found.unexplained.is_empty());
+    let diagnosis = diagnose_hidden(&[("two-tap parity", 0.02)], 31);
+    assert!(
+        matches!(diagnosis.verdict, Verdict::Unknown | Verdict::PartlyExplained),
+        "{:?}",
+        diagnosis.verdict
+    );
+    assert!(diagnosis.effects.iter().all(|e| e.is_tentative), "{:?}", diagnosis.effects);
+    assert!(!diagnosis.unexplained.is_empty());
 }
 
 #[test]
@@ -246,8 +262,8 @@ fn large_recordings_are_judged_by_their_leading_readouts_by_default() {
     let set = RecordingSet::open(&folder.path().join("recordings.toml")).unwrap();
     let judged = |part, extent| {
         let setup = Setup::new(&set, part, extent).unwrap();
-        let of = |k: usize| (setup.recordings[k].first_readout, setup.recordings[k].readouts);
-        (of(0), of(1), setup.judged_readouts)
+        let span_of = |k: usize| (setup.recordings[k].first_readout, setup.recordings[k].readouts);
+        (span_of(0), span_of(1), setup.judged_readouts)
     };
     // The minimum for a square wave is five half periods.
     assert_eq!(

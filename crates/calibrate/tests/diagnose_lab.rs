@@ -38,45 +38,46 @@ fn diagnose_spoiled_sensor(physics: Physics, spoil: impl Fn(&Path)) -> Diagnosis
 
 /// Checks that the diagnosis reports one fault of one recording and excludes this recording. The diagnosis must not report
 /// anything about the camera.
-fn assert_single_fault(found: &Diagnosis, kind: FaultKind, file: &str) {
-    let said: Vec<_> = found.faults.iter().map(|f| (f.kind, f.recording.as_deref(), f.is_excluded)).collect();
-    assert_eq!(said, [(kind, Some(file), true)], "{:?}", found.faults);
+fn assert_single_fault(diagnosis: &Diagnosis, kind: FaultKind, file: &str) {
+    let faults: Vec<_> =
+        diagnosis.faults.iter().map(|f| (f.kind, f.recording.as_deref(), f.is_excluded)).collect();
+    assert_eq!(faults, [(kind, Some(file), true)], "{:?}", diagnosis.faults);
     assert!(
-        found.effects.is_empty() && found.parameter_mismatches.is_empty(),
+        diagnosis.effects.is_empty() && diagnosis.parameter_mismatches.is_empty(),
         "{:?} {:?}",
-        found.effects,
-        found.parameter_mismatches
+        diagnosis.effects,
+        diagnosis.parameter_mismatches
     );
-    assert_eq!(found.verdict, Verdict::Agrees, "{:?}", found.unexplained);
+    assert_eq!(diagnosis.verdict, Verdict::Agrees, "{:?}", diagnosis.unexplained);
 }
 
 #[test]
 fn a_level_off_by_3_percent_is_a_light_mismatch() {
-    let found = diagnose_spoiled(|folder| {
+    let diagnosis = diagnose_spoiled(|folder| {
         let bits = record(&sensor(Physics::default()), Scene::Flat(0.309), SIZE.readouts, 3);
         std::fs::write(folder.join("flat_30.dat"), bits).unwrap();
     });
-    assert_single_fault(&found, FaultKind::LightMismatch, "flat_30.dat");
+    assert_single_fault(&diagnosis, FaultKind::LightMismatch, "flat_30.dat");
     assert!(
-        found.faults[0].description.contains("+3.") || found.faults[0].description.contains("+2.9"),
+        diagnosis.faults[0].description.contains("+3.") || diagnosis.faults[0].description.contains("+2.9"),
         "{:?}",
-        found.faults
+        diagnosis.faults
     );
 }
 
 #[test]
 fn lamp_drift_in_one_recording_is_not_gain_drift() {
-    let found = diagnose_spoiled(|folder| {
+    let diagnosis = diagnose_spoiled(|folder| {
         let drifting = sensor(Physics { drift: 0.01, ..Physics::default() });
         std::fs::write(folder.join("flat_60.dat"), record(&drifting, Scene::Flat(0.6), SIZE.readouts, 4))
             .unwrap();
     });
-    assert_single_fault(&found, FaultKind::LightDrift, "flat_60.dat");
+    assert_single_fault(&diagnosis, FaultKind::LightDrift, "flat_60.dat");
 }
 
 #[test]
 fn a_scene_that_moves_is_said_to_move() {
-    let found = diagnose_spoiled(|folder| {
+    let diagnosis = diagnose_spoiled(|folder| {
         let half = |high, low| {
             record(
                 &sensor(Physics::default()),
@@ -88,27 +89,27 @@ fn a_scene_that_moves_is_said_to_move() {
         let bits = [half(0.33, 0.27), half(0.27, 0.33)].concat();
         std::fs::write(folder.join("flat_30.dat"), bits).unwrap();
     });
-    assert_single_fault(&found, FaultKind::SceneMoves, "flat_30.dat");
+    assert_single_fault(&diagnosis, FaultKind::SceneMoves, "flat_30.dat");
 }
 
 #[test]
 fn another_frame_size_is_a_pattern_mismatch() {
-    let found = diagnose_spoiled(|folder| {
+    let diagnosis = diagnose_spoiled(|folder| {
         let larger = Sensor::new(Physics::default(), 2 * SIZE.width, 2 * SIZE.height, 5);
         let bits = record(&larger, Scene::Flat(0.3), SIZE.readouts / 4, 3);
         std::fs::write(folder.join("flat_30.dat"), bits).unwrap();
     });
-    assert_single_fault(&found, FaultKind::PatternMismatch, "flat_30.dat");
+    assert_single_fault(&diagnosis, FaultKind::PatternMismatch, "flat_30.dat");
 }
 
 #[test]
 fn mains_flicker_is_reported() {
-    let found =
+    let diagnosis =
         diagnose_spoiled_sensor(Physics { flicker: (0.03, 100.0, 0.2), ..Physics::default() }, |_| {});
-    let said: Vec<FaultKind> = found.faults.iter().map(|f| f.kind).collect();
-    assert_eq!(said, [FaultKind::LightFlicker], "{:?}", found.faults);
-    assert!(found.faults[0].description.contains("twice the mains' 50 Hz"), "{:?}", found.faults);
-    let others: Vec<_> = found.effects.iter().filter(|e| e.name != "flicker").collect();
+    let kinds: Vec<FaultKind> = diagnosis.faults.iter().map(|f| f.kind).collect();
+    assert_eq!(kinds, [FaultKind::LightFlicker], "{:?}", diagnosis.faults);
+    assert!(diagnosis.faults[0].description.contains("twice the mains' 50 Hz"), "{:?}", diagnosis.faults);
+    let others: Vec<_> = diagnosis.effects.iter().filter(|e| e.name != "flicker").collect();
     assert!(others.is_empty(), "{others:?}");
 }
 
@@ -127,17 +128,17 @@ fn start_phases_are_not_reported_as_effects() {
     });
     for camera in [None, Some(&camera)] {
         let options = DiagnoseOptions { camera, ..DiagnoseOptions::default() };
-        let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap();
+        let diagnosis = diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap();
         assert_eq!(
-            found.verdict,
+            diagnosis.verdict,
             Verdict::Agrees,
             "{:?} {:?} {:?}",
-            found.effects,
-            found.parameter_mismatches,
-            found.unexplained
+            diagnosis.effects,
+            diagnosis.parameter_mismatches,
+            diagnosis.unexplained
         );
-        assert!(found.notes.iter().any(|n| n.contains("began together")), "{:?}", found.notes);
-        let charge = found.camera.effect("start_phase").unwrap().get("charge").unwrap();
+        assert!(diagnosis.notes.iter().any(|n| n.contains("began together")), "{:?}", diagnosis.notes);
+        let charge = diagnosis.camera.effect("start_phase").unwrap().get("charge").unwrap();
         assert_eq!(charge, if camera.is_some() { 1.0 } else { 0.0 });
     }
 }
@@ -163,10 +164,10 @@ fn partial_reset_with_common_start_is_found_on_four_levels() {
         assert_eq!(set.recordings.len(), 4);
         set
     });
-    let found = diagnose(&sets[0], Some(&sets[1]), DiagnoseOptions::default(), &mut |_, _| {}).unwrap();
-    let said: Vec<_> = found.effects.iter().map(|e| (e.name, e.is_tentative)).collect();
-    assert_eq!(said, [("partial_reset", false)], "{:?} {:?}", found.effects, found.unexplained);
-    let strength = &found.effects[0].parameters[0];
+    let diagnosis = diagnose(&sets[0], Some(&sets[1]), DiagnoseOptions::default(), &mut |_, _| {}).unwrap();
+    let named: Vec<_> = diagnosis.effects.iter().map(|e| (e.name, e.is_tentative)).collect();
+    assert_eq!(named, [("partial_reset", false)], "{:?} {:?}", diagnosis.effects, diagnosis.unexplained);
+    let strength = &diagnosis.effects[0].parameters[0];
     assert!(strength.low < 0.1 && 0.1 < strength.high, "{strength:?}");
 }
 
@@ -176,12 +177,12 @@ fn partial_reset_with_common_start_is_found_on_four_levels() {
 #[test]
 #[ignore = "a minute and a half: numbers that are guessed are moved step by step"]
 fn few_electrons_agree_without_a_camera_file() {
-    let plain = Physics::default();
+    let default_physics = Physics::default();
     let physics = Physics {
-        electrons: 0.1 * plain.electrons,
-        dark_mean: 0.1 * plain.dark_mean,
-        dark_spread: 0.1 * plain.dark_spread,
-        ..plain
+        electrons: 0.1 * default_physics.electrons,
+        dark_mean: 0.1 * default_physics.dark_mean,
+        dark_spread: 0.1 * default_physics.dark_spread,
+        ..default_physics
     };
     let folder = tempfile::tempdir().unwrap();
     let sets = [0, 1].map(|take| {
@@ -193,9 +194,9 @@ fn few_electrons_agree_without_a_camera_file() {
         assert_eq!(set.recordings.len(), 4);
         set
     });
-    let found = diagnose(&sets[0], Some(&sets[1]), DiagnoseOptions::default(), &mut |_, _| {}).unwrap();
-    assert_eq!(found.verdict, Verdict::Agrees, "{:?} {:?}", found.effects, found.unexplained);
-    let numbers = found.provenance.unwrap().base_parameters;
+    let diagnosis = diagnose(&sets[0], Some(&sets[1]), DiagnoseOptions::default(), &mut |_, _| {}).unwrap();
+    assert_eq!(diagnosis.verdict, Verdict::Agrees, "{:?} {:?}", diagnosis.effects, diagnosis.unexplained);
+    let numbers = diagnosis.provenance.unwrap().base_parameters;
     let quanta = numbers.iter().find(|n| n.parameter == "shot_noise.strength").unwrap();
     assert_eq!(serde_json::json!(quanta.source), "fitted", "{quanta:?}");
     assert!((5.0..20.0).contains(&quanta.value), "{quanta:?}");

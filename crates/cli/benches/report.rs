@@ -7,6 +7,6 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     let command = ["spikelane", "speed"].map(OsString::from);
     // Cargo passes `--bench` to every benchmark, but the program does not accept this flag.
-    let given = std::env::args_os().skip(1).filter(|a| a != "--bench");
-    ExitCode::from(spikelane_cli::main(command.into_iter().chain(given)))
+    let arguments = std::env::args_os().skip(1).filter(|a| a != "--bench");
+    ExitCode::from(spikelane_cli::main(command.into_iter().chain(arguments)))
 }

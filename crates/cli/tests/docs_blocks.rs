@@ -59,8 +59,9 @@ const TESTED_ELSEWHERE: &[(&str, &str)] = &[
 fn prepare(page: &str, place: &Path) {
     if page == "README.md" && check::is_installed("ffmpeg") {
         let clip = ["-f", "lavfi", "-i", "testsrc2=size=400x250:rate=25:duration=0.2", "video.mp4"];
-        let made = Command::new("ffmpeg").args(["-loglevel", "error"]).args(clip).current_dir(place).status();
-        assert!(made.unwrap().success());
+        let status =
+            Command::new("ffmpeg").args(["-loglevel", "error"]).args(clip).current_dir(place).status();
+        assert!(status.unwrap().success());
     }
 }
 
@@ -98,8 +99,8 @@ fn indented_commands_are_blocks_instead() {
     };
     for page in pages() {
         let prose = page.prose();
-        let found: Vec<_> = prose.lines().filter(command).collect();
-        assert!(found.is_empty(), "{}: {found:?}", page.name);
+        let commands: Vec<_> = prose.lines().filter(command).collect();
+        assert!(commands.is_empty(), "{}: {commands:?}", page.name);
     }
 }
 

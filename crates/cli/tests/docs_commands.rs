@@ -239,8 +239,8 @@ fn generated_page() -> String {
 #[test]
 fn the_page_of_commands_is_current() {
     let page = page(PAGE);
-    let [_, found, _] = split_at_markers(&page, BEGIN, END);
-    assert!(found == generated_page(), "run: cargo test --test docs_commands -- --ignored");
+    let [_, committed, _] = split_at_markers(&page, BEGIN, END);
+    assert!(committed == generated_page(), "run: cargo test --test docs_commands -- --ignored");
 }
 
 #[test]
@@ -255,10 +255,10 @@ fn both_forms_of_help_are_understood() {
     let short = "Fit it\n\nUsage: x <A>\n\nArguments:\n  <A>  The set\n\nOptions:\n  -o, --output <DIR>  Folder for\n                      all\n      --snee          Also\n";
     let long = "Do it\n\nUsage: x\n\nOptions:\n  -o, --output <DIR>\n          Folder for\n          all\n\n      --snee\n          Also\n";
     for text in [short, long] {
-        let found = parse(text);
-        let flags: Vec<_> = found.entries.iter().filter_map(Entry::flag).collect();
+        let help = parse(text);
+        let flags: Vec<_> = help.entries.iter().filter_map(Entry::flag).collect();
         assert_eq!(flags, ["--output", "--snee"]);
-        let output = found.entries.iter().find(|e| e.flag() == Some("--output")).unwrap();
+        let output = help.entries.iter().find(|e| e.flag() == Some("--output")).unwrap();
         assert_eq!((output.form.as_str(), output.text.as_str()), ("-o, --output <DIR>", "Folder for all"));
     }
 }

@@ -34,8 +34,8 @@ fn page() -> (std::path::PathBuf, String) {
 fn the_page_of_effects_is_current() {
     let (_, text) = page();
     let (_, rest) = text.split_once(BEGIN).expect("the mark of the generated part");
-    let (found, _) = rest.split_once(END).expect("the end of the generated part");
-    assert!(found == table(), "run: cargo test --test docs_effects -- --ignored");
+    let (committed, _) = rest.split_once(END).expect("the end of the generated part");
+    assert!(committed == table(), "run: cargo test --test docs_effects -- --ignored");
 }
 
 #[test]

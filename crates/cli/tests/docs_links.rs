@@ -45,12 +45,12 @@ fn links(text: &str) -> Vec<&str> {
 fn anchors(page: &Page) -> Vec<String> {
     let headings = page.text.lines().filter(|line| line.starts_with('#'));
     let slug = |line: &str| {
-        let kept = |c: char| match c {
+        let anchor_char = |c: char| match c {
             ' ' => Some('-'),
             c if c.is_alphanumeric() || c == '-' || c == '_' => Some(c),
             _ => None,
         };
-        line.trim_start_matches('#').trim().to_lowercase().chars().filter_map(kept).collect()
+        line.trim_start_matches('#').trim().to_lowercase().chars().filter_map(anchor_char).collect()
     };
     headings.map(slug).collect()
 }
@@ -76,7 +76,7 @@ fn broken_links(page: &Page, all: &BTreeMap<String, Vec<String>>) -> Vec<String>
         let (file, anchor) = to.split_once('#').unwrap_or((to, ""));
         let name = if file.is_empty() { page.name.clone() } else { resolve(&page.name, file) };
         let heading =
-            anchor.is_empty() || all.get(&name).is_none_or(|found| found.iter().any(|a| a == anchor));
+            anchor.is_empty() || all.get(&name).is_none_or(|anchors| anchors.iter().any(|a| a == anchor));
         if !(file.is_empty() || exists_in_repository(&name)) || !heading {
             wrong.push(format!("{}: {to}", page.name));
         }
@@ -124,10 +124,10 @@ fn every_page_that_code_and_pages_name_is_there() {
         ".ci",
     ];
     let mut wrong = Vec::new();
-    let own = ["crates/cli/tests/docs_links.rs"];
+    let exempt = ["crates/cli/tests/docs_links.rs"];
     let pages = pages().into_iter().map(|page| page.name);
     for name in folders.iter().flat_map(|folder| files(folder)).chain(pages) {
-        if own.iter().any(|skip| name.starts_with(skip)) || name.contains("/.") {
+        if exempt.iter().any(|skip| name.starts_with(skip)) || name.contains("/.") {
             continue;
         }
         let Ok(text) = std::fs::read_to_string(root().join(&name)) else { continue };
@@ -273,7 +273,7 @@ fn guides_are_short() {
 
 #[test]
 fn guides_and_reference_tell_no_history() {
-    let told = |page: &Page| {
+    let is_dated = |page: &Page| {
         let text = page.prose().replace('\n', " ").to_lowercase();
         let dated = text.match_indices("20").any(|(at, _)| {
             let rest = text.as_bytes().get(at..at + 10).unwrap_or_default();
@@ -285,7 +285,7 @@ fn guides_and_reference_tell_no_history() {
     let wrong: Vec<String> = pages()
         .iter()
         .filter(|p| matches!(p.kind(), Some("guides" | "reference")))
-        .filter_map(|p| told(p).map(|what| format!("{}: {what}", p.name)))
+        .filter_map(|p| is_dated(p).map(|what| format!("{}: {what}", p.name)))
         .collect();
     assert!(wrong.is_empty(), "git and the changelog have the history: {wrong:#?}");
 }
@@ -306,8 +306,8 @@ fn index() -> String {
 #[test]
 fn the_list_of_pages_is_current() {
     let page = page(INDEX);
-    let [_, found, _] = split_at_markers(&page, BEGIN, END);
-    assert!(found == index(), "run: cargo test --test docs_links -- --ignored");
+    let [_, committed, _] = split_at_markers(&page, BEGIN, END);
+    assert!(committed == index(), "run: cargo test --test docs_links -- --ignored");
 }
 
 #[test]

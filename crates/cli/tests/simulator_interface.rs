@@ -79,11 +79,11 @@ fn patterned_camera(width: u32, height: u32) -> Camera {
 
 #[test]
 fn a_window_has_the_bits_of_its_part_of_the_sensor() {
-    let whole = patterned_camera(61, 40);
-    let crop = Crop { x: 17, y: 5, width: 23, height: 31 };
-    let mut big = Simulator::new(&whole, SEEDS).unwrap();
-    let mut small = Simulator::new(&whole.window(crop).unwrap(), SEEDS).unwrap();
-    let geometry = whole.sensor.geometry;
+    let full = patterned_camera(61, 40);
+    let crop = Crop { row: 5, col: 17, width: 23, height: 31 };
+    let mut big = Simulator::new(&full, SEEDS).unwrap();
+    let mut small = Simulator::new(&full.window(crop).unwrap(), SEEDS).unwrap();
+    let geometry = full.sensor.geometry;
     let light = ramp(geometry, 3);
     let mut all = vec![0; 200 * geometry.frame_bytes()];
     big.fill(&light, &mut all).unwrap();
@@ -101,21 +101,20 @@ fn a_window_has_the_bits_of_its_part_of_the_sensor() {
 
 #[test]
 fn a_window_has_another_pattern_than_a_sensor_of_its_size() {
-    let crop = Crop { x: 17, y: 5, width: 20, height: 20 };
+    let crop = Crop { row: 5, col: 17, width: 20, height: 20 };
     let window = patterned_camera(61, 40).window(crop).unwrap().model(SEEDS).unwrap();
     assert_ne!(window.circuit.gain, patterned_camera(20, 20).model(SEEDS).unwrap().circuit.gain);
 }
 
 #[test]
 fn a_window_of_a_plan_is_the_plan_of_the_window() {
-    let crop = Crop { x: 3, y: 2, width: 9, height: 6 };
+    let crop = Crop { row: 2, col: 3, width: 9, height: 6 };
     for camera in cameras() {
         let cut = Plan::new(&camera, SEEDS).unwrap().window(crop).unwrap();
         assert_eq!(cut, Plan::new(&camera.window(crop).unwrap(), SEEDS).unwrap(), "{}", camera.name);
         // The window of the camera model must keep the law of each pixel in the window.
-        let (whole, part) =
-            (camera.model(SEEDS).unwrap(), camera.window(crop).unwrap().model(SEEDS).unwrap());
-        let laws: Vec<_> = (0..37 * 9).map(|p| whole.law(p)).collect();
+        let (full, part) = (camera.model(SEEDS).unwrap(), camera.window(crop).unwrap().model(SEEDS).unwrap());
+        let laws: Vec<_> = (0..37 * 9).map(|p| full.law(p)).collect();
         let expected = crop.pick(camera.sensor.geometry, &laws);
         assert_eq!((0..54).map(|p| part.law(p)).collect::<Vec<_>>(), expected, "{}", camera.name);
     }
@@ -123,11 +122,11 @@ fn a_window_of_a_plan_is_the_plan_of_the_window() {
 
 #[test]
 fn a_window_of_a_window_is_one_of_the_whole() {
-    let whole = patterned_camera(61, 40);
-    let outer = whole.window(Crop { x: 10, y: 20, width: 30, height: 15 }).unwrap();
-    let inner = outer.window(Crop { x: 5, y: 6, width: 8, height: 9 }).unwrap();
-    assert_eq!(inner, whole.window(Crop { x: 15, y: 26, width: 8, height: 9 }).unwrap());
-    assert!(outer.window(Crop { x: 25, y: 0, width: 8, height: 9 }).is_err());
+    let full = patterned_camera(61, 40);
+    let outer = full.window(Crop { row: 20, col: 10, width: 30, height: 15 }).unwrap();
+    let inner = outer.window(Crop { row: 6, col: 5, width: 8, height: 9 }).unwrap();
+    assert_eq!(inner, full.window(Crop { row: 26, col: 15, width: 8, height: 9 }).unwrap());
+    assert!(outer.window(Crop { row: 0, col: 25, width: 8, height: 9 }).is_err());
     let mut resized = inner;
     resized.sensor.geometry = Geometry::new(9, 9).unwrap();
     assert_eq!(resized.model(SEEDS).unwrap_err().kind(), ErrorKind::Config);
@@ -136,7 +135,7 @@ fn a_window_of_a_window_is_one_of_the_whole() {
 
 #[test]
 fn a_camera_file_keeps_the_window() {
-    let camera = patterned_camera(61, 40).window(Crop { x: 10, y: 20, width: 30, height: 15 }).unwrap();
+    let camera = patterned_camera(61, 40).window(Crop { row: 20, col: 10, width: 30, height: 15 }).unwrap();
     let text = presets::to_toml(&camera).unwrap().text;
     assert_eq!(presets::from_toml(&text, None).unwrap(), camera);
     assert!(presets::from_toml("[window]\nrow = 300\ncol = 0\nheight = 1\nwidth = 1", None).is_err());
@@ -208,12 +207,12 @@ fn flow_interpolation_follows_the_motion() {
     let data = [square(5), square(9), square(13)];
     let frames: Vec<_> = data.iter().map(FrameRef::new).collect();
     let timeline = Timeline::from_readouts_per_frame(8, Interpolation::Flow).unwrap();
-    let found = fill_timeline(&camera, &frames, &timeline, 24);
+    let actual = fill_timeline(&camera, &frames, &timeline, 24);
 
     let owned: Vec<_> =
         data.iter().map(|f| Frame::new(geometry, OwnedSamples::U8(f.clone())).unwrap()).collect();
     let mut simulator = Simulator::new(&camera, SEEDS).unwrap();
-    let mut expected = vec![0; found.len()];
+    let mut expected = vec![0; actual.len()];
     for (t, packed) in expected.chunks_mut(geometry.frame_bytes()).enumerate() {
         let (k, part) = (t / 8, t % 8);
         let light = match owned.get(k + 1) {
@@ -226,9 +225,9 @@ fn flow_interpolation_follows_the_motion() {
         let samples = light.samples().as_samples();
         simulator.fill(FrameRef::new(samples), packed).unwrap();
     }
-    assert_eq!(found, expected);
+    assert_eq!(actual, expected);
     assert_ne!(
-        found,
+        actual,
         fill_timeline(
             &camera,
             &frames,
@@ -250,12 +249,12 @@ fn dropped_readouts_fill_the_buffer_or_report_the_count() {
 
     let mut simulator = Simulator::new(&camera, SEEDS).unwrap();
     let mut out = vec![0; full.len()];
-    let kept = simulator.advance(Light::sequence(&frames, &timeline), 150, &mut out).unwrap();
-    assert!((90..150).contains(&kept), "{kept}");
+    let frames_written = simulator.advance(Light::sequence(&frames, &timeline), 150, &mut out).unwrap();
+    assert!((90..150).contains(&frames_written), "{frames_written}");
     assert_eq!(simulator.state().readout(), 150);
     let bytes = geometry.frame_bytes();
-    assert_eq!(out[..kept * bytes], full[..kept * bytes]);
-    simulator.fill(frames[29], &mut out[kept * bytes..]).unwrap();
+    assert_eq!(out[..frames_written * bytes], full[..frames_written * bytes]);
+    simulator.fill(frames[29], &mut out[frames_written * bytes..]).unwrap();
     assert_eq!(out, full);
 }
 
@@ -307,10 +306,10 @@ fn simulators_that_share_threads_give_the_bits_of_those_that_do_not() {
     let camera = sized_preset("physical", 150, 100);
     let mut shared: Vec<_> =
         (0..3).map(|_| SimulatorOptions::new().seeds(SEEDS).pool(&pool).build(&camera).unwrap()).collect();
-    let alone = run(&mut Simulator::new(&camera, SEEDS).unwrap(), 140);
+    let single = run(&mut Simulator::new(&camera, SEEDS).unwrap(), 140);
     std::thread::scope(|scope| {
         let runs: Vec<_> = shared.iter_mut().map(|s| scope.spawn(|| run(s, 140))).collect();
-        runs.into_iter().for_each(|r| assert_eq!(r.join().unwrap(), alone));
+        runs.into_iter().for_each(|r| assert_eq!(r.join().unwrap(), single));
     });
 }
 

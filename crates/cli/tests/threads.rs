@@ -22,11 +22,11 @@ fn camera(width: u32, height: u32) -> Camera {
 fn count_stop_checks<T>(work: impl FnOnce() -> Result<T>) -> usize {
     let calls = Arc::new(AtomicUsize::new(0));
     let counted = Arc::clone(&calls);
-    let asked = move || {
+    let should_stop = move || {
         counted.fetch_add(1, Ordering::Relaxed);
         false
     };
-    run_until(asked, work).unwrap();
+    run_until(should_stop, work).unwrap();
     calls.load(Ordering::Relaxed)
 }
 
@@ -59,8 +59,8 @@ fn a_simulation_asks_after_each_block_of_128_readouts() {
     let light = vec![90u8; geometry.pixels()];
     let mut packed = vec![0; 1280 * geometry.frame_bytes()];
     let mut simulator = Simulator::new(&camera, Seeds::default()).unwrap();
-    let asked = count_stop_checks(|| simulator.fill(&light, &mut packed));
-    assert!(asked >= 10, "{asked} checks");
+    let checks = count_stop_checks(|| simulator.fill(&light, &mut packed));
+    assert!(checks >= 10, "{checks} checks");
 }
 
 #[test]
@@ -71,8 +71,8 @@ fn a_stopped_simulation_ends_before_its_next_block() {
     let mut packed = vec![0; 1280 * geometry.frame_bytes()];
     let mut simulator = Simulator::new(&camera, Seeds::default()).unwrap();
     let calls = AtomicUsize::new(0);
-    let asked = move || calls.fetch_add(1, Ordering::Relaxed) == 3;
-    let stopped = run_until(asked, || simulator.fill(&light, &mut packed));
+    let should_stop = move || calls.fetch_add(1, Ordering::Relaxed) == 3;
+    let stopped = run_until(should_stop, || simulator.fill(&light, &mut packed));
     assert_eq!(stopped.unwrap_err().kind(), ErrorKind::Interrupted);
     assert_eq!(simulator.state().readout(), 3 * 128);
 }
@@ -80,8 +80,8 @@ fn a_stopped_simulation_ends_before_its_next_block() {
 #[test]
 fn a_plan_asks_between_its_effects() {
     let camera = camera(64, 48);
-    let asked = count_stop_checks(|| Simulator::new(&camera, Seeds::default()));
-    assert!(asked >= camera.effects().len() + 4, "{asked} checks");
+    let checks = count_stop_checks(|| Simulator::new(&camera, Seeds::default()));
+    assert!(checks >= camera.effects().len() + 4, "{checks} checks");
 }
 
 #[test]

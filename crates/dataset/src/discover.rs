@@ -55,29 +55,34 @@ pub fn discover_inputs(folder: &Path, excluded: &Path) -> Result<Vec<Input>> {
 pub(super) fn for_each_input(
     inputs: &InputContent,
     except: &Path,
-    tell: &mut dyn FnMut(Input) -> Result<()>,
+    visit: &mut dyn FnMut(Input) -> Result<()>,
 ) -> Result<()> {
     match &inputs.list {
-        Some(list) => for_each_in_list(list, &inputs.folder, tell),
-        None => for_each_in_folder(&inputs.folder, except, tell),
+        Some(list) => for_each_in_list(list, &inputs.folder, visit),
+        None => for_each_in_folder(&inputs.folder, except, visit),
     }
 }
 
-fn for_each_in_folder(folder: &Path, except: &Path, tell: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
-    let own = fs::canonicalize(folder).ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
-    let own = own.unwrap_or_else(|| "clip".to_owned());
-    let (mut found, mut others) = (0u64, 0u64);
+fn for_each_in_folder(
+    folder: &Path,
+    except: &Path,
+    visit: &mut dyn FnMut(Input) -> Result<()>,
+) -> Result<()> {
+    let folder_name =
+        fs::canonicalize(folder).ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
+    let folder_name = folder_name.unwrap_or_else(|| "clip".to_owned());
+    let (mut inputs, mut others) = (0u64, 0u64);
     walk_inputs(folder, except, &mut |path, what| match what {
         PathKind::Input(frames) => {
-            found += 1;
-            tell(Input { id: sequence_id(&path, &own)?, path, frames })
+            inputs += 1;
+            visit(Input { id: sequence_id(&path, &folder_name)?, path, frames })
         }
         PathKind::Other => {
             others += 1;
             Ok(())
         }
     })?;
-    if found > 0 {
+    if inputs > 0 {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Input, folder.display())
@@ -91,7 +96,7 @@ fn for_each_in_folder(folder: &Path, except: &Path, tell: &mut dyn FnMut(Input) 
 
 /// Calls `tell` for the inputs in a list. Each line contains one path, which is relative to `folder`. Empty lines are
 /// skipped.
-fn for_each_in_list(list: &Path, folder: &Path, tell: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
+fn for_each_in_list(list: &Path, folder: &Path, visit: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
     let bytes = read_bytes(list, "a list of inputs", MAX_LIST_BYTES)?;
     let text = str::from_utf8(&bytes)
         .map_err(|e| Error::new(ErrorKind::Input, list.display()).found(e).expected("one path per line"))?;
@@ -105,11 +110,12 @@ fn for_each_in_list(list: &Path, folder: &Path, tell: &mut dyn FnMut(Input) -> R
             .expected("one path per line"));
     }
     for (line, n) in lines {
-        let whole = folder.join(line);
-        let found = fs::metadata(&whole)
-            .map_err(|e| Error::io(format_args!("{}: line {n}: {}", list.display(), whole.display()), e))?;
-        let frames = if found.is_dir() { Some(image_files(&whole)?.len() as u64) } else { None };
-        tell(Input { id: sequence_id(Path::new(line), "clip")?, path: PathBuf::from(line), frames })?;
+        let input_path = folder.join(line);
+        let metadata = fs::metadata(&input_path).map_err(|e| {
+            Error::io(format_args!("{}: line {n}: {}", list.display(), input_path.display()), e)
+        })?;
+        let frames = if metadata.is_dir() { Some(image_files(&input_path)?.len() as u64) } else { None };
+        visit(Input { id: sequence_id(Path::new(line), "clip")?, path: PathBuf::from(line), frames })?;
     }
     Ok(())
 }
@@ -137,13 +143,13 @@ pub fn skipped_files(folder: &Path, excluded: &Path) -> Result<Vec<PathBuf>> {
 ///
 /// If the path is not ASCII or has more than 60 bytes, only the hash distinguishes the names of similar paths. The
 /// hash then has 64 bits. With 32 bits, about a hundred of a million names would be duplicates.
-fn sequence_id(path: &Path, own: &str) -> Result<PlainName> {
+fn sequence_id(path: &Path, folder_name: &str) -> Result<PlainName> {
     let text = path.to_string_lossy();
-    let readable = if text.is_empty() { own } else { &*text };
-    let plain: String =
+    let readable = if text.is_empty() { folder_name } else { &*text };
+    let ascii: String =
         readable.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).take(60).collect();
-    let plain = plain.trim_matches('-');
-    let name = if plain.is_empty() { "clip" } else { plain };
+    let ascii = ascii.trim_matches('-');
+    let name = if ascii.is_empty() { "clip" } else { ascii };
     let hash = RandomStream::from_name(&text).id();
     let id = if text.is_ascii() && text.len() <= 60 {
         format!("{name}-{:08x}", hash as u32)
@@ -181,17 +187,17 @@ enum PathKind {
 fn walk_inputs(
     folder: &Path,
     except: &Path,
-    tell: &mut dyn FnMut(PathBuf, PathKind) -> Result<()>,
+    visit: &mut dyn FnMut(PathBuf, PathKind) -> Result<()>,
 ) -> Result<()> {
     let except = fs::canonicalize(except).ok();
-    walk_below(folder, Path::new(""), except.as_deref(), tell)
+    walk_below(folder, Path::new(""), except.as_deref(), visit)
 }
 
 fn walk_below(
     root: &Path,
     below: &Path,
     except: Option<&Path>,
-    tell: &mut dyn FnMut(PathBuf, PathKind) -> Result<()>,
+    visit: &mut dyn FnMut(PathBuf, PathKind) -> Result<()>,
 ) -> Result<()> {
     let folder = root.join(below);
     let refused = |e| Error::io(folder.display(), e);
@@ -212,21 +218,21 @@ fn walk_below(
         } else if is_video(path) {
             names.push((name, false));
         } else if name != TIMESTAMPS_FILE_NAME {
-            tell(below.join(&name), PathKind::Other)?;
+            visit(below.join(&name), PathKind::Other)?;
         }
     }
     match (pictures, one) {
-        (1, Some(name)) => tell(below.join(name), PathKind::Other)?,
+        (1, Some(name)) => visit(below.join(name), PathKind::Other)?,
         (0, _) => {}
-        _ => tell(below.to_owned(), PathKind::Input(Some(pictures)))?,
+        _ => visit(below.to_owned(), PathKind::Input(Some(pictures)))?,
     }
     names.sort_unstable();
     for (name, is_folder) in names {
         let path = below.join(&name);
         if !is_folder {
-            tell(path, PathKind::Input(None))?;
+            visit(path, PathKind::Input(None))?;
         } else if except.is_none() || fs::canonicalize(root.join(&path)).ok().as_deref() != except {
-            walk_below(root, &path, except, tell)?;
+            walk_below(root, &path, except, visit)?;
         }
     }
     Ok(())

@@ -144,8 +144,8 @@ impl Drive {
     /// The duration of a span is limited because the light changes even if nothing moves. The size is limited because
     /// memory is limited.
     fn max_span_steps(&self) -> usize {
-        let most = MAX_SPAN_BYTES / (size_of::<f32>() * self.geometry.pixels());
-        ((MAX_SPAN_SECONDS * self.rate.hz()) as usize).min(most).max(1)
+        let max_frames = MAX_SPAN_BYTES / (size_of::<f32>() * self.geometry.pixels());
+        ((MAX_SPAN_SECONDS * self.rate.hz()) as usize).min(max_frames).max(1)
     }
 }
 

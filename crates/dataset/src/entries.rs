@@ -40,11 +40,11 @@ pub(super) fn planned_scene_entry(
 pub(super) fn planned_input_entry(
     options: &DatasetOptions,
     inputs: &InputContent,
-    found: Input,
+    input: Input,
 ) -> Result<SequenceEntry> {
     let each = inputs.readouts_per_frame.unwrap_or(DEFAULT_READOUTS_PER_FRAME);
-    let readouts = found.frames.map(|n| n.saturating_mul(each));
-    planned_entry(options, found.id, Some(found.path.to_string_lossy().into_owned()), readouts)
+    let readouts = input.frames.map(|n| n.saturating_mul(each));
+    planned_entry(options, input.id, Some(input.path.to_string_lossy().into_owned()), readouts)
 }
 
 pub(super) fn planned_entries(options: &DatasetOptions) -> Result<Vec<SequenceEntry>> {
@@ -76,14 +76,14 @@ pub(super) fn expected_bytes(options: &DatasetOptions, readouts: Option<u64>) ->
     let geometry = options.camera.sensor.geometry;
     let streams = u128::from(Layout::Dat.file_bytes(geometry, readouts)?) * 2;
     let (pixels, readouts) = (geometry.pixels() as u128, u128::from(readouts));
-    let kept = u128::from(options.images.format.bytes_per_pixel());
+    let pixel_bytes = u128::from(options.images.format.bytes_per_pixel());
     let rest = match &options.content {
         Content::Scenes(d) => {
             let every = options.images.every.unwrap_or(u64::from(d.readouts_per_image)).max(1);
             let images = readouts.div_ceil(every.into());
             // A gray PNG of a street scene has about 2/3 byte per pixel. A labeled image has 9 bytes per pixel for
             // maps, and 9 bytes per pixel for each of the two flow fields with mask.
-            let picture = pixels * kept * 2 / 3 + if d.npy { 4 * pixels } else { 0 };
+            let picture = pixels * pixel_bytes * 2 / 3 + if d.npy { 4 * pixels } else { 0 };
             let labeled =
                 u128::from(d.images_per_scene).checked_div(d.label_every.into()).map_or(0, |n| n + 1);
             // KITTI files have 8 bytes per pixel for depth and two flow fields. EXR files have 12 bytes per pixel for
@@ -93,7 +93,7 @@ pub(super) fn expected_bytes(options: &DatasetOptions, readouts: Option<u64>) ->
         }
         Content::Inputs(_) => {
             let every = options.images.every.map(|n| u128::from(n.max(1)));
-            2 * pixels + every.map_or(0, |n| readouts.div_ceil(n) * pixels * kept)
+            2 * pixels + every.map_or(0, |n| readouts.div_ceil(n) * pixels * pixel_bytes)
         }
     };
     // Numbers of readouts have 64 bits, and a frame has at most 2^28 pixels. Therefore the sum fits in 128 bits.

@@ -26,9 +26,9 @@ pub(super) fn image_files(folder: &Path) -> Result<Vec<PathBuf>> {
 /// Returns the fingerprint of an input. The fingerprint of a folder contains the total size and the latest
 /// modification time of its images.
 pub(super) fn input_fingerprint(path: &Path) -> Result<Fingerprint> {
-    let found = fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
-    if !found.is_dir() {
-        return Ok(Fingerprint::from_metadata(&found));
+    let metadata = fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
+    if !metadata.is_dir() {
+        return Ok(Fingerprint::from_metadata(&metadata));
     }
     image_files(path)?.iter().try_fold(Fingerprint::default(), |sum, image| {
         let one =
@@ -43,7 +43,7 @@ pub(super) fn input_fingerprint(path: &Path) -> Result<Fingerprint> {
 /// Returns the fingerprint of a file.
 pub(super) fn file_fingerprint(path: &Path) -> Result<Fingerprint> {
     fs::metadata(path)
-        .map(|found| Fingerprint::from_metadata(&found))
+        .map(|metadata| Fingerprint::from_metadata(&metadata))
         .map_err(|e| Error::io(path.display(), e))
 }
 
@@ -60,15 +60,15 @@ pub struct Fingerprint {
 impl Fingerprint {
     /// Returns the fingerprint of a file.
     #[must_use]
-    pub fn from_metadata(found: &fs::Metadata) -> Self {
+    pub fn from_metadata(metadata: &fs::Metadata) -> Self {
         // Every supported system provides the modification time. A time before 1970 is negative.
         let nanoseconds = |d: std::time::Duration| i64::try_from(d.as_nanos()).unwrap_or(i64::MAX);
-        let time_ns = match found.modified().map(|time| time.duration_since(UNIX_EPOCH)) {
+        let time_ns = match metadata.modified().map(|time| time.duration_since(UNIX_EPOCH)) {
             Ok(Ok(after)) => nanoseconds(after),
             Ok(Err(before)) => -nanoseconds(before.duration()),
             Err(_) => 0,
         };
-        Self { bytes: found.len(), mtime_ns: time_ns }
+        Self { bytes: metadata.len(), mtime_ns: time_ns }
     }
 }
 

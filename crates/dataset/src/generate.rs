@@ -119,7 +119,7 @@ fn planned_manifest(options: &DatasetOptions) -> Result<Manifest> {
     }
     let mut entries = planned_entries(options)?;
     if begun {
-        let old = Manifest::read_with_access(&options.output, options.access())?;
+        let old = Manifest::read(&options.output, options.access())?;
         old.check_same_options(&facts, &options.output)?;
         let mut known: std::collections::BTreeMap<_, _> =
             old.entries.into_iter().map(|e| (e.id.clone(), e)).collect();
@@ -164,13 +164,13 @@ pub fn generate(
     manifest.write(&options.output)?;
     exporters::write_config(options)?;
     let mut report = DatasetReport::default();
-    let of = manifest.entries.len();
-    for index in 0..of {
+    let sequences = manifest.entries.len();
+    for index in 0..sequences {
         let entry = manifest.entries[index].clone();
         let id = entry.id.as_str();
         let at = |readouts, total, verifying| SequenceProgress {
             index,
-            sequence_count: of,
+            sequence_count: sequences,
             id,
             readouts,
             total_readouts: total,
@@ -191,9 +191,9 @@ pub fn generate(
         // The digest is computed before the input is read. If the input changes during the generation, the next run
         // with `resume` therefore detects the change.
         let read = current_input_digest(options, &entry, &mut || progress(at(0, None, false)));
-        let made =
+        let result =
             sequence::generate_sequence(options, &entry, &mut |done, total| progress(at(done, total, false)));
-        manifest.entries[index] = record_outcome(entry, made, &mut report)?;
+        manifest.entries[index] = record_outcome(entry, result, &mut report)?;
         manifest.entries[index].input_digest = read.unwrap_or(None);
         if manifest.entries[index].status == SequenceStatus::Done {
             report.copied_files += exporters::link_sequence(options, &manifest.entries[index])?;
@@ -243,7 +243,7 @@ fn is_verified(
 ) -> Result<bool> {
     let Some(digest) = entry.digest.as_deref() else { return Ok(false) };
     let folder = sequence_path(&entry.id).resolve_in(&options.output, options.access())?;
-    intact_or_none(SequenceRecord::verify_with_access(&folder, digest, options.access(), stop))
+    intact_or_none(SequenceRecord::verify(&folder, digest, options.access(), stop))
         .map(|record| record.is_some())
 }
 
@@ -251,10 +251,10 @@ fn is_verified(
 /// sequence are returned as errors.
 fn record_outcome(
     mut entry: SequenceEntry,
-    made: Result<(SequenceRecord, String, u64)>,
+    result: Result<(SequenceRecord, String, u64)>,
     report: &mut DatasetReport,
 ) -> Result<SequenceEntry> {
-    match made {
+    match result {
         Ok((record, digest, readouts)) => {
             entry.status = SequenceStatus::Done;
             (entry.bytes, entry.digest, entry.readouts) =

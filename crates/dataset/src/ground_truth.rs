@@ -59,11 +59,11 @@ pub(super) fn exposure_factor(options: &DatasetOptions, light: &Frame) -> f32 {
     let values = light.to_f32();
     let rate = exposed_camera(options).sensor.thresholds_at_full_scale as f32;
     let white = WHITE_LIGHT * options.dataset_layout.rate_at_255() as f32;
-    let most = (values.len() as f64 * MAX_CLIPPED_SHARE) as usize;
+    let max_clipped = (values.len() as f64 * MAX_CLIPPED_SHARE) as usize;
     let cut = |by: f32| values.iter().filter(|&&x| (white..1.0).contains(&(x * rate * by))).count();
     let mut by = 1.0;
     // The loop ends, because light is finite, and light that is less than white is not clipped.
-    while cut(by) > most {
+    while cut(by) > max_clipped {
         by *= EXPOSURE_STEP;
     }
     by
@@ -145,10 +145,10 @@ impl Source for ScaledSource<'_> {
         self.source.notes()
     }
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
-        let found = self.source.next_frame(into)?;
-        if found && self.factor < 1.0 {
+        let has_frame = self.source.next_frame(into)?;
+        if has_frame && self.factor < 1.0 {
             *into = Self::scale_frame(into, self.factor)?;
         }
-        Ok(found)
+        Ok(has_frame)
     }
 }

@@ -109,7 +109,7 @@ fn frame_json(
     let at = all.partition_point(|&r| r < readout);
     let (i, p) = (&camera.intrinsics, &camera.pose);
     let rotation = p.rotation.transpose().to_cols_array();
-    let about = json!({
+    let label_json = json!({
         "readout": readout, "t_s": t_s,
         "camera": {
             "focal_px": i.focal_px, "center_px": i.center_px, "width": i.width, "height": i.height,
@@ -122,17 +122,17 @@ fn frame_json(
         ("flow_forward_to", all.get(at + 1).map(|r| json!(r))),
         ("flow_backward_to", at.checked_sub(1).map(|k| json!(all[k]))),
     ];
-    insert_present(about, flow)
+    insert_present(label_json, flow)
 }
 
 /// Returns a box as JSON. If the vehicle has no visible pixel, the key `visible` is missing.
 fn vehicle_json(b: &VehicleBox) -> Value {
-    let about = json!({
+    let label_json = json!({
         "track_id": b.track_id, "class": b.class.kitti(), "amodal_box": b.amodal_box,
         "clipped_amodal_box": b.clipped_amodal_box, "visible_pixels": b.visible_pixels,
         "unoccluded_pixels": b.unoccluded_pixels, "occlusion": b.occlusion, "truncation": b.truncation,
         "center_camera_m": b.center_m, "center_world_m": b.center_world_m, "size_m": b.size_m,
         "yaw": b.yaw, "rotation_y": b.rotation_y, "speed_mps": b.speed_mps,
     });
-    insert_present(about, [("visible_box", b.visible_box.map(|v| json!(v)))])
+    insert_present(label_json, [("visible_box", b.visible_box.map(|v| json!(v)))])
 }

@@ -34,4 +34,4 @@ pub use spec::{
     Cameras, Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions, SceneContent,
     Split, Splits,
 };
-pub use spikelane::unstable::inputs::{InnerPath, PlainName};
+pub use spikelane::unstable::inputs::{Access, InnerPath, PlainName};

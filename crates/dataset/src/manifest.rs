@@ -131,21 +131,12 @@ pub struct Manifest {
 }
 
 impl Manifest {
-    /// Reads the manifest in a dataset's folder. Links to files outside the folder are rejected.
-    ///
-    /// # Errors
-    /// * [`ErrorKind::Io`] if there is no manifest.
-    /// * [`ErrorKind::Config`] if the manifest is invalid.
-    pub fn read(folder: &Path) -> Result<Self> {
-        Self::read_with_access(folder, Access::Read)
-    }
-
     /// Reads the manifest in a dataset's folder. `access` determines whether the manifest may be a link to a file
     /// outside the folder.
     ///
     /// # Errors
-    /// The errors of [`Manifest::read`].
-    pub fn read_with_access(folder: &Path, access: Access) -> Result<Self> {
+    /// [`ErrorKind::Io`] if there is no manifest, [`ErrorKind::Config`] if it is invalid.
+    pub fn read(folder: &Path, access: Access) -> Result<Self> {
         let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
         let file = InputFile::open(&path)?;
         let bad = |e: serde_json::Error| Error::new(ErrorKind::Config, path.display()).found(e);

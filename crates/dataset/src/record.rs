@@ -43,14 +43,14 @@ pub struct SequenceRecord {
 
 impl SequenceRecord {
     /// Computes the digests of all files in `folder`. Returns the record with these digests.
-    pub(super) fn from_folder(id: &PlainName, about: Value, folder: &Path) -> Result<Self> {
+    pub(super) fn from_folder(id: &PlainName, facts: Value, folder: &Path) -> Result<Self> {
         let mut paths = Vec::new();
         list_files(folder, None, &mut paths)?;
         // The comparison uses path components. The content of a folder then precedes files whose names start with the
         // folder's name.
         paths.sort_by(|a, b| Path::new(a.as_str()).cmp(Path::new(b.as_str())));
         let files = paths.into_iter().map(|path| recorded_file(folder, path)).collect::<Result<_>>()?;
-        Ok(Self { id: id.clone(), facts: about, files })
+        Ok(Self { id: id.clone(), facts, files })
     }
 
     /// Writes the record to `folder` and returns its digest.
@@ -71,18 +71,8 @@ impl SequenceRecord {
     /// Reads the record in `folder`. The files are not verified. Links to files outside the folder are rejected.
     ///
     /// # Errors
-    /// * [`ErrorKind::Io`] if there is no record.
-    /// * [`ErrorKind::Config`] if the record is invalid.
-    pub fn read(folder: &Path) -> Result<Self> {
-        Self::read_with_access(folder, Access::Read)
-    }
-
-    /// Reads the record in `folder`. `access` determines whether the record may be a link to a file outside the
-    /// folder.
-    ///
-    /// # Errors
-    /// The errors of [`SequenceRecord::read`].
-    pub fn read_with_access(folder: &Path, access: Access) -> Result<Self> {
+    /// [`ErrorKind::Io`] if there is no record, [`ErrorKind::Config`] if it is invalid.
+    pub fn read(folder: &Path, access: Access) -> Result<Self> {
         let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
         Self::parse(&path, &read_bytes(&path, "a record", MAX_RECORD_BYTES)?)
     }
@@ -98,18 +88,9 @@ impl SequenceRecord {
     /// # Errors
     /// * [`ErrorKind::Corrupt`] if a file was changed. The error names the first changed file.
     /// * [`ErrorKind::Io`] if a file is missing or unreadable.
-    pub fn verify(folder: &Path, digest: &str) -> Result<Self> {
-        Self::verify_with_access(folder, digest, Access::Read, &mut || Ok(()))
-    }
-
-    /// Verifies a sequence as [`SequenceRecord::verify`] does. `access` determines whether links to files outside the
-    /// folder are allowed.
-    ///
-    /// If `stop` returns an error, the verification ends immediately.
-    ///
-    /// # Errors The errors of [`SequenceRecord::verify`] and of `stop`. Also [`ErrorKind::Input`] for a link to a file
-    /// outside the folder, unless `access` allows such links.
-    pub(super) fn verify_with_access(
+    /// * [`ErrorKind::Input`] for a link that leaves the folder.
+    /// * Errors of `stop`.
+    pub fn verify(
         folder: &Path,
         digest: &str,
         access: Access,
@@ -117,9 +98,9 @@ impl SequenceRecord {
     ) -> Result<Self> {
         let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
         let text = read_bytes(&path, "a record", MAX_RECORD_BYTES).map_err(corrupt_error)?;
-        let found = Digest::hash_bytes(&text);
-        if found != digest {
-            return Err(digest_error(&path, &found, digest));
+        let actual = Digest::hash_bytes(&text);
+        if actual != digest {
+            return Err(digest_error(&path, &actual, digest));
         }
         let record = Self::parse(&path, &text)?;
         for file in &record.files {
@@ -129,9 +110,9 @@ impl SequenceRecord {
                 let expected = format!("{} bytes", file.bytes);
                 return Err(digest_error(&path, &format!("{bytes} bytes"), &expected));
             }
-            let found = file_digest(&path, stop).map_err(corrupt_error)?;
-            if found != file.digest {
-                return Err(digest_error(&path, &found, &file.digest));
+            let actual = file_digest(&path, stop).map_err(corrupt_error)?;
+            if actual != file.digest {
+                return Err(digest_error(&path, &actual, &file.digest));
             }
         }
         Ok(record)
@@ -142,8 +123,8 @@ impl SequenceRecord {
 ///
 /// # Errors
 /// All other errors, such as a link to a file outside the folder, or a request to stop.
-pub(super) fn intact_or_none<T>(found: Result<T>) -> Result<Option<T>> {
-    match found {
+pub(super) fn intact_or_none<T>(result: Result<T>) -> Result<Option<T>> {
+    match result {
         Ok(value) => Ok(Some(value)),
         Err(e) if matches!(e.kind(), ErrorKind::Corrupt | ErrorKind::Config | ErrorKind::Io) => Ok(None),
         Err(e) => Err(e),
@@ -173,9 +154,9 @@ fn digest_error(path: &Path, found: &str, expected: &str) -> Error {
 }
 
 fn recorded_file(folder: &Path, path: InnerPath) -> Result<RecordedFile> {
-    let whole = path.resolve_in(folder, Access::Read)?;
-    let bytes = fs::metadata(&whole).map_err(|e| Error::io(whole.display(), e))?.len();
-    let digest = file_digest(&whole, &mut || Ok(()))?;
+    let full_path = path.resolve_in(folder, Access::Read)?;
+    let bytes = fs::metadata(&full_path).map_err(|e| Error::io(full_path.display(), e))?.len();
+    let digest = file_digest(&full_path, &mut || Ok(()))?;
     Ok(RecordedFile { path, bytes, digest })
 }
 

@@ -20,7 +20,7 @@ use spikelane::unstable::inputs::InnerPath;
 use spikelane_io::formats::Layout;
 use spikelane_io::light::{self, Frame, FrameTiming, Interpolation, OwnedSamples, Source, Timeline};
 use spikelane_io::simulate::{
-    CameraFacts, LightFacts, LightTap, RunOptions, RunSummary, Sidecar, StreamFacts, run_with_tap,
+    CameraFacts, LightFacts, LightTap, RunObserver, RunOptions, RunSummary, Sidecar, StreamFacts, run,
 };
 use spikelane_io::storage::{folders, sync};
 use spikelane_measure::report::insert_present;
@@ -56,11 +56,11 @@ pub(super) fn generate_sequence(
     let hidden = folders::create_parents(output, &draft)?;
     fs::create_dir(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
     let mut draft = PartialFolder { hidden_path: hidden, is_finished: false };
-    let (about, readouts) = match &options.content {
+    let (facts, readouts) = match &options.content {
         Content::Scenes(drives) => generate_scene(options, drives, entry, &draft.hidden_path, watch)?,
         Content::Inputs(inputs) => generate_from_input(options, inputs, entry, &draft.hidden_path, watch)?,
     };
-    let record = SequenceRecord::from_folder(&entry.id, about, &draft.hidden_path)?;
+    let record = SequenceRecord::from_folder(&entry.id, facts, &draft.hidden_path)?;
     let digest = record.write(&draft.hidden_path)?;
     folders::sync_tree(&draft.hidden_path)?;
     folders::remove(output, &sequence_path(&entry.id))?;
@@ -106,7 +106,7 @@ fn generate_scene(
         labeled = labels::write_labels(drive.scene(), drive.plan(), &wanted, &at, &mut still)?;
     }
     let plan = drive.plan();
-    let about = json!({
+    let facts = json!({
         "content": "drive", "scene_seed": seed, "lighting": drive.scene().lighting().name(),
         "white_cd_m2": drive.white_cd_m2(), "vehicles": drive.scene().vehicles(),
         "readouts": outcome.readouts, "readouts_per_image": drives.readouts_per_image,
@@ -118,11 +118,11 @@ fn generate_scene(
         "required_readout_hz": plan.required_readout_hz(rate.hz()) as u64,
         "frames_above_max_light": outcome.frames_above_max_light,
     });
-    Ok((with_image_facts(about, &keeper), outcome.readouts))
+    Ok((with_image_facts(facts, &keeper), outcome.readouts))
 }
 
-fn with_image_facts(about: Value, keeper: &ReferenceImageWriter) -> Value {
-    insert_present(about, [("images", keeper.facts().map(|f| json!(f)))])
+fn with_image_facts(facts: Value, keeper: &ReferenceImageWriter) -> Value {
+    insert_present(facts, [("images", keeper.facts().map(|f| json!(f)))])
 }
 
 fn generate_from_input(
@@ -133,10 +133,10 @@ fn generate_from_input(
     watch: ReadoutCallback<'_>,
 ) -> Result<(Value, u64)> {
     let name = entry.input.as_deref().unwrap_or_default();
-    let mut how = light::InputOptions::from_camera(&options.camera);
-    (how.resize_mode, how.transfer) = (inputs.resize_mode, inputs.transfer);
+    let mut input_options = light::InputOptions::from_camera(&options.camera);
+    (input_options.resize_mode, input_options.transfer) = (inputs.resize_mode, inputs.transfer);
     let path = input_path(inputs, Path::new(name))?;
-    let open = || light::open(&path, &how);
+    let open = || light::open(&path, &input_options);
     let mut source = open()?;
     let pace = FrameTiming { readouts_per_frame: inputs.readouts_per_frame, frame_rate: None };
     let timeline = pace.timeline(&*source, options.rate()?, inputs.interpolation)?;
@@ -156,13 +156,13 @@ fn generate_from_input(
     } else if let Some(frame) = ground_truth::middle_frame(&open, &timeline, Some(outcome.readouts))? {
         ground_truth::write_reference_images(options, &ScaledSource::scale_frame(&frame, by)?, folder)?;
     }
-    let about = json!({
+    let facts = json!({
         "content": "input", "input": name, "frames": outcome.frames, "readouts": outcome.readouts,
         "readouts_per_frame": inputs.readouts_per_frame, "reference_readout": middle, "reference_transfer": "srgb",
         "ground_truth": ground_truth_facts(options.dataset_layout), "light_scale": by,
         "frames_above_max_light": outcome.frames_above_max_light, "notes": notes,
     });
-    Ok((with_image_facts(about, &keeper), outcome.readouts))
+    Ok((with_image_facts(facts, &keeper), outcome.readouts))
 }
 
 /// Returns the exposure factor of an input.
@@ -201,8 +201,8 @@ fn simulate_streams(
     let (noisy, clean) = (folder.join("stream.dat"), folder.join("stream.clean.dat"));
     let every = keeper.interval_readouts;
     let mut keep = |readout: u64, light: &Frame| keeper.write(readout, light);
-    let looks = every.map(|every| LightTap { every, on_light: &mut keep });
-    let outcome = run_with_tap(&job, source, &noisy, Some(&clean), looks, watch)?;
+    let light_tap = every.map(|every| LightTap { every, on_light: &mut keep });
+    let outcome = run(&job, source, &noisy, Some(&clean), RunObserver { light_tap, progress: Some(watch) })?;
     let geometry = options.camera.sensor.geometry;
     let facts = |w| StreamFacts::new(w, geometry, outcome.readouts);
     let mut sidecar = Sidecar::new(geometry, job.layout, outcome.readouts, facts(&outcome.noisy));

@@ -57,7 +57,7 @@ impl Block {
 
     /// Returns the number of words per readout, and the number of readouts that the buffer can store. The latter is
     /// at most `most`.
-    fn words_and_readouts(geometry: Geometry, rows: usize, most: usize) -> (usize, usize) {
+    fn words_and_readouts(geometry: Geometry, rows: usize, max_readouts: usize) -> (usize, usize) {
         let stride = geometry.width() / 64 + 1;
         // The buffer has one extra row for the lower neighbors of the band's last row. It also has slack for tiles that
         // extend past the end. A readout is padded to an odd number of cache lines. Word `w` of successive readouts then
@@ -65,14 +65,14 @@ impl Block {
         let lines = ((rows + 1) * stride + 8).div_ceil(8) | 1;
         let frame_words = lines * 8;
         let fitting = MAX_BUFFER_BYTES / (frame_words * 8);
-        let whole =
+        let unit =
             if fitting >= COUNTER_PERIOD_READOUTS { COUNTER_PERIOD_READOUTS } else { MIN_BLOCK_READOUTS };
-        (frame_words, (fitting / whole * whole).clamp(MIN_BLOCK_READOUTS, most))
+        (frame_words, (fitting / unit * unit).clamp(MIN_BLOCK_READOUTS, max_readouts))
     }
 
-    fn with_max_readouts(geometry: Geometry, rows: Range<usize>, most: usize) -> Self {
+    fn with_max_readouts(geometry: Geometry, rows: Range<usize>, max_readouts: usize) -> Self {
         let stride = geometry.width() / 64 + 1;
-        let (frame_words, capacity) = Self::words_and_readouts(geometry, rows.len(), most);
+        let (frame_words, capacity) = Self::words_and_readouts(geometry, rows.len(), max_readouts);
         let len = (capacity + 1) * frame_words;
         let words = WordBuffer::zeros(len);
         Self { geometry, rows, stride, frame_words, capacity, len: 0, words }
@@ -174,8 +174,8 @@ fn copy_bytes((row, out): (&[u8], &mut [u64])) {
     // This is a slice copy instead of a loop over words. The compiler vectorizes such a loop for long rows, which adds
     // 27 instructions.
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(words);
-    let (whole, rest) = row.split_at(bytes.len());
-    bytes.copy_from_slice(whole);
+    let (first, rest) = row.split_at(bytes.len());
+    bytes.copy_from_slice(first);
     words.iter_mut().for_each(|word| *word = u64::from_le(*word));
     let end = row.last_chunk().map_or(0, |eight| u64::from_le_bytes(*eight));
     *last = if rest.is_empty() { 0 } else { end >> (64 - 8 * rest.len()) };
@@ -184,9 +184,9 @@ fn copy_bytes((row, out): (&[u8], &mut [u64])) {
 /// Copies `bits` bits, starting at bit `start` of `bytes`, to the words `out`. The last word is padded with zeros.
 fn copy_bits(bytes: &[u8], start: usize, bits: usize, out: &mut [u64]) {
     let shift = start % 8;
-    let whole = bits / 64;
+    let full_words = bits / 64;
     let from = &bytes[start / 8..];
-    let (words, rest) = out.split_at_mut(whole);
+    let (words, rest) = out.split_at_mut(full_words);
     if shift == 0 {
         for (word, eight) in words.iter_mut().zip(from.as_chunks().0) {
             *word = u64::from_le_bytes(*eight);
@@ -197,7 +197,7 @@ fn copy_bits(bytes: &[u8], start: usize, bits: usize, out: &mut [u64]) {
             *word = load_partial_word(nine, 0) >> shift | u64::from(nine[8]) << (64 - shift);
         }
     }
-    let at = whole * 8;
+    let at = full_words * 8;
     let mut last = load_partial_word(from, at) >> shift;
     if shift != 0 {
         last |= u64::from(from.get(at + 8).copied().unwrap_or_default()) << (64 - shift);
@@ -208,8 +208,8 @@ fn copy_bits(bytes: &[u8], start: usize, bits: usize, out: &mut [u64]) {
 /// Returns the eight bytes that start at index `at` as a little-endian word. Bytes past the end of `bytes` are zero.
 #[inline(always)]
 fn load_partial_word(bytes: &[u8], at: usize) -> u64 {
-    if let Some(whole) = bytes.get(at..at + 8) {
-        return u64::from_le_bytes(whole.try_into().unwrap_or_default());
+    if let Some(word_bytes) = bytes.get(at..at + 8) {
+        return u64::from_le_bytes(word_bytes.try_into().unwrap_or_default());
     }
     let mut word = [0; 8];
     let rest = bytes.get(at..).unwrap_or_default();

@@ -161,9 +161,9 @@ impl CountAccumulator {
         start: u32,
     ) {
         let fired = counters[0].non_zero(b);
-        let mut found = [[[0; 64]; ROW_WORDS]; 8];
-        for (found, counters) in found.iter_mut().zip(counters) {
-            *found = counters.counts(b);
+        let mut row_counts = [[[0; 64]; ROW_WORDS]; 8];
+        for (counts, counters) in row_counts.iter_mut().zip(counters) {
+            *counts = counters.counts(b);
         }
         for lane in 0..ROW_WORDS.min(block.band_words() - at) {
             if fired[lane] == 0 {
@@ -174,14 +174,14 @@ impl CountAccumulator {
             let pixels = 64.min(block.width() - column);
             let pixel = row * block.width() + column;
             let maps = std::iter::once(&mut self.result.count).chain(&mut self.result.coincidences);
-            for (map, found) in maps.zip(&found) {
-                for (sum, count) in map[pixel..pixel + pixels].iter_mut().zip(&found[lane]) {
+            for (map, counts) in maps.zip(&row_counts) {
+                for (sum, count) in map[pixel..pixel + pixels].iter_mut().zip(&counts[lane]) {
                     *sum += u32::from(*count);
                 }
             }
             let readout = start + slots.start as u32 - 1;
             let last = &mut self.result.last_spike[pixel..pixel + pixels];
-            for (i, (last, late)) in last.iter_mut().zip(&found[7][lane]).enumerate() {
+            for (i, (last, late)) in last.iter_mut().zip(&row_counts[7][lane]).enumerate() {
                 if fired[lane] >> i & 1 != 0 {
                     *last = readout + u32::from(*late);
                 }
@@ -225,8 +225,8 @@ fn mark(map: &mut [u32], mut bits: u64, value: u32) {
 /// Returns three tiles of one readout: the pixels from word `at` on, their right neighbors and their lower neighbors.
 #[inline(always)]
 fn neighbor_rows<B: BitOps>(b: B, slot: &[u64], at: usize, stride: usize) -> (B::Row, B::Row, B::Row) {
-    let own = load_row(b, slot, at);
-    (own, b.shift_down(own, load_row(b, slot, at + 1)), load_row(b, slot, at + stride))
+    let center = load_row(b, slot, at);
+    (center, b.shift_down(center, load_row(b, slot, at + 1)), load_row(b, slot, at + stride))
 }
 
 /// Counts the spikes and the six coincidences of a tile in a range of slots. Slots are processed in groups of eight.
@@ -239,27 +239,27 @@ fn count_tile<B: BitOps>(b: B, block: &Block, slots: &Range<usize>, at: usize) -
     let mut counters = [Counters::new(b); 8];
     let zero = b.row(&[0; ROW_WORDS]);
     // Entry 0 is the readout before the group. Entries 1 to 8 are the readouts of the group.
-    let (mut own, mut right, mut lower) = ([zero; 9], [zero; 9], [zero; 9]);
+    let (mut center, mut right, mut lower) = ([zero; 9], [zero; 9], [zero; 9]);
     let before = block.slot(slots.start - 1);
-    (own[8], right[8], lower[8]) = neighbor_rows(b, before, at, block.stride());
+    (center[8], right[8], lower[8]) = neighbor_rows(b, before, at, block.stride());
     for (turn, group) in slots.clone().step_by(8).enumerate() {
-        (own[0], right[0], lower[0]) = (own[8], right[8], lower[8]);
+        (center[0], right[0], lower[0]) = (center[8], right[8], lower[8]);
         for i in 1..9 {
             let slot = block.slot(group + i - 1);
             // Prefetches the lower neighbors of the second tile after this one.
             b.prefetch(slot, at + block.stride() + 2 * ROW_WORDS);
-            (own[i], right[i], lower[i]) = neighbor_rows(b, slot, at, block.stride());
+            (center[i], right[i], lower[i]) = neighbor_rows(b, slot, at, block.stride());
         }
         // Tuples: neighbor tiles, first entry of the pixel, first entry of the neighbor.
         let pairs =
             [(&right, 1, 1), (&right, 0, 1), (&right, 1, 0), (&lower, 1, 1), (&lower, 0, 1), (&lower, 1, 0)];
         let mut now = [zero; 8];
-        now.copy_from_slice(&own[1..]);
+        now.copy_from_slice(&center[1..]);
         counters[0].add8(b, &now);
         for (counter, (other, mine, theirs)) in counters[1..].iter_mut().zip(pairs) {
             let mut both = [zero; 8];
             for (i, both) in both.iter_mut().enumerate() {
-                *both = b.and(own[i + mine], other[i + theirs]);
+                *both = b.and(center[i + mine], other[i + theirs]);
             }
             counter.add8(b, &both);
         }
@@ -356,8 +356,8 @@ impl Counts {
     /// pairs sum to 0. An entry is NaN if the pixel lacks that neighbor.
     pub(super) fn correlation_map(&self, pair: NeighborPair) -> Vec<f64> {
         let pairs = self.pair_terms(pair);
-        let told = pairs.iter().flatten();
-        let (x, y, n) = told.fold((0.0, 0.0, 0.0), |s, v| (s.0 + v.0, s.1 + v.1, s.2 + 1.0));
+        let valid = pairs.iter().flatten();
+        let (x, y, n) = valid.fold((0.0, 0.0, 0.0), |s, v| (s.0 + v.0, s.1 + v.1, s.2 + 1.0));
         pairs.iter().map(|v| v.map_or(f64::NAN, |(a, b)| (a - x / y * b) / (y / n))).collect()
     }
 }

@@ -22,8 +22,9 @@ const MAX_FALSE_DEAD_PROBABILITY: f64 = 0.01;
 /// For a rate of 0.2 and 100,000 pixels both conditions hold after 153 readouts.
 #[must_use]
 pub fn is_dead_if_silent(rate: f64, readouts: u32, pixels: usize) -> bool {
-    let (least, readouts) = (MIN_NEIGHBOR_RATE_SHARE * rate.clamp(0.0, 1.0), f64::from(readouts));
-    readouts * (-least).ln_1p() < (MAX_FALSE_DEAD_PROBABILITY / pixels as f64).ln() && least * readouts > 2.0
+    let (min_rate, readouts) = (MIN_NEIGHBOR_RATE_SHARE * rate.clamp(0.0, 1.0), f64::from(readouts));
+    readouts * (-min_rate).ln_1p() < (MAX_FALSE_DEAD_PROBABILITY / pixels as f64).ln()
+        && min_rate * readouts > 2.0
 }
 
 /// Returns the pixels that never fired although [`is_dead_if_silent`] excludes silence at the rate of their neighbors.
@@ -52,8 +53,8 @@ mod tests {
 
     #[test]
     fn a_rate_of_a_fifth_takes_153_readouts() {
-        let found = (1..1000).find(|t| is_dead_if_silent(0.2, *t, 100_000));
-        assert_eq!(found, Some(153));
+        let first_time = (1..1000).find(|t| is_dead_if_silent(0.2, *t, 100_000));
+        assert_eq!(first_time, Some(153));
         assert!(!is_dead_if_silent(f64::NAN, 1000, 10), "no neighbors tell nothing");
         assert!(!is_dead_if_silent(0.0, u32::MAX, 10));
     }

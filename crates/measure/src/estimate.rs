@@ -169,11 +169,11 @@ pub fn trimmed_mean(map: &[f64], trim: f64) -> Estimate {
     values.sort_by(f64::total_cmp);
     let n = values.len();
     let cut = ((n as f64 * trim.clamp(0.0, 0.49)) as usize).min(n.saturating_sub(1) / 2);
-    let kept = &values[cut..n - cut];
-    let value = Estimate::mean(kept.iter().copied()).value;
-    let (Some(low), Some(high)) = (kept.first(), kept.last()) else {
+    let trimmed = &values[cut..n - cut];
+    let value = Estimate::mean(trimmed.iter().copied()).value;
+    let (Some(low), Some(high)) = (trimmed.first(), trimmed.last()) else {
         return Estimate::mean([]);
     };
     let winsorized = Estimate::mean(values.iter().map(|x| x.clamp(*low, *high)));
-    Estimate { value, error: winsorized.error / (kept.len() as f64 / n as f64), samples: n }
+    Estimate { value, error: winsorized.error / (trimmed.len() as f64 / n as f64), samples: n }
 }

@@ -137,11 +137,15 @@ mod tests {
         }
         let mean = |k: usize| patches.iter().map(|p| p[k]).sum::<f64>() / patches.len() as f64;
         let means: Vec<f64> = (0..PATCH_PIXELS).map(mean).collect();
-        let found = covariance(&picture, geometry);
+        let covariances = covariance(&picture, geometry);
         for (i, j) in [(0, 0), (0, 1), (7, 8), (63, 0), (5, 40), (63, 63)] {
             let products = patches.iter().map(|p| (p[i] - means[i]) * (p[j] - means[j]));
             let known = products.sum::<f64>() / (patches.len() - 1) as f64;
-            assert!((found[(i, j)] - known).abs() < 1e-11, "{i} {j}: {} for {known}", found[(i, j)]);
+            assert!(
+                (covariances[(i, j)] - known).abs() < 1e-11,
+                "{i} {j}: {} for {known}",
+                covariances[(i, j)]
+            );
         }
     }
 }

@@ -52,18 +52,18 @@ impl SpectralLine {
     /// share, with the limit clamped to 2 % to 80 % of the pixels.
     #[must_use]
     pub fn harmonic_of(&self, rates: &[f64], resolution: f64) -> Option<u32> {
-        let told = rates.iter().filter(|f| f.is_finite() && **f > 0.0);
-        let all = told.clone().count() as f64;
-        let least = (5.0 * 3.0 * 2.0 * resolution).clamp(0.02, 0.8);
+        let positive = rates.iter().filter(|f| f.is_finite() && **f > 0.0);
+        let all = positive.clone().count() as f64;
+        let min_width = (5.0 * 3.0 * 2.0 * resolution).clamp(0.02, 0.8);
         let share = |k: u32| {
             let near = |f: &&f64| {
                 let cycles = f64::from(k) * **f;
                 let folded = (cycles - cycles.round()).abs();
                 (folded - self.frequency).abs() <= 1.5 * resolution
             };
-            told.clone().filter(near).count() as f64 / all
+            positive.clone().filter(near).count() as f64 / all
         };
-        (1..=MAX_HARMONIC).find(|k| all > 0.0 && share(*k) > least)
+        (1..=MAX_HARMONIC).find(|k| all > 0.0 && share(*k) > min_width)
     }
 }
 
@@ -203,8 +203,8 @@ pub fn frame_total_lines(statistics: &Statistics) -> Result<Vec<FrameTotalLine>>
     let mut lines = spectrum(&frames.totals, segment)?.lines(LINE_POWER_RATIO);
     // The lowest bins are skipped, because a moving scene drifts and the window spreads the drift over these bins. If all
     // totals are equal, the power is zero and the spectrum has no lines.
-    let told = |x: f64| x.is_finite() && x > 0.0;
-    lines.retain(|l| l.frequency * segment as f64 > 3.5 && told(l.prominence) && told(l.power));
+    let is_positive = |x: f64| x.is_finite() && x > 0.0;
+    lines.retain(|l| l.frequency * segment as f64 > 3.5 && is_positive(l.prominence) && is_positive(l.power));
     lines.truncate(3);
     let rates = counts.rate_by_time();
     let harmonic = |line: SpectralLine| FrameTotalLine {

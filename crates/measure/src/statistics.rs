@@ -146,8 +146,8 @@ fn frame_statistics(frames: &FrameStatistics) -> Vec<Statistic> {
 /// Returns the variance of the totals. Its error is valid for correlated totals too, such as the totals of pixels that
 /// fire regularly.
 fn total_variance(frames: &FrameStatistics) -> Estimate {
-    let found = frames.total_variance();
+    let variance = frames.total_variance();
     // A long stream stores only its first totals. The error of the stored totals is scaled to the whole stream.
-    let kept = frames.totals.len() as f64 / f64::from(frames.readouts().max(1));
-    Estimate { error: super::uncertainty::variance_error(&frames.totals) * kept.sqrt(), ..found }
+    let stored_share = frames.totals.len() as f64 / f64::from(frames.readouts().max(1));
+    Estimate { error: super::uncertainty::variance_error(&frames.totals) * stored_share.sqrt(), ..variance }
 }

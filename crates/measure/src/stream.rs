@@ -20,7 +20,7 @@ const BATCH_READOUTS: usize = 496;
 pub fn measure_stream(
     reader: &StreamReader,
     options: &MeasureOptions,
-    tell: &mut dyn FnMut(usize),
+    report_readouts: &mut dyn FnMut(usize),
 ) -> Result<Statistics> {
     let geometry = reader.geometry();
     let mut accumulators = band_accumulators(geometry, options)?;
@@ -34,7 +34,7 @@ pub fn measure_stream(
         let packed = SpikeFramesRef::new(geometry, bytes)?;
         threads::try_map(&mut accumulators, |a| a.push(packed))?;
         at += now;
-        tell(at);
+        report_readouts(at);
     }
     join_accumulators(accumulators)
 }
@@ -53,8 +53,8 @@ pub(super) fn band_accumulators(geometry: Geometry, options: &MeasureOptions) ->
     check_memory(geometry, options, bands)?;
     let mut all = (0..bands).map(band).collect::<Result<Vec<_>>>()?;
     if options.frames {
-        let whole = MeasureOptions { counts: false, intervals: false, rows: None, ..options.clone() };
-        all.push(Accumulator::new(geometry, &whole)?);
+        let frame_options = MeasureOptions { counts: false, intervals: false, rows: None, ..options.clone() };
+        all.push(Accumulator::new(geometry, &frame_options)?);
     }
     Ok(all)
 }

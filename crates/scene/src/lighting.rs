@@ -114,7 +114,7 @@ fn tint(r: f32, g: f32, b: f32) -> Vec3 {
 
 /// Returns the luminance of a linear sRGB color (IEC 61966-2-1).
 pub(super) fn luminance(c: Vec3) -> f32 {
-    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+    c.dot(Vec3::from(spikelane::light::LUMINANCE_WEIGHTS))
 }
 
 impl Light {
@@ -130,14 +130,14 @@ impl Light {
         } else {
             draws.range(0, 0.0, std::f64::consts::TAU)
         };
-        let way = |degrees: f64| {
+        let direction = |degrees: f64| {
             let (s, c) = libm::sincos(degrees.to_radians());
             let (sa, ca) = libm::sincos(azimuth);
             Vec3::new((c * ca) as f32, (c * sa) as f32, s as f32)
         };
         let vary = draws.range_f32(1, 0.85, 1.15);
         let base = Self {
-            sun_direction: way(draws.range(2, 42.0, 62.0)),
+            sun_direction: direction(draws.range(2, 42.0, 62.0)),
             sun_illuminance: tint(1.05, 1.0, 0.90) * 90_000.0 * vary,
             zenith_luminance: tint(0.45, 0.95, 2.1) * 2_600.0,
             horizon_luminance: tint(0.80, 1.0, 1.45) * 7_000.0,
@@ -153,7 +153,7 @@ impl Light {
             white_cd_m2: 20_000.0,
             flicker: flicker_hz.map(|hz| (hz, draws.range_f32(6, 0.35, 0.8))),
         };
-        base.preset(preset, draws, way(draws.range(7, 7.0, 16.0)), way(35.0), vary)
+        base.preset(preset, draws, direction(draws.range(7, 7.0, 16.0)), direction(35.0), vary)
     }
 
     fn preset(self, preset: Lighting, draws: Draws, low: Vec3, moon: Vec3, vary: f32) -> Self {
@@ -233,11 +233,11 @@ impl Light {
     /// Returns the luminance of the sky in direction `way`. The disk of the sun is excluded.
     ///
     /// `sun_illuminance` already contains the light of the disk.
-    pub(crate) fn sky_luminance(&self, way: Vec3) -> Vec3 {
-        let up = way.z.max(0.0);
+    pub(crate) fn sky_luminance(&self, direction: Vec3) -> Vec3 {
+        let up = direction.z.max(0.0);
         let rise = 1.0 - (1.0 - up) * (1.0 - up) * (1.0 - up);
         let mut sky = self.horizon_luminance.lerp(self.zenith_luminance, rise);
-        let near = way.dot(self.sun_direction).max(0.0);
+        let near = direction.dot(self.sun_direction).max(0.0);
         let near2 = near * near;
         let near8 = near2 * near2 * near2 * near2;
         sky += self.sun_glow * (0.55 * near8 * near8 + 0.35 * near2 * (1.0 - up).powi(4));

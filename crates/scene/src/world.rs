@@ -145,9 +145,9 @@ impl Scene {
     /// Returns whether the city occludes lamp number `lamp` as seen from a point.
     pub(super) fn is_lamp_hidden(&self, lamp: u16, from: Vec3) -> bool {
         let position = self.city.lamps[usize::from(lamp)].position;
-        let made = || LampShadows::new(self.city.bvh.triangles(), position, LAMP_RANGE_M);
-        let found = self.lamp_shadows[usize::from(lamp)].get_or_init(made).is_blocked(from);
-        found.unwrap_or_else(|| {
+        let build_shadows = || LampShadows::new(self.city.bvh.triangles(), position, LAMP_RANGE_M);
+        let is_blocked = self.lamp_shadows[usize::from(lamp)].get_or_init(build_shadows).is_blocked(from);
+        is_blocked.unwrap_or_else(|| {
             let to = position - from;
             self.city.bvh.is_blocked(from, to.normalize_or_zero(), 0.0, to.length() - POST_RADIUS_M)
         })
@@ -178,12 +178,12 @@ impl Scene {
 fn check_counts(city: &City, traffic: &Traffic) -> Result<()> {
     let triangles = city.mesh.triangles.len();
     let parts: usize = traffic.vehicles.iter().map(|v| 1 + traffic.shapes[v.shape].axles.len()).sum();
-    let (most, most_parts) = (1 << TRIANGLE_BITS, (1 << (32 - TRIANGLE_BITS)) - 2);
-    if triangles < most && parts < most_parts {
+    let (max_triangles, most_parts) = (1 << TRIANGLE_BITS, (1 << (32 - TRIANGLE_BITS)) - 2);
+    if triangles < max_triangles && parts < most_parts {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Usage, "scene")
         .found(format_args!("{triangles} triangles, {parts} moving parts"))
-        .expected(format_args!("fewer than {most} and {most_parts}"))
+        .expected(format_args!("fewer than {max_triangles} and {most_parts}"))
         .remedy("shorten or slow down the drive, or split it into several scenes"))
 }

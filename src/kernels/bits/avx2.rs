@@ -6,8 +6,8 @@ use std::arch::x86_64::*;
 
 use super::i16_lanes::{I16_LANES, I16Lanes};
 use crate::kernels::isa::avx2::Avx2;
+use crate::kernels::isa::intrinsics::intrinsic;
 use crate::kernels::isa::lanes::Lanes;
-use crate::kernels::isa::proven::proven;
 
 type Pair = [__m256i; 2];
 
@@ -31,7 +31,7 @@ impl I16Lanes for Avx2 {
     }
     #[inline(always)]
     fn sub(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        proven!([_mm256_sub_epi16(a, c), _mm256_sub_epi16(b, d)])
+        intrinsic!([_mm256_sub_epi16(a, c), _mm256_sub_epi16(b, d)])
     }
     #[inline(always)]
     fn and(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
@@ -51,7 +51,7 @@ impl I16Lanes for Avx2 {
     }
     #[inline(always)]
     fn max(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        proven!([_mm256_max_epi16(a, c), _mm256_max_epi16(b, d)])
+        intrinsic!([_mm256_max_epi16(a, c), _mm256_max_epi16(b, d)])
     }
     #[inline(always)]
     fn sign_mask(self, [a, b]: Pair) -> u32 {
@@ -61,44 +61,45 @@ impl I16Lanes for Avx2 {
     #[inline(always)]
     fn min_non_negative(self, [a, b]: Pair) -> i16 {
         let all = Lanes::min(self, a, b);
-        let (low, high) = (proven!(_mm256_castsi256_si128(all)), proven!(_mm256_extracti128_si256::<1>(all)));
-        let least = proven!(_mm_minpos_epu16(_mm_min_epu16(low, high)));
-        proven!(_mm_cvtsi128_si32(least)) as i16
+        let (low, high) =
+            (intrinsic!(_mm256_castsi256_si128(all)), intrinsic!(_mm256_extracti128_si256::<1>(all)));
+        let minimum = intrinsic!(_mm_minpos_epu16(_mm_min_epu16(low, high)));
+        intrinsic!(_mm_cvtsi128_si32(minimum)) as i16
     }
     #[inline(always)]
     fn zero_sums(self) -> __m256i {
-        proven!(_mm256_setzero_si256())
+        intrinsic!(_mm256_setzero_si256())
     }
     #[inline(always)]
     fn add_products(self, sum: __m256i, [a, b]: Pair, [c, d]: Pair) -> __m256i {
-        proven!(_mm256_add_epi32(sum, _mm256_add_epi32(_mm256_madd_epi16(a, c), _mm256_madd_epi16(b, d))))
+        intrinsic!(_mm256_add_epi32(sum, _mm256_add_epi32(_mm256_madd_epi16(a, c), _mm256_madd_epi16(b, d))))
     }
     #[inline(always)]
     fn totals(self, s: [__m256i; 8]) -> [i32; 8] {
-        // Each addition sums neighbors within the 128-bit halves. Each half of `low` then contains one partial sum of
-        // each of `s[0]` to `s[3]`. Each half of `high` contains one partial sum of each of `s[4]` to `s[7]`.
-        let low = proven!(_mm256_hadd_epi32(_mm256_hadd_epi32(s[0], s[1]), _mm256_hadd_epi32(s[2], s[3])));
-        let high = proven!(_mm256_hadd_epi32(_mm256_hadd_epi32(s[4], s[5]), _mm256_hadd_epi32(s[6], s[7])));
-        let lower = proven!(_mm256_permute2x128_si256::<0x20>(low, high));
-        let upper = proven!(_mm256_permute2x128_si256::<0x31>(low, high));
-        bytemuck::cast(proven!(_mm256_add_epi32(lower, upper)))
+        // Neighbors are added within each half, until a half contains its part of four totals.
+        let low = intrinsic!(_mm256_hadd_epi32(_mm256_hadd_epi32(s[0], s[1]), _mm256_hadd_epi32(s[2], s[3])));
+        let high =
+            intrinsic!(_mm256_hadd_epi32(_mm256_hadd_epi32(s[4], s[5]), _mm256_hadd_epi32(s[6], s[7])));
+        let lower = intrinsic!(_mm256_permute2x128_si256::<0x20>(low, high));
+        let upper = intrinsic!(_mm256_permute2x128_si256::<0x31>(low, high));
+        bytemuck::cast(intrinsic!(_mm256_add_epi32(lower, upper)))
     }
     #[inline(always)]
     fn zero_counts(self) -> __m256i {
-        proven!(_mm256_setzero_si256())
+        intrinsic!(_mm256_setzero_si256())
     }
     #[inline(always)]
     fn count_greater(self, count: __m256i, a: Pair, b: Pair) -> __m256i {
         // A comparison returns -1 for true, so subtracting the result adds 1.
         let [c, d] = I16Lanes::greater(self, a, b);
-        proven!(_mm256_sub_epi16(_mm256_sub_epi16(count, c), d))
+        intrinsic!(_mm256_sub_epi16(_mm256_sub_epi16(count, c), d))
     }
     #[inline(always)]
     fn total_counts(self, counts: [__m256i; 8]) -> [u32; 8] {
         let one = Lanes::splat(self, 1);
         let mut sums = counts;
         for sum in &mut sums {
-            *sum = proven!(_mm256_madd_epi16(*sum, one));
+            *sum = intrinsic!(_mm256_madd_epi16(*sum, one));
         }
         bytemuck::cast(I16Lanes::totals(self, sums))
     }

@@ -161,15 +161,15 @@ mod tests {
 
         fn run<S: I16Lanes, B: BitOps>(self, s: S, _: B) -> Self::Out {
             let (a, b) = (s.load(&self.0), s.load(&self.1));
-            let mut said = Vec::new();
-            let plain = [s.splat(self.0[0]), s.sub(a, b), s.and(a, b), s.or(a, b), s.greater(a, b)];
-            for v in plain.into_iter().chain([s.min(a, b), s.max(a, b)]) {
+            let mut results = Vec::new();
+            let lane_values = [s.splat(self.0[0]), s.sub(a, b), s.and(a, b), s.or(a, b), s.greater(a, b)];
+            for v in lane_values.into_iter().chain([s.min(a, b), s.max(a, b)]) {
                 let mut out = [0; I16_LANES];
                 s.store(&mut out, v);
-                said.push(out.map(i32::from).to_vec());
+                results.push(out.map(i32::from).to_vec());
             }
-            said.push(vec![s.sign_mask(a) as i32]);
-            said.push(vec![i32::from(s.min_non_negative(s.and(a, s.splat(i16::MAX))))]);
+            results.push(vec![s.sign_mask(a) as i32]);
+            results.push(vec![i32::from(s.min_non_negative(s.and(a, s.splat(i16::MAX))))]);
             // The products are added `n` times to sum number `n`.
             let mut sums = [s.zero_sums(); 8];
             for (n, sum) in sums.iter_mut().enumerate() {
@@ -177,15 +177,15 @@ mod tests {
                     *sum = s.add_products(*sum, a, b);
                 }
             }
-            said.push(s.totals(sums).to_vec());
+            results.push(s.totals(sums).to_vec());
             let mut counts = [s.zero_counts(); 8];
             for (n, count) in counts.iter_mut().enumerate() {
                 for _ in 0..n {
                     *count = s.count_greater(*count, a, b);
                 }
             }
-            said.push(s.total_counts(counts).map(|count| count as i32).to_vec());
-            said
+            results.push(s.total_counts(counts).map(|count| count as i32).to_vec());
+            results
         }
     }
 

@@ -62,7 +62,7 @@ impl<'a> Tally<'a> {
             }
             let count = ROW_BYTES.min(self.bytes - at);
             *tile = match self.frames[from..from + count].first_chunk::<ROW_BYTES>() {
-                Some(whole) => p.row(&words(whole)),
+                Some(row) => p.row(&words(row)),
                 None => {
                     let mut padded = [0; ROW_BYTES];
                     padded[..count].copy_from_slice(&self.frames[from..from + count]);
@@ -107,10 +107,10 @@ impl<F: Fn(u32, u32) -> u32> Task for CountTask<'_, '_, F> {
                 for frame in turn.clone().step_by(8) {
                     counters.add8(b, &tally.load_eight(b, frame, at));
                 }
-                let found = counters.counts(b);
+                let row_counts = counters.counts(b);
                 let counts = &mut counts[8 * at..8 * tally.bytes.min(at + ROW_BYTES)];
-                for (counts, found) in counts.chunks_mut(64).zip(&found) {
-                    for (sum, count) in counts.iter_mut().zip(found) {
+                for (counts, row_counts) in counts.chunks_mut(64).zip(&row_counts) {
+                    for (sum, count) in counts.iter_mut().zip(row_counts) {
                         *sum = change(*sum, u32::from(*count));
                     }
                 }
@@ -141,13 +141,14 @@ impl Task for TimesTask<'_> {
                     back.reverse();
                     first.record_last8(b, &back, group);
                 }
-                let mut found = [[[0; 64]; ROW_WORDS]; 3];
-                for (found, counters) in found.iter_mut().zip([&spikes, &first, &last]) {
-                    *found = counters.counts(b);
+                let mut row_counts = [[[0; 64]; ROW_WORDS]; 3];
+                for (counts, counters) in row_counts.iter_mut().zip([&spikes, &first, &last]) {
+                    *counts = counters.counts(b);
                 }
                 let times = &mut all[8 * at..8 * tally.bytes.min(at + ROW_BYTES)];
                 for (word, times) in times.chunks_mut(64).enumerate() {
-                    let [spikes, first, last] = [&found[0][word], &found[1][word], &found[2][word]];
+                    let [spikes, first, last] =
+                        [&row_counts[0][word], &row_counts[1][word], &row_counts[2][word]];
                     for (i, times) in times.iter_mut().enumerate().filter(|(i, _)| spikes[*i] != 0) {
                         if times.spikes == 0 {
                             times.first = (turn.start + 8 * groups - 1) as u32 - u32::from(first[i]);

@@ -51,7 +51,7 @@ impl CaseKey {
         let late = if rules.release_share != 0 || !tables.jitter_width.is_empty() { CORRELATED } else { 0 };
         let gray = |light: &SegmentLight<'_>| matches!(light, SegmentLight::Hold(Samples::U8(_)));
         Self {
-            is_dynamic: job.plan.dynamics().is_some_and(|moving| !moving.only_changes_light()),
+            is_dynamic: job.plan.dynamics().is_some_and(|dynamics| !dynamics.only_changes_light()),
             changes_light: job.plan.dynamics().is_some(),
             has_shot_noise: tables.shot.is_some(),
             noise: noise.filter(|_| rules.keeps_remainder()).map(|noise| noise | late),
@@ -201,13 +201,13 @@ mod tests {
             ("spike-zoo", Case::NOISELESS_FREE_WHOLE, Case::NOISELESS_FREE),
         ];
         let (gray, linear) = (vec![51; 64 * 2], vec![0.2; 64 * 2]);
-        let mut found = Vec::new();
+        let mut cases = Vec::new();
         for preset in presets::ALL {
             let mut camera = presets::builtin(preset.name).unwrap();
             camera.sensor.geometry = Geometry::new(64, 2).unwrap();
-            let of = |light| case_of(&camera, light);
-            found.push((preset.name, of(Samples::U8(&gray)), of(Samples::F32(&linear))));
+            let key_for = |light| case_of(&camera, light);
+            cases.push((preset.name, key_for(Samples::U8(&gray)), key_for(Samples::F32(&linear))));
         }
-        assert_eq!(found, expected);
+        assert_eq!(cases, expected);
     }
 }

@@ -31,19 +31,19 @@ use crate::plan::{Dynamics, StateTile};
 /// Runs a plan with dynamics.
 #[inline(always)]
 pub(super) fn dynamics<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateTile<'_>, out: &mut [u8]) {
-    let Some(moving) = job.plan.dynamics() else { return };
-    if moving.has_coupled_pixels() && job.batch.readouts() > 1 {
-        return frame_by_frame(l, job, moving, state, out);
+    let Some(dynamics) = job.plan.dynamics() else { return };
+    if dynamics.has_coupled_pixels() && job.batch.readouts() > 1 {
+        return frame_by_frame(l, job, dynamics, state, out);
     }
     let around = &job.batch.modulation().feedback;
     let bytes = job.tile_bytes();
     let mut at = 0;
     while at < job.pixels() {
-        let mut vector = Vector::load(l, job, moving, state, at);
+        let mut vector = Vector::load(l, job, dynamics, state, at);
         for (readouts, light) in job.batch.segments() {
-            vector.set_light(l, job, moving, light);
+            vector.set_light(l, job, dynamics, light);
             for (k, t) in readouts.clone().enumerate() {
-                let fired = vector.readout(l, job, moving, t, weight(light, k), around);
+                let fired = vector.readout(l, job, dynamics, t, weight(light, k), around);
                 l.store_bits(&mut out[t * bytes..][..bytes], at / 8, fired);
             }
         }
@@ -57,7 +57,7 @@ pub(super) fn dynamics<L: Lanes>(l: L, job: &Job<'_>, state: &mut StateTile<'_>,
 fn frame_by_frame<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    moving: &Dynamics,
+    dynamics: &Dynamics,
     state: &mut StateTile<'_>,
     out: &mut [u8],
 ) {
@@ -65,20 +65,20 @@ fn frame_by_frame<L: Lanes>(
     let bytes = job.tile_bytes();
     let mut vectors = Vec::with_capacity(job.pixels() / L::N);
     while vectors.len() < job.pixels() / L::N {
-        vectors.push(Vector::load(l, job, moving, state, vectors.len() * L::N));
+        vectors.push(Vector::load(l, job, dynamics, state, vectors.len() * L::N));
     }
     for (readouts, light) in job.batch.segments() {
         for vector in &mut vectors {
-            vector.set_light(l, job, moving, light);
+            vector.set_light(l, job, dynamics, light);
         }
         for (k, t) in readouts.clone().enumerate() {
             let (weight, bits) = (weight(light, k), &mut out[t * bytes..][..bytes]);
             for (i, vector) in vectors.iter_mut().enumerate() {
-                let fired = vector.readout(l, job, moving, t, weight, &around);
+                let fired = vector.readout(l, job, dynamics, t, weight, &around);
                 l.store_bits(bits, i * L::N / 8, fired);
                 l.store(state.fired, i * L::N, vector.pixels.fired);
             }
-            around.update(job.plan, moving, state.fired);
+            around.update(job.plan, dynamics, state.fired);
         }
     }
     for (i, vector) in vectors.iter().enumerate() {
@@ -113,14 +113,14 @@ struct Vector<L: Lanes> {
 
 impl<L: Lanes> Vector<L> {
     #[inline(always)]
-    fn load(l: L, job: &Job<'_>, moving: &Dynamics, state: &StateTile<'_>, at: usize) -> Self {
+    fn load(l: L, job: &Job<'_>, dynamics: &Dynamics, state: &StateTile<'_>, at: usize) -> Self {
         let p = job.range().start + at;
         let constants =
             Constants { needs_clip: true, ..Constants::load::<NOISE_NONE, STORE_SURPLUS, true>(l, job, p) };
         Self {
             constants,
             dark: constants.dark,
-            threshold_constants: ThresholdConstants::load(l, moving, p),
+            threshold_constants: ThresholdConstants::load(l, dynamics, p),
             pixels: Pixels::load::<NOISE_NONE, STORE_SURPLUS, true>(l, state, at),
             slow_state: SlowState::load(l, state, at),
             start: l.splat_f(0.0),
@@ -137,13 +137,13 @@ impl<L: Lanes> Vector<L> {
 
     /// Sets the light of a segment.
     #[inline(always)]
-    fn set_light(&mut self, l: L, job: &Job<'_>, moving: &Dynamics, light: &SegmentLight<'_>) {
+    fn set_light(&mut self, l: L, job: &Job<'_>, dynamics: &Dynamics, light: &SegmentLight<'_>) {
         let p = self.constants.p;
         (self.start, self.light_step) = match *light {
-            SegmentLight::Hold(samples) => (with_crosstalk(l, job, moving, samples, p), l.splat_f(0.0)),
+            SegmentLight::Hold(samples) => (with_crosstalk(l, job, dynamics, samples, p), l.splat_f(0.0)),
             SegmentLight::Linear { from, to, .. } => {
-                let start = with_crosstalk(l, job, moving, from, p);
-                (start, l.sub_f(with_crosstalk(l, job, moving, to, p), start))
+                let start = with_crosstalk(l, job, dynamics, from, p);
+                (start, l.sub_f(with_crosstalk(l, job, dynamics, to, p), start))
             }
         };
         self.cached_increment = None;
@@ -157,20 +157,20 @@ impl<L: Lanes> Vector<L> {
         &mut self,
         l: L,
         job: &Job<'_>,
-        moving: &Dynamics,
+        dynamics: &Dynamics,
         t: usize,
         weight: Option<f32>,
         around: &SpikeFeedback,
     ) -> L::Mask {
-        let steady = weight.is_none() && !moving.has_varying_increments();
+        let steady = weight.is_none() && !dynamics.has_varying_increments();
         if !steady || self.cached_increment.is_none() {
             let light = match weight {
                 Some(weight) => l.add_f(self.start, l.mul_f(self.light_step, l.splat_f(weight))),
                 None => self.start,
             };
-            let light = lagged(l, job, moving, t, light, &mut self.slow_state);
+            let light = lagged(l, job, dynamics, t, light, &mut self.slow_state);
             self.constants.dark =
-                dark_current(l, job, moving, &self.constants, self.dark, t, &mut self.slow_state);
+                dark_current(l, job, dynamics, &self.constants, self.dark, t, &mut self.slow_state);
             let increment = Increment::new::<true, true>(l, &self.constants, light);
             let fine = if increment.needs_fractional {
                 FractionalNoise::new(l, job, self.constants.p, light)
@@ -195,18 +195,18 @@ impl<L: Lanes> Vector<L> {
         let Some((increment, fine, below)) = &self.cached_increment else {
             return l.greater(l.splat(0), l.splat(0));
         };
-        let (c, pixels, lingering) = (&self.constants, &mut self.pixels, &mut self.slow_state);
+        let (c, pixels, slow_state) = (&self.constants, &mut self.pixels, &mut self.slow_state);
         readout(
             l,
             job,
-            moving,
+            dynamics,
             t,
             c,
             &self.threshold_constants,
             around,
             (increment, fine.as_ref(), *below),
             pixels,
-            lingering,
+            slow_state,
         )
     }
 }
@@ -224,14 +224,14 @@ struct ThresholdConstants<L: Lanes> {
 
 impl<L: Lanes> ThresholdConstants<L> {
     #[inline(always)]
-    fn load(l: L, moving: &Dynamics, p: usize) -> Self {
-        let row = l.load_words(&moving.pixel_rows, p);
-        let (first, last) = (moving.pixel_rows[p], moving.pixel_rows[p + L::N - 1]);
+    fn load(l: L, dynamics: &Dynamics, p: usize) -> Self {
+        let row = l.load_words(&dynamics.pixel_rows, p);
+        let (first, last) = (dynamics.pixel_rows[p], dynamics.pixel_rows[p + L::N - 1]);
         let two_rows = (last - first < 2).then(|| (first as usize, l.greater_w(row, l.splat_w(first))));
         Self {
-            threshold: l.load_f(&moving.threshold, p),
+            threshold: l.load_f(&dynamics.threshold, p),
             row,
-            max_offset: l.load(&moving.max_offset, p),
+            max_offset: l.load(&dynamics.max_offset, p),
             two_rows,
         }
     }
@@ -250,14 +250,14 @@ impl<L: Lanes> ThresholdConstants<L> {
 fn readout<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    moving: &Dynamics,
+    dynamics: &Dynamics,
     t: usize,
     c: &Constants<L>,
-    moved: &ThresholdConstants<L>,
+    thresholds: &ThresholdConstants<L>,
     around: &SpikeFeedback,
     (increment, fine, below): (&Increment<L>, Option<&FractionalNoise<L>>, bool),
     pixel: &mut Pixels<L>,
-    lingering: &mut SlowState<L>,
+    slow_state: &mut SlowState<L>,
 ) -> L::Mask {
     // The pattern has no `..`, so the compiler reports a new operation that this function does not handle.
     let Dynamics {
@@ -281,24 +281,24 @@ fn readout<L: Lanes>(
         threshold: _,
         max_offset: _,
         pixel_rows: _,
-    } = moving;
+    } = dynamics;
     if *leak != 0.0 {
-        let stored = l.add_f(l.to_f(pixel.word(l)), moved.threshold);
+        let stored = l.add_f(l.to_f(pixel.word(l)), thresholds.threshold);
         let lost = to_fixed_point(l, l.mul_f(stored, l.splat_f(-leak)), true);
         pixel.add_word(l, lost);
     }
     general::accumulate_charge(l, job, t, c, increment, fine, pixel);
     if *coupling != 0.0 {
         let count = l.to_f(l.widen(l.load(&around.fired_neighbors, c.p)));
-        let given = l.mul_f(l.mul_f(count, l.splat_f(*coupling)), moved.threshold);
-        pixel.add_word(l, to_fixed_point(l, given, true));
+        let coupled = l.mul_f(l.mul_f(count, l.splat_f(*coupling)), thresholds.threshold);
+        pixel.add_word(l, to_fixed_point(l, coupled, true));
     }
     if !job.plan.tables().ceiling.is_empty() {
         pixel.charge = l.min(pixel.charge, c.ceiling);
     }
     let words = general::needs_words(job);
-    let fired = if moving.moves_threshold() {
-        let offsets = threshold_offsets(l, job, moving, t, c, moved, around.droop, lingering);
+    let fired = if dynamics.moves_threshold() {
+        let offsets = threshold_offsets(l, job, dynamics, t, c, thresholds, around.droop, slow_state);
         if words {
             general::compare_words(l, job, t, c, Some(offsets), pixel)
         } else {
@@ -309,14 +309,14 @@ fn readout<L: Lanes>(
     } else {
         general::compare(l, job, t, c, below, pixel)
     };
-    if job.plan.rules().lost_increment != 0.0 || moving.has_coupled_pixels() {
+    if job.plan.rules().lost_increment != 0.0 || dynamics.has_coupled_pixels() {
         pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
     }
     if let Some(adaptation) = adaptation {
         let rise = select_f(l, fired, l.splat_f(adaptation.rise), l.splat_f(0.0));
-        let fallen = l.mul_f(lingering.threshold_rise, l.splat_f(adaptation.decay));
-        let adapted = l.add_f(l.sub_f(lingering.threshold_rise, fallen), rise);
-        lingering.threshold_rise = l.min_f(adapted, l.splat_f(adaptation.max_rise));
+        let decayed = l.mul_f(slow_state.threshold_rise, l.splat_f(adaptation.decay));
+        let adapted = l.add_f(l.sub_f(slow_state.threshold_rise, decayed), rise);
+        slow_state.threshold_rise = l.min_f(adapted, l.splat_f(adaptation.max_rise));
     }
     general::flip_bits(l, job, t, c, fired)
 }
@@ -327,37 +327,37 @@ fn readout<L: Lanes>(
 fn threshold_offsets<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    moving: &Dynamics,
+    dynamics: &Dynamics,
     t: usize,
     c: &Constants<L>,
-    moved: &ThresholdConstants<L>,
+    thresholds: &ThresholdConstants<L>,
     droop: f32,
-    lingering: &mut SlowState<L>,
+    slow_state: &mut SlowState<L>,
 ) -> (L::Word, Option<L::Word>) {
     let modulation = job.batch.modulation();
     let mut offset = l.splat_f(0.0);
-    if moving.row_noise != 0.0 {
-        let height = moving.height();
-        offset = moved.row_value(l, &modulation.row_offsets[t * height..][..height]);
+    if dynamics.row_noise != 0.0 {
+        let height = dynamics.height();
+        offset = thresholds.row_value(l, &modulation.row_offsets[t * height..][..height]);
     }
-    if let Some(slow) = moving.slow_noise {
+    if let Some(slow) = dynamics.slow_noise {
         let z = l.to_f(l.widen(l.gauss(hash(l, c.pair_keys, &modulation.slow_noise[t]))));
-        let kept = l.mul_f(lingering.slow_deviation, l.splat_f(slow.retention));
-        let next = l.add_f(kept, l.mul_f(z, l.splat_f(slow.step)));
-        lingering.slow_deviation = l.max_f(l.min_f(next, l.splat_f(slow.bound)), l.splat_f(-slow.bound));
-        offset = l.add_f(offset, lingering.slow_deviation);
+        let retained = l.mul_f(slow_state.slow_deviation, l.splat_f(slow.retention));
+        let next = l.add_f(retained, l.mul_f(z, l.splat_f(slow.step)));
+        slow_state.slow_deviation = l.max_f(l.min_f(next, l.splat_f(slow.bound)), l.splat_f(-slow.bound));
+        offset = l.add_f(offset, slow_state.slow_deviation);
     }
-    if moving.adaptation.is_some() {
-        offset = l.add_f(offset, lingering.threshold_rise);
+    if dynamics.adaptation.is_some() {
+        offset = l.add_f(offset, slow_state.threshold_rise);
     }
-    if moving.droop != 0.0 {
+    if dynamics.droop != 0.0 {
         offset = l.add_f(offset, l.splat_f(droop));
     }
-    let offset = to_fixed_point(l, l.mul_f(offset, moved.threshold), true);
-    if moving.comparator_noise == 0.0 {
+    let offset = to_fixed_point(l, l.mul_f(offset, thresholds.threshold), true);
+    if dynamics.comparator_noise == 0.0 {
         return (offset, None);
     }
     let z = l.to_f(l.widen(l.gauss(hash(l, c.pair_keys, &modulation.comparator_noise[t]))));
-    let only = l.mul_f(l.mul_f(z, l.splat_f(moving.comparator_noise)), moved.threshold);
+    let only = l.mul_f(l.mul_f(z, l.splat_f(dynamics.comparator_noise)), thresholds.threshold);
     (offset, Some(to_fixed_point(l, only, true)))
 }

@@ -111,8 +111,8 @@ fn select_halves<L: Lanes>(l: L, m: L::Mask, a: Halves<L>, b: Halves<L>) -> Halv
 /// threshold.
 #[inline(always)]
 pub(super) fn needs_words(job: &Job<'_>) -> bool {
-    let undecided = !job.plan.tables().jitter_width.is_empty();
-    undecided
+    let has_jitter = !job.plan.tables().jitter_width.is_empty();
+    has_jitter
         || job.plan.rules().retained_remainder != 1.0
         || matches!(job.plan.tables().noise, Some(NoiseTable::Fine(_)))
 }
@@ -145,9 +145,9 @@ pub(super) fn compare<L: Lanes>(
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     let rules = job.plan.rules();
-    let fresh = threshold_noise(l, job, t, constants);
+    let new_noise = threshold_noise(l, job, t, constants);
     let frozen = rules.noise_sampling == NoiseSampling::EveryReset;
-    let noise = if frozen { pixel.frozen_noise } else { fresh };
+    let noise = if frozen { pixel.frozen_noise } else { new_noise };
     let counts = rules.counts_surplus && !below;
     if counts {
         normalize_surplus(l, pixel, constants.threshold);
@@ -160,7 +160,7 @@ pub(super) fn compare<L: Lanes>(
         pixel.charge = l.sub_where(reached, pixel.charge, l.add(constants.threshold, noise));
     }
     if frozen {
-        pixel.frozen_noise = l.select(fired, fresh, pixel.frozen_noise);
+        pixel.frozen_noise = l.select(fired, new_noise, pixel.frozen_noise);
     }
     fired
 }
@@ -187,16 +187,16 @@ pub(super) fn compare_offset<L: Lanes>(
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     let rules = job.plan.rules();
-    let fresh = threshold_noise(l, job, t, constants);
+    let new_noise = threshold_noise(l, job, t, constants);
     let frozen = rules.noise_sampling == NoiseSampling::EveryReset;
-    let noise = if frozen { pixel.frozen_noise } else { fresh };
+    let noise = if frozen { pixel.frozen_noise } else { new_noise };
     let counts = rules.counts_surplus && !below;
     if counts {
         normalize_surplus(l, pixel, constants.threshold);
     }
     let sign = l.splat(i16::MIN);
-    let (whole, part) = halves(l, moved);
-    let (noise, flipped) = (l.add(noise, whole), l.xor(part, sign));
+    let (integer, part) = halves(l, moved);
+    let (noise, flipped) = (l.add(noise, integer), l.xor(part, sign));
     // If the fraction of the charge is smaller than the fraction of the noise, the subtraction of the fractions borrows
     // one step.
     let borrow = l.greater(flipped, pixel.fraction);
@@ -223,7 +223,7 @@ pub(super) fn compare_offset<L: Lanes>(
         count_surplus(l, rules.extra_thresholds, reached, constants.threshold, pixel);
     }
     if frozen {
-        pixel.frozen_noise = l.select(fired, fresh, pixel.frozen_noise);
+        pixel.frozen_noise = l.select(fired, new_noise, pixel.frozen_noise);
     }
     fired
 }
@@ -246,7 +246,7 @@ pub(super) fn compare_words<L: Lanes>(
 ) -> L::Mask {
     let (tables, rules) = (job.plan.tables(), job.plan.rules());
     let frozen = rules.noise_sampling == NoiseSampling::EveryReset;
-    let fresh = match &tables.noise {
+    let new_noise = match &tables.noise {
         None => l.splat_w(0),
         Some(table) => {
             let z = l.gauss(hash(l, constants.pair_keys, &job.batch.round_keys().noise[t].thermal));
@@ -258,14 +258,14 @@ pub(super) fn compare_words<L: Lanes>(
             }
         }
     };
-    let mut noise = if frozen { l.join(pixel.frozen_noise, pixel.frozen_noise_fraction) } else { fresh };
+    let mut noise = if frozen { l.join(pixel.frozen_noise, pixel.frozen_noise_fraction) } else { new_noise };
     if rules.counts_surplus {
         normalize_surplus(l, pixel, constants.threshold);
     }
     let charge = pixel.word(l);
     let mut bar = noise;
-    if let Some((moved, only)) = offsets {
-        noise = l.add_w(noise, moved);
+    if let Some((offset, only)) = offsets {
+        noise = l.add_w(noise, offset);
         bar = only.map_or(noise, |only| l.add_w(noise, only));
     }
     let mut reached = l.not(l.greater_w(bar, charge));
@@ -284,18 +284,18 @@ pub(super) fn compare_words<L: Lanes>(
     pixel.surplus = l.sub_where(borrowed, pixel.surplus, l.splat(1));
     if rules.retained_remainder != 1.0 {
         let remainder = l.to_f(l.add_w(reset, threshold));
-        let kept = to_fixed_point(l, l.mul_f(remainder, l.splat_f(rules.retained_remainder)), true);
+        let retained = to_fixed_point(l, l.mul_f(remainder, l.splat_f(rules.retained_remainder)), true);
         reset = if rules.counts_surplus {
-            lose_surplus(l, rules.lost_remainder, constants.threshold, kept, fired, pixel)
+            lose_surplus(l, rules.lost_remainder, constants.threshold, retained, fired, pixel)
         } else {
-            l.sub_w(kept, threshold)
+            l.sub_w(retained, threshold)
         };
     }
     pixel.set_word(l, l.select_w(fired, reset, charge));
     count_surplus(l, rules.extra_thresholds, reached, constants.threshold, pixel);
     if frozen {
-        pixel.frozen_noise = l.select(fired, l.high(fresh), pixel.frozen_noise);
-        pixel.frozen_noise_fraction = l.select(fired, l.low(fresh), pixel.frozen_noise_fraction);
+        pixel.frozen_noise = l.select(fired, l.high(new_noise), pixel.frozen_noise);
+        pixel.frozen_noise_fraction = l.select(fired, l.low(new_noise), pixel.frozen_noise_fraction);
     }
     fired
 }
@@ -315,15 +315,15 @@ fn lose_surplus<L: Lanes>(
     pixel: &mut Pixels<L>,
 ) -> L::Word {
     let lost = l.mul_f(l.to_f(l.widen(pixel.surplus)), l.splat_f(share));
-    let whole = l.truncate(lost);
-    pixel.surplus = l.sub_where(fired, pixel.surplus, l.low(whole));
+    let integer = l.truncate(lost);
+    pixel.surplus = l.sub_where(fired, pixel.surplus, l.low(integer));
     let threshold = l.join(threshold, l.splat(0));
-    let part = l.sub_f(lost, l.to_f(whole));
+    let part = l.sub_f(lost, l.to_f(integer));
     let left = l.sub_w(stored, to_fixed_point(l, l.mul_f(part, l.to_f(threshold)), true));
     let zero = l.splat(0);
-    let taken = l.and(fired, l.and(l.greater(zero, l.high(left)), l.greater(pixel.surplus, zero)));
-    pixel.surplus = l.sub_where(taken, pixel.surplus, l.splat(1));
-    l.select_w(taken, left, l.sub_w(left, threshold))
+    let is_taken = l.and(fired, l.and(l.greater(zero, l.high(left)), l.greater(pixel.surplus, zero)));
+    pixel.surplus = l.sub_where(is_taken, pixel.surplus, l.splat(1));
+    l.select_w(is_taken, left, l.sub_w(left, threshold))
 }
 
 #[inline(always)]

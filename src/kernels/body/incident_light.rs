@@ -13,18 +13,18 @@ use crate::plan::Dynamics;
 pub(super) fn with_crosstalk<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    moving: &Dynamics,
+    dynamics: &Dynamics,
     samples: Samples<'_>,
     p: usize,
 ) -> L::Float {
-    let own = load_samples(l, samples, p);
-    if moving.crosstalk == 0.0 {
-        return own;
+    let light = load_samples(l, samples, p);
+    if dynamics.crosstalk == 0.0 {
+        return light;
     }
     let geometry = job.plan.geometry();
     let around = l.load_f(&sum_neighbors(samples, p, geometry.width(), geometry.pixels()), 0);
-    let gained = l.sub_f(around, l.mul_f(own, l.splat_f(4.0)));
-    l.add_f(own, l.mul_f(gained, l.splat_f(moving.crosstalk * 0.25)))
+    let gained = l.sub_f(around, l.mul_f(light, l.splat_f(4.0)));
+    l.add_f(light, l.mul_f(gained, l.splat_f(dynamics.crosstalk * 0.25)))
 }
 
 /// Returns the light of a frame that arrives at the pixels, in 1/255 of full scale.
@@ -32,7 +32,7 @@ pub(super) fn with_crosstalk<L: Lanes>(
 pub(super) fn incident<L: Lanes>(l: L, job: &Job<'_>, samples: Samples<'_>, p: usize) -> L::Float {
     match job.plan.dynamics() {
         None => load_samples(l, samples, p),
-        Some(moving) => with_crosstalk(l, job, moving, samples, p),
+        Some(dynamics) => with_crosstalk(l, job, dynamics, samples, p),
     }
 }
 
@@ -45,19 +45,19 @@ pub(super) fn effective<L: Lanes>(l: L, job: &Job<'_>, light: L::Float) -> L::Fl
     // scale by a rounding error.
     let light = clamp_light(l, job.plan.rules().max_light, light, true);
     match job.plan.dynamics() {
-        Some(moving) => nonlinear(l, moving, light),
+        Some(dynamics) => nonlinear(l, dynamics, light),
         None => light,
     }
 }
 
 /// Returns `light` after the nonlinear response.
 #[inline(always)]
-fn nonlinear<L: Lanes>(l: L, moving: &Dynamics, light: L::Float) -> L::Float {
-    if moving.quadratic == 0.0 {
+fn nonlinear<L: Lanes>(l: L, dynamics: &Dynamics, light: L::Float) -> L::Float {
+    if dynamics.quadratic == 0.0 {
         return light;
     }
-    let light = l.min_f(light, l.splat_f(moving.peak));
-    l.add_f(light, l.mul_f(l.mul_f(light, light), l.splat_f(moving.quadratic)))
+    let light = l.min_f(light, l.splat_f(dynamics.peak));
+    l.add_f(light, l.mul_f(l.mul_f(light, light), l.splat_f(dynamics.quadratic)))
 }
 
 /// Returns the sums of the light of the four neighbors for 32 pixels, starting at pixel `first`.
@@ -84,19 +84,19 @@ fn sum_neighbors(samples: Samples<'_>, first: usize, width: usize, pixels: usize
 pub(super) fn lagged<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    moving: &Dynamics,
+    dynamics: &Dynamics,
     t: usize,
     light: L::Float,
-    lingering: &mut SlowState<L>,
+    slow_state: &mut SlowState<L>,
 ) -> L::Float {
     let mut light = clamp_light(l, job.plan.rules().max_light, light, true);
-    if moving.schedule.is_some() {
+    if dynamics.schedule.is_some() {
         light = l.mul_f(light, l.splat_f(job.batch.modulation().light_factors[t]));
     }
-    light = nonlinear(l, moving, light);
-    let Some(lag) = moving.lag else { return light };
-    let late = lingering.lagged_light;
-    lingering.lagged_light = l.add_f(late, l.mul_f(l.sub_f(light, late), l.splat_f(lag.arrival_share)));
+    light = nonlinear(l, dynamics, light);
+    let Some(lag) = dynamics.lag else { return light };
+    let late = slow_state.lagged_light;
+    slow_state.lagged_light = l.add_f(late, l.mul_f(l.sub_f(light, late), l.splat_f(lag.arrival_share)));
     l.add_f(light, l.mul_f(l.sub_f(late, light), l.splat_f(lag.fraction)))
 }
 
@@ -106,18 +106,18 @@ pub(super) fn lagged<L: Lanes>(
 pub(super) fn dark_current<L: Lanes>(
     l: L,
     job: &Job<'_>,
-    moving: &Dynamics,
+    dynamics: &Dynamics,
     c: &Constants<L>,
     mean: L::Float,
     t: usize,
-    lingering: &mut SlowState<L>,
+    slow_state: &mut SlowState<L>,
 ) -> L::Float {
-    let Some(telegraph) = &moving.telegraph else { return mean };
+    let Some(telegraph) = &dynamics.telegraph else { return mean };
     let switches = general::is_below(l, c.pair_keys, &job.batch.modulation().telegraph, t, telegraph.rate);
     let change = l.select(switches, l.splat(-1), l.splat(0));
-    lingering.is_dark_low = l.xor(lingering.is_dark_low, change);
+    slow_state.is_dark_low = l.xor(slow_state.is_dark_low, change);
     let amplitude = l.load_f(&telegraph.amplitude, c.p);
-    let is_low = l.greater(l.splat(0), lingering.is_dark_low);
+    let is_low = l.greater(l.splat(0), slow_state.is_dark_low);
     let (less, more) = (l.sub_f(mean, amplitude), l.add_f(mean, amplitude));
     select_f(l, is_low, less, more)
 }

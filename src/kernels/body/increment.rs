@@ -185,11 +185,11 @@ pub(super) trait Sample: Copy {
     /// Returns each pixel's smallest sample in `frames`, in 1/255 of full scale.
     #[inline(always)]
     fn min_light<L: Lanes>(l: L, frames: &[&[Self]], at: usize) -> L::Float {
-        let mut least = l.splat_f(f32::MAX);
+        let mut minimum = l.splat_f(f32::MAX);
         for frame in frames {
-            least = l.min_f(least, Self::load_light(l, frame, at));
+            minimum = l.min_f(minimum, Self::load_light(l, frame, at));
         }
-        least
+        minimum
     }
     /// Returns the samples if `Self` is their type.
     fn from_samples(samples: Samples<'_>) -> Option<&[Self]>;
@@ -208,11 +208,11 @@ impl Sample for u8 {
     }
     #[inline(always)]
     fn min_light<L: Lanes>(l: L, frames: &[&[Self]], at: usize) -> L::Float {
-        let mut least = l.splat(255);
+        let mut minimum = l.splat(255);
         for frame in frames {
-            least = l.min(least, l.load_bytes(frame, at));
+            minimum = l.min(minimum, l.load_bytes(frame, at));
         }
-        l.to_f(l.widen(least))
+        l.to_f(l.widen(minimum))
     }
     const IS_UNBOUNDED: bool = false;
 }
@@ -243,11 +243,11 @@ impl Sample for f32 {
 
 /// Clamps light to the plan's maximum. Bounded samples need no clamp if the plan's maximum is at least full scale.
 #[inline(always)]
-pub(super) fn clamp_light<L: Lanes>(l: L, greatest: f32, light: L::Float, unbounded: bool) -> L::Float {
-    if greatest >= 255.0 && !unbounded {
+pub(super) fn clamp_light<L: Lanes>(l: L, max_light: f32, light: L::Float, unbounded: bool) -> L::Float {
+    if max_light >= 255.0 && !unbounded {
         return light;
     }
-    l.min_f(light, l.splat_f(greatest))
+    l.min_f(light, l.splat_f(max_light))
 }
 
 /// Returns the light of `N` pixels in 1/255 of full scale. The padding of the last vector is 0.

@@ -39,8 +39,8 @@ impl<'a> InterpolatedPass<'a> {
     ///
     /// Returns `None` for a single held frame, for plans with dynamics, and for plans whose increments must be clipped.
     pub(super) fn from_pass(job: &Job<'_>, pass: &Pass<'a>) -> Option<Self> {
-        let held = matches!(pass.segments, [(_, SegmentLight::Hold(_))]);
-        if held || job.plan.dynamics().is_some() || job.plan.rules().needs_clip {
+        let is_held = matches!(pass.segments, [(_, SegmentLight::Hold(_))]);
+        if is_held || job.plan.dynamics().is_some() || job.plan.rules().needs_clip {
             return None;
         }
         let mut ends = [[0.0; 2]; MAX_PASS_FRAMES];
@@ -89,13 +89,13 @@ impl<'a> InterpolatedPass<'a> {
     fn is_bright<L: Lanes>(&self, l: L, job: &Job<'_>, vectors: [&Constants<L>; 2]) -> bool {
         // These are loops, because a closure would be compiled without the instructions of its caller.
         for c in vectors {
-            let mut least = l.splat_f(f32::MAX);
+            let mut minimum = l.splat_f(f32::MAX);
             for ((_, light), [low, high]) in self.segments.iter().zip(&self.weight_ranges) {
                 let line = light_line(l, light, c.p);
-                least = l.min_f(least, at_weight(l, job, line, *low));
-                least = l.min_f(least, at_weight(l, job, line, *high));
+                minimum = l.min_f(minimum, at_weight(l, job, line, *low));
+                minimum = l.min_f(minimum, at_weight(l, job, line, *high));
             }
-            if l.any_less_f(least, c.whole_noise_min_light) {
+            if l.any_less_f(minimum, c.whole_noise_min_light) {
                 return false;
             }
         }

@@ -12,7 +12,7 @@
 //! ```
 
 use crate::kernels::body::increment::{Increment, Sample, clamp_light, load_sample_bytes, load_samples};
-use crate::kernels::body::pass::{Ahead, MAX_PASS_FRAMES, Pass, passes};
+use crate::kernels::body::pass::{MAX_PASS_FRAMES, Pass, Prefetch, passes};
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step;
 use crate::kernels::isa::lanes::Lanes;
@@ -32,9 +32,9 @@ pub(super) fn noiseless<L: Lanes, const STORE: u8, const WHOLE: bool>(
 ) {
     let pixels = job.plan.geometry().pixels().saturating_sub(job.range().start);
     for pass in passes(job) {
-        let (bytes, next_bytes) = (pass.frames::<u8>(), pass.ahead::<u8>());
-        let (shorts, next_shorts) = (pass.frames::<u16>(), pass.ahead::<u16>());
-        let (floats, next_floats) = (pass.frames::<f32>(), pass.ahead::<f32>());
+        let (bytes, next_bytes) = (pass.frames::<u8>(), pass.prefetch::<u8>());
+        let (shorts, next_shorts) = (pass.frames::<u16>(), pass.prefetch::<u16>());
+        let (floats, next_floats) = (pass.frames::<f32>(), pass.prefetch::<f32>());
         let mut at = 0;
         while at + VECTORS_PER_STEP * L::N <= job.pixels() {
             let inside = at + VECTORS_PER_STEP * L::N <= pixels;
@@ -130,7 +130,7 @@ fn run_whole_frames<L: Lanes, const STORE: u8, const U: usize>(
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
-    (frames, next): (&[&[u8]; MAX_PASS_FRAMES], &Ahead<'_, u8>),
+    (frames, next): (&[&[u8]; MAX_PASS_FRAMES], &Prefetch<'_, u8>),
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
     next.fetch(l, constants[0].p, U * L::N);
@@ -156,17 +156,17 @@ fn run_typed_frames<L: Lanes, T: Sample, const STORE: u8, const U: usize>(
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
-    (frames, next): (&[&[T]; MAX_PASS_FRAMES], &Ahead<'_, T>),
+    (frames, next): (&[&[T]; MAX_PASS_FRAMES], &Prefetch<'_, T>),
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
-    let greatest = job.plan.rules().max_light;
+    let max_light = job.plan.rules().max_light;
     next.fetch(l, constants[0].p, U * L::N);
     let (mut rows, mut frames) = (pass.bits(job, out), frames.iter());
     while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
         let frame = &frame[constants[0].p..][..U * L::N];
         let row = &mut row[at / 8..][..U * L::N / 8];
         for u in 0..U {
-            let light = clamp_light(l, greatest, T::load_light(l, frame, u * L::N), T::IS_UNBOUNDED);
+            let light = clamp_light(l, max_light, T::load_light(l, frame, u * L::N), T::IS_UNBOUNDED);
             let increment = Increment::new::<false, false>(l, &constants[u], light);
             let fired = step::noiseless::<L, STORE, false>(l, &constants[u], &increment, &mut pixels[u]);
             l.store_bits(row, u * L::N / 8, fired);
@@ -187,13 +187,13 @@ fn run_segments<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
     let bytes = job.tile_bytes();
-    let greatest = job.plan.rules().max_light;
+    let max_light = job.plan.rules().max_light;
     for (readouts, light) in pass.segments {
         match *light {
             SegmentLight::Hold(samples) => {
-                let mut increments = [held_increment::<L, WHOLE>(l, &constants[0], greatest, samples); U];
+                let mut increments = [held_increment::<L, WHOLE>(l, &constants[0], max_light, samples); U];
                 for u in 1..U {
-                    increments[u] = held_increment::<L, WHOLE>(l, &constants[u], greatest, samples);
+                    increments[u] = held_increment::<L, WHOLE>(l, &constants[u], max_light, samples);
                 }
                 let rows = &mut out[readouts.start * bytes..readouts.end * bytes];
                 for row in rows.chunks_exact_mut(bytes) {
@@ -216,9 +216,9 @@ fn run_segments<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
                     for u in 0..U {
                         let c = &constants[u];
                         let start = load_samples(l, from, c.p);
-                        let way = l.sub_f(load_samples(l, to, c.p), start);
-                        let light = l.add_f(start, l.mul_f(way, l.splat_f(weight)));
-                        let light = clamp_light(l, greatest, light, true);
+                        let difference = l.sub_f(load_samples(l, to, c.p), start);
+                        let light = l.add_f(start, l.mul_f(difference, l.splat_f(weight)));
+                        let light = clamp_light(l, max_light, light, true);
                         let increment = Increment::new::<false, false>(l, c, light);
                         let fired = step::noiseless::<L, STORE, false>(l, c, &increment, &mut pixels[u]);
                         l.store_bits(row, u * L::N / 8, fired);
@@ -235,13 +235,13 @@ fn run_segments<L: Lanes, const STORE: u8, const WHOLE: bool, const U: usize>(
 fn held_increment<L: Lanes, const WHOLE: bool>(
     l: L,
     c: &Constants<L>,
-    greatest: f32,
+    max_light: f32,
     samples: Samples<'_>,
 ) -> Increment<L> {
     match samples {
         Samples::U8(s) if WHOLE => Increment::from_bytes(l, c, load_sample_bytes(l, s, c.p)),
         _ => {
-            let light = clamp_light(l, greatest, load_samples(l, samples, c.p), samples.is_unbounded());
+            let light = clamp_light(l, max_light, load_samples(l, samples, c.p), samples.is_unbounded());
             Increment::new::<false, false>(l, c, light)
         }
     }

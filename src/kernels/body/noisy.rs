@@ -37,23 +37,26 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool,
     out: &mut [u8],
 ) {
     for pass in passes(job) {
-        let fresh = PerReadoutFrames::from_pass(job, &pass);
+        let per_readout = PerReadoutFrames::from_pass(job, &pass);
         let two = !ANY || EXTRA;
-        let plain = !ANY && fresh.as_ref().is_some_and(|fresh| fresh.needs_no_clipping(job));
-        let ways = if two && !plain { InterpolatedPass::from_pass(job, &pass) } else { None };
+        let unclipped =
+            !ANY && per_readout.as_ref().is_some_and(|per_readout| per_readout.needs_no_clipping(job));
+        let interpolated = if two && !unclipped { InterpolatedPass::from_pass(job, &pass) } else { None };
         let mut at = 0;
         while at < job.pixels() {
-            let done = match (&fresh, &ways) {
-                (Some(fresh), _) if plain => fresh.run::<L, NOISE, STORE>(l, job, &pass, at, state, out),
-                (_, Some(ways)) => ways.run::<L, NOISE, STORE, EXTRA>(l, job, at, state, out),
+            let done = match (&per_readout, &interpolated) {
+                (Some(per_readout), _) if unclipped => {
+                    per_readout.run::<L, NOISE, STORE>(l, job, &pass, at, state, out)
+                }
+                (_, Some(interpolated)) => interpolated.run::<L, NOISE, STORE, EXTRA>(l, job, at, state, out),
                 _ => two && pair::<L, NOISE, STORE, EXTRA>(l, job, &pass, at, state, out),
             };
             let count = if done { 2 * L::N } else { L::N };
             if !done {
                 run_vector::<L, NOISE, STORE, ANY>(l, job, &pass, at, state, out);
             }
-            if let Some(fresh) = &fresh {
-                fresh.prefetch(l, job.range().start + at, count);
+            if let Some(per_readout) = &per_readout {
+                per_readout.prefetch(l, job.range().start + at, count);
             }
             at += count;
         }
@@ -78,7 +81,7 @@ fn run_vector<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
             SegmentLight::Linear { from, to, weights } => (from, Some(to), weights),
         };
         let start = incident(l, job, from, c.p);
-        let way = match to {
+        let difference = match to {
             Some(to) => l.sub_f(incident(l, job, to, c.p), start),
             None => l.splat_f(0.0),
         };
@@ -89,7 +92,7 @@ fn run_vector<L: Lanes, const NOISE: u8, const STORE: u8, const ANY: bool>(
                 Some(weight) => (*weight, t + 1),
                 None => (0.0, readouts.end),
             };
-            let light = effective(l, job, l.add_f(start, l.mul_f(way, l.splat_f(weight))));
+            let light = effective(l, job, l.add_f(start, l.mul_f(difference, l.splat_f(weight))));
             run_constant_light::<L, NOISE, STORE, ANY>(l, job, &c, &mut pixels, t..end, light, out, at);
             t = end;
         }

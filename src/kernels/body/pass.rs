@@ -32,12 +32,12 @@ pub(super) struct Pass<'a> {
 ///
 /// The hardware prefetchers of the CPU stop at the end of a page, and a pass reads at most a page of each frame. Without
 /// this prefetch, the first access to each frame would be a cache miss.
-pub(super) struct Ahead<'a, T> {
+pub(super) struct Prefetch<'a, T> {
     frames: [&'a [T]; MAX_PASS_FRAMES],
-    further: usize,
+    offset: usize,
 }
 
-impl<T: Sample> Ahead<'_, T> {
+impl<T: Sample> Prefetch<'_, T> {
     /// Prefetches `count` samples of each frame that are read after the present pixels, which start at pixel `p`.
     #[inline(always)]
     pub(super) fn fetch<L: Lanes>(&self, l: L, p: usize, count: usize) {
@@ -45,7 +45,7 @@ impl<T: Sample> Ahead<'_, T> {
             let mut at = 0;
             while at < count {
                 // After the last tile, the address is outside the frame. A prefetch accepts any address.
-                l.prefetch(frame.as_ptr().wrapping_add(p + self.further + at).cast());
+                l.prefetch(frame.as_ptr().wrapping_add(p + self.offset + at).cast());
                 at += const { CACHE_LINE_BYTES / size_of::<T>() };
             }
         }
@@ -77,8 +77,8 @@ pub(super) fn passes<'a>(job: &Job<'a>) -> impl Iterator<Item = Pass<'a>> + use<
         let segments = first_pass(&all[first..])?;
         first += segments.len();
         // After the last pass of a tile, the first pass of the next tile is prefetched.
-        let (next, further) = if first < all.len() { (first, 0) } else { (0, tile) };
-        let next = (&all[next..all.len().min(next + MAX_PASS_FRAMES)], further);
+        let (next, offset) = if first < all.len() { (first, 0) } else { (0, tile) };
+        let next = (&all[next..all.len().min(next + MAX_PASS_FRAMES)], offset);
         Some(Pass { segments, single_sample_kind: single_sample_kind(segments), next })
     })
 }
@@ -90,8 +90,8 @@ fn first_pass<'a>(
     let long = |(readouts, light): &(Range<usize>, SegmentLight<'_>)| {
         matches!(light, SegmentLight::Hold(_)) && readouts.len() >= MIN_HELD_READOUTS
     };
-    let alone = long(left.first()?);
-    let end = if alone { 1 } else { left.iter().position(long).unwrap_or(left.len()).min(MAX_PASS_FRAMES) };
+    let is_long = long(left.first()?);
+    let end = if is_long { 1 } else { left.iter().position(long).unwrap_or(left.len()).min(MAX_PASS_FRAMES) };
     Some(&left[..end])
 }
 
@@ -108,13 +108,14 @@ fn frames<'a, T: Sample>(segments: &[(Range<usize>, SegmentLight<'a>)]) -> [&'a 
 }
 
 fn single_sample_kind<'a>(segments: &[(Range<usize>, SegmentLight<'a>)]) -> Option<Samples<'a>> {
-    let held = |light: &SegmentLight<'a>| match light {
+    let held_samples = |light: &SegmentLight<'a>| match light {
         SegmentLight::Hold(samples) => Some(*samples),
         SegmentLight::Linear { .. } => None,
     };
-    let first = held(&segments.first()?.1)?;
+    let first = held_samples(&segments.first()?.1)?;
     let alike = |(readouts, light): &(Range<usize>, SegmentLight<'a>)| {
-        let kind = held(light).is_some_and(|s| std::mem::discriminant(&s) == std::mem::discriminant(&first));
+        let kind =
+            held_samples(light).is_some_and(|s| std::mem::discriminant(&s) == std::mem::discriminant(&first));
         kind && readouts.len() == 1
     };
     segments.iter().all(alike).then_some(first)
@@ -144,8 +145,8 @@ impl<'a> Pass<'a> {
     }
 
     /// Returns the frames that are read after this pass, for prefetching.
-    pub(super) fn ahead<T: Sample>(&self) -> Ahead<'a, T> {
-        Ahead { frames: frames(self.next.0), further: self.next.1 }
+    pub(super) fn prefetch<T: Sample>(&self) -> Prefetch<'a, T> {
+        Prefetch { frames: frames(self.next.0), offset: self.next.1 }
     }
 }
 

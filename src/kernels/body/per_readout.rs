@@ -8,7 +8,7 @@
 //! ```
 
 use crate::kernels::body::increment::{Increment, Sample, clamp_light};
-use crate::kernels::body::pass::{Ahead, MAX_PASS_FRAMES, Pass, Rows};
+use crate::kernels::body::pass::{MAX_PASS_FRAMES, Pass, Prefetch, Rows};
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::step;
 use crate::kernels::isa::lanes::Lanes;
@@ -25,7 +25,7 @@ pub(super) enum PerReadoutFrames<'a> {
 pub(super) struct TypedFrames<'a, T> {
     frames: [&'a [T]; MAX_PASS_FRAMES],
     count: usize,
-    next: Ahead<'a, T>,
+    next: Prefetch<'a, T>,
 }
 
 impl<'a> PerReadoutFrames<'a> {
@@ -81,7 +81,7 @@ impl<'a> PerReadoutFrames<'a> {
 
 impl<'a, T: Sample> TypedFrames<'a, T> {
     fn from_pass(pass: &Pass<'a>) -> Self {
-        Self { frames: pass.frames(), count: pass.segments.len(), next: pass.ahead() }
+        Self { frames: pass.frames(), count: pass.segments.len(), next: pass.prefetch() }
     }
 
     #[inline(always)]
@@ -100,10 +100,10 @@ impl<'a, T: Sample> TypedFrames<'a, T> {
         if at + 2 * L::N > job.pixels() || first + 2 * L::N > job.plan.geometry().pixels() {
             return false;
         }
-        let greatest = job.plan.rules().max_light;
+        let max_light = job.plan.rules().max_light;
         let c = Constants::load::<NOISE, STORE, false>(l, job, first);
         let d = Constants::load::<NOISE, STORE, false>(l, job, first + L::N);
-        if !self.is_bright(l, greatest, &c) || !self.is_bright(l, greatest, &d) {
+        if !self.is_bright(l, max_light, &c) || !self.is_bright(l, max_light, &d) {
             return false;
         }
         let (c, d) = (Constants { needs_clip: false, ..c }, Constants { needs_clip: false, ..d });
@@ -112,8 +112,8 @@ impl<'a, T: Sample> TypedFrames<'a, T> {
         let (mut rows, mut frames) = (Rows::new(job, pass.readouts(), out), self.frames[..self.count].iter());
         while let (Some(row), Some(frame)) = (rows.next(), frames.next()) {
             let frame = &frame[first..][..2 * L::N];
-            let light = clamp_light(l, greatest, T::load_light(l, frame, 0), T::IS_UNBOUNDED);
-            let more = clamp_light(l, greatest, T::load_light(l, frame, L::N), T::IS_UNBOUNDED);
+            let light = clamp_light(l, max_light, T::load_light(l, frame, 0), T::IS_UNBOUNDED);
+            let more = clamp_light(l, max_light, T::load_light(l, frame, L::N), T::IS_UNBOUNDED);
             let increments =
                 [&Increment::for_bright_light(l, &c, light), &Increment::for_bright_light(l, &d, more)];
             let both = [&mut pixels, &mut others];
@@ -129,8 +129,8 @@ impl<'a, T: Sample> TypedFrames<'a, T> {
 
     /// Returns whether no pixel of the vector needs fractional noise in any of these frames.
     #[inline(always)]
-    fn is_bright<L: Lanes>(&self, l: L, greatest: f32, c: &Constants<L>) -> bool {
-        let least = T::min_light(l, &self.frames[..self.count], c.p);
-        !l.any_less_f(clamp_light(l, greatest, least, true), c.whole_noise_min_light)
+    fn is_bright<L: Lanes>(&self, l: L, max_light: f32, c: &Constants<L>) -> bool {
+        let minimum = T::min_light(l, &self.frames[..self.count], c.p);
+        !l.any_less_f(clamp_light(l, max_light, minimum, true), c.whole_noise_min_light)
     }
 }

@@ -238,7 +238,7 @@ impl<L: Lanes> Constants<L> {
             whole_gain: _,
             dark,
             ceiling,
-            jitter_width: undecided,
+            jitter_width,
             shot,
             noise,
         } = job.plan.tables();
@@ -257,7 +257,7 @@ impl<L: Lanes> Constants<L> {
         } = *job.plan.rules();
         let none = l.splat_f(0.0);
         let late = ALL || NOISE & CORRELATED != 0;
-        let undecided = load_optional(l, late, undecided, p);
+        let jitter = load_optional(l, late, jitter_width, p);
         let (whole_from, slope, offset) = match shot {
             Some(s) => (l.load_f(&s.whole_noise_min_light, p), l.load_f(&s.slope, p), l.load_f(&s.offset, p)),
             None => (none, none, none),
@@ -267,8 +267,8 @@ impl<L: Lanes> Constants<L> {
             threshold: l.load(threshold, p),
             ceiling: load_optional(l, ALL || STORE == STORE_CLAMPED, ceiling, p),
             pair_keys: l.load_pairs(pair_keys, p / 2),
-            jitter_width: undecided,
-            has_jitter: late && l.bits(l.greater(undecided, l.splat(0))) != 0,
+            jitter_width: jitter,
+            has_jitter: late && l.bits(l.greater(jitter, l.splat(0))) != 0,
             release_share: released,
             noise: match noise {
                 Some(NoiseTable::Whole(m)) if ALL || noise_kind(NOISE) != NOISE_NONE => l.load(m, p),

@@ -102,7 +102,7 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
             ),
         );
     }
-    let fresh = if noise_kind(NOISE) == NOISE_NONE {
+    let new_noise = if noise_kind(NOISE) == NOISE_NONE {
         l.splat(0)
     } else {
         l.scale(l.gauss(hash(l, constants.pair_keys, row.thermal)), constants.noise)
@@ -112,7 +112,7 @@ pub(super) fn noisy<L: Lanes, const NOISE: u8, const STORE: u8>(
     } else {
         None
     };
-    fire::<L, NOISE, STORE, false>(l, constants, fresh, chance, pixel)
+    fire::<L, NOISE, STORE, false>(l, constants, new_noise, chance, pixel)
 }
 
 /// Runs one readout of two vectors without [`FractionalNoise`] and returns the reported bits.
@@ -131,11 +131,11 @@ pub(super) fn noisy_pair<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA
 ) -> [L::Mask; 2] {
     let ([c, d], [increment, other], [pixel, more]) = (constants, increments, pixels);
     let keys = [c.pair_keys, d.pair_keys];
-    let mut fresh = [l.splat(0); 2];
+    let mut new_noise = [l.splat(0); 2];
     if noise_kind(NOISE) != NOISE_NONE {
         let [first, second] = hash_pair(l, keys, row.thermal);
         let [first, second] = l.pin_pair([l.gauss(first), l.gauss(second)]);
-        fresh = [l.scale(first, c.noise), l.scale(second, d.noise)];
+        new_noise = [l.scale(first, c.noise), l.scale(second, d.noise)];
     }
     let mut shot = [l.splat(0); 2];
     if SHOT {
@@ -148,9 +148,9 @@ pub(super) fn noisy_pair<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA
         chances = [Some(first), Some(second)];
     }
     accumulate::<L, NOISE, EXTRA, SHOT>(l, c, increment, shot[0], pixel);
-    let fired = fire::<L, NOISE, STORE, EXTRA>(l, c, fresh[0], chances[0], pixel);
+    let fired = fire::<L, NOISE, STORE, EXTRA>(l, c, new_noise[0], chances[0], pixel);
     accumulate::<L, NOISE, EXTRA, SHOT>(l, d, other, shot[1], more);
-    [fired, fire::<L, NOISE, STORE, EXTRA>(l, d, fresh[1], chances[1], more)]
+    [fired, fire::<L, NOISE, STORE, EXTRA>(l, d, new_noise[1], chances[1], more)]
 }
 
 /// Adds an increment and the noise of its quanta. `z` is the normal draw.
@@ -193,14 +193,14 @@ fn accumulate<L: Lanes, const NOISE: u8, const EXTRA: bool, const SHOT: bool>(
 fn fire<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
     l: L,
     constants: &Constants<L>,
-    fresh: L::Half,
+    new_noise: L::Half,
     chance: Option<L::Half>,
     pixel: &mut Pixels<L>,
 ) -> L::Mask {
     if STORE == STORE_CLAMPED {
         pixel.charge = l.min(pixel.charge, constants.ceiling);
     }
-    let noise = if noise_kind(NOISE) == NOISE_RESET { pixel.frozen_noise } else { fresh };
+    let noise = if noise_kind(NOISE) == NOISE_RESET { pixel.frozen_noise } else { new_noise };
     if STORE == STORE_SURPLUS {
         normalize_surplus(l, pixel, constants.threshold);
     }
@@ -224,7 +224,7 @@ fn fire<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
         pixel.charge = l.sub_where(reached, pixel.charge, amount);
     }
     if noise_kind(NOISE) == NOISE_RESET {
-        pixel.frozen_noise = l.select(fired, fresh, pixel.frozen_noise);
+        pixel.frozen_noise = l.select(fired, new_noise, pixel.frozen_noise);
     }
     if EXTRA {
         pixel.fired = l.select(fired, l.splat(-1), l.splat(0));
@@ -253,16 +253,16 @@ pub(super) fn stays_below<L: Lanes>(
     constants: &Constants<L>,
     increment: &Increment<L>,
     pixels: &Pixels<L>,
-    sway: L::Half,
+    jitter: L::Half,
 ) -> bool {
     let largest = l.splat(gauss::MAX_DRAW);
     let shot = l.scale(largest, increment.multiplier);
-    let off = l.add_saturating(l.scale(largest, constants.noise), sway);
+    let off = l.add_saturating(l.scale(largest, constants.noise), jitter);
     // The 1 is the possible carry from the sum of the fractions.
-    let most = l.add_saturating(l.add_saturating(increment.high, l.splat(1)), shot);
-    let most = l.add_saturating(most, l.add_saturating(off, off));
+    let max_charge = l.add_saturating(l.add_saturating(increment.high, l.splat(1)), shot);
+    let max_charge = l.add_saturating(max_charge, l.add_saturating(off, off));
     let stored = l.or(l.greater(pixels.surplus, l.splat(0)), l.greater(pixels.charge, off));
-    l.bits(l.or(stored, l.not_less(most, constants.threshold))) == 0
+    l.bits(l.or(stored, l.not_less(max_charge, constants.threshold))) == 0
 }
 
 /// Moves one threshold from the surplus to the charge if a negative current has decreased the charge below zero.

@@ -6,8 +6,8 @@ use std::arch::asm;
 use std::arch::x86_64::*;
 
 use crate::draws::gauss;
+use crate::kernels::isa::intrinsics::{for_pair, for_pair_index, intrinsic, memory_intrinsic};
 use crate::kernels::isa::lanes::{Lanes, last_index};
-use crate::kernels::isa::proven::{both, both_of, memory, proven};
 
 /// Proof that the CPU has the instructions; only [`Avx2::detect`] creates one.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +57,7 @@ impl Avx2 {
     /// Packs two vectors of 32-bit words below 65,536 into sixteen 16-bit words.
     #[inline(always)]
     fn pack(self, [a, b]: Pair) -> __m256i {
-        proven!(_mm256_packus_epi32(a, b))
+        intrinsic!(_mm256_packus_epi32(a, b))
     }
 }
 
@@ -84,93 +84,93 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn load(self, from: &[i16], at: usize) -> __m256i {
         let from = &from[at..at + 16];
-        memory!(_mm256_loadu_si256(from.as_ptr().cast()))
+        memory_intrinsic!(_mm256_loadu_si256(from.as_ptr().cast()))
     }
     #[inline(always)]
     fn store(self, to: &mut [i16], at: usize, v: __m256i) {
         let to = &mut to[at..at + 16];
-        memory!(_mm256_storeu_si256(to.as_mut_ptr().cast(), v));
+        memory_intrinsic!(_mm256_storeu_si256(to.as_mut_ptr().cast(), v));
     }
     #[inline(always)]
     fn splat(self, v: i16) -> __m256i {
-        proven!(_mm256_set1_epi16(v))
+        intrinsic!(_mm256_set1_epi16(v))
     }
     #[inline(always)]
     fn add(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_add_epi16(a, b))
+        intrinsic!(_mm256_add_epi16(a, b))
     }
     #[inline(always)]
     fn sub(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_sub_epi16(a, b))
+        intrinsic!(_mm256_sub_epi16(a, b))
     }
     #[inline(always)]
     fn add_saturating(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_adds_epi16(a, b))
+        intrinsic!(_mm256_adds_epi16(a, b))
     }
     #[inline(always)]
     fn min(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_min_epi16(a, b))
+        intrinsic!(_mm256_min_epi16(a, b))
     }
     #[inline(always)]
     fn scale(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_mulhrs_epi16(a, b))
+        intrinsic!(_mm256_mulhrs_epi16(a, b))
     }
     #[inline(always)]
     fn greater(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_cmpgt_epi16(a, b))
+        intrinsic!(_mm256_cmpgt_epi16(a, b))
     }
     #[inline(always)]
     fn mul(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_mullo_epi16(a, b))
+        intrinsic!(_mm256_mullo_epi16(a, b))
     }
     #[inline(always)]
     fn load_bytes(self, from: &[u8], at: usize) -> __m256i {
         let from = &from[at..at + 16];
-        memory!(_mm256_cvtepu8_epi16(_mm_loadu_si128(from.as_ptr().cast())))
+        memory_intrinsic!(_mm256_cvtepu8_epi16(_mm_loadu_si128(from.as_ptr().cast())))
     }
     #[inline(always)]
     fn select(self, m: __m256i, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_blendv_epi8(b, a, m))
+        intrinsic!(_mm256_blendv_epi8(b, a, m))
     }
     #[inline(always)]
     fn sub_where(self, m: __m256i, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_sub_epi16(a, _mm256_and_si256(m, b)))
+        intrinsic!(_mm256_sub_epi16(a, _mm256_and_si256(m, b)))
     }
     #[inline(always)]
     fn reset(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_max_epu16(a, _mm256_sub_epi16(a, b)))
+        intrinsic!(_mm256_max_epu16(a, _mm256_sub_epi16(a, b)))
     }
     #[inline(always)]
     fn increment_where(self, m: __m256i, a: __m256i) -> __m256i {
-        proven!(_mm256_subs_epi16(a, m))
+        intrinsic!(_mm256_subs_epi16(a, m))
     }
     #[inline(always)]
     fn and(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_and_si256(a, b))
+        intrinsic!(_mm256_and_si256(a, b))
     }
     #[inline(always)]
     fn or(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_or_si256(a, b))
+        intrinsic!(_mm256_or_si256(a, b))
     }
     #[inline(always)]
     fn not(self, a: __m256i) -> __m256i {
-        proven!(_mm256_xor_si256(a, _mm256_set1_epi16(-1)))
+        intrinsic!(_mm256_xor_si256(a, _mm256_set1_epi16(-1)))
     }
     #[inline(always)]
     fn bits(self, m: __m256i) -> u32 {
         // Packing whole 256-bit vectors would work within the halves and would produce bytes in the wrong order.
-        let (low, high) = proven!((_mm256_castsi256_si128(m), _mm256_extracti128_si256::<1>(m)));
-        proven!(_mm_movemask_epi8(_mm_packs_epi16(low, high))) as u32
+        let (low, high) = intrinsic!((_mm256_castsi256_si128(m), _mm256_extracti128_si256::<1>(m)));
+        intrinsic!(_mm_movemask_epi8(_mm_packs_epi16(low, high))) as u32
     }
     #[inline(always)]
     fn store_bits(self, to: &mut [u8], at: usize, m: __m256i) {
         let to = &mut to[at..at + 2];
-        memory!(to.as_mut_ptr().cast::<u16>().write_unaligned((self.bits(m) as u16).to_le()));
+        memory_intrinsic!(to.as_mut_ptr().cast::<u16>().write_unaligned((self.bits(m) as u16).to_le()));
     }
     #[inline(always)]
     fn store_bits_pair(self, to: &mut [u8], first: __m256i, second: __m256i) {
         let to = &mut to[..4];
-        let bits = proven!(_mm256_movemask_epi8(
+        let bits = intrinsic!(_mm256_movemask_epi8(
             // Masks are often complements of comparisons. The compiler removes a double complement, so the two vector
             // complements are free. One scalar instruction then inverts all bits.
             _mm256_packs_epi16(self.not(first), self.not(second))
@@ -179,41 +179,41 @@ impl Lanes for Avx2 {
         // They execute in parallel with vector instructions.
         let turned = (!bits as u32).rotate_right(8);
         let bits = (turned & 0xffff_0000 | u32::from((turned as u16).rotate_left(8))).rotate_left(8);
-        memory!(to.as_mut_ptr().cast::<u32>().write_unaligned(bits.to_le()));
+        memory_intrinsic!(to.as_mut_ptr().cast::<u32>().write_unaligned(bits.to_le()));
     }
     #[inline(always)]
     fn pin_pair(self, [a, b]: [__m256i; 2]) -> [__m256i; 2] {
-        proven!(pin_pair(a, b))
+        intrinsic!(pin_pair(a, b))
     }
     #[inline(always)]
     fn prefetch(self, line: *const u8) {
         // A prefetch does not access memory, and the CPU ignores an invalid address.
-        proven!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
+        intrinsic!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
     }
     #[inline(always)]
     fn load_pairs(self, from: &[u32], at: usize) -> __m256i {
         let from = &from[at..at + 8];
-        memory!(_mm256_loadu_si256(from.as_ptr().cast()))
+        memory_intrinsic!(_mm256_loadu_si256(from.as_ptr().cast()))
     }
     #[inline(always)]
     fn splat_pair(self, v: u32) -> __m256i {
-        proven!(_mm256_set1_epi32(v as i32))
+        intrinsic!(_mm256_set1_epi32(v as i32))
     }
     #[inline(always)]
     fn xor(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_xor_si256(a, b))
+        intrinsic!(_mm256_xor_si256(a, b))
     }
     #[inline(always)]
     fn mul_pairs(self, a: __m256i, b: __m256i) -> __m256i {
-        proven!(_mm256_mullo_epi32(a, b))
+        intrinsic!(_mm256_mullo_epi32(a, b))
     }
     #[inline(always)]
     fn shr_pairs<const BITS: u32>(self, a: __m256i) -> __m256i {
-        proven!(_mm256_srl_epi32(a, _mm_cvtsi32_si128(const { BITS as i32 })))
+        intrinsic!(_mm256_srl_epi32(a, _mm_cvtsi32_si128(const { BITS as i32 })))
     }
     #[inline(always)]
     fn gauss(self, bits: __m256i) -> __m256i {
-        memory!({
+        memory_intrinsic!({
             // If the top bit of an index is 0, the shuffle uses the low four bits of the index.
             let mask = _mm256_set1_epi8(15);
             let low = _mm256_loadu_si256(LOW_TABLE.as_ptr().cast());
@@ -227,21 +227,21 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn load_f(self, from: &[f32], at: usize) -> PairF {
         let from = &from[at..at + 16];
-        let quarter = |i: usize| memory!(_mm_loadu_ps(from[i..i + 4].as_ptr()));
-        proven!([
+        let quarter = |i: usize| memory_intrinsic!(_mm_loadu_ps(from[i..i + 4].as_ptr()));
+        intrinsic!([
             _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(quarter(0)), quarter(8)),
             _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(quarter(4)), quarter(12)),
         ])
     }
     #[inline(always)]
     fn splat_f(self, v: f32) -> PairF {
-        [proven!(_mm256_set1_ps(v)); 2]
+        [intrinsic!(_mm256_set1_ps(v)); 2]
     }
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
         let from = &from[at..at + 16];
-        let bytes = memory!(_mm_loadu_si128(from.as_ptr().cast()));
-        proven!({
+        let bytes = memory_intrinsic!(_mm_loadu_si128(from.as_ptr().cast()));
+        intrinsic!({
             let ordered = _mm_shuffle_epi32::<0b11_01_10_00>(bytes);
             [
                 _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(ordered)),
@@ -252,66 +252,66 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
         let from = &from[at..at + 16];
-        let shorts = memory!(_mm256_loadu_si256(from.as_ptr().cast()));
+        let shorts = memory_intrinsic!(_mm256_loadu_si256(from.as_ptr().cast()));
         self.to_f(self.join(self.splat(0), shorts))
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm256_add_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_add_ps(a, b)))
     }
     #[inline(always)]
     fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm256_sub_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_sub_ps(a, b)))
     }
     #[inline(always)]
     fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm256_mul_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_mul_ps(a, b)))
     }
     #[inline(always)]
     fn div_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm256_div_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_div_ps(a, b)))
     }
     #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
-        both!(a => proven!(_mm256_sqrt_ps(a)))
+        for_pair!(a => intrinsic!(_mm256_sqrt_ps(a)))
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm256_min_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_min_ps(a, b)))
     }
     #[inline(always)]
     fn max_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm256_max_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_max_ps(a, b)))
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
-        both_of!(i => proven!(_mm256_blendv_ps(y[i], x[i], _mm256_cmp_ps::<_CMP_LT_OQ>(a[i], b[i]))))
+        for_pair_index!(i => intrinsic!(_mm256_blendv_ps(y[i], x[i], _mm256_cmp_ps::<_CMP_LT_OQ>(a[i], b[i]))))
     }
     #[inline(always)]
     fn any_less_f(self, a: PairF, b: PairF) -> bool {
-        let first = proven!(_mm256_cmp_ps::<_CMP_LT_OQ>(a[0], b[0]));
-        let second = proven!(_mm256_cmp_ps::<_CMP_LT_OQ>(a[1], b[1]));
-        proven!(_mm256_movemask_ps(_mm256_or_ps(first, second))) != 0
+        let first = intrinsic!(_mm256_cmp_ps::<_CMP_LT_OQ>(a[0], b[0]));
+        let second = intrinsic!(_mm256_cmp_ps::<_CMP_LT_OQ>(a[1], b[1]));
+        intrinsic!(_mm256_movemask_ps(_mm256_or_ps(first, second))) != 0
     }
     #[inline(always)]
     fn round(self, a: PairF) -> Pair {
-        both!(a => proven!(_mm256_cvtps_epi32(a)))
+        for_pair!(a => intrinsic!(_mm256_cvtps_epi32(a)))
     }
     #[inline(always)]
     fn truncate(self, a: PairF) -> Pair {
-        both!(a => proven!(_mm256_cvttps_epi32(a)))
+        for_pair!(a => intrinsic!(_mm256_cvttps_epi32(a)))
     }
     #[inline(always)]
     fn to_f(self, a: Pair) -> PairF {
-        both!(a => proven!(_mm256_cvtepi32_ps(a)))
+        for_pair!(a => intrinsic!(_mm256_cvtepi32_ps(a)))
     }
     #[inline(always)]
     fn f_to_bits(self, a: PairF) -> Pair {
-        both!(a => proven!(_mm256_castps_si256(a)))
+        for_pair!(a => intrinsic!(_mm256_castps_si256(a)))
     }
     #[inline(always)]
     fn f_from_bits(self, a: Pair) -> PairF {
-        both!(a => proven!(_mm256_castsi256_ps(a)))
+        for_pair!(a => intrinsic!(_mm256_castsi256_ps(a)))
     }
     #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
@@ -323,15 +323,15 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn add_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| proven!(_mm256_add_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| intrinsic!(_mm256_add_epi32(a, b)))
     }
     #[inline(always)]
     fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| proven!(_mm256_sub_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| intrinsic!(_mm256_sub_epi32(a, b)))
     }
     #[inline(always)]
     fn and_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| proven!(_mm256_and_si256(a, b)))
+        self.zip_pair(a, b, |a, b| intrinsic!(_mm256_and_si256(a, b)))
     }
     #[inline(always)]
     fn xor_w(self, a: Pair, b: Pair) -> Pair {
@@ -343,30 +343,30 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
-        both!(a => self.shr_pairs::<BITS>(a))
+        for_pair!(a => self.shr_pairs::<BITS>(a))
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| proven!(_mm256_min_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| intrinsic!(_mm256_min_epi32(a, b)))
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
-        both_of!(i => proven!(_mm256_blendv_epi8(y[i], x[i], _mm256_cmpgt_epi32(b[i], a[i]))))
+        for_pair_index!(i => intrinsic!(_mm256_blendv_epi8(y[i], x[i], _mm256_cmpgt_epi32(b[i], a[i]))))
     }
     #[inline(always)]
     fn greater_w(self, a: Pair, b: Pair) -> __m256i {
-        let [first, second] = both_of!(i => proven!(_mm256_cmpgt_epi32(a[i], b[i])));
-        proven!(_mm256_packs_epi32(first, second))
+        let [first, second] = for_pair_index!(i => intrinsic!(_mm256_cmpgt_epi32(a[i], b[i])));
+        intrinsic!(_mm256_packs_epi32(first, second))
     }
     #[inline(always)]
     fn select_w(self, m: __m256i, a: Pair, b: Pair) -> Pair {
         let m = self.join(m, m);
-        both_of!(i => proven!(_mm256_blendv_epi8(b[i], a[i], m[i])))
+        for_pair_index!(i => intrinsic!(_mm256_blendv_epi8(b[i], a[i], m[i])))
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(last_index(table));
-        both!(index => {
+        for_pair!(index => {
             // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`.
             // In every build, that function checks that this entry exists and returns at most `i32::MAX`, so
             // the instruction reads no negative index.
@@ -375,19 +375,19 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn low(self, a: Pair) -> __m256i {
-        self.pack(both_of!(i => proven!(_mm256_and_si256(a[i], _mm256_set1_epi32(0xffff)))))
+        self.pack(for_pair_index!(i => intrinsic!(_mm256_and_si256(a[i], _mm256_set1_epi32(0xffff)))))
     }
     #[inline(always)]
     fn high(self, a: Pair) -> __m256i {
-        self.pack(both_of!(i => proven!(_mm256_srli_epi32::<16>(a[i]))))
+        self.pack(for_pair_index!(i => intrinsic!(_mm256_srli_epi32::<16>(a[i]))))
     }
     #[inline(always)]
     fn join(self, high: __m256i, low: __m256i) -> Pair {
-        proven!([_mm256_unpacklo_epi16(low, high), _mm256_unpackhi_epi16(low, high)])
+        intrinsic!([_mm256_unpacklo_epi16(low, high), _mm256_unpackhi_epi16(low, high)])
     }
     #[inline(always)]
     fn widen(self, a: __m256i) -> Pair {
         let doubled = self.join(a, a);
-        both!(doubled => proven!(_mm256_srai_epi32::<16>(doubled)))
+        for_pair!(doubled => intrinsic!(_mm256_srai_epi32::<16>(doubled)))
     }
 }

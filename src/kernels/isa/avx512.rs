@@ -7,8 +7,8 @@ use std::arch::x86_64::*;
 use crate::draws::gauss;
 use crate::kernels::isa::avx512_counts;
 use crate::kernels::isa::avx512_token::{Avx512, EVEN_WORDS, ODD_WORDS};
+use crate::kernels::isa::intrinsics::{for_pair, for_pair_index, intrinsic, memory_intrinsic};
 use crate::kernels::isa::lanes::{CountDraw, Lanes, MAX_COUNT_BYTES, last_index};
-use crate::kernels::isa::proven::{both, both_of, memory, proven};
 
 const fn repeat_table(table: [i8; 16]) -> [i8; 64] {
     let mut all = [0; 64];
@@ -57,7 +57,7 @@ impl Avx512 {
     #[inline(always)]
     fn permute(self, index: &[i16; 32], a: __m512i, b: __m512i) -> __m512i {
         let index = self.load(index, 0);
-        proven!(_mm512_permutex2var_epi16(a, index, b))
+        intrinsic!(_mm512_permutex2var_epi16(a, index, b))
     }
 }
 
@@ -71,70 +71,70 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn load(self, from: &[i16], at: usize) -> __m512i {
         let from = &from[at..at + 32];
-        memory!(_mm512_loadu_si512(from.as_ptr().cast()))
+        memory_intrinsic!(_mm512_loadu_si512(from.as_ptr().cast()))
     }
     #[inline(always)]
     fn store(self, to: &mut [i16], at: usize, v: __m512i) {
         let to = &mut to[at..at + 32];
-        memory!(_mm512_storeu_si512(to.as_mut_ptr().cast(), v));
+        memory_intrinsic!(_mm512_storeu_si512(to.as_mut_ptr().cast(), v));
     }
     #[inline(always)]
     fn splat(self, v: i16) -> __m512i {
-        proven!(_mm512_set1_epi16(v))
+        intrinsic!(_mm512_set1_epi16(v))
     }
     #[inline(always)]
     fn add(self, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_add_epi16(a, b))
+        intrinsic!(_mm512_add_epi16(a, b))
     }
     #[inline(always)]
     fn sub(self, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_sub_epi16(a, b))
+        intrinsic!(_mm512_sub_epi16(a, b))
     }
     #[inline(always)]
     fn add_saturating(self, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_adds_epi16(a, b))
+        intrinsic!(_mm512_adds_epi16(a, b))
     }
     #[inline(always)]
     fn min(self, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_min_epi16(a, b))
+        intrinsic!(_mm512_min_epi16(a, b))
     }
     #[inline(always)]
     fn scale(self, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_mulhrs_epi16(a, b))
+        intrinsic!(_mm512_mulhrs_epi16(a, b))
     }
     #[inline(always)]
     fn greater(self, a: __m512i, b: __m512i) -> __mmask32 {
-        proven!(_mm512_cmpgt_epi16_mask(a, b))
+        intrinsic!(_mm512_cmpgt_epi16_mask(a, b))
     }
     #[inline(always)]
     fn not_less(self, a: __m512i, b: __m512i) -> __mmask32 {
-        proven!(_mm512_cmpge_epi16_mask(a, b))
+        intrinsic!(_mm512_cmpge_epi16_mask(a, b))
     }
     #[inline(always)]
     fn mul(self, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_mullo_epi16(a, b))
+        intrinsic!(_mm512_mullo_epi16(a, b))
     }
     #[inline(always)]
     fn load_bytes(self, from: &[u8], at: usize) -> __m512i {
         let from = &from[at..at + 32];
-        memory!(_mm512_cvtepu8_epi16(_mm256_loadu_si256(from.as_ptr().cast())))
+        memory_intrinsic!(_mm512_cvtepu8_epi16(_mm256_loadu_si256(from.as_ptr().cast())))
     }
     #[inline(always)]
     fn select(self, m: __mmask32, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_mask_blend_epi16(m, b, a))
+        intrinsic!(_mm512_mask_blend_epi16(m, b, a))
     }
     #[inline(always)]
     fn sub_where(self, m: __mmask32, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_mask_sub_epi16(a, m, a, b))
+        intrinsic!(_mm512_mask_sub_epi16(a, m, a, b))
     }
     #[inline(always)]
     fn reset(self, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_max_epu16(a, _mm512_sub_epi16(a, b)))
+        intrinsic!(_mm512_max_epu16(a, _mm512_sub_epi16(a, b)))
     }
     #[inline(always)]
     fn increment_where(self, m: __mmask32, a: __m512i) -> __m512i {
         let one = self.splat(1);
-        proven!(_mm512_mask_adds_epi16(a, m, a, one))
+        intrinsic!(_mm512_mask_adds_epi16(a, m, a, one))
     }
     #[inline(always)]
     fn and(self, a: __mmask32, b: __mmask32) -> __mmask32 {
@@ -155,37 +155,37 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn store_bits(self, to: &mut [u8], at: usize, m: __mmask32) {
         let to = &mut to[at..at + 4];
-        memory!(to.as_mut_ptr().cast::<u32>().write_unaligned((self.bits(m)).to_le()));
+        memory_intrinsic!(to.as_mut_ptr().cast::<u32>().write_unaligned((self.bits(m)).to_le()));
     }
     #[inline(always)]
     fn prefetch(self, line: *const u8) {
         // A prefetch does not access memory, and the CPU ignores an invalid address.
-        proven!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
+        intrinsic!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
     }
     #[inline(always)]
     fn load_pairs(self, from: &[u32], at: usize) -> __m512i {
         let from = &from[at..at + 16];
-        memory!(_mm512_loadu_si512(from.as_ptr().cast()))
+        memory_intrinsic!(_mm512_loadu_si512(from.as_ptr().cast()))
     }
     #[inline(always)]
     fn splat_pair(self, v: u32) -> __m512i {
-        proven!(_mm512_set1_epi32(v as i32))
+        intrinsic!(_mm512_set1_epi32(v as i32))
     }
     #[inline(always)]
     fn xor(self, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_xor_si512(a, b))
+        intrinsic!(_mm512_xor_si512(a, b))
     }
     #[inline(always)]
     fn mul_pairs(self, a: __m512i, b: __m512i) -> __m512i {
-        proven!(_mm512_mullo_epi32(a, b))
+        intrinsic!(_mm512_mullo_epi32(a, b))
     }
     #[inline(always)]
     fn shr_pairs<const BITS: u32>(self, a: __m512i) -> __m512i {
-        proven!(_mm512_srl_epi32(a, _mm_cvtsi32_si128(const { BITS as i32 })))
+        intrinsic!(_mm512_srl_epi32(a, _mm_cvtsi32_si128(const { BITS as i32 })))
     }
     #[inline(always)]
     fn gauss(self, bits: __m512i) -> __m512i {
-        memory!({
+        memory_intrinsic!({
             let low = _mm512_permutexvar_epi8(bits, _mm512_loadu_si512(LOW_TABLE.as_ptr().cast()));
             let high = _mm512_permutexvar_epi8(
                 _mm512_srli_epi16::<4>(bits),
@@ -198,16 +198,16 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn load_f(self, from: &[f32], at: usize) -> PairF {
         let from = &from[at..at + 32];
-        memory!([_mm512_loadu_ps(from.as_ptr()), _mm512_loadu_ps(from[16..].as_ptr())])
+        memory_intrinsic!([_mm512_loadu_ps(from.as_ptr()), _mm512_loadu_ps(from[16..].as_ptr())])
     }
     #[inline(always)]
     fn splat_f(self, v: f32) -> PairF {
-        [proven!(_mm512_set1_ps(v)); 2]
+        [intrinsic!(_mm512_set1_ps(v)); 2]
     }
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
         let from = &from[at..at + 32];
-        memory!([
+        memory_intrinsic!([
             _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_loadu_si128(from.as_ptr().cast()))),
             _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_loadu_si128(from[16..].as_ptr().cast()))),
         ])
@@ -215,68 +215,68 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
         let from = &from[at..at + 32];
-        memory!([
+        memory_intrinsic!([
             _mm512_cvtepi32_ps(_mm512_cvtepu16_epi32(_mm256_loadu_si256(from.as_ptr().cast()))),
             _mm512_cvtepi32_ps(_mm512_cvtepu16_epi32(_mm256_loadu_si256(from[16..].as_ptr().cast()))),
         ])
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm512_add_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_add_ps(a, b)))
     }
     #[inline(always)]
     fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm512_sub_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_sub_ps(a, b)))
     }
     #[inline(always)]
     fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm512_mul_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_mul_ps(a, b)))
     }
     #[inline(always)]
     fn div_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm512_div_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_div_ps(a, b)))
     }
     #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
-        both!(a => proven!(_mm512_sqrt_ps(a)))
+        for_pair!(a => intrinsic!(_mm512_sqrt_ps(a)))
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm512_min_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_min_ps(a, b)))
     }
     #[inline(always)]
     fn max_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| proven!(_mm512_max_ps(a, b)))
+        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_max_ps(a, b)))
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
-        both_of!(i => proven!(_mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[i], b[i]), y[i], x[i])))
+        for_pair_index!(i => intrinsic!(_mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[i], b[i]), y[i], x[i])))
     }
     #[inline(always)]
     fn any_less_f(self, a: PairF, b: PairF) -> bool {
-        let first = proven!(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[0], b[0]));
-        let second = proven!(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[1], b[1]));
+        let first = intrinsic!(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[0], b[0]));
+        let second = intrinsic!(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[1], b[1]));
         first | second != 0
     }
     #[inline(always)]
     fn round(self, a: PairF) -> Pair {
-        both!(a => proven!(_mm512_cvtps_epi32(a)))
+        for_pair!(a => intrinsic!(_mm512_cvtps_epi32(a)))
     }
     #[inline(always)]
     fn truncate(self, a: PairF) -> Pair {
-        both!(a => proven!(_mm512_cvttps_epi32(a)))
+        for_pair!(a => intrinsic!(_mm512_cvttps_epi32(a)))
     }
     #[inline(always)]
     fn to_f(self, a: Pair) -> PairF {
-        both!(a => proven!(_mm512_cvtepi32_ps(a)))
+        for_pair!(a => intrinsic!(_mm512_cvtepi32_ps(a)))
     }
     #[inline(always)]
     fn f_to_bits(self, a: PairF) -> Pair {
-        both!(a => proven!(_mm512_castps_si512(a)))
+        for_pair!(a => intrinsic!(_mm512_castps_si512(a)))
     }
     #[inline(always)]
     fn f_from_bits(self, a: Pair) -> PairF {
-        both!(a => proven!(_mm512_castsi512_ps(a)))
+        for_pair!(a => intrinsic!(_mm512_castsi512_ps(a)))
     }
     #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
@@ -288,15 +288,15 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn add_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| proven!(_mm512_add_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| intrinsic!(_mm512_add_epi32(a, b)))
     }
     #[inline(always)]
     fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| proven!(_mm512_sub_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| intrinsic!(_mm512_sub_epi32(a, b)))
     }
     #[inline(always)]
     fn and_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| proven!(_mm512_and_si512(a, b)))
+        self.zip_pair(a, b, |a, b| intrinsic!(_mm512_and_si512(a, b)))
     }
     #[inline(always)]
     fn xor_w(self, a: Pair, b: Pair) -> Pair {
@@ -308,30 +308,31 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
-        both!(a => self.shr_pairs::<BITS>(a))
+        for_pair!(a => self.shr_pairs::<BITS>(a))
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| proven!(_mm512_min_epi32(a, b)))
+        self.zip_pair(a, b, |a, b| intrinsic!(_mm512_min_epi32(a, b)))
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
-        both_of!(i => proven!(_mm512_mask_blend_epi32(_mm512_cmplt_epi32_mask(a[i], b[i]), y[i], x[i])))
+        for_pair_index!(i => intrinsic!(_mm512_mask_blend_epi32(_mm512_cmplt_epi32_mask(a[i], b[i]), y[i], x[i])))
     }
     #[inline(always)]
     fn greater_w(self, a: Pair, b: Pair) -> __mmask32 {
-        let [first, second] = both_of!(i => u32::from(proven!(_mm512_cmpgt_epi32_mask(a[i], b[i]))));
+        let [first, second] =
+            for_pair_index!(i => u32::from(intrinsic!(_mm512_cmpgt_epi32_mask(a[i], b[i]))));
         second << 16 | first
     }
     #[inline(always)]
     fn select_w(self, m: __mmask32, a: Pair, b: Pair) -> Pair {
         let halves = [m as u16, (m >> 16) as u16];
-        both_of!(i => proven!(_mm512_mask_blend_epi32(halves[i], b[i], a[i])))
+        for_pair_index!(i => intrinsic!(_mm512_mask_blend_epi32(halves[i], b[i], a[i])))
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(last_index(table));
-        both!(index => {
+        for_pair!(index => {
             // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`.
             // In every build, that function checks that this entry exists and returns at most `i32::MAX`, so
             // the instruction reads no negative index.
@@ -344,8 +345,8 @@ impl Lanes for Avx512 {
         let mut words = [[0; 32]; 2];
         for (words, pair) in words.iter_mut().zip([table, share]) {
             let (first, second) = words.split_at_mut(16);
-            memory!(_mm512_storeu_si512(first.as_mut_ptr().cast(), pair[0]));
-            memory!(_mm512_storeu_si512(second.as_mut_ptr().cast(), pair[1]));
+            memory_intrinsic!(_mm512_storeu_si512(first.as_mut_ptr().cast(), pair[0]));
+            memory_intrinsic!(_mm512_storeu_si512(second.as_mut_ptr().cast(), pair[1]));
         }
         // SAFETY: `self` proves the features that the function is compiled with.
         unsafe { avx512_counts::counts(self, draw, &words[0], &words[1], to) };
@@ -364,7 +365,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn widen(self, a: __m512i) -> Pair {
-        proven!([
+        intrinsic!([
             _mm512_cvtepi16_epi32(_mm512_castsi512_si256(a)),
             _mm512_cvtepi16_epi32(_mm512_extracti64x4_epi64::<1>(a)),
         ])

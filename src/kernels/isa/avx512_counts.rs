@@ -148,24 +148,24 @@ fn pixel_counts(rows: [&[[u8; COLUMNS]; 3]; 2], share: u32, x: [__m512i; 4]) -> 
             _mm512_movm_epi16(_mm512_cmplt_epi16_mask(_mm512_and_si512(low[1], nine), bound)),
         );
         let upper = _mm512_movepi8_mask(upper);
-        let mut found = [column; 3];
-        for (i, found) in found.iter_mut().enumerate() {
+        let mut selected = [column; 3];
+        for (i, selected) in selected.iter_mut().enumerate() {
             let [from, to] = rows.map(|row| [load(&row[i][..64]), load(&row[i][64..])]);
             let from = _mm512_permutex2var_epi8(from[0], column, from[1]);
             let to = _mm512_permutex2var_epi8(to[0], column, to[1]);
-            *found = _mm512_mask_blend_epi8(upper, from, to);
+            *selected = _mm512_mask_blend_epi8(upper, from, to);
         }
-        let [alias, bound_low, bound_high] = found;
+        let [alias, bound_low, bound_high] = selected;
         let bound =
             [_mm512_unpacklo_epi8(bound_low, bound_high), _mm512_unpackhi_epi8(bound_low, bound_high)];
         // Bits 9 to 24 are compared with the column's threshold.
-        let mut kept = bound;
+        let mut is_below = bound;
         for i in 0..2 {
             let draw = _mm512_or_si512(_mm512_slli_epi16::<7>(high[i]), _mm512_srli_epi16::<9>(low[i]));
-            kept[i] = _mm512_movm_epi16(_mm512_cmplt_epu16_mask(draw, bound[i]));
+            is_below[i] = _mm512_movm_epi16(_mm512_cmplt_epu16_mask(draw, bound[i]));
         }
-        let kept = _mm512_movepi8_mask(_mm512_packs_epi16(kept[0], kept[1]));
-        _mm512_mask_blend_epi8(kept, alias, column)
+        let is_below = _mm512_movepi8_mask(_mm512_packs_epi16(is_below[0], is_below[1]));
+        _mm512_mask_blend_epi8(is_below, alias, column)
     })
 }
 

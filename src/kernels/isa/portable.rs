@@ -2,7 +2,7 @@
 
 use crate::kernels::isa::lanes::{Lanes, last_index};
 use crate::kernels::isa::wide_lanes::{
-    self, Floats, HAS_MASK_REGISTERS, N, Shorts, UnsignedShorts, UnsignedWords, Words, mapped,
+    self, Floats, HAS_MASK_REGISTERS, N, Shorts, UnsignedShorts, UnsignedWords, Words, map_array,
 };
 
 /// Vectors of 16 or 32 pixels.
@@ -93,7 +93,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn load_bytes(self, from: &[u8], at: usize) -> Shorts {
-        Shorts::new(mapped!([0; N], b in load_array(from, at) => i16::from(b)))
+        Shorts::new(map_array!([0; N], b in load_array(from, at) => i16::from(b)))
     }
     #[inline(always)]
     fn select(self, m: Shorts, a: Shorts, b: Shorts) -> Shorts {
@@ -172,11 +172,11 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
-        bytemuck::cast(mapped!([0.0; N], v in load_array(from, at) => f32::from(v)))
+        bytemuck::cast(map_array!([0.0; N], v in load_array(from, at) => f32::from(v)))
     }
     #[inline(always)]
     fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
-        bytemuck::cast(mapped!([0.0; N], v in load_array(from, at) => f32::from(v)))
+        bytemuck::cast(map_array!([0.0; N], v in load_array(from, at) => f32::from(v)))
     }
     #[inline(always)]
     fn add_f(self, a: PairF, b: PairF) -> PairF {
@@ -286,17 +286,17 @@ impl Lanes for Portable {
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let index: [u32; N] = bytemuck::cast(index);
         let last = last_index(table) as usize;
-        bytemuck::cast(mapped!([0; N], i in index => table[(i as usize).min(last)]))
+        bytemuck::cast(map_array!([0; N], i in index => table[(i as usize).min(last)]))
     }
     #[inline(always)]
     fn low(self, a: Pair) -> Shorts {
         let words: [i32; N] = bytemuck::cast(a);
-        Shorts::new(mapped!([0; N], w in words => w as i16))
+        Shorts::new(map_array!([0; N], w in words => w as i16))
     }
     #[inline(always)]
     fn high(self, a: Pair) -> Shorts {
         let words: [i32; N] = bytemuck::cast(a);
-        Shorts::new(mapped!([0; N], w in words => (w >> 16) as i16))
+        Shorts::new(map_array!([0; N], w in words => (w >> 16) as i16))
     }
     #[inline(always)]
     fn join(self, high: Shorts, low: Shorts) -> Pair {
@@ -309,6 +309,6 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn widen(self, a: Shorts) -> Pair {
-        bytemuck::cast(mapped!([0; N], v in a.to_array() => i32::from(v)))
+        bytemuck::cast(map_array!([0; N], v in a.to_array() => i32::from(v)))
     }
 }

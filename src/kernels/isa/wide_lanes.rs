@@ -71,7 +71,7 @@ const fn repeat_table(table: &[i8; 16]) -> [i8; 2 * N] {
 ///
 /// In functions as large as the kernels, the compiler does not inline `map` and `from_fn`. They would add a call per
 /// vector.
-macro_rules! mapped {
+macro_rules! map_array {
     ([$($zero:tt)*], $v:ident in $values:expr => $e:expr) => {{
         let values = $values;
         let mut out = [$($zero)*];
@@ -84,7 +84,7 @@ macro_rules! mapped {
         out
     }};
 }
-pub(in crate::kernels) use mapped;
+pub(in crate::kernels) use map_array;
 
 /// Returns `(a * b + 2^14) >> 15`. `wide` has this operation for at most 256 bits.
 #[inline(always)]
@@ -111,7 +111,7 @@ pub(in crate::kernels) fn normal(bits: Shorts) -> Shorts {
 
 #[inline(always)]
 fn look_up(bits: Shorts) -> Shorts {
-    Shorts::new(mapped!([0; N], b in bits.to_array() => {
+    Shorts::new(map_array!([0; N], b in bits.to_array() => {
         let [low, high] = b.to_le_bytes();
         WEIGHTED_BYTES[0][low as usize] + WEIGHTED_BYTES[1][high as usize]
     }))
@@ -127,7 +127,7 @@ fn shuffle_table(table: [i8; 2 * N], nibbles: Shorts) -> [i8x32; PARTS] {
     }
     let table: [i8x32; PARTS] = bytemuck::cast(table);
     let nibbles: [i8x32; PARTS] = bytemuck::cast(nibbles & Shorts::splat(0x0f0f));
-    mapped!([i8x32::ZERO; PARTS], part in nibbles => table[0].swizzle_half_relaxed(part))
+    map_array!([i8x32::ZERO; PARTS], part in nibbles => table[0].swizzle_half_relaxed(part))
 }
 
 /// Returns the weighted sum of the two bytes of every word.
@@ -138,7 +138,7 @@ fn weigh(low: [i8x32; PARTS], high: [i8x32; PARTS]) -> Shorts {
     let weights: m256i = bytemuck::cast([gauss::BYTE_WEIGHTS[1] << 8 | gauss::BYTE_WEIGHTS[0]; 16]);
     let sums: Shorts = bytemuck::cast(bytemuck::cast::<_, Chars>(low) + bytemuck::cast::<_, Chars>(high));
     let sums: [m256i; PARTS] = bytemuck::cast(sums);
-    bytemuck::cast(mapped!([weights; PARTS], part in sums => weigh(weights, part)))
+    bytemuck::cast(map_array!([weights; PARTS], part in sums => weigh(weights, part)))
 }
 
 /// Returns the weighted sum of the two bytes of every word.

@@ -69,20 +69,20 @@ impl PixelDynamics {
 
     /// Returns the light of pixel `p` after crosstalk.
     pub(super) fn with_crosstalk(&self, plan: &Plan, samples: &Samples<'_>, p: usize) -> f32 {
-        let own = sample(samples, p);
+        let light = sample(samples, p);
         let (width, height) = (plan.geometry().width(), plan.geometry().height());
         let (row, col) = (p / width, p % width);
         if self.crosstalk == 0.0 || row >= height {
-            return own;
+            return light;
         }
-        let or_own = |inside: bool, q: usize| if inside { sample(samples, q) } else { own };
+        let or_own = |inside: bool, q: usize| if inside { sample(samples, q) } else { light };
         let vertical = or_own(row > 0, p.wrapping_sub(width)) + or_own(row + 1 < height, p + width);
         let horizontal = or_own(col > 0, p.wrapping_sub(1)) + or_own(col + 1 < width, p + 1);
-        own + ((vertical + horizontal) - own * 4.0) * (self.crosstalk * 0.25)
+        light + ((vertical + horizontal) - light * 4.0) * (self.crosstalk * 0.25)
     }
 
     /// Returns the light that becomes charge at readout `t`.
-    pub(super) fn lagged(&self, job: &Job<'_>, t: usize, light: f32, lingering: &mut SlowState) -> f32 {
+    pub(super) fn lagged(&self, job: &Job<'_>, t: usize, light: f32, slow_state: &mut SlowState) -> f32 {
         let mut light = light;
         if self.has_schedule {
             light *= job.batch.modulation().light_factors[t];
@@ -92,8 +92,8 @@ impl PixelDynamics {
             light += light * light * self.quadratic;
         }
         let Some(lag) = self.lag else { return light };
-        let late = lingering.lagged_light;
-        lingering.lagged_light = late + (light - late) * lag.arrival_share;
+        let late = slow_state.lagged_light;
+        slow_state.lagged_light = late + (light - late) * lag.arrival_share;
         light + (late - light) * lag.fraction
     }
 
@@ -105,11 +105,11 @@ impl PixelDynamics {
         p: usize,
         t: usize,
         mean: f32,
-        lingering: &mut SlowState,
+        slow_state: &mut SlowState,
     ) -> f32 {
         let Some((amplitude, rate)) = self.telegraph else { return mean };
-        lingering.is_dark_low ^= flip_draw(&job.batch.modulation().telegraph, p, t) < rate;
-        if lingering.is_dark_low { mean - amplitude } else { mean + amplitude }
+        slow_state.is_dark_low ^= flip_draw(&job.batch.modulation().telegraph, p, t) < rate;
+        if slow_state.is_dark_low { mean - amplitude } else { mean + amplitude }
     }
 
     /// Returns the change of charge by the leak, which is negative. `stored` is the charge relative to the threshold.
@@ -130,7 +130,7 @@ impl PixelDynamics {
         p: usize,
         t: usize,
         droop: f32,
-        lingering: &mut SlowState,
+        slow_state: &mut SlowState,
     ) -> i32 {
         let modulation = job.batch.modulation();
         let mut offset = 0.0;
@@ -139,11 +139,11 @@ impl PixelDynamics {
         }
         if let Some(slow) = self.slow_noise {
             let step = f32::from(normal_draw(modulation.slow_noise[t], p)) * slow.step;
-            lingering.slow_deviation =
-                (lingering.slow_deviation * slow.retention + step).min(slow.bound).max(-slow.bound);
-            offset += lingering.slow_deviation;
+            slow_state.slow_deviation =
+                (slow_state.slow_deviation * slow.retention + step).min(slow.bound).max(-slow.bound);
+            offset += slow_state.slow_deviation;
         }
-        offset += lingering.threshold_rise;
+        offset += slow_state.threshold_rise;
         offset += droop;
         to_fixed_point(offset * self.threshold)
     }
@@ -158,10 +158,10 @@ impl PixelDynamics {
     }
 
     /// Updates the rise of the threshold after a readout.
-    pub(super) fn adapt(&self, fired: bool, lingering: &mut SlowState) {
+    pub(super) fn adapt(&self, fired: bool, slow_state: &mut SlowState) {
         let Some(rule) = self.adaptation else { return };
         let rise = if fired { rule.rise } else { 0.0 };
-        lingering.threshold_rise =
-            (lingering.threshold_rise - lingering.threshold_rise * rule.decay + rise).min(rule.max_rise);
+        slow_state.threshold_rise =
+            (slow_state.threshold_rise - slow_state.threshold_rise * rule.decay + rise).min(rule.max_rise);
     }
 }

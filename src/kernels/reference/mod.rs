@@ -64,8 +64,8 @@ fn frame_by_frame(job: &Job<'_>, state: &mut StateTile<'_>, out: &mut [u8]) {
                 }
                 pixel.store(state, i);
             }
-            if let Some(moving) = job.plan.dynamics().filter(|_| job.is_whole_sensor()) {
-                around.update(job.plan, moving, state.fired);
+            if let Some(dynamics) = job.plan.dynamics().filter(|_| job.is_whole_sensor()) {
+                around.update(job.plan, dynamics, state.fired);
             }
         }
     }
@@ -91,12 +91,12 @@ fn step(
 }
 
 fn incident(plan: &Plan, moves: Option<&PixelDynamics>, light: &SegmentLight<'_>, p: usize, k: usize) -> f32 {
-    let fallen = |samples| moves.map_or_else(|| sample(samples, p), |m| m.with_crosstalk(plan, samples, p));
+    let incident = |samples| moves.map_or_else(|| sample(samples, p), |m| m.with_crosstalk(plan, samples, p));
     match light {
-        SegmentLight::Hold(samples) => fallen(samples),
+        SegmentLight::Hold(samples) => incident(samples),
         SegmentLight::Linear { from, to, weights } => {
-            let start = fallen(from);
-            start + (fallen(to) - start) * weights[k]
+            let start = incident(from);
+            start + (incident(to) - start) * weights[k]
         }
     }
 }
@@ -197,7 +197,7 @@ fn readout(
 fn accumulate_charge(job: &Job<'_>, p: usize, t: usize, increment: &Increment, pixel: &mut Pixel) {
     let rules = job.plan.rules();
     let shortened = pixel.fired && rules.lost_increment != 0.0;
-    let kept = if shortened { 1.0 - rules.lost_increment } else { 1.0 };
+    let increment_share = if shortened { 1.0 - rules.lost_increment } else { 1.0 };
     pixel.add(if shortened { increment.after_spike } else { increment.mean });
     if job.plan.tables().shot.is_none() {
         return;
@@ -217,12 +217,19 @@ fn accumulate_charge(job: &Job<'_>, p: usize, t: usize, increment: &Increment, p
     }
     pixel.charge = pixel.charge.saturating_add(noise);
     if rules.release_share == 0 {
-        pixel.add(fractional_noise(job, p, t, z, increment, kept));
+        pixel.add(fractional_noise(job, p, t, z, increment, increment_share));
     }
 }
 
-/// Returns fractional noise multiplied by the share `kept`. `z` is the normal draw.
-fn fractional_noise(job: &Job<'_>, p: usize, t: usize, z: i16, increment: &Increment, kept: f32) -> i32 {
+/// Returns noise with a fraction, scaled by the share `increment_share`; `z` is the normal draw.
+fn fractional_noise(
+    job: &Job<'_>,
+    p: usize,
+    t: usize,
+    z: i16,
+    increment: &Increment,
+    increment_share: f32,
+) -> i32 {
     if increment.quantum == 0.0 && increment.fractional_noise == 0.0 {
         return 0;
     }
@@ -232,5 +239,5 @@ fn fractional_noise(job: &Job<'_>, p: usize, t: usize, z: i16, increment: &Incre
             counts.draw(increment.count, hash_bits(address_key(p as u32), job.batch.round_keys().counts[t]));
         fine += (count as f32 - increment.count.mean) * increment.quantum;
     }
-    to_fixed_point(fine * kept)
+    to_fixed_point(fine * increment_share)
 }

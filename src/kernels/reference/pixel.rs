@@ -44,14 +44,14 @@ pub(super) struct SlowState {
 
 impl Pixel {
     pub(super) fn load(state: &StateTile<'_>, i: usize) -> Self {
-        let held = state.frozen_noise.get(i).copied().unwrap_or(0);
-        let held_fraction = state.frozen_noise_fraction.get(i).copied().unwrap_or(0);
+        let frozen = state.frozen_noise.get(i).copied().unwrap_or(0);
+        let frozen_fraction = state.frozen_noise_fraction.get(i).copied().unwrap_or(0);
         Self {
             charge: state.charge[i],
             fraction: state.fraction[i] as u16 ^ 0x8000,
             surplus: state.surplus.get(i).copied().unwrap_or(0),
             fired: state.fired.get(i).is_some_and(|f| *f != 0),
-            frozen_noise: i32::from(held) << 16 | i32::from(held_fraction as u16),
+            frozen_noise: i32::from(frozen) << 16 | i32::from(frozen_fraction as u16),
             pending_noise: Steps {
                 whole: state.pending_noise.get(i).copied().unwrap_or(0),
                 fraction: state.pending_noise_fraction.get(i).copied().unwrap_or(0) as u16 ^ 0x8000,

@@ -17,7 +17,7 @@ pub(super) fn compare(
 ) -> bool {
     let (tables, rules) = (job.plan.tables(), job.plan.rules());
     let threshold = i32::from(tables.threshold[p]) << 16;
-    let fresh = || match &tables.noise {
+    let new_noise = || match &tables.noise {
         None => 0,
         Some(NoiseTable::Whole(m)) => {
             i32::from(mul_round(normal_draw(job.batch.round_keys().noise[t].thermal, p), m[p])) << 16
@@ -28,7 +28,7 @@ pub(super) fn compare(
     };
     let frozen = rules.noise_sampling == NoiseSampling::EveryReset;
     let offset = moves.map_or(0, |m| m.threshold_offset(job, p, t, droop, &mut pixel.slow_state));
-    let noise = (if frozen { pixel.frozen_noise } else { fresh() }).wrapping_add(offset);
+    let noise = (if frozen { pixel.frozen_noise } else { new_noise() }).wrapping_add(offset);
     if pixel.surplus > 0 && pixel.charge < -tables.threshold[p] {
         // A negative current has decreased the charge below zero. One threshold of the surplus is moved to the charge.
         pixel.charge += tables.threshold[p];
@@ -54,7 +54,7 @@ pub(super) fn compare(
             pixel.surplus -= 1;
         }
         if frozen {
-            pixel.frozen_noise = fresh();
+            pixel.frozen_noise = new_noise();
         }
         if rules.retained_remainder != 1.0 {
             let remainder = charge.wrapping_add(threshold) as f32 * rules.retained_remainder;

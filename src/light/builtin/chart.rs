@@ -145,8 +145,8 @@ impl Scene {
         let slant = 5.0_f64.to_radians();
         let column = [split, w - 0.03 * w];
         let run = |speed: f64, period: f32| {
-            let moved = seconds * speed * f64::from(w) / f64::from(period);
-            (fract(moved) * f64::from(period)) as f32
+            let shift = seconds * speed * f64::from(w) / f64::from(period);
+            (fract(shift) * f64::from(period)) as f32
         };
         let (fine, coarse) = ((w / 50.0).max(2.0), (w / 12.5).max(4.0));
         Self {
@@ -282,9 +282,9 @@ impl Bars {
 
     /// Returns the total length of bright bars from 0 to `x`.
     fn bright_length(&self, x: f32) -> f32 {
-        let whole = (x / self.period).floor();
+        let period_index = (x / self.period).floor();
         let half = self.period * 0.5;
-        whole * half + (x - whole * self.period).min(half)
+        period_index * half + (x - period_index * self.period).min(half)
     }
 }
 

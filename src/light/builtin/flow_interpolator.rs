@@ -10,7 +10,7 @@
 //! If no motion explains the two frames at least as well as the estimated motion, the light is blended.
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::interpolation::catmull_rom;
+use crate::light::catmull_rom::catmull_rom;
 use crate::light::frame::{Frame, OwnedSamples};
 use crate::spikes::Geometry;
 
@@ -109,8 +109,8 @@ fn running_means(v: &[f32], n: usize, step: usize, count: usize, line: usize, re
             if i > reach {
                 sum -= f64::from(v[at(i - reach - 1)]);
             }
-            let taken = (i + reach).min(n - 1) + 1 - i.saturating_sub(reach);
-            out[at(i)] = (sum / taken as f64) as f32;
+            let window = (i + reach).min(n - 1) + 1 - i.saturating_sub(reach);
+            out[at(i)] = (sum / window as f64) as f32;
         }
     }
     out

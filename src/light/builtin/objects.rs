@@ -90,8 +90,8 @@ impl Object {
     fn pose(&self, seconds: f64, geometry: Geometry) -> PosedObject<'_> {
         let wrap = |start: f32, speed: f32, side: usize| {
             let room = f64::from(2.0 * self.radius) + side as f64;
-            let way = f64::from(start) + f64::from(speed) * seconds + f64::from(self.radius);
-            (way.rem_euclid(room) - f64::from(self.radius)) as f32
+            let position = f64::from(start) + f64::from(speed) * seconds + f64::from(self.radius);
+            (position.rem_euclid(room) - f64::from(self.radius)) as f32
         };
         let angle = (f64::from(self.spin) * seconds) as f32;
         let edge = std::f32::consts::TAU / self.corners.max(1) as f32;

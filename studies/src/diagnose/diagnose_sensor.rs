@@ -38,9 +38,9 @@ pub(crate) fn diagnose_hidden(
     for (i, (kind, (strength, smallest))) in job.kinds.iter().zip(strengths).enumerate() {
         let u = [1, 2, 3].map(|k| uniform_hash(seed, 10 * i as u64 + k));
         (kind.set)(&mut physics, *strength, u);
-        let mut alone = Physics::default();
-        (kind.set)(&mut alone, *strength, u);
-        let changes = changes_bits(&alone, size, seed);
+        let mut single = Physics::default();
+        (kind.set)(&mut single, *strength, u);
+        let changes = changes_bits(&single, size, seed);
         hidden.push(
             json!({ "name": kind.name, "strength": strength, "detectable_strength": smallest, "changes_bits": changes }),
         );
@@ -53,21 +53,21 @@ pub(crate) fn diagnose_hidden(
         RecordingSet::open(&path.join("recordings.toml")).unwrap()
     });
     let options = DiagnoseOptions { null_model: Some(reference), seed: 1, ..DiagnoseOptions::default() };
-    let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |what, _| phases.enter(what));
+    let outcome = diagnose(&sets[0], Some(&sets[1]), options, &mut |what, _| phases.enter(what));
     phases.enter("");
-    let said = match &found {
+    let report = match &outcome {
         Ok(diagnosis) => serde_json::to_value(diagnosis).unwrap(),
         Err(error) => json!({ "error": error.to_string() }),
     };
     let hidden = Value::from(hidden);
-    let steps = found.as_ref().map_or_else(|_| Vec::new(), |d| d.traces.step_outcomes.clone());
+    let steps = outcome.as_ref().map_or_else(|_| Vec::new(), |d| d.traces.step_outcomes.clone());
     json!({
-        "version": version::version_of_diagnosis(&said),
+        "version": version::version_of_diagnosis(&report),
         "id": job.id(),
         "class": job.class,
-        "score": score::score(&hidden, &said),
+        "score": score::score(&hidden, &report),
         "hidden": hidden,
         "steps": steps,
-        "diagnosis": said,
+        "diagnosis": report,
     })
 }

@@ -44,9 +44,9 @@ pub(crate) fn jobs(counts: [usize; 5], names: &[String]) -> Vec<SensorJob> {
     // Pairs and triples are drawn from the earlier effects only, so that each index keeps its sensor.
     let paired: Vec<&'static Kind> =
         inside.iter().copied().filter(|k| !LATER_EFFECTS.contains(&k.name)).collect();
-    let most = counts.into_iter().max().unwrap_or(0);
+    let max_count = counts.into_iter().max().unwrap_or(0);
     let mut jobs = Vec::new();
-    for index in 0..most {
+    for index in 0..max_count {
         if index < nulls {
             jobs.push(SensorJob { class: "null", kinds: Vec::new(), index });
         }

@@ -168,8 +168,8 @@ fn shared_null_model(args: &Args) -> (NullModel, SmallestStrengths) {
             n.name, n.parameter, n.strength, n.nearest_candidate, n.cosine
         );
     }
-    let whole = json!({ "version": version, "seconds": seconds, "detectability": table });
-    std::fs::write(&file, serde_json::to_string_pretty(&whole).unwrap()).unwrap();
+    let document = json!({ "version": version, "seconds": seconds, "detectability": table });
+    std::fs::write(&file, serde_json::to_string_pretty(&document).unwrap()).unwrap();
     (reference, nameable.into_iter().map(|n| (n.name.to_owned(), n.strength)).collect())
 }
 

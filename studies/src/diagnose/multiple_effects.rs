@@ -15,7 +15,7 @@ impl<'a> MultipleEffects<'a> {
     pub(crate) fn from_records(records: &[&'a Value]) -> Self {
         let mut several = Self { rows: BTreeMap::new(), wrong_names: BTreeMap::new() };
         for record in records {
-            let found = |name: &str| array_items(&record["score"]["found"]).any(|f| f == name);
+            let is_found = |name: &str| array_items(&record["score"]["found"]).any(|f| f == name);
             for hidden in array_items(&record["hidden"]) {
                 if hidden["strength"].as_f64() < hidden["detectable_strength"].as_f64() {
                     continue;
@@ -23,7 +23,7 @@ impl<'a> MultipleEffects<'a> {
                 let name = hidden["name"].as_str().unwrap_or("?");
                 let row = several.rows.entry(name).or_default();
                 row[0] += 1;
-                row[1] += usize::from(found(name));
+                row[1] += usize::from(is_found(name));
             }
             for name in array_items(&record["score"]["wrong"]).filter_map(Value::as_str) {
                 *several.wrong_names.entry(name).or_default() += 1;

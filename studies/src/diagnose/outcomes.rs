@@ -55,9 +55,9 @@ pub(crate) fn interval_covers(record: &Value, name: &str) -> Option<bool> {
         "edge_columns" => 1.0 + strength,
         _ => strength,
     };
-    let held = |x: f64| low <= x && x <= high;
+    let covers = |x: f64| low <= x && x <= high;
     // These effects are hidden with either sign.
     let signed =
         ["response_nonlinearity", "gain_drift", "spike_coupling", "supply_droop", "gain_dark_correlation"];
-    Some(held(truth) || signed.contains(&name) && held(-truth))
+    Some(covers(truth) || signed.contains(&name) && covers(-truth))
 }

@@ -60,8 +60,8 @@ pub(crate) fn write_lines(folder: &Path, lines: &Path) {
 
 /// Returns a record without the keys that its line omits.
 pub(crate) fn without_omitted_keys(mut record: Value) -> Value {
-    if let Some(said) = record["diagnosis"].as_object_mut() {
-        OMITTED_KEYS.iter().for_each(|key| drop(said.remove(*key)));
+    if let Some(diagnosis) = record["diagnosis"].as_object_mut() {
+        OMITTED_KEYS.iter().for_each(|key| drop(diagnosis.remove(*key)));
     }
     record
 }

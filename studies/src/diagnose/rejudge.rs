@@ -40,12 +40,12 @@ pub(crate) fn rejudge(list: &str, lines: &str, reference: &NullModel) -> bool {
     let (mut same, mut all) = (0, 0);
     for id in list.lines() {
         all += 1;
-        let found = match find_record(lines, id) {
+        let differing = match find_record(lines, id) {
             Some(recorded) => differences(&recorded, reference),
             None => vec!["no such record".to_owned()],
         };
-        same += usize::from(found.is_empty());
-        println!("{id}: {}", if found.is_empty() { "the same".to_owned() } else { found.join("; ") });
+        same += usize::from(differing.is_empty());
+        println!("{id}: {}", if differing.is_empty() { "the same".to_owned() } else { differing.join("; ") });
     }
     println!("{same} of {all} recorded sensors are judged as they were, in every digit");
     same == all && all > 0
@@ -64,8 +64,9 @@ fn job_from_record(recorded: &Value) -> SensorJob {
 }
 
 fn strengths_from_record(recorded: &Value) -> Vec<(f64, Option<f64>)> {
-    let of = |h: &Value| (h["strength"].as_f64().expect("a strength"), h["detectable_strength"].as_f64());
-    recorded["hidden"].as_array().into_iter().flatten().map(of).collect()
+    let strengths =
+        |h: &Value| (h["strength"].as_f64().expect("a strength"), h["detectable_strength"].as_f64());
+    recorded["hidden"].as_array().into_iter().flatten().map(strengths).collect()
 }
 
 fn compare_values(place: &str, was: &Value, now: &Value, differences: &mut Vec<String>) {

@@ -43,8 +43,8 @@ fn add(row: &mut TableRow, record: &Value) {
     let names: Vec<&str> =
         score["names"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
     row.unnamed += usize::from(score["verdict"] == "agrees");
-    for said in names.iter().filter(|n| **n != name) {
-        *row.named_counts.entry((*said).to_owned()).or_default() += 1;
+    for other_name in names.iter().filter(|n| **n != name) {
+        *row.named_counts.entry((*other_name).to_owned()).or_default() += 1;
     }
     row.gaps.add(record);
     if let (Some(covered), true) = (interval_covers(record, name), score["exact"] == 1) {
@@ -70,15 +70,15 @@ pub(crate) fn write(folder: &Path, path: &Path, large: bool) {
 }
 
 fn tables(records: &[Value]) -> String {
-    let of = |class: &str| records.iter().filter(|r| r["class"] == class).collect::<Vec<_>>();
+    let class_records = |class: &str| records.iter().filter(|r| r["class"] == class).collect::<Vec<_>>();
     let mut text = String::new();
     summary(&mut text, records);
     run_time_text(&mut text, records);
-    clean_table(&mut text, &of("null"));
-    single_table(&mut text, &of("single"));
-    outside_table(&mut text, &of("outside"));
-    multiple_table(&mut text, "Two effects at once", &of("double"));
-    multiple_table(&mut text, "Three effects at once", &of("triple"));
+    clean_table(&mut text, &class_records("null"));
+    single_table(&mut text, &class_records("single"));
+    outside_table(&mut text, &class_records("outside"));
+    multiple_table(&mut text, "Two effects at once", &class_records("double"));
+    multiple_table(&mut text, "Three effects at once", &class_records("triple"));
     text
 }
 

@@ -5,15 +5,15 @@ use serde_json::{Value, json};
 /// A diagnosed effect, and the effects that the diagnosis cannot distinguish from it.
 type NamedEffect<'a> = (&'a str, Vec<&'a str>);
 
-/// Compares the effects that `said` names with those that are `hidden`.
+/// Compares the effects that `diagnosis` names with those that are `hidden`.
 ///
 /// Each name, with its ambiguous names, matches at most one hidden effect. Exact matches come first. The other names
 /// follow, in ascending order of the number of their unmatched ambiguous names. A name without a match is wrong.
-pub(crate) fn score(hidden: &Value, said: &Value) -> Value {
-    if said["verdict"].is_null() {
+pub(crate) fn score(hidden: &Value, diagnosis: &Value) -> Value {
+    if diagnosis["verdict"].is_null() {
         return json!({ "error": true });
     }
-    let names = diagnosed_names(said);
+    let names = diagnosed_names(diagnosis);
     let mut open: Vec<&str> = array_items(hidden).filter_map(|h| h["name"].as_str()).collect();
     let hidden = open.clone();
     let mut take = |name: &str| open.iter().position(|o| *o == name).map(|i| open.remove(i)).is_some();
@@ -27,26 +27,26 @@ pub(crate) fn score(hidden: &Value, said: &Value) -> Value {
             None => wrong.push(name),
         }
     }
-    let found: Vec<&str> = hidden.into_iter().filter(|h| !open.contains(h)).collect();
+    let identified: Vec<&str> = hidden.into_iter().filter(|h| !open.contains(h)).collect();
     json!({
         "exact": exact,
-        "named_or_ambiguous": found.len(),
-        "found": found,
+        "named_or_ambiguous": identified.len(),
+        "found": identified,
         "wrong": wrong,
-        "verdict": said["verdict"],
+        "verdict": diagnosis["verdict"],
         "names": names.iter().map(|n| n.0).collect::<Vec<_>>(),
     })
 }
 
-fn ambiguous_names(of: &Value) -> Vec<&str> {
-    array_items(&of["ambiguous_with"]).filter_map(Value::as_str).collect()
+fn ambiguous_names(effect: &Value) -> Vec<&str> {
+    array_items(&effect["ambiguous_with"]).filter_map(Value::as_str).collect()
 }
 
 /// Returns the effects that are not tentative, and the camera parameters that do not match.
-fn diagnosed_names(said: &Value) -> Vec<NamedEffect<'_>> {
-    let effects = array_items(&said["effects"]).filter(|e| e["is_tentative"] != true);
+fn diagnosed_names(diagnosis: &Value) -> Vec<NamedEffect<'_>> {
+    let effects = array_items(&diagnosis["effects"]).filter(|e| e["is_tentative"] != true);
     let effects = effects.filter_map(|e| Some((e["name"].as_str()?, ambiguous_names(e))));
-    let misfits = array_items(&said["parameter_mismatches"])
+    let misfits = array_items(&diagnosis["parameter_mismatches"])
         .filter_map(|m| Some((m["parameter"].as_str()?.split('.').next()?, ambiguous_names(m))));
     effects.chain(misfits).collect()
 }

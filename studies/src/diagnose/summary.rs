@@ -17,17 +17,18 @@ struct SummaryRow {
 
 /// Writes the aims of the study and the results.
 pub(crate) fn summary(text: &mut String, records: &[Value]) {
-    let of = |class: &str| records.iter().filter(|r| r["class"] == class).collect::<Vec<_>>();
-    let share = |of: &[&Value], hit: &dyn Fn(&Value) -> bool| Share {
-        hits: of.iter().filter(|r| hit(r)).count(),
-        total: of.len(),
+    let class_records = |class: &str| records.iter().filter(|r| r["class"] == class).collect::<Vec<_>>();
+    let share = |group: &[&Value], hit: &dyn Fn(&Value) -> bool| Share {
+        hits: group.iter().filter(|r| hit(r)).count(),
+        total: group.len(),
     };
-    let (clean, singles, strangers) = (of("null"), of("single"), of("outside"));
+    let (clean, singles, strangers) =
+        (class_records("null"), class_records("single"), class_records("outside"));
     let named = |r: &Value| r["score"]["names"].as_array().is_some_and(|n| !n.is_empty());
     let verdict = |r: &Value, word: &str| r["score"]["verdict"] == word;
     let exact: Vec<&Value> = singles.iter().filter(|r| r["score"]["exact"] == 1).copied().collect();
-    let held = exact.iter().filter_map(|r| interval_covers(r, r["hidden"][0]["name"].as_str()?));
-    let held: Vec<bool> = held.collect();
+    let covered = exact.iter().filter_map(|r| interval_covers(r, r["hidden"][0]["name"].as_str()?));
+    let covered: Vec<bool> = covered.collect();
     let gaps =
         DiscrepancyCounts::from_records(&records.iter().filter(|r| r["class"] != "null").collect::<Vec<_>>());
     let mut rows = vec![
@@ -51,7 +52,7 @@ pub(crate) fn summary(text: &mut String, records: &[Value]) {
         ("double", "effects of doubles found", "names said of doubles that are right"),
         ("triple", "effects of triples found", "names said of triples that are right"),
     ] {
-        let counts = MultipleEffects::from_records(&of(class));
+        let counts = MultipleEffects::from_records(&class_records(class));
         let hits = counts.found_count();
         rows.push(SummaryRow {
             quantity: found,
@@ -74,7 +75,7 @@ pub(crate) fn summary(text: &mut String, records: &[Value]) {
         SummaryRow {
             quantity: "intervals of single effects that hold the truth",
             aim: "90 to 99 %",
-            share: Share { hits: held.iter().filter(|h| **h).count(), total: held.len() },
+            share: Share { hits: covered.iter().filter(|h| **h).count(), total: covered.len() },
         },
         SummaryRow {
             quantity: "sets called explained, held-out excess within its limit",
@@ -95,13 +96,13 @@ pub(crate) fn run_time_text(text: &mut String, records: &[Value]) {
         "| sensors | ran | meant | seconds: median | mean | longest | at most 15 |\n|---|--:|--:|--:|--:|--:|--:|\n",
     );
     for (class, meant) in [("null", 300), ("single", 600), ("double", 150), ("triple", 60), ("outside", 80)] {
-        let of = records.iter().filter(|r| r["class"] == class);
-        let mut seconds: Vec<f64> = of.filter_map(|r| r["diagnosis"]["seconds"].as_f64()).collect();
+        let in_class = records.iter().filter(|r| r["class"] == class);
+        let mut seconds: Vec<f64> = in_class.filter_map(|r| r["diagnosis"]["seconds"].as_f64()).collect();
         seconds.sort_by(f64::total_cmp);
-        let Some(longest) = seconds.last() else { continue };
+        let Some(max_seconds) = seconds.last() else { continue };
         writeln!(
             text,
-            "| {class} | {} | {meant} | {:.1} | {:.1} | {longest:.1} | {} |",
+            "| {class} | {} | {meant} | {:.1} | {:.1} | {max_seconds:.1} | {} |",
             seconds.len(),
             seconds[seconds.len() / 2],
             seconds.iter().sum::<f64>() / seconds.len() as f64,

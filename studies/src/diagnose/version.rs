@@ -22,12 +22,12 @@ pub(crate) const NAMING_VERSION: u32 = 1;
 /// Version of the code that examines several names again.
 pub(crate) const ELIMINATION_VERSION: u32 = 1;
 
-/// Returns the versions of the code that made the diagnosis `said`, joined by dots.
-pub(crate) fn version_of_diagnosis(said: &Value) -> String {
+/// Returns the versions of the code that made the diagnosis `diagnosis`, joined by dots.
+pub(crate) fn version_of_diagnosis(diagnosis: &Value) -> String {
     // The discrepancy is listed before any name and after each added name.
-    let added = said["discrepancy"]["fitted_set"].as_array().map_or(usize::MAX, Vec::len);
+    let added = diagnosis["discrepancy"]["fitted_set"].as_array().map_or(usize::MAX, Vec::len);
     match added {
-        _ if said["verdict"] == "agrees" => alarm_version(),
+        _ if diagnosis["verdict"] == "agrees" => alarm_version(),
         ..=2 => format!("{ALARM_VERSION}.{NAMING_VERSION}"),
         _ => format!("{ALARM_VERSION}.{NAMING_VERSION}.{ELIMINATION_VERSION}"),
     }

@@ -37,28 +37,29 @@ struct Arguments {
 
 fn arguments() -> Arguments {
     // The program is expected in the folder above the folder of this executable.
-    let beside = std::env::current_exe().ok().map(|program| program.with_file_name("spikelane"));
-    let mut found = Arguments { labs: 0..300, program: beside.unwrap_or_default(), report: None };
+    let sibling_program = std::env::current_exe().ok().map(|program| program.with_file_name("spikelane"));
+    let mut arguments =
+        Arguments { labs: 0..300, program: sibling_program.unwrap_or_default(), report: None };
     let mut all = std::env::args().skip(1);
     while let Some(arg) = all.next() {
         let value = all.next().unwrap_or_else(|| panic!("{arg} needs a value"));
         match arg.as_str() {
-            "--labs" => found.labs = 0..value.parse().expect("a number of laboratories"),
+            "--labs" => arguments.labs = 0..value.parse().expect("a number of laboratories"),
             "--lab" => {
                 let one: u64 = value.parse().expect("the number of a laboratory");
-                found.labs = one..one + 1;
+                arguments.labs = one..one + 1;
             }
-            "--program" => found.program = value.into(),
-            "--report" => found.report = Some(value.into()),
+            "--program" => arguments.program = value.into(),
+            "--report" => arguments.report = Some(value.into()),
             _ => panic!("{arg}: give --labs N, --lab N, --program FILE or --report FILE"),
         }
     }
     assert!(
-        found.program.is_file(),
+        arguments.program.is_file(),
         "{}: no such program; build it (cargo build --release) or give --program FILE",
-        found.program.display()
+        arguments.program.display()
     );
-    found
+    arguments
 }
 
 fn main() {

@@ -66,11 +66,11 @@ fn faults(verdicts: &[AssessedLaboratory]) -> String {
         let named = assessments(verdicts, Some(fault)).filter(|s| s.has_named_fault).count();
         write!(text, "| {fault} | {right}/{} | {named} |", of.len()).unwrap();
         for (q, _) in quantities() {
-            let of = quantity_errors(verdicts, Some(fault), q);
-            text += &if of.is_empty() {
+            let outcomes = quantity_errors(verdicts, Some(fault), q);
+            text += &if outcomes.is_empty() {
                 " |".to_owned()
             } else {
-                format!(" {}/{} |", covered_count(&of), of.len())
+                format!(" {}/{} |", covered_count(&outcomes), outcomes.len())
             };
         }
         text.push('\n');
@@ -78,12 +78,12 @@ fn faults(verdicts: &[AssessedLaboratory]) -> String {
     text
 }
 
-fn covered_count(of: &[QuantityError]) -> usize {
-    of.iter().filter(|c| c.z.abs() <= 1.96).count()
+fn covered_count(errors: &[QuantityError]) -> usize {
+    errors.iter().filter(|c| c.z.abs() <= 1.96).count()
 }
 
-fn median(of: impl Iterator<Item = f64>) -> f64 {
-    let mut all: Vec<f64> = of.collect();
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut all: Vec<f64> = values.collect();
     all.sort_by(f64::total_cmp);
     all.get(all.len() / 2).copied().unwrap_or(0.0)
 }

@@ -56,7 +56,7 @@ impl Recording {
     pub(crate) fn neighborhood_rates(&self) -> Vec<f64> {
         let (width, height) = (self.geometry.width() as isize, self.geometry.height() as isize);
         let count = |row: isize, col: isize| self.times[(row * width + col) as usize].len() as f64;
-        let of = |p: usize| {
+        let local_mean = |p: usize| {
             let (row, col) = (p as isize / width, p as isize % width);
             let mut around: Vec<f64> = Vec::new();
             for r in (row - NEIGHBORHOOD_RADIUS_PX).max(0)..=(row + NEIGHBORHOOD_RADIUS_PX).min(height - 1) {
@@ -68,13 +68,13 @@ impl Recording {
             around.sort_by(f64::total_cmp);
             // Removes the lowest twelfth and the highest twelfth of the counts, to exclude hot and dead pixels.
             let cut = around.len() / 12;
-            let kept = &around[cut..around.len() - cut];
-            let mean = kept.iter().sum::<f64>() / kept.len() as f64;
-            let own = count(row, col);
-            let alike = (own - mean).abs() < 2.0 + 0.5 * mean;
+            let trimmed = &around[cut..around.len() - cut];
+            let mean = trimmed.iter().sum::<f64>() / trimmed.len() as f64;
+            let spikes = count(row, col);
+            let alike = (spikes - mean).abs() < 2.0 + 0.5 * mean;
             if alike { mean / self.readouts as f64 } else { f64::NAN }
         };
-        (0..self.times.len()).map(of).collect()
+        (0..self.times.len()).map(local_mean).collect()
     }
 
     /// Returns the variances of second differences about their mean in a place, in thresholds squared.
@@ -104,7 +104,7 @@ impl Recording {
                 }
             }
         }
-        let mut found = LagVariances {
+        let mut variances = LagVariances {
             geometry: self.geometry,
             places: [0; RATE_CLASS_BOUNDS.len() - 1],
             mean: [[f64::NAN; LAG_COUNT]; RATE_CLASS_BOUNDS.len() - 1],
@@ -123,14 +123,14 @@ impl Recording {
                 let mean = square / count;
                 // The error is the standard error of a ratio of sums over places.
                 let scatter = here.iter().map(|s| (s[0] - mean * s[1]).powi(2)).sum::<f64>();
-                found.places[c] = found.places[c].max(here.len());
+                variances.places[c] = variances.places[c].max(here.len());
                 if here.len() >= MIN_PLACES {
-                    found.mean[c][n] = mean;
-                    found.error[c][n] = scatter.sqrt() / count;
+                    variances.mean[c][n] = mean;
+                    variances.error[c][n] = scatter.sqrt() / count;
                 }
             }
         }
-        found
+        variances
     }
 
     /// Returns the correlation between the change of a pixel and the change of the pixel `down` rows below it. Only pixels in
@@ -145,9 +145,9 @@ impl Recording {
             if n < 3 { f64::NAN } else { ((times[1] - times[0]) / (times[n - 1] - times[n - 2])).ln() }
         };
         let all = || rows.clone().flat_map(|r| columns.clone().map(move |c| (r, c)));
-        let own: Vec<f64> = all().map(|(r, c)| change(r, c)).filter(|x| x.is_finite()).collect();
-        let mean = own.iter().sum::<f64>() / own.len() as f64;
-        let square = own.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / own.len() as f64;
+        let changes: Vec<f64> = all().map(|(r, c)| change(r, c)).filter(|x| x.is_finite()).collect();
+        let mean = changes.iter().sum::<f64>() / changes.len() as f64;
+        let square = changes.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / changes.len() as f64;
         let pairs: Vec<f64> = all()
             .filter(|(r, _)| r + down < rows.end)
             .map(|(r, c)| (change(r, c) - mean) * (change(r + down, c) - mean))

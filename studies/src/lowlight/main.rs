@@ -82,21 +82,25 @@ fn main() {
     let used = static_pixels(&reader, reader.readouts()).unwrap_or_else(|e| panic!("{e}"));
     println!("{}", shift_table(&real));
     println!("All pixels:\n\n{}", variance_table(&real.measure(&shared, &vec![true; used.len()])));
-    let told = |used: &[bool]| used.iter().filter(|u| **u).count();
+    let count_used = |used: &[bool]| used.iter().filter(|u| **u).count();
     println!(
         "The {} around which no motion is told:\n\n{}",
-        told(&used),
+        count_used(&used),
         variance_table(&real.measure(&shared, &used))
     );
     let used = grain_free_mask(&used, reader.geometry());
-    let own = real.measure(&shared, &used);
-    println!("Of these the {} of the sky and of the left border:\n\n{}", told(&used), variance_table(&own));
+    let measured = real.measure(&shared, &used);
+    println!(
+        "Of these the {} of the sky and of the left border:\n\n{}",
+        count_used(&used),
+        variance_table(&measured)
+    );
     println!(
         "| law | numbers | electrons a threshold | per spike, 1e-5 | per 100 readouts, 1e-5 | ln likelihood |"
     );
     println!("|---|--:|---|---|---|--:|");
     for law in &NOISE_LAWS {
-        println!("{}", law_row(law, &own, (&shared, &used), reader.readouts(), seeds));
+        println!("{}", law_row(law, &measured, (&shared, &used), reader.readouts(), seeds));
     }
 }
 
@@ -117,21 +121,21 @@ fn grain_free_mask(used: &[bool], geometry: Geometry) -> Vec<bool> {
 /// The log likelihood is maximized over the other parameters. Within the range, it is at most 1.92 below its maximum.
 fn law_row(
     law: &NoiseLaw,
-    own: &LagVariances,
+    measured: &LagVariances,
     pixels: (&[f64], &[bool]),
     readouts: usize,
     seeds: u64,
 ) -> String {
     let tried = |has: bool| if has { VARIANCE_GRID.to_vec() } else { vec![0.0] };
-    let mut found: Vec<([f64; 3], f64)> = Vec::new();
+    let mut fits: Vec<([f64; 3], f64)> = Vec::new();
     for light in tried(law.has[0]) {
         for spike in tried(law.has[1]) {
             for readout in tried(law.has[2]) {
                 let values = [light, spike, readout];
-                found.push((
+                fits.push((
                     values,
-                    own.likelihood(&simulate_twins(
-                        &camera(values, law.is_slow, own.geometry),
+                    measured.likelihood(&simulate_twins(
+                        &camera(values, law.is_slow, measured.geometry),
                         pixels,
                         readouts,
                         seeds,
@@ -140,9 +144,9 @@ fn law_row(
             }
         }
     }
-    let best = found.iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("a grid");
+    let best = fits.iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("a grid");
     let range = |i: usize| {
-        let near = found.iter().filter(|f| f.1 > best.1 - 1.92).map(|f| f.0[i]);
+        let near = fits.iter().filter(|f| f.1 > best.1 - 1.92).map(|f| f.0[i]);
         near.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)))
     };
     let variance = |i: usize| {
@@ -160,10 +164,10 @@ fn law_row(
 
 /// Returns the number of electrons per threshold for a variance and for both ends of its range.
 fn electron_range_text(best: f64, low: f64, high: f64) -> String {
-    let of = |variance: f64| {
+    let limit_text = |variance: f64| {
         if variance == 0.0 { "no limit".to_owned() } else { format!("{:.0}", 1.0 / variance) }
     };
-    format!("{} ({} to {})", of(best), of(high), of(low))
+    format!("{} ({} to {})", limit_text(best), limit_text(high), limit_text(low))
 }
 
 /// Returns a camera with three variances: of the quanta per interval, of a spike, and of 100 readouts.
@@ -227,11 +231,13 @@ fn simulate_twins(
     (0..seeds).map(one).collect()
 }
 
-fn variance_table(own: &LagVariances) -> String {
+fn variance_table(measured: &LagVariances) -> String {
     let mut text = String::from("| rate | places | over 1 interval | over 2 |\n|---|--:|---|---|\n");
-    for (c, class) in RATE_CLASS_BOUNDS.windows(2).enumerate().filter(|(c, _)| own.places[*c] > 4) {
-        let cells: Vec<String> = (0..LAG_COUNT).map(|n| variance(own.mean[c][n], own.error[c][n])).collect();
-        text += &format!("| {} to {} | {} | {} |\n", class[0], class[1], own.places[c], cells.join(" | "));
+    for (c, class) in RATE_CLASS_BOUNDS.windows(2).enumerate().filter(|(c, _)| measured.places[*c] > 4) {
+        let cells: Vec<String> =
+            (0..LAG_COUNT).map(|n| variance(measured.mean[c][n], measured.error[c][n])).collect();
+        text +=
+            &format!("| {} to {} | {} | {} |\n", class[0], class[1], measured.places[c], cells.join(" | "));
     }
     text
 }

@@ -74,11 +74,11 @@ fn rows(scene: &Scene) -> String {
         ("TFI", interval.is_measurable().then_some(interval.rates)),
     ];
     for (name, picture) in pictures {
-        let Some(found) = picture.and_then(|p| score_detail(&p, &reference, scene.geometry).ok()) else {
+        let Some(detail) = picture.and_then(|p| score_detail(&p, &reference, scene.geometry).ok()) else {
             writeln!(text, "| {} | {name} | not measurable | | |", scene.name).unwrap();
             continue;
         };
-        let (db, slope, noise) = (found.aligned_psnr_db, found.slope, 100.0 * found.noise);
+        let (db, slope, noise) = (detail.aligned_psnr_db, detail.slope, 100.0 * detail.noise);
         writeln!(text, "| {} | {name} | {db:.1} | {slope:.2} | {noise:.1} |", scene.name).unwrap();
     }
     text

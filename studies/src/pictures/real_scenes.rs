@@ -13,10 +13,10 @@ use super::score::{Row, row};
 pub(crate) fn mean_of_others(packed: SpikeFramesRef, used: Range<usize>) -> Vec<f32> {
     let all = packed.readouts();
     let (counted, within) = (all as f32, used.len() as f32);
-    let whole = tfp(packed, all / 2, all).unwrap();
+    let full = tfp(packed, all / 2, all).unwrap();
     let middle = used.start + used.len() / 2;
     let window = tfp(packed, middle, used.len() / 2).unwrap();
-    whole.iter().zip(window).map(|(a, b)| (a * counted - b * within) / (counted - within)).collect()
+    full.iter().zip(window).map(|(a, b)| (a * counted - b * within) / (counted - within)).collect()
 }
 
 /// Rows of the static recording without motion.

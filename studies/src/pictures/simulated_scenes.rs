@@ -23,12 +23,12 @@ const REFERENCE_READOUTS: usize = 4000;
 /// readout. It is shifted right by `dx` pixels.
 fn light(geometry: Geometry, (low, high): (f32, f32), dx: f32) -> Vec<f32> {
     let waves = [(0.31, 0.07), (-0.12, 0.29), (0.053, -0.17), (0.63, 0.41), (0.017, 0.041)];
-    let of = |k: usize| {
+    let shifted = |k: usize| {
         let (x, y) = ((k % geometry.width()) as f32 - dx, (k / geometry.width()) as f32);
         let sum: f32 = (1..).zip(waves).map(|(i, (a, b))| (a * x + b * y + i as f32).sin()).sum();
         low + (high - low) * (0.5 + 0.1 * sum)
     };
-    (0..geometry.pixels()).map(of).collect()
+    (0..geometry.pixels()).map(shifted).collect()
 }
 
 /// Returns a camera with the temporal noise of the preset `physical` and without a fixed pattern.

@@ -48,14 +48,14 @@ pub(crate) fn diagnose_job(
         let u = [1, 2, 3].map(|k| uniform_hash(seed, 10 * i as u64 + k));
         let times =
             STRENGTH_RANGE.0 * (STRENGTH_RANGE.1 / STRENGTH_RANGE.0).powf(uniform_hash(seed, 100 + i as u64));
-        let own = smallest.iter().find(|s| s.0 == kind.name).map(|s| s.1 * times);
-        let strength = own.map_or(kind.largest, |s| s.min(kind.largest));
+        let smallest_strength = smallest.iter().find(|s| s.0 == kind.name).map(|s| s.1 * times);
+        let strength = smallest_strength.map_or(kind.largest, |s| s.min(kind.largest));
         (kind.set)(&mut physics, strength, u);
         hidden.push(json!({"name": kind.name, "strength": strength}));
     }
     let sensor = Sensor::new(physics, SENSOR_SIDE_PX, SENSOR_SIDE_PX, seed);
-    let own = tempfile::tempdir().unwrap();
-    let folder = keep.map_or_else(|| own.path().to_owned(), |keep| keep.join(job.id()));
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = keep.map_or_else(|| temporary.path().to_owned(), |keep| keep.join(job.id()));
     let first = laboratory::record_take(&sensor, &factors, 0, &folder.join("0"));
     let second = factors.second_set.then(|| laboratory::record_take(&sensor, &factors, 1, &folder.join("1")));
     let camera = factors.camera_file.then(|| laboratory::camera_file(&first, &factors));
@@ -64,24 +64,24 @@ pub(crate) fn diagnose_job(
         std::fs::write(folder.join("camera.toml"), saved.text).unwrap();
     }
     let options = DiagnoseOptions { camera: camera.as_ref(), ..DiagnoseOptions::default() };
-    let found = diagnose(&first, second.as_ref(), options, &mut |_, _| {});
-    let said = match &found {
+    let outcome = diagnose(&first, second.as_ref(), options, &mut |_, _| {});
+    let report = match &outcome {
         Ok(diagnosis) => serde_json::to_value(diagnosis).unwrap(),
         Err(error) => json!({ "error": error.to_string() }),
     };
     let levels: serde_json::Map<String, Value> =
         factors.levels().into_iter().map(|(name, level)| (name.to_owned(), level.into())).collect();
     // If the protocol cannot reveal an effect, the effect does not count as missed.
-    let cannot = |name: &str| said["undetectable"].as_array().into_iter().flatten().any(|n| n == name);
+    let cannot = |name: &str| report["undetectable"].as_array().into_iter().flatten().any(|n| n == name);
     let shown = job.kinds.iter().filter(|k| job.class != "outside" && !cannot(k.name)).count();
     let hidden = Value::from(hidden);
-    let mut score = score::score(&hidden, &said);
+    let mut score = score::score(&hidden, &report);
     score["showable"] = shown.into();
-    json!({"id": job.id(), "class": job.class, "attempt": attempt, "factors": levels, "hidden": hidden, "score": score, "diagnosis": with_needed_keys(said)})
+    json!({"id": job.id(), "class": job.class, "attempt": attempt, "factors": levels, "hidden": hidden, "score": score, "diagnosis": with_needed_keys(report)})
 }
 
 /// Returns the entries of a diagnosis that the table needs, and those that help to analyze a failure.
-fn with_needed_keys(said: Value) -> Value {
+fn with_needed_keys(report: Value) -> Value {
     let keys = [
         "verdict",
         "effects",
@@ -93,6 +93,6 @@ fn with_needed_keys(said: Value) -> Value {
         "error",
         "undetectable",
     ];
-    let own = said.as_object().into_iter().flatten().filter(|(key, _)| keys.contains(&key.as_str()));
-    Value::Object(own.map(|(key, value)| (key.clone(), value.clone())).collect())
+    let needed = report.as_object().into_iter().flatten().filter(|(key, _)| keys.contains(&key.as_str()));
+    Value::Object(needed.map(|(key, value)| (key.clone(), value.clone())).collect())
 }

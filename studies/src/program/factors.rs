@@ -24,8 +24,8 @@ const BASE_DEVIATIONS: [f64; 4] = [0.0, 0.01, 0.03, 0.1];
 const LAMP_DEVIATIONS: [f64; 3] = [0.001, 0.003, 0.01];
 const PROTOCOLS: [&str; 5] = ["eight", "four levels", "flats only", "twelve", "mixed lengths"];
 
-fn pick<T: Copy>(of: &[T], u: f64) -> T {
-    of[((u * of.len() as f64) as usize).min(of.len() - 1)]
+fn pick<T: Copy>(choices: &[T], u: f64) -> T {
+    choices[((u * choices.len() as f64) as usize).min(choices.len() - 1)]
 }
 
 impl Factors {
@@ -61,15 +61,15 @@ impl Factors {
     /// Returns the parameters of a clean sensor. Each parameter deviates by up to `base_deviation` in either direction.
     pub(crate) fn physics(&self) -> Physics {
         let off = |place: u64| 1.0 + self.base_deviation * (2.0 * uniform_hash(self.seed, 600 + place) - 1.0);
-        let plain = Physics::default();
+        let default_physics = Physics::default();
         let mut p = Physics {
-            electrons: plain.electrons * off(0),
-            threshold_spread: plain.threshold_spread * off(1),
-            gain_spread: plain.gain_spread * off(2),
-            dark_mean: plain.dark_mean * off(3),
-            dark_spread: plain.dark_spread * off(4),
-            threshold_noise: plain.threshold_noise * off(5),
-            ..plain
+            electrons: default_physics.electrons * off(0),
+            threshold_spread: default_physics.threshold_spread * off(1),
+            gain_spread: default_physics.gain_spread * off(2),
+            dark_mean: default_physics.dark_mean * off(3),
+            dark_spread: default_physics.dark_spread * off(4),
+            threshold_noise: default_physics.threshold_noise * off(5),
+            ..default_physics
         };
         match self.camera {
             // The time between readouts is half as long, so half as much charge is collected.
@@ -92,21 +92,21 @@ impl Factors {
         let steps = ("steps".to_owned(), Scene::Square { high: 0.8, low: 0.03, half_period: 500 }, READOUTS);
         let board = ("checker".to_owned(), Scene::Checkerboard { high: 0.8, low: 0.03, cell: 8 }, READOUTS);
         let flats = |lights: &[f64]| lights.iter().map(|l| flat(*l)).collect::<Vec<_>>();
-        let usual = [0.0, 0.03, 0.1, 0.3, 0.6, 0.9];
+        let default_levels = [0.0, 0.03, 0.1, 0.3, 0.6, 0.9];
         match self.protocol {
             "four levels" => flats(&[0.0, 0.1, 0.3, 0.7]),
-            "flats only" => flats(&usual),
+            "flats only" => flats(&default_levels),
             "twelve" => {
                 let lights = [0.0, 0.03, 0.06, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75, 0.9];
                 [flats(&lights), vec![steps, board]].concat()
             }
             "mixed lengths" => {
-                let mut all = [flats(&usual), vec![steps, board]].concat();
+                let mut all = [flats(&default_levels), vec![steps, board]].concat();
                 all[0].2 = 2 * READOUTS;
                 all[4].2 = READOUTS / 2;
                 all
             }
-            _ => [flats(&usual), vec![steps, board]].concat(),
+            _ => [flats(&default_levels), vec![steps, board]].concat(),
         }
     }
 

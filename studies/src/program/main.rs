@@ -98,14 +98,14 @@ fn main() {
 
 /// Interleaves the classes, so that a run that is stopped early has the same share of every class.
 fn interleave_classes(jobs: Vec<SensorJob>) -> Vec<SensorJob> {
-    let of = |class: &str| jobs.iter().filter(|j| j.class == class).count();
+    let class_count = |class: &str| jobs.iter().filter(|j| j.class == class).count();
     let counts: Vec<(&str, usize)> =
-        ["null", "single", "double", "outside"].map(|class| (class, of(class))).to_vec();
-    let mut taken: Vec<usize> = vec![0; counts.len()];
+        ["null", "single", "double", "outside"].map(|class| (class, class_count(class))).to_vec();
+    let mut assigned: Vec<usize> = vec![0; counts.len()];
     let place = |job: &SensorJob| {
         let class = counts.iter().position(|c| c.0 == job.class).unwrap();
-        taken[class] += 1;
-        (2 * taken[class] - 1) as f64 / (2 * counts[class].1) as f64
+        assigned[class] += 1;
+        (2 * assigned[class] - 1) as f64 / (2 * counts[class].1) as f64
     };
     let places: Vec<f64> = jobs.iter().map(place).collect();
     let mut placed: Vec<(f64, SensorJob)> = places.into_iter().zip(jobs).collect();

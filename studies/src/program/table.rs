@@ -9,7 +9,7 @@ use super::share::Share;
 /// Returns a table row with a share, its target, and whether the share reaches the target.
 fn row(what: &str, aim: &str, share: Share, at_least: Option<f64>, at_most: Option<f64>) -> String {
     let (low, high) = (share.lower_bound(), share.upper_bound());
-    let said = match (at_least, at_most) {
+    let status = match (at_least, at_most) {
         _ if share.total == 0 => "none ran",
         (Some(aim), _) if low >= aim => "reached",
         (Some(aim), _) if high < aim => "missed",
@@ -17,16 +17,16 @@ fn row(what: &str, aim: &str, share: Share, at_least: Option<f64>, at_most: Opti
         (_, Some(aim)) if low > aim => "missed",
         _ => "undecided",
     };
-    format!("| {what} | {aim} | {share} | {said} |\n")
+    format!("| {what} | {aim} | {share} | {status} |\n")
 }
 
 fn share_of<'a>(all: impl Iterator<Item = &'a Value>, hit: impl Fn(&Value) -> bool) -> Share {
-    let (mut hits, mut of) = (0, 0);
+    let (mut hits, mut total) = (0, 0);
     all.for_each(|r| {
-        of += 1;
+        total += 1;
         hits += usize::from(hit(r));
     });
-    Share { hits, total: of }
+    Share { hits, total }
 }
 
 fn name_count(r: &Value, key: &str) -> usize {
@@ -44,13 +44,14 @@ fn undetectable_table(records: &[Value]) -> String {
     for r in records.iter().filter(|r| r["diagnosis"]["undetectable"].is_array()) {
         protocols.entry(r["factors"]["protocol"].as_str().unwrap_or_default()).or_default().push(r);
     }
-    for (protocol, own) in &protocols {
+    for (protocol, group) in &protocols {
         let mut names: BTreeMap<&str, usize> = BTreeMap::new();
-        for name in own.iter().flat_map(|r| r["diagnosis"]["undetectable"].as_array().into_iter().flatten()) {
+        for name in group.iter().flat_map(|r| r["diagnosis"]["undetectable"].as_array().into_iter().flatten())
+        {
             *names.entry(name.as_str().unwrap_or_default()).or_default() += 1;
         }
         let names: Vec<String> = names.iter().map(|(name, n)| format!("`{name}` {n}")).collect();
-        text += &format!("| {protocol} | {} | {} |\n", own.len(), names.join(", "));
+        text += &format!("| {protocol} | {} | {} |\n", group.len(), names.join(", "));
     }
     text
 }
@@ -65,25 +66,31 @@ pub(crate) fn table(records: &[Value]) -> String {
         class("double"),
         class("outside")
     );
-    let of = |class: &'static str| records.iter().filter(move |r| r["class"] == class);
+    let in_class = |class: &'static str| records.iter().filter(move |r| r["class"] == class);
     head += "| what | aim | found, with the 95 % interval of Clopper and Pearson | |\n|---|---|---|---|\n";
     let mut text = head;
     let alarm = |r: &Value| r["diagnosis"]["verdict"] != "agrees";
     text += &row(
         "clean sensors with a wrong plain name",
         "none of 300",
-        share_of(of("null"), has_wrong_name),
+        share_of(in_class("null"), has_wrong_name),
         None,
         Some(0.01),
     );
-    text += &row("clean sensors with an alarm", "at most 1 %", share_of(of("null"), alarm), None, Some(0.01));
+    text += &row(
+        "clean sensors with an alarm",
+        "at most 1 %",
+        share_of(in_class("null"), alarm),
+        None,
+        Some(0.01),
+    );
     let hidden = ["single", "double"].map(|class| {
-        let (mut found, mut all) = (0, 0);
-        of(class).for_each(|r| {
+        let (mut named_count, mut all) = (0, 0);
+        in_class(class).for_each(|r| {
             all += r["score"]["showable"].as_u64().unwrap_or(0) as usize;
-            found += name_count(r, "found");
+            named_count += name_count(r, "found");
         });
-        Share { hits: found.min(all), total: all }
+        Share { hits: named_count.min(all), total: all }
     });
     text += &row("single effects, named or tied", "90 %", hidden[0], Some(0.9), None);
     text += &row("effects of doubles, named or tied", "90 %", hidden[1], Some(0.9), None);
@@ -95,17 +102,23 @@ pub(crate) fn table(records: &[Value]) -> String {
         None,
         Some(0.02),
     );
-    text += &row("from outside, misnamed", "none", share_of(of("outside"), has_wrong_name), None, Some(0.01));
+    text += &row(
+        "from outside, misnamed",
+        "none",
+        share_of(in_class("outside"), has_wrong_name),
+        None,
+        Some(0.01),
+    );
     text += "\nClean sensors by factor, with an alarm:\n\n| factor | level | alarm |\n|---|---|---|\n";
     let mut cells: BTreeMap<(String, String), Vec<&Value>> = BTreeMap::new();
-    for r in of("null") {
+    for r in in_class("null") {
         for (factor, level) in r["factors"].as_object().into_iter().flatten() {
             let level = level.as_str().unwrap_or_default().to_owned();
             cells.entry((factor.clone(), level)).or_default().push(r);
         }
     }
-    for ((factor, level), own) in &cells {
-        text += &format!("| {factor} | {level} | {} |\n", share_of(own.iter().copied(), alarm));
+    for ((factor, level), group) in &cells {
+        text += &format!("| {factor} | {level} | {} |\n", share_of(group.iter().copied(), alarm));
     }
     text += &undetectable_table(records);
     text += "\nSensors that did not end as they should:\n\n";

@@ -56,49 +56,50 @@ fn time_diagnosis(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: Opti
     let options = DiagnoseOptions { camera, cache, ..DiagnoseOptions::default() };
     let start = Instant::now();
     let mut look = (f64::NAN, String::new());
-    let found = diagnose_with_preliminary(sets[0], Some(sets[1]), options, &mut |_, _| {}, &mut |first| {
-        let said = if first.is_consistent {
-            "nothing stands out".to_owned()
-        } else {
-            first.likely_effects.join(", ")
-        };
-        look = (start.elapsed().as_secs_f64(), said);
-    })
-    .unwrap();
+    let diagnosis =
+        diagnose_with_preliminary(sets[0], Some(sets[1]), options, &mut |_, _| {}, &mut |first| {
+            let summary = if first.is_consistent {
+                "nothing stands out".to_owned()
+            } else {
+                first.likely_effects.join(", ")
+            };
+            look = (start.elapsed().as_secs_f64(), summary);
+        })
+        .unwrap();
     let seconds = start.elapsed().as_secs_f64();
-    let verdict = match found.verdict {
+    let verdict = match diagnosis.verdict {
         Verdict::Agrees => "agrees",
         Verdict::Explained => "explained",
         Verdict::PartlyExplained => "partly explained",
         Verdict::Unknown => "unknown",
     };
-    let names: Vec<&str> = found.effects.iter().map(|e| e.name).collect();
+    let names: Vec<&str> = diagnosis.effects.iter().map(|e| e.name).collect();
     TimedDiagnosis {
         preliminary_seconds: look.0,
         likely: look.1,
         seconds,
         verdict,
         names: names.join(", "),
-        cache_counts: found.cache_counts.unwrap_or_default(),
+        cache_counts: diagnosis.cache_counts.unwrap_or_default(),
     }
 }
 
 /// Returns the table row of a case. The case runs without a cache, with the cache of the preceding cases, and again with
 /// this cache.
 fn row(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: &Path) -> String {
-    let alone = time_diagnosis(sets, camera, None);
+    let uncached = time_diagnosis(sets, camera, None);
     let [second, again] = [(); 2].map(|()| time_diagnosis(sets, camera, Some(cache)));
     for other in [&second, &again] {
         assert_eq!(
             (other.verdict, &other.names, &other.likely),
-            (alone.verdict, &alone.names, &alone.likely)
+            (uncached.verdict, &uncached.names, &uncached.likely)
         );
     }
-    let TimedDiagnosis { preliminary_seconds: first, likely, seconds, verdict, names, .. } = alone;
-    let [beside, once_more] = [&second, &again]
+    let TimedDiagnosis { preliminary_seconds: first, likely, seconds, verdict, names, .. } = uncached;
+    let [second_simulations, once_more] = [&second, &again]
         .map(|t| format!("{} of {}", t.cache_counts[1], t.cache_counts.iter().sum::<usize>()));
     format!(
-        "{first:.0} | {likely} | {seconds:.0} | {verdict} | {names} | {:.0} | {beside} | {:.1} | {once_more}",
+        "{first:.0} | {likely} | {seconds:.0} | {verdict} | {names} | {:.0} | {second_simulations} | {:.1} | {once_more}",
         second.seconds, again.seconds
     )
 }
@@ -112,15 +113,17 @@ pub(crate) fn print_table(first: usize) {
     );
     println!("|---|--:|---|--:|---|---|--:|--:|--:|--:|");
     let cache = tempfile::tempdir().unwrap();
-    for (what, seed, hidden, given) in CASES.iter().take(first) {
+    for (what, seed, hidden, is_published) in CASES.iter().take(first) {
         let folder = tempfile::tempdir().unwrap();
-        let [own, judging] =
+        let [fitted_set, judging] =
             [0, 1].map(|take| record_set(hidden, *seed, take, &folder.path().join(format!("{take}"))));
-        let camera = given.then(|| {
-            published_camera(&Setup::new(&own, RecordingPart::Whole, ReadoutSelection::Leading).unwrap())
-                .unwrap()
+        let camera = is_published.then(|| {
+            published_camera(
+                &Setup::new(&fitted_set, RecordingPart::Whole, ReadoutSelection::Leading).unwrap(),
+            )
+            .unwrap()
         });
-        println!("| {what} | {} |", row([&own, &judging], camera.as_ref(), cache.path()));
+        println!("| {what} | {} |", row([&fitted_set, &judging], camera.as_ref(), cache.path()));
     }
     let (files, bytes) = folder_size(cache.path());
     println!("\nThe cache of all: {files} files, {:.1} MB.", bytes as f64 / 1e6);
@@ -128,10 +131,10 @@ pub(crate) fn print_table(first: usize) {
 
 /// Returns the number of files below a folder and the sum of their sizes in bytes.
 fn folder_size(folder: &Path) -> (usize, u64) {
-    let of = |entry: std::io::Result<std::fs::DirEntry>| {
+    let file_and_bytes = |entry: std::io::Result<std::fs::DirEntry>| {
         let (path, known) = entry.map(|e| (e.path(), e.metadata().unwrap())).unwrap();
         if known.is_dir() { folder_size(&path) } else { (1, known.len()) }
     };
-    let all = std::fs::read_dir(folder).unwrap().map(of);
-    all.fold((0, 0), |(files, bytes), (more, further)| (files + more, bytes + further))
+    let all = std::fs::read_dir(folder).unwrap().map(file_and_bytes);
+    all.fold((0, 0), |(files, bytes), (more, more_bytes)| (files + more, bytes + more_bytes))
 }

@@ -93,11 +93,18 @@ fn a_diagnosis_that_knows_the_effect_finds_it_by_its_name() {
     options.effects = Some(&effects);
     options.readout_selection = ReadoutSelection::All;
     options.seed = 7;
-    let found = diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap();
-    let said: Vec<&str> = found.effects.iter().filter(|e| !e.is_tentative).map(|e| e.name).collect();
-    assert_eq!(said, ["weak_supply"], "{:?} {:?} {:?}", found.verdict, found.effects, found.unexplained);
-    let sag = &found.effects[0].parameters[0];
+    let diagnosis = diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap();
+    let named: Vec<&str> = diagnosis.effects.iter().filter(|e| !e.is_tentative).map(|e| e.name).collect();
+    assert_eq!(
+        named,
+        ["weak_supply"],
+        "{:?} {:?} {:?}",
+        diagnosis.verdict,
+        diagnosis.effects,
+        diagnosis.unexplained
+    );
+    let sag = &diagnosis.effects[0].parameters[0];
     // The fitted parameter has an error of a few percent.
     assert!(sag.name == "sag" && (sag.value / 0.03 - 1.0).abs() < 0.25, "{sag:?}");
-    assert!(found.camera.effect("weak_supply").is_some());
+    assert!(diagnosis.camera.effect("weak_supply").is_some());
 }

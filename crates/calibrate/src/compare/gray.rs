@@ -93,17 +93,17 @@ pub fn compare_gray_levels(
     let lights: Vec<f64> = levels.iter().map(|l| l.0).collect();
     let chosen = nearest_levels(&lights);
     let parts = cameras.len() as f64 + 2.0;
-    let mut own = CameraPass { response: Vec::new(), histograms: Vec::new() };
+    let mut measured = CameraPass { response: Vec::new(), histograms: Vec::new() };
     let mut lengths = Vec::new();
     let mut floor = NoiseFloor::default();
     for (k, (_, recording)) in levels.iter().enumerate() {
         progress(&recording.file, k as f64 / lights.len() as f64 / parts);
         let reader = set.reader(recording)?;
         lengths.push(reader.readouts().min(max_readouts));
-        let found =
+        let statistics =
             measure_stream(&reader, &measure_options(chosen.contains(&k), reader.readouts()), &mut |_| {})?;
-        floor.response += half_rate_difference(&found).powi(2) / lights.len() as f64;
-        own.add(&found);
+        floor.response += half_rate_difference(&statistics).powi(2) / lights.len() as f64;
+        measured.add(&statistics);
     }
     floor.response = floor.response.sqrt();
     for k in &chosen {
@@ -113,7 +113,7 @@ pub fn compare_gray_levels(
     for (i, camera) in cameras.iter().enumerate() {
         progress(&camera.name, (i as f64 + 1.0) / parts);
         let pass = simulate(set, camera, &lights, &lengths, &chosen, seeds)?;
-        models.push((camera, camera_distance(&camera.name, pass, &own)));
+        models.push((camera, camera_distance(&camera.name, pass, &measured)));
     }
     models.sort_by(|a, b| a.1.response_distance.total_cmp(&b.1.response_distance));
     let mut pattern_floor = NoiseFloor::default();
@@ -121,16 +121,18 @@ pub fn compare_gray_levels(
         let other = Seeds { camera: !seeds.camera, shot: !seeds.shot, ..seeds };
         let again = simulate(set, camera, &lights, &lengths, &chosen, other)?;
         let first = CameraPass { response: first.response.clone(), histograms: first.histograms.clone() };
-        let apart = camera_distance("", again, &first);
-        pattern_floor =
-            NoiseFloor { response: apart.response_distance, histograms: apart.histogram_distance };
+        let repeat_distance = camera_distance("", again, &first);
+        pattern_floor = NoiseFloor {
+            response: repeat_distance.response_distance,
+            histograms: repeat_distance.histogram_distance,
+        };
     }
-    let same = CameraPass { response: own.response.clone(), histograms: own.histograms.clone() };
+    let same = CameraPass { response: measured.response.clone(), histograms: measured.histograms.clone() };
     Ok(GrayComparison {
         histogram_lights: chosen.iter().map(|k| lights[*k]).collect(),
         lights,
         simulated_camera: set.simulated_camera.clone(),
-        measured_camera: camera_distance("measured", same, &own),
+        measured_camera: camera_distance("measured", same, &measured),
         noise_floor: floor,
         fixed_pattern_floor: pattern_floor,
         models: models.into_iter().map(|m| m.1).collect(),
@@ -150,11 +152,11 @@ fn measure_options(intervals: bool, readouts: usize) -> MeasureOptions {
 }
 
 fn nearest_levels(lights: &[f64]) -> Vec<usize> {
-    let of = |gray: f64| {
+    let nearest_level = |gray: f64| {
         let distance = |k: &usize| (lights[*k] - gray / 255.0).abs();
         (0..lights.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
     };
-    let mut chosen: Vec<usize> = HISTOGRAM_GRAY_LEVELS.into_iter().map(of).collect();
+    let mut chosen: Vec<usize> = HISTOGRAM_GRAY_LEVELS.into_iter().map(nearest_level).collect();
     chosen.dedup();
     chosen
 }
@@ -213,16 +215,16 @@ impl CameraPass {
     }
 }
 
-fn camera_distance(name: &str, pass: CameraPass, own: &CameraPass) -> CameraDistance {
+fn camera_distance(name: &str, pass: CameraPass, measured: &CameraPass) -> CameraDistance {
     let square = |(a, b): (&f64, &f64)| (a - b).powi(2);
-    let sum: f64 = pass.response.iter().zip(&own.response).map(square).sum();
+    let sum: f64 = pass.response.iter().zip(&measured.response).map(square).sum();
     CameraDistance {
         name: name.to_owned(),
-        response_distance: (sum / own.response.len() as f64).sqrt(),
+        response_distance: (sum / measured.response.len() as f64).sqrt(),
         histogram_distance: pass
             .histograms
             .iter()
-            .zip(&own.histograms)
+            .zip(&measured.histograms)
             .map(|(a, b)| total_variation(a, b))
             .collect(),
         response: pass.response,

@@ -36,7 +36,7 @@ impl GrayComparison {
             marked_line_plot(
                 "Response minus the measured response",
                 ("light", "spikes per readout"),
-                &self.response_curves(|m, own| m - own),
+                &self.response_curves(|m, measured| m - measured),
                 None,
             )?,
             "Differences from the measured camera.",
@@ -51,10 +51,10 @@ impl GrayComparison {
         std::iter::once(&self.measured_camera).chain(&self.models)
     }
 
-    fn response_curves(&self, of: fn(f64, f64) -> f64) -> Vec<Curve<'_>> {
+    fn response_curves(&self, value: fn(f64, f64) -> f64) -> Vec<Curve<'_>> {
         let points = |c: &CameraDistance| {
             let pairs = c.response.iter().zip(&self.measured_camera.response);
-            self.lights.iter().zip(pairs).map(|(l, (m, own))| (*l, of(*m, *own))).collect()
+            self.lights.iter().zip(pairs).map(|(l, (m, measured))| (*l, value(*m, *measured))).collect()
         };
         self.all_cameras().map(|c| Curve { name: &c.name, points: points(c) }).collect()
     }

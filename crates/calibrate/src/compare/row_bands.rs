@@ -42,14 +42,14 @@ impl<'a> RowBands<'a> {
     pub(crate) fn new(measured: &'a Statistics, pixels: &[usize]) -> Self {
         let parts: Vec<Vec<usize>> =
             pixels.chunks(pixels.len().div_ceil(ROW_BAND_COUNT)).map(<[usize]>::to_vec).collect();
-        let own = parts.iter().map(|part| scene_statistics("", measured, part)).collect();
+        let measured_bands = parts.iter().map(|part| scene_statistics("", measured, part)).collect();
         let own_without = (0..parts.len())
             .map(|i| scene_statistics("", measured, &pixels_without_part(&parts, i)))
             .collect();
         Self {
             measured,
             parts,
-            measured_bands: own,
+            measured_bands,
             measured_without_band: own_without,
             distances_without_band: Vec::new(),
         }
@@ -57,15 +57,18 @@ impl<'a> RowBands<'a> {
 
     /// Adds a model: computes its distance in each band, and its distance without each band.
     pub(crate) fn add(&mut self, model: &mut SceneStatistics, simulated: &Statistics) {
-        for (part, own) in self.parts.iter().zip(&self.measured_bands) {
-            let found = scene_statistics("", simulated, part);
-            model.row_band_outlier_shares.push(found.outlier_share.value);
-            model.row_band_distances.push(distance_terms(&found, own).iter().sum());
+        for (part, measured_band) in self.parts.iter().zip(&self.measured_bands) {
+            let statistics = scene_statistics("", simulated, part);
+            model.row_band_outlier_shares.push(statistics.outlier_share.value);
+            model.row_band_distances.push(distance_terms(&statistics, measured_band).iter().sum());
         }
-        let distance = |(i, own): (usize, &SceneStatistics)| -> f64 {
-            distance_terms(&scene_statistics("", simulated, &pixels_without_part(&self.parts, i)), own)
-                .iter()
-                .sum()
+        let distance = |(i, measured_band): (usize, &SceneStatistics)| -> f64 {
+            distance_terms(
+                &scene_statistics("", simulated, &pixels_without_part(&self.parts, i)),
+                measured_band,
+            )
+            .iter()
+            .sum()
         };
         let without = self.measured_without_band.iter().enumerate().map(distance).collect();
         self.distances_without_band.push(without);
@@ -82,17 +85,21 @@ impl<'a> RowBands<'a> {
                 model.excess_distance_error = jackknife_error(without.iter().zip(best).map(|(a, b)| a - b));
             }
         }
-        let areas = self.parts.iter().zip(&self.measured_bands).enumerate().map(|(i, (part, own))| {
-            let by_distance = |a: &&SceneStatistics, b: &&SceneStatistics| {
-                a.row_band_distances[i].total_cmp(&b.row_band_distances[i])
-            };
-            RowBand {
-                rows: [part[0], part[part.len() - 1]].map(|p| p / self.measured.geometry.width()),
-                pixels: part.len(),
-                outlier_share: own.outlier_share.value,
-                nearest_model: models.iter().min_by(by_distance).map_or(String::new(), |m| m.name.clone()),
-            }
-        });
+        let areas =
+            self.parts.iter().zip(&self.measured_bands).enumerate().map(|(i, (part, measured_band))| {
+                let by_distance = |a: &&SceneStatistics, b: &&SceneStatistics| {
+                    a.row_band_distances[i].total_cmp(&b.row_band_distances[i])
+                };
+                RowBand {
+                    rows: [part[0], part[part.len() - 1]].map(|p| p / self.measured.geometry.width()),
+                    pixels: part.len(),
+                    outlier_share: measured_band.outlier_share.value,
+                    nearest_model: models
+                        .iter()
+                        .min_by(by_distance)
+                        .map_or(String::new(), |m| m.name.clone()),
+                }
+            });
         let areas = areas.collect();
         models.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         areas
@@ -100,8 +107,8 @@ impl<'a> RowBands<'a> {
 }
 
 fn pixels_without_part(parts: &[Vec<usize>], left_out: usize) -> Vec<usize> {
-    let kept = parts.iter().enumerate().filter(|(i, _)| *i != left_out);
-    kept.flat_map(|(_, part)| part).copied().collect()
+    let remaining = parts.iter().enumerate().filter(|(i, _)| *i != left_out);
+    remaining.flat_map(|(_, part)| part).copied().collect()
 }
 
 /// Returns the standard error of a statistic by the delete-one jackknife: `sqrt((n - 1)/n sum (x - mean)^2)`. The `n`

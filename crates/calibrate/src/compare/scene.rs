@@ -6,6 +6,7 @@ use super::row_bands::{RowBand, RowBands};
 use super::scene_statistics::{SceneStatistics, VARIANCE_LAGS, distance_terms, log_ratio, scene_statistics};
 use super::steady_pixels::{SURROUNDING_RADIUS_PX, steady_pixels};
 use crate::compare::check_comparison_memory;
+use crate::recordings::protocol::BATCH_READOUTS;
 use spikelane::effects::{Camera, Maps};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::{Geometry, SpikeFramesRef};
@@ -14,9 +15,6 @@ use spikelane::unstable::inputs;
 use spikelane_io::formats::StreamReader;
 use spikelane_io::simulate::Simulator;
 use spikelane_measure::{Accumulator, Estimate, MeasureOptions, Statistics, measure_stream, select_uniform};
-
-/// Number of readouts that one call of the simulator produces.
-const BATCH_READOUTS: usize = 496;
 
 /// Number of readouts that are simulated and discarded before the measured readouts.
 pub(super) const LEAD_READOUTS: usize = 200;
@@ -77,8 +75,8 @@ pub fn compare_static_scene(
     }
     let rates = measured.counts.as_ref().map(spikelane_measure::Counts::rate_by_time).unwrap_or_default();
     let mean_rate = pixels.iter().map(|p| rates[*p]).sum::<f64>() / pixels.len() as f64;
-    let own = scene_statistics("measured", &measured, &pixels);
-    if !own.is_comparable() {
+    let measured_statistics = scene_statistics("measured", &measured, &pixels);
+    if !measured_statistics.is_comparable() {
         let spikes = mean_rate * readouts as f64;
         return Err(Error::new(ErrorKind::Input, recording.name())
             .found(format_args!(
@@ -95,23 +93,25 @@ pub fn compare_static_scene(
     for camera in cameras {
         let simulated = simulate_at_rates(camera, &rates, readouts, recording, &options, seeds)?;
         let mut model = scene_statistics(&camera.name, &simulated, &pixels);
-        model.distance_terms = distance_terms(&model, &own);
+        model.distance_terms = distance_terms(&model, &measured_statistics);
         model.distance = model.distance_terms.iter().sum();
-        model.long_lag_distance = (2..5).map(|i| log_ratio(model.lag_variance[i], own.lag_variance[i])).sum();
+        model.long_lag_distance =
+            (2..5).map(|i| log_ratio(model.lag_variance[i], measured_statistics.lag_variance[i])).sum();
         areas.add(&mut model, &simulated);
         models.push(model);
     }
     let areas = areas.rank(&mut models);
     let relative = |e: &Estimate| if e.value > 0.0 { e.error / e.value } else { 0.0 };
-    let floor =
-        relative(&own.lag_variance[0]) + relative(&own.lag_variance[1]) + relative(&own.outlier_share);
+    let floor = relative(&measured_statistics.lag_variance[0])
+        + relative(&measured_statistics.lag_variance[1])
+        + relative(&measured_statistics.outlier_share);
     let mut map = vec![f64::NAN; rates.len()];
     pixels.iter().for_each(|p| map[*p] = rates[*p]);
     let width = recording.geometry().width();
     Ok(SceneComparison {
         pixels: pixels.len(),
         mean_rate,
-        recording: own,
+        recording: measured_statistics,
         noise_floor_distance: floor,
         models,
         row_bands: areas,

@@ -81,18 +81,18 @@ impl SceneComparison {
     #[must_use]
     pub fn verdict(&self) -> String {
         let Some((nearest, others)) = self.models.split_first() else { return String::new() };
-        let of = |name: &str| self.row_bands.iter().filter(|a| a.nearest_model == name).count();
+        let nearest_count = |name: &str| self.row_bands.iter().filter(|a| a.nearest_model == name).count();
         let lead = |m: &SceneStatistics| {
             format!(
                 "{} (behind by {:.2} \u{b1} {:.2}, nearest in {})",
                 m.name,
                 m.excess_distance,
                 m.excess_distance_error,
-                of(&m.name)
+                nearest_count(&m.name)
             )
         };
         let near: Vec<String> = others.iter().filter(|m| m.is_tied_with_nearest()).map(lead).collect();
-        let (name, bands, all) = (&nearest.name, of(&nearest.name), self.row_bands.len());
+        let (name, bands, all) = (&nearest.name, nearest_count(&nearest.name), self.row_bands.len());
         let tells = match near[..] {
             [] => "the recording separates it from all others".to_owned(),
             _ => format!("the recording does not separate it from {}", near.join(", ")),
@@ -106,7 +106,7 @@ impl SceneComparison {
         let mut table = Table::new(&head);
         for (i, area) in self.row_bands.iter().enumerate() {
             let [first, last] = area.rows;
-            let own = [
+            let measured_row = [
                 format!("{first} to {last}"),
                 area.pixels.to_string(),
                 format!("{:.2e}", area.outlier_share),
@@ -115,7 +115,7 @@ impl SceneComparison {
                 .models
                 .iter()
                 .map(|m| format!("{:.2e} ({:.2})", m.row_band_outlier_shares[i], m.row_band_distances[i]));
-            table.push_row(own.into_iter().chain(cells));
+            table.push_row(measured_row.into_iter().chain(cells));
         }
         table
     }

@@ -51,23 +51,23 @@ impl SceneStatistics {
     }
 }
 
-pub(super) fn log_ratio(model: Estimate, own: Estimate) -> f64 {
-    (model.value / own.value).ln().abs()
+pub(super) fn log_ratio(model: Estimate, measured: Estimate) -> f64 {
+    (model.value / measured.value).ln().abs()
 }
 
 /// Returns the terms of the distance between a model and the recording `own`.
-pub(super) fn distance_terms(model: &SceneStatistics, own: &SceneStatistics) -> [f64; 3] {
-    let lag = |i: usize| log_ratio(model.lag_variance[i], own.lag_variance[i]);
-    [lag(0), lag(1), log_ratio(model.outlier_share, own.outlier_share)]
+pub(super) fn distance_terms(model: &SceneStatistics, measured: &SceneStatistics) -> [f64; 3] {
+    let lag = |i: usize| log_ratio(model.lag_variance[i], measured.lag_variance[i]);
+    [lag(0), lag(1), log_ratio(model.outlier_share, measured.outlier_share)]
 }
 
 pub(super) fn scene_statistics(name: &str, statistics: &Statistics, pixels: &[usize]) -> SceneStatistics {
     let nothing = Estimate { value: f64::NAN, error: f64::NAN, samples: 0 };
     let intervals = statistics.intervals.as_ref();
-    let of = |lag: &u32| intervals.map_or(nothing, |i| i.unbiased_lag_variance(*lag, Some(pixels)));
+    let variance_at = |lag: &u32| intervals.map_or(nothing, |i| i.unbiased_lag_variance(*lag, Some(pixels)));
     SceneStatistics {
         name: name.to_owned(),
-        lag_variance: VARIANCE_LAGS.iter().map(of).collect(),
+        lag_variance: VARIANCE_LAGS.iter().map(variance_at).collect(),
         outlier_share: intervals.map_or(nothing, |i| i.off_lattice_share(Some(pixels))),
         distance_terms: [0.0; 3],
         distance: 0.0,

@@ -1,5 +1,6 @@
 //! How strong effects must be before a set can name them.
 
+use crate::ProgressCallback;
 use crate::RecordingSet;
 use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::Both;
@@ -8,7 +9,6 @@ use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::null::nameable::Detectability;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::simulated::Begun;
-use crate::diagnose::null::watched::ProgressCallback;
 use crate::diagnose::protocol::extent::RecordingPart;
 use crate::diagnose::run::DiagnoseOptions;
 use spikelane::effects::Catalog;

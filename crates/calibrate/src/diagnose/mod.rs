@@ -34,7 +34,6 @@ pub use null::first_look::PreliminaryResult;
 pub use null::nameable::DETECTION_SCORE;
 pub use null::nameable::Detectability;
 pub use null::reference::NullModel;
-pub use null::watched::ProgressCallback;
 pub use protocol::extent::{ReadoutSelection, RecordingPart};
 pub use protocol::recorded_set::Setup;
 pub use run::diagnose_with_preliminary;

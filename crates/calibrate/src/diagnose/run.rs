@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use nalgebra::DVector;
 
+use crate::ProgressCallback;
 use crate::diagnose::answer::caution::cautious;
 use crate::diagnose::answer::diagnosis::Diagnosis;
 use crate::diagnose::answer::notes::of_the_sets;
@@ -20,7 +21,6 @@ use crate::diagnose::null::first_look::{First, PreliminaryResult};
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::null::simulated::Begun;
-use crate::diagnose::null::watched::ProgressCallback;
 use crate::diagnose::protocol::agreement::{poor, same_protocol};
 use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::search::context::{Case, Judge};

@@ -46,24 +46,24 @@ pub(super) fn align_levels(levels: &[StatedLevel]) -> Option<Alignment> {
     let lit: Vec<StatedLevel> = levels.iter().copied().filter(|l| l.stated_light > 0.0).collect();
     let dark = levels.iter().find(|l| l.stated_light == 0.0);
     let parameters = if dark.is_some() { 1 } else { 2 };
-    let (n, kept) = (lit.len(), lit.len() - lit.len() / 3);
-    let told = kept < n && kept >= (n + parameters).div_ceil(2);
+    let (n, kept_count) = (lit.len(), lit.len() - lit.len() / 3);
+    let can_trim = kept_count < n && kept_count >= (n + parameters).div_ceil(2);
     let mut line = match (dark, n) {
         (None, 0) => return None,
         (None, 1) => (lit[0].stated_light / lit[0].found_light, 0.0),
-        _ if told => fit_trimmed_line(&lit, dark, kept),
+        _ if can_trim => fit_trimmed_line(&lit, dark, kept_count),
         _ => fit_weighted_line(&lit, dark, &vec![true; n])?.0,
     };
     let off = |(scale, shift): (f64, f64)| {
         move |l: &StatedLevel| (scale * l.found_light + shift - l.stated_light) / l.sd
     };
     let mut believed = vec![true; n];
-    if told {
+    if can_trim {
         // The line is refitted to all levels that agree with it, until the set of these levels no longer changes.
         for _ in 0..10 {
             let agree: Vec<bool> =
                 lit.iter().map(off(line)).map(|z| z.abs() <= OUTLIER_Z_THRESHOLD).collect();
-            if agree.iter().filter(|a| **a).count() < kept {
+            if agree.iter().filter(|a| **a).count() < kept_count {
                 return None;
             }
             line = fit_weighted_line(&lit, dark, &agree)?.0;
@@ -77,21 +77,21 @@ pub(super) fn align_levels(levels: &[StatedLevel]) -> Option<Alignment> {
         (None, 1) => [lit[0].sd / lit[0].stated_light, 0.0],
         _ => fit_weighted_line(&lit, dark, &believed)?.1,
     };
-    if !told {
+    if !can_trim {
         // Two levels may contradict each other. The errors are then enlarged to cover both levels.
         let worst = lit.iter().map(off(line)).fold(1.0_f64, |w, z| w.max(z.abs()));
         scale_error *= worst;
         shift_error *= worst;
     }
     let (mut doubtful, sure) = (false, [scale_error, shift_error]);
-    if told {
-        let held = scale_posterior(&lit, dark, line, sure);
-        (scale_error, shift_error) = (sure[0].max(held[0]), sure[1].max(held[1]));
+    if can_trim {
+        let posterior = scale_posterior(&lit, dark, line, sure);
+        (scale_error, shift_error) = (sure[0].max(posterior[0]), sure[1].max(posterior[1]));
         doubtful = scale_error > AMBIGUITY_ERROR_RATIO * sure[0];
     }
     let wrong = levels
         .iter()
-        .map(|l| l.stated_light > 0.0 && told && off(line)(l).abs() > OUTLIER_Z_THRESHOLD)
+        .map(|l| l.stated_light > 0.0 && can_trim && off(line)(l).abs() > OUTLIER_Z_THRESHOLD)
         .collect();
     let (scale, shift) = line;
     Some(Alignment {
@@ -100,14 +100,14 @@ pub(super) fn align_levels(levels: &[StatedLevel]) -> Option<Alignment> {
         scale_error,
         shift_error,
         is_outlier: wrong,
-        is_outlier_identifiable: told,
+        is_outlier_identifiable: can_trim,
         is_ambiguous: doubtful,
     })
 }
 
 /// Returns the line for which the sum of the `kept` smallest squared distances is least. The candidates are all lines
 /// through two levels. With a dark level, the candidates are all lines through the dark level and one lit level.
-fn fit_trimmed_line(lit: &[StatedLevel], dark: Option<&StatedLevel>, kept: usize) -> (f64, f64) {
+fn fit_trimmed_line(lit: &[StatedLevel], dark: Option<&StatedLevel>, kept_count: usize) -> (f64, f64) {
     let mut best = (f64::INFINITY, (1.0, 0.0));
     for (i, p) in lit.iter().enumerate() {
         let others: Vec<&StatedLevel> = dark.map_or_else(|| lit[i + 1..].iter().collect(), |d| vec![d]);
@@ -119,7 +119,7 @@ fn fit_trimmed_line(lit: &[StatedLevel], dark: Option<&StatedLevel>, kept: usize
                 .map(|l| ((scale * l.found_light + shift - l.stated_light) / l.sd).powi(2))
                 .collect();
             squares.sort_by(f64::total_cmp);
-            let sum = squares[..kept].iter().sum();
+            let sum = squares[..kept_count].iter().sum();
             if sum < best.0 {
                 best = (sum, (scale, shift));
             }
@@ -164,44 +164,47 @@ mod tests {
 
     /// Creates levels. The found light is `0.97 * stated * (1 + off) + shift`.
     fn levels_with_errors(stated: &[f64], off: &[f64], shift: f64) -> Vec<StatedLevel> {
-        let of = |(s, e): (&f64, &f64)| StatedLevel {
+        let stated_level = |(s, e): (&f64, &f64)| StatedLevel {
             found_light: 0.97 * s * (1.0 + e) + shift,
             stated_light: *s,
             sd: if *s == 0.0 { 1e-12 } else { 0.01 * s },
         };
-        stated.iter().zip(off).map(of).collect()
+        stated.iter().zip(off).map(stated_level).collect()
     }
 
     #[test]
     fn one_third_of_levels_may_be_outliers() {
         let stated = [0.0, 0.03, 0.1, 0.2, 0.3, 0.6, 0.9];
-        let found =
+        let alignment =
             align_levels(&levels_with_errors(&stated, &[0.0, 0.1, 0.0, 0.0, 0.0, 0.1, 0.0], 0.0)).unwrap();
-        assert!((found.scale * 0.97 - 1.0).abs() < 1e-12 && found.is_outlier_identifiable, "{found:?}");
-        assert_eq!(found.is_outlier, [false, true, false, false, false, true, false]);
+        assert!(
+            (alignment.scale * 0.97 - 1.0).abs() < 1e-12 && alignment.is_outlier_identifiable,
+            "{alignment:?}"
+        );
+        assert_eq!(alignment.is_outlier, [false, true, false, false, false, true, false]);
         // Four correct levels with errors of 1 % have a mean error of 0.5 %. Ambiguity adds a small share.
-        assert!((0.005..0.006).contains(&found.scale_error) && !found.is_ambiguous, "{found:?}");
+        assert!((0.005..0.006).contains(&alignment.scale_error) && !alignment.is_ambiguous, "{alignment:?}");
     }
 
     #[test]
     fn without_dark_four_levels_identify_an_outlier_and_three_do_not() {
         let off = [0.0, 0.0, 0.1, 0.0];
-        let found = align_levels(&levels_with_errors(&[0.05, 0.2, 0.5, 0.9], &off, 0.01)).unwrap();
+        let alignment = align_levels(&levels_with_errors(&[0.05, 0.2, 0.5, 0.9], &off, 0.01)).unwrap();
         assert_eq!(
-            (found.is_outlier_identifiable, found.is_outlier),
+            (alignment.is_outlier_identifiable, alignment.is_outlier),
             (true, vec![false, false, true, false])
         );
-        assert!((found.scale * 0.97 - 1.0).abs() < 1e-9 && (found.shift + 0.01 / 0.97).abs() < 1e-9);
-        let found = align_levels(&levels_with_errors(&[0.05, 0.2, 0.5], &off[1..], 0.01)).unwrap();
-        assert!(!found.is_outlier_identifiable);
+        assert!((alignment.scale * 0.97 - 1.0).abs() < 1e-9 && (alignment.shift + 0.01 / 0.97).abs() < 1e-9);
+        let alignment = align_levels(&levels_with_errors(&[0.05, 0.2, 0.5], &off[1..], 0.01)).unwrap();
+        assert!(!alignment.is_outlier_identifiable);
     }
 
     #[test]
     fn interval_covers_two_contradicting_levels() {
-        let found = align_levels(&levels_with_errors(&[0.0, 0.3, 0.6], &[0.0, 0.0, 0.1], 0.0)).unwrap();
-        assert!(!found.is_outlier_identifiable && found.is_outlier.iter().all(|w| !w));
-        let z = (found.scale * 0.97 - 1.0).abs() / found.scale_error;
-        assert!(z < 1.96, "{z}: {found:?}");
+        let alignment = align_levels(&levels_with_errors(&[0.0, 0.3, 0.6], &[0.0, 0.0, 0.1], 0.0)).unwrap();
+        assert!(!alignment.is_outlier_identifiable && alignment.is_outlier.iter().all(|w| !w));
+        let z = (alignment.scale * 0.97 - 1.0).abs() / alignment.scale_error;
+        assert!(z < 1.96, "{z}: {alignment:?}");
     }
 
     #[test]
@@ -223,22 +226,22 @@ mod tests {
     #[test]
     fn error_covers_both_of_two_equally_consistent_pairs() {
         // Either the first two levels are right, or the last two levels are right.
-        let found = align_levels(&levels_with_dark(&[1.8, -1.7, -5.1])).unwrap();
+        let alignment = align_levels(&levels_with_dark(&[1.8, -1.7, -5.1])).unwrap();
         assert!(
-            found.is_outlier_identifiable && (found.scale - 1.0).abs() < 2.0 * found.scale_error,
-            "{found:?}"
+            alignment.is_outlier_identifiable && (alignment.scale - 1.0).abs() < 2.0 * alignment.scale_error,
+            "{alignment:?}"
         );
     }
 
     #[test]
     fn lamps_that_agree_have_the_error_of_their_mean() {
-        let found = align_levels(&levels_with_dark(&[0.6, -0.4, -0.9, 1.2])).unwrap();
-        assert!((0.005..0.0057).contains(&found.scale_error), "{found:?}");
+        let alignment = align_levels(&levels_with_dark(&[0.6, -0.4, -0.9, 1.2])).unwrap();
+        assert!((0.005..0.0057).contains(&alignment.scale_error), "{alignment:?}");
     }
 
     #[test]
     fn a_clear_outlier_widens_the_error_little() {
-        let found = align_levels(&levels_with_dark(&[0.6, -0.4, -0.9, 8.0])).unwrap();
-        assert!((0.0057..0.0068).contains(&found.scale_error), "{found:?}");
+        let alignment = align_levels(&levels_with_dark(&[0.6, -0.4, -0.9, 8.0])).unwrap();
+        assert!((0.0057..0.0068).contains(&alignment.scale_error), "{alignment:?}");
     }
 }

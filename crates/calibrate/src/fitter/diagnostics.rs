@@ -18,8 +18,8 @@ const TYPICAL_NONLINEARITY: f64 = 0.02;
 /// Let `t` be the relative trend, `e` its standard error and `b` the typical nonlinearity. The squared size is
 /// `max(t^2 - e^2, 0) b^2 / (b^2 + e^2)`. `e^2` is subtracted, because chance alone contributes `e^2` to `t^2`.
 pub(super) fn expected_nonlinearity(bend: Estimate) -> f64 {
-    let (usual, error) = (TYPICAL_NONLINEARITY.powi(2), bend.error.powi(2));
-    ((bend.value.powi(2) - error).max(0.0) * usual / (usual + error)).sqrt()
+    let (typical_variance, error) = (TYPICAL_NONLINEARITY.powi(2), bend.error.powi(2));
+    ((bend.value.powi(2) - error).max(0.0) * typical_variance / (typical_variance + error)).sqrt()
 }
 
 /// If the typical chi-square divided by its expectation exceeds this ratio, a note is added. For a hundred pixels the

@@ -96,8 +96,8 @@ impl Fitter<'_> {
     /// Returns the final line of a pixel. The chi-square of the pixel is compared with that of all pixels, because a
     /// deviation that all pixels share is not a fault of one pixel.
     fn fit_pixel(&self, p: usize) -> PixelFit {
-        let own = self.points(p);
-        let points: Vec<_> = own.iter().map(|q| (q.light, q.increment, q.variance)).collect();
+        let level_points = self.points(p);
+        let points: Vec<_> = level_points.iter().map(|q| (q.light, q.increment, q.variance)).collect();
         let Some(mut fit) = fit_line(&points) else { return PixelFit::NAN };
         let mut worse = self.chi2_scale;
         if fit.is_poor_fit(self.chi2_scale)
@@ -110,7 +110,7 @@ impl Fitter<'_> {
         fit.var_a *= worse;
         fit.var_d *= worse;
         fit.cov *= worse;
-        self.add_threshold_error(p, &mut fit, &own);
+        self.add_threshold_error(p, &mut fit, &level_points);
         fit
     }
 
@@ -123,8 +123,9 @@ impl Fitter<'_> {
         {
             return;
         }
-        let moved: Vec<_> = points.iter().map(|q| (q.light, q.threshold_sensitivity, q.variance)).collect();
-        let Some(step) = fit_line(&moved) else { return };
+        let sensitivities: Vec<_> =
+            points.iter().map(|q| (q.light, q.threshold_sensitivity, q.variance)).collect();
+        let Some(step) = fit_line(&sensitivities) else { return };
         fit.var_a += step.a * step.a;
         fit.var_d += step.d * step.d;
         fit.cov += step.a * step.d;
@@ -146,20 +147,20 @@ impl Fitter<'_> {
         let square = sigma.value * sigma.value;
         let inverse = 1.0 + square + 3.0 * square * square;
         let (mean_g, mean_d) = (population.mean_a.value / inverse, population.mean_d.value / inverse);
-        let own = |sd: f64, mean: f64| (sd * sd - square * mean * mean).max(1e-12 * mean * mean);
-        let gain = own(population.sd_a.value, population.mean_a.value);
-        let dark = own(population.sd_d.value, population.mean_d.value);
-        let usual = self.defect_free_mask();
+        let pixel_variance = |sd: f64, mean: f64| (sd * sd - square * mean * mean).max(1e-12 * mean * mean);
+        let gain = pixel_variance(population.sd_a.value, population.mean_a.value);
+        let dark = pixel_variance(population.sd_d.value, population.mean_d.value);
+        let is_defect_free = self.defect_free_mask();
         let of_pixel = |p: usize| {
-            let (fit, usual) = (&self.fits[p], &usual[p]);
+            let (fit, is_defect_free) = (&self.fits[p], &is_defect_free[p]);
             if !fit.a.is_finite() {
                 return [1.0, sigma.value];
             }
             // The dark rate of a defective pixel is not a draw from the population, so it is ignored. Otherwise ten times
             // the dark rate would imply a tenth of the threshold and ten times the noise.
-            let told = if *usual { 1.0 / dark } else { 0.0 };
-            let precision = 1.0 / square + fit.a * fit.a / gain + fit.d * fit.d * told;
-            let mean = (1.0 / square + fit.a * mean_g / gain + fit.d * mean_d * told) / precision;
+            let dark_precision = if *is_defect_free { 1.0 / dark } else { 0.0 };
+            let precision = 1.0 / square + fit.a * fit.a / gain + fit.d * fit.d * dark_precision;
+            let mean = (1.0 / square + fit.a * mean_g / gain + fit.d * mean_d * dark_precision) / precision;
             let [mode, sd] = [mean + 2.0 / (precision * mean), precision.sqrt().recip()];
             if mode.is_finite() && mode > 0.0 && sd.is_finite() { [mode, sd] } else { [1.0, sigma.value] }
         };
@@ -175,16 +176,18 @@ impl Fitter<'_> {
 
     /// Returns, for each pixel, whether it has no defect. A pixel without defect follows a line and is not hot.
     pub(super) fn defect_free_mask(&self) -> Vec<bool> {
-        let mut usual: Vec<bool> = self.fits.iter().map(|f| !f.is_robust).collect();
-        self.hot_pixels().into_iter().for_each(|p| usual[p] = false);
-        usual
+        let mut mask: Vec<bool> = self.fits.iter().map(|f| !f.is_robust).collect();
+        self.hot_pixels().into_iter().for_each(|p| mask[p] = false);
+        mask
     }
 
     /// Returns the moments over the pixels without defects. Defects are listed separately. Including a few hot pixels
     /// would double the spread.
     fn population(&self) -> Population {
-        let usual = self.defect_free_mask();
-        Population::from_fits(self.fits.iter().zip(&usual).filter(|(_, usual)| **usual).map(|(fit, _)| fit))
+        let mask = self.defect_free_mask();
+        Population::from_fits(
+            self.fits.iter().zip(&mask).filter(|(_, is_defect_free)| **is_defect_free).map(|(fit, _)| fit),
+        )
     }
 
     fn into_calibration(mut self, options: &CalibrateOptions) -> Result<Calibration> {
@@ -214,8 +217,8 @@ impl Fitter<'_> {
                 self.electrons.value
             ));
         }
-        let told = self.is_noise_sampling_identified;
-        note_identifiability(&mut self.notes, self.observed, &population, self.bias_share, told);
+        let is_identified = self.is_noise_sampling_identified;
+        note_identifiability(&mut self.notes, self.observed, &population, self.bias_share, is_identified);
         let levels = self.lamps(scale, shift);
         Ok(Calibration {
             sensor: self.sensor,
@@ -243,19 +246,19 @@ impl Fitter<'_> {
 }
 
 fn check_precision(fitter: &Fitter<'_>, population: &Population, options: &CalibrateOptions) -> Result<()> {
-    let Some(asked) = options.max_gain_error else { return Ok(()) };
+    let Some(max_gain_error) = options.max_gain_error else { return Ok(()) };
     let relative = |f: &PixelFit| f.var_a.sqrt() / population.mean_a.value;
     let mut errors = finite_values(&fitter.fits.iter().map(relative).collect::<Vec<_>>());
     let reached = spikelane_measure::median(&mut errors);
-    if reached <= asked {
+    if reached <= max_gain_error {
         return Ok(());
     }
     let readouts = fitter.observed.levels.iter().map(|l| l.readouts).max().unwrap_or(0);
     // Phase noise decreases as the square root of the number of readouts, more slowly than quantization. The number is
     // computed for phase noise only and is therefore conservative.
-    let needed = f64::from(readouts) * (reached / asked).powi(2);
+    let needed = f64::from(readouts) * (reached / max_gain_error).powi(2);
     Err(Error::new(ErrorKind::Input, "precision of the gain")
         .found(format_args!("{reached:.2e} with {readouts} readouts per level"))
-        .expected(format_args!("{asked:.2e}"))
+        .expected(format_args!("{max_gain_error:.2e}"))
         .remedy(format_args!("record about {needed:.0} readouts per level")))
 }

@@ -51,10 +51,10 @@ impl Fitter<'_> {
 
     fn stated_level(&self, k: usize) -> StatedLevel {
         let level = &self.observed.levels[k];
-        let found = level.light + self.level_offsets[k].value;
+        let light = level.light + self.level_offsets[k].value;
         // The light of a dark level is exactly 0, so it has no uncertainty.
         let sd = if level.light == 0.0 { 0.0 } else { self.level_uncertainty(k) * level.light };
-        StatedLevel { found_light: found, stated_light: level.light, sd }
+        StatedLevel { found_light: light, stated_light: level.light, sd }
     }
 
     /// Returns the relative standard deviation of a stated level. The options have priority over the set. The default is
@@ -151,9 +151,9 @@ impl Fitter<'_> {
             furthest = furthest.max(step[i].abs() / self.observed.levels[i].light.max(1e-3));
         }
         if test {
-            let taken = if self.noise.noise_sampling == NoiseSampling::EveryReadout { 1.0 } else { 0.0 };
+            let rule = if self.noise.noise_sampling == NoiseSampling::EveryReadout { 1.0 } else { 0.0 };
             self.bias_share = Estimate {
-                value: taken + step[k - 1],
+                value: rule + step[k - 1],
                 error: variance[k - 1].sqrt(),
                 samples: self.fits.len(),
             };
@@ -218,12 +218,12 @@ impl Fitter<'_> {
                 let (a, b) = (projections[i], projections[j]);
                 let shared = (a.0 * (s2 * b.0 - s1 * b.1) + a.1 * (s0 * b.1 - s1 * b.0)) / det;
                 let last = test && (*u == k - 1 || *v == k - 1);
-                let own: f64 = if u == v || last {
+                let point_sum: f64 = if u == v || last {
                     points.iter().map(|q| column(*u, q) * column(*v, q) / q.variance).sum()
                 } else {
                     0.0
                 };
-                h[u * k + v] += own - shared;
+                h[u * k + v] += point_sum - shared;
             }
         }
     }

@@ -28,11 +28,11 @@ impl Fitter<'_> {
     pub(super) fn measure_noise(&mut self) {
         selection::prepare_tables();
         // Hot pixels have the most intervals in the dark, but their noise is not typical.
-        let usual = self.defect_free_mask();
+        let defect_free = self.defect_free_mask();
         let (mut dark, mut lit) = (None, Vec::new());
         // A drift of 1 % doubles the variance of spans of 16 intervals. It would be mistaken for quanta.
         for level in self.observed.levels.iter().filter(|l| !l.drifts()) {
-            let Some(mean) = self.variance_growth(level, &usual) else { continue };
+            let Some(mean) = self.variance_growth(level, &defect_free) else { continue };
             if level.light == 0.0 { dark = Some(mean) } else { lit.push(mean) }
         }
         // `excess` subtracts the threshold noise from the variance of each dim level and returns the weighted mean of the rest.
@@ -146,7 +146,7 @@ impl Fitter<'_> {
         }
     }
 
-    fn variance_growth(&self, level: &LightLevel, usual: &[bool]) -> Option<VarianceGrowth> {
+    fn variance_growth(&self, level: &LightLevel, defect_free: &[bool]) -> Option<VarianceGrowth> {
         let map = &level.interval_noise.as_ref()?.map;
         // The variance of a pixel's estimate decreases as its number of intervals grows. With few intervals it decreases
         // faster, because few intervals hardly separate the growth from the constant.
@@ -154,8 +154,9 @@ impl Fitter<'_> {
             n if n < 32.0 => (n - 4.0).max(0.0).powi(2) / 28.0,
             n => n - 4.0,
         };
-        let good: Vec<usize> =
-            (0..map.len()).filter(|p| usual[*p] && map[*p].is_finite() && level.rate[*p] < 0.2).collect();
+        let good: Vec<usize> = (0..map.len())
+            .filter(|p| defect_free[*p] && map[*p].is_finite() && level.rate[*p] < 0.2)
+            .collect();
         let total: f64 = good.iter().map(|p| weight(*p)).sum();
         if good.len() < 16 || total <= 0.0 {
             return None;
@@ -216,9 +217,9 @@ impl Fitter<'_> {
     /// second mean is the variance of the charge per spike for `sigma^2 = 1`, in the pixel's own thresholds squared.
     fn unit_noise_means(&self, p: usize, f: f64, sigma: f64) -> [f64; 2] {
         let at = |phi: f64| {
-            let own = sigma / phi;
-            let x = self.increment(f, own);
-            [(x / f).powi(2), self.variance_share(x, own) / (phi * phi)]
+            let relative_sigma = sigma / phi;
+            let x = self.increment(f, relative_sigma);
+            [(x / f).powi(2), self.variance_share(x, relative_sigma) / (phi * phi)]
         };
         self.mean_over_threshold(p, at).map(|(mean, _)| mean)
     }

@@ -17,10 +17,10 @@ impl Fitter<'_> {
     pub(super) fn choose_noise_sampling(&mut self) {
         let share = self.bias_share;
         let frozen = share.value.is_nan() || share.value < 0.5;
-        let [own, other] = if frozen { [0.0, 1.0] } else { [1.0, 0.0] };
+        let [chosen, other] = if frozen { [0.0, 1.0] } else { [1.0, 0.0] };
         let distance = |rule: f64| (share.value - rule).abs() / share.error;
         self.is_noise_sampling_identified =
-            distance(own) <= AGREEMENT_Z_THRESHOLD && distance(other) >= EXCLUSION_Z_THRESHOLD;
+            distance(chosen) <= AGREEMENT_Z_THRESHOLD && distance(other) >= EXCLUSION_Z_THRESHOLD;
         if self.is_noise_sampling_identified {
             self.noise.noise_sampling =
                 if frozen { NoiseSampling::EveryReset } else { NoiseSampling::EveryReadout };
@@ -30,7 +30,7 @@ impl Fitter<'_> {
         self.noise.noise_sampling = NoiseSampling::EveryReset;
         let why = if share.error.is_finite() {
             let contradicts =
-                distance(own) > AGREEMENT_Z_THRESHOLD && distance(other) > AGREEMENT_Z_THRESHOLD;
+                distance(chosen) > AGREEMENT_Z_THRESHOLD && distance(other) > AGREEMENT_Z_THRESHOLD;
             format!(
                 "{:.2} +- {:.2} of the rate increase of a redraw at every readout is present{}",
                 share.value,
@@ -51,13 +51,13 @@ impl Fitter<'_> {
     /// nominal value is clamped to this range, and its error covers both estimates. The quanta are computed from the
     /// remaining variance. They are therefore unknown too and are set to their nominal value.
     pub(super) fn use_nominal_noise(&mut self) {
-        let kept = self.noise;
+        let previous = self.noise;
         let frozen = self.sigma_t;
         self.noise.noise_sampling = NoiseSampling::EveryReadout;
         self.measure_noise();
         let redrawn = self.sigma_t;
         let electrons = Sensor::electrons_from_fc(self.sensor.capacitance_ff * self.sensor.swing_v);
-        self.noise = NoiseEstimate { inverse_light_quanta: 1.0 / electrons, ..kept };
+        self.noise = NoiseEstimate { inverse_light_quanta: 1.0 / electrons, ..previous };
         self.electrons = Estimate { value: electrons, error: f64::NAN, samples: 0 };
         let nominal = self.nominal_noise_variance().sqrt();
         if !(frozen.error.is_finite() && redrawn.error.is_finite()) {

@@ -151,15 +151,15 @@ impl<'a> Fitter<'a> {
     pub(super) fn mean_over_threshold<const N: usize>(
         &self,
         p: usize,
-        of: impl Fn(f64) -> [f64; N],
+        function: impl Fn(f64) -> [f64; N],
     ) -> [(f64, f64); N] {
         let [mean, sd] = self.threshold_posteriors[p];
         let step = (3.0_f64.sqrt() * sd).min(0.5 * mean);
-        let middle = of(mean);
+        let middle = function(mean);
         if step == 0.0 {
             return middle.map(|value| (value, 0.0));
         }
-        let (low, high) = (of(mean - step), of(mean + step));
+        let (low, high) = (function(mean - step), function(mean + step));
         std::array::from_fn(|i| {
             ((4.0 * middle[i] + low[i] + high[i]) / 6.0, (high[i] - low[i]) * sd / (2.0 * step))
         })
@@ -195,14 +195,14 @@ impl<'a> Fitter<'a> {
         let by_time = of_length && n >= MIN_TIMED_SPIKES;
         let f = if by_time { correct_end_bias(f, f64::from(n - 1)) } else { f };
         // The noise is a voltage. The spread of thresholds is almost entirely a spread of voltages too.
-        let own = |phi: f64| self.noise.threshold_variance.sqrt() / phi;
-        let added = |phi: f64| [self.phase_corrections[k] * sampling_rate_bias(f, own(phi))];
+        let relative_sigma = |phi: f64| self.noise.threshold_variance.sqrt() / phi;
+        let added = |phi: f64| [self.phase_corrections[k] * sampling_rate_bias(f, relative_sigma(phi))];
         let [(bias, by_threshold)] = self.mean_over_threshold(p, added);
-        let taken = if self.noise.noise_sampling == NoiseSampling::EveryReadout { bias } else { 0.0 };
-        let kept = 1.0 - self.noise.dead_time_fraction * f;
-        let x = (f - taken) / kept;
+        let draw_bias = if self.noise.noise_sampling == NoiseSampling::EveryReadout { bias } else { 0.0 };
+        let live_share = 1.0 - self.noise.dead_time_fraction * f;
+        let x = (f - draw_bias) / live_share;
         let lit = self.light_share(p, level, f);
-        let sigma = own(self.threshold_posteriors[p][0]);
+        let sigma = relative_sigma(self.threshold_posteriors[p][0]);
         let weighting = RateWeighting {
             threshold_variance: sigma * sigma * self.variance_share(x, sigma),
             light_variance: self.noise.inverse_light_quanta * self.quantum(p),
@@ -224,7 +224,7 @@ impl<'a> Fitter<'a> {
             variance,
             bias,
             is_timed: timed,
-            threshold_sensitivity: -by_threshold / kept,
+            threshold_sensitivity: -by_threshold / live_share,
         })
     }
 }

@@ -165,7 +165,7 @@ mod tests {
         // The test computes the mean over all start phases of an integrator with rate 0.7 in 100 readouts. Without the
         // correction the mean rate is too high by 1.7e-3.
         let (rate, readouts, phases) = (0.7_f64, 100, 10_000);
-        let (mut plain, mut corrected) = (0.0, 0.0);
+        let (mut uncorrected, mut corrected) = (0.0, 0.0);
         for i in 0..phases {
             let start = (f64::from(i) + 0.5) / f64::from(phases);
             let fires = |t: &i32| {
@@ -175,11 +175,11 @@ mod tests {
             let times: Vec<i32> = (0..readouts).filter(fires).collect();
             let intervals = times.len() as f64 - 1.0;
             let f = intervals / f64::from(times[times.len() - 1] - times[0]);
-            plain += f / rate - 1.0;
+            uncorrected += f / rate - 1.0;
             corrected += correct_end_bias(f, intervals) / rate - 1.0;
         }
         let n = f64::from(phases);
-        assert!((plain / n - 1.7e-3).abs() < 2e-4, "{}", plain / n);
+        assert!((uncorrected / n - 1.7e-3).abs() < 2e-4, "{}", uncorrected / n);
         assert!((corrected / n).abs() < 1e-4, "{}", corrected / n);
     }
 

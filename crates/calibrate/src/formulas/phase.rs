@@ -168,8 +168,8 @@ impl PhaseChain {
         for (col, wave) in waves.iter().enumerate() {
             self.end[0][col] += wave * (ends[0] * step);
             self.end[1][col] += wave * (ends[1] * step);
-            for (row, own) in waves.iter().enumerate() {
-                let weight = wave * own.conj() * step;
+            for (row, own_wave) in waves.iter().enumerate() {
+                let weight = wave * own_wave.conj() * step;
                 for m in 0..3 {
                     self.link[m][(row, col)] += weight * link[row][m];
                     self.start[m][(row, col)] += weight * start[row][m];
@@ -293,10 +293,10 @@ mod tests {
         // The errors come from truncating the series and from two quadratures. No error exceeds the squared step of the
         // grid divided by 24.
         for g in [0.3, 0.8, 2.0, 7.5, 20.0] {
-            let own = PhaseChain::new(1.0 / g, 0.0).independent_variance(0.0) * g * g;
+            let independent = PhaseChain::new(1.0 / g, 0.0).independent_variance(0.0) * g * g;
             assert!(
-                (own / super::super::selection::firing_draw_variance(g) - 1.0).abs() < 1e-3,
-                "{g}: {own}"
+                (independent / super::super::selection::firing_draw_variance(g) - 1.0).abs() < 1e-3,
+                "{g}: {independent}"
             );
         }
     }
@@ -337,8 +337,8 @@ mod tests {
         let even = -super::super::selection::noise_rate_gain(1.0 / kappa) * kappa;
         // The draws at spikes have 0.75 times the standard deviation of all draws. The error of the mean of 1.2e7 such draws
         // is 0.19 %.
-        let found = mean_draw(kappa, w, 1000, 12_000) / even;
-        assert!((found - mean_draw_ratio(kappa, w)).abs() < 0.006, "{found}");
+        let ratio = mean_draw(kappa, w, 1000, 12_000) / even;
+        assert!((ratio - mean_draw_ratio(kappa, w)).abs() < 0.006, "{ratio}");
         assert!((mean_draw_ratio(kappa, w) - 1.006).abs() < 5e-4);
         // In the dark the phases are uniform, so the ratio is 1.
         assert_eq!(mean_draw_ratio(1.2, 0.1), 1.0);

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::html_report::html_report;
 use crate::population::mean_and_sd;
 use crate::result::{Calibration, Lamp};
 use crate::snee::{SneeMaps, SneePixel};
@@ -33,12 +32,12 @@ fn estimate_json(e: Estimate) -> Value {
 }
 
 fn lamp_json(l: &Lamp) -> Value {
-    let about = json!({
+    let fields = json!({
         "file": l.file, "stated_light": l.stated_light, "stated_uncertainty": l.stated_uncertainty, "found_light": l.found_light(),
         "deviation": estimate_json(l.deviation), "is_outlier": l.is_outlier, "is_saturated": l.is_saturated, "drifts": l.drifts,
         "readouts": l.readouts, "mean_rate": l.mean_rate, "rate_scatter": l.rate_scatter,
     });
-    insert_present(about, [("light_change", l.light_change.map(estimate_json))])
+    insert_present(fields, [("light_change", l.light_change.map(estimate_json))])
 }
 
 impl Calibration {
@@ -46,7 +45,7 @@ impl Calibration {
     #[must_use]
     pub fn to_json(&self) -> Value {
         let p = &self.population;
-        let whole = json!({
+        let document = json!({
             "width": self.sensor.geometry.width(),
             "height": self.sensor.geometry.height(),
             "readout_hz": self.sensor.readout_hz,
@@ -70,12 +69,12 @@ impl Calibration {
             "verdict": self.verdict(), "cautions": self.cautions(),
             "notes": self.notes,
         });
-        let further = [
+        let optional_fields = [
             ("nonlinearity", self.nonlinearity.map(estimate_json)),
             ("reduced_chi2", self.reduced_chi2().map(Into::into)),
             ("snee", self.snee.as_ref().map(|paper| self.snee_json(paper))),
         ];
-        insert_present(whole, further)
+        insert_present(document, optional_fields)
     }
 
     /// Returns the pixels that have no fit. The files contain the means of the population for these pixels.
@@ -85,8 +84,8 @@ impl Calibration {
     }
 
     fn snee_json(&self, paper: &SneeMaps) -> Value {
-        let moments = |of: fn(&SneePixel) -> f64| {
-            let (mean, sd) = mean_and_sd(&paper.map(of));
+        let moments = |value: fn(&SneePixel) -> f64| {
+            let (mean, sd) = mean_and_sd(&paper.map(value));
             json!({ "mean": mean, "sd": sd })
         };
         json!({
@@ -103,9 +102,9 @@ impl Calibration {
     /// freedom.
     #[must_use]
     pub fn reduced_chi2(&self) -> Option<f64> {
-        let of = |f: &crate::formulas::fit::PixelFit| f.chi2 / f64::from(f.degrees_of_freedom);
+        let chi2_ratio = |f: &crate::formulas::fit::PixelFit| f.chi2 / f64::from(f.degrees_of_freedom);
         let good = self.fits.iter().filter(|f| f.degrees_of_freedom > 0 && f.chi2.is_finite());
-        let mut all: Vec<f64> = good.map(of).collect();
+        let mut all: Vec<f64> = good.map(chi2_ratio).collect();
         (!all.is_empty()).then(|| median(&mut all))
     }
 
@@ -122,8 +121,8 @@ impl Calibration {
             ..crate::formulas::fit::PixelFit::NAN
         };
         let known = |f: &crate::formulas::fit::PixelFit| f.a.is_finite();
-        let map = |of: fn(&crate::formulas::fit::PixelFit) -> f64| {
-            self.fits.iter().map(|f| of(if known(f) { f } else { &of_population })).collect::<Vec<f64>>()
+        let map = |value: fn(&crate::formulas::fit::PixelFit) -> f64| {
+            self.fits.iter().map(|f| value(if known(f) { f } else { &of_population })).collect::<Vec<f64>>()
         };
         [
             ("fitted_mask", self.fits.iter().map(|f| f64::from(u8::from(known(f)))).collect()),
@@ -137,40 +136,42 @@ impl Calibration {
     }
 }
 
-/// Writes the files of a calibration into `folder`. Creates the folder if necessary.
-///
-/// The files are `camera.toml` with its maps, the maps of the fit, `calibration.json` and `report.html`. If the estimator
-/// of the paper was run, its maps are written too.
-///
-/// # Errors
-/// If a file exists and `force` is not set, or if a file cannot be written.
-pub fn write_calibration(calibration: &Calibration, folder: &Path, force: bool) -> Result<CalibrationFiles> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
-    let mut group = spikelane_io::storage::FileGroup::new(force);
-    let mut put = |name: &str, bytes: &[u8]| group.write(&folder.join(name), bytes);
-    let saved = spikelane::presets::to_toml(&calibration.camera()?)?;
-    for (name, bytes) in &saved.maps {
-        put(name, bytes)?;
+impl Calibration {
+    /// Writes the files of a calibration into `folder`, which is created if necessary.
+    ///
+    /// The files are `camera.toml` with its maps, the maps of the fit, those of the paper's estimator if it was run,
+    /// `calibration.json` and `report.html`.
+    ///
+    /// # Errors
+    /// If a file exists and `force` is not set, or if a file cannot be written.
+    pub fn write(&self, folder: &Path, force: bool) -> Result<CalibrationFiles> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+        let mut group = spikelane_io::storage::FileGroup::new(force);
+        let mut put = |name: &str, bytes: &[u8]| group.write(&folder.join(name), bytes);
+        let saved = spikelane::presets::to_toml(&self.camera()?)?;
+        for (name, bytes) in &saved.maps {
+            put(name, bytes)?;
+        }
+        for (name, map) in self.maps() {
+            put(&format!("fit_{name}.npy"), &npy::map_to_bytes(&map, self.sensor.geometry.width())?)?;
+        }
+        for (name, map) in self.snee.iter().flat_map(snee_maps) {
+            put(&format!("snee_{name}.npy"), &npy::map_to_bytes(&map, self.sensor.geometry.width())?)?;
+        }
+        put("camera.toml", saved.text.as_bytes())?;
+        let text = serde_json::to_string_pretty(&self.to_json());
+        put(
+            "calibration.json",
+            text.map_err(|e| Error::new(ErrorKind::Config, "calibration").found(e))?.as_bytes(),
+        )?;
+        put("report.html", self.html_report()?.as_bytes())?;
+        group.commit()?;
+        Ok(CalibrationFiles {
+            camera: folder.join("camera.toml"),
+            calibration_json: folder.join("calibration.json"),
+            report: folder.join("report.html"),
+        })
     }
-    for (name, map) in calibration.maps() {
-        put(&format!("fit_{name}.npy"), &npy::map_to_bytes(&map, calibration.sensor.geometry.width())?)?;
-    }
-    for (name, map) in calibration.snee.iter().flat_map(snee_maps) {
-        put(&format!("snee_{name}.npy"), &npy::map_to_bytes(&map, calibration.sensor.geometry.width())?)?;
-    }
-    put("camera.toml", saved.text.as_bytes())?;
-    let text = serde_json::to_string_pretty(&calibration.to_json());
-    put(
-        "calibration.json",
-        text.map_err(|e| Error::new(ErrorKind::Config, "calibration").found(e))?.as_bytes(),
-    )?;
-    put("report.html", html_report(calibration)?.as_bytes())?;
-    group.commit()?;
-    Ok(CalibrationFiles {
-        camera: folder.join("camera.toml"),
-        calibration_json: folder.join("calibration.json"),
-        report: folder.join("report.html"),
-    })
 }
 
 fn snee_maps(paper: &SneeMaps) -> [(&'static str, Vec<f64>); 4] {

@@ -10,13 +10,19 @@ use spikelane_measure::report::{
     Curve, PageElement, ShadedBand, Table, bar_plot, heat_map, marked_line_plot, page as render, today,
 };
 
-/// Returns the report of a calibration as an HTML page.
-///
-/// # Errors
-/// If a plot cannot be drawn.
-pub fn html_report(c: &Calibration) -> Result<String> {
+impl Calibration {
+    /// Returns the report as an HTML page.
+    ///
+    /// # Errors
+    /// If a plot cannot be drawn.
+    pub fn html_report(&self) -> Result<String> {
+        page(self)
+    }
+}
+
+fn page(c: &Calibration) -> Result<String> {
     let width = c.sensor.geometry.width();
-    let map = |of: fn(&PixelFit) -> f64| c.fits.iter().map(of).collect::<Vec<f64>>();
+    let map = |value: fn(&PixelFit) -> f64| c.fits.iter().map(value).collect::<Vec<f64>>();
     let (a, d) = (map(|f| f.a), map(|f| f.d));
     let mut parts = vec![
         PageElement::text(set_summary(c)),
@@ -67,15 +73,18 @@ fn set_summary(c: &Calibration) -> String {
 /// Plots the mean rates, and the mean of the fitted lines, as functions of the stated light.
 fn linearity_figure(c: &Calibration) -> Result<PageElement> {
     let p = &c.population;
-    let told = || c.lamps.iter().filter(|l| !l.is_saturated);
-    let end = told().map(|l| l.stated_light).fold(0.0, f64::max);
+    let unsaturated = || c.lamps.iter().filter(|l| !l.is_saturated);
+    let end = unsaturated().map(|l| l.stated_light).fold(0.0, f64::max);
     let line = [0.0, end].map(|light| (light, p.mean_a.value * light + p.mean_d.value));
     let plot = marked_line_plot(
         "Linearity",
         ("stated light, relative to saturation", "spikes per readout"),
         &[
             Curve { name: "mean of the fitted lines", points: line.to_vec() },
-            Curve { name: "recorded", points: told().map(|l| (l.stated_light, l.mean_rate)).collect() },
+            Curve {
+                name: "recorded",
+                points: unsaturated().map(|l| (l.stated_light, l.mean_rate)).collect(),
+            },
         ],
         None,
     )?;
@@ -138,15 +147,15 @@ fn lamp_table(c: &Calibration) -> Table {
     let percent = |x: f64| format!("{:.3} %", 100.0 * x);
     for lamp in &c.lamps {
         let readouts = if lamp.readouts > 0 { lamp.readouts.to_string() } else { "a map".to_owned() };
-        let [found, difference, error] = match lamp.relative_deviation() {
+        let [estimated, difference, error] = match lamp.relative_deviation() {
             Some([value, error]) => [format!("{:.5}", lamp.found_light()), percent(value), percent(error)],
             None => [String::new(), String::new(), String::new()],
         };
         let stated = format!("{:.5}", lamp.stated_light);
-        let own = [lamp.file.clone(), readouts, stated, found, difference, error];
+        let cells = [lamp.file.clone(), readouts, stated, estimated, difference, error];
         let fitted =
             [format!("{:.5}", lamp.mean_rate), percent(lamp.rate_scatter), lamp_verdict(lamp).to_owned()];
-        table.push_row(own.into_iter().chain(fitted));
+        table.push_row(cells.into_iter().chain(fitted));
     }
     table
 }
@@ -181,18 +190,18 @@ fn histogram_figure(title: &str, unit: &str, map: &[f64]) -> Result<PageElement>
 fn snee_comparison(c: &Calibration, paper: &SneeMaps) -> Result<Vec<PageElement>> {
     let mut table = Table::new(&["quantity", "paper: mean", "spread", "default: mean", "spread"]);
     let p = &c.population;
-    let cells = |of: fn(&SneePixel) -> f64| {
-        let (mean, sd) = mean_and_sd(&paper.map(of));
+    let cells = |value: fn(&SneePixel) -> f64| {
+        let (mean, sd) = mean_and_sd(&paper.map(value));
         [format!("{mean:.5}"), format!("{sd:.5}")]
     };
-    let mut row = |name: &str, of: fn(&SneePixel) -> f64, own: [String; 2]| {
-        table.push_row(std::iter::once(name.to_owned()).chain(cells(of)).chain(own));
+    let mut row = |name: &str, value: fn(&SneePixel) -> f64, cell_pair: [String; 2]| {
+        table.push_row(std::iter::once(name.to_owned()).chain(cells(value)).chain(cell_pair));
     };
-    let own = |mean: f64, sd: f64| [format!("{mean:.5}"), format!("{sd:.5}")];
+    let spread_cells = |mean: f64, sd: f64| [format!("{mean:.5}"), format!("{sd:.5}")];
     let unknown = || ["not identified".to_owned(), String::new()];
-    row("alpha / phi = a, identified", |s| s.alpha / s.phi, own(p.mean_a.value, p.sd_a.value));
-    row("I / phi = d, identified", |s| s.dark / s.phi, own(p.mean_d.value, p.sd_d.value));
-    row("phi, of the nominal threshold", |s| s.phi, own(1.0, p.sigma_phi.value));
+    row("alpha / phi = a, identified", |s| s.alpha / s.phi, spread_cells(p.mean_a.value, p.sd_a.value));
+    row("I / phi = d, identified", |s| s.dark / s.phi, spread_cells(p.mean_d.value, p.sd_d.value));
+    row("phi, of the nominal threshold", |s| s.phi, spread_cells(1.0, p.sigma_phi.value));
     row("C_S, of the nominal capacitance", |s| s.c_s, unknown());
     row("V_S, of the nominal swing", |s| s.v_s, unknown());
     row("alpha, nominal thresholds", |s| s.alpha, unknown());

@@ -29,15 +29,15 @@ impl Calibration {
     /// unfitted pixels.
     #[must_use]
     pub fn cautions(&self) -> Vec<String> {
-        let mut said = self.lamp_cautions();
+        let mut cautions = self.lamp_cautions();
         if self.is_nonlinear {
-            said.push("The estimated levels deviate from a line: the camera file is linear, but a measured response may not be.".to_owned());
+            cautions.push("The estimated levels deviate from a line: the camera file is linear, but a measured response may not be.".to_owned());
         }
         if let Some(chi2) = self.reduced_chi2().filter(|x| *x > CHI2_CAUTION_RATIO) {
-            said.push(format!("The pixel responses are not linear: the typical chi-square per degree of freedom is {chi2:.1}."));
+            cautions.push(format!("The pixel responses are not linear: the typical chi-square per degree of freedom is {chi2:.1}."));
         }
         if !self.is_noise_sampling_identified {
-            said.push("The recordings do not show when threshold noise is redrawn: the camera file uses the nominal setting, every reset.".to_owned());
+            cautions.push("The recordings do not show when threshold noise is redrawn: the camera file uses the nominal setting, every reset.".to_owned());
         }
         let assumed = |what: &str, e: Estimate| {
             let digits = if e.value >= 100.0 { 0 } else { 6 };
@@ -48,34 +48,34 @@ impl Calibration {
                 )
             })
         };
-        said.extend(assumed("The number of electrons per spike", self.electrons_per_spike));
-        said.extend(assumed("The threshold noise", self.sigma_t));
+        cautions.extend(assumed("The number of electrons per spike", self.electrons_per_spike));
+        cautions.extend(assumed("The threshold noise", self.sigma_t));
         let (unknown, all) = (self.unfitted_pixels().len(), self.fits.len());
         if unknown as f64 > UNFITTED_CAUTION_SHARE * all as f64 {
-            said.push(format!(
+            cautions.push(format!(
                 "{unknown} of {all} pixels provide no estimate: the camera file uses the population means for them."
             ));
         }
-        said
+        cautions
     }
 
     fn lamp_cautions(&self) -> Vec<String> {
         let lit = self.lamps.iter().filter(|l| l.stated_light > 0.0).count();
-        let named = |of: fn(&&Lamp) -> bool| -> Vec<&str> {
-            self.lamps.iter().filter(of).map(|l| l.file.as_str()).collect()
+        let lamp_files = |predicate: fn(&&Lamp) -> bool| -> Vec<&str> {
+            self.lamps.iter().filter(predicate).map(|l| l.file.as_str()).collect()
         };
-        let mut said = Vec::new();
+        let mut cautions = Vec::new();
         let mut add = |files: Vec<&str>, what: &str| {
             if !files.is_empty() {
-                said.push(format!("{} of {lit} lit levels {what}: {}.", files.len(), files.join(", ")));
+                cautions.push(format!("{} of {lit} lit levels {what}: {}.", files.len(), files.join(", ")));
             }
         };
-        add(named(|l| l.is_outlier), "deviate from their stated light");
-        add(named(|l| l.drifts && l.stated_light > 0.0), "drift");
-        add(named(|l| l.is_saturated), "saturate the camera");
+        add(lamp_files(|l| l.is_outlier), "deviate from their stated light");
+        add(lamp_files(|l| l.drifts && l.stated_light > 0.0), "drift");
+        add(lamp_files(|l| l.is_saturated), "saturate the camera");
         if self.lamps.iter().any(|l| l.drifts && l.stated_light == 0.0) {
-            said.push("The dark current drifts within its recording.".to_owned());
+            cautions.push("The dark current drifts within its recording.".to_owned());
         }
-        said
+        cautions
     }
 }

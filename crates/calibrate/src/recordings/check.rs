@@ -52,11 +52,11 @@ pub(crate) fn check_checkerboard(level: &LightLevel, light: Stimulus, geometry: 
         _ => return Ok(()),
     };
     // The limit is half of the contrast, because crosstalk, dark current and blur reduce the contrast by less.
-    let least = 0.5 * (high - low) / (high + low);
-    if high == low || bright(false) >= least {
+    let min_contrast = 0.5 * (high - low) / (high + low);
+    if high == low || bright(false) >= min_contrast {
         return Ok(());
     }
-    if bright(true) >= least {
+    if bright(true) >= min_contrast {
         return Err(set_error(&level.name)
             .found("an upside-down checkerboard")
             .expected("row 0 at the top")
@@ -64,18 +64,18 @@ pub(crate) fn check_checkerboard(level: &LightLevel, light: Stimulus, geometry: 
     }
     Err(set_error(&level.name)
         .found(format_args!("contrast {:.3} between the squares", bright(false)))
-        .expected(format_args!("at least {least:.3}"))
+        .expected(format_args!("at least {min_contrast:.3}"))
         .remedy("check the width, height, square size and layout of the file"))
 }
 
 /// Checks the levels of a set for motion, usable light, spike counts, unit of the light, order and orientation.
 pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
     let levels = &observed.levels;
-    if let Some(moving) = levels.iter().find(|l| l.drifting_share > MAX_DRIFTING_SHARE) {
-        return Err(set_error(&moving.name)
+    if let Some(level) = levels.iter().find(|l| l.drifting_share > MAX_DRIFTING_SHARE) {
+        return Err(set_error(&level.name)
             .found(format_args!(
                 "{:.1} % of the pixels change between the halves",
-                100.0 * moving.drifting_share
+                100.0 * level.drifting_share
             ))
             .expected("a static scene under constant light")
             .remedy("record again, or cut the file to its static part"));
@@ -183,14 +183,14 @@ fn check_linearity(medians: &[(&LightLevel, f64)]) -> Result<()> {
     let at = |(l, m): &(&LightLevel, f64)| m - slope * l.light;
     let offset = median(&mut medians.iter().map(at).collect::<Vec<_>>());
     let lowest = medians.iter().find(|(l, _)| l.light > 0.0).map_or(0.0, |(_, m)| *m);
-    for (level, found) in medians {
+    for (level, median) in medians {
         let expected = slope * level.light + offset;
         // The light of the dark level is exact. If the dark level is off the line, a wrong lit level may have tilted the
         // line. The dark level therefore has the tolerance of a lit level. The fit of the pixels finds the wrong level.
         let scale = if level.light == 0.0 { expected.max(lowest) } else { expected };
-        if (found - expected).abs() > 0.12 * scale + 0.003 {
+        if (median - expected).abs() > 0.12 * scale + 0.003 {
             return Err(contradiction_error(level).found(format_args!(
-                "rate {found:.5} at light {}, where the other levels give {expected:.5}",
+                "rate {median:.5} at light {}, where the other levels give {expected:.5}",
                 level.light
             )));
         }
@@ -218,9 +218,11 @@ fn check_orientation(observed: &Observations) -> Result<()> {
     let flipped = |map: &[f64]| map.chunks_exact(width).rev().flatten().copied().collect::<Vec<f64>>();
     let reference = pattern(lit[0]);
     for level in &lit[1..] {
-        let own = pattern(level);
-        let (straight, upside) =
-            (rank_correlation(&reference, &own), rank_correlation(&reference, &flipped(&own)));
+        let level_pattern = pattern(level);
+        let (straight, upside) = (
+            rank_correlation(&reference, &level_pattern),
+            rank_correlation(&reference, &flipped(&level_pattern)),
+        );
         if upside > 0.5 && straight < 0.25 {
             return Err(set_error(&level.name)
                 .found(format_args!("a fixed pattern that is upside down, compared with {}", lit[0].name))

@@ -32,8 +32,8 @@ pub(crate) fn drifting_share(level: &LightLevel, early: &[u32]) -> f64 {
         let (e, l) = (f64::from(*e), f64::from(n - e) * split / late);
         (e - l).abs() > 2.0 + 6.0 * (1e-3 * (e + l)).sqrt() + 0.002 * (e + l)
     };
-    let moving = level.spikes.iter().zip(early).filter(|pair| moves(*pair)).count();
-    moving as f64 / level.spikes.len() as f64
+    let drifting = level.spikes.iter().zip(early).filter(|pair| moves(*pair)).count();
+    drifting as f64 / level.spikes.len() as f64
 }
 
 /// Returns the change of the mean rate of all pixels between the first and the second half of a recording, divided by the
@@ -54,13 +54,13 @@ pub(crate) fn mean_rate_change(level: &LightLevel, early: &[u32]) -> Option<Esti
     let half_a_spike = 0.5_f64.sqrt() / split;
     let reach = MAX_PIXEL_DEVIATION * spread.max(half_a_spike);
     all.iter_mut().for_each(|d| *d = d.clamp(center - reach, center + reach));
-    let found = Estimate::mean(all.iter().copied());
+    let mean_change = Estimate::mean(all.iter().copied());
     let spikes = level.spikes.iter().map(|n| f64::from(*n)).sum::<f64>();
     let rate = spikes / (f64::from(level.readouts) * all.len() as f64);
     // If all pixels change equally, their scatter is 0. The error of one pixel is then used instead.
-    let error = if found.error > 0.0 { found.error } else { half_a_spike };
-    let known = rate > 0.0 && found.value.is_finite() && error.is_finite();
-    known.then(|| Estimate { value: found.value / rate, error: error / rate, samples: all.len() })
+    let error = if mean_change.error > 0.0 { mean_change.error } else { half_a_spike };
+    let known = rate > 0.0 && mean_change.value.is_finite() && error.is_finite();
+    known.then(|| Estimate { value: mean_change.value / rate, error: error / rate, samples: all.len() })
 }
 
 impl LightLevel {
@@ -78,7 +78,8 @@ impl LightLevel {
     #[must_use]
     pub fn drifts(&self) -> bool {
         let spikes = self.spikes.iter().map(|n| f64::from(*n)).sum::<f64>() / self.spikes.len() as f64;
-        let least = MIN_RELATIVE_DRIFT.max(START_PHASE_SPIKES / (spikes / 2.0));
-        self.rate_change.is_some_and(|c| c.value.abs() > least && c.value.abs() > DRIFT_Z_THRESHOLD * c.error)
+        let min_change = MIN_RELATIVE_DRIFT.max(START_PHASE_SPIKES / (spikes / 2.0));
+        self.rate_change
+            .is_some_and(|c| c.value.abs() > min_change && c.value.abs() > DRIFT_Z_THRESHOLD * c.error)
     }
 }

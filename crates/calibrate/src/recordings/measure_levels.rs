@@ -39,8 +39,8 @@ pub type ProgressCallback<'a> = &'a mut dyn FnMut(&str, f64);
 pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Result<Observations> {
     let geometry = set.geometry()?;
     // Memory contains counts and rates of each recording, at most 16 bytes per pixel, and six maps.
-    let kept = 16 * set.recordings.len() + 6 * size_of::<f64>();
-    inputs::check_memory(format_args!("recordings of {geometry} pixels"), kept * geometry.pixels())?;
+    let result_bytes = 16 * set.recordings.len() + 6 * size_of::<f64>();
+    inputs::check_memory(format_args!("recordings of {geometry} pixels"), result_bytes * geometry.pixels())?;
     let readers = set.recordings.iter().map(|r| set.reader(r)).collect::<Result<Vec<_>>>()?;
     let total: usize = readers.iter().map(StreamReader::readouts).sum();
     let mut observed = Observations {
@@ -52,13 +52,14 @@ pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Res
     let mut done = 0;
     for (recording, reader) in set.recordings.iter().zip(&readers) {
         let name = recording.file.as_str();
-        let mut tell = |readouts: usize| progress(name, (done + readouts) as f64 / total.max(1) as f64);
+        let mut report_readouts =
+            |readouts: usize| progress(name, (done + readouts) as f64 / total.max(1) as f64);
         let light = recording.light;
         let wanted =
             light.level().is_some() || matches!(light, Stimulus::Scene(StimulusPattern::Checkerboard { .. }));
         if wanted {
             let dim = light.level().is_some_and(|l| l <= MAX_INTERVAL_LIGHT);
-            let statistics = measure_recording(reader, dim, &mut tell)?;
+            let statistics = measure_recording(reader, dim, &mut report_readouts)?;
             let mut level = level_from_statistics(name, light.level().unwrap_or(f64::NAN), &statistics);
             level.light_uncertainty = recording.light_uncertainty.or(set.light_uncertainty);
             match light.level() {
@@ -86,7 +87,7 @@ pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Res
 fn measure_recording(
     reader: &StreamReader,
     intervals: bool,
-    tell: &mut dyn FnMut(usize),
+    report_readouts: &mut dyn FnMut(usize),
 ) -> Result<Statistics> {
     let options = MeasureOptions {
         counts: true,
@@ -97,7 +98,7 @@ fn measure_recording(
         series_readouts: 0,
         ..MeasureOptions::default()
     };
-    measure_stream(reader, &options, tell)
+    measure_stream(reader, &options, report_readouts)
 }
 
 fn level_from_statistics(name: &str, light: f64, statistics: &Statistics) -> LightLevel {

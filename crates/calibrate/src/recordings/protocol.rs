@@ -7,16 +7,15 @@ use super::recording_set::{Recording, RecordingSet, Stimulus, StimulusPattern};
 use crate::formulas::fit::RateWeighting;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::spikes;
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs;
 use spikelane::unstable::plan::Plan;
 use spikelane::unstable::threads;
 use spikelane_io::formats::{Layout, StreamWriter};
-use spikelane_io::simulate::{CameraFacts, LightFacts, Sidecar, StreamFacts, WrittenStream};
+use spikelane_io::simulate::{CameraFacts, LightFacts, Sidecar, StreamFacts};
 
 /// Number of readouts that one call of the simulator produces.
-const BATCH_READOUTS: usize = 496;
+pub(crate) const BATCH_READOUTS: usize = 496;
 
 /// A plan of recordings: the light of each recording, and the common length.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,14 +84,14 @@ impl Protocol {
         let total = self.recordings.len() as f64;
         for (i, (stem, light)) in self.recordings.iter().enumerate() {
             let seeds = Seeds { sequence: seeds.sequence + i as u64, ..seeds };
-            let mut tell = |share: f64| progress(stem, (i as f64 + share) / total);
+            let mut report_share = |share: f64| progress(stem, (i as f64 + share) / total);
             self.record_one_stream(
                 camera,
                 seeds,
                 *light,
                 &folder.join(format!("{stem}.dat")),
                 force,
-                &mut tell,
+                &mut report_share,
             )?;
         }
         let geometry = camera.sensor.geometry;
@@ -125,7 +124,7 @@ impl Protocol {
         light: Stimulus,
         path: &Path,
         force: bool,
-        tell: &mut dyn FnMut(f64),
+        report_share: &mut dyn FnMut(f64),
     ) -> Result<()> {
         let geometry = camera.sensor.geometry;
         let frame = |readout: u64| {
@@ -134,7 +133,7 @@ impl Protocol {
             };
             (0..geometry.pixels()).map(at).collect::<Option<Vec<f32>>>()
         };
-        let greatest = match light {
+        let max_level = match light {
             Stimulus::Level(level) => level,
             Stimulus::Scene(
                 StimulusPattern::Square { high, low, .. } | StimulusPattern::Checkerboard { high, low, .. },
@@ -145,7 +144,7 @@ impl Protocol {
                     .expected("light that can be simulated"));
             }
         };
-        let plan = Plan::with_max_light(camera, seeds, greatest.max(1.0))?;
+        let plan = Plan::with_max_light(camera, seeds, max_level.max(1.0))?;
         let mut simulator = SimulatorOptions::new().threads(threads::thread_count()).build_from_plan(plan)?;
         let mut writer = StreamWriter::create(path, Layout::Dat, geometry, u64::from(self.readouts), force)?;
         let hold = match light {
@@ -153,7 +152,6 @@ impl Protocol {
             _ => u64::MAX,
         };
         let mut buffer = inputs::zeroed_vec("simulated readouts", BATCH_READOUTS * geometry.frame_bytes())?;
-        let mut fired = 0;
         let (mut at, end) = (0, u64::from(self.readouts));
         let mut samples = frame(0).unwrap_or_default();
         while at < end {
@@ -163,19 +161,16 @@ impl Protocol {
             let now = (BATCH_READOUTS as u64).min(end - at).min(hold - at % hold) as usize;
             let out = &mut buffer[..now * geometry.frame_bytes()];
             simulator.fill(&samples, out)?;
-            fired += spikes::count_spikes(out);
             writer.write_frames(at, out)?;
             at += now as u64;
-            tell(at as f64 / end as f64);
+            report_share(at as f64 / end as f64);
         }
         if force {
             // The old sidecar must not describe the new stream. It is therefore deleted before the new stream receives its
             // final name.
             spikelane_io::storage::remove_stale(&path.with_extension("json"))?;
         }
-        let done = writer.finish()?;
-        let written =
-            WrittenStream { spikes: fired, path: done.path, bytes: done.bytes, digest: done.digest };
+        let written = writer.finish()?;
         let facts = StreamFacts::new(&written, geometry, end);
         let sidecar = Sidecar {
             readout_hz: Some(camera.sensor.readout_hz),
@@ -187,7 +182,7 @@ impl Protocol {
                 interpolation: "hold".to_owned(),
                 exposure_electrons: camera.operating_point(0.0).electrons
                     * camera.sensor.thresholds_at_full_scale,
-                max_light: greatest.max(1.0),
+                max_light: max_level.max(1.0),
                 ..LightFacts::default()
             }),
             ..Sidecar::new(geometry, Layout::Dat, end, facts)

@@ -266,9 +266,9 @@ impl RecordingSet {
     }
 
     fn check_uncertainties(&self) -> Result<()> {
-        let own = self.recordings.iter().filter_map(|r| r.light_uncertainty);
+        let uncertainties = self.recordings.iter().filter_map(|r| r.light_uncertainty);
         let maps = self.rate_maps.iter().filter_map(|m| m.light_uncertainty);
-        match own.chain(maps).chain(self.light_uncertainty).find(|u| !(*u > 0.0 && *u < 1.0)) {
+        match uncertainties.chain(maps).chain(self.light_uncertainty).find(|u| !(*u > 0.0 && *u < 1.0)) {
             None => Ok(()),
             Some(u) => Err(Error::new(ErrorKind::Config, "light_uncertainty")
                 .found(u)

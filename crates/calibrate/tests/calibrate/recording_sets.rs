@@ -9,7 +9,7 @@ use spikelane::{Camera, Seeds, presets};
 use spikelane_calibrate::compare::compare_gray_levels;
 use spikelane_calibrate::{
     CalibrateOptions, Observations, Protocol, RecordingSet, SneeOptions, Stimulus, StimulusPattern,
-    calibrate, estimate_snee, import_maps, measure_levels, predict_precision, write_calibration,
+    calibrate, estimate_snee, import_maps, measure_levels, predict_precision,
 };
 use spikelane_io::formats::{Layout, StreamReader};
 
@@ -95,27 +95,27 @@ light = 0.5
 fn an_array_of_bits_is_a_recording_without_a_layout() {
     let (folder, path) = record(&flats(&[0.1], 64));
     let set = RecordingSet::open(&path).unwrap();
-    let own = set.reader(&set.recordings[0]).unwrap();
-    let (pixels, mut array) = (own.geometry().pixels(), b"\x93NUMPY\x01\x00".to_vec());
+    let original = set.reader(&set.recordings[0]).unwrap();
+    let (pixels, mut array) = (original.geometry().pixels(), b"\x93NUMPY\x01\x00".to_vec());
     let head = "{'descr': '|u1', 'fortran_order': False, 'shape': (64, 32, 48), }";
     array.extend(118_u16.to_le_bytes());
     array.extend(format!("{head:<117}\n").as_bytes());
     let (mut packed, mut bits) = (vec![0; pixels / 8], vec![0; pixels]);
     for t in 0..64 {
-        own.read_frames(t, &mut packed).unwrap();
-        spikelane::spikes::unpack(own.geometry(), &packed, &mut bits).unwrap();
+        original.read_frames(t, &mut packed).unwrap();
+        spikelane::spikes::unpack(original.geometry(), &packed, &mut bits).unwrap();
         array.extend_from_slice(&bits);
     }
     std::fs::write(folder.path().join("flat.npy"), array).unwrap();
     let text = std::fs::read_to_string(&path).unwrap().replace(&set.recordings[0].file, "flat.npy");
     let arrays = RecordingSet::parse(&text, folder.path().to_owned()).unwrap();
-    let found = arrays.reader(&arrays.recordings[0]).unwrap();
+    let array_reader = arrays.reader(&arrays.recordings[0]).unwrap();
     let all = |reader: &StreamReader| {
         let mut bytes = vec![0; 64 * pixels / 8];
         reader.read_frames(0, &mut bytes).unwrap();
         bytes
     };
-    assert!(all(&found) == all(&own), "another stream");
+    assert!(all(&array_reader) == all(&original), "another stream");
 }
 
 #[test]
@@ -167,18 +167,18 @@ fn a_level_off_by_0_05_percent_keeps_all_pixels() {
     let text = std::fs::read_to_string(&path).unwrap().replace("light = 0.3", "light = 0.30015");
     let off = folder.path().join("off.toml");
     std::fs::write(&off, text).unwrap();
-    let [exact, found] = [path, off].map(|p| {
+    let [exact, shifted] = [path, off].map(|p| {
         let observed = measure_levels(&RecordingSet::open(&p).unwrap(), &mut |_, _| {}).unwrap();
         calibrate(&observed, &CalibrateOptions::default()).unwrap()
     });
-    assert_eq!(found.poor_fit_pixels, exact.poor_fit_pixels);
+    assert_eq!(shifted.poor_fit_pixels, exact.poor_fit_pixels);
     assert!(
-        found.unfitted_pixels().is_empty() && found.lamps.iter().all(|l| !l.is_outlier),
+        shifted.unfitted_pixels().is_empty() && shifted.lamps.iter().all(|l| !l.is_outlier),
         "{:?}",
-        found.lamps
+        shifted.lamps
     );
     // The scale is the mean of four lamps, so a quarter of the error of 5e-4 remains in the scale.
-    let by = found.population.mean_a.value / exact.population.mean_a.value - 1.0;
+    let by = shifted.population.mean_a.value / exact.population.mean_a.value - 1.0;
     assert!((by.abs() - 1.25e-4).abs() < 1e-5, "{by}");
 }
 
@@ -189,15 +189,15 @@ fn a_level_off_by_10_percent_is_reported_and_ignored() {
     let off = folder.path().join("off.toml");
     std::fs::write(&off, text).unwrap();
     let observed = measure_levels(&RecordingSet::open(&off).unwrap(), &mut |_, _| {}).unwrap();
-    let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
-    let wrong: Vec<f64> = found.lamps.iter().filter(|l| l.is_outlier).map(|l| l.stated_light).collect();
+    let calibration = calibrate(&observed, &CalibrateOptions::default()).unwrap();
+    let wrong: Vec<f64> = calibration.lamps.iter().filter(|l| l.is_outlier).map(|l| l.stated_light).collect();
     assert_eq!(wrong, [0.33]);
     // The error of each pixel's rate is 1e-4. There are 1,536 pixels, and the other lamps are exact.
-    assert!((found.lamps[2].found_light() / 0.3 - 1.0).abs() < 1e-3, "{:?}", found.lamps[2]);
+    assert!((calibration.lamps[2].found_light() / 0.3 - 1.0).abs() < 1e-3, "{:?}", calibration.lamps[2]);
     assert!(
-        found.notes.iter().any(|n| n.contains("flat_0.3") && n.contains("deviates")),
+        calibration.notes.iter().any(|n| n.contains("flat_0.3") && n.contains("deviates")),
         "{:?}",
-        found.notes
+        calibration.notes
     );
 }
 
@@ -213,8 +213,8 @@ fn slow_pixel_rates_are_averaged_over_phases() {
     };
     let all: Vec<Vec<u32>> = (0..phases).map(fired).collect();
     let count = all.iter().map(|t| t.len() as u32).collect();
-    let [first, last] =
-        [|t: &Vec<u32>| t[0], |t: &Vec<u32>| t[t.len() - 1]].map(|of| all.iter().map(of).collect::<Vec<_>>());
+    let [first, last] = [|t: &Vec<u32>| t[0], |t: &Vec<u32>| t[t.len() - 1]]
+        .map(|spike_time| all.iter().map(spike_time).collect::<Vec<_>>());
     let level = spikelane_calibrate::LightLevel::from_counts("dark", 0.0, readouts, count, &first, &last);
     let mean = level.rate.iter().sum::<f64>() / f64::from(phases);
     // The period is 400 readouts, and spike times are rounded to whole readouts.
@@ -254,35 +254,39 @@ fn the_report_says_what_was_recorded_and_how_far_to_trust_the_camera() {
     let (folder, path) = record(&protocol);
     let report = |path: &std::path::Path, out: &str| {
         let observed = measure_levels(&RecordingSet::open(path).unwrap(), &mut |_, _| {}).unwrap();
-        let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
-        let files = write_calibration(&found, &folder.path().join(out), false).unwrap();
-        (found, std::fs::read_to_string(&files.report).unwrap())
+        let calibration = calibrate(&observed, &CalibrateOptions::default()).unwrap();
+        let files = calibration.write(&folder.path().join(out), false).unwrap();
+        (calibration, std::fs::read_to_string(&files.report).unwrap())
     };
-    let (found, page) = report(&path, "right");
-    for said in [
+    let (calibration, page) = report(&path, "right");
+    for phrase in [
         "Identified and unidentified values",
         "6 recordings of",
         "6000 readouts in total",
         "Linearity",
-        &found.verdict(),
+        &calibration.verdict(),
     ] {
-        assert!(page.contains(said), "{said}");
+        assert!(page.contains(phrase), "{phrase}");
     }
     assert!(
-        found.cautions().iter().all(|c| !c.contains("from their stated light")),
+        calibration.cautions().iter().all(|c| !c.contains("from their stated light")),
         "{:?}",
-        found.cautions()
+        calibration.cautions()
     );
     // A stated light that is a tenth too high causes a caution in the verdict and in the report.
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("light = 0.3\n", "light = 0.33\n")).unwrap();
-    let (found, page) = report(&path, "wrong");
+    let (calibration, page) = report(&path, "wrong");
     assert!(
-        found.cautions()[0].starts_with("1 of 5 lit levels deviate from their stated light: "),
+        calibration.cautions()[0].starts_with("1 of 5 lit levels deviate from their stated light: "),
         "{:?}",
-        found.cautions()
+        calibration.cautions()
     );
-    assert!(page.contains("caution") && found.verdict().contains("caution"), "{}", found.verdict());
+    assert!(
+        page.contains("caution") && calibration.verdict().contains("caution"),
+        "{}",
+        calibration.verdict()
+    );
 }
 
 #[test]
@@ -290,8 +294,8 @@ fn a_calibrated_camera_has_the_rates_of_the_first() {
     let protocol = flats(&[0.0, 0.04, 0.1, 0.3, 0.6, 0.8], 4000);
     let (folder, path) = record(&protocol);
     let first = measure_levels(&RecordingSet::open(&path).unwrap(), &mut |_, _| {}).unwrap();
-    let found = calibrate(&first, &CalibrateOptions::default()).unwrap();
-    let files = write_calibration(&found, &folder.path().join("out"), false).unwrap();
+    let calibration = calibrate(&first, &CalibrateOptions::default()).unwrap();
+    let files = calibration.write(&folder.path().join("out"), false).unwrap();
     let again = presets::load(files.camera.to_str().unwrap()).unwrap();
     let second_folder = tempfile::tempdir().unwrap();
     let seeds = Seeds { camera: 8, shot: 9, sequence: 50 };
@@ -307,10 +311,10 @@ fn a_calibrated_camera_has_the_rates_of_the_first() {
             if a.spikes[p] < 3 || b.spikes[p] < 3 || a.rate[p] > 0.98 {
                 continue;
             }
-            let of =
+            let squared_error =
                 |f: f64, n: u32| f * f * 6e-5 / f64::from(n - 1) + (f * f / f64::from(n - 1)).powi(2) / 6.0;
-            let z =
-                (a.rate[p] - b.rate[p]) / (of(a.rate[p], a.spikes[p]) + of(b.rate[p], b.spikes[p])).sqrt();
+            let z = (a.rate[p] - b.rate[p])
+                / (squared_error(a.rate[p], a.spikes[p]) + squared_error(b.rate[p], b.spikes[p])).sqrt();
             worst = worst.max(z.abs());
             sum += z * z;
             n += 1.0;
@@ -331,11 +335,11 @@ fn threads_change_no_number_of_a_calibration() {
         };
         format!("{:?}", pool.install(of_set))
     };
-    let alone = of_threads(1);
+    let single_thread = of_threads(1);
     // If sums depended on the order in which threads finish, runs would differ, but not every run. The test therefore
     // repeats the run.
     for _ in 0..4 {
-        assert!(alone == of_threads(3), "three threads calibrate otherwise than one");
+        assert!(single_thread == of_threads(3), "three threads calibrate otherwise than one");
     }
 }
 
@@ -351,9 +355,9 @@ fn snee_thresholds_end_on_the_box_edges() {
         levels: levels.collect(),
         other_recordings: Vec::new(),
     };
-    let found = estimate_snee(&observed, &SneeOptions::default()).unwrap();
-    assert!(found.edge_counts().edge_share() > 0.95, "{:?}", found.edge_counts());
-    for (s, t) in found.pixels.iter().flatten().zip(&truth) {
+    let snee = estimate_snee(&observed, &SneeOptions::default()).unwrap();
+    assert!(snee.edge_counts().edge_share() > 0.95, "{:?}", snee.edge_counts());
+    for (s, t) in snee.pixels.iter().flatten().zip(&truth) {
         assert!((s.alpha / s.phi / t.a() - 1.0).abs() < 0.02, "{s:?}");
     }
 }
@@ -375,10 +379,10 @@ fn a_model_is_nearest_to_recordings_made_by_itself() {
     let (_folder, path) = record(&flats(&[0.0, 0.47, 0.7, 0.94], 1500));
     let set = RecordingSet::open(&path).unwrap();
     let cameras = ["spikingsim", "scsim-code"].map(|n| presets::builtin(n).unwrap());
-    let found =
+    let comparison =
         compare_gray_levels(&set, &cameras, Seeds { camera: 30, ..SEEDS }, 1500, &mut |_, _| {}).unwrap();
-    assert_eq!(found.models[0].name, "scsim-code");
-    assert!(found.html_report().unwrap().contains("<svg"));
+    assert_eq!(comparison.models[0].name, "scsim-code");
+    assert!(comparison.html_report().unwrap().contains("<svg"));
 }
 
 #[test]
@@ -392,17 +396,20 @@ fn the_static_recording_ranks_spikingsim_last() {
         StreamReader::open(&path, Some(Layout::Dat), Some(Geometry::new(400, 250).unwrap())).unwrap();
     let cameras: Vec<_> =
         spikelane_calibrate::compare::DEFAULT_MODELS.iter().map(|n| presets::builtin(n).unwrap()).collect();
-    let found = spikelane_calibrate::compare::compare_static_scene(&reader, &cameras, SEEDS).unwrap();
-    println!("{} pixels, rate {:.4}, floor {:.3}", found.pixels, found.mean_rate, found.noise_floor_distance);
-    for row in std::iter::once(&found.recording).chain(&found.models) {
+    let comparison = spikelane_calibrate::compare::compare_static_scene(&reader, &cameras, SEEDS).unwrap();
+    println!(
+        "{} pixels, rate {:.4}, floor {:.3}",
+        comparison.pixels, comparison.mean_rate, comparison.noise_floor_distance
+    );
+    for row in std::iter::once(&comparison.recording).chain(&comparison.models) {
         let d: Vec<f64> = row.lag_variance.iter().map(|e| (e.value * 1e4).round() / 1e4).collect();
         println!(
             "{:<12} D {d:?} outliers {:.2e} distance {:.3} slow {:.3}",
             row.name, row.outlier_share.value, row.distance, row.long_lag_distance
         );
     }
-    let spikingsim = found.models.iter().find(|m| m.name == "spikingsim").unwrap();
-    assert!(found.models.iter().take(2).all(|m| m.distance < 0.3 * spikingsim.distance));
+    let spikingsim = comparison.models.iter().find(|m| m.name == "spikingsim").unwrap();
+    assert!(comparison.models.iter().take(2).all(|m| m.distance < 0.3 * spikingsim.distance));
 }
 
 #[test]
@@ -412,9 +419,9 @@ fn levels_swapped_within_their_uncertainty_are_accepted() {
     let swapped = folder.path().join("swapped.toml");
     std::fs::write(&swapped, text).unwrap();
     let observed = measure_levels(&RecordingSet::open(&swapped).unwrap(), &mut |_, _| {}).unwrap();
-    let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
-    assert!(found.lamps.iter().all(|l| !l.is_outlier), "{:?}", found.lamps);
-    assert!(found.lamps[3].found_light() > found.lamps[4].found_light());
+    let calibration = calibrate(&observed, &CalibrateOptions::default()).unwrap();
+    assert!(calibration.lamps.iter().all(|l| !l.is_outlier), "{:?}", calibration.lamps);
+    assert!(calibration.lamps[3].found_light() > calibration.lamps[4].found_light());
 }
 
 /// The stated light is 4.5 % too bright at full light and half of this at half light. A nonlinear response that is the
@@ -428,18 +435,18 @@ fn shared_nonlinearity_is_reported_and_covered_by_the_gain_error() {
     }
     let bent = folder.path().join("bent.toml");
     std::fs::write(&bent, text).unwrap();
-    let [straight, found] = [path, bent].map(|p| {
+    let [straight, nonlinear] = [path, bent].map(|p| {
         let observed = measure_levels(&RecordingSet::open(&p).unwrap(), &mut |_, _| {}).unwrap();
         calibrate(&observed, &CalibrateOptions::default()).unwrap()
     });
     assert!(
-        found.is_nonlinear && !straight.is_nonlinear,
+        nonlinear.is_nonlinear && !straight.is_nonlinear,
         "{:?} {:?}",
-        found.nonlinearity,
+        nonlinear.nonlinearity,
         straight.nonlinearity
     );
-    assert!(found.notes.iter().any(|n| n.contains("nonlinear response")), "{:?}", found.notes);
-    let [a, b] = [&found, &straight].map(|c| c.population.mean_a);
+    assert!(nonlinear.notes.iter().any(|n| n.contains("nonlinear response")), "{:?}", nonlinear.notes);
+    let [a, b] = [&nonlinear, &straight].map(|c| c.population.mean_a);
     assert!((a.value - b.value).abs() < 1.96 * a.error && a.error > b.error, "{a:?} {b:?}");
 }
 
@@ -458,8 +465,8 @@ fn level_with_rise(rise: f64) -> spikelane_calibrate::LightLevel {
 fn a_half_percent_change_is_reported() {
     let (steady, drifting) = (level_with_rise(0.0), level_with_rise(0.005));
     assert!(!steady.drifts() && drifting.drifts(), "{:?} {:?}", steady.rate_change, drifting.rate_change);
-    let found = drifting.rate_change.unwrap();
-    assert!((found.value - 0.005).abs() < 3.0 * found.error, "{found:?}");
+    let rate_change = drifting.rate_change.unwrap();
+    assert!((rate_change.value - 0.005).abs() < 3.0 * rate_change.error, "{rate_change:?}");
 }
 
 #[test]
@@ -507,7 +514,7 @@ fn the_outlier_of_three_lamps_is_reported_not_the_dark() {
     let off = folder.path().join("off.toml");
     std::fs::write(&off, text).unwrap();
     let observed = measure_levels(&RecordingSet::open(&off).unwrap(), &mut |_, _| {}).unwrap();
-    let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
-    let wrong: Vec<f64> = found.lamps.iter().filter(|l| l.is_outlier).map(|l| l.stated_light).collect();
+    let calibration = calibrate(&observed, &CalibrateOptions::default()).unwrap();
+    let wrong: Vec<f64> = calibration.lamps.iter().filter(|l| l.is_outlier).map(|l| l.stated_light).collect();
     assert_eq!(wrong, [0.83]);
 }

@@ -6,29 +6,29 @@ use spikelane_calibrate::{
     CalibrateOptions, Calibration, PixelFit, calibrate, firing_draw_variance, noise_rate_gain,
 };
 
-fn report(found: &Calibration, s: &Score, readouts: u32) {
-    println!("{} pixels, {readouts} readouts", found.fits.len());
+fn report(calibration: &Calibration, s: &Score, readouts: u32) {
+    println!("{} pixels, {readouts} readouts", calibration.fits.len());
     println!("rmse a {:.6} % d {:.4} %", 100.0 * s.rmse[0], 100.0 * s.rmse[1] / PUBLISHED_NOISE.dark);
     println!("over the bound {:.3?} ({:.3?} of known thresholds)", s.ratio, s.ratio_known);
     println!("coverage {:.4?}", s.coverage);
-    println!("{:#?}", found.population);
-    println!("sigma_t {:?} true {}", found.sigma_t, PUBLISHED_NOISE.sigma_t);
+    println!("{:#?}", calibration.population);
+    println!("sigma_t {:?} true {}", calibration.sigma_t, PUBLISHED_NOISE.sigma_t);
     println!(
         "electrons {:?}, share {:?}, {:?}",
-        found.electrons_per_spike, found.bias_share, found.noise_sampling
+        calibration.electrons_per_spike, calibration.bias_share, calibration.noise_sampling
     );
-    println!("misfits {} chi2 {:?}", found.poor_fit_pixels.len(), found.reduced_chi2());
+    println!("misfits {} chi2 {:?}", calibration.poor_fit_pixels.len(), calibration.reduced_chi2());
 }
 
 fn check(width: u32, height: u32, readouts: u32, seed: u64) {
     let noise = PUBLISHED_NOISE;
     let truth = pixels(&noise, (width * height) as usize, seed);
-    let found =
+    let calibration =
         calibrate(&observations(&noise, &truth, width, readouts), &CalibrateOptions::default()).unwrap();
     let line = |f: &PixelFit| [f.a, f.d, f.var_a, f.var_d];
-    let lines: Vec<_> = found.fits.iter().map(line).collect();
+    let lines: Vec<_> = calibration.fits.iter().map(line).collect();
     let s = score(&noise, &truth, &lines, readouts);
-    report(&found, &s, readouts);
+    report(&calibration, &s, readouts);
     let n = truth.len() as f64;
     // For `n` pixels, the relative error of the RMSE is `1/sqrt(2 n)`, and the error of the coverage is
     // `sqrt(.05 * .95 / n)`.
@@ -38,17 +38,21 @@ fn check(width: u32, height: u32, readouts: u32, seed: u64) {
     assert!(s.coverage.iter().all(|c| (0.92 - slack..0.98 + slack).contains(c)), "{:?}", s.coverage);
     let (mean_a, sd_a) = mean_and_sd(truth.iter().map(Pixel::a));
     let (mean_d, sd_d) = mean_and_sd(truth.iter().map(Pixel::d));
-    let p = &found.population;
-    for (found, truth) in [(p.mean_a, mean_a), (p.sd_a, sd_a), (p.mean_d, mean_d), (p.sd_d, sd_d)] {
-        println!("{:.7} for {truth:.7}, {:+.4} %", found.value, 100.0 * (found.value / truth - 1.0));
-        assert!((found.value / truth - 1.0).abs() < 5e-3, "{found:?} for {truth}");
+    let p = &calibration.population;
+    for (estimate, truth) in [(p.mean_a, mean_a), (p.sd_a, sd_a), (p.mean_d, mean_d), (p.sd_d, sd_d)] {
+        println!("{:.7} for {truth:.7}, {:+.4} %", estimate.value, 100.0 * (estimate.value / truth - 1.0));
+        assert!((estimate.value / truth - 1.0).abs() < 5e-3, "{estimate:?} for {truth}");
     }
     let phi = p.sigma_phi;
     assert!((phi.value - noise.threshold_sd).abs() < 3.0 * phi.error, "{phi:?}");
-    assert!((found.sigma_t.value - noise.sigma_t).abs() < 3.0 * found.sigma_t.error, "{:?}", found.sigma_t);
+    assert!(
+        (calibration.sigma_t.value - noise.sigma_t).abs() < 3.0 * calibration.sigma_t.error,
+        "{:?}",
+        calibration.sigma_t
+    );
     if n > 9e4 && readouts >= 10_000 {
         assert!(phi.error / phi.value < 0.025, "{phi:?}");
-        assert!(found.sigma_t.error / found.sigma_t.value < 0.005, "{:?}", found.sigma_t);
+        assert!(calibration.sigma_t.error / calibration.sigma_t.value < 0.005, "{:?}", calibration.sigma_t);
     }
 }
 
@@ -67,12 +71,12 @@ fn calibrated_noise(width: u32, height: u32, readouts: u32, cameras: u64) -> Vec
     let one = |camera: u64| {
         let truth = pixels(&noise, (width * height) as usize, 1000 + camera);
         let observed = observations_at(&lights, &noise, &truth, width, readouts, 10 * camera);
-        let found = calibrate(&observed, &CalibrateOptions::default()).unwrap();
+        let calibration = calibrate(&observed, &CalibrateOptions::default()).unwrap();
         let phi = mean_and_sd(truth.iter().map(|p| p.phi)).1;
         let all = [
-            (found.population.sigma_phi, phi),
-            (found.sigma_t, noise.sigma_t),
-            (found.electrons_per_spike, noise.photons),
+            (calibration.population.sigma_phi, phi),
+            (calibration.sigma_t, noise.sigma_t),
+            (calibration.electrons_per_spike, noise.photons),
         ];
         println!(
             "{camera}: {}",
@@ -110,15 +114,15 @@ fn hot_pixels_have_thresholds_like_the_others() {
     let mut truth = pixels(&noise, 32 * 20, 77);
     truth[..15].iter_mut().for_each(|p| p.dark = 0.05);
     let lights = [0.0, 0.04, 0.08, 0.3, 0.6];
-    let found =
+    let calibration =
         calibrate(&observations_at(&lights, &noise, &truth, 32, 4000, 900), &CalibrateOptions::default())
             .unwrap();
-    assert_eq!(found.hot_pixels, (0..15).collect::<Vec<_>>());
+    assert_eq!(calibration.hot_pixels, (0..15).collect::<Vec<_>>());
     for p in 0..15 {
-        let [threshold, sd] = found.threshold_posteriors[p];
+        let [threshold, sd] = calibration.threshold_posteriors[p];
         assert!((threshold - truth[p].phi).abs() < 4.0 * sd && sd < 0.06, "{p}: {threshold} +- {sd}");
     }
-    let share = found.bias_share;
+    let share = calibration.bias_share;
     assert!((share.value - 1.0).abs() < 4.0 * share.error, "{share:?}");
 }
 

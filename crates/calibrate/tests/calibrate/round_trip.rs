@@ -26,8 +26,8 @@ fn measure_all(set: &RecordingSet) -> BTreeMap<(String, String), Estimate> {
             &spikelane_measure::MeasureOptions::default(),
             &mut |_| {},
         );
-        for named in statistics(&measured.unwrap()).unwrap() {
-            all.insert((recording.file.clone(), named.key), named.estimate);
+        for statistic in statistics(&measured.unwrap()).unwrap() {
+            all.insert((recording.file.clone(), statistic.key), statistic.estimate);
         }
     }
     all
@@ -45,9 +45,9 @@ fn calibrate_and_resimulate(
     let seeds = |shot: u64| Seeds { camera: 3 + r, shot, sequence: 0 };
     let path = protocol.record(camera, seeds(100 + r), folder.path(), false, quiet).unwrap();
     let set = RecordingSet::open(&path).unwrap();
-    let found = calibrate(&measure_levels(&set, quiet).unwrap(), &CalibrateOptions::default()).unwrap();
+    let calibration = calibrate(&measure_levels(&set, quiet).unwrap(), &CalibrateOptions::default()).unwrap();
     let first = measure_all(&set);
-    let again = found.camera().unwrap();
+    let again = calibration.camera().unwrap();
     let path = protocol.record(&again, seeds(900 + r), folder.path(), true, quiet).unwrap();
     let second = measure_all(&RecordingSet::open(&path).unwrap());
     first.into_iter().map(|(key, a)| (key.clone(), [a, second[&key]])).collect()
@@ -123,9 +123,9 @@ fn print(Compared { all, difference_counts: stated }: &Compared) {
 
 #[test]
 fn every_statistic_survives_calibration_and_simulation() {
-    let found = compare(48, 32, 4000, 8);
-    print(&found);
-    let all = found.all;
+    let comparison = compare(48, 32, 4000, 8);
+    print(&comparison);
+    let all = comparison.all;
     assert!(all.len() > 120, "{}", all.len());
     // For Student's t with seven degrees of freedom, the largest of 150 statistics exceeds 9.4 for one in 200 sets of
     // seeds. If a bias is 9.4/sqrt(8) = 3.3 standard deviations of one pair, the test detects it half of the time.
@@ -135,12 +135,12 @@ fn every_statistic_survives_calibration_and_simulation() {
 #[test]
 #[ignore = "takes minutes and 1 GB of disk"]
 fn every_statistic_of_a_whole_sensor_survives() {
-    let found = compare(400, 250, 10_000, 6);
-    print(&found);
+    let comparison = compare(400, 250, 10_000, 6);
+    print(&comparison);
     // A user compares one pair. By chance 0.3 % of the differences would exceed three stated errors. The actual share is
     // smaller, because the errors of means over pixels include the fixed pattern, which is equal in both cameras.
-    let [pairs, beyond] = found.difference_counts;
+    let [pairs, beyond] = comparison.difference_counts;
     assert!(beyond * 100 <= pairs, "{beyond} of {pairs}");
     // For five degrees of freedom, the largest of 150 statistics exceeds 15 for one in 280 sets of seeds.
-    assert!(found.all[0].t_value.abs() < 15.0, "{}", found.all[0].line);
+    assert!(comparison.all[0].t_value.abs() < 15.0, "{}", comparison.all[0].line);
 }

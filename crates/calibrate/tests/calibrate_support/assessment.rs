@@ -56,7 +56,7 @@ impl AssessmentOutcome {
     pub(crate) fn wrong_quantities(&self) -> Vec<QuantityError> {
         match self {
             Self::Refused(_) => Vec::new(),
-            Self::Assessed(said) => said
+            Self::Assessed(assessment) => assessment
                 .quantity_errors
                 .iter()
                 .copied()
@@ -69,7 +69,7 @@ impl AssessmentOutcome {
 /// Calibrates in memory and compares the result with the truth.
 pub(crate) fn assess(lab: &Laboratory) -> AssessmentOutcome {
     match calibrate(&lab.observations(), &CalibrateOptions::default()) {
-        Ok(found) => compare_with_truth(lab, &found.to_json()),
+        Ok(calibration) => compare_with_truth(lab, &calibration.to_json()),
         Err(error) => AssessmentOutcome::Refused(error.to_string()),
     }
 }
@@ -89,34 +89,34 @@ pub(crate) fn assess_program(lab: &Laboratory, program: &Path, folder: &Path) ->
     }
 }
 
-fn compare_with_truth(lab: &Laboratory, found: &Value) -> AssessmentOutcome {
+fn compare_with_truth(lab: &Laboratory, calibration: &Value) -> AssessmentOutcome {
     let n = &lab.noise;
     // `one` and `two` are the means of `1 / phi` and of `1 / phi^2` for a normal threshold `phi` with mean 1.
     let s = n.threshold_sd * n.threshold_sd;
     let (one, two) = (1.0 + s + 3.0 * s * s, 1.0 + 3.0 * s + 15.0 * s * s);
     let spread = |mean: f64, sd: f64| ((mean * mean + sd * sd) * two - (mean * one).powi(2)).sqrt();
-    let p = &found["population"];
+    let p = &calibration["population"];
     let values = [
         (&p["mean_a"], one),
         (&p["sd_a"], spread(1.0, n.gain_sd)),
         (&p["mean_d"], n.dark * one),
         (&p["sd_d"], spread(n.dark, n.dark_sd)),
-        (&found["sigma_t"], n.sigma_t),
-        (&found["electrons_per_spike"], n.photons),
+        (&calibration["sigma_t"], n.sigma_t),
+        (&calibration["electrons_per_spike"], n.photons),
     ];
     let best = error_bounds::best_errors(lab);
-    let mut said =
+    let mut assessment =
         Assessment { quantity_errors: Vec::new(), has_named_fault: false, assumed_quantities: Vec::new() };
     for (quantity, (estimate, truth)) in values.into_iter().enumerate() {
         let (value, error) = (estimate["value"].as_f64(), estimate["error"].as_f64());
-        said.push(quantity, value, error, truth, best[quantity]);
+        assessment.push(quantity, value, error, truth, best[quantity]);
     }
-    let levels = found["lamps"].as_array().unwrap();
+    let levels = calibration["lamps"].as_array().unwrap();
     for (lamp, shot) in levels.iter().zip(&lab.shots).filter(|(_, s)| s.stated > 0.0) {
-        said.has_named_fault |= lamp["is_outlier"] == true || lamp["drifts"] == true;
+        assessment.has_named_fault |= lamp["is_outlier"] == true || lamp["drifts"] == true;
         if lamp["is_saturated"] != true {
             let error = lamp["deviation"]["error"].as_f64();
-            said.push(
+            assessment.push(
                 6,
                 lamp["found_light"].as_f64(),
                 error,
@@ -125,8 +125,8 @@ fn compare_with_truth(lab: &Laboratory, found: &Value) -> AssessmentOutcome {
             );
         }
     }
-    said.has_named_fault |= found["is_nonlinear"] == true;
-    AssessmentOutcome::Assessed(said)
+    assessment.has_named_fault |= calibration["is_nonlinear"] == true;
+    AssessmentOutcome::Assessed(assessment)
 }
 
 impl Assessment {

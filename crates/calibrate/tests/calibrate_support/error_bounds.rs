@@ -32,8 +32,8 @@ pub(crate) fn best_errors(lab: &Laboratory) -> [f64; 6] {
     let [var_a, var_d] = best_pixel_variances(lab);
     let sd_a = (n.gain_sd.powi(2) + n.threshold_sd.powi(2)).sqrt();
     let sd_d = n.dark_sd.hypot(n.dark * n.threshold_sd);
-    let mean = |sd: f64, own: f64| ((sd * sd + own) / pixels).sqrt();
-    let spread = |sd: f64, own: f64| (sd * sd + own) / (sd * (2.0 * pixels).sqrt());
+    let mean = |sd: f64, pixel_variance: f64| ((sd * sd + pixel_variance) / pixels).sqrt();
+    let spread = |sd: f64, pixel_variance: f64| (sd * sd + pixel_variance) / (sd * (2.0 * pixels).sqrt());
     let [threshold, electrons] = best_noise_errors(lab);
     [
         mean(sd_a, var_a).hypot(scale),

@@ -202,10 +202,10 @@ fn lamp_levels(fault: &str, random: &mut Random) -> Vec<[f64; 2]> {
         _ if fault.starts_with("one lamp") => 1,
         _ => 0,
     };
-    let least = if fault.starts_with("one lamp") { 0.05 } else { 0.0 };
+    let min_error = if fault.starts_with("one lamp") { 0.05 } else { 0.0 };
     for _ in 0..off {
         let k = ((random.uniform() * lit as f64) as usize).min(lit - 1);
-        let by = least + (0.1 - least) * random.uniform();
+        let by = min_error + (0.1 - min_error) * random.uniform();
         levels[k][0] = levels[k][1] * (1.0 + if random.uniform() < 0.5 { by } else { -by });
     }
     if fault != "no dark recording" {

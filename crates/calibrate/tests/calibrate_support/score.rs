@@ -177,11 +177,11 @@ pub(crate) struct Score {
 pub(crate) type Line = [f64; 4];
 
 /// Scores the pixels with at least three expected dark spikes. Other pixels have no bound.
-pub(crate) fn score(noise: &Noise, truth: &[Pixel], found: &[Line], readouts: u32) -> Score {
+pub(crate) fn score(noise: &Noise, truth: &[Pixel], fits: &[Line], readouts: u32) -> Score {
     let firing = Firing::new();
     let (mut squares, mut bounds, mut known) = ([0.0; 2], [0.0; 2], [0.0; 2]);
     let (mut inside, mut n) = ([0.0; 2], 0.0);
-    for (pixel, [a, d, var_a, var_d]) in truth.iter().zip(found) {
+    for (pixel, [a, d, var_a, var_d]) in truth.iter().zip(fits) {
         if pixel.d() * f64::from(readouts) < 3.0 || !a.is_finite() {
             continue;
         }

@@ -71,7 +71,7 @@ pub const CATALOG_KINDS: [Kind; 35] = [
     Kind {
         name: "readout_jitter",
         largest: 0.03,
-        set: |p, s, u| p.undecided = (s, 48.0 * u[0], log(16.0, 500.0, u[1])),
+        set: |p, s, u| p.jitter = (s, 48.0 * u[0], log(16.0, 500.0, u[1])),
     },
     // These kinds are parameter mismatches: one parameter of the published model has another value.
     Kind { name: "thermal_noise", largest: 3.0, set: |p, s, _| p.threshold_noise *= 1.0 + s },

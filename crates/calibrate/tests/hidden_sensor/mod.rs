@@ -93,14 +93,14 @@ pub const LARGE_SIZE: Size = Size { width: 128, height: 96, readouts: 10_000 };
 /// Returns whether a sensor with these parameters produces other bits than a clean sensor with the same seed. The
 /// recordings in which most effects are visible are compared first.
 pub fn changes_bits(physics: &Physics, size: Size, seed: u64) -> bool {
-    let [own, clean] =
+    let [with_effects, clean] =
         [physics.clone(), Physics::default()].map(|p| Sensor::new(p, size.width, size.height, seed));
     [1, 6, 7, 0, 2, 3, 4, 5].into_iter().any(|k| {
         let bits = |s: &Sensor| run::record(s, SCENES[k].1, size.readouts, k as u64);
         std::thread::scope(|scope| {
-            let changed = scope.spawn(|| bits(&own));
-            let plain = bits(&clean);
-            changed.join().unwrap() != plain
+            let changed = scope.spawn(|| bits(&with_effects));
+            let clean_bits = bits(&clean);
+            changed.join().unwrap() != clean_bits
         })
     })
 }

@@ -24,7 +24,7 @@ pub struct Physics {
     /// Time constant, in readouts, with which a deviation of the quanta from their mean arrives in the pixel.
     pub settle: f64,
     /// Largest width in thresholds, center row of the band, and number of rows of the band.
-    pub undecided: (f64, f64, f64),
+    pub jitter: (f64, f64, f64),
     pub slow: (f64, f64),
     pub adaptation: (f64, f64),
     pub telegraph: (f64, f64, f64),
@@ -81,7 +81,7 @@ impl Default for Physics {
             dark_shot: 0.0,
             comparator: 0.0,
             settle: 0.0,
-            undecided: (0.0, 0.0, 1.0),
+            jitter: (0.0, 0.0, 1.0),
             slow: (0.0, 1.0),
             adaptation: (0.0, 0.0),
             telegraph: (0.0, 0.0, 0.0),

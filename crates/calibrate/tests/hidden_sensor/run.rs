@@ -36,19 +36,19 @@ struct Streams {
 
 impl Streams {
     fn new(seed: u64, number: u64) -> Self {
-        let of = |purpose| generator(seed, purpose, number + 1);
+        let generator_for = |purpose| generator(seed, purpose, number + 1);
         Self {
-            light: of("electrons"),
-            threshold: of("noise"),
-            comparator: of("comparator"),
-            dark: of("dark electrons"),
-            slow: of("slow"),
-            rows: of("row noise"),
-            flips: of("flips"),
-            frames: of("frames"),
-            switching: of("telegraph"),
-            bursts: of("bursts"),
-            coins: of("coins"),
+            light: generator_for("electrons"),
+            threshold: generator_for("noise"),
+            comparator: generator_for("comparator"),
+            dark: generator_for("dark electrons"),
+            slow: generator_for("slow"),
+            rows: generator_for("row noise"),
+            flips: generator_for("flips"),
+            frames: generator_for("frames"),
+            switching: generator_for("telegraph"),
+            bursts: generator_for("bursts"),
+            coins: generator_for("coins"),
         }
     }
 }
@@ -90,8 +90,8 @@ pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Ve
         echo: vec![false; n],
     };
     let levels = |t: usize| -> Vec<f64> {
-        let plain: Vec<f64> = (0..n).map(|i| lamp * scene.at(i / width, i % width, t)).collect();
-        with_crosstalk(&plain, width, p.crosstalk)
+        let scene_light: Vec<f64> = (0..n).map(|i| lamp * scene.at(i / width, i % width, t)).collect();
+        with_crosstalk(&scene_light, width, p.crosstalk)
     };
     let hold = if let Scene::Square { half_period, .. } = scene { half_period } else { usize::MAX };
     let mut light = levels(0);
@@ -210,11 +210,12 @@ fn readout(
         if let Some(charge) = kick.get(i) {
             gathered += charge;
         }
-        let own = sensor.threshold[i];
+        let base_threshold = sensor.threshold[i];
         if p.leak > 0.0 {
-            gathered -= p.leak * (own - pixels.missing_electrons[i]).max(0.0);
+            gathered -= p.leak * (base_threshold - pixels.missing_electrons[i]).max(0.0);
         }
-        pixels.missing_electrons[i] = (pixels.missing_electrons[i] - gathered).max(own * (1.0 - p.clamp));
+        pixels.missing_electrons[i] =
+            (pixels.missing_electrons[i] - gathered).max(base_threshold * (1.0 - p.clamp));
         frame[i] = fires(sensor, i, common * (1.0 + rows[i / sensor.width]), pixels, streams);
     }
     reported_bits(p, sensor, frame, pixels, streams)
@@ -258,23 +259,24 @@ fn dark_electrons(sensor: &Sensor, i: usize, pixels: &mut Pixels, streams: &mut 
 /// Returns whether the pixel fires. Noise is drawn only if it can change the result.
 fn fires(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams: &mut Streams) -> bool {
     let p = &sensor.physics;
-    let own = sensor.threshold[i];
+    let base_threshold = sensor.threshold[i];
     if p.slow.0 > 0.0 {
-        let kept = (-1.0 / p.slow.1).exp();
-        pixels.threshold_wander[i] = kept * pixels.threshold_wander[i]
-            + p.slow.0 * (1.0 - kept * kept).sqrt() * normal(&mut streams.slow);
+        let retention = (-1.0 / p.slow.1).exp();
+        pixels.threshold_wander[i] = retention * pixels.threshold_wander[i]
+            + p.slow.0 * (1.0 - retention * retention).sqrt() * normal(&mut streams.slow);
     }
     if p.adaptation.0 > 0.0 {
         pixels.threshold_rise[i] *= p.adaptation.1;
     }
-    let moved = own * (common * (1.0 + pixels.threshold_wander[i] + pixels.threshold_rise[i]) - 1.0);
+    let offset =
+        base_threshold * (common * (1.0 + pixels.threshold_wander[i] + pixels.threshold_rise[i]) - 1.0);
     let sigma = p.electrons * p.threshold_noise * sensor.noise[i];
     let silent = p.electrons * p.comparator;
-    let (widest, middle, rows) = p.undecided;
+    let (widest, middle, rows) = p.jitter;
     let away = ((i / sensor.width) as f64 - middle) / rows;
-    let width = own * widest * (-away * away / 2.0).exp();
+    let width = base_threshold * widest * (-away * away / 2.0).exp();
     let reach = 6.5 * sigma.hypot(silent) + width;
-    let gap = pixels.missing_electrons[i] + moved;
+    let gap = pixels.missing_electrons[i] + offset;
     pixels.fired[i] = false;
     if gap > reach {
         return false;
@@ -295,7 +297,7 @@ fn fires(sensor: &Sensor, i: usize, common: f64, pixels: &mut Pixels, streams: &
     }
     pixels.fired[i] = true;
     let remainder = -(gap + noise) * (1.0 - p.lost_remainder);
-    pixels.missing_electrons[i] = own - remainder;
+    pixels.missing_electrons[i] = base_threshold - remainder;
     pixels.threshold_rise[i] += p.adaptation.0;
     true
 }

@@ -142,7 +142,7 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn absolute_paths_lose_their_folders_and_everything_else_stays() {
-        for (word, kept) in [
+        for (word, expected) in [
             ("/usr/bin/spikelane", "spikelane"),
             ("/home/alice/in/clip.mp4", "clip.mp4"),
             ("--output=/home/alice/out/run", "--output=run"),
@@ -156,7 +156,7 @@ mod tests {
             ("/", "/"),
             ("-\u{e9}/a", "-\u{e9}/a"),
         ] {
-            assert_eq!(strip_folders(word), kept);
+            assert_eq!(strip_folders(word), expected);
         }
     }
 }

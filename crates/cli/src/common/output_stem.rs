@@ -51,9 +51,9 @@ impl OutputStem {
 
     /// Returns the path with `ending` appended. Any existing extension remains, because a stem can contain dots.
     pub(crate) fn with_ending(&self, ending: &str) -> PathBuf {
-        let mut whole: OsString = self.path.as_os_str().to_os_string();
-        whole.push(ending);
-        PathBuf::from(whole)
+        let mut full_path: OsString = self.path.as_os_str().to_os_string();
+        full_path.push(ending);
+        PathBuf::from(full_path)
     }
 }
 
@@ -78,15 +78,15 @@ mod tests {
 
     #[test]
     fn a_stem_a_file_and_a_folder_are_told_apart() {
-        let found = |output, to| stem(output, to).unwrap();
-        assert_eq!(found("out/run", None), ("out/run".into(), Layout::Dat));
-        assert_eq!(found("run.v2", None), ("run.v2".into(), Layout::Dat));
-        assert_eq!(found("run.dat", None), ("run".into(), Layout::Dat));
-        assert_eq!(found("run.dat", Some(Layout::DatTop)), ("run".into(), Layout::DatTop));
-        assert_eq!(found("run.npy", None), ("run".into(), Layout::NpyBytes));
-        assert_eq!(found("run.npy", Some(Layout::NpyBits)), ("run".into(), Layout::NpyBits));
-        assert_eq!(found("d/", None), ("d/clip".into(), Layout::Dat));
-        assert_eq!(found(".", None), ("./clip".into(), Layout::Dat));
+        let parsed = |output, to| stem(output, to).unwrap();
+        assert_eq!(parsed("out/run", None), ("out/run".into(), Layout::Dat));
+        assert_eq!(parsed("run.v2", None), ("run.v2".into(), Layout::Dat));
+        assert_eq!(parsed("run.dat", None), ("run".into(), Layout::Dat));
+        assert_eq!(parsed("run.dat", Some(Layout::DatTop)), ("run".into(), Layout::DatTop));
+        assert_eq!(parsed("run.npy", None), ("run".into(), Layout::NpyBytes));
+        assert_eq!(parsed("run.npy", Some(Layout::NpyBits)), ("run".into(), Layout::NpyBits));
+        assert_eq!(parsed("d/", None), ("d/clip".into(), Layout::Dat));
+        assert_eq!(parsed(".", None), ("./clip".into(), Layout::Dat));
     }
 
     #[test]

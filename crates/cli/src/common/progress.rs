@@ -101,14 +101,14 @@ pub(crate) fn release_signals() {
 /// Runs a command. After Ctrl-C the command stops at its next check. The error then contains the remedy `kept`, which
 /// describes the remaining files.
 pub(crate) fn run_interruptible(
-    kept: impl std::fmt::Display,
+    remedy: impl std::fmt::Display,
     command: impl FnOnce() -> Result<()>,
 ) -> Result<()> {
     let stop = stop_flag()?;
     let raised = Arc::clone(&stop);
     spikelane::unstable::threads::run_until(move || raised.load(Ordering::Relaxed), command).map_err(
         |error| match stop.load(Ordering::Relaxed) && error.kind() == ErrorKind::Interrupted {
-            true => Error::new(ErrorKind::Interrupted, "stopped on request").remedy(kept),
+            true => Error::new(ErrorKind::Interrupted, "stopped on request").remedy(remedy),
             false => error,
         },
     )
@@ -153,14 +153,14 @@ impl CountProgress {
             self.last_event = Instant::now();
             let seconds = self.start.elapsed().as_secs_f64();
             let per_second = done as f64 / seconds;
-            let about = json!({
+            let event = json!({
                 "event": "progress", self.unit: done, "seconds": seconds,
                 format!("{}_per_second", self.unit): per_second,
             });
             // The remaining time is unknown until one unit is complete.
             let left = |n: u64| (done > 0).then(|| json!(n.saturating_sub(done) as f64 / per_second));
-            let of = [("total", total.map(Into::into)), ("seconds_left", total.and_then(left))];
-            self.out.print_event(&insert_present(about, of))?;
+            let optional_fields = [("total", total.map(Into::into)), ("seconds_left", total.and_then(left))];
+            self.out.print_event(&insert_present(event, optional_fields))?;
         }
         Ok(())
     }

@@ -49,7 +49,7 @@ impl FromStr for CropArg {
     fn from_str(text: &str) -> Result<Self, Error> {
         let numbers: Result<Vec<usize>, _> = text.split(',').map(|s| s.trim().parse()).collect();
         match numbers.as_deref() {
-            Ok(&[x, y, width, height]) => Ok(Self(Crop { x, y, width, height })),
+            Ok(&[col, row, width, height]) => Ok(Self(Crop { row, col, width, height })),
             _ => Err(Error::new(ErrorKind::Usage, "crop")
                 .found(format_args!("`{text}`"))
                 .expected("x,y,width,height in pixels, such as 100,50,64,64")),

@@ -15,12 +15,12 @@ impl ThreadArgs {
     /// Returns the number of threads to use. Prints a message if it is smaller than the number that the user requested.
     pub(crate) fn thread_count(self, out: &Console) -> usize {
         let cpus = std::thread::available_parallelism().map_or(1, usize::from);
-        let asked = self.threads.map_or(cpus, usize::from);
-        if asked > cpus {
+        let requested = self.threads.map_or(cpus, usize::from);
+        if requested > cpus {
             out.print_message(format_args!(
-                "uses {cpus} threads instead of {asked}, because this machine runs {cpus} at a time"
+                "uses {cpus} threads instead of {requested}, because this machine runs {cpus} at a time"
             ));
         }
-        asked.min(cpus)
+        requested.min(cpus)
     }
 }

@@ -43,11 +43,11 @@ impl LightArgs {
         self.interpolation.unwrap_or(BUILTIN_INTERPOLATION)
     }
 
-    pub(super) fn input_options(&self, camera: &Camera, moving: Option<MotionClip>) -> InputOptions {
+    pub(super) fn input_options(&self, camera: &Camera, motion: Option<MotionClip>) -> InputOptions {
         InputOptions {
             resize_mode: self.resize_mode,
             transfer: self.transfer,
-            motion_clip: moving,
+            motion_clip: motion,
             scale: self.full_scale,
             ..InputOptions::from_camera(camera)
         }
@@ -84,7 +84,7 @@ impl LightArgs {
             ("--scene-seed", self.scene_seed.is_some() && !scene),
             ("--lighting", self.lighting.is_some() && !scene),
         ];
-        if let Some((flag, _)) = unused.iter().find(|(_, given)| *given) {
+        if let Some((flag, _)) = unused.iter().find(|(_, is_set)| *is_set) {
             return Err(Error::new(ErrorKind::Usage, flag)
                 .found("no input to which it applies")
                 .expected(if scene { "an image or video" } else { "--builtin-light drive" })
@@ -98,11 +98,11 @@ impl LightArgs {
         let (rate, timeline) = self.builtin_timeline(readout, DRIVE_FRAMES_PER_S)?;
         let readouts = self.readouts.unwrap_or(DRIVE_READOUTS);
         let frames = self.frame_count(&timeline, readouts);
-        let named = self.lighting.as_deref().and_then(Lighting::from_name);
+        let lighting = self.lighting.as_deref().and_then(Lighting::from_name);
         let options = SceneOptions {
             width: camera.sensor.geometry.width() as u32,
             height: camera.sensor.geometry.height() as u32,
-            lighting: named.or(self.scene_seed.is_none().then_some(DEFAULT_LIGHTING)),
+            lighting: lighting.or(self.scene_seed.is_none().then_some(DEFAULT_LIGHTING)),
             duration_s: (frames as f64 / rate.hz()).max(2e-3),
             ..SceneOptions::default()
         };

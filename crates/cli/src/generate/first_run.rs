@@ -47,8 +47,8 @@ fn free_stem() -> Result<(PathBuf, bool)> {
     for i in 1..=MAX_NAMES {
         let stem = Path::new(OUTPUT_FOLDER).join(if i == 1 { "drive".into() } else { format!("drive-{i}") });
         let names = OutputNames::new(&OutputStem::new(&stem, None, "drive")?);
-        let taken = names.files(true).into_iter().any(|path| path.symlink_metadata().is_ok());
-        if !taken {
+        let is_taken = names.files(true).into_iter().any(|path| path.symlink_metadata().is_ok());
+        if !is_taken {
             return Ok((stem, false));
         }
         if is_own_output(&names) {
@@ -63,10 +63,10 @@ fn free_stem() -> Result<(PathBuf, bool)> {
 
 fn is_own_output(names: &OutputNames) -> bool {
     let Ok(sidecar) = Sidecar::read(&names.sidecar) else { return false };
-    let plain = sidecar.command.len() == 1 && sidecar.version == env!("CARGO_PKG_VERSION");
+    let is_default_command = sidecar.command.len() == 1 && sidecar.version == env!("CARGO_PKG_VERSION");
     let unchanged = |path: &Path, facts: &StreamFacts| {
         storage::Digest::hash_file(path).is_ok_and(|digest| digest == facts.digest)
     };
     let clean = sidecar.clean.as_ref().is_some_and(|facts| unchanged(&names.clean_stream, facts));
-    plain && clean && unchanged(&names.stream, &sidecar.stream)
+    is_default_command && clean && unchanged(&names.stream, &sidecar.stream)
 }

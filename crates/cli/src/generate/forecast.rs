@@ -28,7 +28,7 @@ pub(crate) fn print_forecast(
     let readouts = job.expected_readouts(frames).or(job.readouts);
     let streams = 1 + u64::from(clean);
     let (frame_s, readout_s) = (frame_seconds(&mut light)?, readout_seconds(job)? * streams as f64);
-    let about = format!("{}; light: {}", light.source.describe(), light.source.front_end());
+    let light_text = format!("{}; light: {}", light.source.describe(), light.source.front_end());
     let space = free
         .map_or("free space unknown".to_owned(), |free| format!("{} free on the disk", DecimalBytes(free)));
     let Some(readouts) = readouts else {
@@ -40,7 +40,7 @@ pub(crate) fn print_forecast(
             DecimalBytes(bytes),
             readout_s * 1e6
         );
-        return out.print_result(&event, &format!("{about}\n{known}; {space}\n"));
+        return out.print_result(&event, &format!("{light_text}\n{known}; {space}\n"));
     };
     let bytes = job.layout.file_bytes(job.camera.sensor.geometry, readouts)?.saturating_mul(streams);
     let needed = job.timeline.position(readouts.saturating_sub(1)).frame + 1;
@@ -55,15 +55,15 @@ pub(crate) fn print_forecast(
     if let Some(frames) = frames {
         event["frames"] = json!(frames);
     }
-    let most = if job.expected_readouts(frames).is_some() { "" } else { "at most " };
+    let bound = if job.expected_readouts(frames).is_some() { "" } else { "at most " };
     let frames =
         frames.map_or(String::new(), |n| format!("{n} {}, ", if n == 1 { "frame" } else { "frames" }));
     let known = format!(
-        "{most}{frames}{readouts} readouts, {}, about {seconds:.1} s ({light_s:.1} s to read the light, {kernel_s:.2} s \
+        "{bound}{frames}{readouts} readouts, {}, about {seconds:.1} s ({light_s:.1} s to read the light, {kernel_s:.2} s \
          in the kernels)",
         DecimalBytes(bytes)
     );
-    out.print_result(&event, &format!("{about}\n{known}; {space}\n"))
+    out.print_result(&event, &format!("{light_text}\n{known}; {space}\n"))
 }
 
 /// Measures the seconds that reading one frame of the light takes.

@@ -32,7 +32,7 @@ const ENDLESS_READOUTS: u64 = 1 << 40;
 const READ_AHEAD_SECONDS: f64 = 0.05;
 
 /// Time between two checks whether a consumer has connected.
-const POLL_INTERVAL: Duration = Duration::from_millis(20);
+const CONSUMER_CHECK_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Simulate in real time into a pipe, shared memory or a socket
 ///
@@ -137,7 +137,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     for warning in &light.warnings {
         out.print_message(format_args!("warning: {warning}"));
     }
-    let backend = if args.backend == "auto" { Backend::best() } else { Backend::parse(&args.backend)? };
+    let backend = if args.backend == "auto" { Backend::best() } else { args.backend.parse()? };
     let job = RunOptions {
         readouts: light.readouts,
         max_light: args.light.max_light,
@@ -242,10 +242,10 @@ fn open_sink(
 /// Returns standard output as a file, because `std::io::Stdout` buffers lines.
 fn open_stdout() -> Result<File> {
     #[cfg(unix)]
-    let own = std::os::fd::AsFd::as_fd(&std::io::stdout()).try_clone_to_owned();
+    let stdout = std::os::fd::AsFd::as_fd(&std::io::stdout()).try_clone_to_owned();
     #[cfg(windows)]
-    let own = std::os::windows::io::AsHandle::as_handle(&std::io::stdout()).try_clone_to_owned();
-    own.map(File::from).map_err(|e| Error::io("standard output", e))
+    let stdout = std::os::windows::io::AsHandle::as_handle(&std::io::stdout()).try_clone_to_owned();
+    stdout.map(File::from).map_err(|e| Error::io("standard output", e))
 }
 
 /// Returns the path of the shared memory `name`.
@@ -289,15 +289,15 @@ fn open_fifo(path: &Path, stop: &StopFlag) -> Result<Option<File>> {
     let try_open = || File::options().write(true).custom_flags(nonblocking).open(path);
     // The FIFO is opened in nonblocking mode, then set to blocking mode, because later writes must block as in other
     // pipes. Opening it a second time in blocking mode could wait forever if the reader has gone.
-    let waiting = |file: File| -> std::io::Result<File> {
+    let blocking = |file: File| -> std::io::Result<File> {
         rustix::fs::fcntl_setfl(&file, rustix::fs::fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
         Ok(file)
     };
     while !stop.is_raised() {
         match try_open() {
-            Ok(file) => return waiting(file).map(Some).map_err(io),
+            Ok(file) => return blocking(file).map(Some).map_err(io),
             Err(e) if e.raw_os_error() == Some(rustix::io::Errno::NXIO.raw_os_error()) => {
-                std::thread::sleep(POLL_INTERVAL);
+                std::thread::sleep(CONSUMER_CHECK_INTERVAL);
             }
             Err(e) => return Err(io(e)),
         }
@@ -317,7 +317,7 @@ fn accept_consumer(address: &str, stop: &StopFlag, out: &Console) -> Result<Opti
                 stream.set_nonblocking(false).and_then(|()| stream.set_nodelay(true)).map_err(io)?;
                 return Ok(Some(stream));
             }
-            Err(e) if e.kind() == io::ErrorKind::WouldBlock => std::thread::sleep(POLL_INTERVAL),
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => std::thread::sleep(CONSUMER_CHECK_INTERVAL),
             Err(e) => return Err(io(e)),
         }
     }

@@ -7,11 +7,11 @@ use clap::builder::PossibleValuesParser;
 use indicatif::DecimalBytes;
 use serde_json::json;
 use spikelane::{Backend, Camera, Error, ErrorKind, Plan, Result, Seeds};
-use spikelane_io::formats::{Layout, OpenOptions};
+use spikelane_io::formats::{Layout, OpenOptions, StreamSummary};
 use spikelane_io::light::Frame;
 use spikelane_io::simulate::{
-    CameraFacts, LightTap, ReadAhead, RunOptions, RunSummary, Sidecar, StreamFacts, WrittenStream,
-    run_with_tap, save_camera,
+    CameraFacts, LightTap, ReadAhead, RunObserver, RunOptions, RunSummary, Sidecar, StreamFacts,
+    run as run_source, save_camera,
 };
 use spikelane_io::storage;
 use spikelane_measure::report::insert_present;
@@ -97,14 +97,14 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     }
     let needed = required_bytes(args, &job, &light, layout)?;
     let free = storage::free_space(&absolute_path(&names.stream))?;
-    let about = json!({
+    let event = json!({
         "event": "start", "source": light.source.describe(), "light": light.source.front_end().to_string(), "camera": camera.name,
         "width": camera.sensor.geometry.width(), "height": camera.sensor.geometry.height(),
         "free_bytes": free, "backend": job.backend.name(), "threads": job.threads, "layout": layout.name(),
     });
     let expected = job.expected_readouts(light.source.frames());
     out.print_event(&insert_present(
-        about,
+        event,
         [("readouts", expected.map(Into::into)), ("bytes", needed.map(Into::into))],
     ))?;
     if args.dry_run {
@@ -129,7 +129,7 @@ fn run_options(
     out: &Console,
 ) -> Result<RunOptions> {
     let seeds = Seeds { sequence: args.sequence, ..args.seeds.seeds() };
-    let backend = if args.backend == "auto" { Backend::best() } else { Backend::parse(&args.backend)? };
+    let backend = if args.backend == "auto" { Backend::best() } else { args.backend.parse()? };
     Ok(RunOptions {
         readouts: light.readouts,
         max_light: args.light.max_light,
@@ -171,8 +171,9 @@ fn run_simulation(
     let mut watch = |done, total| progress.update(done, total);
     let mut images = images::ImageFolder::create(args.images, &names.images)?;
     let mut keep = |readout: u64, light: &Frame| images.as_mut().map_or(Ok(()), |i| i.write(readout, light));
-    let looks = args.images.images_every.map(|every| LightTap { every, on_light: &mut keep });
-    let ran = run_with_tap(job, &mut source, &names.stream, clean, looks, &mut watch);
+    let light_tap = args.images.images_every.map(|every| LightTap { every, on_light: &mut keep });
+    let observer = RunObserver { light_tap, progress: Some(&mut watch) };
+    let ran = run_source(job, &mut source, &names.stream, clean, observer);
     let outcome = ran.map_err(|e| progress.error_or_interrupt(e))?;
     drop(progress);
     let seconds = start.elapsed().as_secs_f64();
@@ -182,7 +183,7 @@ fn run_simulation(
     write_picture(args, job, &outcome, layout, names)?;
     let images = images.map(images::ImageFolder::finish).transpose()?;
     let geometry = job.camera.sensor.geometry;
-    let facts_of = |written: &WrittenStream| StreamFacts::new(written, geometry, outcome.readouts);
+    let facts_of = |written: &StreamSummary| StreamFacts::new(written, geometry, outcome.readouts);
     let sidecar = Sidecar {
         readout_hz: Some(job.camera.sensor.readout_hz),
         images,

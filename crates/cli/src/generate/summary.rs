@@ -4,7 +4,8 @@ use indicatif::DecimalBytes;
 use serde_json::{Value, json};
 use spikelane::Result;
 use spikelane::sensor::FrontEnd;
-use spikelane_io::simulate::{RunOptions, RunSummary, Sidecar, WrittenStream};
+use spikelane_io::formats::StreamSummary;
+use spikelane_io::simulate::{RunOptions, RunSummary, Sidecar};
 
 use super::output_names::OutputNames;
 use crate::common::console::Console;
@@ -27,7 +28,7 @@ pub(crate) struct RunReport<'a> {
 impl RunReport<'_> {
     pub(crate) fn print(&self, out: &Console) -> Result<()> {
         let (o, names) = (self.outcome, self.names);
-        let line = |what: &str, w: &WrittenStream, rate: f64| {
+        let line = |what: &str, w: &StreamSummary, rate: f64| {
             format!("{what}  {}  {}, mean rate {rate:.4}", w.path.display(), DecimalBytes(w.bytes))
         };
         // The first line names the transfer function, because it is the most frequent cause of a wrong brightness.

@@ -136,8 +136,8 @@ mod tests {
         tree.build();
         for sub in tree.get_subcommands().filter(|c| c.get_name() != "help") {
             let name = sub.get_name();
-            let found = COMMAND_EXAMPLES.iter().find(|(n, _)| *n == name).map(|(_, examples)| examples);
-            for example in found.unwrap_or_else(|| panic!("{name} has no examples")) {
+            let examples = COMMAND_EXAMPLES.iter().find(|(n, _)| *n == name).map(|(_, examples)| examples);
+            for example in examples.unwrap_or_else(|| panic!("{name} has no examples")) {
                 for part in example.split("&& spikelane").flat_map(|p| p.split(['|', '>']).next()) {
                     let words = std::iter::once("spikelane").chain(part.split_whitespace());
                     if let Err(error) = command().try_get_matches_from(words) {
@@ -160,9 +160,10 @@ mod tests {
 
     #[test]
     fn a_file_in_place_of_a_command_gets_a_suggestion() {
-        let said = |word: &str| suggestion(&command().try_get_matches_from(["spikelane", word]).unwrap_err());
-        assert!(said("lake.mp4").unwrap().contains("spikelane simulate lake.mp4 -o out/lake"));
-        assert!(said("run.dat").unwrap().contains("spikelane inspect run.dat"));
-        assert_eq!(said("simulat"), None);
+        let suggestion_for =
+            |word: &str| suggestion(&command().try_get_matches_from(["spikelane", word]).unwrap_err());
+        assert!(suggestion_for("lake.mp4").unwrap().contains("spikelane simulate lake.mp4 -o out/lake"));
+        assert!(suggestion_for("run.dat").unwrap().contains("spikelane inspect run.dat"));
+        assert_eq!(suggestion_for("simulat"), None);
     }
 }

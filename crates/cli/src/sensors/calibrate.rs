@@ -8,7 +8,7 @@ use serde_json::json;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane_calibrate::{
     CalibrateOptions, Calibration, CalibrationFiles as Written, RecordingSet, SneeOptions, calibrate,
-    estimate_snee, import_maps, measure_levels, write_calibration,
+    estimate_snee, import_maps, measure_levels,
 };
 use spikelane_measure::Estimate;
 
@@ -66,9 +66,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     check_not_stream(&args.recordings)?;
     let imported = args.recordings.extension().is_some_and(|e| e == "npz");
-    let own = ["camera.toml", "calibration.json", "report.html"];
+    let output_names = ["camera.toml", "calibration.json", "report.html"];
     let maps: &[&str] = if imported { &["rate_dark.npy", "rate_light.npy", "recordings.toml"] } else { &[] };
-    let files = own.iter().chain(maps).map(|name| args.output.join(name));
+    let files = output_names.iter().chain(maps).map(|name| args.output.join(name));
     // The claim lasts until the last file has its final name.
     let _claim = output_claims::claim(files, args.force)?;
     let set = if imported {
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     if args.snee {
         calibration.snee = Some(estimate_snee(&observed, &paper)?);
     }
-    let files = write_calibration(&calibration, &args.output, args.force)?;
+    let files = calibration.write(&args.output, args.force)?;
     let mut result = calibration.to_json();
     result["event"] = json!("done");
     result["files"] =
@@ -175,7 +175,7 @@ fn result_lines(c: &Calibration) -> Vec<String> {
         ),
     ];
     for lamp in c.lamps.iter().filter(|l| l.stated_light > 0.0) {
-        let said = match (lamp.is_saturated, lamp.is_outlier) {
+        let verdict = match (lamp.is_saturated, lamp.is_outlier) {
             (true, _) => "saturated: not estimated".to_owned(),
             (_, wrong) => format!(
                 "estimated {:.5} ({:+.3} % +- {:.3} %){}",
@@ -185,7 +185,7 @@ fn result_lines(c: &Calibration) -> Vec<String> {
                 if wrong { ", deviates" } else { "" }
             ),
         };
-        lines.push(format!("light {:<15.5} {said}; {}", lamp.stated_light, lamp.file));
+        lines.push(format!("light {:<15.5} {verdict}; {}", lamp.stated_light, lamp.file));
     }
     lines
 }

@@ -90,13 +90,13 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let files = ["comparison.json", "comparison.html", "features.csv"].map(|name| args.output.join(name));
     // The claim lasts until the last file has its final name.
     let _claim = output_claims::claim(&files, args.force)?;
-    let given = args.positional_cameras.iter().chain(&args.camera).map(String::as_str);
+    let arguments = args.positional_cameras.iter().chain(&args.camera).map(String::as_str);
     let names: Vec<&str> =
-        if given.clone().next().is_none() { DEFAULT_MODELS.to_vec() } else { given.collect() };
+        if arguments.clone().next().is_none() { DEFAULT_MODELS.to_vec() } else { arguments.collect() };
     let cameras = names.into_iter().map(presets::load).collect::<Result<Vec<_>>>()?;
     let seeds = args.seeds.seeds();
     let is_set = args.recording.extension().is_some_and(|e| e == "toml");
-    let found = match (is_set, args.realism) {
+    let result = match (is_set, args.realism) {
         (true, false) => compare_gray(args, &cameras, seeds, out)?,
         (false, false) => compare_static(args, &cameras, seeds, out)?,
         (false, true) => compare_windows(args, &cameras, seeds, out)?,
@@ -108,8 +108,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         }
     };
     let json_error = |e| Error::new(ErrorKind::Config, "comparison").found(e);
-    let all = serde_json::to_string_pretty(&found.json).map_err(json_error)?;
-    let texts = [Some(&*all), Some(&*found.html), found.features.as_deref()];
+    let all = serde_json::to_string_pretty(&result.json).map_err(json_error)?;
+    let texts = [Some(&*all), Some(&*result.html), result.features.as_deref()];
     let mut group = FileGroup::new(args.force);
     let mut names = Vec::new();
     for (path, text) in files.iter().zip(texts).filter_map(|(path, text)| Some((path, text?))) {
@@ -117,10 +117,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         names.push(path.display().to_string());
     }
     group.commit()?;
-    let mut summary = found.summary;
+    let mut summary = result.summary;
     summary["event"] = json!("done");
     summary["files"] = json!(names);
-    out.print_result(&summary, &format!("{}{}\n", found.text, names.join("\n")))
+    out.print_result(&summary, &format!("{}{}\n", result.text, names.join("\n")))
 }
 
 /// Output of a comparison: complete JSON, the HTML page, and the distances as JSON and as text.
@@ -133,16 +133,16 @@ struct ComparisonOutput {
     features: Option<String>,
 }
 
-fn to_value(found: &impl serde::Serialize) -> Result<Value> {
-    serde_json::to_value(found).map_err(|e| Error::new(ErrorKind::Config, "comparison").found(e))
+fn to_value(report: &impl serde::Serialize) -> Result<Value> {
+    serde_json::to_value(report).map_err(|e| Error::new(ErrorKind::Config, "comparison").found(e))
 }
 
 fn compare_gray(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
     let set = RecordingSet::open(&args.recording)?;
     print_set_warnings(&set, out)?;
     let mut progress = FileProgress::new(out);
-    let mut tell = |name: &str, share: f64| progress.update(name, share);
-    let found = compare_gray_levels(&set, cameras, seeds, args.max_readouts, &mut tell)?;
+    let mut report_progress = |name: &str, share: f64| progress.update(name, share);
+    let comparison = compare_gray_levels(&set, cameras, seeds, args.max_readouts, &mut report_progress)?;
     drop(progress);
     let mut text = String::new();
     let mut line = |name: &str, response: f64, histograms: &[f64]| {
@@ -154,11 +154,11 @@ fn compare_gray(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) ->
         json!({"name": name, "response": response, "histograms": histograms})
     };
     let row = |m: &CameraDistance| line(&m.name, m.response_distance, &m.histogram_distance);
-    let models: Vec<Value> = found.models.iter().map(row).collect();
-    let floor = line("noise floor", found.noise_floor.response, &found.noise_floor.histograms);
+    let models: Vec<Value> = comparison.models.iter().map(row).collect();
+    let floor = line("noise floor", comparison.noise_floor.response, &comparison.noise_floor.histograms);
     Ok(ComparisonOutput {
-        json: to_value(&found)?,
-        html: found.html_report()?,
+        json: to_value(&comparison)?,
+        html: comparison.html_report()?,
         summary: json!({"models": models, "noise_floor": floor}),
         text,
         features: None,
@@ -166,13 +166,13 @@ fn compare_gray(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) ->
 }
 
 /// Returns a table with the outlier share and the distance of each model in each band of rows.
-fn row_band_table(found: &SceneComparison) -> String {
+fn row_band_table(comparison: &SceneComparison) -> String {
     let mut text = format!("\n{:<12}{:>9}", "rows", "measured");
-    found.models.iter().for_each(|m| text += &format!("{:>17}", m.name));
-    for (i, area) in found.row_bands.iter().enumerate() {
+    comparison.models.iter().for_each(|m| text += &format!("{:>17}", m.name));
+    for (i, area) in comparison.row_bands.iter().enumerate() {
         let [first, last] = area.rows;
         text += &format!("\n{:<12}{:>9.1e}", format!("{first} to {last}"), area.outlier_share);
-        for m in &found.models {
+        for m in &comparison.models {
             text += &format!("{:>10.1e} ({:.2})", m.row_band_outlier_shares[i], m.row_band_distances[i]);
         }
     }
@@ -181,23 +181,23 @@ fn row_band_table(found: &SceneComparison) -> String {
 }
 
 fn compare_static(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
-    let found = compare_static_scene(&args.stream.open(&args.recording, out)?, cameras, seeds)?;
+    let comparison = compare_static_scene(&args.stream.open(&args.recording, out)?, cameras, seeds)?;
     let mut text = format!(
         "{} static pixels, mean rate {:.4} spikes per readout; distances are sums of |ln(model / measured)|, of which {:.3} are errors of the recording\n",
-        found.pixels, found.mean_rate, found.noise_floor_distance
+        comparison.pixels, comparison.mean_rate, comparison.noise_floor_distance
     );
     let mut row = |m: &SceneStatistics| {
         let (near, far) = (m.distance, m.long_lag_distance);
         text += &format!("{:<14} distance {near:.3}, beyond lag 8 {far:.3}\n", m.name);
         json!({"name": m.name, "distance": near, "long_lag_distance": far, "excess_distance": m.excess_distance, "excess_distance_error": m.excess_distance_error})
     };
-    let models: Vec<Value> = found.models.iter().map(&mut row).collect();
-    text += &format!("{}\n{}", row_band_table(&found), found.verdict());
+    let models: Vec<Value> = comparison.models.iter().map(&mut row).collect();
+    text += &format!("{}\n{}", row_band_table(&comparison), comparison.verdict());
     text.push('\n');
-    let summary = json!({"pixels": found.pixels, "mean_rate": found.mean_rate, "noise_floor_distance": found.noise_floor_distance, "models": models, "verdict": found.verdict()});
+    let summary = json!({"pixels": comparison.pixels, "mean_rate": comparison.mean_rate, "noise_floor_distance": comparison.noise_floor_distance, "models": models, "verdict": comparison.verdict()});
     Ok(ComparisonOutput {
-        json: to_value(&found)?,
-        html: found.html_report()?,
+        json: to_value(&comparison)?,
+        html: comparison.html_report()?,
         summary,
         text,
         features: None,
@@ -217,39 +217,39 @@ fn compare_windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console)
     };
     let recording = args.stream.open(&args.recording, out)?;
     let mut progress = FileProgress::new(out);
-    let found =
+    let comparison =
         compare_realism(&recording, cameras, &options, &mut |name, share| progress.update(name, share))?;
     drop(progress);
     let mut text = format!(
         "{} windows at {} places, mean rate {:.4}; {:.1} % of the pixels excluded\n",
-        found.windows,
-        found.places,
-        found.mean_rate,
-        100.0 * found.excluded_share
+        comparison.windows,
+        comparison.places,
+        comparison.mean_rate,
+        100.0 * comparison.excluded_share
     );
     let mut row = |r: &RealismRow| {
-        let tell = r.features.first().map_or("", |t| t.name.as_str());
+        let feature = r.features.first().map_or("", |t| t.name.as_str());
         let open = if r.is_conclusive() { "" } else { "; not decided with this amount of data" };
         text += &format!(
-            "{:<14} distinguishability {:.3} ({:.2} to {:.2}), noise floor {:.3}; mainly by {tell}{open}\n",
+            "{:<14} distinguishability {:.3} ({:.2} to {:.2}), noise floor {:.3}; mainly by {feature}{open}\n",
             r.name, r.auc.value, r.auc.low, r.auc.high, r.self_auc.value
         );
-        json!({"name": r.name, "auc": r.auc, "self_auc": r.self_auc, "is_conclusive": r.is_conclusive(), "best_feature": tell})
+        json!({"name": r.name, "auc": r.auc, "self_auc": r.self_auc, "is_conclusive": r.is_conclusive(), "best_feature": feature})
     };
-    let models: Vec<Value> = found.cameras.iter().map(&mut row).collect();
-    let lines = found.recording_statistics.iter().map(|n| n.table_row() + "\n").collect::<String>();
-    let head = found.recording_statistics.first().map_or_else(String::new, |n| n.table_header() + "\n");
+    let models: Vec<Value> = comparison.cameras.iter().map(&mut row).collect();
+    let lines = comparison.recording_statistics.iter().map(|n| n.table_row() + "\n").collect::<String>();
+    let head = comparison.recording_statistics.first().map_or_else(String::new, |n| n.table_header() + "\n");
     text += &format!(
         "\n{head}{lines}(D in readouts squared; early and late intervals per million)\n\n{}\n",
-        found.verdict()
+        comparison.verdict()
     );
     let summary = json!({
-        "recording_statistics": found.recording_statistics,
-        "windows": found.windows, "places": found.places, "mean_rate": found.mean_rate, "excluded_share": found.excluded_share,
-        "models": models, "verdict": found.verdict(),
+        "recording_statistics": comparison.recording_statistics,
+        "windows": comparison.windows, "places": comparison.places, "mean_rate": comparison.mean_rate, "excluded_share": comparison.excluded_share,
+        "models": models, "verdict": comparison.verdict(),
     });
-    let (page, features) = (found.html_report()?, Some(found.features_csv.clone()));
-    Ok(ComparisonOutput { json: to_value(&found)?, html: page, summary, text, features })
+    let (page, features) = (comparison.html_report()?, Some(comparison.features_csv.clone()));
+    Ok(ComparisonOutput { json: to_value(&comparison)?, html: page, summary, text, features })
 }
 
 /// Reads the dark rate of every pixel.

@@ -101,9 +101,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         ..DiagnoseOptions::default()
     };
     if args.detectability {
-        let found = detectability(&set, options, &mut progress)?;
+        let report = detectability(&set, options, &mut progress)?;
         drop(bar);
-        return out.print_result(&detectability_json(&found), &detectability_text(&found));
+        return out.print_result(&detectability_json(&report), &detectability_text(&report));
     }
     let mut first = |look: &PreliminaryResult| {
         let seconds = start.elapsed().as_secs_f64();
@@ -115,22 +115,23 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             &json!({"event": "preliminary", "is_consistent": look.is_consistent, "likely_effects": look.likely_effects, "seconds": seconds}),
         );
     };
-    let mut found = diagnose_with_preliminary(&set, holdout.as_ref(), options, &mut progress, &mut first)?;
+    let mut diagnosis =
+        diagnose_with_preliminary(&set, holdout.as_ref(), options, &mut progress, &mut first)?;
     drop(bar);
-    if let Some([had, made]) = found.cache_counts {
-        out.print_message(format_args!("simulations: {had} from the cache, {made} new"));
+    if let Some([had, simulated]) = diagnosis.cache_counts {
+        out.print_message(format_args!("simulations: {had} from the cache, {simulated} new"));
     }
-    if let Some(about) = &mut found.provenance {
-        about.set_file = Some(recorded_path(&args.recordings));
-        about.command = Some(recorded_command());
+    if let Some(provenance) = &mut diagnosis.provenance {
+        provenance.set_file = Some(recorded_path(&args.recordings));
+        provenance.command = Some(recorded_command());
         if let Some(path) = &args.holdout {
-            about.held_out += &format!(", {}", recorded_path(path));
+            provenance.held_out += &format!(", {}", recorded_path(path));
         }
-        about.date = Some(today());
+        provenance.date = Some(today());
     }
-    let mut result = write_diagnosis(&found, &args.output, args.force)?;
+    let mut result = write_diagnosis(&diagnosis, &args.output, args.force)?;
     result["event"] = json!("done");
-    out.print_result(&result, &diagnosis_text(&found, args))
+    out.print_result(&result, &diagnosis_text(&diagnosis, args))
 }
 
 /// Returns the command line. The program is written as `spikelane`, without its folder.
@@ -139,43 +140,43 @@ fn recorded_command() -> String {
     std::iter::once("spikelane".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-fn detectability_json(found: &DetectabilityReport) -> Value {
+fn detectability_json(report: &DetectabilityReport) -> Value {
     let row = |n: &Detectability| json!({"name": n.name, "parameter": n.parameter, "strength": n.strength, "nearest_candidate": n.nearest_candidate, "cosine": n.cosine});
-    let rows: Vec<Value> = found.detectabilities.iter().map(row).collect();
-    let faults: Vec<String> = found.faults.iter().map(Fault::sentence).collect();
-    json!({"event": "done", "detectability": rows, "undetectable": found.undetectable, "faults": faults, "notes": found.notes})
+    let rows: Vec<Value> = report.detectabilities.iter().map(row).collect();
+    let faults: Vec<String> = report.faults.iter().map(Fault::sentence).collect();
+    json!({"event": "done", "detectability": rows, "undetectable": report.undetectable, "faults": faults, "notes": report.notes})
 }
 
-fn detectability_text(found: &DetectabilityReport) -> String {
+fn detectability_text(report: &DetectabilityReport) -> String {
     let mut text = String::new();
-    found.faults.iter().for_each(|f| text += &format!("fault: {}\n", f.sentence()));
-    for n in &found.detectabilities {
+    report.faults.iter().for_each(|f| text += &format!("fault: {}\n", f.sentence()));
+    for n in &report.detectabilities {
         let _ = writeln!(
             text,
             "{:<24} {} {:.3e}   most similar: {} ({:+.2})",
             n.name, n.parameter, n.strength, n.nearest_candidate, n.cosine
         );
     }
-    if !found.undetectable.is_empty() {
-        let _ = writeln!(text, "not detectable with this set: {}", found.undetectable.join(", "));
+    if !report.undetectable.is_empty() {
+        let _ = writeln!(text, "not detectable with this set: {}", report.undetectable.join(", "));
     }
     text += "With --holdout and a second set. Without it, every recording is split in two, and the strengths are 1.4 times these.\n";
-    found.notes.iter().for_each(|n| text += &format!("{n}\n"));
+    report.notes.iter().for_each(|n| text += &format!("{n}\n"));
     text
 }
 
-fn diagnosis_text(found: &Diagnosis, args: &Args) -> String {
-    let verdict = match found.verdict {
+fn diagnosis_text(diagnosis: &Diagnosis, args: &Args) -> String {
+    let verdict = match diagnosis.verdict {
         Verdict::Agrees => "agrees",
         Verdict::Explained => "explained",
         Verdict::PartlyExplained => "partly explained",
         Verdict::Unknown => "unknown",
     };
-    let mut text = format!("{verdict} ({:.1} s)\n", found.seconds);
-    for fault in &found.faults {
+    let mut text = format!("{verdict} ({:.1} s)\n", diagnosis.seconds);
+    for fault in &diagnosis.faults {
         let _ = writeln!(text, "fault: {}", fault.sentence());
     }
-    for effect in &found.effects {
+    for effect in &diagnosis.effects {
         let ties = if effect.ambiguous_with.is_empty() {
             String::new()
         } else {
@@ -187,17 +188,17 @@ fn diagnosis_text(found: &Diagnosis, args: &Args) -> String {
             let _ = writeln!(text, "  {} {:.5} ({:.5} to {:.5})", p.name, p.value, p.low, p.high);
         }
     }
-    for m in &found.parameter_mismatches {
+    for m in &diagnosis.parameter_mismatches {
         let _ = writeln!(
             text,
             "mismatch {}: {:.5} ({:.5} to {:.5}), the model has {:.5}",
             m.parameter, m.fitted_value, m.low, m.high, m.model_value
         );
     }
-    for u in &found.unexplained {
+    for u in &diagnosis.unexplained {
         let _ = writeln!(text, "unexplained: {} ({:+.1} standard deviations)", u.r#where, u.z);
     }
-    for note in &found.notes {
+    for note in &diagnosis.notes {
         let _ = writeln!(text, "note: {note}");
     }
     let _ = writeln!(text, "{}", args.output.join("report.html").display());

@@ -50,14 +50,14 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         MeasuredRecording::from_stream(&reader, &mut |done| progress.update(&name, done as f64 / all))?;
     drop(progress);
     let statistics = &recording.statistics;
-    let said = recording.report()?;
+    let measurement = recording.report()?;
     let hz = Sidecar::read_beside(&args.file).ok().flatten().and_then(|(_, sidecar)| sidecar.readout_hz);
-    let mut rows = statistic_rows(&said.summary, &said.statistics);
-    rows.push(["scene".to_owned(), motion_text(said.scene_motion), String::new(), String::new()]);
-    rows.extend(said.frame_total_lines.iter().map(|l| spectral_line_row(l, hz)));
+    let mut rows = statistic_rows(&measurement.summary, &measurement.statistics);
+    rows.push(["scene".to_owned(), motion_text(measurement.scene_motion), String::new(), String::new()]);
+    rows.extend(measurement.frame_total_lines.iter().map(|l| spectral_line_row(l, hz)));
     let line = |r: &[String; 4]| format!("{:<52} {:<12} {:<12} {}", r[0], r[1], r[2], r[3]);
     let text: String = rows.iter().map(|r| line(r).trim_end().to_owned() + "\n").collect();
-    let mut result = said.to_json()?;
+    let mut result = measurement.to_json()?;
     result["event"] = json!("done");
     out.print_result(&result, &format!("{ERROR_MEANING}\n\n{text}"))?;
     let Some(path) = &args.report else { return Ok(()) };
@@ -89,9 +89,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 }
 
 /// Returns the description, frequency and prominence of a spectral line as table cells.
-fn spectral_line_row(found: &FrameTotalLine, readout_hz: Option<f64>) -> [String; 4] {
-    let SpectralLine { frequency, prominence, .. } = found.line;
-    let what = match found.harmonic {
+fn spectral_line_row(line: &FrameTotalLine, readout_hz: Option<f64>) -> [String; 4] {
+    let SpectralLine { frequency, prominence, .. } = line.line;
+    let what = match line.harmonic {
         None => "line in the spectrum of frame totals".to_owned(),
         Some(1) => "firing rate of the pixels, in frame totals".to_owned(),
         Some(k) => format!("firing rate of the pixels, harmonic {k}, in frame totals"),
@@ -111,27 +111,32 @@ fn motion_text(motion: SceneMotion) -> String {
     }
 }
 
-fn statistic_rows(s: &Summary, told: &[ReportedStatistic]) -> Vec<[String; 4]> {
-    let alone = |name: &str, value: String| [name.to_owned(), value, String::new(), String::new()];
-    let mut rows = vec![alone("readouts", s.readouts.to_string())];
-    rows.extend(told.iter().map(statistic_row));
+fn statistic_rows(s: &Summary, reported: &[ReportedStatistic]) -> Vec<[String; 4]> {
+    let single_row = |name: &str, value: String| [name.to_owned(), value, String::new(), String::new()];
+    let mut rows = vec![single_row("readouts", s.readouts.to_string())];
+    rows.extend(reported.iter().map(statistic_row));
     if s.temporal_rate_sd.is_finite() {
-        rows.push(alone("temporal noise of a pixel's rate", format!("{:.2e}", s.temporal_rate_sd)));
+        rows.push(single_row("temporal noise of a pixel's rate", format!("{:.2e}", s.temporal_rate_sd)));
     }
     let d = &s.defects;
     let defects = [("dead", &d.dead), ("stuck", &d.stuck), ("hot", &d.hot), ("weak", &d.weak)];
-    rows.extend(defects.map(|(kind, p)| alone(&format!("defect pixels: {kind}"), p.len().to_string())));
+    rows.extend(defects.map(|(kind, p)| single_row(&format!("defect pixels: {kind}"), p.len().to_string())));
     rows
 }
 
 /// Returns the table cells of one statistic. The cell of an unknown error is empty.
-fn statistic_row(told: &ReportedStatistic) -> [String; 4] {
-    let value = match (told.value, told.upper_limit) {
+fn statistic_row(statistic: &ReportedStatistic) -> [String; 4] {
+    let value = match (statistic.value, statistic.upper_limit) {
         (Some(value), _) => format!("{value:.6}"),
         (None, Some(below)) => format!("below {below:.1e}"),
         (None, None) => "not measurable".to_owned(),
     };
     let error = |sign: &str, e: Option<f64>| e.map_or(String::new(), |e| format!("{sign} {e:.1e}"));
-    let sign = if told.recording_error_is_bound { "<=" } else { "+-" };
-    [told.description.clone(), value, error(sign, told.recording_error), error("+-", told.sensor_error)]
+    let sign = if statistic.recording_error_is_bound { "<=" } else { "+-" };
+    [
+        statistic.description.clone(),
+        value,
+        error(sign, statistic.recording_error),
+        error("+-", statistic.sensor_error),
+    ]
 }

@@ -36,12 +36,12 @@ pub(crate) fn write(
     readout_hz: Option<f64>,
     force: bool,
 ) -> Result<PathBuf> {
-    let mut found =
+    let mut streams =
         find_streams(folder)?.iter().map(|path| read_stream_info(path, size)).collect::<Result<Vec<_>>>()?;
     // The recordings are sorted from dark to bright, so that users can compare the order with their light levels.
-    found.sort_by(|a, b| a.rate.total_cmp(&b.rate));
+    streams.sort_by(|a, b| a.rate.total_cmp(&b.rate));
     let path = folder.join("recordings.toml");
-    storage::write_small(&path, template_text(folder, &found, readout_hz)?.as_bytes(), force)?;
+    storage::write_small(&path, template_text(folder, &streams, readout_hz)?.as_bytes(), force)?;
     Ok(path)
 }
 
@@ -69,28 +69,28 @@ fn read_stream_info(path: &Path, size: Option<Geometry>) -> Result<StreamInfo> {
     let readouts = reader.readouts();
     let first = readouts / 2 - RATE_SAMPLE_READOUTS.min(readouts) / 2;
     let range = first..first + RATE_SAMPLE_READOUTS.min(readouts);
-    let looked = range.len();
+    let counted_readouts = range.len();
     let count = count_spikes(&reader, range)?;
     let sidecar = Sidecar::read_beside(path).ok().flatten();
     Ok(StreamInfo {
         file: file_name(path),
         geometry: reader.geometry(),
         readouts,
-        rate: count as f64 / (looked.max(1) * reader.geometry().pixels()) as f64,
+        rate: count as f64 / (counted_readouts.max(1) * reader.geometry().pixels()) as f64,
         readout_hz: sidecar.and_then(|(_, s)| s.readout_hz),
         layout: reader.layout().name(),
     })
 }
 
-fn template_text(folder: &Path, found: &[StreamInfo], readout_hz: Option<f64>) -> Result<String> {
-    let one = &found[0];
-    if let Some(other) = found.iter().find(|f| f.geometry != one.geometry) {
+fn template_text(folder: &Path, streams: &[StreamInfo], readout_hz: Option<f64>) -> Result<String> {
+    let one = &streams[0];
+    if let Some(other) = streams.iter().find(|f| f.geometry != one.geometry) {
         return Err(Error::new(ErrorKind::Input, folder.join(&other.file).display())
             .found(other.geometry)
             .expected(format_args!("{}, the size of {}", one.geometry, one.file))
             .remedy("put the recordings of each camera into their own folder"));
     }
-    let hz = readout_hz.or_else(|| found.iter().find_map(|f| f.readout_hz));
+    let hz = readout_hz.or_else(|| streams.iter().find_map(|f| f.readout_hz));
     let mut text = format!(
         "# Recordings of one camera. Each needs its light: 0 in the dark, otherwise a fraction of the light that gives\n# one spike per readout (0.25 if a pixel fires at every fourth readout). Then run: spikelane calibrate {}\nwidth = {}\nheight = {}\nreadout_hz = {:.1}{}\n# light_uncertainty = 0.01  # relative, of all levels\n",
         folder.join("recordings.toml").display(),
@@ -99,7 +99,7 @@ fn template_text(folder: &Path, found: &[StreamInfo], readout_hz: Option<f64>) -
         hz.unwrap_or(20_000.0),
         if hz.is_none() { "  # assumed: set the rate of your camera" } else { "" },
     );
-    for f in found {
+    for f in streams {
         let _ = write!(
             text,
             "\n[[recording]]  # {} readouts, mean rate {:.4}\nfile = \"{}\"\nlayout = \"{}\"\n{}\n",

@@ -103,9 +103,9 @@ pub(crate) fn benchmark_simulator(noise: NoiseSet, threads: usize, budget: Durat
 /// Benchmarks the scalar loop.
 pub(crate) fn benchmark_scalar(budget: Duration) -> SpeedRow {
     let light = test_frames(NoiseSet::AllNoise, 1);
-    let mut plain = super::scalar::ScalarCamera::new(light[0].len());
+    let mut scalar_camera = super::scalar::ScalarCamera::new(light[0].len());
     let mut packed = vec![0; light[0].len().div_ceil(8)];
-    let speed = best_rate(budget, light[0].len() as f64, || plain.readout(&light[0], &mut packed));
+    let speed = best_rate(budget, light[0].len() as f64, || scalar_camera.readout(&light[0], &mut packed));
     std::hint::black_box(count_spikes(&packed));
     SpeedRow::new("plain f32 loop", "scalar", NoiseSet::AllNoise.name(), "held", 1, speed)
 }

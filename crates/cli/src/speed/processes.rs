@@ -120,17 +120,18 @@ impl Drop for ScratchFolder {
 
 /// Runs every process in a folder below `directory`. If `beside` is another build of this program, the two builds
 /// alternate.
-pub(crate) fn benchmark_processes(directory: &Path, beside: Option<&Path>) -> Result<Vec<ProcessResult>> {
+pub(crate) fn benchmark_processes(directory: &Path, baseline: Option<&Path>) -> Result<Vec<ProcessResult>> {
     let folder =
         ScratchFolder::new(directory.join(format!(".spikelane-bench-{}-process", std::process::id())))?;
     let program = std::env::current_exe().map_err(|e| Error::io("this program", e))?;
     // Each process runs in another working directory, in which a relative path would point to another file.
-    let beside = beside.map(|b| std::path::absolute(b).map_err(|e| Error::io(b.display(), e))).transpose()?;
+    let baseline =
+        baseline.map(|b| std::path::absolute(b).map_err(|e| Error::io(b.display(), e))).transpose()?;
     write_inputs(&folder.0, &program)?;
     PROCESS_CASES
         .iter()
         .map(|&(what, arguments, readouts)| {
-            let (took, other) = fastest_runs(&folder.0, &program, beside.as_deref(), arguments)?;
+            let (took, other) = fastest_runs(&folder.0, &program, baseline.as_deref(), arguments)?;
             Ok(ProcessResult { name: what, readouts, run_time: took, baseline: other })
         })
         .collect()
@@ -142,10 +143,10 @@ fn write_inputs(folder: &Path, program: &Path) -> Result<()> {
     let mut bytes = npy::header_bytes(Element::U8, &[VIDEO_FRAMES_AND_READOUTS.0, 250, 400]);
     bytes.extend(test_frames(NoiseSet::AllNoise, VIDEO_FRAMES_AND_READOUTS.0 as usize).concat());
     std::fs::write(&video, bytes).map_err(|e| Error::io(video.display(), e))?;
-    run_once(folder, program, HELD_VIDEO_ARGUMENTS, |made| {
+    run_once(folder, program, HELD_VIDEO_ARGUMENTS, |stem| {
         ["dat", "json"].iter().try_for_each(|ending| {
             let (from, to) =
-                (made.join("out").with_extension(ending), folder.join("stream").with_extension(ending));
+                (stem.join("out").with_extension(ending), folder.join("stream").with_extension(ending));
             std::fs::rename(&from, &to).map_err(|e| Error::io(from.display(), e))
         })
     })?;
@@ -157,14 +158,14 @@ fn write_inputs(folder: &Path, program: &Path) -> Result<()> {
 fn fastest_runs(
     folder: &Path,
     program: &Path,
-    beside: Option<&Path>,
+    baseline: Option<&Path>,
     arguments: &[&str],
 ) -> Result<(RunTime, Option<RunTime>)> {
     let begin = Instant::now();
     let run = |program: &Path| run_once(folder, program, arguments, |_| Ok(()));
     let faster = |best: RunTime, now: RunTime| if now.wall_s < best.wall_s { now } else { best };
-    let mut own = run(program)?;
-    let mut other = match beside.map(run) {
+    let mut measured = run(program)?;
+    let mut other = match baseline.map(run) {
         Some(Ok(took)) => Some(took),
         Some(Err(error)) => {
             eprintln!("not measured: {error}");
@@ -176,12 +177,12 @@ fn fastest_runs(
         if begin.elapsed().as_secs_f64() > MIN_RUNS_AND_MAX_SECONDS.1 {
             break;
         }
-        own = faster(own, run(program)?);
-        if let (Some(best), Some(program)) = (other, beside) {
+        measured = faster(measured, run(program)?);
+        if let (Some(best), Some(program)) = (other, baseline) {
             other = Some(faster(best, run(program)?));
         }
     }
-    Ok((own, other))
+    Ok((measured, other))
 }
 
 /// Runs `program` in a new folder, calls `then` with the folder, and removes the folder.
@@ -191,9 +192,9 @@ fn run_once(
     arguments: &[&str],
     then: impl Fn(&Path) -> Result<()>,
 ) -> Result<RunTime> {
-    let own = ScratchFolder::new(folder.join("run"))?;
+    let run_folder = ScratchFolder::new(folder.join("run"))?;
     let mut command = Command::new(program);
-    command.args(arguments).current_dir(&own.0).stdout(Stdio::null()).stderr(Stdio::piped());
+    command.args(arguments).current_dir(&run_folder.0).stdout(Stdio::null()).stderr(Stdio::piped());
     let (before, begin) = (children_seconds(), Instant::now());
     let output = command.output().map_err(|e| Error::io(program.display(), e))?;
     let (wall_s, after) = (begin.elapsed().as_secs_f64(), children_seconds());
@@ -201,7 +202,7 @@ fn run_once(
         let what = format!("{} {}", program.display(), arguments.join(" "));
         return Err(Error::new(ErrorKind::Io, what).found(String::from_utf8_lossy(&output.stderr).trim()));
     }
-    then(&own.0)?;
+    then(&run_folder.0)?;
     Ok(RunTime { processor_s: after.zip(before).map(|(after, before)| after - before), wall_s })
 }
 

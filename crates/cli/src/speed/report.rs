@@ -186,12 +186,16 @@ impl SpeedReport {
         if self.processes.is_empty() {
             return String::new();
         }
-        let beside = self.processes.iter().any(|p| p.baseline.is_some());
+        let has_baseline = self.processes.iter().any(|p| p.baseline.is_some());
         let seconds = |s: Option<f64>| s.map_or_else(|| "unknown".to_owned(), |s| format!("{s:.2}"));
         let mut text =
             "\n| whole process, 400x250 | processor time, s | wall, s | real time | GB/s |".to_owned();
-        text += if beside { " other build: processor time, s | wall, s | this one faster |\n" } else { "\n" };
-        text += if beside { "|---|--:|--:|--:|--:|--:|--:|--:|\n" } else { "|---|--:|--:|--:|--:|\n" };
+        text += if has_baseline {
+            " other build: processor time, s | wall, s | this one faster |\n"
+        } else {
+            "\n"
+        };
+        text += if has_baseline { "|---|--:|--:|--:|--:|--:|--:|--:|\n" } else { "|---|--:|--:|--:|--:|\n" };
         for p in &self.processes {
             let (processor, wall) = (seconds(p.run_time.processor_s), p.run_time.wall_s);
             let _ = write!(text, "| {} | {processor} | {wall:.2} | {:.3} ", p.name, p.real_time_factor());
@@ -199,7 +203,7 @@ impl SpeedReport {
             if let Some(b) = p.baseline {
                 let _ =
                     write!(text, " {} | {:.2} | {:.2} |", seconds(b.processor_s), b.wall_s, b.wall_s / wall);
-            } else if beside {
+            } else if has_baseline {
                 text += " failed | | |";
             }
             text.push('\n');
@@ -229,9 +233,9 @@ impl SpeedReport {
     /// Writes the page. The existing text after the marker line is preserved.
     pub(crate) fn write_page(&self, path: &Path) -> Result<()> {
         let old = std::fs::read_to_string(path).unwrap_or_default();
-        let kept = old.split_once(HANDWRITTEN_MARKER).map_or("\n", |(_, kept)| kept);
+        let handwritten = old.split_once(HANDWRITTEN_MARKER).map_or("\n", |(_, handwritten)| handwritten);
         let page = format!(
-            "# Performance\n\nWritten by `spikelane speed --markdown docs/why/performance.md`.\n\n{}\n{HANDWRITTEN_MARKER}{kept}",
+            "# Performance\n\nWritten by `spikelane speed --markdown docs/why/performance.md`.\n\n{}\n{HANDWRITTEN_MARKER}{handwritten}",
             self.page_tables()
         );
         std::fs::write(path, page).map_err(|e| Error::io(path.display(), e))

@@ -9,7 +9,7 @@ use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::{Result, Seeds, Simulator};
 use spikelane_io::formats::{Codec, Layout, StreamReader, StreamWriter};
 use spikelane_io::light::{Frame, OwnedSamples, Rate, Source, Timeline};
-use spikelane_io::simulate::{FrameRef, RunOptions, run};
+use spikelane_io::simulate::{FrameRef, RunObserver, RunOptions, run};
 
 use super::cameras::{NoiseSet, test_frames};
 use super::report::{BenchmarkFigure, SpeedRow};
@@ -73,7 +73,7 @@ pub(crate) fn benchmark_simulate(directory: &Path, threads: usize, readouts: usi
     };
     let mut source = StaticLight(Some(Frame::new(geometry, OwnedSamples::U8(light))?), geometry);
     let begin = Instant::now();
-    let done = run(&job, &mut source, &file.0, None, &mut |_, _| Ok(()))?;
+    let done = run(&job, &mut source, &file.0, None, RunObserver::default())?;
     let before_sync = begin.elapsed().saturating_sub(done.sync_time);
     let speed = (readouts * geometry.pixels()) as f64 / before_sync.as_secs_f64();
     Ok(SpeedRow::new(

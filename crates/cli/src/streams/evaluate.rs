@@ -51,12 +51,12 @@ fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {
     let truth =
         args.reference.as_ref().map(|clear| args.read_reference(&args.file, clear, &reader)).transpose()?;
     let still = args.static_scene.then(|| StaticScene::read(&reader, at)).transpose()?;
-    let beside = match (&truth, &still) {
+    let comparison = match (&truth, &still) {
         (Some(truth), _) => Comparison::Image(truth),
         (None, Some(still)) => Comparison::StaticScene(still),
         (None, None) => Comparison::None,
     };
-    let pictures = evaluate_pictures(&args.reconstruction, &reader, at, beside)?;
+    let pictures = evaluate_pictures(&args.reconstruction, &reader, at, comparison)?;
     let mut all = json!({
         "file": args.file.display().to_string(), "readout": at,
         "pictures": pictures.iter().map(EvaluatedPicture::json).collect::<Vec<_>>(),

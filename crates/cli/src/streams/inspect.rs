@@ -48,15 +48,15 @@ pub(crate) struct Args {
 }
 
 /// Returns a layout guess as JSON. Unknown scores are omitted.
-fn guess_json((r, given): (&LayoutGuess, bool)) -> serde_json::Value {
-    let about = json!({
+fn guess_json((r, is_selected): (&LayoutGuess, bool)) -> serde_json::Value {
+    let fields = json!({
         "layout": r.layout.name(), "width": r.geometry.width(), "height": r.geometry.height(),
-        "readouts": r.readouts, "is_selected": given,
+        "readouts": r.readouts, "is_selected": is_selected,
     });
-    let told = |x: Option<f64>| x.filter(|x| x.is_finite()).map(|x| json!(x));
+    let finite = |x: Option<f64>| x.filter(|x| x.is_finite()).map(|x| json!(x));
     insert_present(
-        about,
-        [("rows_correlation", told(r.row_correlation)), ("bytes_differ", told(r.byte_edge_ratio))],
+        fields,
+        [("rows_correlation", finite(r.row_correlation)), ("bytes_differ", finite(r.byte_edge_ratio))],
     )
 }
 
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     }
     let bytes = std::fs::metadata(&args.file).map_or(0, |m| m.len());
     let (leading, trailing) = reader.partial_frame_bytes();
-    let about = json!({
+    let event = json!({
         "file": args.file.display().to_string(), "bytes": bytes, "layout": reader.layout().name(),
         "width": reader.geometry().width(), "height": reader.geometry().height(),
         "readouts": reader.readouts(), "dropped_bytes": leading + trailing,
@@ -90,12 +90,12 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         "geometry_source": reader.origin().to_string(), "missing_frames": reader.missing_frames(),
         "layout_guesses": listed_guesses(&readings).map(guess_json).collect::<Vec<_>>(),
     });
-    let beside = [
+    let optional_fields = [
         ("digest", digest.as_ref().map(|d| json!(d))),
         ("digest_matches", matches.map(Into::into)),
         ("sidecar", sidecar.as_ref().map(|(path, _)| path.display().to_string().into())),
     ];
-    let event = insert_present(about, beside);
+    let event = insert_present(event, optional_fields);
     let seconds = sidecar
         .as_ref()
         .and_then(|(_, s)| s.readout_hz)
@@ -179,12 +179,12 @@ fn count_stream(reader: &StreamReader, range: std::ops::Range<usize>) -> Result<
     let statistics = sums.finish();
     let defects = summarize(&statistics)?.defects;
     let counts = statistics.counts.map(|c| c.count).unwrap_or_default();
-    let of = |n: u32| f64::from(n) / range.len() as f64;
+    let rate = |n: u32| f64::from(n) / range.len() as f64;
     let total: u64 = counts.iter().map(|&n| u64::from(n)).sum();
     Ok(StreamCounts {
         mean_rate: total as f64 / range.len() as f64 / geometry.pixels() as f64,
-        min_rate: of(counts.iter().copied().min().unwrap_or(0)),
-        max_rate: of(counts.iter().copied().max().unwrap_or(0)),
+        min_rate: rate(counts.iter().copied().min().unwrap_or(0)),
+        max_rate: rate(counts.iter().copied().max().unwrap_or(0)),
         silent_pixels: counts.iter().filter(|n| **n == 0).count(),
         dead_pixels: defects.dead.len(),
         stuck_pixels: defects.stuck.len(),

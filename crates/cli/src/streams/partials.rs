@@ -30,8 +30,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             .expected("a folder, in which unfinished files are listed"));
     }
     let (mut deleted, mut bytes) = (0_u64, 0);
-    let found = find_unfinished(&args.folder)?;
-    for one in &found {
+    let unfinished = find_unfinished(&args.folder)?;
+    for one in &unfinished {
         let gone = args.delete && one.is_running == Some(false) && remove(one)?;
         deleted += u64::from(gone);
         bytes += one.bytes;
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             &format!("{}: {process}{state}, {}\n", one.path.display(), DecimalBytes(one.bytes)),
         )?;
     }
-    let left = match (found.len(), args.delete) {
+    let left = match (unfinished.len(), args.delete) {
         (0, _) => "no unfinished files".to_owned(),
         (n, false) => {
             format!("{n} unfinished, {}; --delete deletes those whose process has ended", DecimalBytes(bytes))
@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         (n, true) => format!("{deleted} of {n} deleted"),
     };
     out.print_message(format_args!("{}: {left}", args.folder.display()));
-    out.print_event(&json!({"event": "done", "partials": found.len(), "deleted": deleted}))
+    out.print_event(&json!({"event": "done", "partials": unfinished.len(), "deleted": deleted}))
 }
 
 /// Returns whether the process that writes the file is still running, as text.

@@ -112,8 +112,8 @@ impl Args {
             Method::Span => Ok((span_rates(packed, center, half)?, true)),
             Method::Tfi => {
                 let tfi = tfi_with_open_pixels(packed, center, half)?;
-                let whole = tfi.is_measurable();
-                Ok((tfi.rates, whole))
+                let is_complete = tfi.is_measurable();
+                Ok((tfi.rates, is_complete))
             }
             Method::Isi => {
                 let lengths = isi_map(packed, center)?.into_iter().map(|n| n as f32).collect();
@@ -207,17 +207,17 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut done = 0;
     for batch in moments.chunks(BATCH_PICTURES * threads::thread_count()) {
         let encode = |&at: &usize| {
-            let (picture, whole) =
+            let (picture, is_complete) =
                 if at == moments[0] { first.clone() } else { args.reconstruct_at(&reader, at)? };
-            Ok((at, whole, sink.encode(&picture)?))
+            Ok((at, is_complete, sink.encode(&picture)?))
         };
         // Each picture has its own result. The pictures before an error are therefore always written, for any order of the
         // threads.
         let ready: Vec<Result<_>> = threads::map(batch, encode);
         for picture in ready {
-            let (at, whole, encoded) = picture?;
+            let (at, is_complete, encoded) = picture?;
             sink.write(at, &encoded).map_err(|e| progress.error_or_interrupt(e))?;
-            cut.extend((!whole).then_some(at));
+            cut.extend((!is_complete).then_some(at));
             done += 1;
             progress.update(done, Some(moments.len() as u64))?;
         }

@@ -40,8 +40,8 @@ const SYSTEM_PROGRAMS: &[&str] =
 pub(crate) fn command_errors(text: &str) -> Vec<String> {
     let commands = commands(text);
     // `own` contains the functions that the block defines as `name() {`.
-    let own: Vec<&str> = commands.iter().filter_map(|words| words[0].strip_suffix("()")).collect();
-    let known = |name: &str| own.contains(&name.trim_end_matches("()")) || matches!(name, "{" | "}");
+    let functions: Vec<&str> = commands.iter().filter_map(|words| words[0].strip_suffix("()")).collect();
+    let known = |name: &str| functions.contains(&name.trim_end_matches("()")) || matches!(name, "{" | "}");
     commands.iter().filter(|words| !known(&words[0])).filter_map(|words| check_command(words).err()).collect()
 }
 
@@ -118,8 +118,8 @@ fn packages() -> Vec<String> {
 
 /// Whether the shell finds a program with this name.
 pub(crate) fn is_installed(name: &str) -> bool {
-    let said = Command::new("sh").args(["-c", "command -v \"$0\"", name]).output();
-    said.is_ok_and(|out| out.status.success())
+    let output = Command::new("sh").args(["-c", "command -v \"$0\"", name]).output();
+    output.is_ok_and(|out| out.status.success())
 }
 
 fn flags(words: &[String]) -> impl Iterator<Item = &str> {
@@ -196,16 +196,17 @@ fn help_text(path: &[&str]) -> Result<String, String> {
 
 fn check_cargo(words: &[String]) -> Result<(), String> {
     let end = words.iter().position(|w| w == "--").unwrap_or(words.len());
-    let (own, rest) = (&words[..end], &words[(end + 1).min(words.len())..]);
-    let of =
-        |flag: &str| own.iter().position(|w| w == flag).and_then(|at| own.get(at + 1)).map(String::as_str);
-    if let Some(flag) = flags(own).find(|flag| !CARGO_FLAGS.contains(flag)) {
+    let (current, rest) = (&words[..end], &words[(end + 1).min(words.len())..]);
+    let flag_value = |flag: &str| {
+        current.iter().position(|w| w == flag).and_then(|at| current.get(at + 1)).map(String::as_str)
+    };
+    if let Some(flag) = flags(current).find(|flag| !CARGO_FLAGS.contains(flag)) {
         return Err(format!("an unknown flag {flag} of cargo"));
     }
     for (flag, folder) in
         [("--test", "tests"), ("--bench", "benches"), ("--example", "examples"), ("--bin", "src/bin")]
     {
-        let Some(name) = of(flag) else { continue };
+        let Some(name) = flag_value(flag) else { continue };
         let here = |package: &String| {
             let manifest = fs::read_to_string(root().join(package).join("Cargo.toml")).unwrap();
             let at = |path: String| root().join(package).join(folder).join(path).is_file();
@@ -217,8 +218,8 @@ fn check_cargo(words: &[String]) -> Result<(), String> {
             return Err(format!("no {flag} of the name {name}"));
         }
     }
-    let study_of = of("--bin").filter(|name| name.starts_with("study-")).or(of("--example"));
-    match (own.first().map(String::as_str), study_of, of("--test")) {
+    let study_of = flag_value("--bin").filter(|name| name.starts_with("study-")).or(flag_value("--example"));
+    match (current.first().map(String::as_str), study_of, flag_value("--test")) {
         (Some("run"), None, _) => check_program(rest),
         (Some("run"), Some(name), _) => check_study(name, rest),
         (Some("test"), _, name) => check_test_filter(name, rest),

@@ -53,23 +53,23 @@ pub(crate) fn current_pages() -> Vec<Page> {
 
 /// Returns all files below a folder of the repository, as paths relative to the repository root.
 pub(crate) fn files(folder: &str) -> Vec<String> {
-    let mut found = Vec::new();
-    let Ok(entries) = fs::read_dir(root().join(folder)) else { return found };
+    let mut names = Vec::new();
+    let Ok(entries) = fs::read_dir(root().join(folder)) else { return names };
     for entry in entries {
         let path = entry.unwrap().path();
         let name = format!("{folder}/{}", path.file_name().unwrap().to_string_lossy());
         if path.is_dir() {
-            found.extend(files(&name));
+            names.extend(files(&name));
         } else {
-            found.push(name);
+            names.push(name);
         }
     }
-    found
+    names
 }
 
 impl Page {
     pub(crate) fn blocks(&self) -> Vec<Block> {
-        let mut found: Vec<Block> = Vec::new();
+        let mut blocks: Vec<Block> = Vec::new();
         let mut open = false;
         for (i, line) in self.text.lines().enumerate() {
             match line.strip_prefix("```") {
@@ -77,11 +77,11 @@ impl Page {
                 Some(words) => {
                     let words =
                         words.split([' ', ',']).filter(|w| !w.is_empty()).map(str::to_owned).collect();
-                    found.push(Block { fence_words: words, text: String::new(), line: i + 1 });
+                    blocks.push(Block { fence_words: words, text: String::new(), line: i + 1 });
                     open = true;
                 }
                 None if open => {
-                    let block = found.last_mut().unwrap();
+                    let block = blocks.last_mut().unwrap();
                     block.text += line;
                     block.text.push('\n');
                 }
@@ -89,7 +89,7 @@ impl Page {
             }
         }
         assert!(!open, "{}: a block without an end", self.name);
-        found
+        blocks
     }
 
     /// Returns the text of the page without its fenced blocks.
@@ -152,8 +152,8 @@ impl Block {
 /// Returns three texts of a page: before the first marker, between the markers, and after the second marker.
 pub(crate) fn split_at_markers<'a>(page: &'a Page, begin: &str, end: &str) -> [&'a str; 3] {
     let (head, rest) = page.text.split_once(begin).unwrap_or_else(|| panic!("{}: no {begin}", page.name));
-    let (found, tail) = rest.split_once(end).unwrap_or_else(|| panic!("{}: no {end}", page.name));
-    [head, found, tail]
+    let (generated, tail) = rest.split_once(end).unwrap_or_else(|| panic!("{}: no {end}", page.name));
+    [head, generated, tail]
 }
 
 /// Replaces the text between the markers of a page with `text`.

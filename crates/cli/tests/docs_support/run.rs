@@ -85,8 +85,8 @@ impl Runner<'_> {
     fn is_available(&self, what: &str) -> bool {
         match (what.strip_prefix("python:"), what.strip_prefix("./")) {
             (Some(module), _) => {
-                let said = Command::new("python3").args(["-c", &format!("import {module}")]).output();
-                said.is_ok_and(|out| out.status.success())
+                let output = Command::new("python3").args(["-c", &format!("import {module}")]).output();
+                output.is_ok_and(|out| out.status.success())
             }
             (_, Some(file)) => self.place.join(file).exists(),
             // The Slurm client can be installed without a controller, so `sinfo` must succeed too.

@@ -34,8 +34,8 @@ pub(crate) fn json(place: &str, value: &Value) -> Vec<String> {
 
 /// Returns the non-finite numbers in JSON text. The text contains a single value, or one value per line.
 pub(crate) fn json_text(content: &str) -> Vec<String> {
-    if let Ok(whole) = serde_json::from_str::<Value>(content) {
-        return json("", &whole);
+    if let Ok(document) = serde_json::from_str::<Value>(content) {
+        return json("", &document);
     }
     let line = |l: &str| match serde_json::from_str::<Value>(l) {
         Ok(value) => json("", &value),
@@ -81,7 +81,7 @@ pub(crate) fn folder(root: &Path) -> Vec<String> {
     for path in files(root) {
         let read = || std::fs::read(&path).unwrap();
         let string = || String::from_utf8(read()).unwrap();
-        let found = match path.extension().and_then(|e| e.to_str()).unwrap_or("") {
+        let faults = match path.extension().and_then(|e| e.to_str()).unwrap_or("") {
             "json" | "jsonl" => json_text(&string()),
             "html" | "toml" | "txt" | "md" | "yaml" | "csv" | "svg" => text(&string()),
             "npy" => npy(&read()),
@@ -90,7 +90,7 @@ pub(crate) fn folder(root: &Path) -> Vec<String> {
             _ => Vec::new(),
         };
         let name = path.strip_prefix(root).unwrap_or(&path).display().to_string();
-        wrong.extend(found.into_iter().map(|f| format!("{name}: {f}")));
+        wrong.extend(faults.into_iter().map(|f| format!("{name}: {f}")));
     }
     wrong
 }

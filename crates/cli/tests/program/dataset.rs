@@ -22,9 +22,9 @@ fn a_dry_run_writes_nothing_and_answers_json() {
     let place = TestFolder::new();
     let ran = place.run_ok("dataset -o set --dry-run --json");
     assert!(!exists(&place.path("set")));
-    let told = &ran.events()[0];
+    let event = &ran.events()[0];
     // The preset rhdd has 30 scenes of 500 images, with one readout per image.
-    assert_eq!((told["sequences"].as_u64(), told["readouts"].as_u64()), (Some(30), Some(15_000)));
+    assert_eq!((event["sequences"].as_u64(), event["readouts"].as_u64()), (Some(30), Some(15_000)));
     let ran = place.run_ok("dataset -o set --scene-preset tiny --dry-run --json");
     assert_eq!(ran.events()[0]["sequences"], 2);
 }
@@ -37,10 +37,10 @@ fn a_dataset_is_made_evaluated_and_gone_on_with() {
     place.run_refused(&format!("{TINY_DATASET} -o set"), 7, &["set", "--resume"]);
     let ran = place.run_ok(&format!("{TINY_DATASET} -o set --resume"));
     assert!(ran.stdout.contains("0 generated, 1 verified"), "{}", ran.stdout);
-    let told = place.run_ok("evaluate set --window 5 --json").events();
-    assert_eq!(told.len(), 2);
-    assert_eq!((&told[0]["stream"], &told[1]["stream"]), (&"noisy".into(), &"clean".into()));
-    let marks = &told[0]["pictures"][0]["scores"];
+    let events = place.run_ok("evaluate set --window 5 --json").events();
+    assert_eq!(events.len(), 2);
+    assert_eq!((&events[0]["stream"], &events[1]["stream"]), (&"noisy".into(), &"clean".into()));
+    let marks = &events[0]["pictures"][0]["scores"];
     assert!(marks["psnr_db"].as_f64().unwrap() > 3.0 && marks["ssim"].as_f64().unwrap() < 1.0, "{marks}");
     assert!(place.run_ok("evaluate set").stdout.contains("tfp 129"));
 }
@@ -51,13 +51,13 @@ fn evaluate_sees_noise_fall_with_the_window() {
     let place = TestFolder::new();
     place.picture("gray.png", 96, 64, 150);
     place.run_ok("simulate gray.png --width 96 --height 64 --readouts 400 -o a");
-    let told = place.run_ok("evaluate a.dat --reference gray.png --window 17 --window 257 --json").events();
-    let mark = |i: usize, key: &str| told[0]["pictures"][i]["scores"][key].as_f64().unwrap();
+    let events = place.run_ok("evaluate a.dat --reference gray.png --window 17 --window 257 --json").events();
+    let mark = |i: usize, key: &str| events[0]["pictures"][i]["scores"][key].as_f64().unwrap();
     assert!(mark(0, "patch_noise") > 2.0 * mark(1, "patch_noise"));
     assert!(mark(1, "psnr_db") > mark(0, "psnr_db") && mark(1, "snr_db") > mark(0, "snr_db"));
     // Without a reference there is no PSNR.
-    let told = place.run_ok("evaluate a.dat --json").events();
-    assert!(told[0]["pictures"][0]["scores"]["psnr_db"].is_null());
+    let events = place.run_ok("evaluate a.dat --json").events();
+    assert!(events[0]["pictures"][0]["scores"]["psnr_db"].is_null());
     place.picture("small.png", 20, 20, 150);
     place.run_refused("evaluate a.dat --reference small.png", 4, &["small.png", "96x64"]);
 }

@@ -218,15 +218,15 @@ fn a_video_without_ffmpeg_says_what_to_install() {
 #[test]
 fn nothing_is_overwritten_without_force() {
     let place = TestFolder::new();
-    for taken in ["a.dat", "a.clean.dat", "a.json", "a.png"] {
-        place.write(taken, "mine");
+    for existing in ["a.dat", "a.clean.dat", "a.json", "a.png"] {
+        place.write(existing, "mine");
         place.run_refused(
             "simulate --builtin-light chart --width 16 --height 16 --readouts 9 --clean -o a",
             7,
-            &[taken, "--force"],
+            &[existing, "--force"],
         );
-        assert_eq!(place.read(taken), b"mine");
-        fs::remove_file(place.path(taken)).unwrap();
+        assert_eq!(place.read(existing), b"mine");
+        fs::remove_file(place.path(existing)).unwrap();
     }
     place.run_ok("simulate --builtin-light chart --width 16 --height 16 --readouts 9 -o a");
     for (line, output) in

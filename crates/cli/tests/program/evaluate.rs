@@ -34,13 +34,13 @@ fn evaluate(place: &TestFolder, more: &str) -> Value {
     place.run_ok(&line).events().pop().unwrap()
 }
 
-fn picture_named<'a>(told: &'a Value, name: &str) -> &'a Value {
-    let all = told["pictures"].as_array().unwrap();
-    all.iter().find(|p| p["method"] == name).unwrap_or_else(|| panic!("no {name} in {told}"))
+fn picture_named<'a>(event: &'a Value, name: &str) -> &'a Value {
+    let all = event["pictures"].as_array().unwrap();
+    all.iter().find(|p| p["method"] == name).unwrap_or_else(|| panic!("no {name} in {event}"))
 }
 
-fn psnr(told: &Value, name: &str) -> f64 {
-    picture_named(told, name)["scores"]["psnr_db"].as_f64().unwrap_or_else(|| panic!("{name}: {told}"))
+fn psnr(event: &Value, name: &str) -> f64 {
+    picture_named(event, name)["scores"]["psnr_db"].as_f64().unwrap_or_else(|| panic!("{name}: {event}"))
 }
 
 /// The test uses the protocol of a published dataset. Counts of 41 readouts are divided by the rate of white and
@@ -58,10 +58,10 @@ fn ground_truth_with_light_in_its_codes_is_compared_as_light() {
     };
     let wanted = -10.0 * ((0..PIXELS).map(square).sum::<f64>() / PIXELS as f64).log10();
     let flags = "--reference gt.png --full-scale-rate 0.6 --window 41";
-    let told = evaluate(&place, &format!("{flags} --reference-transfer linear"));
-    assert!((psnr(&told, "tfp 41") - wanted).abs() < 1e-3, "{told} for {wanted}");
-    assert!(wanted > 30.0 && psnr(&told, "span 41") > wanted + 6.0, "{told}");
-    assert_eq!(told["reference"]["transfer"], "linear");
+    let event = evaluate(&place, &format!("{flags} --reference-transfer linear"));
+    assert!((psnr(&event, "tfp 41") - wanted).abs() < 1e-3, "{event} for {wanted}");
+    assert!(wanted > 30.0 && psnr(&event, "span 41") > wanted + 6.0, "{event}");
+    assert_eq!(event["reference"]["transfer"], "linear");
     // If the codes are interpreted as sRGB or with a gamma of 2.2, they represent other light.
     let other = evaluate(&place, flags);
     assert!(psnr(&other, "tfp 41") < 20.0 && other["reference"]["transfer"] == "srgb", "{other}");
@@ -81,20 +81,20 @@ fn the_sidecar_says_how_the_image_of_a_run_was_read() {
         "simulate gt.png --transfer linear --camera ideal {SIZE} --readouts 255 --exposure 20000 -o s"
     ));
     let line = "evaluate s.dat --reference gt.png --window 201 --json";
-    let told = place.run_ok(line).events().pop().unwrap();
+    let event = place.run_ok(line).events().pop().unwrap();
     assert_eq!(
-        (&told["reference"]["transfer"], &told["reference"]["transfer_source"]),
+        (&event["reference"]["transfer"], &event["reference"]["transfer_source"]),
         (&"linear".into(), &"the sidecar".into())
     );
     // The rate that an integrator has in 201 readouts is wrong by less than 1/201, so PSNR is at least 40 dB.
-    assert!(psnr(&told, "tfp 201") > 40.0, "{told}");
+    assert!(psnr(&event, "tfp 201") > 40.0, "{event}");
     // The flag has priority over the sidecar. If an image is not the input of the simulation, it has the default
     // transfer function.
-    let told = place.run_ok(&format!("{line} --reference-transfer srgb")).events().pop().unwrap();
-    assert_eq!(told["reference"]["transfer_source"], "--reference-transfer");
+    let event = place.run_ok(&format!("{line} --reference-transfer srgb")).events().pop().unwrap();
+    assert_eq!(event["reference"]["transfer_source"], "--reference-transfer");
     std::fs::copy(place.path("gt.png"), place.path("other.png")).unwrap();
-    let told = place.run_ok("evaluate s.dat --reference other.png --json").events().pop().unwrap();
-    assert_eq!(told["reference"]["transfer"], "srgb");
+    let event = place.run_ok("evaluate s.dat --reference other.png --json").events().pop().unwrap();
+    assert_eq!(event["reference"]["transfer"], "srgb");
 }
 
 /// The test uses integrators without noise. A count is sharp and a blurred count is not. This must hold for comparisons
@@ -109,16 +109,19 @@ fn blur_lowers_the_detail_score() {
     let line =
         "simulate fine.png --transfer linear --camera physical --width 96 --height 64 --readouts 300 -o f";
     place.run_ok(line);
-    for beside in ["--static-scene", "--reference fine.png --reference-transfer linear"] {
-        let told =
-            place.run_ok(&format!("evaluate f.dat {beside} --window 41 --json")).events().pop().unwrap();
-        let of = |name: &str, key: &str| picture_named(&told, name)["scores"][key].as_f64().unwrap();
-        let [sharp, soft] = ["tfp 41", "tfp 41 blurred"].map(|name| of(name, "detail_slope"));
-        assert!((sharp - 1.0).abs() < 0.05 && soft < 0.5, "{beside}: {sharp} {soft}");
-        let [count, span] = ["tfp 41", "span 41"].map(|name| of(name, "high_pass_noise"));
+    for reference_flags in ["--static-scene", "--reference fine.png --reference-transfer linear"] {
+        let event = place
+            .run_ok(&format!("evaluate f.dat {reference_flags} --window 41 --json"))
+            .events()
+            .pop()
+            .unwrap();
+        let score = |name: &str, key: &str| picture_named(&event, name)["scores"][key].as_f64().unwrap();
+        let [sharp, soft] = ["tfp 41", "tfp 41 blurred"].map(|name| score(name, "detail_slope"));
+        assert!((sharp - 1.0).abs() < 0.05 && soft < 0.5, "{reference_flags}: {sharp} {soft}");
+        let [count, span] = ["tfp 41", "span 41"].map(|name| score(name, "high_pass_noise"));
         // In a comparison with the light, the pixel differences of 2 % also count as noise.
-        assert!(span < 0.8 * count, "{beside}: {count} {span}");
-        assert!(of("span 41", "aligned_psnr_db") > of("tfp 41 blurred", "aligned_psnr_db"), "{told}");
+        assert!(span < 0.8 * count, "{reference_flags}: {count} {span}");
+        assert!(score("span 41", "aligned_psnr_db") > score("tfp 41 blurred", "aligned_psnr_db"), "{event}");
     }
     let text = place.run_ok("evaluate f.dat --static-scene").stdout;
     assert!(text.contains("static scene: ") && text.contains("against the truth"), "{text}");
@@ -132,8 +135,8 @@ fn tfi_at_the_ends_of_a_stream_is_not_measurable() {
     write_field(&place, 120);
     let flags = "--reference gt.png --full-scale-rate 0.6 --reference-transfer linear";
     for at in [0, 2, 117, 119] {
-        let told = evaluate(&place, &format!("{flags} --at {at}"));
-        let tfi = picture_named(&told, "tfi");
+        let event = evaluate(&place, &format!("{flags} --at {at}"));
+        let tfi = picture_named(&event, "tfi");
         assert_eq!(tfi["is_measurable"], false, "{at}");
         assert!(
             tfi.get("scores").is_none() && tfi["reason"].as_str().unwrap().contains("6144 pixels"),
@@ -142,8 +145,8 @@ fn tfi_at_the_ends_of_a_stream_is_not_measurable() {
         let text = place.run_ok(&format!("evaluate s.dat {SIZE} {flags} --at {at}")).stdout;
         assert!(text.contains("not measurable: "), "{text}");
     }
-    let told = evaluate(&place, flags);
-    assert!(psnr(&told, "tfi") > 20.0, "{told}");
+    let event = evaluate(&place, flags);
+    assert!(psnr(&event, "tfi") > 20.0, "{event}");
     let note = picture_named(&evaluate(&place, "--window 301"), "tfp 301")["note"].clone();
     assert_eq!(note, "the stream has 120 of the 301 readouts");
     let ran = place.run_ok(&format!("reconstruct s.dat {SIZE} --method tfi --every 20 -o tfi.npy --json"));
@@ -201,10 +204,10 @@ fn whatever_the_stream_all_figures_are_finite() {
         }
     }
     // Equal pictures have no finite PSNR, so the output contains only a lower bound.
-    let told = place
+    let event = place
         .run_ok(&format!("evaluate all.dat {SIZE} --reference white.png --full-scale-rate 1 --json"))
         .events();
-    assert_eq!(picture_named(&told[0], "span 33")["scores"]["psnr_db_above"], 144.5);
+    assert_eq!(picture_named(&event[0], "span 33")["scores"]["psnr_db_above"], 144.5);
     place.write("small.dat", vec![0x5a; 2 * 50]);
     no_word_but_numbers(&place.run_ok("evaluate small.dat --width 8 --height 2 --json"));
     place.write("none.dat", b"");
@@ -216,7 +219,7 @@ fn whatever_the_stream_all_figures_are_finite() {
 fn the_first_look_shows_only_what_can_be_made() {
     let place = TestFolder::new();
     place.picture("gray.png", 96, 64, 120);
-    let mut seen = [3, 300].map(|readouts| {
+    let mut scores = [3, 300].map(|readouts| {
         place.run_ok(&format!("simulate gray.png {SIZE} --readouts {readouts} --force -o a"));
         let sheet = image::open(place.path("a.png")).unwrap().into_luma8();
         let (w, h) = sheet.dimensions();
@@ -225,8 +228,8 @@ fn the_first_look_shows_only_what_can_be_made() {
             .filter(|(x, y)| sheet.get_pixel(*x, *y).0[0] != 24)
             .count()
     });
-    seen.sort_unstable();
-    assert!(seen[0] < 96 && seen[1] > PIXELS / 2, "{seen:?}");
+    scores.sort_unstable();
+    assert!(scores[0] < 96 && scores[1] > PIXELS / 2, "{scores:?}");
 }
 
 /// Simulates a driving scene with a reference image at every 40th readout. The sidecar lists these images.
@@ -234,8 +237,8 @@ fn drive(place: &TestFolder) {
     place.run_ok("simulate --camera physical --width 96 --height 64 --readouts 200 --images-every 40 -o run");
 }
 
-fn readout_events(told: &[Value]) -> Vec<&Value> {
-    told.iter().filter(|event| event["event"] == "readout").collect()
+fn readout_events(events: &[Value]) -> Vec<&Value> {
+    events.iter().filter(|event| event["event"] == "readout").collect()
 }
 
 const EVALUATE_AGAINST_LIGHT: &str = "evaluate s.dat --width 96 --height 64 --reference gt.png --reference-transfer linear --full-scale-rate 0.6 --window 41 --json";
@@ -249,34 +252,37 @@ fn four_readouts(place: &TestFolder) -> Vec<Value> {
 #[test]
 fn each_readout_scores_as_if_evaluated_alone() {
     let place = TestFolder::new();
-    let told = four_readouts(&place);
-    let all = readout_events(&told);
+    let events = four_readouts(&place);
+    let all = readout_events(&events);
     let at: Vec<_> = all.iter().map(|moment| moment["readout"].as_u64().unwrap()).collect();
     assert_eq!(at, [30, 90, 150, 210]);
     for moment in all {
-        let alone = place
+        let single = place
             .run_ok(&format!("{EVALUATE_AGAINST_LIGHT} --at {}", moment["readout"]))
             .events()
             .pop()
             .unwrap();
-        assert_eq!(moment["pictures"], alone["pictures"]);
+        assert_eq!(moment["pictures"], single["pictures"]);
     }
 }
 
 #[test]
 fn the_means_of_moments_are_their_means() {
     let place = TestFolder::new();
-    let told = four_readouts(&place);
-    let all = readout_events(&told);
-    let means = told.last().unwrap();
+    let events = four_readouts(&place);
+    let all = readout_events(&events);
+    let means = events.last().unwrap();
     for name in ["tfp 41", "tfp 41 blurred", "span 41", "tfi", "clear image"] {
         for key in ["psnr_db", "ssim", "detail_slope", "high_pass_noise"] {
             let values: Vec<f64> =
                 all.iter().filter_map(|moment| picture_named(moment, name)["scores"][key].as_f64()).collect();
             let mean = values.iter().sum::<f64>() / values.len() as f64;
-            let of = picture_named(means, name)["scores"][key].as_f64();
-            assert!(values.is_empty() == of.is_none(), "{name} {key}");
-            assert!(of.is_none_or(|of| (of - mean).abs() < 1e-9), "{name} {key}: {of:?} for {mean}");
+            let score = picture_named(means, name)["scores"][key].as_f64();
+            assert!(values.is_empty() == score.is_none(), "{name} {key}");
+            assert!(
+                score.is_none_or(|score| (score - mean).abs() < 1e-9),
+                "{name} {key}: {score:?} for {mean}"
+            );
         }
     }
 }
@@ -285,8 +291,8 @@ fn the_means_of_moments_are_their_means() {
 fn images_named_by_their_readouts_say_where_to_look() {
     let place = TestFolder::new();
     drive(&place);
-    let told = place.run_ok("evaluate run.dat --reference run.images --window 41 --json").events();
-    let all = readout_events(&told);
+    let events = place.run_ok("evaluate run.dat --reference run.images --window 41 --json").events();
+    let all = readout_events(&events);
     let at: Vec<_> = all.iter().map(|moment| moment["readout"].as_u64().unwrap()).collect();
     assert_eq!(at, [40, 80, 120, 160]);
     for moment in all {
@@ -304,8 +310,8 @@ fn images_named_by_their_readouts_say_where_to_look() {
 fn only_the_kinds_that_are_asked_for_are_made() {
     let place = TestFolder::new();
     write_field(&place, 120);
-    let told = evaluate(&place, "--method span --method tfi --window 21");
-    let names: Vec<_> = told["pictures"].as_array().unwrap().iter().map(|p| p["method"].clone()).collect();
+    let event = evaluate(&place, "--method span --method tfi --window 21");
+    let names: Vec<_> = event["pictures"].as_array().unwrap().iter().map(|p| p["method"].clone()).collect();
     assert_eq!(names, ["span 21", "tfi"]);
 }
 

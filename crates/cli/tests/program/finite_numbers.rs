@@ -16,10 +16,10 @@ fn non_finite_values(place: &TestFolder, commands: &[String]) -> Vec<String> {
             assert!((0..=9).contains(&ran.code), "{line}: exit {}", ran.code);
             // These commands print scripts and pages as text, even with `--json`.
             let json = line.ends_with("--json") && !TEXT_ONLY_COMMANDS.iter().any(|c| line.starts_with(c));
-            let said =
+            let faults =
                 if json { crate::finite::json_text(&ran.stdout) } else { crate::finite::text(&ran.stdout) };
             wrong.extend(
-                said.into_iter().chain(crate::finite::text(&ran.stderr)).map(|f| format!("{line}: {f}")),
+                faults.into_iter().chain(crate::finite::text(&ran.stderr)).map(|f| format!("{line}: {f}")),
             );
         }
     }
@@ -161,14 +161,14 @@ fn first_word(line: &str) -> String {
 }
 
 fn check_odd_streams(commands: fn(&OddStream) -> Vec<String>) {
-    let mut found = Vec::new();
+    let mut faults = Vec::new();
     for odd in &ODD_STREAMS {
         let place = odd.place();
-        found.extend(
+        faults.extend(
             non_finite_values(&place, &commands(odd)).into_iter().map(|w| format!("{}: {w}", odd.name)),
         );
     }
-    assert_all_finite(&found);
+    assert_all_finite(&faults);
 }
 
 #[test]
@@ -188,15 +188,15 @@ fn of_sets_of_odd_streams_calibration_comparison_and_diagnosis_say_finite_number
 
 #[test]
 fn of_recorded_sets_with_an_odd_recording_every_number_is_finite() {
-    let mut found = Vec::new();
+    let mut faults = Vec::new();
     for odd in ODD_RECORDINGS {
         let place = place_with_odd_recording(odd);
         let commands = recorded_set_commands();
         let calibrated = place.run(&commands[0]);
         assert_eq!(calibrated.code == 0, odd.2, "{}: {}", odd.0, calibrated.stderr);
-        found.extend(non_finite_values(&place, &commands).into_iter().map(|w| format!("{}: {w}", odd.0)));
+        faults.extend(non_finite_values(&place, &commands).into_iter().map(|w| format!("{}: {w}", odd.0)));
     }
-    assert_all_finite(&found);
+    assert_all_finite(&faults);
 }
 
 /// Creates a folder with unusual light. Returns the folder and the size flags for its frames.
@@ -211,16 +211,16 @@ fn place_with_odd_light((_, shape, value): OddLight) -> (TestFolder, String) {
 
 #[test]
 fn of_odd_light_every_maker_leaves_finite_numbers() {
-    let mut found = Vec::new();
+    let mut faults = Vec::new();
     for light in ODD_LIGHT {
         for commands in [light_commands, dataset_commands] {
             let (place, size) = place_with_odd_light(light);
-            found.extend(
+            faults.extend(
                 non_finite_values(&place, &commands(&size)).into_iter().map(|w| format!("{}: {w}", light.0)),
             );
         }
     }
-    assert_all_finite(&found);
+    assert_all_finite(&faults);
 }
 
 #[test]

@@ -206,7 +206,7 @@ fn a_ring_that_is_emptied_ends_the_camera_with_a_code_and_removes_the_name() {
     );
     let child = place.command(&line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let start = Instant::now();
-    while !std::fs::metadata(&ring).is_ok_and(|about| about.len() > 0) {
+    while !std::fs::metadata(&ring).is_ok_and(|metadata| metadata.len() > 0) {
         assert!(start.elapsed() < TIMEOUT, "no ring");
         std::thread::sleep(Duration::from_millis(5));
     }

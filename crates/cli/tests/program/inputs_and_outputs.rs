@@ -42,8 +42,9 @@ fn every_command_that_opens_a_stream_warns_of_exchanged_sides() {
         "{}",
         right.stdout
     );
-    let told = place.run_ok("inspect bare.dat --width 48 --height 64 --json").events().pop().unwrap();
-    let best = told["layout_guesses"].as_array().unwrap().iter().find(|r| r["is_selected"] == false).unwrap();
+    let event = place.run_ok("inspect bare.dat --width 48 --height 64 --json").events().pop().unwrap();
+    let best =
+        event["layout_guesses"].as_array().unwrap().iter().find(|r| r["is_selected"] == false).unwrap();
     assert_eq!((best["width"].as_u64(), best["height"].as_u64()), (Some(64), Some(48)));
 }
 
@@ -52,8 +53,8 @@ fn a_set_with_a_cut_recording_says_so() {
     let place = TestFolder::new();
     place.picture("dark.png", 32, 24, 0);
     place.run_ok("simulate dark.png --width 32 --height 24 --readouts 100 -o run");
-    let whole = place.read("run.dat");
-    place.write("dark.dat", &whole[..whole.len() - 10]);
+    let complete = place.read("run.dat");
+    place.write("dark.dat", &complete[..complete.len() - 10]);
     place.write(
         "set.toml",
         "width = 32\nheight = 24\nreadout_hz = 20000\n[[recording]]\nfile = \"dark.dat\"\nlight = 0.0\n",
@@ -241,7 +242,7 @@ fn a_folder_of_own_recordings_leads_to_a_calibration() {
     assert!(files[0].contains("dark") && files[3].contains("6000"), "{text}");
     place.run_refused("calibrate own/recordings.toml -o a", 3, &["own/recordings.toml", "light"]);
     let mut levels = ["0.0", "0.1", "0.3", "0.6"].into_iter();
-    let told: Vec<_> =
+    let lines: Vec<_> =
         text.lines()
             .map(|l| {
                 if l == "light = \"?\"" {
@@ -251,7 +252,7 @@ fn a_folder_of_own_recordings_leads_to_a_calibration() {
                 }
             })
             .collect();
-    place.write("own/recordings.toml", told.join("\n"));
+    place.write("own/recordings.toml", lines.join("\n"));
     place.run_ok("calibrate own/recordings.toml -o a");
     place.run_refused("record --template own --width 24 --height 16", 7, &["own/recordings.toml"]);
 }

@@ -156,12 +156,12 @@ fn copy(from: &Path, to: &Path) {
 
 /// Whether two files are equal. The flag `--force` in the recorded command is ignored.
 fn are_equal(a: &[u8], b: &[u8]) -> bool {
-    let plain = |bytes: &[u8]| {
+    let without_force = |bytes: &[u8]| {
         let mut value: serde_json::Value = serde_json::from_slice(bytes).ok()?;
         value["command"].as_array_mut()?.retain(|word| word != "--force");
         Some(value)
     };
-    a == b || plain(a).is_some_and(|a| Some(a) == plain(b))
+    a == b || without_force(a).is_some_and(|a| Some(a) == without_force(b))
 }
 
 /// Whether a file is complete, for files that can differ between runs: growing lists, and files that contain times.
@@ -272,52 +272,52 @@ impl<'a> CaseRun<'a> {
         let (job, place) = (self.job, &self.place);
         self.begin(forced);
         let line = if forced { format!("{} --force", job.line) } else { job.line.to_owned() };
-        let about = format!("{line}, SIG{signal} after {wait:?}");
+        let context = format!("{line}, SIG{signal} after {wait:?}");
         let mut child = command(place, &line).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         std::thread::sleep(wait);
         // The process may already have ended, so an error of `kill` is ignored.
         let _ = Command::new("kill").args([&format!("-{signal}"), &child.id().to_string()]).output().unwrap();
         let status = child.wait().unwrap();
         let (files, hidden) = files_below(place, "out");
-        assert_eq!(files.get("out/mine.dat").map(Vec::as_slice), Some(&b"mine"[..]), "{about}");
-        assert!(files_below(place, "in").0 == self.inputs, "{about}: inputs changed");
+        assert_eq!(files.get("out/mine.dat").map(Vec::as_slice), Some(&b"mine"[..]), "{context}");
+        assert!(files_below(place, "in").0 == self.inputs, "{context}: inputs changed");
         for (name, bytes) in &files {
             let is = |files: &Files| files.get(name).is_some_and(|b| are_equal(b, bytes));
             let old = forced && is(&self.old);
-            let whole = is(&self.new) || old || name == "out/mine.dat" || is_whole(name, bytes);
-            assert!(whole, "{about}: {name} is torn");
+            let is_complete = is(&self.new) || old || name == "out/mine.dat" || is_whole(name, bytes);
+            assert!(is_complete, "{context}: {name} is torn");
         }
         for line in job.verify {
             let ran = run(place, line);
-            assert!([0, 2, 5].contains(&ran.code), "{about}: {line}: {} {}", ran.code, ran.stderr);
+            assert!([0, 2, 5].contains(&ran.code), "{context}: {line}: {} {}", ran.code, ran.stderr);
         }
         let listed: Vec<String> = run(place, "partials out --json")
             .events()
             .iter()
             .filter(|e| e["event"] == "partial")
-            .inspect(|e| assert_eq!(e["running"], false, "{about}: {e}"))
+            .inspect(|e| assert_eq!(e["running"], false, "{context}: {e}"))
             .map(|e| e["file"].as_str().unwrap().to_owned())
             .collect();
-        assert_eq!(listed, hidden, "{about}");
+        assert_eq!(listed, hidden, "{context}");
         if signal == "TERM" {
-            assert!(hidden.is_empty(), "{about}: {hidden:?}");
+            assert!(hidden.is_empty(), "{context}: {hidden:?}");
             let code = status.code();
             // If the process has not yet installed its handlers, the signal ends it. It has then written nothing.
-            assert!(matches!(code, Some(0 | 130 | 75) | None), "{about}: {code:?}");
+            assert!(matches!(code, Some(0 | 130 | 75) | None), "{context}: {code:?}");
         }
         if finish {
             let flags = if forced { "--force" } else { job.resume_flags };
             run_successfully(place, &format!("{} {flags}", job.line));
             let (files, _) = files_below(place, "out");
             for (name, bytes) in &self.new {
-                let found = files.get(name).unwrap_or_else(|| panic!("{about}: {name} is missing"));
+                let content = files.get(name).unwrap_or_else(|| panic!("{context}: {name} is missing"));
                 assert!(
-                    are_equal(found, bytes) || is_whole(name, found),
-                    "{about}: {name} differs in the end"
+                    are_equal(content, bytes) || is_whole(name, content),
+                    "{context}: {name} differs in the end"
                 );
             }
             run_successfully(place, "partials out --delete");
-            assert_eq!(files_below(place, "out").1, Vec::<String>::new(), "{about}");
+            assert_eq!(files_below(place, "out").1, Vec::<String>::new(), "{context}");
         }
         hidden.len()
     }
@@ -334,8 +334,8 @@ impl<'a> CaseRun<'a> {
         for signal in ["TERM", "KILL"] {
             let (mut left, mut stopped) = (0, 0);
             for i in 0..moments {
-                let anywhere = i % 2 == 0;
-                let wait = if anywhere { uniform() * takes } else { takes - 0.1 * uniform() };
+                let at_random = i % 2 == 0;
+                let wait = if at_random { uniform() * takes } else { takes - 0.1 * uniform() };
                 let forced = self.job.earlier_flags.is_some() && i % 4 < 2;
                 let hidden =
                     self.stop(signal, Duration::from_secs_f64(wait.max(0.0)), forced, i % finish_every == 0);

@@ -89,9 +89,9 @@ fn what_a_running_process_writes_is_listed_and_never_deleted() {
     let before = place.file_names();
     let ran = place.run_ok("partials --delete --json");
     let events = ran.events();
-    let of =
+    let event_of =
         |name: &str| events.iter().find(|e| e["file"].as_str().is_some_and(|f| f.ends_with(name))).unwrap();
-    let (running, left) = (of(".t.dat.lock"), of(".u.dat.77-0.partial"));
+    let (running, left) = (event_of(".t.dat.lock"), event_of(".u.dat.77-0.partial"));
     assert_eq!((&running["running"], &running["deleted"]), (&true.into(), &false.into()));
     assert_eq!(running["process"], first.id());
     assert_eq!(
@@ -244,8 +244,8 @@ fn what_is_recorded_names_no_folder_of_the_machine() {
     for line in lines("") {
         place.run_ok(&line.replace("OUT", "out"));
     }
-    let found = Command::new("grep").args(["-rlF", &here, "out"]).current_dir(&here).output().unwrap();
-    assert_eq!(String::from_utf8_lossy(&found.stdout), "");
+    let matches = Command::new("grep").args(["-rlF", &here, "out"]).current_dir(&here).output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&matches.stdout), "");
     assert_eq!(place.json("out/light.json")["command"][2], "light.png");
     place.run_ok(&lines("--record-paths")[0].replace("OUT", "kept"));
     assert_eq!(place.json("kept/light.json")["command"][2], format!("{here}/light.png"));

@@ -46,25 +46,25 @@ const CLIPS: &str = "--from clips --width 32 --height 24 --readouts-per-frame 4"
 #[test]
 fn a_dataset_is_the_same_however_it_is_cut() {
     let place = TestFolder::new();
-    let whole = digest(&place.run_ok(&format!("dataset {SCENES} -o whole --threads 1")).stdout);
-    let plain = sequences(&[place.path("whole/sequences")]);
+    let full_digest = digest(&place.run_ok(&format!("dataset {SCENES} -o whole --threads 1")).stdout);
+    let expected = sequences(&[place.path("whole/sequences")]);
     for (per_shard, shards) in [(1u32, "4,2-3,0-1"), (2, "all"), (7, "0")] {
         let out = format!("cut{per_shard}");
         place.run_ok(&format!("dataset plan {SCENES} -o {out} --sequences-per-shard {per_shard}"));
         place.run_ok(&format!("dataset run {out} --shards {shards}"));
-        assert_eq!(digest(&place.run_ok(&format!("dataset merge {out}")).stdout), whole, "{per_shard}");
+        assert_eq!(digest(&place.run_ok(&format!("dataset merge {out}")).stdout), full_digest, "{per_shard}");
         let roots: Vec<_> = (0..5u32.div_ceil(per_shard))
             .map(|k| place.path(&format!("{out}/shards/{k:06}/sequences")))
             .collect();
-        assert!(sequences(&roots) == plain, "{per_shard} a shard");
+        assert!(sequences(&roots) == expected, "{per_shard} a shard");
         for split in ["train", "test"] {
             let names = |set: &str| {
                 let mut all = sequences(&[place.path(&format!("{set}/{split}"))]);
                 // The file contains the paths of images. The part of the path that names the shard is removed before comparing.
                 let coco = String::from_utf8(all["coco.json"].clone()).unwrap();
                 let parts = coco.split("shards/").enumerate();
-                let plain: String = parts.map(|(i, part)| &part[if i > 0 { 7 } else { 0 }..]).collect();
-                all.insert("coco.json".into(), plain.into());
+                let joined: String = parts.map(|(i, part)| &part[if i > 0 { 7 } else { 0 }..]).collect();
+                all.insert("coco.json".into(), joined.into());
                 all
             };
             assert!(names(&out) == names("whole"), "{split}, {per_shard} a shard");
@@ -80,15 +80,15 @@ fn a_dataset_is_the_same_however_it_is_cut() {
 #[test]
 fn a_pack_holds_every_sequence_in_webdatasets_naming_with_a_fixed_digest() {
     let place = TestFolder::new();
-    let whole = digest(&place.run_ok(&format!("dataset {SCENES} -o whole")).stdout);
+    let full_digest = digest(&place.run_ok(&format!("dataset {SCENES} -o whole")).stdout);
     for (out, threads) in [("a", 1), ("b", 2)] {
         place.run_ok(&format!("dataset plan {SCENES} -o {out} --sequences-per-shard 2 --pack"));
         place.run_ok(&format!("dataset run {out} --shards all --threads {threads}"));
-        assert_eq!(digest(&place.run_ok(&format!("dataset merge {out}")).stdout), whole);
+        assert_eq!(digest(&place.run_ok(&format!("dataset merge {out}")).stdout), full_digest);
         assert!(!exists(&place.path(&format!("{out}/shards/000000/sequences"))));
     }
-    let plain = sequences(&[place.path("whole/sequences")]);
-    let mut seen = BTreeMap::new();
+    let expected = sequences(&[place.path("whole/sequences")]);
+    let mut packed_files = BTreeMap::new();
     let mut names = Vec::new();
     for k in 0..3 {
         let name = format!("shards/{k:06}.tar");
@@ -102,7 +102,7 @@ fn a_pack_holds_every_sequence_in_webdatasets_naming_with_a_fixed_digest() {
             let mut bytes = Vec::new();
             std::io::Read::read_to_end(&mut member, &mut bytes).unwrap();
             names.push(name.clone());
-            seen.insert(name, bytes);
+            packed_files.insert(name, bytes);
         }
     }
     assert!(names.is_sorted(), "{names:?}");
@@ -112,20 +112,21 @@ fn a_pack_holds_every_sequence_in_webdatasets_naming_with_a_fixed_digest() {
         ("reference.png", "png"),
         ("labels/000002.depth.npy", "labels-000002-depth.npy"),
     ] {
-        let (plain, packed) = (&plain[&format!("scene-0003/{file}")], &seen[&format!("scene-0003.{name}")]);
-        assert!(plain == packed, "{file}");
+        let (expected, packed) =
+            (&expected[&format!("scene-0003/{file}")], &packed_files[&format!("scene-0003.{name}")]);
+        assert!(expected == packed, "{file}");
     }
     // Seeds above 63 bits are stored as strings in the pack, because Arrow has no integers of this size.
     for k in 0..5 {
         let json = |bytes: &[u8]| -> serde_json::Value { serde_json::from_slice(bytes).unwrap() };
-        let own = json(&plain[&format!("scene-000{k}/record.json")]);
-        let packed = json(&seen[&format!("scene-000{k}.json")]);
-        assert_eq!((&packed["id"], &packed["files"]), (&own["id"], &own["files"]));
-        let (seed, text) = (&packed["facts"]["scene_seed"], own["facts"]["scene_seed"].to_string());
-        assert!(seed.as_i64().is_some() && *seed == own["facts"]["scene_seed"] || *seed == text.as_str());
+        let record = json(&expected[&format!("scene-000{k}/record.json")]);
+        let packed = json(&packed_files[&format!("scene-000{k}.json")]);
+        assert_eq!((&packed["id"], &packed["files"]), (&record["id"], &record["files"]));
+        let (seed, text) = (&packed["facts"]["scene_seed"], record["facts"]["scene_seed"].to_string());
+        assert!(seed.as_i64().is_some() && *seed == record["facts"]["scene_seed"] || *seed == text.as_str());
     }
     let splits = names.iter().filter(|n| n.ends_with(".split.txt")).count();
-    assert_eq!((names.len(), splits), (plain.len() + 5, 5));
+    assert_eq!((names.len(), splits), (expected.len() + 5, 5));
     // Commands that need folders report that the dataset is packed.
     place.run_refused("dataset stats a", 4, &["a packed sequence", "--pack"]);
     place.run_refused("evaluate a", 4, &["a packed sequence"]);
@@ -202,8 +203,8 @@ fn inputs_are_frozen_and_one_that_changed_or_is_poisoned_is_set_aside() {
     );
     place.write("clips/004.y4m", y4m(32, 24, &[1, 2, 3]));
     let ran = place.run_ok("dataset run set --shards all --json");
-    let told: Vec<_> = ran.events().into_iter().filter(|e| e["event"] == "shard").collect();
-    let aside = |k: usize| told[k]["failures"].as_array().unwrap().clone();
+    let events: Vec<_> = ran.events().into_iter().filter(|e| e["event"] == "shard").collect();
+    let aside = |k: usize| events[k]["failures"].as_array().unwrap().clone();
     assert_eq!([aside(0).len(), aside(1).len(), aside(2).len()], [0, 1, 1]);
     assert_eq!(aside(1)[0]["input"], "004.y4m");
     assert!(aside(1)[0]["reason"].as_str().unwrap().contains("as in the plan"), "{:?}", aside(1));
@@ -215,8 +216,8 @@ fn inputs_are_frozen_and_one_that_changed_or_is_poisoned_is_set_aside() {
     for name in ["004", "bad", "000a"] {
         fs::remove_file(place.path(&format!("clips/{name}.y4m"))).unwrap();
     }
-    let plain = place.run_ok(&format!("dataset {CLIPS} -o plain"));
-    assert_eq!(digest(&plain.stdout), digest(&merged.stdout));
+    let unsharded = place.run_ok(&format!("dataset {CLIPS} -o plain"));
+    assert_eq!(digest(&unsharded.stdout), digest(&merged.stdout));
 }
 
 #[test]
@@ -259,8 +260,8 @@ fn a_plan_whose_inputs_lie_outside_of_its_folder_is_run_with_a_line_that_names_t
         ));
         for command in [format!("run {output} --shards all"), format!("merge {output}")] {
             let ran = place.run_ok(&format!("dataset {command}"));
-            let found = ran.stderr.contains("inputs are read from ");
-            assert_eq!(found, line.is_some(), "{command}: {}", ran.stderr);
+            let is_reported = ran.stderr.contains("inputs are read from ");
+            assert_eq!(is_reported, line.is_some(), "{command}: {}", ran.stderr);
             assert!(line.is_none_or(|line| ran.stderr.contains(line)), "{command}: {}", ran.stderr);
         }
     }
@@ -318,13 +319,16 @@ fn two_workers_on_one_shard_and_a_request_to_end_have_codes_of_their_own() {
     let second = place.run("dataset run set --shards 0");
     assert_eq!(second.code, 10, "{}", second.stderr);
     assert!(second.stderr.contains(&format!("process {}", child.id())), "{}", second.stderr);
-    let told = place.run_ok("dataset status set --json").events();
-    assert_eq!((&told[0]["running_shards"][0]["shard"], &told[0]["missing_shards"]), (&0.into(), &0.into()));
+    let events = place.run_ok("dataset status set --json").events();
+    assert_eq!(
+        (&events[0]["running_shards"][0]["shard"], &events[0]["missing_shards"]),
+        (&0.into(), &0.into())
+    );
     let kill = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(kill.success());
     assert_eq!(child.wait().unwrap().code(), Some(75));
-    let told = place.run_ok("dataset status set --json").events();
-    assert_eq!((&told[0]["shard_array"], &told[0]["done_shards"]), (&"0".into(), &0.into()));
+    let events = place.run_ok("dataset status set --json").events();
+    assert_eq!((&events[0]["shard_array"], &events[0]["done_shards"]), (&"0".into(), &0.into()));
     let hidden = fs::read_dir(place.path("set/shards/000000/sequences")).unwrap();
     assert_eq!(hidden.count(), 0, "something half-written is left");
 }
@@ -361,16 +365,16 @@ fn of_many_processes_that_plan_at_once_one_makes_a_whole_plan() {
             (per_shard, command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap())
         })
         .collect();
-    let mut made = Vec::new();
+    let mut folders = Vec::new();
     for (per_shard, child) in children {
         let out = child.wait_with_output().unwrap();
         match out.status.code() {
-            Some(0) => made.push(per_shard),
+            Some(0) => folders.push(per_shard),
             Some(7 | 10) => {}
             code => panic!("{code:?}: {}", String::from_utf8_lossy(&out.stderr)),
         }
     }
     let plan: serde_json::Value = serde_json::from_slice(&place.read("set/plan.json")).unwrap();
-    assert_eq!(made, [plan["sequences_per_shard"].as_u64().unwrap()]);
+    assert_eq!(folders, [plan["sequences_per_shard"].as_u64().unwrap()]);
     assert!(!place.path("set/.folder.lock").exists());
 }

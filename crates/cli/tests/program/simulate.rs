@@ -89,14 +89,14 @@ fn a_camera_that_drops_readouts_still_fills_the_file() {
     let base = format!("simulate {SMALL_RUN_FLAGS} --clean");
     place.run_ok(&format!("{base} -o whole"));
     place.run_ok(&format!("{base} --effect dropped_readouts.probability=0.2 -o lossy"));
-    let (whole, lossy) = (place.read("whole.dat"), place.read("lossy.dat"));
-    assert_eq!(lossy.len(), whole.len());
+    let (full, lossy) = (place.read("whole.dat"), place.read("lossy.dat"));
+    assert_eq!(lossy.len(), full.len());
     assert!(place.read("lossy.clean.dat") == place.read("whole.clean.dat"));
-    let bytes = whole.len() / 300;
-    let mut rest = whole.chunks(bytes);
-    let found = lossy.chunks(bytes).take_while(|&frame| rest.any(|other| other == frame)).count();
+    let bytes = full.len() / 300;
+    let mut rest = full.chunks(bytes);
+    let matched = lossy.chunks(bytes).take_while(|&frame| rest.any(|other| other == frame)).count();
     // The readouts that replace the lost readouts are at the end. They record light after the end of the whole stream.
-    assert!((200..280).contains(&found), "{found} frames of the whole stream, in their order");
+    assert!((200..280).contains(&matched), "{matched} frames of the whole stream, in their order");
 }
 
 #[test]
@@ -265,10 +265,10 @@ fn ctrl_c_leaves_nothing_even_while_the_input_is_silent() {
     let sent = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap();
     assert!(sent.success());
     let status = child.wait().unwrap();
-    let mut said = String::new();
-    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-    assert_eq!(status.code(), Some(130), "{said}");
-    assert_eq!(place.file_names(), Vec::<String>::new(), "{said}");
+    let mut stderr = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+    assert_eq!(status.code(), Some(130), "{stderr}");
+    assert_eq!(place.file_names(), Vec::<String>::new(), "{stderr}");
 }
 
 #[test]

@@ -49,12 +49,12 @@ fn a_part_is_cut_out_and_keeps_its_origin() {
     place.run_ok(CAMERA);
     place.run_ok("convert a.dat part.npy --to npy-bytes --readouts 10..30 --crop 100,50,64,32");
     place.run_ok("convert a.dat whole.npy --to npy-bytes");
-    let (part, whole) = (place.read("part.npy"), place.read("whole.npy"));
-    let (part, whole) = (&part[part.len() - 20 * 64 * 32..], &whole[whole.len() - 40 * 100_000..]);
+    let (part, full) = (place.read("part.npy"), place.read("whole.npy"));
+    let (part, full) = (&part[part.len() - 20 * 64 * 32..], &full[full.len() - 40 * 100_000..]);
     for (t, frame) in part.chunks(64 * 32).enumerate() {
         for (row, line) in frame.chunks(64).enumerate() {
             let start = (10 + t) * 100_000 + (50 + row) * 400 + 100;
-            assert_eq!(line, &whole[start..start + 64], "readout {t}, row {row}");
+            assert_eq!(line, &full[start..start + 64], "readout {t}, row {row}");
         }
     }
     let sidecar = place.json("part.npy.json");
@@ -73,11 +73,11 @@ fn inspect_tells_what_is_known_of_an_ideal_stream() {
     place.run_ok(
         "simulate gray.png --transfer linear --camera ideal --width 32 --height 16 --readouts 100 -o a",
     );
-    let told = place.run_ok("inspect a.dat --digest --png look.png --json").events().pop().unwrap();
-    assert_eq!((told["readouts"].as_u64(), told["layout"].as_str()), (Some(100), Some("dat")));
-    assert_eq!(told["mean_rate"], 0.2);
-    assert_eq!(told["max_pixel_rate"], 0.2);
-    assert_eq!((told["dead_pixels"].as_u64(), told["digest_matches"].as_bool()), (Some(0), Some(true)));
+    let event = place.run_ok("inspect a.dat --digest --png look.png --json").events().pop().unwrap();
+    assert_eq!((event["readouts"].as_u64(), event["layout"].as_str()), (Some(100), Some("dat")));
+    assert_eq!(event["mean_rate"], 0.2);
+    assert_eq!(event["max_pixel_rate"], 0.2);
+    assert_eq!((event["dead_pixels"].as_u64(), event["digest_matches"].as_bool()), (Some(0), Some(true)));
     assert_eq!(image::open(place.path("look.png")).unwrap().width(), 32);
     // If a file has no header and no sidecar, size flags are sufficient.
     place.write("bare.dat", place.read("a.dat"));
@@ -157,8 +157,8 @@ fn every_preset_prints_what_simulates_to_the_same_bits() {
 #[test]
 fn effects_completions_and_manual_pages_come_out() {
     let place = TestFolder::new();
-    let told = place.run_ok("effects --json").events();
-    assert_eq!(told.len(), spikelane::effects::ALL.len());
+    let events = place.run_ok("effects --json").events();
+    assert_eq!(events.len(), spikelane::effects::ALL.len());
     assert!(place.run_ok("effects prnu").stdout.contains("sigma"));
     assert!(place.run_ok("completions bash").stdout.contains("spikelane"));
     assert!(place.run_ok("man").stdout.contains(".TH"));
@@ -174,7 +174,7 @@ fn inspect_calls_no_pixel_dead_after_ten_readouts() {
     place.run_ok(
         "simulate gray.png --transfer linear --camera physical --width 32 --height 16 --readouts 10 -o a",
     );
-    let told = place.run_ok("inspect a.dat --json").events().pop().unwrap();
-    assert_eq!(told["dead_pixels"], 0);
-    assert!(told["silent_pixels"].as_u64() > Some(0), "{told}");
+    let event = place.run_ok("inspect a.dat --json").events().pop().unwrap();
+    assert_eq!(event["dead_pixels"], 0);
+    assert!(event["silent_pixels"].as_u64() > Some(0), "{event}");
 }

@@ -94,9 +94,9 @@ fn a_plan_whose_numbers_are_not_those_of_its_options_is_refused_at_once() {
     let dir = tempfile::tempdir().unwrap();
     let top = dir.path();
     run_ok(top, &format!("dataset plan {SCENES} --sequences-per-shard 1 -o p"));
-    let whole = fs::read(top.join("p/plan.json")).unwrap();
+    let plan_text = fs::read(top.join("p/plan.json")).unwrap();
     for (sequences, per_shard) in [(5u64, 1u64), (1 << 50, 1), (u64::MAX, u64::MAX), (0, 1), (1, 0)] {
-        fs::write(top.join("p/plan.json"), &whole).unwrap();
+        fs::write(top.join("p/plan.json"), &plan_text).unwrap();
         edit(&top.join("p/plan.json"), |plan| {
             plan["sequences"] = sequences.into();
             plan["sequences_per_shard"] = per_shard.into();
@@ -130,8 +130,8 @@ fn sequences_and_readouts_beyond_what_memory_holds_are_refused() {
         "readouts_per_image = 4294967295",
     ] {
         for line in [dry, plan] {
-            let (code, said) = place(text, line);
-            assert_eq!(code, 2, "{text}: {line}: {said}");
+            let (code, message) = place(text, line);
+            assert_eq!(code, 2, "{text}: {line}: {message}");
         }
     }
     assert!(!dir.path().join("out").exists());
@@ -178,9 +178,9 @@ fn links_out_of_a_data_set_are_read_only_where_the_user_allows_it() {
     let dir = tempfile::tempdir().unwrap();
     let top = dir.path();
     run_ok(top, &format!("dataset {SCENES} -o set"));
-    let (own, moved) = (top.join("set/sequences/scene-0000"), top.join("store"));
-    fs::rename(&own, &moved).unwrap();
-    symlink(&moved, &own).unwrap();
+    let (sequence, moved) = (top.join("set/sequences/scene-0000"), top.join("store"));
+    fs::rename(&sequence, &moved).unwrap();
+    symlink(&moved, &sequence).unwrap();
     let (code, text) = run(top, "dataset stats set");
     assert!(code == 4 && text.contains("link that points outside the folder"), "{text}");
     run_ok(top, "dataset stats set --follow-links");
@@ -188,10 +188,10 @@ fn links_out_of_a_data_set_are_read_only_where_the_user_allows_it() {
     // If a sequence is behind a link, it is neither generated again nor replaced without `--follow-links`.
     assert_eq!(run(top, &format!("dataset {SCENES} -o set --resume")).0, 4);
     run_ok(top, &format!("dataset {SCENES} -o set --resume --follow-links"));
-    assert!(own.symlink_metadata().unwrap().is_symlink() && moved.join("stream.dat").is_file());
+    assert!(sequence.symlink_metadata().unwrap().is_symlink() && moved.join("stream.dat").is_file());
     // The folder on the command line may be a link.
-    fs::remove_file(&own).unwrap();
-    fs::rename(&moved, &own).unwrap();
+    fs::remove_file(&sequence).unwrap();
+    fs::rename(&moved, &sequence).unwrap();
     symlink("set", top.join("named")).unwrap();
     run_ok(top, "dataset stats named");
     run_ok(top, &format!("dataset {SCENES} -o named --resume"));

@@ -49,19 +49,19 @@ fn snapshot(root: &Path) -> BTreeMap<PathBuf, (u32, i64, i64, Vec<u8>)> {
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            let found = fs::symlink_metadata(&path).unwrap();
-            let bytes = if found.is_symlink() {
+            let metadata = fs::symlink_metadata(&path).unwrap();
+            let bytes = if metadata.is_symlink() {
                 fs::read_link(&path).unwrap().into_os_string().into_encoded_bytes()
-            } else if found.is_file() {
+            } else if metadata.is_file() {
                 fs::read(&path).unwrap()
             } else {
                 Vec::new()
             };
-            if found.is_dir() {
+            if metadata.is_dir() {
                 folders.push(path.clone());
             }
             let below = path.strip_prefix(root).unwrap().to_owned();
-            all.insert(below, (found.mode(), found.mtime(), found.mtime_nsec(), bytes));
+            all.insert(below, (metadata.mode(), metadata.mtime(), metadata.mtime_nsec(), bytes));
         }
     }
     all
@@ -130,10 +130,10 @@ fn was_read(folder: &Path) -> Option<PathBuf> {
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            let found = fs::symlink_metadata(&path).unwrap();
-            if found.is_dir() {
+            let metadata = fs::symlink_metadata(&path).unwrap();
+            if metadata.is_dir() {
                 folders.push(path);
-            } else if found.is_file() && found.accessed().unwrap() != SystemTime::UNIX_EPOCH {
+            } else if metadata.is_file() && metadata.accessed().unwrap() != SystemTime::UNIX_EPOCH {
                 return Some(path);
             }
         }
@@ -148,10 +148,10 @@ fn holds_secret(folder: &Path) -> Option<PathBuf> {
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            let found = fs::symlink_metadata(&path).unwrap();
-            if found.is_dir() {
+            let metadata = fs::symlink_metadata(&path).unwrap();
+            if metadata.is_dir() {
                 folders.push(path);
-            } else if found.is_file() && found.len() < 1 << 24 && holds(&fs::read(&path).unwrap()) {
+            } else if metadata.is_file() && metadata.len() < 1 << 24 && holds(&fs::read(&path).unwrap()) {
                 return Some(path);
             }
         }
@@ -277,9 +277,9 @@ fn commands_end_with_a_listed_code_and_leave_everything_outside_as_it_is() {
                     if number >= first + cases {
                         break;
                     }
-                    let found = run_case(number, &base, top.path());
-                    if !found.is_empty() {
-                        wrong.lock().unwrap().push(found);
+                    let findings = run_case(number, &base, top.path());
+                    if !findings.is_empty() {
+                        wrong.lock().unwrap().push(findings);
                     }
                 }
             });

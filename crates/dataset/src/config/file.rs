@@ -96,9 +96,9 @@ fn parse_seed(key: &str, value: &Value) -> Result<u64> {
 /// Returns the inputs with absolute paths. The text of the options may be stored in another folder, where relative
 /// paths would be wrong.
 fn with_absolute_paths(inputs: &InputContent) -> Result<InputContent> {
-    let whole = |path: &Path| std::path::absolute(path).map_err(|e| Error::io(path.display(), e));
-    let list = inputs.list.as_deref().map(whole).transpose()?;
-    Ok(InputContent { folder: whole(&inputs.folder)?, list, ..inputs.clone() })
+    let absolute = |path: &Path| std::path::absolute(path).map_err(|e| Error::io(path.display(), e));
+    let list = inputs.list.as_deref().map(absolute).transpose()?;
+    Ok(InputContent { folder: absolute(&inputs.folder)?, list, ..inputs.clone() })
 }
 
 impl DatasetFile {

@@ -41,33 +41,24 @@ pub fn to_toml(options: &DatasetOptions) -> Result<DatasetText> {
 /// In the result, the output folder is empty, the number of threads is one, and `resume` is false.
 ///
 /// # Errors
-/// [`ErrorKind::Config`] if the text has another format version, an unknown key, or an invalid value.
-pub fn from_toml(text: &str, folder: &Path) -> Result<DatasetOptions> {
-    from_toml_with(text, folder, false)
-}
-
-/// Parses text as [`from_toml`] does. If `follow_links` is true, a camera file may be a link to a file outside
-/// `folder`.
-///
-/// # Errors
-/// The errors of [`from_toml`].
-pub fn from_toml_with(text: &str, folder: &Path, follow_links: bool) -> Result<DatasetOptions> {
+/// [`ErrorKind::Config`] if the text has another version, an unknown key, or an invalid value.
+pub fn from_toml(text: &str, folder: &Path, access: Access) -> Result<DatasetOptions> {
     let mut table: toml::Table = toml::from_str(text).map_err(|e| parse_error(&e))?;
     file::expand_preset(&mut table)?;
     let file: file::DatasetFile = table.try_into().map_err(|e| parse_error(&e))?;
-    let access = Access::for_reading(follow_links);
+    let follow_links = access == Access::ReadThroughLinks;
     file.into_options(folder, access).map(|options| DatasetOptions { follow_links, ..options })
 }
 
 /// Returns the error for invalid text. If the text contains an unknown key, the error suggests the most similar known
 /// key.
 fn parse_error(error: &toml::de::Error) -> Error {
-    let found = Error::new(ErrorKind::Config, "dataset.toml").found(error.to_string().trim_end());
+    let message = Error::new(ErrorKind::Config, "dataset.toml").found(error.to_string().trim_end());
     // The message of the TOML parser has the form: unknown field `A`, expected one of `B`, `C`.
     let mut quoted = error.message().split('`').skip(1).step_by(2);
     match quoted.next().filter(|_| error.message().starts_with("unknown field")) {
-        Some(key) => found.with_suggestion(key, quoted),
-        None => found,
+        Some(key) => message.with_suggestion(key, quoted),
+        None => message,
     }
 }
 
@@ -75,10 +66,10 @@ fn parse_error(error: &toml::de::Error) -> Error {
 ///
 /// # Errors
 /// The errors of [`from_toml`]. Also [`ErrorKind::Io`] if the file cannot be read.
-pub fn open(path: &Path, follow_links: bool) -> Result<DatasetOptions> {
+pub fn open(path: &Path, access: Access) -> Result<DatasetOptions> {
     let text = read_text(path, "a dataset.toml")?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    from_toml_with(&text, folder, follow_links).map_err(|e| e.with_context(path.display()))
+    from_toml(&text, folder, access).map_err(|e| e.with_context(path.display()))
 }
 
 #[cfg(test)]
@@ -102,7 +93,8 @@ mod tests {
             ("dataset_layout = \"coco\"", &["dataset_layout", "coco", "spike-zoo"]),
             ("[scenes]\nimages_per_scene = = 2", &["line 3"]),
         ] {
-            let error = from_toml(&format!("format_version = 1\n{text}\n"), Path::new("")).unwrap_err();
+            let error =
+                from_toml(&format!("format_version = 1\n{text}\n"), Path::new(""), Access::Read).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::Config, "{text}");
             for word in words {
                 assert!(error.to_string().contains(word), "{text}: {error} has no {word}");
@@ -114,7 +106,7 @@ mod tests {
     fn a_preset_fills_in_what_the_table_leaves_out() {
         let text =
             "format_version = 1\n[scenes]\npreset = \"tiny\"\nimages_per_scene = 3\nlighting = \"dusk\"\n";
-        let options = from_toml(text, Path::new("")).unwrap();
+        let options = from_toml(text, Path::new(""), Access::Read).unwrap();
         let wanted = SceneContent::tiny().with_images_per_scene(3).with_lighting(vec![Lighting::Dusk]);
         assert_eq!((options.content, options.splits.test), (Content::Scenes(wanted), 0.2));
     }

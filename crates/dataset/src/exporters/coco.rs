@@ -86,7 +86,7 @@ impl CocoWriter {
         let bad = |found: &dyn std::fmt::Display| {
             Error::new(ErrorKind::Corrupt, path.display()).found(found).expected("COCO lists")
         };
-        let mut own: Value = serde_json::from_slice(&bytes).map_err(|e| bad(&e))?;
+        let mut annotations: Value = serde_json::from_slice(&bytes).map_err(|e| bad(&e))?;
         let below = entry.path().join("images");
         let (images_before, annotations_before) = (self.images.count, self.annotations.count);
         let shift = |value: &mut Value, key: &str, by: u64| -> Result<()> {
@@ -97,10 +97,10 @@ impl CocoWriter {
             *number = id.ok_or_else(|| bad(&format_args!("{key} = {number}")))?.into();
             Ok(())
         };
-        if !own.is_object() {
+        if !annotations.is_object() {
             return Err(bad(&"no object"));
         }
-        for image in own["images"].as_array_mut().into_iter().flatten() {
+        for image in annotations["images"].as_array_mut().into_iter().flatten() {
             shift(image, "id", images_before)?;
             let readout = image["readout"].as_u64().ok_or_else(|| bad(&"an image without a readout"))?;
             let name = PlainName::from_number(readout, 6)
@@ -110,12 +110,12 @@ impl CocoWriter {
             image["sequence"] = entry.id.as_str().into();
             self.images.add(image)?;
         }
-        for annotation in own["annotations"].as_array_mut().into_iter().flatten() {
+        for annotation in annotations["annotations"].as_array_mut().into_iter().flatten() {
             shift(annotation, "id", annotations_before)?;
             shift(annotation, "image_id", images_before)?;
             self.annotations.add(annotation)?;
         }
-        self.categories = own["categories"].take();
+        self.categories = annotations["categories"].take();
         Ok(())
     }
 

@@ -14,27 +14,27 @@ const FILE_NAME: &str = "croissant.json";
 
 /// Describes the tables of the splits. A table lists the files of every sequence in the split. `about` is a
 /// description of the dataset.
-pub(super) fn write(options: &DatasetOptions, tables: &[(Split, String)], about: &str) -> Result<()> {
+pub(super) fn write(options: &DatasetOptions, tables: &[(Split, String)], description: &str) -> Result<()> {
     let path = options.output.join(FILE_NAME);
     if tables.is_empty() {
         return folders::remove(&options.output, &FILE_NAME.into());
     }
-    let described = metadata_json(options, tables, about);
+    let described = metadata_json(options, tables, description);
     let text = serde_json::to_vec_pretty(&described)
         .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
     storage::write_small(&path, &text, true)
 }
 
-fn metadata_json(options: &DatasetOptions, tables: &[(Split, String)], about: &str) -> Value {
+fn metadata_json(options: &DatasetOptions, tables: &[(Split, String)], description: &str) -> Value {
     let files: Vec<Value> = tables.iter().map(|(split, text)| file_object(*split, text)).collect();
     let records: Vec<Value> = tables.iter().map(|(split, text)| record_set(*split, text)).collect();
     let name = options.output.file_name().unwrap_or_default().to_string_lossy();
     // The identifiers in the file start with the dataset's name. Identifiers must consist of letters, digits and
     // dashes.
-    let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+    let ascii: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
     let all = json!({
         "@context": context(), "@type": "sc:Dataset", "conformsTo": "http://mlcommons.org/croissant/1.0",
-        "name": plain, "description": about, "distribution": files, "recordSet": records,
+        "name": ascii, "description": description, "distribution": files, "recordSet": records,
     });
     let known = [
         ("license", options.license.as_deref().map(license_value)),
@@ -97,7 +97,7 @@ fn record_set(split: Split, text: &str) -> Value {
 
 /// Returns the context that version 1.0 of the specification defines.
 fn context() -> Value {
-    let own = |name: &str| (name.to_owned(), Value::from(format!("cr:{name}")));
+    let local_term = |name: &str| (name.to_owned(), Value::from(format!("cr:{name}")));
     let mut all: serde_json::Map<String, Value> = [
         "citeAs",
         "column",
@@ -125,9 +125,9 @@ fn context() -> Value {
         "transform",
     ]
     .into_iter()
-    .map(own)
+    .map(local_term)
     .collect();
-    let further = [
+    let entries = [
         ("@language", json!("en")),
         ("@vocab", json!("https://schema.org/")),
         ("conformsTo", json!("dct:conformsTo")),
@@ -139,7 +139,7 @@ fn context() -> Value {
         ("dataType", json!({"@id": "cr:dataType", "@type": "@vocab"})),
         ("examples", json!({"@id": "cr:examples", "@type": "@json"})),
     ];
-    all.extend(further.map(|(key, value)| (key.to_owned(), value)));
+    all.extend(entries.map(|(key, value)| (key.to_owned(), value)));
     all.into()
 }
 

@@ -20,8 +20,8 @@ pub(super) fn write(
     for (index, frame) in frames.iter().enumerate() {
         let name = PlainName::from_number(frame.readout, 6).with_ending(".kitti.txt");
         let path = entry.path().join("labels").join(name).resolve_in(&options.output, options.access())?;
-        let own = read_text(&path, "KITTI labels")?;
-        let lines = track_lines(index, frame, &own);
+        let labels_text = read_text(&path, "KITTI labels")?;
+        let lines = track_lines(index, frame, &labels_text);
         text += &lines.ok_or_else(|| {
             Error::new(ErrorKind::Corrupt, path.display())
                 .found("different vehicles")
@@ -39,9 +39,9 @@ pub(super) fn write(
 /// lines of the sequence's label file. Returns `None` if `own` does not contain the same vehicles as `frame`.
 ///
 /// The tracking benchmark has three truncation levels, which replace the truncation value of `own`.
-fn track_lines(index: usize, frame: &LabeledFrame, own: &str) -> Option<String> {
+fn track_lines(index: usize, frame: &LabeledFrame, labels_text: &str) -> Option<String> {
     let mut text = String::new();
-    let mut lines = own.lines();
+    let mut lines = labels_text.lines();
     for b in frame.visible_vehicles() {
         let line = lines.next()?;
         let mut parts = line.splitn(3, ' ');

@@ -40,20 +40,20 @@ fn spikecv_paths(split: Split, id: &PlainName) -> impl Iterator<Item = InnerPath
 pub(crate) fn link_sequence(options: &DatasetOptions, entry: &SequenceEntry) -> Result<u64> {
     let (root, access, id) = (&options.output, options.access(), &entry.id);
     let sequence = entry.path().resolve_in(root, access)?;
-    let own = |name: &'static str| InnerPath::from(name).resolve_in(&sequence, access);
+    let resolve = |name: &'static str| InnerPath::from(name).resolve_in(&sequence, access);
     let split = InnerPath::from(entry.split.name());
-    let sidecar = Sidecar::read(&own("stream.json")?)?;
+    let sidecar = Sidecar::read(&resolve("stream.json")?)?;
     let mut copied = 0;
     for (file, folder) in [("stream.dat", "spike"), ("stream.clean.dat", "clean")] {
         let name = id.with_ending(".dat");
         let folder = split.join(folder);
-        copied += link_or_copy(&own(file)?, root, &folder.join(&name))?;
+        copied += link_or_copy(&resolve(file)?, root, &folder.join(&name))?;
         // In the loaders' folders, each stream has its own sidecar, and the name of the sequence is its file name.
         let stream = StreamFacts { file: name.to_string(), ..sidecar.stream_facts(file).clone() };
-        let own = Sidecar { stream, clean: None, images: None, ..sidecar.clone() };
-        own.write(&folders::create_parents(root, &folder.join(id.with_ending(".json")))?, true)?;
+        let link_sidecar = Sidecar { stream, clean: None, images: None, ..sidecar.clone() };
+        link_sidecar.write(&folders::create_parents(root, &folder.join(id.with_ending(".json")))?, true)?;
     }
-    copied += link_or_copy(&own("gt.png")?, root, &split.join("gt").join(id.with_ending(".png")))?;
+    copied += link_or_copy(&resolve("gt.png")?, root, &split.join("gt").join(id.with_ending(".png")))?;
     Ok(copied)
 }
 
@@ -118,7 +118,7 @@ pub(super) fn link_or_copy(from: &Path, root: &Path, inner: &InnerPath) -> Resul
 /// Writes the small file `inner` below `root`. If the file already contains `bytes`, the file is not written again.
 pub(super) fn write_if_changed(root: &Path, inner: &InnerPath, bytes: &[u8]) -> Result<()> {
     let to = folders::create_parents(root, inner)?;
-    if read_bytes(&to, "a file of the dataset", bytes.len() as u64).is_ok_and(|found| found == bytes) {
+    if read_bytes(&to, "a file of the dataset", bytes.len() as u64).is_ok_and(|content| content == bytes) {
         return Ok(());
     }
     let hidden = hidden_path(&to);

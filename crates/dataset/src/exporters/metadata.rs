@@ -22,7 +22,7 @@ impl Tables {
         let id = &entry.id;
         // Seeds are written as hexadecimal text. Some programs cannot read such large integers, and other programs
         // convert decimal digits in text to a number.
-        let about = json!({
+        let annotation = json!({
             "file_name": format!("gt/{id}.png"), "id": id, "spike": format!("spike/{id}.dat"),
             "clean": format!("clean/{id}.dat"), "readouts": entry.readouts,
             "camera_seed": format!("{:#x}", entry.seeds[0]), "record": entry.digest,
@@ -31,7 +31,7 @@ impl Tables {
             ("input", entry.input.as_deref().map(Into::into)),
             ("scene_seed", entry.scene_seed.map(|s| format!("{s:#x}").into())),
         ];
-        self.splits[split] += &format!("{}\n", insert_present(about, more));
+        self.splits[split] += &format!("{}\n", insert_present(annotation, more));
     }
 
     /// Writes the tables. Returns the tables that are not empty, with their splits.

@@ -51,7 +51,7 @@ impl Exporters {
     }
 
     /// Writes the files that contain data of all sequences.
-    pub(super) fn finish(self, options: &DatasetOptions, about: &str) -> Result<()> {
+    pub(super) fn finish(self, options: &DatasetOptions, description: &str) -> Result<()> {
         for (split, merged) in Split::ALL.into_iter().zip(self.coco) {
             match merged {
                 Some(merged) => merged.finish()?,
@@ -59,6 +59,6 @@ impl Exporters {
             }
         }
         let written = self.tables.write(options)?;
-        croissant::write(options, &written, about)
+        croissant::write(options, &written, description)
     }
 }

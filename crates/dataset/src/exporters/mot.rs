@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn pixels_and_frames_count_from_one_and_what_is_hidden_is_left_out() {
-        let seen = |track_id, visible_pixels| VehicleLabel {
+        let label = |track_id, visible_pixels| VehicleLabel {
             track_id,
             class: "Car".into(),
             clipped_amodal_box: [0.0, 2.0, 10.0, 6.5],
@@ -74,7 +74,7 @@ mod tests {
         let camera =
             FrameCamera { focal_px: 1.0, center_px: [5.0, 5.0], width: 10, height: 10, speed_mps: 1.0 };
         let frame = |readout, boxes| LabeledFrame { readout, camera: camera.clone(), boxes };
-        let found = track_text(&[frame(0, vec![seen(7, 3), seen(8, 0)]), frame(20, vec![seen(7, 1)])]);
-        assert_eq!(found, "1,7,1.00,3.00,10.00,4.50,1,3,0.7500\n2,7,1.00,3.00,10.00,4.50,1,3,0.7500\n");
+        let text = track_text(&[frame(0, vec![label(7, 3), label(8, 0)]), frame(20, vec![label(7, 1)])]);
+        assert_eq!(text, "1,7,1.00,3.00,10.00,4.50,1,3,0.7500\n2,7,1.00,3.00,10.00,4.50,1,3,0.7500\n");
     }
 }

@@ -50,7 +50,7 @@ pub(super) struct ShardManifestHead {
 impl JournalEntry {
     /// Returns the line of a sequence that this process has just generated in `folder`.
     pub(crate) fn for_done_sequence(entry: SequenceEntry, seconds: f64, folder: &Path) -> Result<Self> {
-        let record = SequenceRecord::read(folder)?;
+        let record = SequenceRecord::read(folder, Access::Read)?;
         let mut times_ns = vec![fingerprint::file_fingerprint(&folder.join(record::FILE_NAME))?.mtime_ns];
         for file in &record.files {
             times_ns
@@ -72,13 +72,13 @@ impl JournalEntry {
         }
         let Ok(record) = SequenceRecord::parse(&path, &text) else { return Ok(false) };
         let is_recorded = fingerprint::file_fingerprint(&path)
-            .is_ok_and(|found| Some(&found.mtime_ns) == self.mtimes_ns.first());
+            .is_ok_and(|current| Some(&current.mtime_ns) == self.mtimes_ns.first());
         if !is_recorded || self.mtimes_ns.len() != record.files.len() + 1 {
             return Ok(false);
         }
         for (file, &time_ns) in record.files.iter().zip(&self.mtimes_ns[1..]) {
-            let found = fingerprint::file_fingerprint(&file.path.resolve_in(folder, access)?);
-            if !found.is_ok_and(|s| s == Fingerprint { bytes: file.bytes, mtime_ns: time_ns }) {
+            let current = fingerprint::file_fingerprint(&file.path.resolve_in(folder, access)?);
+            if !current.is_ok_and(|s| s == Fingerprint { bytes: file.bytes, mtime_ns: time_ns }) {
                 return Ok(false);
             }
         }

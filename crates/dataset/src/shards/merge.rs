@@ -113,7 +113,7 @@ fn missing_shards(plan: &ShardPlan, watch: &mut dyn FnMut(u64, u64) -> Result<()
 fn verified_entries(
     plan: &ShardPlan,
     number: u64,
-    how: &MergeOptions,
+    options: &MergeOptions,
     stop: &mut dyn FnMut() -> Result<()>,
 ) -> Result<Vec<SequenceEntry>> {
     let access = plan.options.access();
@@ -138,7 +138,7 @@ fn verified_entries(
     let (head, lines) = read.ok_or_else(|| damaged(folder.clone()))?;
     if let Some(packed) = &head.tar {
         let path = plan.shard_tar_path(number, access)?;
-        if !packed.is_intact(&path, how.verify_digests, stop)? {
+        if !packed.is_intact(&path, options.verify_digests, stop)? {
             return Err(damaged(path));
         }
     }
@@ -147,9 +147,9 @@ fn verified_entries(
         stop()?;
         if head.tar.is_none() && line.entry.status == SequenceStatus::Done {
             let place = sequence_path(&line.entry.id).resolve_in(&folder, access)?;
-            if how.verify_digests {
+            if options.verify_digests {
                 let digest = line.entry.digest.as_deref().unwrap_or_default();
-                SequenceRecord::verify_with_access(&place, digest, access, stop).map_err(again)?;
+                SequenceRecord::verify(&place, digest, access, stop).map_err(again)?;
             } else if !line.is_intact(&place, access)? {
                 return Err(damaged(place));
             }

@@ -153,22 +153,22 @@ fn list_members(
         let id = &line.entry.id;
         let folder = sequence_path(id).resolve_in(shard, access)?;
         let digest = line.entry.digest.as_deref().unwrap_or_default();
-        let record = SequenceRecord::verify_with_access(&folder, digest, access, stop)?;
-        let mut own = Vec::new();
+        let record = SequenceRecord::verify(&folder, digest, access, stop)?;
+        let mut members = Vec::new();
         for file in record.files.iter().map(|f| f.path.clone()).chain([record::FILE_NAME.into()]) {
             let path = file.resolve_in(&folder, access)?;
-            own.push(Member::from_file(member_name(id, &file), path, holds_seeds(file.as_str()))?);
+            members.push(Member::from_file(member_name(id, &file), path, holds_seeds(file.as_str()))?);
         }
         let split = line.entry.split.name().to_owned();
         let name = format!("{id}.split.txt");
-        own.push(Member { name, bytes: split.len() as u64, source: MemberSource::Text(split) });
-        own.sort_by(|a, b| a.name.cmp(&b.name));
-        if let Some(pair) = own.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        members.push(Member { name, bytes: split.len() as u64, source: MemberSource::Text(split) });
+        members.sort_by(|a, b| a.name.cmp(&b.name));
+        if let Some(pair) = members.windows(2).find(|pair| pair[0].name == pair[1].name) {
             return Err(Error::new(ErrorKind::Config, folder.display())
                 .found(format_args!("two files with the name {} in the archive", pair[0].name))
                 .expected("different names"));
         }
-        all.append(&mut own);
+        all.append(&mut members);
     }
     Ok(all)
 }

@@ -91,7 +91,7 @@ impl ShardPlan {
             if !folder.join(FILE_NAME).exists() {
                 return Ok(None);
             }
-            let plan = Self::open(&folder)?;
+            let plan = Self::open(&folder, Access::Read)?;
             plan.check_same_plan(&written.text, per_shard, pack)?;
             Ok(Some(plan))
         };
@@ -110,7 +110,7 @@ impl ShardPlan {
                 .expected("a folder without a dataset"));
         }
         Self::write_plan_files(options, per_shard, pack, &written)?;
-        Self::open(&folder).map(|plan| (plan, false))
+        Self::open(&folder, Access::Read).map(|plan| (plan, false))
     }
 
     fn write_plan_files(
@@ -155,19 +155,9 @@ impl ShardPlan {
     ///
     /// # Errors
     /// * [`ErrorKind::Io`] if there is no plan.
-    /// * [`ErrorKind::Config`] if the format version or the program version of the plan differs.
-    /// * [`ErrorKind::Config`] if the numbers of sequences and shards do not match the options.
-    pub fn open(folder: &Path) -> Result<Self> {
-        Self::open_with_links(folder, false)
-    }
-
-    /// Reads a plan as [`ShardPlan::open`] does. If `follow_links` is true, files may be links to files outside the
-    /// folder.
-    ///
-    /// # Errors
-    /// The errors of [`ShardPlan::open`].
-    pub fn open_with_links(folder: &Path, follow_links: bool) -> Result<Self> {
-        let access = Access::for_reading(follow_links);
+    /// * [`ErrorKind::Config`] if the plan has another version of its format or of the program.
+    /// * [`ErrorKind::Config`] if its numbers of sequences and shards do not match its options.
+    pub fn open(folder: &Path, access: Access) -> Result<Self> {
         let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
         let text = read_bytes(&path, "a plan", MAX_PLAN_BYTES).map_err(|e| match e.kind() {
             ErrorKind::Io => e.expected("a plan").remedy("plan the dataset first"),
@@ -176,23 +166,23 @@ impl ShardPlan {
         let bad = |found: &dyn std::fmt::Display| Error::new(ErrorKind::Config, path.display()).found(found);
         // The version is checked first, because a plan of another version may have other keys.
         let head: PlanVersions = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
-        let own = env!("CARGO_PKG_VERSION");
+        let version = env!("CARGO_PKG_VERSION");
         let shown = |value: Option<serde_json::Value>| value.unwrap_or_default().to_string();
         if head.format_version != Some(FORMAT_VERSION.into()) {
             return Err(bad(&format_args!("version {} of the plan format", shown(head.format_version)))
                 .expected(FORMAT_VERSION)
                 .remedy("use the version of spikelane that wrote the plan"));
         }
-        if head.program_version != Some(own.into()) {
+        if head.program_version != Some(version.into()) {
             return Err(bad(&format_args!("a plan of spikelane {}", shown(head.program_version)))
-                .expected(own)
+                .expected(version)
                 .remedy("sequences may differ between versions; use the version that wrote the plan, or plan again"));
         }
         let on_disk: PlanFile = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
-        let options = config::from_toml_with(&on_disk.options, folder, follow_links)
+        let options = config::from_toml(&on_disk.options, folder, access)
             .and_then(|options| options.check().map(|()| options))
             .map_err(|e| e.usage_as_config().with_context(path.display()))?;
-        let options = DatasetOptions { output: folder.to_owned(), follow_links, ..options };
+        let options = DatasetOptions { output: folder.to_owned(), ..options };
         let PlanFile {
             sequences,
             sequences_per_shard: per_shard,
@@ -226,9 +216,9 @@ impl ShardPlan {
     }
 
     fn check_same_plan(&self, text: &str, per_shard: u64, pack: bool) -> Result<()> {
-        let own = config::to_toml(&self.options)?.text;
-        let found = if own != text {
-            let differs = own.lines().zip(text.lines()).find(|(a, b)| a != b);
+        let spec_text = config::to_toml(&self.options)?.text;
+        let found = if spec_text != text {
+            let differs = spec_text.lines().zip(text.lines()).find(|(a, b)| a != b);
             differs.map_or("other options".to_owned(), |(a, b)| format!("`{a}`, not `{b}`"))
         } else if self.sequences_per_shard != per_shard {
             format!("{} sequences per shard, not {per_shard}", self.sequences_per_shard)

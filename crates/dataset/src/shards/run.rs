@@ -159,9 +159,9 @@ fn remove_partials(folder: &Path) -> Result<()> {
     folders::remove_partials_in(folder, &"sequences".into())?;
     // The tar is written beside the shard's folder. Other processes also write to this place, so only the partial
     // files of this tar are removed.
-    let (Some(beside), Some(name)) = (folder.parent(), folder.file_name()) else { return Ok(()) };
-    let own = format!(".{}.tar.", name.to_string_lossy());
-    folders::remove_partials(beside, |name| name.starts_with(&own))
+    let (Some(parent), Some(name)) = (folder.parent(), folder.file_name()) else { return Ok(()) };
+    let prefix = format!(".{}.tar.", name.to_string_lossy());
+    folders::remove_partials(parent, |name| name.starts_with(&prefix))
 }
 
 /// Receives the number and the name of each verified sequence. If the callback returns an error, the verification
@@ -174,22 +174,22 @@ fn finished_report(
     plan: &ShardPlan,
     number: u64,
     tasks: &[SequenceTask],
-    how: &ShardOptions,
+    options: &ShardOptions,
     watch: VerifyCallback<'_>,
 ) -> Result<Option<ShardReport>> {
     let folder = plan.shard_folder(number, Access::Write)?;
     let access = plan.options.access();
     let read = journal::read_manifest(&folder, plan.shard_sequences(number), access)?;
     let Some((head, lines)) = read else { return Ok(None) };
-    let retry = how.retry_failed && head.failed_sequences > 0;
+    let retry = options.retry_failed && head.failed_sequences > 0;
     let is_planned = lines.iter().zip(tasks).all(|(line, task)| line.entry.id == task.entry.id);
     let sound = is_planned
         && match &head.tar {
             Some(packed) => {
                 let path = plan.shard_tar_path(number, access)?;
-                packed.is_intact(&path, how.verify_digests, &mut || watch(0, "pack"))?
+                packed.is_intact(&path, options.verify_digests, &mut || watch(0, "pack"))?
             }
-            None => are_all_intact(&lines, &folder, how, access, watch)?,
+            None => are_all_intact(&lines, &folder, options, access, watch)?,
         };
     if sound && !retry {
         if head.tar.is_some() {
@@ -197,8 +197,8 @@ fn finished_report(
         }
         Journal::open(&folder, Access::Write)?.remove()?;
         let set_aside = failed_sequences(&lines);
-        let kept = lines.len() - set_aside.len();
-        return Ok(Some(ShardReport { reused: kept, failures: set_aside, ..ShardReport::default() }));
+        let reused = lines.len() - set_aside.len();
+        return Ok(Some(ShardReport { reused, failures: set_aside, ..ShardReport::default() }));
     }
     // Packed sequences have no files, so `reusable_entries` removes their lines from the journal.
     Journal::open(&folder, Access::Write)?.rewrite(&lines)?;
@@ -209,13 +209,13 @@ fn finished_report(
 fn are_all_intact(
     lines: &[JournalEntry],
     folder: &Path,
-    how: &ShardOptions,
+    options: &ShardOptions,
     access: Access,
     watch: VerifyCallback<'_>,
 ) -> Result<bool> {
     for (index, line) in lines.iter().enumerate() {
         let id = line.entry.id.as_str();
-        if !is_intact(line, folder, how, access, &mut || watch(index, id))? {
+        if !is_intact(line, folder, options, access, &mut || watch(index, id))? {
             return Ok(false);
         }
     }
@@ -225,7 +225,7 @@ fn are_all_intact(
 fn is_intact(
     line: &JournalEntry,
     folder: &Path,
-    how: &ShardOptions,
+    options: &ShardOptions,
     access: Access,
     stop: &mut dyn FnMut() -> Result<()>,
 ) -> Result<bool> {
@@ -234,18 +234,18 @@ fn is_intact(
         return Ok(true);
     }
     let place = sequence_path(&line.entry.id).resolve_in(folder, access)?;
-    if !how.verify_digests {
+    if !options.verify_digests {
         return line.is_intact(&place, access);
     }
     let digest = line.entry.digest.as_deref().unwrap_or_default();
-    Ok(intact_or_none(SequenceRecord::verify_with_access(&place, digest, access, stop))?.is_some())
+    Ok(intact_or_none(SequenceRecord::verify(&place, digest, access, stop))?.is_some())
 }
 
 /// Returns the processed sequences that are intact. The journal then contains only these sequences.
 fn reusable_entries(
     journal: &Journal,
     folder: &Path,
-    how: &ShardOptions,
+    options: &ShardOptions,
     access: Access,
     watch: VerifyCallback<'_>,
 ) -> Result<BTreeMap<PlainName, JournalEntry>> {
@@ -253,8 +253,8 @@ fn reusable_entries(
     for (index, line) in journal.read()?.into_iter().enumerate() {
         let id = line.entry.id.as_str();
         let holds = match line.entry.status {
-            SequenceStatus::Failed => !how.retry_failed,
-            _ => is_intact(&line, folder, how, access, &mut || watch(index, id))?,
+            SequenceStatus::Failed => !options.retry_failed,
+            _ => is_intact(&line, folder, options, access, &mut || watch(index, id))?,
         };
         if holds {
             lines.push(line);
@@ -273,11 +273,16 @@ struct ShardRun<'a> {
 
 impl ShardRun<'_> {
     /// Generates a sequence. If the generation fails, returns an entry that is marked as failed.
-    fn generate_or_fail(&mut self, task: &SequenceTask, index: usize, of: usize) -> Result<JournalEntry> {
+    fn generate_or_fail(
+        &mut self,
+        task: &SequenceTask,
+        index: usize,
+        sequences: usize,
+    ) -> Result<JournalEntry> {
         let start = Instant::now();
         let mut attempt = 1;
         let reason = loop {
-            match self.generate_entry(task, index, of) {
+            match self.generate_entry(task, index, sequences) {
                 Ok(entry) => {
                     self.report.generated += 1;
                     let folder = sequence_path(&entry.id).resolve_in(&self.options.output, Access::Read)?;
@@ -297,22 +302,27 @@ impl ShardRun<'_> {
 
     /// Returns whether an error would also occur in the next sequence.
     fn is_fatal(&self, e: &Error) -> bool {
-        let own = e.subject().starts_with(&*self.options.output.to_string_lossy());
+        let is_output_error = e.subject().starts_with(&*self.options.output.to_string_lossy());
         match e.kind() {
             ErrorKind::Space | ErrorKind::Interrupted | ErrorKind::Exists | ErrorKind::Requeue => true,
-            ErrorKind::Io => own,
+            ErrorKind::Io => is_output_error,
             _ => false,
         }
     }
 
-    fn generate_entry(&mut self, task: &SequenceTask, index: usize, of: usize) -> Result<SequenceEntry> {
+    fn generate_entry(
+        &mut self,
+        task: &SequenceTask,
+        index: usize,
+        sequences: usize,
+    ) -> Result<SequenceEntry> {
         let mut entry = task.entry.clone();
         self.check_unchanged(task)?;
         let (watch, id) = (&mut *self.watch, task.entry.id.as_str());
-        let mut tell = |readouts, total| {
+        let mut report_progress = |readouts, total| {
             watch(SequenceProgress {
                 index,
-                sequence_count: of,
+                sequence_count: sequences,
                 id,
                 readouts,
                 total_readouts: total,
@@ -321,9 +331,10 @@ impl ShardRun<'_> {
         };
         if let (Content::Inputs(inputs), Some(name)) = (&self.options.content, &entry.input) {
             let path = input_path(inputs, Path::new(name))?;
-            entry.input_digest = Some(fingerprint::input_digest(&path, &mut || tell(0, None))?);
+            entry.input_digest = Some(fingerprint::input_digest(&path, &mut || report_progress(0, None))?);
         }
-        let (record, digest, readouts) = sequence::generate_sequence(&self.options, &entry, &mut tell)?;
+        let (record, digest, readouts) =
+            sequence::generate_sequence(&self.options, &entry, &mut report_progress)?;
         let notes = record.facts["notes"].as_array().into_iter().flatten();
         self.report.notes.extend(notes.filter_map(|n| n.as_str().map(str::to_owned)));
         (entry.status, entry.bytes) = (SequenceStatus::Done, Some(record.bytes()));
@@ -339,12 +350,12 @@ impl ShardRun<'_> {
             return Ok(());
         };
         let path = input_path(inputs, Path::new(name))?;
-        let found = fingerprint::input_fingerprint(&path)?;
-        if found == stamp {
+        let current = fingerprint::input_fingerprint(&path)?;
+        if current == stamp {
             return Ok(());
         }
         Err(Error::new(ErrorKind::Input, path.display())
-            .found(format_args!("{} bytes, changed at {} ns", found.bytes, found.mtime_ns))
+            .found(format_args!("{} bytes, changed at {} ns", current.bytes, current.mtime_ns))
             .expected(format_args!("{} bytes, changed at {} ns, as in the plan", stamp.bytes, stamp.mtime_ns))
             .remedy("restore the file (cp -p keeps its time), or plan again in another folder"))
     }

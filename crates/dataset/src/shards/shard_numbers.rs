@@ -54,18 +54,18 @@ mod tests {
 
     #[test]
     fn numbers_and_their_text_are_inverse() {
-        for (given, plain) in [("3,7-9", "3,7-9"), ("0", "0"), ("9,8,3-3,7", "3,7-9"), ("all", "0-9")] {
-            let numbers = parse_shards(given, 10).unwrap();
-            assert_eq!(format_shards(&numbers), plain);
-            assert_eq!(parse_shards(plain, 10).unwrap(), numbers);
+        for (text, normalized) in [("3,7-9", "3,7-9"), ("0", "0"), ("9,8,3-3,7", "3,7-9"), ("all", "0-9")] {
+            let numbers = parse_shards(text, 10).unwrap();
+            assert_eq!(format_shards(&numbers), normalized);
+            assert_eq!(parse_shards(normalized, 10).unwrap(), numbers);
         }
         assert_eq!(format_shards(&[]), "");
     }
 
     #[test]
     fn what_is_no_shard_is_refused() {
-        for given in ["", "10", "3-", "9-3", "3,,4", "-1", "5-12", "x", "0x1"] {
-            assert_eq!(parse_shards(given, 10).unwrap_err().kind(), ErrorKind::Usage, "{given}");
+        for text in ["", "10", "3-", "9-3", "3,,4", "-1", "5-12", "x", "0x1"] {
+            assert_eq!(parse_shards(text, 10).unwrap_err().kind(), ErrorKind::Usage, "{text}");
         }
     }
 }

@@ -32,12 +32,12 @@ impl ShardTar {
         verify: bool,
         stop: &mut dyn FnMut() -> Result<()>,
     ) -> Result<bool> {
-        let Ok(found) = fingerprint::file_fingerprint(path) else { return Ok(false) };
+        let Ok(current) = fingerprint::file_fingerprint(path) else { return Ok(false) };
         if !verify {
-            return Ok(found == Fingerprint { bytes: self.bytes, mtime_ns: self.mtime_ns });
+            return Ok(current == Fingerprint { bytes: self.bytes, mtime_ns: self.mtime_ns });
         }
         stop()?;
-        if found.bytes != self.bytes {
+        if current.bytes != self.bytes {
             return Ok(false);
         }
         Ok(intact_or_none(fingerprint::file_digest(path, stop))?.is_some_and(|digest| digest == self.digest))

@@ -74,14 +74,14 @@ fn each_file_is_synced_before_its_rename_and_its_folder_after_it() {
         let dir = folder();
         let (steps, left, _) = recorded_steps(dir.path(), pack);
         let mut synced: BTreeSet<PathBuf> = BTreeSet::new();
-        let mut waiting: BTreeSet<PathBuf> = BTreeSet::new();
+        let mut unsynced: BTreeSet<PathBuf> = BTreeSet::new();
         let mut named: BTreeSet<PathBuf> = BTreeSet::new();
         for step in &steps {
             match step {
                 Step::SyncFile(path, _) => drop(synced.insert(path.clone())),
                 Step::SyncFolder(path) => {
                     synced.insert(path.clone());
-                    waiting.remove(path);
+                    unsynced.remove(path);
                 }
                 Step::Rename(from, to) => {
                     assert!(synced.contains(from), "{} was not synced before its rename", from.display());
@@ -89,8 +89,8 @@ fn each_file_is_synced_before_its_rename_and_its_folder_after_it() {
                     // it.
                     let within = |w: &PathBuf| w.starts_with(from);
                     assert!(
-                        waiting.iter().all(within),
-                        "{waiting:?} were not synced before {}",
+                        unsynced.iter().all(within),
+                        "{unsynced:?} were not synced before {}",
                         to.display()
                     );
                     let moved: Vec<_> = synced.iter().filter(|p| p.starts_with(from)).cloned().collect();
@@ -100,12 +100,12 @@ fn each_file_is_synced_before_its_rename_and_its_folder_after_it() {
                         named.insert(at.clone());
                         synced.insert(at);
                     }
-                    waiting.insert(to.parent().unwrap().to_owned());
+                    unsynced.insert(to.parent().unwrap().to_owned());
                 }
                 Step::Remove(_) => {}
             }
         }
-        assert!(waiting.is_empty(), "{waiting:?} were not synced at the end");
+        assert!(unsynced.is_empty(), "{unsynced:?} were not synced at the end");
         // This loop detects files that were written without a recorded step.
         let root = dir.path().join("shards");
         for path in left.keys().filter(|p| !p.ends_with("lock")) {

@@ -35,11 +35,11 @@ impl Cameras {
             Self::Single => Ok(()),
             Self::List(all) if all.is_empty() => Err(refused(&"none")),
             Self::List(all) => all.iter().try_for_each(|camera| {
-                let own = &camera.sensor;
-                if own.geometry == sensor.geometry && own.readout_hz == sensor.readout_hz {
+                let other = &camera.sensor;
+                if other.geometry == sensor.geometry && other.readout_hz == sensor.readout_hz {
                     return Ok(());
                 }
-                Err(refused(&format_args!("{}: {} at {} Hz", camera.name, own.geometry, own.readout_hz)))
+                Err(refused(&format_args!("{}: {} at {} Hz", camera.name, other.geometry, other.readout_hz)))
             }),
             Self::Distribution(d) => match d.ranges().iter().find(|r| r.key == "sensor.readout_rate") {
                 Some(range) => Err(refused(&format_args!("a range of {}", range.key))),

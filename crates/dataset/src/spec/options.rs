@@ -190,13 +190,13 @@ pub(crate) const MAX_SEQUENCES: u64 = 10_000_000;
 /// Maximum number of readouts of a scene. The instants of all readouts are in memory, and each instant needs 8 bytes.
 const MAX_READOUTS: u64 = 1 << 26;
 
-fn check_at_most(what: &str, found: u64, most: u64) -> Result<()> {
-    if found <= most {
+fn check_at_most(what: &str, value: u64, limit: u64) -> Result<()> {
+    if value <= limit {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Usage, "dataset")
-        .found(format_args!("{found} {what}"))
-        .expected(format_args!("at most {most}"))
+        .found(format_args!("{value} {what}"))
+        .expected(format_args!("at most {limit}"))
         .remedy("generate several datasets"))
 }
 

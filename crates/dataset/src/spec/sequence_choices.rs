@@ -139,10 +139,11 @@ impl DatasetOptions {
         let mut all = vec![Split::Train; n];
         let mut left: Vec<usize> = order.into_iter().map(|(.., i)| i).collect();
         for (split, wanted) in [(Split::Test, tests), (Split::Validation, validations)] {
-            let of = left.len();
+            let remaining = left.len();
             let mut place = 0;
             left.retain(|&i| {
-                let chosen = if by_light { is_evenly_spaced(place, wanted, of) } else { place < wanted };
+                let chosen =
+                    if by_light { is_evenly_spaced(place, wanted, remaining) } else { place < wanted };
                 place += 1;
                 if chosen {
                     all[i] = split;

@@ -50,8 +50,11 @@ pub fn html_report(name: &str, stats: &DatasetStatistics) -> Result<String> {
     parts.push(PageElement::Table(table));
     for (name, points) in &stats.histograms {
         let shares = Curve { name: "share", points: points.clone() };
-        let of = stats.quantities.get(name).map_or(0, |s| s.count);
-        parts.push(PageElement::figure(bar_plot(name, name, &[shares])?, format!("Shares of {of} values.")));
+        let count = stats.quantities.get(name).map_or(0, |s| s.count);
+        parts.push(PageElement::figure(
+            bar_plot(name, name, &[shares])?,
+            format!("Shares of {count} values."),
+        ));
     }
     Ok(page(&format!("Dataset {name}"), &parts))
 }

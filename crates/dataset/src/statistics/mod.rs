@@ -94,7 +94,7 @@ pub struct DatasetStatistics {
 /// Also errors of reading.
 pub fn dataset_statistics(folder: &Path, follow_links: bool) -> Result<DatasetStatistics> {
     let access = Access::for_reading(follow_links);
-    let manifest = Manifest::read_with_access(folder, access)?;
+    let manifest = Manifest::read(folder, access)?;
     let mut stats = DatasetStatistics { digest: manifest.dataset_digest(), ..DatasetStatistics::default() };
     let mut values: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for entry in &manifest.entries {
@@ -134,15 +134,15 @@ fn histogram(values: &[f64]) -> Option<Vec<(f64, f64)>> {
     const MAX_BINS: usize = 24;
     let finite = || values.iter().copied().filter(|v| v.is_finite());
     let (low, high) = (finite().min_by(f64::total_cmp)?, finite().max_by(f64::total_cmp)?);
-    let of = finite().count();
-    let bins = of.isqrt().min(MAX_BINS);
+    let n = finite().count();
+    let bins = n.isqrt().min(MAX_BINS);
     let width = (high - low) / bins as f64;
-    if of < MIN_HISTOGRAM_VALUES || width <= 0.0 || !width.is_finite() {
+    if n < MIN_HISTOGRAM_VALUES || width <= 0.0 || !width.is_finite() {
         return None;
     }
     let mut counts = vec![0u64; bins];
     finite().for_each(|v| counts[(((v - low) / width) as usize).min(bins - 1)] += 1);
-    let share = |count: &u64| *count as f64 / of as f64;
+    let share = |count: &u64| *count as f64 / n as f64;
     Some(counts.iter().enumerate().map(|(i, n)| (low + (i as f64 + 0.5) * width, share(n))).collect())
 }
 
@@ -167,7 +167,7 @@ impl DatasetStatistics {
         values: &mut BTreeMap<String, Vec<f64>>,
     ) -> Result<()> {
         let place = entry.sequence_folder(folder, access)?;
-        let record = SequenceRecord::read_with_access(&place, access)?;
+        let record = SequenceRecord::read(&place, access)?;
         let sidecar = Sidecar::read(&InnerPath::from("stream.json").resolve_in(&place, access)?)?;
         *self.splits.entry(entry.split.name().to_owned()).or_default() += 1;
         if let Some(light) = record.facts["lighting"].as_str() {
@@ -207,10 +207,10 @@ impl DatasetStatistics {
         for frame in labeled_frames::read(place, access)? {
             add("speed of the camera, m/s", Some(frame.camera.speed_mps));
             add("vehicles seen in a frame", Some(frame.visible_vehicles().count() as f64));
-            for found in frame.visible_vehicles() {
-                *self.boxes.entry(found.class.clone()).or_default() += 1;
-                add("depth of a box, m", Some(found.center_camera_m[2]));
-                add("pixels of a box", Some(found.visible_pixels as f64));
+            for label in frame.visible_vehicles() {
+                *self.boxes.entry(label.class.clone()).or_default() += 1;
+                add("depth of a box, m", Some(label.center_camera_m[2]));
+                add("pixels of a box", Some(label.visible_pixels as f64));
             }
         }
         Ok(())
@@ -233,8 +233,8 @@ mod tests {
 
     #[test]
     fn numbers_for_people_have_four_digits_that_count() {
-        let said = [3.0, 20000.0, 307.071, 0.021_812, -13.06621, 0.000_012_345, 20_000.4].map(format_number);
-        assert_eq!(said, ["3", "20000", "307.1", "0.02181", "-13.07", "0.00001234", "20000"]);
+        let texts = [3.0, 20000.0, 307.071, 0.021_812, -13.06621, 0.000_012_345, 20_000.4].map(format_number);
+        assert_eq!(texts, ["3", "20000", "307.1", "0.02181", "-13.07", "0.00001234", "20000"]);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
-use spikelane_dataset::{DatasetLayout, DatasetOptions, Manifest, Split, Splits};
+use spikelane_dataset::{Access, DatasetLayout, DatasetOptions, Manifest, Split, Splits};
 
 use crate::generate::{generate_dataset, inputs, options, scene_content};
 
@@ -38,26 +38,33 @@ fn visible_boxes(frame: &Value) -> Vec<&Value> {
 fn coco_of_a_split_holds_every_annotation_under_a_number_of_its_own() {
     let dir = tempfile::tempdir().unwrap();
     scenes(dir.path());
-    let whole = json(&dir.path().join("set/train/coco.json"));
+    let merged = json(&dir.path().join("set/train/coco.json"));
     let (images, annotations) =
-        (whole["images"].as_array().unwrap(), whole["annotations"].as_array().unwrap());
+        (merged["images"].as_array().unwrap(), merged["annotations"].as_array().unwrap());
     let numbers = |all: &[Value]| all.iter().map(|v| v["id"].as_u64().unwrap()).collect::<BTreeSet<_>>();
     assert_eq!((numbers(images).len(), numbers(annotations).len()), (images.len(), annotations.len()));
     let mut expected = (0, 0);
     for id in ["scene-0000", "scene-0001", "scene-0002"] {
-        let own = json(&dir.path().join("set/sequences").join(id).join("labels/coco.json"));
-        expected.0 += own["images"].as_array().unwrap().len();
-        expected.1 += own["annotations"].as_array().unwrap().len();
-        assert_eq!(own["categories"], whole["categories"]);
+        let sequence_coco = json(&dir.path().join("set/sequences").join(id).join("labels/coco.json"));
+        expected.0 += sequence_coco["images"].as_array().unwrap().len();
+        expected.1 += sequence_coco["annotations"].as_array().unwrap().len();
+        assert_eq!(sequence_coco["categories"], merged["categories"]);
         for image in images.iter().filter(|i| i["sequence"] == id) {
             assert!(dir.path().join("set").join(image["file_name"].as_str().unwrap()).is_file(), "{image}");
-            let of = |all: &[Value], image: &Value| {
-                let own = all.iter().filter(|a| a["image_id"] == image["id"]);
-                own.map(|a| (a["track_id"].clone(), a["bbox"].clone())).collect::<Vec<_>>()
+            let boxes_of = |all: &[Value], image: &Value| {
+                let image_annotations = all.iter().filter(|a| a["image_id"] == image["id"]);
+                image_annotations.map(|a| (a["track_id"].clone(), a["bbox"].clone())).collect::<Vec<_>>()
             };
-            let there =
-                own["images"].as_array().unwrap().iter().find(|i| i["readout"] == image["readout"]).unwrap();
-            assert_eq!(of(annotations, image), of(own["annotations"].as_array().unwrap(), there));
+            let there = sequence_coco["images"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .find(|i| i["readout"] == image["readout"])
+                .unwrap();
+            assert_eq!(
+                boxes_of(annotations, image),
+                boxes_of(sequence_coco["annotations"].as_array().unwrap(), there)
+            );
         }
     }
     assert_eq!((images.len(), annotations.len()), expected);
@@ -125,9 +132,15 @@ fn spikecv_finds_each_kind_of_label_beside_its_own_configuration() {
         assert!(at(&format!("{kind}/train/spike/scene-0001/scene-0001.dat")).is_file());
     }
     let bytes = |path: &Path| fs::read(path).unwrap();
-    let own = dir.path().join("set/sequences/scene-0001/labels");
-    assert_eq!(bytes(&at("depth/train/depth/scene-0001/000012.npy")), bytes(&own.join("000012.depth.npy")));
-    assert_eq!(bytes(&at("flow/train/flow/scene-0001/000000.flo")), bytes(&own.join("000000.forward.flo")));
+    let labels_folder = dir.path().join("set/sequences/scene-0001/labels");
+    assert_eq!(
+        bytes(&at("depth/train/depth/scene-0001/000012.npy")),
+        bytes(&labels_folder.join("000012.depth.npy"))
+    );
+    assert_eq!(
+        bytes(&at("flow/train/flow/scene-0001/000000.flo")),
+        bytes(&labels_folder.join("000000.forward.flo"))
+    );
     assert!(!at("flow/train/flow/scene-0001/000012.flo").exists(), "the last readout has no flow");
     let mot = dir.path().join("set/train/mot/scene-0001/gt/gt.txt");
     assert_eq!(bytes(&at("boxes/train/boxes/scene-0001/scene-0001.txt")), bytes(&mot));
@@ -138,7 +151,7 @@ fn labels_that_are_gone_come_back_with_the_sequence() {
     let dir = tempfile::tempdir().unwrap();
     let options = scenes(dir.path());
     // The digest is wrong, so the sequence must be generated again.
-    let mut manifest = Manifest::read(&options.output).unwrap();
+    let mut manifest = Manifest::read(&options.output, Access::Read).unwrap();
     assert_eq!(manifest.entries[2].split, Split::Train);
     manifest.entries[2].digest = Some("blake3:0".into());
     manifest.write(&options.output).unwrap();

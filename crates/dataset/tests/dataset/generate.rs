@@ -6,7 +6,7 @@ use std::path::Path;
 
 use spikelane::{Error, ErrorKind, Geometry, Result, presets};
 use spikelane_dataset::{
-    self as dataset, Content, DatasetLayout, DatasetOptions, DatasetReport, InputContent, Manifest,
+    self as dataset, Access, Content, DatasetLayout, DatasetOptions, DatasetReport, InputContent, Manifest,
     SceneContent, SequenceRecord, SequenceStatus, Splits,
 };
 use spikelane_io::light::{Interpolation, ResizeMode};
@@ -144,14 +144,14 @@ fn a_changed_input_is_made_again() {
 #[test]
 fn threads_change_no_byte() {
     let dir = tempfile::tempdir().unwrap();
-    let mut found = Vec::new();
+    let mut outputs = Vec::new();
     for threads in [1, 2] {
         // The SpikeCV configuration contains the name of the folder, so the name must be the same in both runs.
         let out = dir.path().join(threads.to_string()).join("set");
         generate_dataset(&options(&out, scene_content(1)).with_threads(threads)).unwrap();
-        found.push(read_files(&out));
+        outputs.push(read_files(&out));
     }
-    assert!(found[0] == found[1]);
+    assert!(outputs[0] == outputs[1]);
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn every_sequence_has_its_own_scene_and_noise() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("set");
     generate_dataset(&options(&out, scene_content(2))).unwrap();
-    let manifest = Manifest::read(&out).unwrap();
+    let manifest = Manifest::read(&out, Access::Read).unwrap();
     let [a, b] = &manifest.entries[..] else { panic!("two sequences") };
     assert_ne!(a.scene_seed, b.scene_seed);
     assert_ne!(a.seeds[2], b.seeds[2]);
@@ -207,8 +207,8 @@ fn resume_with_other_options_is_refused() {
 #[test]
 fn an_interrupted_run_leaves_nothing_that_looks_finished() {
     let dir = tempfile::tempdir().unwrap();
-    let (whole, out) = (dir.path().join("a/set"), dir.path().join("b/set"));
-    generate_dataset(&options(&whole, scene_content(2))).unwrap();
+    let (set, out) = (dir.path().join("a/set"), dir.path().join("b/set"));
+    generate_dataset(&options(&set, scene_content(2))).unwrap();
     let mut stop = |p: dataset::SequenceProgress<'_>| {
         if p.index == 1 && p.readouts > 0 {
             Err(Error::new(ErrorKind::Interrupted, "stopped"))
@@ -220,10 +220,10 @@ fn an_interrupted_run_leaves_nothing_that_looks_finished() {
     assert_eq!(error.kind(), ErrorKind::Interrupted);
     let left: Vec<_> = fs::read_dir(out.join("sequences")).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(left, ["scene-0000"]);
-    assert_eq!(Manifest::read(&out).unwrap().entries[1].status, SequenceStatus::Planned);
+    assert_eq!(Manifest::read(&out, Access::Read).unwrap().entries[1].status, SequenceStatus::Planned);
     let report = generate_dataset(&options(&out, scene_content(2)).with_resume(true)).unwrap();
     assert_eq!((report.generated, report.verified_sequences), (1, 1));
-    assert!(read_files(&out) == read_files(&whole));
+    assert!(read_files(&out) == read_files(&set));
 }
 
 /// Writes a folder of three 48x32 images. The upper half of each image is bright.
@@ -265,7 +265,7 @@ fn many_clips_become_sequences_of_their_own_and_broken_ones_are_set_aside() {
     let aside: Vec<_> = report.failures.iter().map(|(input, _)| input.as_str()).collect();
     assert_eq!(aside, ["bad", "bad.y4m"]);
     assert_eq!(dataset::skipped_files(&clips, &out).unwrap(), [Path::new("cover.png")]);
-    let manifest = Manifest::read(&out).unwrap();
+    let manifest = Manifest::read(&out, Access::Read).unwrap();
     let (good, bad): (Vec<_>, Vec<_>) =
         manifest.entries.iter().partition(|e| e.status == SequenceStatus::Done);
     assert!(bad.iter().all(|e| e.reason.as_deref().is_some_and(|r| r.contains("bad"))));
@@ -279,6 +279,8 @@ fn many_clips_become_sequences_of_their_own_and_broken_ones_are_set_aside() {
         SequenceRecord::verify(
             &out.join("sequences").join(entry.id.as_str()),
             entry.digest.as_deref().unwrap(),
+            Access::Read,
+            &mut || Ok(()),
         )
         .unwrap();
     }
@@ -304,7 +306,7 @@ fn loaders_find_streams_upright_where_they_look() {
     let (clips, out) = (dir.path().join("clips"), dir.path().join("set"));
     clip(&clips.join("one"), 220);
     generate_dataset(&options(&out, inputs(&clips))).unwrap();
-    let entry = &Manifest::read(&out).unwrap().entries[0];
+    let entry = &Manifest::read(&out, Access::Read).unwrap().entries[0];
     let stream = out.join(entry.split.name()).join("spike").join(format!("{}.dat", entry.id));
     assert!(out.join(entry.split.name()).join("gt").join(format!("{}.png", entry.id)).is_file());
     // Loaders flip the rows vertically. Therefore the last rows in the file are the first rows of the image.

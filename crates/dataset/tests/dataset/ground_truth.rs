@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use spikelane::spikes::bit;
 use spikelane::{ErrorKind, Geometry, presets};
 use spikelane_dataset::{
-    self as dataset, Content, DatasetLayout, DatasetOptions, Drive, InputContent, Manifest,
+    self as dataset, Access, Content, DatasetLayout, DatasetOptions, Drive, InputContent, Manifest,
     ReferenceImageOptions, SceneContent, SequenceRecord, Splits,
 };
 use spikelane_io::formats::StreamReader;
@@ -31,7 +31,7 @@ fn options(output: &Path, work: Content, structure: DatasetLayout) -> DatasetOpt
 
 fn make(options: &DatasetOptions) -> PathBuf {
     dataset::generate(options, &mut |_| Ok(())).unwrap();
-    let entry = &Manifest::read(&options.output).unwrap().entries[0];
+    let entry = &Manifest::read(&options.output, Access::Read).unwrap().entries[0];
     options.output.join("sequences").join(entry.id.as_str())
 }
 
@@ -83,14 +83,14 @@ fn ground_truth_of_a_clip_is_the_light_of_readout_half_of_all() {
         let lights: Vec<f32> = (0..frames).map(|k| light(k * per_frame)).collect();
         clip(&clips.join("a.npy"), &lights);
         let out = dir.path().join(format!("set{readouts}-{per_frame}"));
-        let made = make(&options(&out, inputs(&clips, per_frame as u64), DatasetLayout::SpikeCv));
-        let record = SequenceRecord::read(&made).unwrap();
+        let sequence_folder = make(&options(&out, inputs(&clips, per_frame as u64), DatasetLayout::SpikeCv));
+        let record = SequenceRecord::read(&sequence_folder, Access::Read).unwrap();
         let middle = readouts / 2;
         assert_eq!(record.facts["readouts"], readouts);
         assert_eq!(record.facts["reference_readout"], middle);
         let expected = 255.0 * light(middle);
-        let found = f32::from(codes(&made.join("gt.png"))[0]);
-        assert!((found - expected).abs() <= 0.51, "{readouts}: {found} for {expected}");
+        let code = f32::from(codes(&sequence_folder.join("gt.png"))[0]);
+        assert!((code - expected).abs() <= 0.51, "{readouts}: {code} for {expected}");
     }
 }
 
@@ -121,11 +121,11 @@ fn check_reference_render(dir: &Path, images: u32, each: u32) {
         .with_npy(true);
     let mut all = options(&dir.join(readouts.to_string()), Content::Scenes(drives), DatasetLayout::SpikeCv);
     all.camera.sensor.readout_hz = 200.0;
-    let made = make(&all);
-    let about = SequenceRecord::read(&made).unwrap().facts;
-    assert_eq!((&about["reference_readout"], &about["is_too_fast"]), (&(readouts / 2).into(), &true.into()));
+    let sequence_folder = make(&all);
+    let facts = SequenceRecord::read(&sequence_folder, Access::Read).unwrap().facts;
+    assert_eq!((&facts["reference_readout"], &facts["is_too_fast"]), (&(readouts / 2).into(), &true.into()));
     let scene = Scene::from_seed(
-        about["scene_seed"].as_u64().unwrap(),
+        facts["scene_seed"].as_u64().unwrap(),
         &SceneOptions::default()
             .with_width(WIDTH as u32)
             .with_height(HEIGHT as u32)
@@ -137,15 +137,15 @@ fn check_reference_render(dir: &Path, images: u32, each: u32) {
         Drive::new(scene, all.rate().unwrap(), readouts.into(), None, SamplesPerPixel::Sixteen, 1).unwrap();
     let error = |readout: u32| -> f32 {
         let light = drive.light(readout.into()).unwrap().to_f32();
-        let found = codes(&made.join("gt.png"));
-        let each = light.iter().zip(&found).map(|(l, &c)| (l.min(1.0) - f32::from(c) / 255.0).abs());
+        let gt_codes = codes(&sequence_folder.join("gt.png"));
+        let each = light.iter().zip(&gt_codes).map(|(l, &c)| (l.min(1.0) - f32::from(c) / 255.0).abs());
         each.sum::<f32>() / light.len() as f32
     };
     let right = error(readouts / 2);
     assert!(right < 0.002, "{readouts}: {right}");
     if readouts > 8 {
-        let beside = error(readouts / 2 - readouts / 8);
-        assert!(beside > 2.0 * right, "{readouts}: {beside} away, {right} there");
+        let offset_error = error(readouts / 2 - readouts / 8);
+        assert!(offset_error > 2.0 * right, "{readouts}: {offset_error} away, {right} there");
     }
 }
 
@@ -160,24 +160,24 @@ fn clean_rates_match_ground_truth_up_to_quantization() {
     clip_of(&clips.join("a.npy"), 2, |_, p| (p as f32 + 0.5) / (WIDTH * HEIGHT) as f32);
     for (structure, rate) in [(DatasetLayout::SpikeZoo, 0.6), (DatasetLayout::SpikeCv, 1.0)] {
         let out = dir.path().join(structure.name());
-        let made = make(&options(&out, inputs(&clips, 60), structure));
-        let found = codes(&made.join("gt.png"));
-        let reader = StreamReader::open(&made.join("stream.clean.dat"), None, None).unwrap();
+        let sequence_folder = make(&options(&out, inputs(&clips, 60), structure));
+        let gt_codes = codes(&sequence_folder.join("gt.png"));
+        let reader = StreamReader::open(&sequence_folder.join("stream.clean.dat"), None, None).unwrap();
         let n = 41;
         let mut packed = vec![0; n * reader.geometry().frame_bytes()];
         reader.read_frames(40, &mut packed).unwrap();
-        let (mut seen, mut expected) = (0.0, 0.0);
-        for (p, &code) in found.iter().enumerate() {
+        let (mut actual, mut expected) = (0.0, 0.0);
+        for (p, &code) in gt_codes.iter().enumerate() {
             let frames = packed.chunks(reader.geometry().frame_bytes());
             let count = frames.filter(|frame| bit(frame, p)).count() as f64;
             let truth = f64::from(code) / 255.0;
             let part = (n as f64 * truth * rate).fract();
-            seen += (count / n as f64 / rate - truth).powi(2);
+            actual += (count / n as f64 / rate - truth).powi(2);
             expected += part * (1.0 - part) / (n as f64 * rate).powi(2) + 1.0 / 12.0 / 255.0_f64.powi(2);
         }
         // The mean square of 1,536 pixels has a standard error of 4 %. With sRGB codes or another full scale, the mean
         // square would differ by a factor of at least 10.
-        let ratio = seen / expected;
+        let ratio = actual / expected;
         assert!((0.8..1.2).contains(&ratio), "{}: {ratio}", structure.name());
     }
 }
@@ -189,10 +189,10 @@ fn lamps_that_saturate_the_sensor_do_not_darken_the_scene() {
     let dir = tempfile::tempdir().unwrap();
     let clips = dir.path().join("clips");
     clip_of(&clips.join("a.npy"), 2, |_, p| if p % 50 == 0 { 30.0 } else { 0.5 });
-    let made = make(&options(&dir.path().join("set"), inputs(&clips, 8), DatasetLayout::SpikeZoo));
-    assert_eq!(SequenceRecord::read(&made).unwrap().facts["light_scale"], 1.0);
-    let found = codes(&made.join("gt.png"));
-    assert_eq!([found[0], found[1]], [255, 128]);
+    let sequence_folder = make(&options(&dir.path().join("set"), inputs(&clips, 8), DatasetLayout::SpikeZoo));
+    assert_eq!(SequenceRecord::read(&sequence_folder, Access::Read).unwrap().facts["light_scale"], 1.0);
+    let gt_codes = codes(&sequence_folder.join("gt.png"));
+    assert_eq!([gt_codes[0], gt_codes[1]], [255, 128]);
 }
 
 /// Half of the pixels are brighter than white, by a factor of up to 2. Without a shorter exposure, half of the codes
@@ -204,18 +204,19 @@ fn light_is_exposed_so_that_spike_zoo_codes_cut_a_thousandth_at_most() {
     clip_of(&clips.join("a.npy"), 2, |_, p| 2.0 * (p as f32 + 0.5) / (WIDTH * HEIGHT) as f32);
     let out = dir.path().join("set");
     let all = options(&out, inputs(&clips, 8), DatasetLayout::SpikeZoo);
-    let made = make(&all);
-    let found = codes(&made.join("gt.png"));
-    let cut = found.iter().filter(|&&c| c == 255).count();
-    assert!(cut <= found.len() / 1000, "{cut} codes of 255");
+    let sequence_folder = make(&all);
+    let gt_codes = codes(&sequence_folder.join("gt.png"));
+    let cut = gt_codes.iter().filter(|&&c| c == 255).count();
+    assert!(cut <= gt_codes.len() / 1000, "{cut} codes of 255");
     // One exposure step changes the light by 1 %, which is 2.6 codes.
-    assert!(found.iter().any(|&c| c >= 251), "exposed too little");
-    let scale = SequenceRecord::read(&made).unwrap().facts["light_scale"].as_f64().unwrap();
+    assert!(gt_codes.iter().any(|&c| c >= 251), "exposed too little");
+    let scale =
+        SequenceRecord::read(&sequence_folder, Access::Read).unwrap().facts["light_scale"].as_f64().unwrap();
     assert!((0.49..0.51).contains(&scale), "{scale}");
-    assert_eq!(Manifest::read(&out).unwrap().options["ground_truth"]["rate_at_255"], 0.6);
+    assert_eq!(Manifest::read(&out, Access::Read).unwrap().options["ground_truth"]["rate_at_255"], 0.6);
     let sheet = fs::read_to_string(out.join("DATASHEET.md")).unwrap();
     assert!(sheet.contains("rate=0.6") && sheet.contains("| rate of ground truth 255 | 0.6 |"), "{sheet}");
-    assert_eq!(codes(&out.join("train/gt").join(format!("{}.png", name_of(&made)))), found);
+    assert_eq!(codes(&out.join("train/gt").join(format!("{}.png", name_of(&sequence_folder)))), gt_codes);
 }
 
 fn name_of(folder: &Path) -> String {
@@ -231,9 +232,9 @@ fn clear_light_of_clips_is_kept_by_readout_in_every_form() {
         let out = dir.path().join(form.name());
         let mut all = options(&out, inputs(&clips, 8), DatasetLayout::SpikeCv);
         all.images = ReferenceImageOptions { every: Some(6), format: form };
-        let made = make(&all);
+        let sequence_folder = make(&all);
         let mut names: Vec<_> =
-            fs::read_dir(made.join("images")).unwrap().map(|e| e.unwrap().file_name()).collect();
+            fs::read_dir(sequence_folder.join("images")).unwrap().map(|e| e.unwrap().file_name()).collect();
         names.sort();
         let ending = form.extension();
         assert_eq!(
@@ -242,8 +243,8 @@ fn clear_light_of_clips_is_kept_by_readout_in_every_form() {
                 .map(|n| std::ffi::OsString::from(format!("{n}.{ending}")))
         );
         // The time of readout 6 is at three quarters of the interval between the first and the second frame.
-        let file = made.join(format!("images/000006.{ending}"));
-        let (found, expected) = match form {
+        let file = sequence_folder.join(format!("images/000006.{ending}"));
+        let (actual, expected) = match form {
             ImageFormat::U8 => (f32::from(codes(&file)[7]), spikelane_io::light::srgb_code(0.4) * 255.0),
             ImageFormat::U16 => {
                 (f32::from(image::open(&file).unwrap().into_luma16()[(7, 0)].0[0]), 0.4 * 65535.0)
@@ -251,11 +252,11 @@ fn clear_light_of_clips_is_kept_by_readout_in_every_form() {
             ImageFormat::F32 => (floats(&file)[7], 0.4),
             _ => panic!("{form:?} has no test"),
         };
-        assert!((found - expected).abs() <= if form == ImageFormat::F32 { 1e-6 } else { 0.51 }, "{found}");
-        let about = SequenceRecord::read(&made).unwrap().facts;
+        assert!((actual - expected).abs() <= if form == ImageFormat::F32 { 1e-6 } else { 0.51 }, "{actual}");
+        let facts = SequenceRecord::read(&sequence_folder, Access::Read).unwrap().facts;
         let transfer = if form == ImageFormat::U8 { "srgb" } else { "linear" };
-        assert_eq!(about["images"]["transfer"], transfer);
-        assert_eq!((&about["images"]["every"], &about["images"]["format"]), (&6.into(), &form.name().into()));
+        assert_eq!(facts["images"]["transfer"], transfer);
+        assert_eq!((&facts["images"]["every"], &facts["images"]["format"]), (&6.into(), &form.name().into()));
     }
 }
 
@@ -266,8 +267,8 @@ fn resume_makes_a_sequence_with_a_damaged_clear_image_again() {
     clip(&clips.join("a.npy"), &[0.1, 0.5]);
     let mut all = options(&dir.path().join("set"), inputs(&clips, 8), DatasetLayout::SpikeCv);
     all.images = ReferenceImageOptions { every: Some(5), format: ImageFormat::U16 };
-    let made = make(&all);
-    let image = made.join("images/000005.png");
+    let sequence_folder = make(&all);
+    let image = sequence_folder.join("images/000005.png");
     let good = fs::read(&image).unwrap();
     all.resume = true;
     for damage in ["cut", "gone"] {
@@ -289,16 +290,16 @@ fn light_of_a_readout_is_interpolated_by_the_timeline() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.npy");
     clip(&path, &[0.1, 0.5, 0.3]);
-    let how = light::InputOptions::new(Geometry::new(WIDTH as u32, HEIGHT as u32).unwrap());
+    let input_options = light::InputOptions::new(Geometry::new(WIDTH as u32, HEIGHT as u32).unwrap());
     let at = |readout, interpolation| {
-        let mut source = light::open(&path, &how).unwrap();
+        let mut source = light::open(&path, &input_options).unwrap();
         light_at(&mut *source, Timeline::from_readouts_per_frame(8, interpolation).unwrap(), readout)
             .map(|f| f.to_f32()[5])
     };
-    for (readout, held, linear) in
+    for (readout, hold, linear) in
         [(0, 0.1, 0.1), (6, 0.1, 0.4), (8, 0.5, 0.5), (12, 0.5, 0.4), (23, 0.3, 0.3)]
     {
-        assert!((at(readout, Interpolation::Hold).unwrap() - held).abs() < 1e-6, "{readout}");
+        assert!((at(readout, Interpolation::Hold).unwrap() - hold).abs() < 1e-6, "{readout}");
         assert!((at(readout, Interpolation::Linear).unwrap() - linear).abs() < 1e-6, "{readout}");
     }
     assert_eq!(at(24, Interpolation::Linear).unwrap_err().kind(), ErrorKind::Input);

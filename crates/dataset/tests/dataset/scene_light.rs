@@ -73,7 +73,7 @@ fn interval_noise(camera: &Camera, light: &[f32]) -> (f64, usize) {
     let mut packed = vec![0; READOUTS * geometry.frame_bytes()];
     simulator.fill(FrameRef::new(light), &mut packed).unwrap();
     let packed = SpikeFramesRef::new(geometry, &packed).unwrap();
-    let mut found = Vec::new();
+    let mut noise = Vec::new();
     for p in 0..geometry.pixels() {
         let (row, col) = (p / geometry.width(), p % geometry.width());
         let fired: Vec<f64> = (0..READOUTS).filter(|t| packed.get(*t, row, col)).map(|t| t as f64).collect();
@@ -84,9 +84,9 @@ fn interval_noise(camera: &Camera, light: &[f32]) -> (f64, usize) {
         }
         let mean = intervals.iter().sum::<f64>() / n;
         let variance = intervals.iter().map(|i| (i - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        found.push((variance - 1.0 / 6.0) / (mean * mean));
+        noise.push((variance - 1.0 / 6.0) / (mean * mean));
     }
-    (found.iter().sum::<f64>() / found.len() as f64, found.len())
+    (noise.iter().sum::<f64>() / noise.len() as f64, noise.len())
 }
 
 /// At every light, an interval ends after K electrons. The mean interval is T readouts. The Poisson noise of K
@@ -108,11 +108,11 @@ fn low_light_shows_the_shot_noise_of_its_electrons() {
     };
     let shot = spikelane::effects::find("shot_noise").unwrap();
     let noisy = dim(ideal.clone().with_effect(shot.typical()));
-    let (found, pixels) = interval_noise(&noisy, &light);
+    let (noise, pixels) = interval_noise(&noisy, &light);
     assert!(pixels > 100, "{pixels}");
-    assert!((found * electrons - 1.0).abs() < 0.1, "{found} for {}, {pixels} pixels", 1.0 / electrons);
+    assert!((noise * electrons - 1.0).abs() < 0.1, "{noise} for {}, {pixels} pixels", 1.0 / electrons);
     let (clean, _) = interval_noise(&dim(ideal), &light);
-    assert!(clean.abs() < 0.05 * found, "{clean} without quanta");
+    assert!(clean.abs() < 0.05 * noise, "{clean} without quanta");
 }
 
 /// White is the luminance of surfaces that the tunnel lamps illuminate. Outside the tunnel, pixels fire at every

@@ -35,11 +35,11 @@ fn stratified_splits_have_equal_shares_of_each_lighting() {
     let work = Content::Scenes(SceneContent::rhdd().with_sequences(400));
     let options = options(Path::new("nowhere"), work).with_splits(splits);
     let ids: Vec<String> = (0..400).map(|i| options.scene_id(i)).collect();
-    let found = options.splits(&ids);
-    let count = |split| found.iter().filter(|s| **s == split).count();
+    let assigned = options.splits(&ids);
+    let count = |split| assigned.iter().filter(|s| **s == split).count();
     assert_eq!([count(Split::Test), count(Split::Validation), count(Split::Train)], [100, 60, 240]);
     let mut lights: BTreeMap<&str, [f64; 3]> = BTreeMap::new();
-    for (id, split) in ids.iter().zip(&found) {
+    for (id, split) in ids.iter().zip(&assigned) {
         let counts = lights.entry(Lighting::from_seed(options.scene_seed_for(id)).name()).or_default();
         counts[0] += 1.0;
         counts[1] += f64::from(u8::from(*split == Split::Test));
@@ -71,14 +71,14 @@ fn shares_beyond_one_are_refused() {
 
 #[test]
 fn names_have_as_many_digits_as_the_last_one_and_four_at_least() {
-    let named = |sequences, index| {
+    let scene_id = |sequences, index| {
         options(Path::new("nowhere"), Content::Scenes(SceneContent::rhdd().with_sequences(sequences)))
             .scene_id(index)
     };
-    assert_eq!(named(2, 1), "scene-0001");
-    assert_eq!(named(10_000, 9_999), "scene-9999");
-    assert_eq!(named(10_001, 7), "scene-00007");
-    assert_eq!(named(1_000_000, 7), "scene-000007");
+    assert_eq!(scene_id(2, 1), "scene-0001");
+    assert_eq!(scene_id(10_000, 9_999), "scene-9999");
+    assert_eq!(scene_id(10_001, 7), "scene-00007");
+    assert_eq!(scene_id(1_000_000, 7), "scene-000007");
 }
 
 #[test]
@@ -91,9 +91,9 @@ fn cameras_follow_from_names_and_have_one_size() {
         let path = dir.path().join(set).join("sequences").join(id).join("stream.json");
         serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
     };
-    let seen: BTreeSet<String> =
+    let cameras: BTreeSet<String> =
         (0..3).map(|i| camera("drawn", &format!("scene-000{i}"))["camera"].to_string()).collect();
-    assert_eq!(seen.len(), 3);
+    assert_eq!(cameras.len(), 3);
     assert_eq!(camera("drawn", "scene-0001")["seeds"]["camera"], drawn.camera_seed_for("scene-0001"));
     let mut several = options(&dir.path().join("several"), scene_content(1));
     let other = presets::builtin("ideal").unwrap();

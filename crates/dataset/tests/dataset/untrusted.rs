@@ -8,7 +8,7 @@ use std::path::Path;
 use serde_json::Value;
 use spikelane::{Error, ErrorKind};
 use spikelane_dataset::shards::{self, MergeOptions, ShardOptions, ShardPlan};
-use spikelane_dataset::{self as dataset, DatasetOptions, Manifest};
+use spikelane_dataset::{self as dataset, Access, DatasetOptions, Manifest};
 use spikelane_io::storage::Digest;
 
 use crate::generate::{clip, generate_dataset, inputs, options, scene_content};
@@ -42,9 +42,10 @@ fn an_id_of_a_plan_that_leads_outside_is_refused() {
     for (number, id) in ["../../../../home/alice", "..", "a/b", home.to_str().unwrap()].iter().enumerate() {
         let options = options(&dir.path().join(format!("plan{number}")), inputs(&dir.path().join("clips")));
         planned_with_id(&options, id);
-        let how = ShardOptions { threads: 1, verify_digests: false, retry_failed: false, take_lock: true };
-        let plan = ShardPlan::open(&options.output).unwrap();
-        let error = shards::generate_shard(&plan, 0, &how, &mut |_| Ok(())).unwrap_err();
+        let shard_options =
+            ShardOptions { threads: 1, verify_digests: false, retry_failed: false, take_lock: true };
+        let plan = ShardPlan::open(&options.output, Access::Read).unwrap();
+        let error = shards::generate_shard(&plan, 0, &shard_options, &mut |_| Ok(())).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Corrupt, "{id}: {error}");
     }
     assert_eq!(fs::read(thesis).unwrap(), b"precious");
@@ -55,11 +56,11 @@ fn an_id_split_or_shard_of_a_manifest_that_leads_outside_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("set");
     generate_dataset(&options(&out, scene_content(1))).unwrap();
-    let whole = fs::read_to_string(out.join("manifest.jsonl")).unwrap();
+    let manifest_text = fs::read_to_string(out.join("manifest.jsonl")).unwrap();
     for (key, value) in [("id", "../../home/bob"), ("split", ".."), ("shard", "../home"), ("shard", "")] {
-        let mut entry: Value = serde_json::from_str(whole.lines().nth(1).unwrap()).unwrap();
+        let mut entry: Value = serde_json::from_str(manifest_text.lines().nth(1).unwrap()).unwrap();
         entry[key] = value.into();
-        fs::write(out.join("manifest.jsonl"), format!("{whole}{entry}\n")).unwrap();
+        fs::write(out.join("manifest.jsonl"), format!("{manifest_text}{entry}\n")).unwrap();
         let error = generate_dataset(&options(&out, scene_content(1)).with_resume(true)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Config, "{key} = {value}: {error}");
     }
@@ -71,7 +72,7 @@ fn a_manifest_whose_first_line_is_no_object_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     for head in ["0", "\"options\"", "[{}]", "true", "null"] {
         fs::write(dir.path().join("manifest.jsonl"), format!("{head}\n")).unwrap();
-        let error = Manifest::read(dir.path()).unwrap_err();
+        let error = Manifest::read(dir.path(), Access::Read).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Config, "{head}: {error}");
     }
 }
@@ -85,8 +86,9 @@ fn inputs_of_any_name_become_sequences_with_plain_names() {
     let names =
         ["12:30", "a b", "a\u{1b}[2J", "con", "nul.d", "trailing.", "back\\slash", "\u{fc}ber", &long, "a-b"];
     names.iter().for_each(|name| clip(&clips.join(name), 200));
-    let found = dataset::discover_inputs(&clips, Path::new("nowhere")).unwrap();
-    let ids: std::collections::BTreeSet<_> = found.iter().map(|input| input.id.as_str().to_owned()).collect();
+    let discovered = dataset::discover_inputs(&clips, Path::new("nowhere")).unwrap();
+    let ids: std::collections::BTreeSet<_> =
+        discovered.iter().map(|input| input.id.as_str().to_owned()).collect();
     assert_eq!(ids.len(), names.len());
     assert!(ids.iter().all(|id| id.len() < 100 && id.chars().all(|c| c.is_ascii_alphanumeric() || c == '-')));
     let report = generate_dataset(&options(&dir.path().join("set"), inputs(&clips))).unwrap();
@@ -98,9 +100,10 @@ fn a_request_to_stop_ends_merge_and_status_between_two_files() {
     let dir = tempfile::tempdir().unwrap();
     let options = options(dir.path(), scene_content(2));
     let (plan, _) = ShardPlan::create(&options, 1, false).unwrap();
-    let how = ShardOptions { threads: 1, verify_digests: false, retry_failed: false, take_lock: true };
+    let shard_options =
+        ShardOptions { threads: 1, verify_digests: false, retry_failed: false, take_lock: true };
     for shard in 0..2 {
-        shards::generate_shard(&plan, shard, &how, &mut |_| Ok(())).unwrap();
+        shards::generate_shard(&plan, shard, &shard_options, &mut |_| Ok(())).unwrap();
     }
     let merging = MergeOptions { verify_digests: true, create_links: true, take_lock: true };
     let mut calls = 0;

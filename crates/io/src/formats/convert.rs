@@ -13,10 +13,10 @@ use spikelane::unstable::threads;
 const BATCH_BYTES: usize = 1 << 20;
 
 /// Copies the rectangle `crop` of the packed frame `from` to the packed frame `to`. `of` is the geometry of `from`.
-fn crop_frame(crop: Crop, of: Geometry, from: &[u8], to: &mut [u8]) {
+fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
     to.fill(0);
     for row in 0..crop.height {
-        let start = (crop.y + row) * of.width() + crop.x;
+        let start = (crop.row + row) * geometry.width() + crop.col;
         copy_bits(to, row * crop.width, from, start, crop.width);
     }
 }
@@ -70,10 +70,10 @@ pub(super) fn for_each_batch(
     // A range beyond the end of the stream must fail before any frame is read.
     reader.frames(readouts.clone())?;
     let step = (BATCH_BYTES / reader.geometry().frame_bytes().max(to.frame_bytes())).max(1);
-    let mut whole = Vec::new();
+    let mut full_frames = Vec::new();
     let (first, end) = (readouts.clone().step_by(step), readouts.end);
     let read = move |first: usize, frames: &mut Vec<u8>| {
-        read(reader, first..end.min(first + step), crop.map(|c| (c, to)), &mut whole, frames)
+        read(reader, first..end.min(first + step), crop.map(|c| (c, to)), &mut full_frames, frames)
     };
     std::thread::scope(|scope| {
         let (full, next) = mpsc::sync_channel(1);
@@ -112,17 +112,17 @@ fn read(
     reader: &StreamReader,
     readouts: Range<usize>,
     crop: Option<(Crop, Geometry)>,
-    whole: &mut Vec<u8>,
+    full_frames: &mut Vec<u8>,
     frames: &mut Vec<u8>,
 ) -> Result<()> {
-    let (of, size) = (reader.geometry(), reader.geometry().frame_bytes());
-    let all = if crop.is_some() { &mut *whole } else { &mut *frames };
+    let (geometry, size) = (reader.geometry(), reader.geometry().frame_bytes());
+    let all = if crop.is_some() { &mut *full_frames } else { &mut *frames };
     all.resize(readouts.len() * size, 0);
     reader.read_frames(readouts.start, all)?;
     if let Some((crop, to)) = crop {
         frames.resize(readouts.len() * to.frame_bytes(), 0);
-        let pairs = whole.chunks_exact(size).zip(frames.chunks_exact_mut(to.frame_bytes()));
-        pairs.for_each(|(a, b)| crop_frame(crop, of, a, b));
+        let pairs = full_frames.chunks_exact(size).zip(frames.chunks_exact_mut(to.frame_bytes()));
+        pairs.for_each(|(a, b)| crop_frame(crop, geometry, a, b));
     }
     Ok(())
 }

@@ -24,8 +24,8 @@ const MAX_BYTES: u64 = 1 << 20;
 /// # Errors
 /// [`ErrorKind::Config`] if the values of `spike_w` and `spike_h` are not a valid geometry.
 pub(super) fn find_above(stream: &Path) -> Result<Option<(Geometry, PathBuf)>> {
-    let Ok(whole) = std::path::absolute(stream) else { return Ok(None) };
-    for folder in whole.ancestors().skip(1).take(MAX_PARENT_FOLDERS) {
+    let Ok(absolute) = std::path::absolute(stream) else { return Ok(None) };
+    for folder in absolute.ancestors().skip(1).take(MAX_PARENT_FOLDERS) {
         let path = folder.join(CONFIG_FILE_NAME);
         let bytes = read_bytes(&path, "a configuration", MAX_BYTES).ok();
         let Some(text) = bytes.and_then(|bytes| String::from_utf8(bytes).ok()) else { continue };

@@ -16,8 +16,7 @@ const EVENT_BYTES: u64 = 12;
 /// The layout name of event lists in arguments and sidecars.
 pub const EVENTS_LAYOUT: &str = "events";
 
-/// Writes the spikes of `readouts` of `reader`, cropped, as an `.npy` array of events. Returns the file and the
-/// number N of events.
+/// Writes the spikes of `readouts` of `reader`, cropped, as an `.npy` array of events.
 ///
 /// The array has shape (N, 3) and elements of type little-endian `i32`. The columns contain x, y and the readout
 /// number. x and y are 0 at the upper left corner of the crop. Readouts are numbered from 0 at the start of
@@ -38,7 +37,7 @@ pub fn write_events(
     path: &Path,
     force: bool,
     mut progress: impl FnMut(u64) -> Result<()>,
-) -> Result<(StreamSummary, u64)> {
+) -> Result<StreamSummary> {
     let geometry = crop.map_or(Ok(reader.geometry()), |c| c.geometry(reader.geometry()))?;
     if i32::try_from(readouts.len()).is_err() {
         return Err(Error::new(ErrorKind::Usage, "readouts")
@@ -73,11 +72,11 @@ pub fn write_events(
         progress(readout as u64)
     })?;
     let done = writer.finish()?;
-    let finished = StreamSummary {
+    Ok(StreamSummary {
         path: done.path,
         bytes: done.bytes,
         digest: digest.to_text(),
+        spikes: count,
         sync_time: done.sync_time,
-    };
-    Ok((finished, count))
+    })
 }

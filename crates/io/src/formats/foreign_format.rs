@@ -86,9 +86,9 @@ fn is_text(bytes: &[u8]) -> bool {
 /// streams rarely match, because the most significant bit of every byte must be 0.
 fn detect_text(bytes: &[u8]) -> Option<ForeignFormat> {
     let head = &bytes[..bytes.len().min(4096)];
-    let mut seen = [false; 256];
-    head.iter().for_each(|&b| seen[usize::from(b)] = true);
-    let kinds = seen.iter().filter(|s| **s).count();
+    let mut is_present = [false; 256];
+    head.iter().for_each(|&b| is_present[usize::from(b)] = true);
+    let kinds = is_present.iter().filter(|s| **s).count();
     if kinds < 12 || !is_text(head) || !head.iter().any(u8::is_ascii_whitespace) {
         return None;
     }
@@ -146,8 +146,8 @@ mod tests {
             (b"\xff\xd8\xff\xe0\0\x10JFIF\0", "JPEG"),
             (b"\x1f\x8b\x08\0\0\0\0\0\0\x03", "gzip"),
         ] {
-            let found = detect(&padded(head)).unwrap_or_else(|| panic!("{name}"));
-            assert!(found.name.contains(name), "{name}: {}", found.name);
+            let format = detect(&padded(head)).unwrap_or_else(|| panic!("{name}"));
+            assert!(format.name.contains(name), "{name}: {}", format.name);
         }
         let page = b"<!DOCTYPE html>\n<html><body>Not found</body></html>\n";
         assert!(detect(page).is_some_and(|c| c.name.contains("HTML")));

@@ -7,11 +7,11 @@ use spikelane::error::Result;
 use spikelane::unstable::inputs;
 
 /// Number of bytes of packed frames that [`Frames`] reads in one block.
-const BLOCK_BYTES: usize = 256 << 10;
+const BUFFER_BYTES: usize = 256 << 10;
 
 /// The frames of a range of readouts; see [`StreamReader::frames`].
 #[derive(Debug)]
-pub struct Frames<'a> {
+pub struct StreamFrames<'a> {
     reader: &'a StreamReader,
     /// Packed frames of the readouts `first..read`, possibly followed by unused space.
     block: Vec<u8>,
@@ -21,7 +21,7 @@ pub struct Frames<'a> {
     end: usize,
 }
 
-impl Frames<'_> {
+impl StreamFrames<'_> {
     /// Returns the next packed frame, or `None` after the last frame. Frames are read in blocks, so a returned error
     /// can belong to a later frame of the block.
     ///
@@ -53,12 +53,12 @@ impl StreamReader {
     /// # Errors
     /// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `readouts` exceeds the stream.
     /// * [`ErrorKind::Memory`](spikelane::ErrorKind::Memory) if the buffer cannot be allocated.
-    pub fn frames(&self, readouts: Range<usize>) -> Result<Frames<'_>> {
+    pub fn frames(&self, readouts: Range<usize>) -> Result<StreamFrames<'_>> {
         self.check(&readouts)?;
         let size = self.geometry().frame_bytes();
-        let count = (BLOCK_BYTES / size).max(1).min(readouts.len());
+        let count = (BUFFER_BYTES / size).max(1).min(readouts.len());
         let block = inputs::zeroed_vec(self.name(), count * size)?;
         let Range { start, end } = readouts;
-        Ok(Frames { reader: self, block, first: start, read: start, next: start, end })
+        Ok(StreamFrames { reader: self, block, first: start, read: start, next: start, end })
     }
 }

@@ -82,10 +82,10 @@ impl LayoutGuesses {
     /// Returns a warning text that recommends the better guess, or `None` if no alternative is better.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
-        let (given, better) = (&self.current, self.better_guess.as_ref()?);
+        let (current, better) = (&self.current, self.better_guess.as_ref()?);
         let as_text = |r: &LayoutGuess| format!("{} in layout {}", r.geometry, r.layout);
         let mut settings = Vec::new();
-        if better.geometry != given.geometry {
+        if better.geometry != current.geometry {
             settings.push(format!(
                 "{} to {} and {} to {}",
                 Setting("width"),
@@ -94,28 +94,28 @@ impl LayoutGuesses {
                 better.geometry.height()
             ));
         }
-        if better.layout != given.layout {
+        if better.layout != current.layout {
             settings.push(format!("{} to {}", Setting("layout"), better.layout));
         }
         let number = |found: Option<f64>| found.map_or("not measurable".to_owned(), |c| format!("{c:.2}"));
         let why = if better.byte_edge_ratio.is_some() {
             format!(
                 "adjacent pixels differ {} times as much across byte borders as inside bytes; as {} the factor is {}",
-                number(given.byte_edge_ratio),
+                number(current.byte_edge_ratio),
                 as_text(better),
                 number(better.byte_edge_ratio)
             )
         } else {
             format!(
                 "adjacent rows do not match (correlation {}); as {} they do ({})",
-                number(given.row_correlation),
+                number(current.row_correlation),
                 as_text(better),
                 number(better.row_correlation)
             )
         };
         Some(format!(
             "read as {}, the stream does not look like an image: {why}; set {}",
-            as_text(given),
+            as_text(current),
             settings.join(" and ")
         ))
     }
@@ -131,34 +131,30 @@ impl StreamReader {
     pub fn layout_guesses(&self) -> Result<LayoutGuesses> {
         let map = self.rate_map()?;
         let rows = map.row_correlation();
-        let given = LayoutGuess {
+        let current = LayoutGuess {
             layout: self.layout(),
             geometry: self.geometry(),
             readouts: self.readouts(),
             row_correlation: rows,
             byte_edge_ratio: None,
         };
-        let mut found: Vec<(LayoutGuess, bool)> = Vec::new();
+        let mut guesses: Vec<(LayoutGuess, bool)> = Vec::new();
         if self.is_headerless() {
-            self.add_other_shapes(&map, &given, &mut found);
-            self.add_other_cameras(&given, &mut found)?;
+            self.add_other_shapes(&map, &current, &mut guesses);
+            self.add_other_cameras(&current, &mut guesses)?;
         } else if self.layout() == Layout::NpyBytes {
-            found.extend(self.transposed_guess(&given, &map)?);
+            guesses.extend(self.transposed_guess(&current, &map)?);
         }
-        found.sort_by(|a, b| {
+        guesses.sort_by(|a, b| {
             b.0.row_correlation.unwrap_or(-1.0).total_cmp(&a.0.row_correlation.unwrap_or(-1.0))
         });
-        let mut better = found.iter().find(|(_, better)| *better).map(|(reading, _)| *reading);
-        let (given, turned) = self.compare_bit_orders(given, &map);
+        let mut better = guesses.iter().find(|(_, better)| *better).map(|(reading, _)| *reading);
+        let (current, turned) = self.compare_bit_orders(current, &map);
         if better.is_none() {
             better = turned;
         }
-        let others = found.into_iter().map(|(reading, _)| reading).take(MAX_LISTED_GUESSES);
-        Ok(LayoutGuesses {
-            current: given,
-            alternatives: others.chain(turned).collect(),
-            better_guess: better,
-        })
+        let others = guesses.into_iter().map(|(reading, _)| reading).take(MAX_LISTED_GUESSES);
+        Ok(LayoutGuesses { current, alternatives: others.chain(turned).collect(), better_guess: better })
     }
 
     fn is_headerless(&self) -> bool {
@@ -193,7 +189,7 @@ impl StreamReader {
     }
 
     /// Adds guesses with the same layout and number of pixels, but with another width and height.
-    fn add_other_shapes(&self, map: &RateMap, given: &LayoutGuess, found: &mut Vec<(LayoutGuess, bool)>) {
+    fn add_other_shapes(&self, map: &RateMap, current: &LayoutGuess, guesses: &mut Vec<(LayoutGuess, bool)>) {
         let geometry = self.geometry();
         let (pixels, width) = (geometry.pixels(), geometry.width());
         if matches!(self.layout(), Layout::Rows416 | Layout::Rows1024) {
@@ -203,8 +199,8 @@ impl StreamReader {
         // correlate better than neighboring rows, so twice the width would be preferred.
         let shapes = (2..=pixels / 2).filter(|w| pixels.is_multiple_of(*w) && !w.is_multiple_of(width));
         // Sensors have an aspect ratio of at most 8, so other shapes are skipped.
-        let usual = |w: &usize| w * w <= 8 * pixels && pixels <= 8 * w * w;
-        for width in shapes.filter(|w| usual(w) || *w == geometry.height()) {
+        let is_plausible_width = |w: &usize| w * w <= 8 * pixels && pixels <= 8 * w * w;
+        for width in shapes.filter(|w| is_plausible_width(w) || *w == geometry.height()) {
             let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
             let Ok(geometry) = Geometry::new(side(width), side(pixels / width)) else { continue };
             let rows = map.correlation(width);
@@ -215,17 +211,17 @@ impl StreamReader {
                 row_correlation: rows,
                 byte_edge_ratio: None,
             };
-            found.push((reading, given.is_beaten_by(map, width, rows)));
+            guesses.push((reading, current.is_beaten_by(map, width, rows)));
         }
     }
 
     /// Adds guesses for known cameras and data sets whose frames have another byte length.
-    fn add_other_cameras(&self, given: &LayoutGuess, found: &mut Vec<(LayoutGuess, bool)>) -> Result<()> {
+    fn add_other_cameras(&self, current: &LayoutGuess, guesses: &mut Vec<(LayoutGuess, bool)>) -> Result<()> {
         for (width, height, layout) in size::KNOWN_SIZES {
             let Ok(geometry) = Geometry::new(width, height) else { continue };
             let Ok(codec) = Codec::new(layout, geometry) else { continue };
             let same = codec.frame_bytes() == self.codec().frame_bytes();
-            if (layout, geometry) == (given.layout, given.geometry) || same {
+            if (layout, geometry) == (current.layout, current.geometry) || same {
                 continue;
             }
             let (len, frame) = (self.source.len(), codec.frame_bytes());
@@ -250,8 +246,8 @@ impl StreamReader {
             })?;
             let map = RateMap::from_bits(codec, bits);
             let rows = map.row_correlation();
-            let better = given.is_beaten_by(&map, map.stride, rows);
-            found.push((
+            let better = current.is_beaten_by(&map, map.stride, rows);
+            guesses.push((
                 LayoutGuess { layout, geometry, readouts, row_correlation: rows, byte_edge_ratio: None },
                 better,
             ));
@@ -261,7 +257,7 @@ impl StreamReader {
 
     /// Returns the guess that the last axis of an array is the readout axis. Returns `None` if the geometry was not
     /// determined from the header, or if the array is too large.
-    fn transposed_guess(&self, given: &LayoutGuess, here: &RateMap) -> Result<Option<(LayoutGuess, bool)>> {
+    fn transposed_guess(&self, current: &LayoutGuess, here: &RateMap) -> Result<Option<(LayoutGuess, bool)>> {
         let (a, b, c) = (self.readouts(), self.geometry().height(), self.geometry().width());
         let few = a.checked_mul(b).and_then(|n| n.checked_mul(c)).is_some_and(|n| n <= MAX_TRANSPOSED_BYTES);
         let turned = ReadoutAxis::Last.readouts_and_geometry([a as u64, b as u64, c as u64]);
@@ -285,14 +281,14 @@ impl StreamReader {
         // In the wrong axis order, one of the two image axes is the readout axis. The image can still vary smoothly
         // along the other image axis. Therefore the smaller of the two correlations decides.
         let both = |map: &RateMap| Some(map.row_correlation()?.min(map.correlation(1)?));
-        let wrong = LayoutGuess { row_correlation: both(here), ..*given };
+        let wrong = LayoutGuess { row_correlation: both(here), ..*current };
         let better = wrong.is_beaten_by(&map, b, both(&map).filter(|_| wrong.row_correlation.is_some()));
         Ok(Some((
             LayoutGuess {
                 geometry,
                 readouts: readouts as usize,
                 row_correlation: map.row_correlation(),
-                ..*given
+                ..*current
             },
             better,
         )))
@@ -300,13 +296,13 @@ impl StreamReader {
 
     /// Computes the byte-edge ratio of the current bit order. Also returns a guess with the reversed bit order if the
     /// reversed order fits the rate map clearly better.
-    fn compare_bit_orders(&self, given: LayoutGuess, map: &RateMap) -> (LayoutGuess, Option<LayoutGuess>) {
-        let Some(layout) = self.layout().other_bit_order() else { return (given, None) };
+    fn compare_bit_orders(&self, current: LayoutGuess, map: &RateMap) -> (LayoutGuess, Option<LayoutGuess>) {
+        let Some(layout) = self.layout().other_bit_order() else { return (current, None) };
         let seams = map.byte_edges();
-        let given = LayoutGuess { byte_edge_ratio: seams.lsb_first_ratio(), ..given };
+        let current = LayoutGuess { byte_edge_ratio: seams.lsb_first_ratio(), ..current };
         (
-            given,
-            seams.reversed_order_ratio().map(|c| LayoutGuess { layout, byte_edge_ratio: Some(c), ..given }),
+            current,
+            seams.reversed_order_ratio().map(|c| LayoutGuess { layout, byte_edge_ratio: Some(c), ..current }),
         )
     }
 }

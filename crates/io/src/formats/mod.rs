@@ -22,7 +22,7 @@ mod writer;
 pub use convert::convert;
 pub use events::EVENTS_LAYOUT;
 pub use events::write_events;
-pub use frames::Frames;
+pub use frames::StreamFrames;
 pub use layout_guesses::{LayoutGuess, LayoutGuesses};
 pub use layouts::codec::Codec;
 pub use layouts::layout::Layout;

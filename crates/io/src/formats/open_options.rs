@@ -91,8 +91,9 @@ impl OpenOptions {
         // compared with the stream.
         let facts =
             if known { sidecar::read_beside(path).unwrap_or_default() } else { sidecar::read_beside(path)? };
-        let named = self.geometry.is_some() || facts.geometry.is_some() || self.layout.is_some_and(tells);
-        let above = if named || is_array(&head) {
+        let is_described =
+            self.geometry.is_some() || facts.geometry.is_some() || self.layout.is_some_and(tells);
+        let above = if is_described || is_array(&head) {
             None
         } else if head.starts_with(layouts::ARCHIVE_MAGIC) {
             // The size of the arrays in an archive is known without a configuration, so an invalid configuration is
@@ -143,10 +144,10 @@ impl ReaderBuilder<'_> {
     fn build(self, source: ByteSource) -> Result<StreamReader> {
         let wanted = self.options.layout.or(self.facts.layout);
         let head = source.head()?;
-        if let Some(found) = foreign_format::detect(&head)
-            && (wanted.is_none() || found.overrides_layout())
+        if let Some(format) = foreign_format::detect(&head)
+            && (wanted.is_none() || format.overrides_layout())
         {
-            return Err(found.to_error(&self.name));
+            return Err(format.to_error(&self.name));
         }
         let arrays = wanted.is_none_or(Layout::is_array);
         if let Some(key) = self.options.key.as_ref().filter(|_| !head.starts_with(layouts::ARCHIVE_MAGIC)) {
@@ -177,27 +178,27 @@ impl ReaderBuilder<'_> {
 
     /// Adds a warning or returns an error if the stream and its sidecar differ.
     fn check_sidecar(&self, reader: &mut StreamReader, wanted: Option<Layout>) -> Result<()> {
-        if let (Some(told), Some(path)) = (self.facts.geometry, &self.facts.path)
-            && told != reader.geometry()
+        if let (Some(sidecar_geometry), Some(path)) = (self.facts.geometry, &self.facts.path)
+            && sidecar_geometry != reader.geometry()
         {
             reader.warn(format!(
-                "the stream is read as {}, but its sidecar {} states {told}",
+                "the stream is read as {}, but its sidecar {} states {sidecar_geometry}",
                 reader.geometry(),
                 path.display()
             ));
         }
         let same = Some(reader.geometry()) == self.facts.geometry && wanted == self.facts.layout;
         let Some(expected) = self.facts.readouts.filter(|_| same) else { return Ok(()) };
-        let found = reader.numbered_readouts() as u64;
-        if found > expected {
+        let numbered = reader.numbered_readouts() as u64;
+        if numbered > expected {
             return Err(Error::new(ErrorKind::Input, &self.name)
-                .found(format_args!("{found} readouts"))
+                .found(format_args!("{numbered} readouts"))
                 .expected(format_args!("{expected}, as stated in the sidecar"))
                 .remedy("the file does not belong to this sidecar; check both"));
         }
-        if found < expected {
+        if numbered < expected {
             reader.warn(format!(
-                "the stream has {found} readouts, but its sidecar states {expected}: the file is truncated"
+                "the stream has {numbered} readouts, but its sidecar states {expected}: the file is truncated"
             ));
         }
         Ok(())
@@ -207,10 +208,13 @@ impl ReaderBuilder<'_> {
     /// geometry.
     fn known_geometry(&self, layout: Layout) -> Option<(Geometry, GeometryOrigin)> {
         let sidecar = self.facts.path.clone().unwrap_or_default();
-        let given = self.options.geometry.map(|g| (g, GeometryOrigin::Caller));
-        let told = self.facts.geometry.map(|g| (g, GeometryOrigin::Sidecar(sidecar)));
+        let caller_geometry = self.options.geometry.map(|g| (g, GeometryOrigin::Caller));
+        let sidecar_geometry = self.facts.geometry.map(|g| (g, GeometryOrigin::Sidecar(sidecar)));
         let above = self.dataset_config.clone().map(|(g, path)| (g, GeometryOrigin::Dataset(path)));
-        given.or(told).or(layout.fixed_geometry().map(|g| (g, GeometryOrigin::Camera))).or(above)
+        caller_geometry
+            .or(sidecar_geometry)
+            .or(layout.fixed_geometry().map(|g| (g, GeometryOrigin::Camera)))
+            .or(above)
     }
 
     fn open_headerless(&self, source: ByteSource, layout: Layout) -> Result<StreamReader> {
@@ -221,8 +225,8 @@ impl ReaderBuilder<'_> {
         if layout == Layout::Rows1024 {
             return self.open_rows1024(source, codec, origin);
         }
-        let told = self.facts.geometry.map(|g| (self.facts.layout.unwrap_or_default(), g));
-        let readouts = size::whole_readouts(&self.name, &codec, source.len(), told)?;
+        let sidecar_shape = self.facts.geometry.map(|g| (self.facts.layout.unwrap_or_default(), g));
+        let readouts = size::whole_readouts(&self.name, &codec, source.len(), sidecar_shape)?;
         let trailing = source.len() - readouts * codec.frame_bytes();
         let mut reader = StreamReader::new(source, &self.name, layout, codec, readouts, origin);
         reader.set_partial_bytes(0, trailing);
@@ -235,22 +239,22 @@ impl ReaderBuilder<'_> {
         codec: Codec,
         origin: GeometryOrigin,
     ) -> Result<StreamReader> {
-        let found = layouts::find_rows1024(&source, source.len())?
+        let scan = layouts::find_rows1024(&source, source.len())?
             .ok_or_else(|| no_frame_error(&self.name, &codec, source.len()))?;
         let numbers: Vec<usize> =
-            found.frames.iter().enumerate().filter(|(_, f)| f.is_none()).map(|(i, _)| i).collect();
-        let mut frames = found.frames;
+            scan.frames.iter().enumerate().filter(|(_, f)| f.is_none()).map(|(i, _)| i).collect();
+        let mut frames = scan.frames;
         let all = frames.len();
         if self.options.missing_frames == MissingFrames::Drop {
             frames.retain(Option::is_some);
         }
         let mut reader = StreamReader::new(source, &self.name, codec.layout(), codec, frames.len(), origin);
         reader.frame_offsets = if numbers.is_empty() {
-            FrameOffsets::Contiguous(found.leading)
+            FrameOffsets::Contiguous(scan.leading)
         } else {
             FrameOffsets::Individual(frames)
         };
-        reader.set_partial_bytes(found.leading, found.trailing);
+        reader.set_partial_bytes(scan.leading, scan.trailing);
         reader.set_missing_frames(numbers, all, self.options.missing_frames);
         Ok(reader)
     }

@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use super::origin::{GeometryOrigin, MissingFrames};
-use super::source::{BLOCK_BYTES, BufferPool, ByteSource, FrameOffsets};
+use super::source::{BufferPool, ByteSource, FrameOffsets};
 use crate::formats::{Codec, Layout};
+use crate::storage::READ_BYTES;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 
@@ -80,7 +81,7 @@ impl StreamReader {
     }
 
     /// Stores the numbers of the missing frames among `all` frames, and adds a warning.
-    pub(super) fn set_missing_frames(&mut self, numbers: Vec<usize>, all: usize, how: MissingFrames) {
+    pub(super) fn set_missing_frames(&mut self, numbers: Vec<usize>, all: usize, policy: MissingFrames) {
         if numbers.is_empty() {
             return;
         }
@@ -92,7 +93,7 @@ impl StreamReader {
         let one = numbers.len() == 1;
         let (are, number) = if one { ("readout is", "number") } else { ("readouts are", "numbers") };
         let missing = Setting("missing_frames");
-        let what = match (how, one) {
+        let what = match (policy, one) {
             (MissingFrames::Mark, true) => {
                 format!("an empty readout replaces it (set {missing} to drop to omit it)")
             }
@@ -108,7 +109,7 @@ impl StreamReader {
             numbers.len(),
             listed.join(", ")
         ));
-        self.omitted_readouts = if how == MissingFrames::Drop { numbers.len() } else { 0 };
+        self.omitted_readouts = if policy == MissingFrames::Drop { numbers.len() } else { 0 };
         self.missing_frames = numbers;
     }
 
@@ -256,7 +257,7 @@ impl StreamReader {
         bytes: usize,
         mut take: impl FnMut(usize, &[u8]) -> Result<()>,
     ) -> Result<()> {
-        let step = (BLOCK_BYTES / bytes).max(1) * bytes;
+        let step = (READ_BYTES / bytes).max(1) * bytes;
         self.buffers.with_buffer(step.min(file.len()), |buffer| {
             for at in file.clone().step_by(step) {
                 let piece = &mut buffer[..step.min(file.end - at)];

@@ -40,16 +40,16 @@ pub(super) fn read_beside(path: &Path) -> Result<SidecarFacts> {
 /// [`ErrorKind::Input`] if the sidecar is a symbolic link to a file in another folder, because the user did not name
 /// that file. If the stream is a symbolic link, the folder of its target is also allowed.
 pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
-    let Some(found) = candidates(stream).into_iter().find(|path| path.is_file()) else { return Ok(None) };
+    let Some(path) = candidates(stream).into_iter().find(|path| path.is_file()) else { return Ok(None) };
     let folder = |path: &Path| path.canonicalize().ok().and_then(|real| real.parent().map(Path::to_owned));
-    match check_link(found.parent().unwrap_or(Path::new("")), &found, Access::Read) {
-        Err(e) if folder(&found) != folder(stream) => Err(e.remedy(format_args!(
+    match check_link(path.parent().unwrap_or(Path::new("")), &path, Access::Read) {
+        Err(e) if folder(&path) != folder(stream) => Err(e.remedy(format_args!(
             "copy the sidecar there, or remove the link and set {}, {} and {}",
             Setting("width"),
             Setting("height"),
             Setting("layout")
         ))),
-        _ => Ok(Some(found)),
+        _ => Ok(Some(path)),
     }
 }
 
@@ -58,12 +58,12 @@ pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
 /// `STEM.dat.json` comes before `STEM.json`. `convert` writes `STEM.dat.json`, because two streams with different
 /// layouts may share a stem. The clean stream `STEM.clean.dat` shares `STEM.json` with `STEM.dat`.
 fn candidates(path: &Path) -> Vec<PathBuf> {
-    let mut found = vec![sidecar_path(path), path.with_extension("json")];
+    let mut paths = vec![sidecar_path(path), path.with_extension("json")];
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     if let Some(stem) = stem.strip_suffix(".clean") {
-        found.push(path.with_file_name(format!("{stem}.json")));
+        paths.push(path.with_file_name(format!("{stem}.json")));
     }
-    found
+    paths
 }
 
 fn read(path: &Path, stream: &Path) -> Result<SidecarFacts> {
@@ -111,8 +111,8 @@ fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFacts> {
     };
     // A `STEM.npy` may have the camera of `STEM.dat`, whose sidecar is `STEM.json`, but has another layout. Therefore
     // only the geometry is used.
-    let about = keys.file.as_deref().map_or(stream, Path::new);
-    if about.extension() != stream.extension() {
+    let described = keys.file.as_deref().map_or(stream, Path::new);
+    if described.extension() != stream.extension() {
         return Ok(SidecarFacts { geometry, ..SidecarFacts::default() });
     }
     Ok(SidecarFacts { geometry, layout, readouts: keys.readouts, path: None })
@@ -153,9 +153,9 @@ mod tests {
 
     #[test]
     fn the_clean_twin_shares_the_sidecar() {
-        let found = candidates(Path::new("a/run.clean.dat"));
+        let paths = candidates(Path::new("a/run.clean.dat"));
         let expected = ["a/run.clean.dat.json", "a/run.clean.json", "a/run.json"];
-        assert_eq!(found, expected.map(PathBuf::from));
+        assert_eq!(paths, expected.map(PathBuf::from));
     }
 
     #[cfg(unix)]

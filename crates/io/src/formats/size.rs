@@ -22,20 +22,20 @@ pub(super) fn whole_readouts(
     name: &str,
     codec: &Codec,
     data: usize,
-    told: Option<(Layout, Geometry)>,
+    declared: Option<(Layout, Geometry)>,
 ) -> Result<usize> {
     let frame = codec.frame_bytes();
-    let whole = data / frame;
-    if whole > 0 && data.is_multiple_of(frame) {
-        return Ok(whole);
+    let complete_frames = data / frame;
+    if complete_frames > 0 && data.is_multiple_of(frame) {
+        return Ok(complete_frames);
     }
-    let told = told.and_then(|(layout, g)| Codec::new(layout, g).ok());
-    let other = told.filter(|t| t != codec).is_some_and(|t| data.is_multiple_of(t.frame_bytes()));
-    let sure = told == Some(*codec);
-    if whole == 0 || other || !sure && !hints(data, Some(*codec)).is_empty() {
+    let declared = declared.and_then(|(layout, g)| Codec::new(layout, g).ok());
+    let other = declared.filter(|t| t != codec).is_some_and(|t| data.is_multiple_of(t.frame_bytes()));
+    let sure = declared == Some(*codec);
+    if complete_frames == 0 || other || !sure && !hints(data, Some(*codec)).is_empty() {
         return Err(size_mismatch_error(name, codec, data));
     }
-    Ok(whole)
+    Ok(complete_frames)
 }
 
 /// Returns the error for a file whose length is not a whole number of frames.

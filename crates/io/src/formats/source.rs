@@ -6,12 +6,9 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
+use crate::storage::READ_BYTES;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{self, InputFile};
-
-/// Number of bytes per read of a file. Larger reads need fewer system calls. Smaller reads stay in the cache of a core
-/// until the bytes are decoded.
-pub(super) const BLOCK_BYTES: usize = 512 << 10;
 
 /// Number of bytes at the start of a file that are compared with the signatures of other formats. `.npy` headers are
 /// shorter.
@@ -99,7 +96,7 @@ impl ByteSource {
             Self::File { file, .. } => Box::new(file.reader()),
             Self::Memory(bytes) => Box::new(Cursor::new(bytes)),
         };
-        BufReader::with_capacity(BLOCK_BYTES, reader)
+        BufReader::with_capacity(READ_BYTES, reader)
     }
 }
 

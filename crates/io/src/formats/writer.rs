@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::formats::{Codec, Layout};
 use crate::storage::{Digest, FileWriter};
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::spikes::Geometry;
+use spikelane::spikes::{self, Geometry};
 use spikelane::unstable::threads;
 
 /// Number of bytes that are encoded and then hashed in one step. A piece of this size stays in the second-level cache
@@ -31,6 +31,7 @@ pub struct StreamWriter {
     start: u64,
     readouts: u64,
     written: u64,
+    spikes: u64,
     is_growing: bool,
     /// Buffer of encoded frames. Only layouts whose frames differ in length from packed frames use the buffer.
     encoded: Vec<u8>,
@@ -48,6 +49,8 @@ pub struct StreamSummary {
     pub bytes: u64,
     /// Digest of all bytes of the file, the header included, as `blake3:<hex>`.
     pub digest: String,
+    /// Number of spikes.
+    pub spikes: u64,
     /// Duration of the final sync and rename.
     pub sync_time: Duration,
 }
@@ -105,6 +108,7 @@ impl StreamWriter {
             start,
             readouts,
             written: 0,
+            spikes: 0,
             is_growing: false,
             encoded: Vec::new(),
             may_replace: force,
@@ -223,6 +227,7 @@ impl StreamWriter {
             let frames = piece.len() / size;
             let offset = self.start + self.written * self.codec.frame_bytes() as u64;
             self.put(offset, piece, frames * self.codec.frame_bytes())?;
+            self.spikes += spikes::count_spikes(piece);
             self.written += frames as u64;
         }
         Ok(())
@@ -275,6 +280,7 @@ impl StreamWriter {
             path: done.path,
             bytes: done.bytes,
             digest: self.digest.to_text(),
+            spikes: self.spikes,
             sync_time: done.sync_time,
         })
     }
@@ -283,7 +289,7 @@ impl StreamWriter {
 /// Returns the path of the sidecar that describes only this stream. For `STEM.dat`, the path is `STEM.dat.json`. The
 /// reader tries this path first.
 pub fn sidecar_path(path: &Path) -> PathBuf {
-    let mut whole = path.as_os_str().to_os_string();
-    whole.push(".json");
-    PathBuf::from(whole)
+    let mut json_path = path.as_os_str().to_os_string();
+    json_path.push(".json");
+    PathBuf::from(json_path)
 }

@@ -44,13 +44,13 @@ impl FromStr for CameraMotion {
                 .expected("terms such as pan=120,0 or pan=0.5,0/frame, zoom=1.2, rotate=30, joined by `:`")
         };
         let mut motion = Self::default();
-        let mut seen = Vec::new();
+        let mut keys = Vec::new();
         for part in text.split([':', '+']) {
             let (key, value) = part.split_once('=').ok_or_else(bad)?;
-            if seen.contains(&key) {
+            if keys.contains(&key) {
                 return Err(bad());
             }
-            seen.push(key);
+            keys.push(key);
             motion.set(key, value).ok_or_else(bad)?;
         }
         Ok(motion)
@@ -99,34 +99,40 @@ impl CameraMotion {
     ///
     /// # Errors
     /// As [`Frame::new`]. For a valid image, `Frame::new` does not fail.
-    pub fn view(&self, whole: &FullImage, camera: Geometry, rate: Rate, index: u64) -> Result<Frame> {
+    pub fn view(&self, full_image: &FullImage, camera: Geometry, rate: Rate, index: u64) -> Result<Frame> {
         let (seconds, steps) = self.time(rate, index);
         let eye = [camera.width() as f64 / 2.0, camera.height() as f64 / 2.0];
-        let FullImage { image: picture, origin, step } = whole;
+        let FullImage { image: picture, origin, step } = full_image;
         let shrink = libm::pow(self.zoom, -seconds);
         let angle = (self.rotate * seconds % 360.0).to_radians();
         let (cos, sin) = (libm::cos(angle) * shrink, libm::sin(angle) * shrink);
         let at = |row: usize, col: usize| {
             let (x, y) = (col as f64 + 0.5 - eye[0], row as f64 + 0.5 - eye[1]);
-            let seen = [
+            let source = [
                 eye[0] + x * cos + y * sin + self.pan[0] * steps,
                 eye[1] - x * sin + y * cos + self.pan[1] * steps,
             ];
-            [origin[0] + step[0] * seen[0], origin[1] + step[1] * seen[1]]
+            [origin[0] + step[0] * source[0], origin[1] + step[1] * source[1]]
         };
-        let of = picture.geometry();
+        let geometry = picture.geometry();
         let samples = match picture.samples() {
             OwnedSamples::U8(v) => OwnedSamples::U16(sample_frame(
                 camera,
-                of,
+                geometry,
                 at,
                 |p| f32::from(v[p]) * 257.0,
                 |x| (x + 0.5) as u16,
             )),
-            OwnedSamples::U16(v) => {
-                OwnedSamples::U16(sample_frame(camera, of, at, |p| f32::from(v[p]), |x| (x + 0.5) as u16))
+            OwnedSamples::U16(v) => OwnedSamples::U16(sample_frame(
+                camera,
+                geometry,
+                at,
+                |p| f32::from(v[p]),
+                |x| (x + 0.5) as u16,
+            )),
+            OwnedSamples::F32(v) => {
+                OwnedSamples::F32(sample_frame(camera, geometry, at, |p| v[p], |x| x.max(0.0)))
             }
-            OwnedSamples::F32(v) => OwnedSamples::F32(sample_frame(camera, of, at, |p| v[p], |x| x.max(0.0))),
         };
         Frame::new(camera, samples)
     }
@@ -134,7 +140,7 @@ impl CameraMotion {
 
 fn sample_frame<T>(
     camera: Geometry,
-    of: Geometry,
+    geometry: Geometry,
     at: impl Fn(usize, usize) -> [f64; 2],
     light: impl Fn(usize) -> f32,
     store: impl Fn(f32) -> T,
@@ -143,18 +149,19 @@ fn sample_frame<T>(
     for row in 0..camera.height() {
         for col in 0..camera.width() {
             let [x, y] = at(row, col);
-            out.push(store(bilinear(of, x - 0.5, y - 0.5, &light)));
+            out.push(store(bilinear(geometry, x - 0.5, y - 0.5, &light)));
         }
     }
     out
 }
 
 /// Returns the bilinear interpolation of `light` at `(x, y)`. Sample centers have integer coordinates.
-fn bilinear(of: Geometry, x: f64, y: f64, light: &impl Fn(usize) -> f32) -> f32 {
+fn bilinear(geometry: Geometry, x: f64, y: f64, light: &impl Fn(usize) -> f32) -> f32 {
     let (left, top) = (libm::floor(x), libm::floor(y));
     let (fx, fy) = ((x - left) as f32, (y - top) as f32);
-    let cols = [left as i64, (left as i64).saturating_add(1)].map(|c| mirror(c, of.width()));
-    let rows = [top as i64, (top as i64).saturating_add(1)].map(|r| mirror(r, of.height()) * of.width());
+    let cols = [left as i64, (left as i64).saturating_add(1)].map(|c| mirror(c, geometry.width()));
+    let rows =
+        [top as i64, (top as i64).saturating_add(1)].map(|r| mirror(r, geometry.height()) * geometry.width());
     let [upper, lower] = rows.map(|row| {
         let (a, b) = (light(row + cols[0]), light(row + cols[1]));
         a + fx * (b - a)

@@ -90,12 +90,12 @@ impl ResizeMode {
     #[must_use]
     pub fn crop_note(self, picture: Geometry, camera: Geometry) -> Option<String> {
         const MIN_UNREPORTED_SHARE: f64 = 0.9;
-        let kept = self.shown_share(picture, camera);
-        (kept < MIN_UNREPORTED_SHARE).then(|| {
+        let share = self.shown_share(picture, camera);
+        (share < MIN_UNREPORTED_SHARE).then(|| {
             let modes = if self == Self::Crop { "cover or stretch" } else { "stretch" };
             format!(
                 "the camera's {camera} shows {:.0} % of each {picture} image; to show more, set {} to {modes}, or set {}",
-                100.0 * kept,
+                100.0 * share,
                 Setting("resize_mode"),
                 Setting("size_from_input")
             )

@@ -20,9 +20,9 @@ const MAX_LINE_BYTES: u64 = 1 << 10;
 /// Returns the path of the timestamp file in an image folder. If the folder has none, returns the path of the
 /// timestamp file in the parent folder.
 pub(super) fn find_beside(folder: &Path) -> Option<PathBuf> {
-    let own = folder.join(TIMESTAMPS_FILE_NAME);
+    let in_folder = folder.join(TIMESTAMPS_FILE_NAME);
     let above = || std::path::absolute(folder).ok()?.parent().map(|up| up.join(TIMESTAMPS_FILE_NAME));
-    if own.exists() { Some(own) } else { above().filter(|path| path.is_file()) }
+    if in_folder.exists() { Some(in_folder) } else { above().filter(|path| path.is_file()) }
 }
 
 /// Reads the frame times in nanoseconds after the first frame.

@@ -64,8 +64,8 @@ mod tests {
         assert_eq!(lateness.quantile(0.5), Duration::ZERO);
         (1..=1000).for_each(|us| lateness.record(Duration::from_micros(us)));
         for (quantile, exact) in [(0.1, 100), (0.5, 500), (0.99, 990), (0.999, 999)] {
-            let found = lateness.quantile(quantile).as_micros();
-            assert!((exact..=exact + exact / 128).contains(&found), "{quantile}: {found}");
+            let estimate = lateness.quantile(quantile).as_micros();
+            assert!((exact..=exact + exact / 128).contains(&estimate), "{quantile}: {estimate}");
         }
         assert_eq!(lateness.quantile(1.0), Duration::from_micros(1000));
         assert_eq!((lateness.max(), lateness.count()), (Duration::from_micros(1000), 1000));
@@ -76,8 +76,8 @@ mod tests {
         for us in (0..5000).chain((13..36).map(|k| (1 << k) + 12345)) {
             let mut lateness = Lateness::default();
             [us, 2 * us + 1].iter().for_each(|us| lateness.record(Duration::from_micros(*us)));
-            let found = lateness.quantile(0.5).as_micros() as u64;
-            assert!((us..=us + us / 128).contains(&found), "{us}: {found}");
+            let estimate = lateness.quantile(0.5).as_micros() as u64;
+            assert!((us..=us + us / 128).contains(&estimate), "{us}: {estimate}");
         }
     }
 

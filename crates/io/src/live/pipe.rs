@@ -29,7 +29,7 @@ impl PipeSink {
     /// If the system cannot start a thread.
     pub fn new(
         into: Box<dyn Write + Send>,
-        about: &str,
+        description: &str,
         bursts: usize,
         policy: OverflowPolicy,
         stop: StopFlag,
@@ -40,7 +40,7 @@ impl PipeSink {
         let thread = thread.spawn(move || write(into, &full, &back));
         let thread = thread.map_err(|e| Error::io("a thread to write readouts", e))?;
         let (bursts, thread) = (Some(sender), Some(thread));
-        Ok(Self { bursts, empty, thread, policy, stop, description: about.to_owned() })
+        Ok(Self { bursts, empty, thread, policy, stop, description: description.to_owned() })
     }
 
     /// Joins the writing thread. Returns the error that ended the thread, or `Closed` if the consumer disconnected.
@@ -77,14 +77,14 @@ impl Sink for PipeSink {
         let mut burst = self.empty.try_recv().unwrap_or_default();
         burst.clear();
         burst.extend_from_slice(frames);
-        let mut waiting = Some(burst);
+        let mut pending = Some(burst);
         let mut offer = || {
-            let burst = waiting.take()?;
+            let burst = pending.take()?;
             match bursts.try_send(burst) {
                 Ok(()) => Some(Some(Delivery::Accepted)),
                 Err(TrySendError::Disconnected(_)) => Some(None),
                 Err(TrySendError::Full(burst)) if self.policy == OverflowPolicy::Block => {
-                    waiting = Some(burst);
+                    pending = Some(burst);
                     None
                 }
                 Err(TrySendError::Full(_)) => Some(Some(Delivery::Dropped)),
@@ -100,9 +100,9 @@ impl Sink for PipeSink {
     fn finish(&mut self) -> Result<()> {
         self.bursts = None;
         let Some(thread) = &self.thread else { return Ok(()) };
-        let mut asked = None;
+        let mut stop_time = None;
         while !thread.is_finished() {
-            if self.stop.is_raised() && asked.get_or_insert_with(Instant::now).elapsed() > STOP_TIMEOUT {
+            if self.stop.is_raised() && stop_time.get_or_insert_with(Instant::now).elapsed() > STOP_TIMEOUT {
                 // The writing thread is blocked, because the consumer does not read. The thread ends when the process
                 // ends.
                 return Ok(());

@@ -44,8 +44,8 @@ pub fn run<C: Clock + Clone + Send>(
         let deliverer = Deliverer::new(rate, sink, clock.clone(), stop, back);
         let thread = threads::spawn_scoped(scope, "deliver", deliverer, Deliverer::run);
         let thread = thread.map_err(|_| threads::no_thread_error("deliver readouts"))?;
-        let made = ahead.run(&clock, stop, progress);
+        let result = ahead.run(&clock, stop, progress);
         let delivered = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        made.and(delivered)
+        result.and(delivered)
     })
 }

@@ -77,17 +77,17 @@ impl StopFlag {
 }
 
 /// Time between two checks whether a full buffer has free space again.
-const POLL_INTERVAL: Duration = Duration::from_micros(200);
+const SPACE_CHECK_INTERVAL: Duration = Duration::from_micros(200);
 
 /// Waits until `ready` returns a value, and returns that value. Returns `None` if a stop is requested first.
 pub(super) fn wait_for<T>(stop: &StopFlag, mut ready: impl FnMut() -> Option<T>) -> Option<T> {
     loop {
-        if let Some(found) = ready() {
-            return Some(found);
+        if let Some(value) = ready() {
+            return Some(value);
         }
         if stop.is_raised() {
             return None;
         }
-        std::thread::sleep(POLL_INTERVAL);
+        std::thread::sleep(SPACE_CHECK_INTERVAL);
     }
 }

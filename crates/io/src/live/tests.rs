@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::*;
 use crate::formats::{Codec, Layout};
 use crate::light::{Chart, Interpolation, Rate, Timeline};
-use crate::simulate::{ReadoutStream, RunOptions};
+use crate::simulate::{ReadoutStream, RunObserver, RunOptions};
 use spikelane::{Camera, Error, ErrorKind, Geometry, Result, Seeds, effects, presets};
 
 const HZ: f64 = 1000.0;
@@ -102,7 +102,7 @@ fn live_readouts_are_the_bytes_of_the_file_that_simulate_writes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.dat");
     let (job, mut chart, _) = job(camera());
-    crate::simulate::run(&job, &mut chart, &path, None, &mut |_, _| Ok(())).unwrap();
+    crate::simulate::run(&job, &mut chart, &path, None, RunObserver::default()).unwrap();
     for burst in [1, 7, 8, 200] {
         let mut sink = TestSink::new(Duration::ZERO, |_| Delivery::Accepted);
         let report = live(camera(), burst, &mut sink, &StopFlag::default());
@@ -198,15 +198,15 @@ fn a_pipe_that_drops_loses_whole_bursts_and_keeps_the_order() {
         StopFlag::default(),
     )
     .unwrap();
-    let taken = (0..20u8).filter(|&k| pipe.deliver(&[k; 10]).unwrap() == Delivery::Accepted);
-    let taken: Vec<u8> = taken.collect();
+    let accepted = (0..20u8).filter(|&k| pipe.deliver(&[k; 10]).unwrap() == Delivery::Accepted);
+    let accepted: Vec<u8> = accepted.collect();
     // The queue contains two bursts. In addition, the writing thread may have received one or two bursts.
-    assert!((2..=4).contains(&taken.len()), "{taken:?}");
+    assert!((2..=4).contains(&accepted.len()), "{accepted:?}");
     drop(open);
     pipe.finish().unwrap();
     let mut read = Vec::new();
     reader.read_to_end(&mut read).unwrap();
-    assert_eq!(read, taken.iter().flat_map(|k| [*k; 10]).collect::<Vec<u8>>());
+    assert_eq!(read, accepted.iter().flat_map(|k| [*k; 10]).collect::<Vec<u8>>());
 }
 
 #[test]
@@ -299,15 +299,15 @@ fn readers_beside_a_writer_never_see_a_torn_readout() {
         let (mut ring, path, size) = ring(&folder, 3, policy);
         let mut reader = RingReader::open(&path).unwrap();
         let reads = std::thread::spawn(move || {
-            let (mut frame, mut seen) = (vec![0; size], Vec::new());
+            let (mut frame, mut values) = (vec![0; size], Vec::new());
             loop {
                 match reader.next(&mut frame).unwrap() {
                     RingRead::Readout(k) => {
                         assert!(frame.iter().all(|b| *b == k as u8), "readout {k}: {frame:?}");
-                        seen.push(k);
+                        values.push(k);
                     }
                     RingRead::Pending => std::thread::yield_now(),
-                    RingRead::Ended => return seen,
+                    RingRead::Ended => return values,
                 }
             }
         });
@@ -315,10 +315,10 @@ fn readers_beside_a_writer_never_see_a_torn_readout() {
             ring.deliver(&vec![k as u8; size]).unwrap();
         }
         ring.finish().unwrap();
-        let seen = reads.join().unwrap();
-        assert!(seen.is_sorted() && seen.last() == Some(&1999));
+        let values = reads.join().unwrap();
+        assert!(values.is_sorted() && values.last() == Some(&1999));
         if policy == OverflowPolicy::Block {
-            assert_eq!(seen, (0..2000).collect::<Vec<u64>>());
+            assert_eq!(values, (0..2000).collect::<Vec<u64>>());
         }
     }
 }

@@ -8,29 +8,15 @@ use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 
 use crate::formats::StreamWriter;
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::spikes;
 use spikelane::unstable::threads;
 
 /// Number of buffers. One buffer is being filled, one is waiting in the queue, and one is being written.
 const BUFFER_COUNT: usize = 3;
 
-/// A stream that is being written, and the number of spikes written to this stream.
-pub(super) struct OutputStream {
-    pub writer: StreamWriter,
-    pub spikes: u64,
-}
-
-impl OutputStream {
-    fn append(&mut self, packed: &[u8]) -> Result<()> {
-        self.spikes += spikes::count_spikes(packed);
-        self.writer.write_frames(self.writer.written(), packed)
-    }
-}
-
 /// How batches are written.
 pub(super) enum BatchWriter<'s> {
     /// Writes to the streams on the calling thread.
-    Inline { streams: &'s mut [OutputStream], buffer: Vec<u8> },
+    Inline { streams: &'s mut [StreamWriter], buffer: Vec<u8> },
     /// Sends the batches to the writer thread.
     Thread { full: SyncSender<(usize, Vec<u8>)>, empty: Receiver<Vec<u8>> },
 }
@@ -50,19 +36,23 @@ impl BatchWriter<'_> {
         match self {
             Self::Inline { streams, buffer } => {
                 buffer.resize(bytes, 0);
-                let kept = fill(buffer);
-                buffer.truncate(kept);
-                streams[index].append(buffer)
+                let filled = fill(buffer);
+                buffer.truncate(filled);
+                append(&mut streams[index], buffer)
             }
             Self::Thread { full, empty } => {
                 let mut buffer = empty.recv().map_err(|_| thread_ended_error())?;
                 buffer.resize(bytes, 0);
-                let kept = fill(&mut buffer);
-                buffer.truncate(kept);
+                let filled = fill(&mut buffer);
+                buffer.truncate(filled);
                 full.send((index, buffer)).map_err(|_| thread_ended_error())
             }
         }
     }
+}
+
+fn append(stream: &mut StreamWriter, packed: &[u8]) -> Result<()> {
+    stream.write_frames(stream.written(), packed)
 }
 
 /// Returns a placeholder error for a writer thread that has ended. [`with_writer`] replaces the placeholder with the
@@ -77,11 +67,11 @@ fn thread_ended_error() -> Error {
 /// # Errors
 /// Errors of the files and of `work`.
 pub(super) fn with_writer<T>(
-    streams: &mut [OutputStream],
-    beside: bool,
+    streams: &mut [StreamWriter],
+    in_background: bool,
     work: impl FnOnce(BatchWriter<'_>) -> Result<T>,
 ) -> Result<T> {
-    if !beside {
+    if !in_background {
         return work(BatchWriter::Inline { streams, buffer: Vec::new() });
     }
     let (full, batches) = sync_channel::<(usize, Vec<u8>)>(1);
@@ -91,15 +81,15 @@ pub(super) fn with_writer<T>(
         let _ = back.send(Vec::new());
     }
     std::thread::scope(|scope| {
-        let append = move |streams: &mut [OutputStream]| {
+        let append_all = move |streams: &mut [StreamWriter]| {
             for (index, packed) in batches {
-                streams[index].append(&packed)?;
+                append(&mut streams[index], &packed)?;
                 // `send` fails if the run has ended. The buffer is then not needed again.
                 let _ = back.send(packed);
             }
             Ok(())
         };
-        let files = match threads::spawn_scoped(scope, "files", streams, append) {
+        let files = match threads::spawn_scoped(scope, "files", streams, append_all) {
             Ok(files) => files,
             Err(streams) => return work(BatchWriter::Inline { streams, buffer: Vec::new() }),
         };

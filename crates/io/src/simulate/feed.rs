@@ -82,7 +82,7 @@ impl<'a> LightFeeder<'a> {
         first: Frame,
         timeline: Timeline,
         limit: u64,
-        greatest: f64,
+        max_light: f64,
     ) -> Self {
         let mut feeder = Self {
             source,
@@ -94,7 +94,7 @@ impl<'a> LightFeeder<'a> {
             motion: None,
             has_ended: false,
             next_readout: 0,
-            max_light: greatest as f32,
+            max_light: max_light as f32,
             frames: 0,
             frames_above_max_light: 0,
         };
@@ -159,8 +159,8 @@ impl<'a> LightFeeder<'a> {
     /// frame whose readouts do not fit completely. The batch must then contain at least half of the readouts; see
     /// [`ends_batch_before`].
     pub(crate) fn next_pieces(&mut self, readouts: usize, room: usize) -> Result<Vec<LightPiece>> {
-        let (mut pieces, mut left, mut held) = (Vec::new(), readouts as u64, 0);
-        while left > 0 && held <= room && self.next_readout < self.limit {
+        let (mut pieces, mut left, mut held_readouts) = (Vec::new(), readouts as u64, 0);
+        while left > 0 && held_readouts <= room && self.next_readout < self.limit {
             let frame = self.timeline.position(self.next_readout).frame;
             if !self.advance(frame)? {
                 break;
@@ -170,16 +170,16 @@ impl<'a> LightFeeder<'a> {
                 break;
             }
             let count = (end - self.next_readout).min(left).min(self.limit - self.next_readout);
-            let moved = self.interpolated_frame()?;
+            let interpolated = self.interpolated_frame()?;
             let flows = self.timeline.interpolation() == Interpolation::Flow && !self.has_ended;
             let count = if flows { 1 } else { count };
-            let piece = match moved {
+            let piece = match interpolated {
                 Some(frame) => {
                     LightPiece { from: Arc::new(frame), to: None, weights: Vec::new(), readouts: 1 }
                 }
                 None => self.piece(count as usize)?,
             };
-            held += frame_memory_bytes(&piece.from);
+            held_readouts += frame_memory_bytes(&piece.from);
             pieces.push(piece);
             self.next_readout += count;
             left -= count;

@@ -14,6 +14,6 @@ pub use read_ahead::ReadAhead;
 pub use readouts::ReadoutStream;
 pub use reference::images::{ImageFacts, ImageFile, ImageFormat, linear_png};
 pub use reference::light_tap::{LightSample, LightTap, light_at};
-pub use run::{RunOptions, RunSummary, WrittenStream, run, run_with_tap};
+pub use run::{RunObserver, RunOptions, RunSummary, run};
 pub use sidecar::{CameraFacts, LightFacts, SensorFacts, Sidecar, StreamFacts, save_camera};
 pub use spikelane::simulate::*;

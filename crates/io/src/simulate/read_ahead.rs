@@ -14,7 +14,7 @@ use spikelane::unstable::threads;
 const MAX_FRAMES_AHEAD: usize = 4;
 
 /// Time between two checks of the stop flag while waiting for input.
-const POLL_INTERVAL: Duration = Duration::from_millis(50);
+const STOP_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// A source that a separate thread reads. If the system cannot start a thread, the calling thread reads the source.
 ///
@@ -43,13 +43,13 @@ impl ReadAhead {
     #[must_use]
     pub fn new(source: Box<dyn Source>, stop: Arc<AtomicBool>) -> Self {
         let (geometry, count, rate) = (source.geometry(), source.frames(), source.rate());
-        let about = source.describe();
+        let description = source.describe();
         let (sender, frames) = sync_channel(MAX_FRAMES_AHEAD);
         let frames = match threads::spawn("light", source, move |source| read(source, &sender)) {
             Ok(()) => FrameFeed::Thread(frames),
             Err(source) => FrameFeed::Inline(source),
         };
-        Self { frames, stop, geometry, count, rate, description: about, has_ended: false }
+        Self { frames, stop, geometry, count, rate, description, has_ended: false }
     }
 }
 
@@ -87,7 +87,7 @@ impl Source for ReadAhead {
                 FrameFeed::Thread(frames) => frames,
                 FrameFeed::Inline(source) => return source.next_frame(into),
             };
-            match frames.recv_timeout(POLL_INTERVAL) {
+            match frames.recv_timeout(STOP_CHECK_INTERVAL) {
                 Ok(frame) => {
                     *into = frame?;
                     return Ok(true);

@@ -4,10 +4,10 @@ use spikelane::SimulatorOptions;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::formats::{Layout, StreamWriter};
+use crate::formats::{Layout, StreamSummary, StreamWriter};
 use crate::light::{OwnedSamples, Source, Timeline};
 use crate::simulate::Simulator;
-use crate::simulate::batch_writer::{self, BatchWriter, OutputStream};
+use crate::simulate::batch_writer::{self, BatchWriter};
 use crate::simulate::feed::{self, LightFeeder, LightPiece};
 use crate::simulate::reference::light_tap::{LightSample, LightSampler, LightTap};
 use crate::storage;
@@ -126,17 +126,14 @@ pub(super) struct PreparedRun<'a> {
     clean: Option<Simulator>,
 }
 
-/// A stream file that a run has written.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WrittenStream {
-    /// Path of the file.
-    pub path: PathBuf,
-    /// Length of the file in bytes.
-    pub bytes: u64,
-    /// Digest of all bytes of the file, as `blake3:<hex>`.
-    pub digest: String,
-    /// Number of spikes.
-    pub spikes: u64,
+/// The callbacks of a run.
+#[derive(Default)]
+pub struct RunObserver<'a> {
+    /// Receives the light of some readouts before the files get their names.
+    pub light_tap: Option<LightTap<'a>>,
+    /// Receives the number of readouts so far and the expected number after each batch. If it returns an error, the
+    /// run stops and no files remain.
+    pub progress: Option<&'a mut dyn FnMut(u64, Option<u64>) -> Result<()>>,
 }
 
 /// Results of a run.
@@ -144,9 +141,9 @@ pub struct WrittenStream {
 #[non_exhaustive]
 pub struct RunSummary {
     /// The noisy stream.
-    pub noisy: WrittenStream,
+    pub noisy: StreamSummary,
     /// The stream of the clean twin, if requested.
-    pub clean: Option<WrittenStream>,
+    pub clean: Option<StreamSummary>,
     /// Number of readouts in each stream.
     pub readouts: u64,
     /// Number of frames that were read from the source.
@@ -177,33 +174,17 @@ pub struct RunSummary {
 /// # Errors
 /// * [`ErrorKind::Usage`] if the run would never end.
 /// * [`ErrorKind::Input`] if the source has no frame or ends before its announced length.
-/// * Errors of the plan, the source, the files and `progress`.
+/// * Errors of the plan, the source, the files and `observer`.
 pub fn run(
     options: &RunOptions,
     source: &mut dyn Source,
     noisy: &Path,
     clean: Option<&Path>,
-    progress: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
+    observer: RunObserver<'_>,
 ) -> Result<RunSummary> {
-    run_with_tap(options, source, noisy, clean, None, progress)
-}
-
-/// As [`run`], but also passes the light of some readouts to `light_tap`. All calls are made before the files are
-/// renamed to their final names.
-///
-/// # Errors
-/// As [`run`], and errors of `light_tap`.
-pub fn run_with_tap(
-    options: &RunOptions,
-    source: &mut dyn Source,
-    noisy: &Path,
-    clean: Option<&Path>,
-    light_tap: Option<LightTap<'_>>,
-    progress: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
-) -> Result<RunSummary> {
-    let about = source.describe();
+    let description = source.describe();
     if options.timeline == Timeline::first_frame() && options.readouts.is_none() {
-        return Err(Error::new(ErrorKind::Usage, &about)
+        return Err(Error::new(ErrorKind::Usage, &description)
             .found("one frame without an end")
             .expected("a number of readouts")
             .remedy(format_args!("set {}", Setting("readouts"))));
@@ -214,22 +195,15 @@ pub fn run_with_tap(
     let mut simulators: Vec<Simulator> = [Some(simulator), twin].into_iter().flatten().collect();
     let paths = [Some(noisy), clean].into_iter().flatten();
     let streams = simulators.iter().zip(paths).map(|(s, path)| stream(options, s.plan(), path, total));
-    let mut streams = streams.collect::<Result<Vec<OutputStream>>>()?;
+    let mut streams = streams.collect::<Result<Vec<StreamWriter>>>()?;
     let start = Instant::now();
     let (glance, waited, kernel) = batch_writer::with_writer(&mut streams, options.threads > 1, |writing| {
-        simulate(
-            &mut feeder,
-            &mut simulators,
-            writing,
-            light_tap,
-            (total, total.or(options.readouts)),
-            progress,
-        )
+        simulate(&mut feeder, &mut simulators, writing, observer, (total, total.or(options.readouts)))
     })?;
     let (readouts, frames, too_bright) =
         (feeder.next_readout(), feeder.frames, feeder.frames_above_max_light);
     if let Some(total) = total.filter(|&n| n != readouts) {
-        return Err(Error::new(ErrorKind::Input, about)
+        return Err(Error::new(ErrorKind::Input, description)
             .found(format_args!("light for {readouts} readouts"))
             .expected(format_args!("{total}, from the announced number of frames"))
             .remedy("the input was truncated while it was read"));
@@ -253,34 +227,34 @@ pub fn run_with_tap(
     })
 }
 
-fn stream(job: &RunOptions, plan: &Plan, path: &Path, total: Option<u64>) -> Result<OutputStream> {
+fn stream(job: &RunOptions, plan: &Plan, path: &Path, total: Option<u64>) -> Result<StreamWriter> {
     let geometry = plan.geometry();
-    let writer = match total {
-        Some(total) => StreamWriter::create(path, job.layout, geometry, total, job.force)?,
-        None => StreamWriter::create_growing(path, job.layout, geometry, job.force)?,
-    };
-    Ok(OutputStream { writer, spikes: 0 })
+    match total {
+        Some(total) => StreamWriter::create(path, job.layout, geometry, total, job.force),
+        None => StreamWriter::create_growing(path, job.layout, geometry, job.force),
+    }
 }
 
 fn simulate(
     feeder: &mut LightFeeder<'_>,
     simulators: &mut [Simulator],
     mut writing: BatchWriter<'_>,
-    mut looks: Option<LightTap<'_>>,
+    mut observer: RunObserver<'_>,
     (exactly, total): (Option<u64>, Option<u64>),
-    watch: &mut dyn FnMut(u64, Option<u64>) -> Result<()>,
 ) -> Result<(LightSample, Duration, Duration)> {
     let bytes = feeder.current_frame().geometry().frame_bytes();
     let batch = BATCH_READOUTS.min((MAX_BUFFER_BYTES / bytes).max(1));
-    let mut glances = LightSampler::new(exactly, feeder.current_frame());
+    let mut sampler = LightSampler::new(exactly, feeder.current_frame());
     let mut written = KernelTotals { readouts: vec![0; simulators.len()], time: Duration::ZERO };
-    watch(0, total)?;
+    let mut progress =
+        |readouts| observer.progress.as_mut().map_or(Ok(()), |progress| progress(readouts, total));
+    progress(0)?;
     let mut waited = Duration::ZERO;
     loop {
-        let asked = Instant::now();
+        let wait_start = Instant::now();
         let first = feeder.next_readout();
         let pieces = feeder.next_pieces(batch, MAX_BUFFER_BYTES)?;
-        waited += asked.elapsed();
+        waited += wait_start.elapsed();
         let readouts: usize = pieces.iter().map(|p| p.readouts).sum();
         if readouts == 0 {
             // If the camera dropped readouts, a stream has too few frames. The missing frames are simulated with the
@@ -292,17 +266,17 @@ fn simulate(
                     step(&mut writing, i, simulator, &mut written, &again, feeder.next_readout())?;
                 }
             }
-            return Ok((glances.middle_sample(feeder.next_readout()), waited, written.time));
+            return Ok((sampler.middle_sample(feeder.next_readout()), waited, written.time));
         }
         let segments: Vec<_> = pieces.iter().map(LightPiece::segment).collect();
         for (i, simulator) in simulators.iter_mut().enumerate() {
             step(&mut writing, i, simulator, &mut written, &segments, feeder.next_readout())?;
         }
-        glances.sample(first, &pieces)?;
-        if let Some(looks) = &mut looks {
-            looks.tap_batch(first, &pieces)?;
+        sampler.sample(first, &pieces)?;
+        if let Some(light_tap) = &mut observer.light_tap {
+            light_tap.tap_batch(first, &pieces)?;
         }
-        watch(feeder.next_readout(), total)?;
+        progress(feeder.next_readout())?;
     }
 }
 
@@ -320,7 +294,7 @@ fn step(
     writing: &mut BatchWriter<'_>,
     i: usize,
     simulator: &mut Simulator,
-    made: &mut KernelTotals,
+    totals: &mut KernelTotals,
     segments: &[Segment<'_>],
     limit: u64,
 ) -> Result<()> {
@@ -328,28 +302,28 @@ fn step(
     let readouts: usize = segments.iter().map(|s| s.readouts).sum();
     writing.append(i, readouts * bytes, |packed| {
         let start = Instant::now();
-        let kept = simulator.run_segments(segments, packed) as u64;
-        made.time += start.elapsed();
-        let frames = kept.min(limit.saturating_sub(made.readouts[i]));
-        made.readouts[i] += frames;
+        let frames_written = simulator.run_segments(segments, packed) as u64;
+        totals.time += start.elapsed();
+        let frames = frames_written.min(limit.saturating_sub(totals.readouts[i]));
+        totals.readouts[i] += frames;
         frames as usize * bytes
     })
 }
 
 /// Renames all files to their final names. If a rename fails, all other files are removed.
-fn finish(job: &RunOptions, streams: Vec<OutputStream>) -> Result<(Vec<WrittenStream>, Duration)> {
+fn finish(job: &RunOptions, streams: Vec<StreamWriter>) -> Result<(Vec<StreamSummary>, Duration)> {
     job.stale_files.iter().try_for_each(|path| storage::remove_stale(path))?;
     let (mut files, mut synced) = (Vec::new(), Duration::ZERO);
-    for OutputStream { writer, spikes } in streams {
-        match writer.finish() {
+    for stream in streams {
+        match stream.finish() {
             Ok(done) => {
                 synced += done.sync_time;
-                files.push(WrittenStream { path: done.path, bytes: done.bytes, digest: done.digest, spikes });
+                files.push(done);
             }
             Err(e) => {
                 // One stream of a pair would look complete, so the renamed stream is removed. Errors of the removal
                 // are ignored, because the first error is returned.
-                files.iter().for_each(|f: &WrittenStream| drop(std::fs::remove_file(&f.path)));
+                files.iter().for_each(|f: &StreamSummary| drop(std::fs::remove_file(&f.path)));
                 return Err(e);
             }
         }

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::formats::{Layout, find_sidecar};
+use crate::formats::{Layout, StreamSummary, find_sidecar};
 use crate::light::{Source, Transfer};
-use crate::simulate::{ImageFacts, ImageFile, WrittenStream};
+use crate::simulate::{ImageFacts, ImageFile};
 use crate::storage;
 use spikelane::effects::Camera;
 use spikelane::effects::definition::ParamKind;
@@ -38,7 +38,7 @@ pub struct StreamFacts {
 impl StreamFacts {
     /// Describes a file of `readouts` frames.
     #[must_use]
-    pub fn new(written: &WrittenStream, geometry: Geometry, readouts: u64) -> Self {
+    pub fn new(written: &StreamSummary, geometry: Geometry, readouts: u64) -> Self {
         let name = written.path.file_name().unwrap_or_default();
         Self {
             file: name.to_string_lossy().into_owned(),
@@ -335,8 +335,8 @@ pub fn save_camera(camera: &Camera, folder: &Path, force: bool) -> Result<PathBu
     let saved = presets::to_toml(camera)?;
     let path = folder.join("camera.toml");
     let mut all = saved.maps.iter().map(|(name, _)| folder.join(name)).chain([path.clone()]);
-    if let Some(taken) = all.find(|p| !force && p.exists()) {
-        return Err(Error::new(ErrorKind::Exists, taken.display())
+    if let Some(existing) = all.find(|p| !force && p.exists()) {
+        return Err(Error::new(ErrorKind::Exists, existing.display())
             .found("an existing file")
             .expected("a path that does not exist")
             .remedy(format_args!("choose another folder, or set {} to replace the file", Setting("force"))));

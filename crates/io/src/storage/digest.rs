@@ -6,7 +6,7 @@ use spikelane::error::Result;
 use spikelane::unstable::inputs::{self, InputFile};
 
 /// Number of bytes per read of a file.
-const BLOCK_BYTES: usize = 512 << 10;
+pub(crate) const READ_BYTES: usize = 512 << 10;
 
 /// An incremental BLAKE3 digest. Its text is `blake3:` and 64 hex digits.
 #[derive(Clone, Debug, Default)]
@@ -45,10 +45,10 @@ impl Digest {
     pub fn hash_file(path: &Path) -> Result<String> {
         let file = InputFile::open(path)?;
         let mut digest = Self::new();
-        let mut block = inputs::zeroed_vec(path.display(), file.len().min(BLOCK_BYTES as u64) as usize)?;
+        let mut block = inputs::zeroed_vec(path.display(), file.len().min(READ_BYTES as u64) as usize)?;
         let mut at = 0;
         while at < file.len() {
-            let piece = &mut block[..(file.len() - at).min(BLOCK_BYTES as u64) as usize];
+            let piece = &mut block[..(file.len() - at).min(READ_BYTES as u64) as usize];
             file.read_at(at, piece)?;
             digest.update(piece);
             at += piece.len() as u64;

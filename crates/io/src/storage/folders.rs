@@ -50,7 +50,7 @@ pub fn remove(root: &Path, inner: &InnerPath) -> Result<()> {
 /// Removes the entry at `path`. If the entry is a link, the link is removed and its target is unchanged.
 fn remove_path(path: &Path) -> Result<()> {
     let removed = match fs::symlink_metadata(path) {
-        Ok(found) if found.is_dir() => remove_folder(path),
+        Ok(metadata) if metadata.is_dir() => remove_folder(path),
         Ok(_) => fs::remove_file(path),
         Err(e) => Err(e),
     };
@@ -70,7 +70,7 @@ fn remove_folder(path: &Path) -> std::io::Result<()> {
     }
     let hidden = path.with_file_name(format!(".{name}.old.partial"));
     match fs::symlink_metadata(&hidden) {
-        Ok(found) if found.is_dir() => fs::remove_dir_all(&hidden)?,
+        Ok(metadata) if metadata.is_dir() => fs::remove_dir_all(&hidden)?,
         Ok(_) => fs::remove_file(&hidden)?,
         Err(_) => {}
     }

@@ -37,14 +37,14 @@ impl LockFile {
     /// * [`ErrorKind::Busy`] if another process holds the lock.
     /// * [`ErrorKind::Exists`] if the path of the lock file is occupied by an entry that is not a lock file.
     /// * Other errors of the operating system.
-    pub(super) fn acquire(output: &Path, whole: &Path) -> Result<Self> {
+    pub(super) fn acquire(output: &Path, claimed: &Path) -> Result<Self> {
         let path = &*lock_path(output);
         let refused = |e| Error::io(path.display(), e);
         for attempt in 0..MAX_ATTEMPTS {
             if attempt > 0 {
                 std::thread::sleep(RETRY_INTERVAL);
             }
-            let (file, fresh) = match create(path) {
+            let (file, is_new) = match create(path) {
                 Ok(file) => (file, true),
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => match open(path) {
                     Ok(file) => (file, false),
@@ -58,7 +58,7 @@ impl LockFile {
                 Err(TryLockError::WouldBlock) => continue,
                 // The file system does not support locks, so the output is written without a lock.
                 Err(TryLockError::Error(_)) => {
-                    return Ok(Self { path: fresh.then(|| path.to_path_buf()), _file: None });
+                    return Ok(Self { path: is_new.then(|| path.to_path_buf()), _file: None });
                 }
                 Ok(()) => {}
             }
@@ -67,7 +67,7 @@ impl LockFile {
             if !is_still_at(&file, path) {
                 continue;
             }
-            if !fresh {
+            if !is_new {
                 if read_process_id(path).is_none() {
                     return Err(not_a_lock_error(path, "a file with other content"));
                 }
@@ -87,7 +87,7 @@ impl LockFile {
             lock._file = Some(file);
             return Ok(lock);
         }
-        Err(Error::new(ErrorKind::Busy, whole.display())
+        Err(Error::new(ErrorKind::Busy, claimed.display())
             .found("another process that writes this output")
             .expected("only one process per output")
             .remedy("wait until it ends, or choose another output"))
@@ -132,7 +132,7 @@ fn not_a_lock_error(path: &Path, found: impl std::fmt::Display) -> Error {
 /// Returns whether `path` still refers to `file`.
 fn is_still_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::symlink_metadata(path)) {
-        (Ok(own), Ok(named)) => is_same_file(&own, &named) != Some(false),
+        (Ok(opened), Ok(named)) => is_same_file(&opened, &named) != Some(false),
         _ => false,
     }
 }
@@ -169,10 +169,10 @@ mod tests {
     fn one_process_holds_a_lock_and_its_file_goes_with_it() {
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("run.dat");
-        let held = LockFile::acquire(&output, &output).unwrap();
+        let lock = LockFile::acquire(&output, &output).unwrap();
         assert_eq!(is_held(&lock_path(&output)), Some(true));
         assert_eq!(LockFile::acquire(&output, &output).unwrap_err().kind(), ErrorKind::Busy);
-        drop(held);
+        drop(lock);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         LockFile::acquire(&output, &output).unwrap();
     }
@@ -236,14 +236,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("run.dat");
         fs::write(lock_path(&output), "process 1").unwrap();
-        let (inside, taken) = (AtomicU32::new(0), AtomicU32::new(0));
+        let (inside, acquired) = (AtomicU32::new(0), AtomicU32::new(0));
         std::thread::scope(|scope| {
             for _ in 0..8 {
                 scope.spawn(|| {
                     for _ in 0..20 {
                         if let Ok(lock) = LockFile::acquire(&output, &output) {
                             assert_eq!(inside.fetch_add(1, Ordering::SeqCst), 0);
-                            taken.fetch_add(1, Ordering::SeqCst);
+                            acquired.fetch_add(1, Ordering::SeqCst);
                             std::thread::yield_now();
                             inside.fetch_sub(1, Ordering::SeqCst);
                             drop(lock);
@@ -252,7 +252,7 @@ mod tests {
                 });
             }
         });
-        assert!(taken.load(Ordering::SeqCst) > 0);
+        assert!(acquired.load(Ordering::SeqCst) > 0);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

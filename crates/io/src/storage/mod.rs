@@ -19,6 +19,7 @@ mod word_buffer;
 mod writer;
 
 pub use digest::Digest;
+pub(crate) use digest::READ_BYTES;
 pub use group::FileGroup;
 pub use outputs::OutputSet;
 pub use partial_file::PartialFile;

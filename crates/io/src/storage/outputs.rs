@@ -62,8 +62,8 @@ impl OutputSet {
     }
 }
 
-fn lock(file: &Path, whole: &Path) -> Result<LockFile> {
-    LockFile::acquire(file, whole).map_err(|e| match e.io_error().map(std::io::Error::kind) {
+fn lock(file: &Path, claimed: &Path) -> Result<LockFile> {
+    LockFile::acquire(file, claimed).map_err(|e| match e.io_error().map(std::io::Error::kind) {
         Some(io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem) => {
             let found = e.parts().found.into_owned();
             unwritable_folder_error(parent_folder(file), found)
@@ -98,7 +98,7 @@ impl MadeFolders {
             }
         }
         match fs::metadata(folder) {
-            Ok(found) if found.is_dir() => Ok(()),
+            Ok(metadata) if metadata.is_dir() => Ok(()),
             Ok(_) => Err(make_folder_error(folder, "a file with this name")),
             Err(e) => Err(make_folder_error(folder, e)),
         }
@@ -144,10 +144,10 @@ mod tests {
     fn sets_that_share_a_file_exclude_each_other_and_others_do_not() {
         let top = tempfile::tempdir().unwrap();
         let [a, b, c] = ["a.dat", "b.json", "c.dat"].map(|name| top.path().join(name));
-        let held = OutputSet::claim([&b, &a], false).unwrap();
+        let outputs = OutputSet::claim([&b, &a], false).unwrap();
         assert_eq!(OutputSet::claim([&c, &b], false).unwrap_err().kind(), ErrorKind::Busy);
         let other = OutputSet::claim([&c], false).unwrap();
-        drop((held, other));
+        drop((outputs, other));
         drop(OutputSet::claim([&b, &c], false).unwrap());
         assert_eq!(fs::read_dir(top.path()).unwrap().count(), 0);
     }
@@ -168,10 +168,10 @@ mod tests {
     fn a_folder_is_claimed_once() {
         let top = tempfile::tempdir().unwrap();
         let folder = top.path().join("frames");
-        let held = OutputSet::claim_folder(&folder).unwrap();
+        let outputs = OutputSet::claim_folder(&folder).unwrap();
         let error = OutputSet::claim_folder(&folder).unwrap_err();
         assert_eq!((error.kind(), &*error.subject()), (ErrorKind::Busy, &*folder.display().to_string()));
-        drop(held);
+        drop(outputs);
         assert!(!folder.exists());
     }
 }

@@ -175,24 +175,24 @@ pub fn open_no_follow(options: &mut OpenOptions, path: &Path) -> Result<File> {
     // calls, the link is followed.
     #[cfg(not(unix))]
     let opened = match std::fs::symlink_metadata(path) {
-        Ok(found) if found.is_symlink() => Err(refused("a symbolic link")),
+        Ok(metadata) if metadata.is_symlink() => Err(refused("a symbolic link")),
         _ => options.open(path).map_err(|e| Error::io(path.display(), e)),
     };
     let file = opened?;
-    let found = file.metadata().map_err(|e| Error::io(path.display(), e))?;
-    if found.is_file() { Ok(file) } else { Err(refused("a folder, pipe or device")) }
+    let metadata = file.metadata().map_err(|e| Error::io(path.display(), e))?;
+    if metadata.is_file() { Ok(file) } else { Err(refused("a folder, pipe or device")) }
 }
 
 /// Returns whether a file has more than one hard link. On Windows, the function returns false.
 #[must_use]
-pub fn has_other_links(found: &Metadata) -> bool {
+pub fn has_other_links(metadata: &Metadata) -> bool {
     #[cfg(unix)]
     {
-        std::os::unix::fs::MetadataExt::nlink(found) > 1
+        std::os::unix::fs::MetadataExt::nlink(metadata) > 1
     }
     #[cfg(not(unix))]
     {
-        let _ = found;
+        let _ = metadata;
         false
     }
 }
@@ -221,10 +221,10 @@ mod tests {
         let bytes = (3 << 20) + 5;
         reserve_by_writing(&file, 0, bytes).unwrap();
         file.sync_all().unwrap();
-        let found = file.metadata().unwrap();
-        assert_eq!(found.len(), bytes);
+        let metadata = file.metadata().unwrap();
+        assert_eq!(metadata.len(), bytes);
         // `blocks` returns a number of 512-byte blocks. The number would be 0 for a sparse file.
-        assert!(found.blocks() * 512 >= bytes, "{} blocks", found.blocks());
+        assert!(metadata.blocks() * 512 >= bytes, "{} blocks", metadata.blocks());
     }
 
     #[cfg(target_os = "linux")]

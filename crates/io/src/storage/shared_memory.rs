@@ -64,9 +64,9 @@ impl SharedMemory {
 
     fn map(file: File, path: &Path) -> Result<Self> {
         let io = |e| Error::io(path.display(), e);
-        let about = file.metadata().map_err(io)?;
-        let bytes = about.len();
-        if !about.is_file() || bytes == 0 || bytes % WORD_BYTES as u64 != 0 {
+        let metadata = file.metadata().map_err(io)?;
+        let bytes = metadata.len();
+        if !metadata.is_file() || bytes == 0 || bytes % WORD_BYTES as u64 != 0 {
             return Err(Error::new(ErrorKind::Input, path.display())
                 .found(format_args!("{bytes} bytes"))
                 .expected("a regular file whose size is a multiple of 8 bytes"));
@@ -94,10 +94,10 @@ impl SharedMemory {
 
     /// Removes the file. If the path now refers to another file, nothing is removed.
     pub fn remove(&self) {
-        let (Ok(named), Ok(own)) = (std::fs::symlink_metadata(&self.path), self.file.metadata()) else {
+        let (Ok(named), Ok(opened)) = (std::fs::symlink_metadata(&self.path), self.file.metadata()) else {
             return;
         };
-        if is_same_file(&named, &own) == Some(false) {
+        if is_same_file(&named, &opened) == Some(false) {
             return;
         }
         // The error is ignored, because another process may already have removed the file.
@@ -120,9 +120,9 @@ impl SharedMemory {
     /// # Panics
     /// If the bytes exceed the end of the mapping.
     pub fn write(&self, first: usize, bytes: &[u8]) {
-        let (whole, tail) = bytes.as_chunks::<WORD_BYTES>();
+        let (full_words, tail) = bytes.as_chunks::<WORD_BYTES>();
         let words = &self.words()[first..first + bytes.len().div_ceil(WORD_BYTES)];
-        for (word, bytes) in words.iter().zip(whole) {
+        for (word, bytes) in words.iter().zip(full_words) {
             word.store(u64::from_ne_bytes(*bytes), Ordering::Relaxed);
         }
         if let (Some(word), false) = (words.last(), tail.is_empty()) {
@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn a_file_that_is_shortened_is_an_error_and_no_signal() {
         let folder = tempfile::tempdir().unwrap();
-        let whole = SharedMemory::create(&folder.path().join("whole"), 4).unwrap();
+        let full = SharedMemory::create(&folder.path().join("whole"), 4).unwrap();
         let path = folder.path().join("ring");
         let words = 3 << 20;
         let ring = SharedMemory::create(&path, words).unwrap();
@@ -179,8 +179,8 @@ mod tests {
         }
         std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(8 * words as u64).unwrap();
         assert!(ring.check().is_err(), "what was written in between reached nobody");
-        whole.write(0, b"whole");
-        whole.check().unwrap();
+        full.write(0, b"whole");
+        full.check().unwrap();
     }
 
     #[cfg(unix)]

@@ -27,12 +27,12 @@ pub struct UnfinishedOutput {
 /// # Errors
 /// If a folder cannot be read.
 pub fn find_unfinished(folder: &Path) -> Result<Vec<UnfinishedOutput>> {
-    let mut found = Vec::new();
+    let mut unfinished = Vec::new();
     // The lock of a data set is in the top folder of the data set, which may be a parent of `folder`.
     let above = folder.canonicalize().is_ok_and(|f| f.ancestors().skip(1).any(is_claimed));
-    walk(folder, above, &mut found)?;
-    found.sort_by(|a, b| a.path.cmp(&b.path));
-    Ok(found)
+    walk(folder, above, &mut unfinished)?;
+    unfinished.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(unfinished)
 }
 
 /// Removes the entry unless a process is still writing the entry. Returns whether the entry was removed.
@@ -41,7 +41,7 @@ pub fn remove(unfinished: &UnfinishedOutput) -> Result<bool> {
     if is_held(path) == Some(true) {
         return Ok(false);
     }
-    let folder = fs::symlink_metadata(path).is_ok_and(|found| found.is_dir());
+    let folder = fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_dir());
     let removed = if folder { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     match removed {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(false),
@@ -49,7 +49,7 @@ pub fn remove(unfinished: &UnfinishedOutput) -> Result<bool> {
     }
 }
 
-fn walk(folder: &Path, claimed: bool, found: &mut Vec<UnfinishedOutput>) -> Result<()> {
+fn walk(folder: &Path, claimed: bool, unfinished: &mut Vec<UnfinishedOutput>) -> Result<()> {
     let mut entries = Vec::new();
     for entry in fs::read_dir(folder).map_err(io(folder))? {
         let entry = entry.map_err(io(folder))?;
@@ -64,11 +64,16 @@ fn walk(folder: &Path, claimed: bool, found: &mut Vec<UnfinishedOutput>) -> Resu
     for (path, name, kind) in entries {
         let partial = is_partial(&name) && !kind.is_symlink();
         if partial && kind.is_dir() {
-            let (bytes, held) = contents(&path)?;
-            let running = Some(busy || held);
-            found.push(UnfinishedOutput { bytes, process: process_id(&name), is_running: running, path });
+            let (bytes, is_locked) = contents(&path)?;
+            let running = Some(busy || is_locked);
+            unfinished.push(UnfinishedOutput {
+                bytes,
+                process: process_id(&name),
+                is_running: running,
+                path,
+            });
         } else if kind.is_dir() {
-            walk(&path, claimed, found)?;
+            walk(&path, claimed, unfinished)?;
         } else if is_partial(&name) || (kind.is_file() && is_lock(&path, &name)) {
             let bytes = fs::symlink_metadata(&path).map_or(0, |m| m.len());
             let process = process_id(&name).or_else(|| read_process_id(&path).filter(|id| *id > 0));
@@ -81,7 +86,7 @@ fn walk(folder: &Path, claimed: bool, found: &mut Vec<UnfinishedOutput>) -> Resu
                 None if kind.is_symlink() => Some(busy),
                 None => None,
             };
-            found.push(UnfinishedOutput { path, bytes, process, is_running: running });
+            unfinished.push(UnfinishedOutput { path, bytes, process, is_running: running });
         }
     }
     Ok(())
@@ -94,20 +99,20 @@ fn is_claimed(folder: &Path) -> bool {
 
 /// Returns the number of bytes of a hidden folder, and whether a process has a lock on one of the files in the folder.
 fn contents(folder: &Path) -> Result<(u64, bool)> {
-    let (mut bytes, mut held) = (0, false);
+    let (mut bytes, mut is_locked) = (0, false);
     for entry in fs::read_dir(folder).map_err(io(folder))? {
         let entry = entry.map_err(io(folder))?;
         let kind = entry.file_type().map_err(io(folder))?;
         if kind.is_dir() {
             let (inner, inner_held) = contents(&entry.path())?;
             bytes += inner;
-            held |= inner_held;
+            is_locked |= inner_held;
         } else if kind.is_file() {
             bytes += entry.metadata().map_or(0, |m| m.len());
-            held |= is_held(&entry.path()) == Some(true);
+            is_locked |= is_held(&entry.path()) == Some(true);
         }
     }
-    Ok((bytes, held))
+    Ok((bytes, is_locked))
 }
 
 /// Returns whether a name has one of the forms `.NAME.PID-N.partial`, `.NAME.PID-N.partial.EXT`, `.NAME.PID.partial`
@@ -119,8 +124,8 @@ fn is_partial(name: &str) -> bool {
 /// Returns the part of a hidden name that precedes `.partial`.
 fn stem(name: &str) -> Option<&str> {
     let (stem, ending) = name.rsplit_once(".partial")?;
-    let whole = ending.is_empty() || (ending.starts_with('.') && !ending[1..].contains('.'));
-    (name.starts_with('.') && whole).then_some(stem)
+    let has_partial_ending = ending.is_empty() || (ending.starts_with('.') && !ending[1..].contains('.'));
+    (name.starts_with('.') && has_partial_ending).then_some(stem)
 }
 
 fn process_id(name: &str) -> Option<u32> {
@@ -188,8 +193,8 @@ mod tests {
         assert_eq!(running.len(), 1);
         assert!(!remove(&find_unfinished(top.path()).unwrap()[0]).unwrap());
         drop(new);
-        for found in find_unfinished(top.path()).unwrap() {
-            assert!(remove(&found).unwrap());
+        for output in find_unfinished(top.path()).unwrap() {
+            assert!(remove(&output).unwrap());
         }
         assert!(state().is_empty() && at(".other.lock").exists());
     }

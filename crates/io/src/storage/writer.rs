@@ -120,8 +120,8 @@ impl FileWriter {
         if len == 0 {
             return Ok(&mut []);
         }
-        let held = self.window.take().filter(|w| w.contains(offset, len));
-        let window = match held {
+        let current = self.window.take().filter(|w| w.contains(offset, len));
+        let window = match current {
             Some(window) => window,
             None => self.map(offset, len)?,
         };
@@ -260,10 +260,12 @@ mod tests {
         writer.resize(WINDOW_BYTES as u64 + 20).unwrap();
         assert!(writer.window(WINDOW_BYTES as u64 + 20, 1).is_err());
         writer.finish().unwrap();
-        let found = std::fs::read(&path).unwrap();
-        assert_eq!(found.len(), WINDOW_BYTES + 20);
-        assert!(found[..10].iter().all(|&b| b == 1) && found[WINDOW_BYTES + 10..].iter().all(|&b| b == 2));
-        assert!(found[10..WINDOW_BYTES + 10].iter().all(|&b| b == 0));
+        let content = std::fs::read(&path).unwrap();
+        assert_eq!(content.len(), WINDOW_BYTES + 20);
+        assert!(
+            content[..10].iter().all(|&b| b == 1) && content[WINDOW_BYTES + 10..].iter().all(|&b| b == 2)
+        );
+        assert!(content[10..WINDOW_BYTES + 10].iter().all(|&b| b == 0));
     }
 
     #[test]
@@ -276,9 +278,9 @@ mod tests {
         writer.window(WINDOW_BYTES as u64, 5).unwrap().fill(3);
         assert_eq!(writer.write_at(WINDOW_BYTES as u64 + 11, &[4; 20]).unwrap_err().kind(), ErrorKind::Usage);
         writer.finish().unwrap();
-        let found = std::fs::read(&path).unwrap();
+        let content = std::fs::read(&path).unwrap();
         let expected = [[1; 5], [2; 5], [3; 5], [2; 5], [2; 5], [1; 5], [1; 5], [1; 5]];
-        assert_eq!(found[WINDOW_BYTES - 10..], expected.concat());
+        assert_eq!(content[WINDOW_BYTES - 10..], expected.concat());
     }
 
     /// Tests reservation by window on any file system. Blocks beyond the mapped window must not be allocated.
@@ -294,16 +296,16 @@ mod tests {
         writer.lengthen(bytes).unwrap();
         writer.write_at(5, &[1; 20]).unwrap();
         writer.window(10, 10).unwrap()[..5].fill(2);
-        let found = writer.partial.file().metadata().unwrap();
-        let taken = 512 * std::os::unix::fs::MetadataExt::blocks(&found);
-        assert!((WINDOW_BYTES as u64..bytes).contains(&taken), "{taken} bytes taken");
+        let metadata = writer.partial.file().metadata().unwrap();
+        let allocated = 512 * std::os::unix::fs::MetadataExt::blocks(&metadata);
+        assert!((WINDOW_BYTES as u64..bytes).contains(&allocated), "{allocated} bytes taken");
         writer.write_at(bytes - 5, &[3; 5]).unwrap();
         writer.finish().unwrap();
-        let found = std::fs::read(&path).unwrap();
-        assert_eq!(found.len() as u64, bytes);
+        let content = std::fs::read(&path).unwrap();
+        assert_eq!(content.len() as u64, bytes);
         let expected = [vec![0; 5], vec![1; 5], vec![2; 5], vec![1; 10], vec![0; 5]].concat();
-        assert!(found[..30] == expected && found[bytes as usize - 6..] == [0, 3, 3, 3, 3, 3]);
-        assert!(found[30..bytes as usize - 5].iter().all(|b| *b == 0));
+        assert!(content[..30] == expected && content[bytes as usize - 6..] == [0, 3, 3, 3, 3, 3]);
+        assert!(content[30..bytes as usize - 5].iter().all(|b| *b == 0));
     }
 
     #[test]
@@ -321,9 +323,9 @@ mod tests {
             at += len as u64;
         }
         writer.finish().unwrap();
-        let found = std::fs::read(&path).unwrap();
-        assert_eq!(found.len() as u64, bytes);
-        for (i, piece) in found.chunks(step as usize).enumerate() {
+        let content = std::fs::read(&path).unwrap();
+        assert_eq!(content.len() as u64, bytes);
+        for (i, piece) in content.chunks(step as usize).enumerate() {
             assert!(piece.iter().all(|&b| b == i as u8), "piece {i}");
         }
     }

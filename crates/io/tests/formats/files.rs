@@ -101,7 +101,7 @@ proptest! {
         let packed = stream(g, readouts, seed);
         let (x, y) = ((cut[0] * w as f64) as usize, (cut[1] * h as f64) as usize);
         let width = 1 + (cut[2] * (w - x) as f64) as usize;
-        let crop = Crop { x, y, width: width.min(w - x), height: h - y };
+        let crop = Crop { row: y, col: x, width: width.min(w - x), height: h - y };
         let to = crop.geometry(g).unwrap();
         let range = (cut[3] * 4.0) as usize..5;
         write(&path(&dir, "a"), layout, g, &packed);
@@ -110,11 +110,11 @@ proptest! {
         let writer =
             StreamWriter::create(&out, Layout::Dat, to, range.len() as u64, false).unwrap();
         convert(&reader, range.clone(), Some(crop), writer, |_| Ok(())).unwrap();
-        let found = read(&open(&out, Layout::Dat, to).unwrap());
+        let content = read(&open(&out, Layout::Dat, to).unwrap());
         for (i, t) in range.enumerate() {
             for (r, c) in (0..to.height()).flat_map(|r| (0..to.width()).map(move |c| (r, c))) {
                 let old = &packed[t * g.frame_bytes()..];
-                let new = &found[i * to.frame_bytes()..];
+                let new = &content[i * to.frame_bytes()..];
                 prop_assert_eq!(bit(old, (y + r) * w + x + c), bit(new, r * to.width() + c));
             }
         }
@@ -207,17 +207,17 @@ fn frames_behind_a_loss_are_found_and_keep_their_numbers() {
     let g = geometry(1000, 1000);
     let packed = stream(g, 5, 31);
     let codec = spikelane_io::formats::Codec::new(Layout::Rows1024, g).unwrap();
-    let mut whole = vec![0; 5 * 128_000];
-    codec.encode(&packed, &mut whole).unwrap();
+    let mut encoded = vec![0; 5 * 128_000];
+    codec.encode(&packed, &mut encoded).unwrap();
     // The missing bytes are half a row, an odd number of bytes, and most of a frame. The last missing range includes
     // the end of one frame and the start of the next frame.
     for (start, bytes, lost) in
         [(130_000, 64, &[1][..]), (200_001, 333, &[1]), (128_100, 127_000, &[1]), (250_000, 20_000, &[1, 2])]
     {
-        let mut cut = whole.clone();
+        let mut cut = encoded.clone();
         cut.drain(start..start + bytes);
         let opening =
-            |how| OpenOptions::default().with_layout(Some(Layout::Rows1024)).with_missing_frames(how);
+            |policy| OpenOptions::default().with_layout(Some(Layout::Rows1024)).with_missing_frames(policy);
         let marked = opening(MissingFrames::Mark).from_bytes("cut", cut.clone()).unwrap();
         assert_eq!((marked.readouts(), marked.missing_frames()), (5, lost), "{start}");
         let mut expected = packed.clone();
@@ -226,8 +226,8 @@ fn frames_behind_a_loss_are_found_and_keep_their_numbers() {
         assert!(marked.warnings().iter().any(|w| w.contains("missing, number")), "{:?}", marked.warnings());
         let dropped = opening(MissingFrames::Drop).from_bytes("cut", cut).unwrap();
         assert_eq!((dropped.readouts(), dropped.missing_frames()), (5 - lost.len(), lost));
-        let kept = packed.chunks(125_000).enumerate().filter(|(t, _)| !lost.contains(t));
-        assert!(read(&dropped) == kept.flat_map(|(_, f)| f.to_vec()).collect::<Vec<_>>(), "{start}");
+        let remaining = packed.chunks(125_000).enumerate().filter(|(t, _)| !lost.contains(t));
+        assert!(read(&dropped) == remaining.flat_map(|(_, f)| f.to_vec()).collect::<Vec<_>>(), "{start}");
     }
 }
 
@@ -258,8 +258,8 @@ fn empty_and_truncated_files_are_input_errors_that_count_bytes() {
 #[test]
 fn a_wrong_geometry_error_suggests_the_likely_one() {
     let bytes = vec![0; 13_000 * 3];
-    let found = StreamReader::from_bytes("s", bytes, Some(Layout::Dat), Some(geometry(400, 250)));
-    let text = failure(found).to_string();
+    let result = StreamReader::from_bytes("s", bytes, Some(Layout::Dat), Some(geometry(400, 250)));
+    let text = failure(result).to_string();
     assert!(text.contains("13000 bytes per frame match 400x250 in layout rows416"), "{text}");
     let error = failure(StreamReader::from_bytes("s", vec![0; 25_000], None, None));
     assert_eq!(error.kind(), ErrorKind::Usage);
@@ -389,9 +389,10 @@ fn events_are_the_spikes_in_order() {
     let packed = stream(g, 6, 2);
     write(&path(&dir, "s.dat"), Layout::Dat, g, &packed);
     let reader = StreamReader::open(&path(&dir, "s.dat"), Some(Layout::Dat), Some(g)).unwrap();
-    let crop = Crop { x: 3, y: 1, width: 9, height: 4 };
+    let crop = Crop { row: 1, col: 3, width: 9, height: 4 };
     let path = path(&dir, "e.npy");
-    let (done, count) = write_events(&reader, 2..5, Some(crop), &path, false, |_| Ok(())).unwrap();
+    let done = write_events(&reader, 2..5, Some(crop), &path, false, |_| Ok(())).unwrap();
+    let count = done.spikes;
     let (header, values) = spikelane::unstable::npy::read_values("e", &fs::read(&path).unwrap()).unwrap();
     assert_eq!((header.shape, header.element), (vec![count, 3], spikelane::unstable::npy::Element::I32));
     let inside = |t: usize, y: usize, x: usize| bit(&packed[t * g.frame_bytes()..], y * 13 + x);
@@ -406,17 +407,17 @@ fn events_are_the_spikes_in_order() {
 
 #[test]
 fn the_name_and_the_layout_of_an_output_agree() {
-    let of = |name: &str, layout| Layout::for_path(Path::new(name), layout);
-    assert_eq!(of("a.npy", None).unwrap(), Layout::NpyBytes);
-    assert_eq!(of("a.dat", None).unwrap(), Layout::Dat);
-    assert_eq!(of("a", Some(Layout::Rows416)).unwrap(), Layout::Rows416);
+    let layout_for = |name: &str, layout| Layout::for_path(Path::new(name), layout);
+    assert_eq!(layout_for("a.npy", None).unwrap(), Layout::NpyBytes);
+    assert_eq!(layout_for("a.dat", None).unwrap(), Layout::Dat);
+    assert_eq!(layout_for("a", Some(Layout::Rows416)).unwrap(), Layout::Rows416);
     for (name, layout) in [
         ("a.npz", None),
         ("a.h5", Some(Layout::Dat)),
         ("a.npy", Some(Layout::Dat)),
         ("a.dat", Some(Layout::NpyBits)),
     ] {
-        assert_eq!(failure(of(name, layout)).kind(), ErrorKind::Usage, "{name}");
+        assert_eq!(failure(layout_for(name, layout)).kind(), ErrorKind::Usage, "{name}");
     }
 }
 
@@ -432,9 +433,9 @@ fn an_npy_without_a_whole_frame_is_refused() {
     let dir = TempDir::new().unwrap();
     let (path, g) = (path(&dir, "a.npy"), geometry(9, 4));
     write(&path, Layout::NpyBytes, g, &stream(g, 3, 1));
-    let whole = fs::read(&path).unwrap();
+    let content = fs::read(&path).unwrap();
     for keep in [128 + 35, 128, 127, 60, 9, 1] {
-        fs::write(&path, &whole[..keep]).unwrap();
+        fs::write(&path, &content[..keep]).unwrap();
         let error = failure(StreamReader::open(&path, Some(Layout::NpyBytes), None));
         assert_eq!(error.kind(), ErrorKind::Input, "{keep}: {error}");
     }
@@ -541,9 +542,9 @@ fn threads_read_the_same_frames_from_a_file_as_one() {
                     let (reader, packed) = (&reader, &packed);
                     scope.spawn(move || {
                         let (first, end) = (part * readouts / 3, (part + 1) * readouts / 3);
-                        let mut found = vec![0; (end - first) * size];
-                        reader.read_frames(first, &mut found).unwrap();
-                        assert!(found == packed[first * size..end * size], "{layout} {g}");
+                        let mut actual = vec![0; (end - first) * size];
+                        reader.read_frames(first, &mut actual).unwrap();
+                        assert!(actual == packed[first * size..end * size], "{layout} {g}");
                     });
                 }
             });

@@ -118,8 +118,8 @@ fn a_missing_directory_is_an_io_error() {
     let path = dir.path().join("no").join("s.dat");
     assert_eq!(failure(FileWriter::create(&path, 1, false)).kind(), ErrorKind::Io);
     assert_eq!(failure(StreamReader::open(&path, None, None)).kind(), ErrorKind::Io);
-    let found = failure(StreamReader::open(dir.path(), None, None));
-    assert_eq!(found.kind(), ErrorKind::Input);
+    let error = failure(StreamReader::open(dir.path(), None, None));
+    assert_eq!(error.kind(), ErrorKind::Input);
 }
 
 #[test]
@@ -150,9 +150,9 @@ fn a_file_that_is_cut_while_it_is_read_is_an_error_in_every_layout() {
         file.set_len(file.metadata().unwrap().len() / 2).unwrap();
         let mut frame = vec![0; g.frame_bytes()];
         reader.read_frame(0, &mut frame).unwrap();
-        let found = failure(reader.read_frame(399, &mut frame));
-        assert_eq!(found.kind(), ErrorKind::Input, "{layout}");
-        assert!(found.to_string().contains(name), "{layout}: {found}");
+        let error = failure(reader.read_frame(399, &mut frame));
+        assert_eq!(error.kind(), ErrorKind::Input, "{layout}");
+        assert!(error.to_string().contains(name), "{layout}: {error}");
         let out = place(&dir, "out.dat");
         let writer = StreamWriter::create(&out, Layout::Dat, g, 400, false).unwrap();
         assert_eq!(

@@ -213,8 +213,8 @@ fn images_of_mixed_size_are_named_with_both_sizes() {
 fn damaged_images_and_empty_folders_are_input_errors() {
     let dir = TempDir::new().unwrap();
     assert_eq!(open(dir.path(), &camera(4, 4)).err().unwrap().kind(), ErrorKind::Input);
-    let whole = put(&dir, "whole.png", RgbImage::from_fn(64, 64, |x, y| Rgb([x as u8, y as u8, 7])));
-    let bytes = fs::read(&whole).unwrap();
+    let image = put(&dir, "whole.png", RgbImage::from_fn(64, 64, |x, y| Rgb([x as u8, y as u8, 7])));
+    let bytes = fs::read(&image).unwrap();
     fs::write(dir.path().join("cut.png"), &bytes[..bytes.len() / 2]).unwrap();
     fs::write(dir.path().join("text.png"), "no image").unwrap();
     for name in ["cut.png", "text.png"] {
@@ -248,10 +248,10 @@ fn a_pan_moves_by_whole_pixels_and_mirrors_beyond_the_edge() {
     // A pan of 20 pixels per second at 10 frames per second is two pixels per frame.
     for spec in ["pan=20,0", "pan=2,0/frame"] {
         options.motion_clip = motion_clip(spec, 2);
-        let seen = read(&path, &options).unwrap();
+        let frames = read(&path, &options).unwrap();
         let codes = |f: &Frame| f.to_f32().iter().map(|x| (x * 255.0).round()).collect::<Vec<_>>();
-        assert_eq!(codes(&seen[0]), [0.0, 10.0, 20.0, 30.0, 40.0, 50.0]);
-        assert_eq!(codes(&seen[1]), [20.0, 30.0, 40.0, 50.0, 50.0, 40.0]);
+        assert_eq!(codes(&frames[0]), [0.0, 10.0, 20.0, 30.0, 40.0, 50.0]);
+        assert_eq!(codes(&frames[1]), [20.0, 30.0, 40.0, 50.0, 50.0, 40.0]);
     }
 }
 
@@ -316,9 +316,9 @@ fn a_slow_pan_leaves_the_still_picture_without_a_jump() {
         options.transfer = Some(Transfer::Linear);
         let step = f64::from(w).max(f64::from(h)) / 15.0;
         options.motion_clip = motion_clip("pan=0.001,0/frame", 2);
-        let seen = read(&path, &options).unwrap();
+        let frames = read(&path, &options).unwrap();
         for (row, col) in [(4, 5), (7, 10), (10, 14)] {
-            let jump = 255.0 * f64::from(seen[1].get(row, col) - seen[0].get(row, col));
+            let jump = 255.0 * f64::from(frames[1].get(row, col) - frames[0].get(row, col));
             // Triangle filters of different widths give the same result for a ramp, except for a sampling error of 0.1
             // pixels.
             assert!(jump.abs() < 0.3 * step, "{w}x{h} at {row}, {col}: {jump} codes");

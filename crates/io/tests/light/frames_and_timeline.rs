@@ -84,10 +84,10 @@ fn a_frame_of_the_wrong_length_is_refused() {
 
 #[test]
 fn the_maximum_is_relative_to_full_scale() {
-    let of = |samples| Frame::new(geometry(2, 1), samples).unwrap().max();
-    assert_eq!(of(OwnedSamples::U8(vec![51, 255])), 1.0);
-    assert_eq!(of(OwnedSamples::U16(vec![0, 13107])), 0.2);
-    assert_eq!(of(OwnedSamples::F32(vec![3.5, 0.0])), 3.5);
+    let max_of = |samples| Frame::new(geometry(2, 1), samples).unwrap().max();
+    assert_eq!(max_of(OwnedSamples::U8(vec![51, 255])), 1.0);
+    assert_eq!(max_of(OwnedSamples::U16(vec![0, 13107])), 0.2);
+    assert_eq!(max_of(OwnedSamples::F32(vec![3.5, 0.0])), 3.5);
 }
 
 #[test]

@@ -52,9 +52,9 @@ fn pictures_become_the_light_of_the_original_programs() {
             let mut source = open(&path, &InputOptions::from_camera(&camera)).unwrap();
             let mut frame = Frame::dark(source.geometry());
             assert!(source.next_frame(&mut frame).unwrap());
-            for (color, found) in colors.iter().zip(frame.to_f32()) {
+            for (color, actual) in colors.iter().zip(frame.to_f32()) {
                 let wanted = expected(name, *color, peak);
-                assert!((f64::from(found) - wanted).abs() < 7.7e-6, "{name} {color:?}: {found} {wanted}");
+                assert!((f64::from(actual) - wanted).abs() < 7.7e-6, "{name} {color:?}: {actual} {wanted}");
             }
         }
     }

@@ -7,7 +7,7 @@ use spikelane::{ErrorKind, Geometry, Result, Seeds, presets};
 use spikelane_io::light::{
     FlowInterpolator, Frame, Interpolation, Objects, OwnedSamples, Rate, Source, Timeline,
 };
-use spikelane_io::simulate::{RunOptions, run};
+use spikelane_io::simulate::{RunObserver, RunOptions, run};
 
 /// Returns a smooth, aperiodic pattern that is moved by (dx, dy) pixels.
 fn pattern(geometry: Geometry, dx: f32, dy: f32) -> Frame {
@@ -35,8 +35,8 @@ fn the_motion_of_a_moved_pattern_is_found() {
         let between = FlowInterpolator::new(&pattern(size(), 0.0, 0.0), &pattern(size(), dx, dy)).unwrap();
         let (u, v) = between.motion();
         let error = |p: usize| (u[p] - dx).hypot(v[p] - dy);
-        let found = median((0..size().pixels()).map(error).collect());
-        assert!(found < 0.05, "{dx}, {dy}: off by {found} px");
+        let median_error = median((0..size().pixels()).map(error).collect());
+        assert!(median_error < 0.05, "{dx}, {dy}: off by {median_error} px");
     }
 }
 
@@ -62,8 +62,8 @@ fn interpolation_reproduces_its_end_frames_and_static_scenes() {
     let (a, b) = (pattern(size(), 0.0, 0.0), pattern(size(), 2.0, 1.0));
     let between = FlowInterpolator::new(&a, &b).unwrap();
     for (weight, frame) in [(0.0, &a), (1.0, &b)] {
-        let found = between.interpolate(weight).unwrap().to_f32();
-        assert!(psnr(&found, &frame.to_f32(), 1.0).unwrap() > 60.0, "at {weight}");
+        let interpolated = between.interpolate(weight).unwrap().to_f32();
+        assert!(psnr(&interpolated, &frame.to_f32(), 1.0).unwrap() > 60.0, "at {weight}");
     }
     let still = FlowInterpolator::new(&a, &a).unwrap().interpolate(0.37).unwrap();
     assert!(psnr(&still.to_f32(), &a.to_f32(), 1.0).unwrap() > 90.0);
@@ -85,12 +85,19 @@ fn flow_interpolation_of_objects_beats_blending() {
 #[test]
 fn objects_follow_their_seed_and_move_smoothly() {
     let (geometry, rate) = (Geometry::new(80, 50).unwrap(), Rate::new(1000, 1).unwrap());
-    let of = |seed| Objects::new(geometry, rate, 3, seed, 10).unwrap();
-    assert_eq!(of(1).frame_at(0.2), of(1).frame_at(0.2));
-    assert_ne!(of(1).frame_at(0.2), of(2).frame_at(0.2));
-    let apart = |t: f64| psnr(&of(1).frame_at(0.2).to_f32(), &of(1).frame_at(0.2 + t).to_f32(), 1.0).unwrap();
-    assert!(apart(1e-5) > apart(1e-3) + 20.0 && apart(1e-3) > apart(3e-2), "{} {}", apart(1e-5), apart(1e-3));
-    let mut source = of(1);
+    let objects = |seed| Objects::new(geometry, rate, 3, seed, 10).unwrap();
+    assert_eq!(objects(1).frame_at(0.2), objects(1).frame_at(0.2));
+    assert_ne!(objects(1).frame_at(0.2), objects(2).frame_at(0.2));
+    let psnr_after = |t: f64| {
+        psnr(&objects(1).frame_at(0.2).to_f32(), &objects(1).frame_at(0.2 + t).to_f32(), 1.0).unwrap()
+    };
+    assert!(
+        psnr_after(1e-5) > psnr_after(1e-3) + 20.0 && psnr_after(1e-3) > psnr_after(3e-2),
+        "{} {}",
+        psnr_after(1e-5),
+        psnr_after(1e-3)
+    );
+    let mut source = objects(1);
     let mut frame = Frame::dark(geometry);
     let frames = (0..).take_while(|_| source.next_frame(&mut frame).unwrap()).count();
     assert_eq!(frames, 3);
@@ -126,7 +133,7 @@ fn stream(frames: &[Frame], each: u64, interpolation: Interpolation) -> Vec<u8> 
     let seeds = Seeds { camera: 1, shot: 2, sequence: 3 };
     let job = RunOptions::new(camera, seeds, Timeline::from_readouts_per_frame(each, interpolation).unwrap());
     let path = dir.path().join("a.dat");
-    run(&job, &mut Frames(frames.to_vec().into()), &path, None, &mut |_, _| Ok(())).unwrap();
+    run(&job, &mut Frames(frames.to_vec().into()), &path, None, RunObserver::default()).unwrap();
     std::fs::read(path).unwrap()
 }
 

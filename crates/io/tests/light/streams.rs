@@ -157,8 +157,8 @@ fn arrays_that_are_not_frames_are_refused_with_a_reason() {
 #[test]
 fn a_truncated_array_is_refused_from_a_file_and_from_a_pipe() {
     let dir = TempDir::new().unwrap();
-    let whole = npy(&[3, 2, 2], &[7_u8; 12]);
-    let cut = &whole[..whole.len() - 3];
+    let complete = npy(&[3, 2, 2], &[7_u8; 12]);
+    let cut = &complete[..complete.len() - 3];
     let path = put(&dir, "cut.npy", cut);
     assert_eq!(open(&path, &camera(2, 2)).err().unwrap().kind(), ErrorKind::Input);
     let pipe = Box::new(Cursor::new(cut.to_vec()));
@@ -287,13 +287,13 @@ fn a_y4m_file_knows_its_frames_and_rate() {
 #[test]
 fn damaged_videos_are_input_errors_that_name_the_file() {
     let dir = TempDir::new().unwrap();
-    let whole = y4m("W2 H2 Cmono", &[&[1; 4], &[2; 4]]);
-    let mut other = whole.clone();
+    let complete = y4m("W2 H2 Cmono", &[&[1; 4], &[2; 4]]);
+    let mut other = complete.clone();
     let second = other.len() - 10;
     other[second] = b'G';
     for (name, bytes) in [
-        ("cut", whole[..whole.len() - 1].to_vec()),
-        ("cut_word", whole[..whole.len() - 8].to_vec()),
+        ("cut", complete[..complete.len() - 1].to_vec()),
+        ("cut_word", complete[..complete.len() - 8].to_vec()),
         ("word", other),
         ("none", y4m("W2 H2 Cmono", &[])),
         ("zero", y4m("W0 H2 Cmono", &[])),
@@ -310,25 +310,25 @@ fn damaged_videos_are_input_errors_that_name_the_file() {
 
 #[test]
 fn a_pipe_that_ends_within_a_frame_is_an_error() {
-    let whole = y4m("W2 H2 Cmono", &[&[1; 4], &[2; 4]]);
+    let complete = y4m("W2 H2 Cmono", &[&[1; 4], &[2; 4]]);
     let count = |bytes: &[u8]| {
         let pipe = Box::new(Cursor::new(bytes.to_vec()));
         frames(&mut *open_reader(pipe, "pipe", &camera(2, 2)).unwrap()).map(|f| f.len())
     };
-    assert_eq!(count(&whole).unwrap(), 2);
-    assert_eq!(count(&whole[..whole.len() - 10]).unwrap(), 1);
+    assert_eq!(count(&complete).unwrap(), 2);
+    assert_eq!(count(&complete[..complete.len() - 10]).unwrap(), 1);
     for less in 1..10 {
-        let error = count(&whole[..whole.len() - less]).unwrap_err();
+        let error = count(&complete[..complete.len() - less]).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Input, "{less}");
     }
 }
 
 fn ffmpeg() -> bool {
-    let found = Command::new("ffmpeg").arg("-version").output().is_ok();
-    if !found {
+    let is_installed = Command::new("ffmpeg").arg("-version").output().is_ok();
+    if !is_installed {
         println!("skipped: no ffmpeg on PATH");
     }
-    found
+    is_installed
 }
 
 #[test]
@@ -339,13 +339,13 @@ fn ffmpeg_decodes_a_color_video_to_the_correct_light() {
     let dir = TempDir::new().unwrap();
     // ffmpeg must read the whole text as a file name, although it contains a colon and spaces.
     let path = dir.path().join("a: b.mkv");
-    let made = Command::new("ffmpeg")
+    let status = Command::new("ffmpeg")
         .args(["-v", "error", "-f", "lavfi", "-i", "color=c=0x00bc00:s=64x48:r=25:d=0.4"])
         .args(["-c:v", "ffv1", "-pix_fmt", "gbrp"])
         .arg(format!("file:{}", path.display()))
         .status()
         .unwrap();
-    assert!(made.success());
+    assert!(status.success());
     let mut source = open(&path, &camera(64, 48)).unwrap();
     assert_eq!(source.rate(), Some(Rate::new(25, 1).unwrap()));
     let got = frames(&mut *source).unwrap();
@@ -372,7 +372,7 @@ fn ramp(dir: &TempDir, pixels: &str, scale: u16, tags: &[&str]) -> PathBuf {
     };
     let source = put(dir, "ramp.raw", raw);
     let path = dir.path().join("ramp.mkv");
-    let made = Command::new("ffmpeg")
+    let status = Command::new("ffmpeg")
         .args(["-y", "-v", "error", "-f", "rawvideo", "-s", "128x4", "-pix_fmt", pixels, "-i"])
         .arg(source)
         .args(["-c:v", "ffv1"])
@@ -380,7 +380,7 @@ fn ramp(dir: &TempDir, pixels: &str, scale: u16, tags: &[&str]) -> PathBuf {
         .arg(&path)
         .status()
         .unwrap();
-    assert!(made.success(), "{pixels} {tags:?}");
+    assert!(status.success(), "{pixels} {tags:?}");
     path
 }
 
@@ -395,7 +395,7 @@ fn ffmpeg_decodes_gray_of_any_depth_range_and_matrix_within_half_a_code() {
     let dir = TempDir::new().unwrap();
     let full = &["-color_range", "pc"][..];
     let limited = |c: f32| ((c - 64.0) / 876.0).clamp(0.0, 1.0);
-    let whole = |c: f32| c / 1023.0;
+    let ten_bit = |c: f32| c / 1023.0;
     let eight = |c: f32| (((c / 4.0).floor() - 16.0) / 219.0).clamp(0.0, 1.0);
     let eight_full = |c: f32| (c / 4.0).floor() / 255.0;
     let twelve = |c: f32| c * 4.0 / 4095.0;
@@ -406,17 +406,17 @@ fn ffmpeg_decodes_gray_of_any_depth_range_and_matrix_within_half_a_code() {
         ("yuv420p10le", 1, &["-colorspace", "bt709"], &limited),
         ("yuv420p10le", 1, &["-colorspace", "smpte170m"], &limited),
         ("yuv420p10le", 1, &["-colorspace", "bt2020nc"], &limited),
-        ("yuv420p10le", 1, full, &whole),
+        ("yuv420p10le", 1, full, &ten_bit),
         ("yuv420p12le", 4, full, &twelve),
         ("yuv420p16le", 64, full, &sixteen),
         ("yuv420p", 0, &[], &eight),
         ("yuv420p", 0, &["-colorspace", "smpte170m"], &eight),
         ("yuv420p", 0, full, &eight_full),
         ("gray", 0, &[], &eight_full),
-        ("gray10le", 1, &[], &whole),
+        ("gray10le", 1, &[], &ten_bit),
         ("gray12le", 4, &[], &twelve),
         ("gray16le", 64, &[], &sixteen),
-        ("gbrp10le", 1, &[], &whole),
+        ("gbrp10le", 1, &[], &ten_bit),
         ("gbrp16le", 64, &[], &sixteen),
     ];
     for (pixels, scale, tags, light_of) in cases {
@@ -455,14 +455,14 @@ fn ten_bit_colors_are_decoded_with_the_declared_matrix() {
         let raw: Vec<u8> = codes.iter().flat_map(|c| [c.to_le_bytes(); 64].concat()).collect();
         let source = put(&dir, "color.raw", raw);
         let path = dir.path().join("color.mkv");
-        let made = Command::new("ffmpeg")
+        let status = Command::new("ffmpeg")
             .args(["-y", "-v", "error", "-f", "rawvideo", "-s", "8x8", "-pix_fmt", "yuv444p10le", "-i"])
             .arg(source)
             .args(["-c:v", "ffv1", "-colorspace", tag])
             .arg(&path)
             .status()
             .unwrap();
-        assert!(made.success(), "{tag}");
+        assert!(status.success(), "{tag}");
         let mut options = camera(8, 8);
         options.transfer = Some(Transfer::Linear);
         let got = f64::from(read(&path, &options).unwrap()[0].get(4, 4));

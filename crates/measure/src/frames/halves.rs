@@ -144,11 +144,11 @@ fn count_columns<B: BitOps>(
     for at in (0..stride).step_by(ROW_WORDS) {
         for from in rows.clone().step_by(MAX_GROUPS * 8) {
             let to = (from + MAX_GROUPS * 8).min(rows.end);
-            let found = count_rows(b, slot, stride, from..to, at).counts(b);
+            let row_counts = count_rows(b, slot, stride, from..to, at).counts(b);
             // A tile can extend into the next row. `zip` ignores the surplus columns.
             let columns = counts[at * 64..].chunks_exact_mut(64);
-            for (columns, found) in columns.zip(&found) {
-                for (sum, count) in columns.iter_mut().zip(found) {
+            for (columns, column_counts) in columns.zip(&row_counts) {
+                for (sum, count) in columns.iter_mut().zip(column_counts) {
                     *sum += u32::from(*count);
                 }
             }

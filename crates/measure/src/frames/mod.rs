@@ -179,8 +179,8 @@ impl FrameStatistics {
         let mut sorted: Vec<f64> = self.distances.iter().map(|d| f64::from(*d)).collect();
         let limit = share * super::estimate::median(&mut sorted);
         let close = |(_, d): &(usize, &u32)| f64::from(**d) < limit;
-        let found = self.distances.iter().enumerate().filter(close);
-        found.map(|(i, _)| i as u32 + 1).collect()
+        let repeats = self.distances.iter().enumerate().filter(close);
+        repeats.map(|(i, _)| i as u32 + 1).collect()
     }
 
     /// Returns the mean covariance between the left and the right half of the same row, minus the mean covariance

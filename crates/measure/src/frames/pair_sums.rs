@@ -41,16 +41,16 @@ pub(super) struct LineSums {
 
 impl LineSums {
     /// Returns empty sums for `lines` lines. Half a line has at most `most` pixels.
-    pub(super) fn new(lines: usize, most: usize) -> Self {
-        let most = most as u64;
+    pub(super) fn new(lines: usize, max_pixels: usize) -> Self {
+        let max_pixels = max_pixels as u64;
         let zeros = || vec![0; lines];
         let before = vec![PairSums::default(); lines];
         Self {
             a: zeros(),
             b: zeros(),
             product: zeros(),
-            free_readouts: max_readouts(most),
-            max_pixels: most,
+            free_readouts: max_readouts(max_pixels),
+            max_pixels,
             flushed: before,
         }
     }
@@ -104,8 +104,8 @@ impl LineSums {
 }
 
 /// Returns the number of readouts whose products are certain to fit into 64 bits. A sensor has at most `2^28` pixels.
-fn max_readouts(most: u64) -> u64 {
-    u64::MAX / (most * most).max(1)
+fn max_readouts(max_pixels: u64) -> u64 {
+    u64::MAX / (max_pixels * max_pixels).max(1)
 }
 
 #[cfg(test)]
@@ -115,13 +115,13 @@ mod tests {
     #[test]
     fn flushed_line_sums_equal_the_pair_sums() {
         // Products are up to 2^62, so a sum of 64 bits can contain three of them.
-        let most = 1 << 31;
-        let (mut lines, mut expected) = (LineSums::new(2, most), [PairSums::default(); 2]);
+        let max_pixels = 1 << 31;
+        let (mut lines, mut expected) = (LineSums::new(2, max_pixels), [PairSums::default(); 2]);
         for i in 0..10_u32 {
-            let (a, b) = ([most as u32 - i, i], [most as u32, 7 * i]);
+            let (a, b) = ([max_pixels as u32 - i, i], [max_pixels as u32, 7 * i]);
             lines.reserve();
             match i % 2 {
-                0 => assert_eq!(lines.add_all(&a, &b).0, most as u64),
+                0 => assert_eq!(lines.add_all(&a, &b).0, max_pixels as u64),
                 _ => (0..2).for_each(|line| lines.add(line, a[line], b[line])),
             }
             expected.iter_mut().zip(a.into_iter().zip(b)).for_each(|(e, (a, b))| e.add(a.into(), b.into()));

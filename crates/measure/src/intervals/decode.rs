@@ -67,12 +67,12 @@ impl Histories {
 /// and sets their bits in `words` to zero.
 pub(super) fn take_spikes(words: &mut History, spikes: usize) -> History {
     let mut early = [0; HISTORY_WORDS];
-    let mut seen = 0;
+    let mut spikes_after = 0;
     for (early, late) in early.iter_mut().zip(words) {
-        if seen >= spikes {
+        if spikes_after >= spikes {
             break;
         }
-        seen += late.count_ones() as usize;
+        spikes_after += late.count_ones() as usize;
         std::mem::swap(early, late);
     }
     early

@@ -15,9 +15,9 @@ use super::readout_sums::Table;
 use spikelane::unstable::kernels::{I16_LANES, I16Lanes};
 
 /// Returns the largest span of spike times, in readouts, for which the sums of lags up to `longest` fit into 32 bits.
-pub(super) fn span_limit(longest: u32) -> u32 {
+pub(super) fn span_limit(max_lag: u32) -> u32 {
     // One readout is subtracted to make the largest sum less than 2^31.
-    let sums = ((1_u32 << 31) / longest).isqrt() - 1;
+    let sums = ((1_u32 << 31) / max_lag).isqrt() - 1;
     // Times have 16 bits, and the last word of a block can extend past the end of the block.
     sums.min(32_000)
 }
@@ -123,7 +123,7 @@ pub(super) fn add_deviations(
 /// Extremes and fence counts of the new intervals of a pixel. The histogram uses them.
 pub(super) struct NewIntervals {
     pub(super) shortest: u32,
-    pub(super) longest: u32,
+    pub(super) longest_interval: u32,
     /// Entry `j` is the number of intervals of at most `c - 3 + j` readouts, where `c` is [`PixelSums::center`].
     pub(super) cumulative: [u32; CUMULATIVE_FENCES],
     /// The fences of the pixel. `above_fences[j]` is the number of intervals greater than fence `j`.
@@ -213,22 +213,22 @@ pub(super) fn add_intervals<S: I16Lanes>(
     let mut above = [s.zero_counts(); FENCE_COUNT];
     // `totals` reduces eight sums in one call. Only two of the eight sums are used.
     let mut products = [s.zero_sums(); 8];
-    let (mut shortest, mut longest) = (s.splat(i16::MAX), s.splat(0));
-    let (one, most) = (s.splat(1), s.splat(i16::MAX));
+    let (mut shortest, mut longest_interval) = (s.splat(i16::MAX), s.splat(0));
+    let (one, max_value) = (s.splat(1), s.splat(i16::MAX));
     let n = (end - from).next_multiple_of(I16_LANES);
-    let before = [1, 2].map(|apart| chunks(intervals, from - apart, n));
+    let before = [1, 2].map(|lag| chunks(intervals, from - lag, n));
     let last = n / I16_LANES - 1;
     for (at, x) in chunks(intervals, from, n).iter().enumerate() {
         let x = s.load(x);
         for (sum, before) in products.iter_mut().zip(before) {
             *sum = s.add_products(*sum, x, s.load(&before[at]));
         }
-        longest = s.max(longest, x);
+        longest_interval = s.max(longest_interval, x);
         if at < last {
             shortest = s.min(shortest, x);
         } else {
             // The zeros after the last interval are replaced by the largest value, because they must not become the minimum.
-            shortest = s.min(shortest, s.or(x, s.and(s.greater(one, x), most)));
+            shortest = s.min(shortest, s.or(x, s.and(s.greater(one, x), max_value)));
         }
         for (count, fence) in above.iter_mut().zip(beyond) {
             *count = s.count_greater(*count, x, fence);
@@ -239,16 +239,16 @@ pub(super) fn add_intervals<S: I16Lanes>(
     }
     let above = s.total_counts(above);
     let n = (end - from) as u32;
-    let found = NewIntervals {
+    let new_intervals = NewIntervals {
         shortest: s.min_non_negative(shortest) as u32,
         // longest = MAX - min(MAX - x), because the CPU finds only a minimum across the lanes of a vector.
-        longest: (i16::MAX - s.min_non_negative(s.sub(most, longest))) as u32,
+        longest_interval: (i16::MAX - s.min_non_negative(s.sub(max_value, longest_interval))) as u32,
         cumulative: std::array::from_fn(|j| n - above[2 + j]),
         fences,
         above_fences: above,
     };
-    pixel.shortest = pixel.shortest.min(found.shortest);
-    pixel.longest = pixel.longest.max(found.longest);
+    pixel.shortest = pixel.shortest.min(new_intervals.shortest);
+    pixel.longest_interval = pixel.longest_interval.max(new_intervals.longest_interval);
     pixel.add_above(n, above);
-    found
+    new_intervals
 }

@@ -122,12 +122,12 @@ impl BlockHistogram {
     pub(super) fn add_new_intervals<S: I16Lanes>(
         &mut self,
         s: S,
-        found: &NewIntervals,
+        new_intervals: &NewIntervals,
         center: i64,
         intervals: &[i16],
         range: Range<usize>,
     ) {
-        let (within, n) = (&found.cumulative, range.len() as u32);
+        let (within, n) = (&new_intervals.cumulative, range.len() as u32);
         let beyond = n - (within[CUMULATIVE_FENCES - 1] - within[0]);
         if beyond * BULK_OUTLIER_RATIO > n {
             for (i, interval) in intervals[range].iter().enumerate() {

@@ -94,14 +94,14 @@ impl IntervalAccumulator {
         series: usize,
     ) -> Self {
         let pixels = rows.len() * geometry.width();
-        let longest = lags.last().copied().unwrap_or(1);
-        let depth = (longest as usize).max(REFERENCE_INTERVALS);
+        let max_lag = lags.last().copied().unwrap_or(1);
+        let depth = (max_lag as usize).max(REFERENCE_INTERVALS);
         let room = depth + MAX_BLOCK_READOUTS + 2 * OVERRUN;
         Self {
             tally: BlockHistogram::new(cap),
             depth,
             history: vec![0; pixels * depth],
-            span_limit: fast::span_limit(longest),
+            span_limit: fast::span_limit(max_lag),
             series_readouts: series,
             open_parts: [None, None],
             scratch: Scratch {
@@ -232,7 +232,7 @@ impl IntervalAccumulator {
             sums.iter_mut().zip(squares).for_each(|(sum, more)| sum[1] += more);
         }
         let pixel = &mut self.result.pixels[p];
-        let found = fast::add_intervals(s, intervals, depth, end, pixel);
+        let new_intervals = fast::add_intervals(s, intervals, depth, end, pixel);
         for open in self.open_parts.iter_mut().flatten() {
             open.add_fast(
                 s,
@@ -240,11 +240,11 @@ impl IntervalAccumulator {
                 pixel.spikes,
                 parts::PixelTimes { times, at: depth, end, start },
                 intervals,
-                &found,
+                &new_intervals,
             );
         }
         pixel.spikes += (end - depth) as u32;
-        self.tally.add_new_intervals(s, &found, pixel.center(), intervals, depth..end);
+        self.tally.add_new_intervals(s, &new_intervals, pixel.center(), intervals, depth..end);
         if self.result.deviations.len() < self.series_readouts {
             fast::add_deviations(times, intervals, depth, end, pixel.reference, &mut readouts.table);
         }
@@ -273,8 +273,8 @@ impl IntervalAccumulator {
         for k in known.max(1)..times.len() {
             self.tally.add(k, times[k] - times[k - 1]);
         }
-        let kept = times.len().min(self.depth);
-        history[self.depth - kept..].copy_from_slice(&times[times.len() - kept..]);
+        let kept_count = times.len().min(self.depth);
+        history[self.depth - kept_count..].copy_from_slice(&times[times.len() - kept_count..]);
     }
 
     /// Begins part `which` at the next readout. The caller must first process all readouts that were pushed.
@@ -320,8 +320,8 @@ impl IntervalAccumulator {
         self.finish_sums();
         let latest = |(pixel, history): (&PixelSums, &[u32])| {
             let mut latest = [NO_SPIKE; 3];
-            let kept = (pixel.spikes as usize).min(3);
-            latest[3 - kept..].copy_from_slice(&history[self.depth - kept..]);
+            let kept_count = (pixel.spikes as usize).min(3);
+            latest[3 - kept_count..].copy_from_slice(&history[self.depth - kept_count..]);
             latest
         };
         let histories = self.history.chunks_exact(self.depth);

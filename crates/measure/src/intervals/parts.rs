@@ -44,17 +44,17 @@ const _: () = assert!(MAX_START_SPIKES <= MAX_SPIKES && REFERENCE_INTERVALS <= M
 
 impl OpenPart {
     /// Begins a part at the next readout of `whole`.
-    pub(super) fn new(whole: &Intervals, depth: usize) -> Self {
+    pub(super) fn new(total: &Intervals, depth: usize) -> Self {
         let less = |sum: u64| 0_u64.wrapping_sub(sum);
-        let own =
+        let boundary_sums =
             |pixel: &PixelSums| PixelSums { lag_products: pixel.lag_products.map(less), ..PixelSums::new() };
         Self {
-            start: whole.readouts,
-            lags: whole.lags.clone(),
+            start: total.readouts,
+            lags: total.lags.clone(),
             depth,
-            spikes_before: whole.pixels.iter().map(|p| p.spikes).collect(),
-            pixels: whole.pixels.iter().map(own).collect(),
-            sums: whole.sums.iter().map(|s| [0, less(s[1])]).collect(),
+            spikes_before: total.pixels.iter().map(|p| p.spikes).collect(),
+            pixels: total.pixels.iter().map(boundary_sums).collect(),
+            sums: total.sums.iter().map(|s| [0, less(s[1])]).collect(),
         }
     }
 
@@ -68,7 +68,7 @@ impl OpenPart {
         spikes: u32,
         new: PixelTimes<'_>,
         intervals: &[i16],
-        found: &NewIntervals,
+        new_intervals: &NewIntervals,
     ) {
         let known = (spikes - self.spikes_before[p]) as usize;
         if known <= self.depth {
@@ -77,8 +77,8 @@ impl OpenPart {
         let pixel = &mut self.pixels[p];
         let Some(from) = first_judged(pixel, known, new.at) else { return };
         let fences = fast::fences(pixel);
-        let above = match from == new.at && fences == found.fences {
-            true => found.above_fences,
+        let above = match from == new.at && fences == new_intervals.fences {
+            true => new_intervals.above_fences,
             false => fast::count_above_fences(s, intervals, from, new.end, fences),
         };
         pixel.add_above((new.end - from) as u32, above);
@@ -125,9 +125,9 @@ impl OpenPart {
         }
         let pixel = &mut self.pixels[p];
         let interval = |k: usize| u64::from(times[k] - times[k - 1]);
-        for (apart, product) in (1_usize..).zip(&mut pixel.lag_products) {
-            for k in (at..times.len()).take((apart + 1).saturating_sub(known)).filter(|k| *k > apart) {
-                *product = product.wrapping_sub(interval(k) * interval(k - apart));
+        for (offset, product) in (1_usize..).zip(&mut pixel.lag_products) {
+            for k in (at..times.len()).take((offset + 1).saturating_sub(known)).filter(|k| *k > offset) {
+                *product = product.wrapping_sub(interval(k) * interval(k - offset));
             }
         }
         for (first, time) in pixel.first_spikes.iter_mut().skip(known).zip(new) {
@@ -140,35 +140,35 @@ impl OpenPart {
     }
 
     /// Ends the part at the current readout of `whole`. `history` contains the last spikes of each pixel of `whole`.
-    pub(super) fn end(mut self, whole: &Intervals, history: &[u32]) -> Intervals {
+    pub(super) fn end(mut self, total: &Intervals, history: &[u32]) -> Intervals {
         let mut latest = vec![[NO_SPIKE; 3]; self.pixels.len()];
         let histories = history.chunks_exact(self.depth);
         for (p, history) in histories.enumerate() {
             let pixel = &mut self.pixels[p];
-            pixel.spikes = whole.pixels[p].spikes - self.spikes_before[p];
-            let more = pixel.lag_products.iter_mut().zip(whole.pixels[p].lag_products);
-            more.for_each(|(product, whole)| *product = product.wrapping_add(whole));
+            pixel.spikes = total.pixels[p].spikes - self.spikes_before[p];
+            let more = pixel.lag_products.iter_mut().zip(total.pixels[p].lag_products);
+            more.for_each(|(product, total_product)| *product = product.wrapping_add(total_product));
             let lags = p * self.lags.len()..(p + 1) * self.lags.len();
-            let sums = self.sums[lags.clone()].iter_mut().zip(&whole.sums[lags]);
-            for (lag, (sum, whole)) in self.lags.iter().zip(sums) {
+            let sums = self.sums[lags.clone()].iter_mut().zip(&total.sums[lags]);
+            for (lag, (sum, total)) in self.lags.iter().zip(sums) {
                 let last = history[self.depth - *lag as usize..].iter();
                 let last: u64 = last.map(|t| u64::from(t.saturating_sub(self.start))).sum();
                 let sum_of_spans = if pixel.spikes > *lag { last - sum[0] } else { 0 };
-                *sum = [sum_of_spans, sum[1].wrapping_add(whole[1])];
+                *sum = [sum_of_spans, sum[1].wrapping_add(total[1])];
             }
-            let kept = (pixel.spikes as usize).min(3);
-            let times = latest[p][3 - kept..].iter_mut().zip(&history[self.depth - kept..]);
+            let kept_count = (pixel.spikes as usize).min(3);
+            let times = latest[p][3 - kept_count..].iter_mut().zip(&history[self.depth - kept_count..]);
             times.for_each(|(latest, time)| *latest = time - self.start);
         }
         Intervals {
-            geometry: whole.geometry,
-            rows: whole.rows.clone(),
-            readouts: whole.readouts - self.start,
+            geometry: total.geometry,
+            rows: total.rows.clone(),
+            readouts: total.readouts - self.start,
             lags: self.lags,
             pixels: self.pixels,
             sums: self.sums,
             latest_spikes: latest,
-            histogram: IntervalHistogram::new(whole.histogram.longest_bin()),
+            histogram: IntervalHistogram::new(total.histogram.longest_bin()),
             split: None,
             deviations: Vec::new(),
         }

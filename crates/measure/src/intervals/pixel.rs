@@ -12,7 +12,7 @@ pub(super) struct PixelSums {
     /// Readouts of the first three spikes.
     pub(super) first_spikes: [u32; 3],
     pub(super) shortest: u32,
-    pub(super) longest: u32,
+    pub(super) longest_interval: u32,
     /// Sums of products of two intervals of the pixel: neighbors (entry 0), and intervals that are two apart (entry 1).
     pub(super) lag_products: [u64; 2],
     /// Sum of the first [`REFERENCE_INTERVALS`] intervals. It is 0 until the pixel has that many intervals.
@@ -30,7 +30,7 @@ impl PixelSums {
             spikes: 0,
             first_spikes: [u32::MAX; 3],
             shortest: u32::MAX,
-            longest: 0,
+            longest_interval: 0,
             lag_products: [0; 2],
             reference: 0,
             short_count: 0,
@@ -122,10 +122,10 @@ impl PixelSums {
         let interval = |k: usize| u64::from(times[k] - times[k - 1]);
         let x = interval(i);
         self.shortest = self.shortest.min(x as u32);
-        self.longest = self.longest.max(x as u32);
-        for (apart, product) in self.lag_products.iter_mut().enumerate() {
-            if i > apart + 1 {
-                *product += x * interval(i - apart - 1);
+        self.longest_interval = self.longest_interval.max(x as u32);
+        for (lag, product) in self.lag_products.iter_mut().enumerate() {
+            if i > lag + 1 {
+                *product += x * interval(i - lag - 1);
             }
         }
     }

@@ -140,7 +140,7 @@ impl Intervals {
             intervals,
             sum: u64::from(sum),
             sum_squares: self.sums[p * self.lags.len()][1],
-            extremes: (intervals > 0).then_some((pixel.shortest, pixel.longest)),
+            extremes: (intervals > 0).then_some((pixel.shortest, pixel.longest_interval)),
             short_and_long_counts: judged.then_some((pixel.short_count, pixel.long_count)),
             off_lattice_count: judged.then(|| off_lattice_count(pixel, intervals, sum)).flatten(),
         }
@@ -242,17 +242,18 @@ impl Intervals {
         let scale = 1.0 / REFERENCE_INTERVALS as f64;
         let overall = sum as f64 * scale / n as f64;
         let variance = self.lag_variance(1, None).value;
-        let kept = self.deviations.iter().enumerate().filter(enough);
-        kept.map(|(readout, d)| {
-            let mean = d.sum as f64 * scale / f64::from(d.spikes) - overall;
-            ReadoutDeviation {
-                readout: readout as u32,
-                mean,
-                sigmas: mean / (variance / f64::from(d.spikes)).sqrt(),
-                intervals: d.spikes,
-            }
-        })
-        .collect()
+        let deviations = self.deviations.iter().enumerate().filter(enough);
+        deviations
+            .map(|(readout, d)| {
+                let mean = d.sum as f64 * scale / f64::from(d.spikes) - overall;
+                ReadoutDeviation {
+                    readout: readout as u32,
+                    mean,
+                    sigmas: mean / (variance / f64::from(d.spikes)).sqrt(),
+                    intervals: d.spikes,
+                }
+            })
+            .collect()
     }
 
     /// Returns the most negative and the most positive deviation. Readouts with fewer than half the median number of
@@ -260,8 +261,8 @@ impl Intervals {
     #[must_use]
     pub fn deviation_extremes(&self) -> Option<(ReadoutDeviation, ReadoutDeviation)> {
         let mut spikes: Vec<f64> = self.deviations.iter().map(|d| f64::from(d.spikes)).collect();
-        let least = median(&mut spikes) / 2.0;
-        let all = self.deviations(least.max(1.0) as u32);
+        let min_spikes = median(&mut spikes) / 2.0;
+        let all = self.deviations(min_spikes.max(1.0) as u32);
         let order = |a: &&ReadoutDeviation, b: &&ReadoutDeviation| a.sigmas.total_cmp(&b.sigmas);
         Some((*all.iter().min_by(order)?, *all.iter().max_by(order)?))
     }

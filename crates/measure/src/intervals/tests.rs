@@ -85,13 +85,13 @@ fn measure(width: u32, jitter: f64, seed: u64, portable: bool) -> Intervals {
 }
 
 /// Removes the values that the result of a part does not contain: histogram of lengths, extremes and deviations.
-fn as_part(mut alone: Intervals) -> Intervals {
-    for pixel in &mut alone.pixels {
-        (pixel.shortest, pixel.longest) = (u32::MAX, 0);
+fn as_part(mut part: Intervals) -> Intervals {
+    for pixel in &mut part.pixels {
+        (pixel.shortest, pixel.longest_interval) = (u32::MAX, 0);
     }
-    alone.histogram = IntervalHistogram::new(alone.histogram.longest_bin());
-    alone.deviations.clear();
-    alone
+    part.histogram = IntervalHistogram::new(part.histogram.longest_bin());
+    part.deviations.clear();
+    part
 }
 
 #[test]
@@ -102,29 +102,29 @@ fn a_part_measured_within_a_stream_equals_a_separate_measurement() {
         [(3, 0.0, 1, &LAGS[..]), (64, 0.9, 2, &LAGS), (9, 0.5, 3, &[1]), (70, 0.1, 4, &[1, 4, 8, 16, 24, 32])]
     {
         let mut pixels = Pixels::new(width, jitter, seed);
-        let mut whole = TestMeasurement::new(pixels.geometry, lags, seed == 3);
+        let mut measurement = TestMeasurement::new(pixels.geometry, lags, seed == 3);
         // Part 0 lasts three blocks and part 1 lasts one block. Each part begins again when it ends.
-        let alone = || TestMeasurement::new(Geometry::new(width, 3).unwrap(), lags, true);
-        let mut parts = [alone(), alone()];
+        let new_measurement = || TestMeasurement::new(Geometry::new(width, 3).unwrap(), lags, true);
+        let mut parts = [new_measurement(), new_measurement()];
         for (i, len) in cuts.into_iter().enumerate() {
             for (which, part) in parts.iter_mut().enumerate() {
                 if i % [3, 1][which] == 0 {
-                    *part = alone();
-                    whole.state.begin_part(which);
+                    *part = new_measurement();
+                    measurement.state.begin_part(which);
                 }
             }
             let frames: Vec<_> = (0..len).map(|_| pixels.frame()).collect();
-            whole.take(&frames);
+            measurement.take(&frames);
             for (which, part) in parts.iter_mut().enumerate() {
                 part.take(&frames);
                 if i % [3, 1][which] == [2, 0][which] {
-                    let expected = as_part(std::mem::replace(part, alone()).state.finish());
-                    let found = whole.state.end_part(which).unwrap();
-                    assert_eq!(found, expected, "width {width}, jitter {jitter}, cut {i}, part {which}");
+                    let expected = as_part(std::mem::replace(part, new_measurement()).state.finish());
+                    let ended = measurement.state.end_part(which).unwrap();
+                    assert_eq!(ended, expected, "width {width}, jitter {jitter}, cut {i}, part {which}");
                 }
             }
         }
-        assert!(whole.state.end_part(1).is_none());
+        assert!(measurement.state.end_part(1).is_none());
     }
 }
 

@@ -110,9 +110,9 @@ impl Intervals {
     /// constant. The standard error is `sd / sqrt(pixels)`. Pixels with fewer than two usable lags are excluded.
     #[must_use]
     pub fn decompose(&self, pixels: Option<&[usize]>) -> PhaseNoise {
-        let mut found = Vec::new();
-        self.for_each_pixel(pixels, |p| found.push(self.pixel_noise(p, MIN_FITTED_LAG)));
-        let mean = |which: usize| Estimate::mean(found.iter().map(|noise| noise[which]));
+        let mut noise_values = Vec::new();
+        self.for_each_pixel(pixels, |p| noise_values.push(self.pixel_noise(p, MIN_FITTED_LAG)));
+        let mean = |which: usize| Estimate::mean(noise_values.iter().map(|noise| noise[which]));
         PhaseNoise { per_spike: mean(0), constant: mean(1) }
     }
 
@@ -174,18 +174,18 @@ impl Intervals {
     /// Returns the autocovariance of a pixel's intervals at a distance of `apart` (1 or 2) intervals.
     ///
     /// It is `1/K sum (x_k - m)(x_(k+apart) - m)` with `K = N - apart` and the mean interval `m`. It is NaN if `K < 1`.
-    fn pixel_autocovariance(&self, p: usize, apart: usize) -> f64 {
+    fn pixel_autocovariance(&self, p: usize, lag: usize) -> f64 {
         let (intervals, span) = self.span(p);
         let pixel = &self.pixels[p];
-        if !(1..=2).contains(&apart) || intervals as usize <= apart {
+        if !(1..=2).contains(&lag) || intervals as usize <= lag {
             return f64::NAN;
         }
         let wide = |x: u32| i128::from(x);
         // `early` is the sum of all intervals but the last `apart`. `late` is the sum of all intervals but the first `apart`.
-        let early = wide(self.latest_spikes[p][2 - apart] - pixel.first_spikes[0]);
-        let late = wide(self.latest_spikes[p][2] - pixel.first_spikes[apart]);
-        let (all, span, k) = (wide(intervals), wide(span), wide(intervals) - apart as i128);
-        let products = i128::from(pixel.lag_products[apart - 1]);
+        let early = wide(self.latest_spikes[p][2 - lag] - pixel.first_spikes[0]);
+        let late = wide(self.latest_spikes[p][2] - pixel.first_spikes[lag]);
+        let (all, span, k) = (wide(intervals), wide(span), wide(intervals) - lag as i128);
+        let products = i128::from(pixel.lag_products[lag - 1]);
         let numerator = all * all * products - all * span * (early + late) + k * span * span;
         to_float(numerator) / to_float(all * all * k)
     }

@@ -60,9 +60,9 @@ fn box_sums(row: &[f64], sums: &mut [f64], counts: &mut [f64]) {
         let from = row.get(from..).unwrap_or_default();
         let places = sums.iter_mut().zip(counts.iter_mut()).skip(into);
         for ((sum, count), x) in places.zip(from) {
-            let of = FiniteSum::from_entry(*x);
-            *sum += of.sum;
-            *count += of.count;
+            let entry = FiniteSum::from_entry(*x);
+            *sum += entry.sum;
+            *count += entry.count;
         }
     }
 }

@@ -32,15 +32,15 @@ fn sum_products(a: &[f64], b: &[f64]) -> FiniteSum {
     let (mut sums, mut counts) = ([0.0; 8], [0.0; 8]);
     for (a, b) in eights.iter().zip(others) {
         for i in 0..8 {
-            let of = FiniteSum::from_entry(a[i] * b[i]);
-            sums[i] += of.sum;
-            counts[i] += of.count;
+            let entry = FiniteSum::from_entry(a[i] * b[i]);
+            sums[i] += entry.sum;
+            counts[i] += entry.count;
         }
     }
     for (i, (a, b)) in rest.iter().zip(other_rest).enumerate() {
-        let of = FiniteSum::from_entry(a * b);
-        sums[i] += of.sum;
-        counts[i] += of.count;
+        let entry = FiniteSum::from_entry(a * b);
+        sums[i] += entry.sum;
+        counts[i] += entry.count;
     }
     let mut all = FiniteSum::default();
     sums.into_iter().zip(counts).for_each(|(sum, count)| all.add(FiniteSum { sum, count }));
@@ -51,12 +51,12 @@ fn sum_products(a: &[f64], b: &[f64]) -> FiniteSum {
 pub(super) fn line_means(map: &[f64], width: usize) -> [Vec<f64>; 2] {
     let mut columns = vec![FiniteSum::default(); width];
     let mut row_mean = |row: &[f64]| {
-        let mut own = FiniteSum::default();
+        let mut row_sum = FiniteSum::default();
         for (column, x) in columns.iter_mut().zip(row) {
-            own.add(FiniteSum::from_entry(*x));
+            row_sum.add(FiniteSum::from_entry(*x));
             column.add(FiniteSum::from_entry(*x));
         }
-        own.mean()
+        row_sum.mean()
     };
     let rows = map.chunks_exact(width).map(&mut row_mean).collect();
     [rows, columns.into_iter().map(FiniteSum::mean).collect()]
@@ -188,12 +188,12 @@ impl LineExcess {
 
 /// Returns the standard deviation of the row or column pattern. `means` are the means of lines of `length` pixels.
 fn line_pattern(means: &[f64], pixel_sd: f64, length: usize) -> Estimate {
-    let found = line_excess(means, pixel_sd, length);
-    let value = found.excess.max(0.0).sqrt();
+    let line = line_excess(means, pixel_sd, length);
+    let value = line.excess.max(0.0).sqrt();
     Estimate {
         value,
-        error: if value > 0.0 { found.error() / (2.0 * value) } else { f64::NAN },
-        samples: found.lines,
+        error: if value > 0.0 { line.error() / (2.0 * value) } else { f64::NAN },
+        samples: line.lines,
     }
 }
 
@@ -233,8 +233,8 @@ fn correlations(map: &[f64], width: usize) -> Correlations {
     let all = Estimate::mean(map.iter().copied());
     let variance = all.error * all.error * all.samples as f64;
     let away: Vec<f64> = map.iter().map(|x| x - all.value).collect();
-    let mut found = [all; 4];
-    for (found, (down, right)) in found.iter_mut().zip([(0, 1), (1, 0), (1, 1), (1, -1_isize)]) {
+    let mut correlations = [all; 4];
+    for (correlation, (down, right)) in correlations.iter_mut().zip([(0, 1), (1, 0), (1, 1), (1, -1_isize)]) {
         let (mut products, shift) = (FiniteSum::default(), right.unsigned_abs());
         let rows = away.chunks_exact(width);
         for (row, other) in rows.clone().zip(rows.skip(down)) {
@@ -244,12 +244,12 @@ fn correlations(map: &[f64], width: usize) -> Correlations {
             };
             products.add(sum_products(row, other));
         }
-        *found = Estimate {
+        *correlation = Estimate {
             value: products.mean() / variance,
             error: 1.0 / products.count.sqrt(),
             samples: products.count as usize,
         };
     }
-    let [right, lower, diagonal, antidiagonal] = found;
+    let [right, lower, diagonal, antidiagonal] = correlations;
     Correlations { right, lower, diagonal, antidiagonal }
 }

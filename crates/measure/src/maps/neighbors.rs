@@ -26,18 +26,18 @@ const PAIR_SHIFTS: [(isize, isize); 4] = [(0, 1), (1, 0), (1, 1), (1, -1)];
 /// high-passed white noise.
 #[must_use]
 pub fn pattern_correlations(map: &[f64], width: usize) -> Correlations {
-    let found = map_correlations(&high_pass(map, width), width);
+    let correlations = map_correlations(&high_pass(map, width), width);
     let boxes = FiniteCounts::new(map, width);
-    let own = |estimate: Estimate, shift: (isize, isize)| Estimate {
+    let corrected = |estimate: Estimate, shift: (isize, isize)| Estimate {
         value: estimate.value - boxes.expected(shift),
         error: estimate.error * bartlett_variance(shift).sqrt(),
         samples: estimate.samples,
     };
     Correlations {
-        right: own(found.right, PAIR_SHIFTS[0]),
-        lower: own(found.lower, PAIR_SHIFTS[1]),
-        diagonal: own(found.diagonal, PAIR_SHIFTS[2]),
-        antidiagonal: own(found.antidiagonal, PAIR_SHIFTS[3]),
+        right: corrected(correlations.right, PAIR_SHIFTS[0]),
+        lower: corrected(correlations.lower, PAIR_SHIFTS[1]),
+        diagonal: corrected(correlations.diagonal, PAIR_SHIFTS[2]),
+        antidiagonal: corrected(correlations.antidiagonal, PAIR_SHIFTS[3]),
     }
 }
 
@@ -86,7 +86,7 @@ impl<'a> FiniteCounts<'a> {
                 if !self.finite(r, c) || !self.finite(s, d) {
                     continue;
                 }
-                let own = self.count(
+                let center_count = self.count(
                     [r - HIGH_PASS_RADIUS, r + HIGH_PASS_RADIUS],
                     [c - HIGH_PASS_RADIUS, c + HIGH_PASS_RADIUS],
                 );
@@ -99,8 +99,8 @@ impl<'a> FiniteCounts<'a> {
                     [c.max(d) - HIGH_PASS_RADIUS, c.min(d) + HIGH_PASS_RADIUS],
                 );
                 // The pixels are neighbors, so each of them is in both boxes.
-                let product = both / (own * other) - 1.0 / own - 1.0 / other;
-                sum += product * (own * other / ((own - 1.0) * (other - 1.0))).sqrt();
+                let product = both / (center_count * other) - 1.0 / center_count - 1.0 / other;
+                sum += product * (center_count * other / ((center_count - 1.0) * (other - 1.0))).sqrt();
                 pairs += 1.0;
             }
         }
@@ -121,13 +121,14 @@ fn white_noise_autocorrelation((down, right): (isize, isize)) -> f64 {
 /// Returns the variance of a correlation at shift `h`, multiplied by the number of pairs.
 fn bartlett_variance(h: (isize, isize)) -> f64 {
     let r = |down: isize, right: isize| white_noise_autocorrelation((down, right));
-    let own = r(h.0, h.1);
+    let center_rate = r(h.0, h.1);
     let reach = 4 * HIGH_PASS_RADIUS;
     let mut sum = 0.0;
     for i in -reach..=reach {
         for j in -reach..=reach {
             let (here, back, on) = (r(i, j), r(i - h.0, j - h.1), r(i + h.0, j + h.1));
-            sum += here * here + on * back + 2.0 * own * own * here * here - 4.0 * own * here * back;
+            sum += here * here + on * back + 2.0 * center_rate * center_rate * here * here
+                - 4.0 * center_rate * here * back;
         }
     }
     sum

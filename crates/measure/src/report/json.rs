@@ -7,8 +7,8 @@ use serde_json::Value;
 /// An absent value has no key, because readers of the JSON expect a number at every key. `serde_json` would write `null`
 /// for a number that is not finite.
 #[must_use]
-pub fn insert_present<const N: usize>(mut object: Value, further: [(&str, Option<Value>); N]) -> Value {
-    for (key, value) in further {
+pub fn insert_present<const N: usize>(mut object: Value, entries: [(&str, Option<Value>); N]) -> Value {
+    for (key, value) in entries {
         if let Some(value) = value {
             object[key] = value;
         }

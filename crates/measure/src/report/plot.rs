@@ -188,8 +188,8 @@ const MAX_GROUPED_BINS: usize = 16;
 /// [`ErrorKind::Config`] if the plot cannot be drawn.
 pub fn bar_plot(title: &str, x: &str, histograms: &[Curve<'_>]) -> Result<String> {
     let width = |c: &Curve<'_>| {
-        let least = c.points.windows(2).map(|w| w[1].0 - w[0].0).fold(f64::INFINITY, f64::min);
-        if least.is_finite() { least } else { 1.0 }
+        let min_step = c.points.windows(2).map(|w| w[1].0 - w[0].0).fold(f64::INFINITY, f64::min);
+        if min_step.is_finite() { min_step } else { 1.0 }
     };
     if histograms.len() > 1 && histograms.iter().all(|c| c.points.len() <= MAX_GROUPED_BINS) {
         return draw_grouped_bars(title, x, histograms, width);

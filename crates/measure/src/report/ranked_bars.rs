@@ -70,13 +70,13 @@ pub fn ranked_bar_plot(
         // Zero and powers of ten have priority. Other ticks are drawn only where space remains.
         let rank = |t: f64| if t == 0.0 { 0 } else { 1 + u8::from(t.abs().log10().fract() != 0.0) };
         ticks.sort_by_key(|t| rank(*t));
-        let mut taken: Vec<i32> = Vec::new();
+        let mut positions: Vec<i32> = Vec::new();
         for tick in ticks {
             let x = place(tick);
-            if taken.iter().any(|t| (t - x).abs() < 44) {
+            if positions.iter().any(|t| (t - x).abs() < 44) {
                 continue;
             }
-            taken.push(x);
+            positions.push(x);
             line(x, if tick == 0.0 { DARK_GRAY } else { LIGHT_GRAY })?;
             let shown = if tick.abs() < 1e5 { format!("{tick}") } else { format!("{tick:e}") };
             root.draw(&Text::new(shown, (x, bottom + 4), centered.clone())).map_err(plot_error)?;

@@ -115,8 +115,8 @@ mod tests {
     #[test]
     fn students_quantiles_are_those_of_tables() {
         for (freedom, table) in [(3.0, 3.182), (5.0, 2.571), (10.0, 2.228), (30.0, 2.042)] {
-            let found = widen_error(NORMAL_QUANTILE_975, freedom);
-            assert!((found / table - 1.0).abs() < 0.01, "{freedom}: {found}");
+            let factor = widen_error(NORMAL_QUANTILE_975, freedom);
+            assert!((factor / table - 1.0).abs() < 0.01, "{freedom}: {factor}");
         }
     }
 
@@ -125,9 +125,9 @@ mod tests {
         // The rows contain +1, -1, +1 and -1 in all of their 8 pixels, so each row sum is +8 or -8. The sum of the four
         // squares is 4 * 64. For n = 4 rows it is multiplied by n / (n - 1) = 4/3.
         let map: Vec<f64> = (0..32).map(|p| if p / 8 % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        let found = clustered_variance(&map, 8).unwrap();
+        let variance = clustered_variance(&map, 8).unwrap();
         // Each column sums to zero. The pixel term is 32 (sum of squares) times 32/31, and it is subtracted.
         let expected = 4.0 * 64.0 * 4.0 / 3.0 - 32.0 * 32.0 / 31.0;
-        assert!((found.variance - expected).abs() < 1e-9, "{found:?}");
+        assert!((variance.variance - expected).abs() < 1e-9, "{variance:?}");
     }
 }

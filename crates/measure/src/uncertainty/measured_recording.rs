@@ -20,7 +20,7 @@ use spikelane::unstable::threads;
 use spikelane_io::formats::StreamReader;
 
 /// Number of readouts per read.
-const BATCH_READOUTS: usize = 248;
+const BUFFER_READOUTS: usize = 248;
 
 /// The statistics of a recording, and the scatter of these statistics between parts of the recording.
 #[derive(Clone, Debug)]
@@ -37,7 +37,7 @@ pub struct RecordingAccumulator {
     geometry: Geometry,
     readouts_pushed: usize,
     quarter: usize,
-    whole: Vec<Accumulator>,
+    accumulators: Vec<Accumulator>,
     scatter: Scatter,
 }
 
@@ -53,10 +53,10 @@ impl RecordingAccumulator {
         // The report does not use the deviations of single readouts. Measuring them would take a third of the time.
         let of_pixels = MeasureOptions { frames: false, series_readouts: 0, ..options.clone() };
         let of_frames = MeasureOptions { counts: false, intervals: false, ..options.clone() };
-        let mut whole = band_accumulators(geometry, &of_pixels)?;
-        whole.push(Accumulator::new(geometry, &of_frames)?);
+        let mut accumulators = band_accumulators(geometry, &of_pixels)?;
+        accumulators.push(Accumulator::new(geometry, &of_frames)?);
         let scatter = Scatter::new(Quantity::all(&options.lags), geometry, readouts);
-        Ok(Self { geometry, readouts_pushed: 0, quarter: readouts / 4, whole, scatter })
+        Ok(Self { geometry, readouts_pushed: 0, quarter: readouts / 4, accumulators, scatter })
     }
 
     /// Adds the next readouts.
@@ -66,19 +66,19 @@ impl RecordingAccumulator {
     pub fn push(&mut self, frames: SpikeFramesRef<'_>) -> Result<()> {
         let size = self.geometry.frame_bytes();
         let mut rest = frames.as_bytes();
-        let kept = self.quarter - gap_readouts(self.quarter);
+        let used_readouts = self.quarter - gap_readouts(self.quarter);
         while !rest.is_empty() && self.readouts_pushed < 4 * self.quarter {
             let within = self.readouts_pushed % self.quarter;
             if within == 0 {
                 self.begin_parts();
             }
-            let end = if within < kept { kept } else { self.quarter };
+            let end = if within < used_readouts { used_readouts } else { self.quarter };
             let here = (end - within).min(rest.len() / size);
             let (now, later) = rest.split_at(here * size);
             self.push_all(SpikeFramesRef::new(self.geometry, now)?)?;
             self.readouts_pushed += here;
             rest = later;
-            if within + here == kept {
+            if within + here == used_readouts {
                 self.end_parts()?;
             }
         }
@@ -87,16 +87,16 @@ impl RecordingAccumulator {
 
     /// Adds readouts to all accumulators in parallel.
     fn push_all(&mut self, frames: SpikeFramesRef<'_>) -> Result<()> {
-        match self.whole.len() {
-            0..=2 => self.whole.iter_mut().try_for_each(|a| a.push(frames)),
-            _ => threads::try_map(&mut self.whole, |a| a.push(frames)).map(drop),
+        match self.accumulators.len() {
+            0..=2 => self.accumulators.iter_mut().try_for_each(|a| a.push(frames)),
+            _ => threads::try_map(&mut self.accumulators, |a| a.push(frames)).map(drop),
         }
     }
 
     /// Begins a quarter. At every second quarter it also begins a half. A half includes the gap between its quarters.
     fn begin_parts(&mut self) {
         let half = self.readouts_pushed.is_multiple_of(2 * self.quarter);
-        threads::map(&mut self.whole, |a| {
+        threads::map(&mut self.accumulators, |a| {
             recording_part::begin(a, RecordingPart::Quarter);
             if half {
                 recording_part::begin(a, RecordingPart::Half);
@@ -116,7 +116,7 @@ impl RecordingAccumulator {
     }
 
     fn end_part(&mut self, part: RecordingPart) -> Result<Statistics> {
-        let parts: Vec<_> = threads::map(&mut self.whole, |a| recording_part::end(a, part));
+        let parts: Vec<_> = threads::map(&mut self.accumulators, |a| recording_part::end(a, part));
         Statistics::join(parts.into_iter().flatten().collect())
     }
 
@@ -125,7 +125,7 @@ impl RecordingAccumulator {
     /// # Errors
     /// Those of [`Statistics::join`].
     pub fn finish(self) -> Result<MeasuredRecording> {
-        Ok(MeasuredRecording { statistics: join_accumulators(self.whole)?, scatter: self.scatter })
+        Ok(MeasuredRecording { statistics: join_accumulators(self.accumulators)?, scatter: self.scatter })
     }
 }
 
@@ -139,14 +139,14 @@ impl MeasuredRecording {
         let mut recorder = RecordingAccumulator::new(geometry, reader.readouts())?;
         let size = geometry.frame_bytes();
         let all = reader.readouts();
-        let room = || inputs::zeroed_vec(reader.name(), BATCH_READOUTS.min(all) * size);
+        let room = || inputs::zeroed_vec(reader.name(), BUFFER_READOUTS.min(all) * size);
         let (mut now, mut next) = (room()?, room()?);
-        let batch = |at: usize| at..(at + BATCH_READOUTS).min(all);
+        let batch = |at: usize| at..(at + BUFFER_READOUTS).min(all);
         reader.read_frames(0, &mut now[..batch(0).len() * size])?;
         let mut at = 0;
         while at < all {
             // One thread reads the next batch while the other threads measure the current batch.
-            let (here, then) = (batch(at), batch((at + BATCH_READOUTS).min(all)));
+            let (here, then) = (batch(at), batch((at + BUFFER_READOUTS).min(all)));
             let measured = || recorder.push(SpikeFramesRef::new(geometry, &now[..here.len() * size])?);
             let read = || reader.read_frames(then.start, &mut next[..then.len() * size]);
             let (measured, read) = threads::join(measured, read);

@@ -29,8 +29,8 @@ impl MeasuredRecording {
     pub fn report(&self) -> Result<MeasurementReport> {
         let summary = summarize(&self.statistics)?;
         let of_readouts = || threads::join(|| self.scene_motion(), || frame_total_lines(&self.statistics));
-        let (told, (motion, lines)) = threads::join(|| self.report_statistics(&summary), of_readouts);
-        Ok(MeasurementReport { statistics: told, summary, scene_motion: motion, frame_total_lines: lines? })
+        let (statistics, (motion, lines)) = threads::join(|| self.report_statistics(&summary), of_readouts);
+        Ok(MeasurementReport { statistics, summary, scene_motion: motion, frame_total_lines: lines? })
     }
 }
 
@@ -56,11 +56,11 @@ impl MeasurementReport {
     }
 }
 
-fn line_json(found: &FrameTotalLine) -> Value {
+fn line_json(spectral_line: &FrameTotalLine) -> Value {
     let mut line = json!({
-        "frequency": found.line.frequency, "power": found.line.power, "prominence": found.line.prominence,
+        "frequency": spectral_line.line.frequency, "power": spectral_line.line.power, "prominence": spectral_line.line.prominence,
     });
-    if let Some(k) = found.harmonic {
+    if let Some(k) = spectral_line.harmonic {
         line["harmonic_of_pixel_rate"] = json!(k);
     }
     line

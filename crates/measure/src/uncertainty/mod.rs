@@ -201,43 +201,50 @@ impl MeasuredRecording {
 
     /// Returns the report of a statistic of readouts, or of pixel pairs whose phases are independent in every recording.
     fn readout_statistic(&self, key: &str, words: &str, e: Estimate) -> ReportedStatistic {
-        let told = ReportedStatistic::new(key, words, e.value, e.samples);
+        let reported = ReportedStatistic::new(key, words, e.value, e.samples);
         let pair = NeighborPair::ALL.into_iter().find(|p| p.key() == key);
         if let (Some(pair), Some(counts)) = (pair, &self.statistics.counts) {
             let map = counts.correlation_map(pair);
             let n = map.iter().filter(|x| x.is_finite()).count() as f64;
             let error = clustered_variance(&map, self.statistics.geometry.width())
                 .map_or(f64::NAN, |c| widen_error(c.variance.sqrt() / n, c.degrees_of_freedom));
-            return told.with_errors(error, f64::NAN);
+            return reported.with_errors(error, f64::NAN);
         }
         match key {
             // The error of the total variance already accounts for the correlation of readouts.
-            "total-variance" => told.with_errors(e.error, f64::NAN),
-            _ => told.with_errors(widen_error(e.error, e.samples.saturating_sub(1) as f64), f64::NAN),
+            "total-variance" => reported.with_errors(e.error, f64::NAN),
+            _ => reported.with_errors(widen_error(e.error, e.samples.saturating_sub(1) as f64), f64::NAN),
         }
     }
 }
 
 /// Returns the report of a statistic of the pattern.
 ///
-/// The value of a spread in `found` is a square, and the error of this square is at least `least`. If a spread is not
+/// The value of a spread in `pattern` is a square, and the error of this square is at least `error_floor`. If a spread is not
 /// significantly above 0, the report contains only an upper limit.
-fn pattern_statistic(named: Statistic, i: usize, found: PatternStatistic, least: f64) -> ReportedStatistic {
-    let (key, words, samples) = (named.key.as_str(), named.description.as_str(), named.estimate.samples);
+fn pattern_statistic(
+    statistic: Statistic,
+    i: usize,
+    pattern: PatternStatistic,
+    error_floor: f64,
+) -> ReportedStatistic {
+    let (key, words, samples) =
+        (statistic.key.as_str(), statistic.description.as_str(), statistic.estimate.samples);
     if i >= SPREAD_COUNT {
-        let told = ReportedStatistic::new(key, words, found.value, samples);
-        return told.with_errors(found.recording_error, found.sensor_error.max(found.recording_error));
+        let reported = ReportedStatistic::new(key, words, pattern.value, samples);
+        return reported
+            .with_errors(pattern.recording_error, pattern.sensor_error.max(pattern.recording_error));
     }
-    let told = ReportedStatistic::new(key, words, found.value.max(0.0).sqrt(), samples);
-    if !found.value.is_finite() || !found.sensor_error.is_finite() {
-        return ReportedStatistic { value: None, ..told };
+    let reported = ReportedStatistic::new(key, words, pattern.value.max(0.0).sqrt(), samples);
+    if !pattern.value.is_finite() || !pattern.sensor_error.is_finite() {
+        return ReportedStatistic { value: None, ..reported };
     }
     let also = |e: f64| if e.is_finite() { e } else { 0.0 };
-    let sensor = found.sensor_error.hypot(also(found.recording_error)).hypot(also(least));
-    if found.value <= NORMAL_QUANTILE_975 * sensor {
-        let below = (found.value.max(0.0) + ONE_SIDED_QUANTILE_95 * sensor).sqrt();
-        return ReportedStatistic { value: None, upper_limit: Some(below).filter(|b| *b > 0.0), ..told };
+    let sensor = pattern.sensor_error.hypot(also(pattern.recording_error)).hypot(also(error_floor));
+    if pattern.value <= NORMAL_QUANTILE_975 * sensor {
+        let below = (pattern.value.max(0.0) + ONE_SIDED_QUANTILE_95 * sensor).sqrt();
+        return ReportedStatistic { value: None, upper_limit: Some(below).filter(|b| *b > 0.0), ..reported };
     }
-    let slope = 2.0 * found.value.sqrt();
-    told.with_errors(found.recording_error / slope, sensor / slope)
+    let slope = 2.0 * pattern.value.sqrt();
+    reported.with_errors(pattern.recording_error / slope, sensor / slope)
 }

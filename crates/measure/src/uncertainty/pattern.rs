@@ -82,7 +82,7 @@ pub(super) fn pattern_statistics(
     temporal: f64,
     noise: &[f64],
 ) -> Vec<PatternStatistic> {
-    let own = pattern_values(rates, width, temporal);
+    let values = pattern_values(rates, width, temporal);
     let recording = wild_bootstrap(rates, width, temporal, noise);
     let sensor = sensor_errors(rates, width);
     let rho = pattern_correlations(rates, width);
@@ -92,7 +92,7 @@ pub(super) fn pattern_statistics(
             value: if (SPREAD_COUNT..SPREAD_COUNT + 4).contains(&i) {
                 free[i - SPREAD_COUNT]
             } else {
-                own[i]
+                values[i]
             },
             recording_error: recording[i],
             sensor_error: sensor[i],
@@ -122,18 +122,18 @@ fn wild_bootstrap(rates: &[f64], width: usize, temporal: f64, noise: &[f64]) -> 
 /// Returns `rates` plus `noise` for each pixel whose bit of `signs` is clear, and `rates` minus `noise` for each other
 /// pixel.
 fn add_noise(rates: &[f64], noise: &[f64], signs: &[u64]) -> Vec<f64> {
-    let mut moved = rates.to_vec();
+    let mut perturbed = rates.to_vec();
     dispatch(
         #[inline(always)]
         || {
-            for ((moved, noise), signs) in moved.chunks_mut(64).zip(noise.chunks(64)).zip(signs) {
-                for ((bit, rate), by) in (0_u32..).zip(moved).zip(noise) {
+            for ((perturbed, noise), signs) in perturbed.chunks_mut(64).zip(noise.chunks(64)).zip(signs) {
+                for ((bit, rate), by) in (0_u32..).zip(perturbed).zip(noise) {
                     *rate += f64::from_bits(by.to_bits() ^ (signs >> bit) << 63);
                 }
             }
         },
     );
-    moved
+    perturbed
 }
 
 /// Returns the errors of [`pattern_values`] between sensors of one kind.
@@ -144,8 +144,8 @@ fn sensor_errors(rates: &[f64], width: usize) -> [f64; PATTERN_KEYS.len()] {
     let (center, pixel_sd) = median_and_spread(&mut left);
     let [rows, columns] = line_means(rates, width);
     let [row, column] = [(rows, width), (columns, height)].map(|(means, length)| {
-        let found = line_excess(&means, pixel_sd, length);
-        (widen_error(found.error(), found.lines as f64 / 1.45 - 1.0), found.excess.max(0.0).sqrt())
+        let excess = line_excess(&means, pixel_sd, length);
+        (widen_error(excess.error(), excess.lines as f64 / 1.45 - 1.0), excess.excess.max(0.0).sqrt())
     });
     let rho = pattern_correlations(rates, width);
     let white = [rho.right, rho.lower, rho.diagonal, rho.antidiagonal].map(|e| e.error);
@@ -156,8 +156,8 @@ fn sensor_errors(rates: &[f64], width: usize) -> [f64; PATTERN_KEYS.len()] {
     let level = median(&mut finite_values(rates));
     let of_pattern = |line: f64| line / level * 1.2_f64.sqrt();
     let edge = |i: usize, line: f64| {
-        let found = border_excess(rates, width)[i];
-        widen_error(found.error, found.samples.saturating_sub(1) as f64).hypot(of_pattern(line))
+        let border = border_excess(rates, width)[i];
+        widen_error(border.error, border.samples.saturating_sub(1) as f64).hypot(of_pattern(line))
     };
     [
         total_spread_error(rates, width),
@@ -204,9 +204,9 @@ fn local_spread_error(rough: &[f64], width: usize, center: f64, sd: f64) -> f64 
     let beyond = |x: &f64| if (x - center).abs() > limit { 1.0 } else { 0.0 };
     let side: Vec<f64> = rough.iter().map(|x| if x.is_finite() { beyond(x) } else { f64::NAN }).collect();
     let count = side.iter().filter(|x| x.is_finite()).count() as f64;
-    let Some(found) = clustered_variance(&side, width) else { return f64::NAN };
-    let error = 2.0 * 2.33 * sd * sd * found.variance.sqrt() / count;
-    widen_root_error(error, found.degrees_of_freedom.min(2.0 * sd.powi(4) / (error * error)))
+    let Some(clustered) = clustered_variance(&side, width) else { return f64::NAN };
+    let error = 2.0 * 2.33 * sd * sd * clustered.variance.sqrt() / count;
+    widen_root_error(error, clustered.degrees_of_freedom.min(2.0 * sd.powi(4) / (error * error)))
 }
 
 /// Factor by which the high-pass increases the variance of a mean of squares over lines.
@@ -232,11 +232,11 @@ fn correlation_error(rough: &[f64], width: usize, (down, right): (usize, isize))
     let influence: Vec<f64> = (0..rough.len()).map(share).collect();
     let count = influence.iter().filter(|x| x.is_finite()).count() as f64;
     match clustered_variance(&influence, width) {
-        Some(found) => {
+        Some(clustered) => {
             // The factor applies only to the part of the variance that lines add to independent pixels.
-            let of_lines = (found.excess - 1.0).max(0.0);
+            let of_lines = (clustered.excess - 1.0).max(0.0);
             let tied = (1.0 + HIGH_PASS_LINE_FACTOR * of_lines) / (1.0 + of_lines);
-            widen_error((found.variance * tied).sqrt() / count, found.degrees_of_freedom / tied)
+            widen_error((clustered.variance * tied).sqrt() / count, clustered.degrees_of_freedom / tied)
         }
         None => f64::NAN,
     }

@@ -35,7 +35,7 @@ impl Quantity {
             Self::Variance(lag) => format!("interval-variance-{lag}"),
             Self::PhaseNoise => "phase-noise".to_owned(),
             Self::Quantization => "quantization".to_owned(),
-            Self::Autocovariance(apart) => format!("autocovariance-{apart}"),
+            Self::Autocovariance(lag) => format!("autocovariance-{lag}"),
             Self::OffLattice => "off-lattice".to_owned(),
             Self::ShortIntervals => "short-intervals".to_owned(),
             Self::LongIntervals => "long-intervals".to_owned(),
@@ -44,13 +44,13 @@ impl Quantity {
 
     /// Returns the number of intervals that a pixel needs in a part of a recording. A pixel with fewer intervals does not
     /// contribute to the scatter of this statistic.
-    fn min_intervals(self, longest: u32) -> u32 {
+    fn min_intervals(self, max_lag: u32) -> u32 {
         match self {
             Self::MeanRate => 0,
             Self::Signal => 1,
             Self::Variance(lag) => 2 * lag,
             // With fewer intervals in a part, the fit would use other lags than the fit of the whole recording.
-            Self::PhaseNoise | Self::Quantization => 2 * longest,
+            Self::PhaseNoise | Self::Quantization => 2 * max_lag,
             Self::Autocovariance(_) => 4,
             Self::OffLattice | Self::ShortIntervals | Self::LongIntervals => 16,
         }
@@ -67,19 +67,19 @@ impl Quantity {
         let (Some(counts), Some(intervals)) = (&statistics.counts, &statistics.intervals) else {
             return nothing();
         };
-        let longest = intervals.lags().last().copied().unwrap_or(1);
-        let least = if part { self.min_intervals(longest) } else { 0 };
-        let enough = |p: usize| counts.count[p].saturating_sub(1) >= least;
-        let kept = |map: Vec<f64>| -> Vec<f64> {
+        let max_lag = intervals.lags().last().copied().unwrap_or(1);
+        let min_intervals = if part { self.min_intervals(max_lag) } else { 0 };
+        let enough = |p: usize| counts.count[p].saturating_sub(1) >= min_intervals;
+        let filtered = |map: Vec<f64>| -> Vec<f64> {
             map.iter().enumerate().map(|(p, x)| if enough(p) { *x } else { f64::NAN }).collect()
         };
         let map = match self {
             Self::MeanRate => counts.rate(),
-            Self::Signal => kept(counts.rate_by_time()),
-            Self::Variance(lag) => kept(intervals.lag_variance_map(lag)),
-            Self::PhaseNoise => kept(intervals.noise_map(0)),
-            Self::Quantization => kept(intervals.noise_map(1)),
-            Self::Autocovariance(apart) => kept(intervals.autocovariance_map(apart)),
+            Self::Signal => filtered(counts.rate_by_time()),
+            Self::Variance(lag) => filtered(intervals.lag_variance_map(lag)),
+            Self::PhaseNoise => filtered(intervals.noise_map(0)),
+            Self::Quantization => filtered(intervals.noise_map(1)),
+            Self::Autocovariance(lag) => filtered(intervals.autocovariance_map(lag)),
             Self::OffLattice | Self::ShortIntervals | Self::LongIntervals => {
                 return self.ratio_shares(intervals, &enough);
             }
@@ -101,8 +101,8 @@ impl Quantity {
             part.filter(|_| enough(p)).map(|n| (f64::from(n), f64::from(view.intervals)))
         };
         let all: Vec<Option<(f64, f64)>> = (0..intervals.len()).map(of_pixel).collect();
-        let told = all.iter().flatten();
-        let (x, y, n) = told.fold((0.0, 0.0, 0.0), |s, v| (s.0 + v.0, s.1 + v.1, s.2 + 1.0));
+        let valid = all.iter().flatten();
+        let (x, y, n) = valid.fold((0.0, 0.0, 0.0), |s, v| (s.0 + v.0, s.1 + v.1, s.2 + 1.0));
         let r = x / y;
         let map = all.iter().map(|v| v.map_or(f64::NAN, |(a, b)| (a - r * b) / (y / n))).collect();
         (map, r)

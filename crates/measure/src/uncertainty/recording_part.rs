@@ -10,9 +10,9 @@ pub(super) enum RecordingPart {
 }
 
 /// Begins a part at the next readout of `whole`. The function has no effect if `whole` does not measure intervals.
-pub(super) fn begin(whole: &mut Accumulator, part: RecordingPart) {
-    flush(whole);
-    if let Some(state) = &mut whole.intervals {
+pub(super) fn begin(accumulator: &mut Accumulator, part: RecordingPart) {
+    flush(accumulator);
+    if let Some(state) = &mut accumulator.intervals {
         state.begin_part(part as usize);
     }
 }
@@ -21,12 +21,12 @@ pub(super) fn begin(whole: &mut Accumulator, part: RecordingPart) {
 ///
 /// The result contains the intervals of the part, without the histogram of lengths and without the extremes. It also
 /// contains the counts of the part, without coincidences.
-pub(super) fn end(whole: &mut Accumulator, part: RecordingPart) -> Option<Statistics> {
-    flush(whole);
-    let intervals = whole.intervals.as_mut()?.end_part(part as usize)?;
+pub(super) fn end(accumulator: &mut Accumulator, part: RecordingPart) -> Option<Statistics> {
+    flush(accumulator);
+    let intervals = accumulator.intervals.as_mut()?.end_part(part as usize)?;
     Some(Statistics {
-        geometry: whole.geometry,
-        rows: whole.rows.clone(),
+        geometry: accumulator.geometry,
+        rows: accumulator.rows.clone(),
         readouts: intervals.readouts(),
         counts: Some(interval_counts(&intervals)),
         frames: None,
@@ -35,9 +35,9 @@ pub(super) fn end(whole: &mut Accumulator, part: RecordingPart) -> Option<Statis
     })
 }
 
-fn flush(whole: &mut Accumulator) {
-    if whole.intervals.is_some() && whole.block.len() > 0 {
-        whole.process();
+fn flush(accumulator: &mut Accumulator) {
+    if accumulator.intervals.is_some() && accumulator.block.len() > 0 {
+        accumulator.process();
     }
 }
 

@@ -56,7 +56,7 @@ pub(super) struct Scatter {
 
 impl Scatter {
     pub(super) fn new(quantities: Vec<Quantity>, geometry: Geometry, readouts: usize) -> Self {
-        let of = |quantity| StatisticScatter {
+        let empty_scatter = |quantity| StatisticScatter {
             quantity,
             pending_quarter: Vec::new(),
             pending_half: Vec::new(),
@@ -68,25 +68,25 @@ impl Scatter {
         Self {
             geometry,
             readouts: parts.map(|n| n.max(1) as f64),
-            statistics: quantities.into_iter().map(of).collect(),
+            statistics: quantities.into_iter().map(empty_scatter).collect(),
             rates: Vec::new(),
         }
     }
 
     pub(super) fn add_quarter(&mut self, statistics: &Statistics) {
-        threads::map(&mut self.statistics, |of| {
-            let (map, value) = of.quantity.pixel_shares(statistics, true);
-            of.quarter_values.push(value);
-            if of.quarter_values.len() % 2 == 1 {
-                of.pending_quarter = map;
+        threads::map(&mut self.statistics, |scatter| {
+            let (map, value) = scatter.quantity.pixel_shares(statistics, true);
+            scatter.quarter_values.push(value);
+            if scatter.quarter_values.len() % 2 == 1 {
+                scatter.pending_quarter = map;
                 return;
             }
-            let pairs = of.pending_quarter.iter().zip(&map).map(|(a, b)| (a - b).powi(2));
+            let pairs = scatter.pending_quarter.iter().zip(&map).map(|(a, b)| (a - b).powi(2));
             for square in pairs.filter(|x| x.is_finite()) {
-                of.quarter_difference_squares =
-                    (of.quarter_difference_squares.0 + square, of.quarter_difference_squares.1 + 1);
+                scatter.quarter_difference_squares =
+                    (scatter.quarter_difference_squares.0 + square, scatter.quarter_difference_squares.1 + 1);
             }
-            of.pending_quarter = Vec::new();
+            scatter.pending_quarter = Vec::new();
         });
     }
 
@@ -94,13 +94,14 @@ impl Scatter {
         if let Some(counts) = &statistics.counts {
             self.rates.push(counts.rate_by_time());
         }
-        threads::map(&mut self.statistics, |of| {
-            let map = of.quantity.pixel_shares(statistics, true).0;
-            match of.pending_half.is_empty() {
-                true => of.pending_half = map,
+        threads::map(&mut self.statistics, |scatter| {
+            let map = scatter.quantity.pixel_shares(statistics, true).0;
+            match scatter.pending_half.is_empty() {
+                true => scatter.pending_half = map,
                 false => {
-                    of.half_difference = of.pending_half.iter().zip(&map).map(|(a, b)| a - b).collect();
-                    of.pending_half = Vec::new();
+                    scatter.half_difference =
+                        scatter.pending_half.iter().zip(&map).map(|(a, b)| a - b).collect();
+                    scatter.pending_half = Vec::new();
                 }
             }
         });
@@ -113,18 +114,20 @@ impl Scatter {
     /// phases at both ends of the recording cause `b / T^2`. The variances of the halves and of the quarters determine
     /// `a` and `b`. The variance of the whole recording follows from `a` and `b`.
     pub(super) fn error(&self, quantity: Quantity, pixels: usize) -> Option<f64> {
-        let of = self.statistics.iter().find(|of| of.quantity == quantity)?;
-        let (whole, known) = self.variance(of, pixels)?;
-        let together = clustered_variance(&of.half_difference, self.geometry.width())?;
-        let scaled = whole / known as f64 * together.excess;
+        let scatter = self.statistics.iter().find(|scatter| scatter.quantity == quantity)?;
+        let (full_variance, known) = self.variance(scatter, pixels)?;
+        let together = clustered_variance(&scatter.half_difference, self.geometry.width())?;
+        let scaled = full_variance / known as f64 * together.excess;
         let error = widen_error(scaled.sqrt(), together.degrees_of_freedom);
-        let center = mean(&of.quarter_values);
-        let apart = of.quarter_values.iter().map(|x| (x - center).powi(2)).sum::<f64>() / 3.0;
-        let expected =
-            of.quarter_difference_squares.0 / of.quarter_difference_squares.1 as f64 / 2.0 / known as f64
-                * together.excess;
-        match apart > DRIFT_VARIANCE_RATIO * expected {
-            true => Some(error.max(widen_error((apart / 4.0).sqrt(), 3.0))),
+        let center = mean(&scatter.quarter_values);
+        let quarter_variance = scatter.quarter_values.iter().map(|x| (x - center).powi(2)).sum::<f64>() / 3.0;
+        let expected = scatter.quarter_difference_squares.0
+            / scatter.quarter_difference_squares.1 as f64
+            / 2.0
+            / known as f64
+            * together.excess;
+        match quarter_variance > DRIFT_VARIANCE_RATIO * expected {
+            true => Some(error.max(widen_error((quarter_variance / 4.0).sqrt(), 3.0))),
             false => Some(error),
         }
     }
@@ -134,32 +137,37 @@ impl Scatter {
     /// The change is the difference of the halves, scaled to the scatter of the whole recording. It is NaN if the
     /// difference is not known. The sample is empty if the parts are too short.
     pub(super) fn sample(&self, quantity: Quantity, pixels: usize) -> Vec<f64> {
-        let found = self.statistics.iter().find(|of| of.quantity == quantity);
-        let Some((of, (whole, known))) = found.and_then(|of| Some((of, self.variance(of, pixels)?))) else {
+        let statistic = self.statistics.iter().find(|scatter| scatter.quantity == quantity);
+        let Some((scatter, (full_variance, known))) =
+            statistic.and_then(|scatter| Some((scatter, self.variance(scatter, pixels)?)))
+        else {
             return Vec::new();
         };
-        let halves =
-            of.half_difference.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>() / known as f64;
-        let scale = if halves > 0.0 { (whole / halves).sqrt() } else { 0.0 };
-        of.half_difference.iter().map(|x| x * scale).collect()
+        let halves = scatter.half_difference.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>()
+            / known as f64;
+        let scale = if halves > 0.0 { (full_variance / halves).sqrt() } else { 0.0 };
+        scatter.half_difference.iter().map(|x| x * scale).collect()
     }
 
     /// Returns the mean variance of one pixel's contribution for the whole recording. Also returns the number of pixels
     /// from which the variance is computed.
-    fn variance(&self, of: &StatisticScatter, pixels: usize) -> Option<(f64, usize)> {
-        let known = of.half_difference.iter().filter(|x| x.is_finite()).count();
+    fn variance(&self, scatter: &StatisticScatter, pixels: usize) -> Option<(f64, usize)> {
+        let known = scatter.half_difference.iter().filter(|x| x.is_finite()).count();
         // Nine tenths of the pixels must contribute, in each of the two pairs of quarters.
-        if known < MIN_PIXELS || 10 * known < 9 * pixels || 10 * of.quarter_difference_squares.1 < 18 * pixels
+        if known < MIN_PIXELS
+            || 10 * known < 9 * pixels
+            || 10 * scatter.quarter_difference_squares.1 < 18 * pixels
         {
             return None;
         }
-        let half = of.half_difference.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>()
+        let half = scatter.half_difference.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>()
             / (2.0 * known as f64);
-        let quarter = of.quarter_difference_squares.0 / (2.0 * of.quarter_difference_squares.1 as f64);
-        let [whole, of_half, of_quarter] = self.readouts;
+        let quarter =
+            scatter.quarter_difference_squares.0 / (2.0 * scatter.quarter_difference_squares.1 as f64);
+        let [full, of_half, of_quarter] = self.readouts;
         // Variance times length = a + b / T, for a half and for a quarter. Neither a nor b is negative.
         let (long, short) = (half * of_half, quarter * of_quarter);
         let ends = ((short - long) / (1.0 / of_quarter - 1.0 / of_half)).clamp(0.0, long * of_half);
-        Some(((long + ends * (1.0 / whole - 1.0 / of_half)) / whole, known))
+        Some(((long + ends * (1.0 / full - 1.0 / of_half)) / full, known))
     }
 }

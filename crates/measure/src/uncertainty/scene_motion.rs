@@ -57,8 +57,8 @@ pub fn detect_motion(rates: &[Vec<f64>], width: usize, sd: f64, half: usize) -> 
     let [first, second] = rates else {
         return SceneMotion { is_moving: false, moving_share: 0.0 };
     };
-    let told = |p: &usize| first[*p].is_finite() && second[*p].is_finite();
-    let mut order: Vec<usize> = (0..first.len()).filter(told).collect();
+    let is_measured = |p: &usize| first[*p].is_finite() && second[*p].is_finite();
+    let mut order: Vec<usize> = (0..first.len()).filter(is_measured).collect();
     // If pixels are identical and have the same sum of rates, their difference has one or two values and no spread. A hash
     // of the pixel index therefore adds up to four spikes to the sort key, so a class contains different sums.
     let blur = |p: usize| 8.0 * (mix64(p as u64) as f64 / u64::MAX as f64 - 0.5) / half.max(1) as f64;
@@ -74,18 +74,19 @@ pub fn detect_motion(rates: &[Vec<f64>], width: usize, sd: f64, half: usize) -> 
     let mut wide = Vec::new();
     for k in 0..classes {
         let class = &order[k * order.len() / classes..(k + 1) * order.len() / classes];
-        let mut own: Vec<f64> = class.iter().map(|p| difference(*p)).collect();
-        let (center, spread) = median_and_spread(&mut own);
+        let mut differences: Vec<f64> = class.iter().map(|p| difference(*p)).collect();
+        let (center, spread) = median_and_spread(&mut differences);
         class.iter().for_each(|p| change[*p] = difference(*p) - center);
         wide.push((class, spread));
     }
     let deviations: Vec<f64> = wide.iter().map(|c| c.1).collect();
     for (class, spread) in wide {
-        let beside = |p: &usize| {
+        let neighbor_difference = |p: &usize| {
             let q = if p % width + 1 < width { p + 1 } else { p.checked_sub(1)? };
             Some((change[*p] - change[q]) / 2.0_f64.sqrt()).filter(|d| d.is_finite())
         };
-        let steps = median_and_spread(&mut class.iter().filter_map(beside).collect::<Vec<_>>()).1;
+        let steps =
+            median_and_spread(&mut class.iter().filter_map(neighbor_difference).collect::<Vec<_>>()).1;
         let narrow = if steps > 0.0 { spread.min(steps) } else { spread };
         // The phases of identical pixels are dependent. Their class then contains only a few values of the difference,
         // and these values are far apart. Therefore the scale is at least `MIN_PHASE_SIGMAS` phase errors.
@@ -94,20 +95,20 @@ pub fn detect_motion(rates: &[Vec<f64>], width: usize, sd: f64, half: usize) -> 
     }
     let (patched, largest) = patches(&scaled, width);
     let share = patched as f64 / first.len().max(1) as f64;
-    let least = MIN_PATCH_PIXELS.max(first.len() / 1000);
-    let usual = median_and_spread(&mut finite_values(&deviations)).0;
+    let min_patch = MIN_PATCH_PIXELS.max(first.len() / 1000);
+    let median = median_and_spread(&mut finite_values(&deviations)).0;
     // If no class has a spread, for example in the dark, motion cannot be detected.
-    if !usual.is_finite() {
+    if !median.is_finite() {
         return SceneMotion { is_moving: false, moving_share: 0.0 };
     }
     let rho = map_correlations(
-        &change.iter().map(|c| c.clamp(-5.0 * usual, 5.0 * usual)).collect::<Vec<_>>(),
+        &change.iter().map(|c| c.clamp(-5.0 * median, 5.0 * median)).collect::<Vec<_>>(),
         width,
     );
     let alike =
         [rho.right, rho.lower].iter().all(|r| r.value > MIN_NEIGHBOR_CORRELATION && r.value > 6.0 * r.error);
     SceneMotion {
-        is_moving: (largest >= MIN_PATCH_PIXELS && patched >= least) || (alike && usual > 2.0 * sd),
+        is_moving: (largest >= MIN_PATCH_PIXELS && patched >= min_patch) || (alike && median > 2.0 * sd),
         moving_share: share,
     }
 }
@@ -120,13 +121,13 @@ fn patches(scaled: &[f64], width: usize) -> (usize, usize) {
         x if x < -CHANGE_Z_THRESHOLD => -1,
         _ => 0,
     };
-    let mut seen = vec![false; scaled.len()];
+    let mut visited = vec![false; scaled.len()];
     let (mut all, mut largest) = (0, 0);
     for start in 0..scaled.len() {
-        if seen[start] || side(start) == 0 {
+        if visited[start] || side(start) == 0 {
             continue;
         }
-        seen[start] = true;
+        visited[start] = true;
         let (mut open, mut size) = (vec![start], 0);
         while let Some(p) = open.pop() {
             size += 1;
@@ -137,8 +138,8 @@ fn patches(scaled: &[f64], width: usize) -> (usize, usize) {
                 (p + width < scaled.len()).then(|| p + width),
             ];
             for q in near.into_iter().flatten() {
-                if !seen[q] && side(q) == side(start) {
-                    seen[q] = true;
+                if !visited[q] && side(q) == side(start) {
+                    visited[q] = true;
                     open.push(q);
                 }
             }

@@ -26,10 +26,10 @@ pub(crate) fn variance_error(totals: &[u32]) -> f64 {
     // square is three times the square of its expectation.
     let (mut variance, mut square) = (0.0, 0.0);
     for (k, magnitude) in squares.iter().enumerate().skip(1) {
-        let alone = k == last && n.is_multiple_of(2);
-        let power = magnitude / (n as f64 * n as f64) * if alone { 1.0 } else { 2.0 };
+        let is_nyquist = k == last && n.is_multiple_of(2);
+        let power = magnitude / (n as f64 * n as f64) * if is_nyquist { 1.0 } else { 2.0 };
         variance += power;
-        square += power * power * if alone { 2.0 / 3.0 } else { 0.5 };
+        square += power * power * if is_nyquist { 2.0 / 3.0 } else { 0.5 };
     }
     if square == 0.0 {
         return 0.0;
@@ -49,8 +49,8 @@ mod tests {
         // sqrt(2 / T).
         let mut total = || (0..16).map(|_| random.next_u32() % 32).sum::<u32>();
         let totals: Vec<u32> = (0..20_000).map(|_| total()).collect();
-        let found = super::variance_error(&totals) / (16.0 * 85.25 * (2.0_f64 / 20_000.0).sqrt());
-        assert!((found - 1.0).abs() < 0.05, "{found}");
+        let ratio = super::variance_error(&totals) / (16.0 * 85.25 * (2.0_f64 / 20_000.0).sqrt());
+        assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
         assert!(super::variance_error(&[3; 100]) == 0.0 && super::variance_error(&[1, 2]).is_nan());
     }
 }

@@ -117,58 +117,59 @@ pub(crate) fn judge(
     pattern: &str,
     meaning: Repetition,
 ) -> BTreeMap<String, Coverage> {
-    let mut found = BTreeMap::new();
+    let mut coverages = BTreeMap::new();
     for i in 0..all[0].len() {
-        let of: Vec<&ReportedStatistic> = all.iter().map(|told| &told[i]).collect();
-        let zero = is_zero(&of[0].key, pattern, meaning);
-        found.insert(of[0].key.clone(), coverage(&of, zero, meaning));
+        let statistics: Vec<&ReportedStatistic> = all.iter().map(|report| &report[i]).collect();
+        let zero = is_zero(&statistics[0].key, pattern, meaning);
+        coverages.insert(statistics[0].key.clone(), coverage(&statistics, zero, meaning));
     }
-    found
+    coverages
 }
 
-fn coverage(of: &[&ReportedStatistic], zero: bool, meaning: Repetition) -> Coverage {
+fn coverage(statistics: &[&ReportedStatistic], zero: bool, meaning: Repetition) -> Coverage {
     let error = |t: &ReportedStatistic| match meaning {
         Repetition::Recording => t.recording_error,
         // A statistic that the pattern does not affect has only the recording error.
         Repetition::Sensor => t.sensor_error.or(t.recording_error),
     };
-    let values: Vec<f64> = of.iter().filter_map(|t| t.value).collect();
+    let values: Vec<f64> = statistics.iter().filter_map(|t| t.value).collect();
     let (n, sum) = (values.len() as f64, values.iter().sum::<f64>());
-    let mut found = Coverage::default();
-    for told in of {
-        if let (None, Some(below)) = (told.value, told.upper_limit) {
+    let mut result = Coverage::default();
+    for statistic in statistics {
+        if let (None, Some(below)) = (statistic.value, statistic.upper_limit) {
             // A limit is wrong only if the truth exceeds it. If at least half of the recordings have a value, the truth is
             // the mean of these values. Otherwise the truth is 0.
-            let truth = if zero || 2.0 * n < of.len() as f64 { 0.0 } else { sum / n };
-            found.limits += 1;
-            found.intervals += 1;
-            found.covering += usize::from(truth <= below);
+            let truth = if zero || 2.0 * n < statistics.len() as f64 { 0.0 } else { sum / n };
+            result.limits += 1;
+            result.intervals += 1;
+            result.covering += usize::from(truth <= below);
             continue;
         }
-        let (Some(value), Some(error)) = (told.value, error(told)) else {
-            found.without_error += 1;
+        let (Some(value), Some(error)) = (statistic.value, error(statistic)) else {
+            result.without_error += 1;
             continue;
         };
         let (truth, widening) = match zero {
             true => (0.0, 1.0),
             false => ((sum - value) / (n - 1.0), (n / (n - 1.0)).sqrt()),
         };
-        found.intervals += 1;
-        found.limits += usize::from(told.recording_error_is_bound && meaning == Repetition::Recording);
-        found.covering += usize::from((value - truth).abs() <= 1.96 * error * widening + 1e-12 * truth.abs());
+        result.intervals += 1;
+        result.limits += usize::from(statistic.recording_error_is_bound && meaning == Repetition::Recording);
+        result.covering +=
+            usize::from((value - truth).abs() <= 1.96 * error * widening + 1e-12 * truth.abs());
     }
-    found
+    result
 }
 
 /// Returns the smaller of P(at most `held`) and P(at least `held`). `held` is the number of `of` independent intervals
 /// that cover the truth, if each interval covers it with probability 0.95.
-pub(crate) fn chance(held: usize, of: usize) -> f64 {
+pub(crate) fn chance(covering: usize, count: usize) -> f64 {
     let log = |k: usize| (1..=k).map(|i| (i as f64).ln()).sum::<f64>();
-    let all = log(of);
+    let all = log(count);
     let exactly = |k: usize| {
-        let choose = all - log(k) - log(of - k);
-        (choose + k as f64 * 0.95_f64.ln() + (of - k) as f64 * 0.05_f64.ln()).exp()
+        let choose = all - log(k) - log(count - k);
+        (choose + k as f64 * 0.95_f64.ln() + (count - k) as f64 * 0.05_f64.ln()).exp()
     };
-    let (low, high): (f64, f64) = ((0..=held).map(exactly).sum(), (held..=of).map(exactly).sum());
+    let (low, high): (f64, f64) = ((0..=covering).map(exactly).sum(), (covering..=count).map(exactly).sum());
     low.min(high)
 }

@@ -12,14 +12,16 @@ fn statistics_with_wrong_coverage(rate: f64, meaning: Repetition) -> Vec<String>
     let mut wrong = Vec::new();
     for pattern in PATTERNS {
         let all = recordings(pattern, rate, meaning, RECORDINGS);
-        for (key, found) in judge(&all, pattern, meaning) {
-            let low = (found.covering as f64) < 0.95 * found.intervals as f64;
-            if found.intervals > 0
-                && (low || found.limits == 0)
-                && chance(found.covering, found.intervals) < 0.5e-4
+        for (key, coverage) in judge(&all, pattern, meaning) {
+            let low = (coverage.covering as f64) < 0.95 * coverage.intervals as f64;
+            if coverage.intervals > 0
+                && (low || coverage.limits == 0)
+                && chance(coverage.covering, coverage.intervals) < 0.5e-4
             {
-                wrong
-                    .push(format!("{pattern}, rate {rate}: {key} {} of {}", found.covering, found.intervals));
+                wrong.push(format!(
+                    "{pattern}, rate {rate}: {key} {} of {}",
+                    coverage.covering, coverage.intervals
+                ));
             }
         }
     }
@@ -28,14 +30,14 @@ fn statistics_with_wrong_coverage(rate: f64, meaning: Repetition) -> Vec<String>
 
 #[test]
 fn errors_between_recordings_hold_the_truth_of_the_sensor() {
-    let found = statistics_with_wrong_coverage(0.2, Repetition::Recording);
-    assert!(found.is_empty(), "{found:#?}");
+    let coverages = statistics_with_wrong_coverage(0.2, Repetition::Recording);
+    assert!(coverages.is_empty(), "{coverages:#?}");
 }
 
 #[test]
 fn errors_between_sensors_hold_the_truth_of_their_kind() {
-    let found = statistics_with_wrong_coverage(0.2, Repetition::Sensor);
-    assert!(found.is_empty(), "{found:#?}");
+    let coverages = statistics_with_wrong_coverage(0.2, Repetition::Sensor);
+    assert!(coverages.is_empty(), "{coverages:#?}");
 }
 
 #[test]

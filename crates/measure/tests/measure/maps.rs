@@ -42,13 +42,13 @@ fn errors_of_means_of_white_noise_are_sd_over_root_n() {
     let map = white(0.1, 1);
     let expected = 0.1 / SIDE as f64;
     let mean_of = |values: &mut Vec<f64>| Estimate::mean(values.iter().copied()).value;
-    for found in [
+    for estimate in [
         Estimate::mean(map.iter().copied()),
         tiled_mean(&map, SIDE, 8),
         bootstrap(&map, SIDE, 8, 200, 7, mean_of),
     ] {
-        assert!((found.error / expected - 1.0).abs() < 0.3, "{found:?}");
-        assert!(found.sigmas_from(1.0).abs() < 4.0, "{found:?}");
+        assert!((estimate.error / expected - 1.0).abs() < 0.3, "{estimate:?}");
+        assert!(estimate.sigmas_from(1.0).abs() < 4.0, "{estimate:?}");
     }
 }
 
@@ -74,8 +74,8 @@ fn with_gaps(width: usize, height: usize) -> Vec<f64> {
     (0..width * height).map(|p| value(p, uniform(&mut random))).collect()
 }
 
-fn near(found: f64, expected: f64) -> bool {
-    found.is_nan() && expected.is_nan() || (found - expected).abs() < 1e-12
+fn near(actual: f64, expected: f64) -> bool {
+    actual.is_nan() && expected.is_nan() || (actual - expected).abs() < 1e-12
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn a_high_passed_pixel_is_its_value_less_the_mean_of_its_box() {
     // wrong box changes the sum by far more than 1e-12.
     for (width, height) in (1..9).flat_map(|w| (1..9).map(move |h| (w, h))) {
         let map = with_gaps(width, height);
-        for (p, found) in high_pass(&map, width).into_iter().enumerate() {
+        for (p, value) in high_pass(&map, width).into_iter().enumerate() {
             let (row, column) = (p / width, p % width);
             let within = |q: &usize| row.abs_diff(q / width) <= 2 && column.abs_diff(q % width) <= 2;
             let near_by: Vec<f64> =
@@ -92,7 +92,7 @@ fn a_high_passed_pixel_is_its_value_less_the_mean_of_its_box() {
             let n = near_by.len() as f64;
             let expected = (map[p] - near_by.iter().sum::<f64>() / n) * (n / (n - 1.0)).sqrt();
             let expected = if n < 2.0 { f64::NAN } else { expected };
-            assert!(near(found, expected), "{width}x{height}, pixel {p}: {found}, {expected}");
+            assert!(near(value, expected), "{width}x{height}, pixel {p}: {value}, {expected}");
         }
     }
 }
@@ -103,17 +103,17 @@ fn lines_and_correlations_leave_missing_pixels_out() {
         let map = with_gaps(width, height);
         let mean = |pixels: &mut dyn Iterator<Item = usize>| Estimate::mean(pixels.map(|p| map[p])).value;
         let lines = line_structure(&map, width);
-        for (r, found) in lines.rows.iter().enumerate() {
-            assert!(near(*found, mean(&mut (r * width..(r + 1) * width))), "row {r}");
+        for (r, value) in lines.rows.iter().enumerate() {
+            assert!(near(*value, mean(&mut (r * width..(r + 1) * width))), "row {r}");
         }
-        for (c, found) in lines.columns.iter().enumerate() {
-            assert!(near(*found, mean(&mut (c..map.len()).step_by(width))), "column {c}");
+        for (c, value) in lines.columns.iter().enumerate() {
+            assert!(near(*value, mean(&mut (c..map.len()).step_by(width))), "column {c}");
         }
         let all = Estimate::mean(map.iter().copied());
         let variance = all.error * all.error * all.samples as f64;
         let rho = map_correlations(&map, width);
         let shifts = [(0, 1), (1, 0), (1, 1), (1, -1)];
-        for (found, (down, right)) in
+        for (correlation, (down, right)) in
             [rho.right, rho.lower, rho.diagonal, rho.antidiagonal].into_iter().zip(shifts)
         {
             let product = |p: usize| {
@@ -122,8 +122,8 @@ fn lines_and_correlations_leave_missing_pixels_out() {
                 Some((map[p] - all.value) * (other - all.value)).filter(|x| x.is_finite())
             };
             let expected = Estimate::mean((0..map.len()).filter_map(product));
-            assert_eq!(found.samples, expected.samples);
-            assert!(near(found.value, expected.value / variance), "{down}, {right}: {found:?}");
+            assert_eq!(correlation.samples, expected.samples);
+            assert!(near(correlation.value, expected.value / variance), "{down}, {right}: {correlation:?}");
         }
     }
 }
@@ -148,18 +148,18 @@ fn correlations_of_a_smoothed_map_are_those_of_its_kernel() {
     let map: Vec<f64> = (0..noise.len())
         .map(|p| if p % SIDE + 1 < SIDE { noise[p] + noise[p + 1] } else { f64::NAN })
         .collect();
-    let found = map_correlations(&map, SIDE);
-    assert!((found.right.value - 0.5).abs() < 5.0 * found.right.error, "{found:?}");
+    let correlations = map_correlations(&map, SIDE);
+    assert!((correlations.right.value - 0.5).abs() < 5.0 * correlations.right.error, "{correlations:?}");
     // The error of a correlated map is up to sqrt(1.5) times the error of a white map.
-    assert!(found.lower.sigmas_from(0.0).abs() < 5.0, "{found:?}");
+    assert!(correlations.lower.sigmas_from(0.0).abs() < 5.0, "{correlations:?}");
     let white = map_correlations(&noise, SIDE);
     for rho in [white.right, white.lower, white.diagonal, white.antidiagonal] {
         assert!(rho.sigmas_from(0.0).abs() < 4.0, "{rho:?}");
     }
     let diagonal: Vec<f64> =
         (0..noise.len()).map(|p| noise[p] + if p > SIDE { noise[p - SIDE - 1] } else { 0.0 }).collect();
-    let found = map_correlations(&diagonal, SIDE);
-    assert!((found.diagonal.value - 0.5).abs() < 0.05 && found.antidiagonal.value.abs() < 0.05);
+    let correlations = map_correlations(&diagonal, SIDE);
+    assert!((correlations.diagonal.value - 0.5).abs() < 0.05 && correlations.antidiagonal.value.abs() < 0.05);
 }
 
 #[test]
@@ -203,9 +203,9 @@ fn a_summary_recovers_the_simulated_pattern() {
         summarize(&stream.measure(&MeasureOptions::default(), &[])).unwrap()
     };
     let (dark, flat) = (measure(&dark, 6000), measure(&flat, 2000));
-    let found = &flat.defects;
-    assert_eq!((&found.dead, &found.stuck), (&vec![1000], &vec![2000]));
-    assert_eq!((&found.hot, &found.weak), (&vec![3000], &vec![4000]));
+    let defects = &flat.defects;
+    assert_eq!((&defects.dead, &defects.stuck), (&vec![1000], &vec![2000]));
+    assert_eq!((&defects.hot, &defects.weak), (&vec![3000], &vec![4000]));
     assert_eq!(dark.defects.count(), 0);
     assert!((flat.signal.value - 0.21).abs() < 4.0 * flat.signal.error);
     let (dsnu, prnu) = dsnu_prnu(&dark, &flat);
@@ -236,17 +236,17 @@ fn the_spectrum_holds_the_variance_and_shows_a_line() {
             (1000.5 + sine + 1200.0_f64.sqrt() * (uniform(&mut random) - 0.5)) as u32
         })
         .collect();
-    let found = spectrum(&totals, 1000).unwrap();
-    assert_eq!((found.segments, found.power.len()), (79, 501));
+    let measured = spectrum(&totals, 1000).unwrap();
+    assert_eq!((measured.segments, measured.power.len()), (79, 501));
     // The variance is 100 + 12.5 + 1/12, where 1/12 is the rounding. 79 segments of 500 bins measure it to below 1 %.
-    let all: f64 = found.power[1..].iter().sum();
+    let all: f64 = measured.power[1..].iter().sum();
     assert!((all / 112.6 - 1.0).abs() < 0.03, "{all}");
-    let lines = found.lines(8.0);
+    let lines = measured.lines(8.0);
     assert_eq!(lines[0].frequency, 0.02);
     // With a Hann window the central bin contains two thirds of the power of a line, which is 8.33. Noise adds 0.3.
     assert!((lines[0].power - 8.5).abs() < 0.6, "{:?}", lines[0]);
     assert!(lines.iter().all(|l| (l.frequency - 0.02).abs() < 0.0021));
     // A tenth of the variance of white noise is in the lowest tenth of the frequencies.
-    assert!((found.share_below(0.05) - (12.5 + 10.0) / 112.5).abs() < 0.02);
+    assert!((measured.share_below(0.05) - (12.5 + 10.0) / 112.5).abs() < 0.02);
     assert!(spectrum(&totals, 7).is_err() && spectrum(&totals[..10], 16).is_err());
 }

@@ -48,7 +48,7 @@ proptest! {
         let rates = rates((width * height) as usize, level);
         let stream = Stream::bernoulli(width, height, readouts, &rates, seed);
         let options = options(split, vec![3], 20);
-        let whole = stream.measure(&options, &[]);
+        let full = stream.measure(&options, &[]);
         let cut = 1 + (cut * (f64::from(height) - 1.0)) as usize;
         let band = |rows| options.clone().with_rows(Some(rows)).with_frames(false);
         let parts = vec![
@@ -56,7 +56,7 @@ proptest! {
             stream.measure(&MeasureOptions::frames_only(), &[]),
             stream.measure(&band(0..cut), &[]),
         ];
-        prop_assert_eq!(Statistics::join(parts).unwrap(), whole);
+        prop_assert_eq!(Statistics::join(parts).unwrap(), full);
     }
 }
 

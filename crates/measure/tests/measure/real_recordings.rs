@@ -61,7 +61,7 @@ fn the_wall_has_the_published_interval_variance() {
     let off = intervals.off_lattice_share(Some(&pixels));
     println!("off {off:?}, short and long {:?}", intervals.short_and_long_shares(Some(&pixels)));
     println!("noise {:?}", intervals.decompose(Some(&pixels)));
-    let autos = [1, 2].map(|apart| intervals.autocovariance(apart, Some(&pixels)));
+    let autos = [1, 2].map(|lag| intervals.autocovariance(lag, Some(&pixels)));
     println!("autocovariance {autos:?}");
     let counts = statistics.counts.as_ref().unwrap();
     println!("correlations {:?}", NeighborPair::ALL.map(|pair| counts.correlation(pair)));

@@ -34,16 +34,16 @@ fn a_white_pattern_has_no_correlation_at_any_size() {
     let mut random = Pcg64Mcg::seed_from_u64(1);
     for (width, height, missing) in [(8, 6, 0.0), (13, 24, 0.0), (32, 24, 0.1), (96, 64, 0.0)] {
         let rounds = 200_000 / (width * height);
-        let (mut found, mut errors) = (vec![Vec::new(); 4], [0.0; 4]);
+        let (mut estimates, mut errors) = (vec![Vec::new(); 4], [0.0; 4]);
         for _ in 0..rounds {
             let map = white(width * height, missing, &mut random);
             let c = pattern_correlations(&map, width);
             for (i, e) in [c.right, c.lower, c.diagonal, c.antidiagonal].iter().enumerate() {
-                found[i].push(e.value);
+                estimates[i].push(e.value);
                 errors[i] += e.error / rounds as f64;
             }
         }
-        for (values, stated) in found.into_iter().zip(errors) {
+        for (values, stated) in estimates.into_iter().zip(errors) {
             let mean = Estimate::mean(values);
             // The mean of a ratio has a bias of order 1 / pixels. The bias is less than a fiftieth of one error.
             let bias = 2.0 / (width * height) as f64;
@@ -60,13 +60,13 @@ fn a_white_pattern_has_no_correlation_at_any_size() {
 fn the_high_pass_bias_in_the_middle_of_a_map_is_a_twentieth() {
     let mut random = Pcg64Mcg::seed_from_u64(2);
     let map = white(400 * 250, 0.0, &mut random);
-    let own = pattern_correlations(&map, 400);
-    let plain = map_correlations(&high_pass(&map, 400), 400);
+    let corrected = pattern_correlations(&map, 400);
+    let uncorrected = map_correlations(&high_pass(&map, 400), 400);
     // Far from borders the bias is -0.05 (right) and -0.05667 (diagonal). It is 2/25 minus the overlap of two boxes,
     // divided by 24/25. At borders the bias is larger. A separate program computed -0.0506 and -0.0568 for this map size.
     // The measured bias scatters by a few ten-thousandths.
-    assert!((plain.right.value - own.right.value + 0.0506).abs() < 1e-3);
-    assert!((plain.diagonal.value - own.diagonal.value + 0.0568).abs() < 1e-3);
+    assert!((uncorrected.right.value - corrected.right.value + 0.0506).abs() < 1e-3);
+    assert!((uncorrected.diagonal.value - corrected.diagonal.value + 0.0568).abs() < 1e-3);
 }
 
 #[test]
@@ -75,9 +75,9 @@ fn a_true_correlation_is_detected() {
     let noise = white(96 * 64, 0.0, &mut random);
     let smooth: Vec<f64> =
         (0..noise.len()).map(|p| noise[p] + if p % 96 > 0 { noise[p - 1] } else { 0.0 }).collect();
-    let found = pattern_correlations(&smooth, 96);
-    assert!((found.right.value - 0.5).abs() < 0.05, "{found:?}");
-    assert!(found.lower.value.abs() < 5.0 * found.lower.error, "{found:?}");
+    let correlations = pattern_correlations(&smooth, 96);
+    assert!((correlations.right.value - 0.5).abs() < 0.05, "{correlations:?}");
+    assert!(correlations.lower.value.abs() < 5.0 * correlations.lower.error, "{correlations:?}");
 }
 
 /// Returns the built-in camera `name` with `width` x `height` pixels.
@@ -111,15 +111,15 @@ fn with_effect(camera: Camera, name: &str, key: &str, value: f64) -> Camera {
 
 #[test]
 fn no_motion_is_found_in_200_static_scenes() {
-    let mut moved = Vec::new();
+    let mut motions = Vec::new();
     for i in 0..200_u64 {
-        let plain = camera("physical", 32, 24);
+        let physical = camera("physical", 32, 24);
         let one = match i % 5 {
-            0 => plain,
-            1 => with_effect(plain, "row_noise", "sigma", 0.01),
-            2 => with_effect(plain, "dead_pixels", "fraction", 0.02),
+            0 => physical,
+            1 => with_effect(physical, "row_noise", "sigma", 0.01),
+            2 => with_effect(physical, "dead_pixels", "fraction", 0.02),
             3 => camera("scsim-code", 32, 24),
-            _ => with_effect(plain, "vignetting", "strength", 0.2),
+            _ => with_effect(physical, "vignetting", "strength", 0.2),
         };
         // The light is a static image with many rates. Some images flicker by 10 %, and some lamps drift by 2 %.
         let light = |p: usize, t: usize| {
@@ -129,11 +129,11 @@ fn no_motion_is_found_in_200_static_scenes() {
             picture * flicker * drift
         };
         if record_light(&one, 1024, i, light, 8).scene_motion().is_moving {
-            moved.push(i);
+            motions.push(i);
         }
     }
     // Fewer than 1 % of the 200 recordings may be reported as moving, so at most one.
-    assert!(moved.len() <= 1, "{moved:?}");
+    assert!(motions.len() <= 1, "{motions:?}");
 }
 
 #[test]
@@ -143,8 +143,8 @@ fn identical_pixels_are_not_reported_as_motion() {
     for (i, preset) in ["ideal", "neuspike", "spikingsim"].into_iter().enumerate() {
         let one = camera(preset, 96, 64);
         for level in [0.049, 0.3, 0.49, 0.51, 0.66, 0.9] {
-            let found = record_light(&one, 2000, i as u64, |_, _| level, 2000).scene_motion();
-            assert!(!found.is_moving, "{preset} at {level}: {found:?}");
+            let motion = record_light(&one, 2000, i as u64, |_, _| level, 2000).scene_motion();
+            assert!(!motion.is_moving, "{preset} at {level}: {motion:?}");
         }
     }
 }
@@ -192,8 +192,8 @@ fn pixels_that_fire_in_phase_are_no_flicker_and_flicker_is_no_firing_rate() {
         (lines[0].frequency, lines[0].harmonic_of(&rates, 1.0 / 2048.0))
     };
     let alike: Vec<f64> = (0..768).map(|p| 0.1203 + 1e-5 * (p % 7) as f64).collect();
-    let (frequency, found) = harmonic(&alike, true, 0.0);
-    assert!(found.is_some(), "{frequency}");
+    let (frequency, line) = harmonic(&alike, true, 0.0);
+    assert!(line.is_some(), "{frequency}");
     let many: Vec<f64> = (0..768).map(|p| 0.05 + 0.2 * (p * 31 % 768) as f64 / 768.0).collect();
     assert_eq!(harmonic(&many, false, 0.1), (0.03125, None));
     assert_eq!(harmonic(&alike, false, 0.1).0, 0.03125);
@@ -213,7 +213,7 @@ fn a_zero_statistic_is_reported_as_an_upper_limit() {
 #[test]
 fn a_silent_pixel_is_dead_if_its_neighbors_make_silence_impossible() {
     // The light decreases toward a dark corner. One pixel in the lit area and one pixel in the dark corner are dead.
-    let of = |readouts: usize| {
+    let report_for = |readouts: usize| {
         let mut rates: Vec<f64> = (0..32 * 24).map(|p| 0.25 - 0.25 * (p % 32) as f64 / 31.0).collect();
         for p in (0..rates.len()).filter(|p| p % 32 >= 26) {
             rates[p] = 1e-5;
@@ -223,6 +223,6 @@ fn a_silent_pixel_is_dead_if_its_neighbors_make_silence_impossible() {
             Stream::integrators(32, 24, readouts, &rates, 2).measure(&MeasureOptions::default(), &[]);
         summarize(&statistics).unwrap().defects.dead
     };
-    assert_eq!(of(10), Vec::<usize>::new());
-    assert_eq!(of(1000), vec![10 * 32 + 5]);
+    assert_eq!(report_for(10), Vec::<usize>::new());
+    assert_eq!(report_for(1000), vec![10 * 32 + 5]);
 }

@@ -38,10 +38,10 @@ fn an_ideal_integrator_has_the_lattice_variance_of_its_rate() {
     for lag in [1, 4, 8, 16, 24, 32] {
         let lattice = |f: &f64| (f64::from(lag) / f).fract() * (1.0 - (f64::from(lag) / f).fract());
         let expected = crate::measure_support::mean(&rates.iter().map(lattice).collect::<Vec<_>>());
-        let found = intervals(&statistics).lag_variance(lag, None);
+        let variance = intervals(&statistics).lag_variance(lag, None);
         // Both sides use the same pixels. The remaining error is the bias, and the error of sampling u (1 - u) for a
         // finite number of intervals. This error is about 0.25/sqrt(N) = 0.25/38 per pixel, so 0.25/38/64 for the mean.
-        assert!((found.value - expected).abs() < 4e-4, "{lag}: {found:?} against {expected}");
+        assert!((variance.value - expected).abs() < 4e-4, "{lag}: {variance:?} against {expected}");
     }
 }
 
@@ -62,8 +62,8 @@ fn time_based_rates_are_as_precise_as_stated() {
     // the root mean square over 4096 pixels is about 1 %, because the distribution has light tails.
     let rates = spread_rates(0.2, 0.1);
     let statistics = ideal(&rates, 4000);
-    let found = statistics.counts.unwrap().rate_by_time();
-    let relative: Vec<f64> = found.iter().zip(&rates).map(|(a, b)| (a / b - 1.0).powi(2)).collect();
+    let rates_by_time = statistics.counts.unwrap().rate_by_time();
+    let relative: Vec<f64> = rates_by_time.iter().zip(&rates).map(|(a, b)| (a / b - 1.0).powi(2)).collect();
     let rms = crate::measure_support::mean(&relative).sqrt() * 4000.0;
     assert!((rms - (1.0_f64 / 6.0).sqrt()).abs() < 0.02, "{rms} / T");
 }
@@ -74,26 +74,26 @@ fn independent_bits_have_geometric_intervals() {
     // expectation of D(n) is n (1 - n/N) times the variance. Each estimate must be within 4 standard errors.
     let (p, readouts) = (0.3, 3000);
     let statistics = random(p, readouts);
-    let found = intervals(&statistics);
+    let measured = intervals(&statistics);
     let variance = (1.0 - p) / (p * p);
     for lag in [1, 4, 8, 16, 24, 32] {
-        let raw = found.lag_variance(lag, None);
+        let raw = measured.lag_variance(lag, None);
         let n = f64::from(lag);
         let biased = variance * n * (1.0 - n / (f64::from(readouts as u32) * p));
         assert!(raw.sigmas_from(biased).abs() < 4.0, "{lag}: {raw:?} {biased}");
-        let unbiased = found.unbiased_lag_variance(lag, None);
+        let unbiased = measured.unbiased_lag_variance(lag, None);
         assert!(unbiased.sigmas_from(n * variance).abs() < 4.0, "{lag}: {unbiased:?}");
     }
-    let noise = found.decompose(None);
+    let noise = measured.decompose(None);
     assert!(noise.per_spike.sigmas_from(variance).abs() < 4.0, "{noise:?}");
     assert!(noise.constant.sigmas_from(0.0).abs() < 4.0, "{noise:?}");
-    for apart in [1, 2] {
-        let auto = found.autocovariance(apart, None);
+    for lag in [1, 2] {
+        let auto = measured.autocovariance(lag, None);
         let bias = -variance / (p * readouts as f64);
         assert!(auto.sigmas_from(bias).abs() < 4.0, "{auto:?}");
     }
     for length in 1..12 {
-        let share = found.histogram().share(length);
+        let share = measured.histogram().share(length);
         let expected = p * (1.0 - p).powi(length as i32 - 1);
         // The end of the stream cuts off mostly long intervals. The bias is of order 1/N, which is 1e-3 of the share.
         let allowed = 4.0 * share.error + 2e-3 * expected;
@@ -106,10 +106,10 @@ fn the_unbiased_lag_variance_is_exact_in_a_short_stream() {
     // N = 58 is the number of intervals in a recording of 300 readouts. The raw D(32) of an ideal integrator is a quarter
     // too large. For rates that vary by +-5 %, the mean lattice variance at lags of 8 and more is 1/6 to within 2 %.
     let statistics = ideal(&spread_rates(0.195, 0.05), 300);
-    let found = intervals(&statistics);
+    let measured = intervals(&statistics);
     for lag in [16, 24, 32] {
-        let raw = found.lag_variance(lag, None);
-        let corrected = found.unbiased_lag_variance(lag, None);
+        let raw = measured.lag_variance(lag, None);
+        let corrected = measured.unbiased_lag_variance(lag, None);
         let miss = |x: f64| (x - 1.0 / 6.0).abs() * 6.0;
         assert!(miss(corrected.value) < 0.05, "{lag}: {corrected:?}");
         if lag == 32 {
@@ -195,9 +195,9 @@ fn noise_of_single_rows_shows_and_flicker_does_not() {
         let stream = Stream::from_frames(SIDE, SIDE, frames);
         let frames = stream.measure(&MeasureOptions::frames_only(), &[]).frames.unwrap();
         let expected = if per_row { 2.56 } else { 0.0 };
-        let found = frames.row_covariance();
-        assert!(found.sigmas_from(expected).abs() < 4.0, "{per_row} {found:?}");
-        assert!(found.error < 0.05);
+        let covariance = frames.row_covariance();
+        assert!(covariance.sigmas_from(expected).abs() < 4.0, "{per_row} {covariance:?}");
+        assert!(covariance.error < 0.05);
     }
 }
 
@@ -233,8 +233,8 @@ fn half_maps_show_a_drift() {
     let statistics = stream.measure(&options, &[]);
     let halves = intervals(&statistics).half_maps().unwrap();
     let change = halves.rate[1].iter().zip(&halves.rate[0]).map(|(b, a)| b / a - 1.0);
-    let found = spikelane_measure::Estimate::mean(change);
+    let mean_change = spikelane_measure::Estimate::mean(change);
     // The interval across the split is one of 300 intervals. Its error does not shift the mean.
-    assert!(found.sigmas_from(0.02).abs() < 4.0, "{found:?}");
-    assert!(found.error < 1e-4);
+    assert!(mean_change.sigmas_from(0.02).abs() < 4.0, "{mean_change:?}");
+    assert!(mean_change.error < 1e-4);
 }

@@ -7,10 +7,10 @@ fn lengths(times: &[u32]) -> Vec<u32> {
     times.windows(2).map(|w| w[1] - w[0]).collect()
 }
 
-fn close(found: f64, expected: f64, what: &str) {
+fn close(actual: f64, expected: f64, what: &str) {
     let same =
-        (found.is_nan() && expected.is_nan()) || (found - expected).abs() <= 1e-9 * (1.0 + expected.abs());
-    assert!(same, "{what}: found {found}, expected {expected}");
+        (actual.is_nan() && expected.is_nan()) || (actual - expected).abs() <= 1e-9 * (1.0 + expected.abs());
+    assert!(same, "{what}: found {actual}, expected {expected}");
 }
 
 /// Returns `D(n)` of a pixel for `n = lag`, computed by its definition.
@@ -24,13 +24,13 @@ pub(crate) fn lag_variance(times: &[u32], lag: usize) -> f64 {
     mean(&squares)
 }
 
-fn autocovariance(x: &[u32], apart: usize) -> f64 {
-    if x.len() <= apart {
+fn autocovariance(x: &[u32], lag: usize) -> f64 {
+    if x.len() <= lag {
         return f64::NAN;
     }
     let m = x.iter().sum::<u32>() as f64 / x.len() as f64;
-    let of = |w: &[u32]| (f64::from(w[0]) - m) * (f64::from(w[apart]) - m);
-    mean(&x.windows(apart + 1).map(of).collect::<Vec<_>>())
+    let product = |w: &[u32]| (f64::from(w[0]) - m) * (f64::from(w[lag]) - m);
+    mean(&x.windows(lag + 1).map(product).collect::<Vec<_>>())
 }
 
 fn half(times: &[u32]) -> (f64, f64) {
@@ -49,7 +49,7 @@ impl Stream {
         let intervals = statistics.intervals.as_ref().unwrap();
         let maps: Vec<Vec<f64>> =
             intervals.lags().iter().map(|lag| intervals.lag_variance_map(*lag)).collect();
-        let autos = [1, 2].map(|apart| intervals.autocovariance_map(apart));
+        let autos = [1, 2].map(|lag| intervals.autocovariance_map(lag));
         let mut histogram = vec![0; options.longest_bin as usize + 2];
         for p in 0..self.pixels() {
             let times = self.times(p);
@@ -58,8 +58,8 @@ impl Stream {
             for (lag, map) in intervals.lags().iter().zip(&maps) {
                 close(map[p], lag_variance(&times, *lag as usize), "D(n)");
             }
-            for apart in [1, 2] {
-                close(autos[apart - 1][p], autocovariance(&x, apart), "autocovariance");
+            for lag in [1, 2] {
+                close(autos[lag - 1][p], autocovariance(&x, lag), "autocovariance");
             }
             for x in x {
                 histogram[x.min(options.longest_bin + 1) as usize] += 1;
@@ -90,8 +90,8 @@ impl Stream {
         if let Some(reference) = judged {
             let (floor, ceil) = (sum / n as u64, sum.div_ceil(n as u64));
             let off = x.iter().filter(|x| !(floor..=ceil).contains(&u64::from(**x))).count();
-            if let Some(found) = pixel.off_lattice_count {
-                assert_eq!(found as usize, off);
+            if let Some(off_lattice) = pixel.off_lattice_count {
+                assert_eq!(off_lattice as usize, off);
             } else {
                 // The count may be absent only if the mean differs far from the reference mean.
                 assert!((sum as f64 / n as f64 - reference).abs() > 1.4);
@@ -133,10 +133,10 @@ impl Stream {
         }
         let n: u32 = sums.iter().map(|s| s.1).sum();
         let overall = sums.iter().map(|s| s.0).sum::<f64>() / f64::from(n);
-        let found = intervals.deviations(1);
+        let deviations = intervals.deviations(1);
         let expected: Vec<_> = sums.iter().enumerate().filter(|(_, s)| s.1 > 0).collect();
-        assert_eq!(found.len(), expected.len());
-        for (d, (readout, (sum, n))) in found.iter().zip(expected) {
+        assert_eq!(deviations.len(), expected.len());
+        for (d, (readout, (sum, n))) in deviations.iter().zip(expected) {
             assert_eq!((d.readout as usize, d.intervals), (readout, *n));
             close(d.mean, sum / f64::from(*n) - overall, "deviation");
         }

@@ -112,8 +112,8 @@ impl Stream {
             assert_eq!(counts.first_spike[p], *times.first().unwrap_or(&NO_SPIKE), "first of {p}");
             assert_eq!(counts.last_spike[p], *times.last().unwrap_or(&NO_SPIKE), "last of {p}");
             for pair in NeighborPair::ALL {
-                let found = counts.coincidence(pair)[p];
-                assert_eq!(found, self.coincidences(p, pair), "{pair:?} of {p}");
+                let coincidences = counts.coincidence(pair)[p];
+                assert_eq!(coincidences, self.coincidences(p, pair), "{pair:?} of {p}");
             }
         }
     }
@@ -123,8 +123,8 @@ impl Stream {
         let frames = statistics.frames.as_ref().unwrap();
         let totals: Vec<u32> = self.frames.iter().map(|f| f.iter().filter(|b| **b).count() as u32).collect();
         assert_eq!(frames.totals, totals);
-        let apart = |w: &[Vec<bool>]| w[0].iter().zip(&w[1]).filter(|(a, b)| a != b).count() as u32;
-        let distances: Vec<u32> = self.frames.windows(2).map(apart).collect();
+        let differing = |w: &[Vec<bool>]| w[0].iter().zip(&w[1]).filter(|(a, b)| a != b).count() as u32;
+        let distances: Vec<u32> = self.frames.windows(2).map(differing).collect();
         assert_eq!(frames.distances, distances);
         let nearest = distances.iter().enumerate().min_by_key(|(_, d)| **d);
         assert_eq!(

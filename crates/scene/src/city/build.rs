@@ -84,7 +84,7 @@ fn sky_visibility(bvh: &Bvh, position: Vec3, normal: Vec3) -> f32 {
     const RAYS: u32 = 24;
     let (x, y) = normal.any_orthonormal_pair();
     let origin = position + normal * 0.06;
-    let seen = (0..RAYS)
+    let visible_rays = (0..RAYS)
         .filter(|&i| {
             // The rays follow a Fibonacci spiral across the cosine-weighted hemisphere.
             let r2 = (i as f32 + 0.5) / RAYS as f32;
@@ -94,7 +94,7 @@ fn sky_visibility(bvh: &Bvh, position: Vec3, normal: Vec3) -> f32 {
             !bvh.is_blocked(origin, direction, 0.0, 60.0)
         })
         .count();
-    seen as f32 / RAYS as f32
+    visible_rays as f32 / RAYS as f32
 }
 
 #[cfg(test)]

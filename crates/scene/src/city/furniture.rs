@@ -95,12 +95,12 @@ fn add_lamp(city: &mut City, draws: Draws, s: f64, side: f64) {
 fn add_traffic_light(city: &mut City, draws: Draws, index: usize, forward: bool) {
     let road = &city.road;
     let junction = road.junctions[index];
-    let way = if forward { 1.0 } else { -1.0 };
-    let s = junction.s - way * (junction.half_width_m + 2.2);
-    let side = -road.driving_side * way;
+    let direction = if forward { 1.0 } else { -1.0 };
+    let s = junction.s - direction * (junction.half_width_m + 2.2);
+    let side = -road.driving_side * direction;
     let d = side * (road.half_width_m() + 0.5);
     let (along, left) = road_axes(road, s);
-    let (facing, inward) = (along * -way as f32, left * -side as f32);
+    let (facing, inward) = (along * -direction as f32, left * -side as f32);
     let foot = road.place(s, d, CURB_HEIGHT_M);
     let mesh = &mut city.mesh;
     mesh.begin_surface(Material::Metal);

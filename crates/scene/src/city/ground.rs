@@ -251,8 +251,8 @@ fn add_tunnel(road: &Road, mesh: &mut Mesh, a: f64, b: f64) {
         }
         mesh.end_chunk();
     }
-    for (s, way) in [(a, -1.0), (b, 1.0)] {
-        add_portal(road, mesh, s, way, wall);
+    for (s, direction) in [(a, -1.0), (b, 1.0)] {
+        add_portal(road, mesh, s, direction, wall);
     }
 }
 
@@ -261,9 +261,9 @@ fn uv_unit() -> [Vec2; 4] {
 }
 
 /// Adds the retaining wall around the tunnel opening, and the slab above the vault.
-fn add_portal(road: &Road, mesh: &mut Mesh, s: f64, way: f64, wall: f64) {
+fn add_portal(road: &Road, mesh: &mut Mesh, s: f64, direction: f64, wall: f64) {
     mesh.begin_surface(Material::Plain(Vec3::new(0.42, 0.40, 0.37)));
-    let t = road.tangent(s) * way;
+    let t = road.tangent(s) * direction;
     let out = Vec3::new(t.x as f32, t.y as f32, 0.0);
     let mut panel = |d0: f64, d1: f64, z0: f64, z1: f64| {
         let p = [road.place(s, d0, z0), road.place(s, d1, z0), road.place(s, d1, z1), road.place(s, d0, z1)];

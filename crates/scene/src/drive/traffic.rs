@@ -69,12 +69,12 @@ impl Traffic {
         let ego_lane = draws.index_below(1, road.lanes);
         for forward in [true, false] {
             for lane in 0..road.lanes {
-                let own = forward && lane == ego_lane;
+                let is_ego_lane = forward && lane == ego_lane;
                 traffic.fill_lane(
                     draws.item(10 + lane as u64 * 2 + u64::from(forward)),
                     road,
                     demand,
-                    (lane, forward, own),
+                    (lane, forward, is_ego_lane),
                 );
             }
         }
@@ -113,7 +113,7 @@ impl Traffic {
         draws: Draws,
         road: &Road,
         demand: &TrafficOptions,
-        (lane, forward, own): (usize, bool, bool),
+        (lane, forward, is_ego_lane): (usize, bool, bool),
     ) {
         let limit = if lane == 0 { 1.05 } else { 0.92 } * demand.ego_mps;
         let (low, high) = if forward { demand.span } else { (-demand.span.1, -demand.span.0) };
@@ -129,7 +129,7 @@ impl Traffic {
             drivers.push(Driver { s, v: limit * 0.95, desired_speed: wish, length, vehicle: Some(vehicle) });
             s += length + 6.0 + limit * draw.range(1, 0.8, 3.2);
         }
-        let ego = own.then(|| insert_ego(&mut drivers, demand.ego_mps));
+        let ego = is_ego_lane.then(|| insert_ego(&mut drivers, demand.ego_mps));
         let mut tracks = integrate_lane(&mut drivers, demand.duration_s);
         if let Some(index) = ego {
             let shift = tracks[index].at(0.0).0;
@@ -137,8 +137,8 @@ impl Traffic {
         }
         let d = road.lane_offset(lane, forward);
         for (driver, track) in drivers.into_iter().zip(tracks) {
-            let sway = driver.vehicle.as_ref().map_or(0.3, |v| f64::from(v.seed % 1000) * 6.28e-3);
-            let motion = VehicleMotion::Lane { track, d, forward, sway };
+            let phase = driver.vehicle.as_ref().map_or(0.3, |v| f64::from(v.seed % 1000) * 6.28e-3);
+            let motion = VehicleMotion::Lane { track, d, forward, phase };
             match driver.vehicle {
                 Some(v) => self.vehicles.push(Vehicle { motion, ..v }),
                 None => self.ego = motion,

@@ -40,7 +40,7 @@ impl Track {
 #[derive(Clone, Debug)]
 pub(crate) enum VehicleMotion {
     /// The vehicle moves along a lane. The arc length in `track` increases in the direction of travel.
-    Lane { track: Track, d: f64, forward: bool, sway: f64 },
+    Lane { track: Track, d: f64, forward: bool, phase: f64 },
     /// The vehicle is parked at a point with a heading.
     Parked { at: DVec2, heading: f64 },
 }
@@ -62,13 +62,13 @@ pub(crate) fn vehicle_state(road: &Road, motion: &VehicleMotion, t: f64, span: (
         VehicleMotion::Parked { at, heading } => {
             VehicleState { position: *at, heading: *heading, rolled_m: 0.0, speed: 0.0, is_outside: false }
         }
-        VehicleMotion::Lane { track, d, forward, sway } => {
+        VehicleMotion::Lane { track, d, forward, phase } => {
             let (run, speed) = track.at(t);
             let s = if *forward { run } else { -run };
             // The driver does not steer exactly along the center of the lane. The offset oscillates by 0.11 m.
             let (k, amplitude) = (0.045, 0.11);
-            let offset = d + amplitude * libm::sin(k * s + sway);
-            let slope = amplitude * k * libm::cos(k * s + sway);
+            let offset = d + amplitude * libm::sin(k * s + phase);
+            let slope = amplitude * k * libm::cos(k * s + phase);
             let turn = if *forward { 0.0 } else { std::f64::consts::PI };
             let heading = road.heading(s) + libm::atan(slope / (1.0 - d * road.curvature(s))) + turn;
             // The parallel curve at offset d has the length s - d * (heading(s) - heading(0)).

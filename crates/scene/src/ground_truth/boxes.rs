@@ -93,7 +93,7 @@ impl Scene {
     pub fn boxes(&self, labels: &Labels) -> Result<Vec<VehicleBox>> {
         self.check_labels(labels)?;
         let frame = SceneInstant::new(self, labels.t);
-        let seen = visible_extents(labels, frame.vehicles.len());
+        let extents = visible_extents(labels, frame.vehicles.len());
         let mut first = 1;
         let mut boxes = Vec::new();
         for (i, placed) in frame.vehicles.iter().enumerate() {
@@ -102,7 +102,7 @@ impl Scene {
             if placed.state.is_outside {
                 continue;
             }
-            if let Some(b) = vehicle_box(&frame, i, parts, seen[i]) {
+            if let Some(b) = vehicle_box(&frame, i, parts, extents[i]) {
                 boxes.push(b);
             }
         }
@@ -112,14 +112,14 @@ impl Scene {
 
 /// Returns the visible box and the number of visible pixels of every vehicle.
 fn visible_extents(labels: &Labels, count: usize) -> Vec<([f32; 4], u32)> {
-    let mut seen = vec![([f32::MAX, f32::MAX, f32::MIN, f32::MIN], 0u32); count];
+    let mut extents = vec![([f32::MAX, f32::MAX, f32::MIN, f32::MIN], 0u32); count];
     for (i, &id) in labels.instance.iter().enumerate().filter(|(_, id)| **id > 0) {
         let (x, y) = ((i % labels.width) as f32, (i / labels.width) as f32);
-        let (b, n) = &mut seen[id as usize - 1];
+        let (b, n) = &mut extents[id as usize - 1];
         *b = union(*b, [x, y, x + 1.0, y + 1.0]);
         *n += 1;
     }
-    seen
+    extents
 }
 
 fn union(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
@@ -134,7 +134,7 @@ fn vehicle_box(
     frame: &SceneInstant,
     index: usize,
     parts: std::ops::Range<usize>,
-    seen: ([f32; 4], u32),
+    visible: ([f32; 4], u32),
 ) -> Option<VehicleBox> {
     let placed = &frame.vehicles[index];
     let size = placed.shape.size;
@@ -149,25 +149,25 @@ fn vehicle_box(
     if extent[2] <= 0.0 || extent[3] <= 0.0 || extent[0] >= w || extent[1] >= h {
         return None;
     }
-    let alone = unoccluded_pixels(frame, parts, extent);
-    if alone == 0 {
+    let visible_count = unoccluded_pixels(frame, parts, extent);
+    if visible_count == 0 {
         return None;
     }
     // The box must contain the whole area of every visible pixel. The corner of a visible pixel may be outside the
     // projection of the vehicle.
-    let amodal = if seen.1 > 0 { union(extent, seen.0) } else { extent };
+    let amodal = if visible.1 > 0 { union(extent, visible.0) } else { extent };
     let clipped = [amodal[0].max(0.0), amodal[1].max(0.0), amodal[2].min(w), amodal[3].min(h)];
     let heading = DVec3::new(libm::cos(placed.state.heading), libm::sin(placed.state.heading), 0.0);
     let ahead = frame.camera.pose.rotation * heading;
     Some(VehicleBox {
         track_id: index as u32 + 1,
         class: placed.shape.class,
-        visible_box: (seen.1 > 0).then_some(seen.0),
+        visible_box: (visible.1 > 0).then_some(visible.0),
         amodal_box: amodal,
         clipped_amodal_box: clipped,
-        visible_pixels: seen.1,
-        unoccluded_pixels: alone.max(seen.1),
-        occlusion: 1.0 - seen.1 as f32 / alone.max(seen.1) as f32,
+        visible_pixels: visible.1,
+        unoccluded_pixels: visible_count.max(visible.1),
+        occlusion: 1.0 - visible.1 as f32 / visible_count.max(visible.1) as f32,
         truncation: 1.0 - area(clipped) / area(amodal).max(1e-6),
         center_m: center.to_array(),
         center_world_m: world.to_array(),

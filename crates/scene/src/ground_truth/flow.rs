@@ -120,8 +120,8 @@ impl Scene {
             (turn.as_mat3(), Vec3::ZERO)
         }];
         for (start, end) in from.poses.iter().zip(&to.poses) {
-            let whole = there * *end * start.inverse() * back;
-            parts.push(((whole.matrix3 - DMat3::IDENTITY).as_mat3(), whole.translation.as_vec3()));
+            let transform = there * *end * start.inverse() * back;
+            parts.push(((transform.matrix3 - DMat3::IDENTITY).as_mat3(), transform.translation.as_vec3()));
         }
         let Intrinsics { focal_px, center_px, .. } = self.intrinsics;
         Motions { focal_px: focal_px as f32, center_px: center_px.map(|c| c as f32), parts }
@@ -226,17 +226,17 @@ fn is_blocked(
         1.0,
     );
     let part = usize::from(from.part[i]);
-    let (way, reach) = if part == 0 {
+    let (direction, reach) = if part == 0 {
         (a.pose.rotation.transpose() * ray, 1000.0)
     } else {
         let world = a.pose.rotation.transpose() * (ray * f64::from(from.depth_m[i])) + a.pose.position;
-        let moved = end.parts[part - 1].to_world * start.parts[part - 1].to_world.inverse();
-        let to = moved.transform_point3(world) - b.pose.position;
+        let motion = end.parts[part - 1].to_world * start.parts[part - 1].to_world.inverse();
+        let to = motion.transform_point3(world) - b.pose.position;
         // The ray ends before the surface. Otherwise rounding errors at a grazing angle could make the surface block
         // its own ray.
         (to, (to.length() * 0.997 - 0.03) as f32)
     };
-    let way = way.normalize().as_vec3();
-    end.scene.city.bvh.is_blocked(end.eye, way, 0.1, reach)
-        || end.is_blocked_by(everyone, end.eye, way, reach)
+    let direction = direction.normalize().as_vec3();
+    end.scene.city.bvh.is_blocked(end.eye, direction, 0.1, reach)
+        || end.is_blocked_by(everyone, end.eye, direction, reach)
 }

@@ -9,7 +9,7 @@ const MAX_KEYFRAME_MOTION_PX: f64 = 0.5;
 /// Time between two samples of the highest speed, in seconds. `SPEED_MARGIN` covers an increase of the speed between
 /// two samples.
 const SPEED_SAMPLE_S: f64 = 0.01;
-const SPEED_MARGIN: f64 = 1.15;
+pub(super) const SPEED_MARGIN: f64 = 1.15;
 /// Maximum time between consecutive keyframes in seconds. The limit also applies if nothing moves, because the light
 /// changes.
 const MAX_KEYFRAME_INTERVAL_S: f64 = 5e-3;
@@ -75,9 +75,9 @@ impl Scene {
         let at = |i: usize| t0 + (t1 - t0) * i as f64 / anchors as f64;
         let speeds: Vec<f64> =
             (0..=anchors).map(|i| self.max_speed_px_per_s(at(i), threads)).collect::<Result<_>>()?;
-        let mut longest = MAX_KEYFRAME_INTERVAL_S;
+        let mut max_interval_s = MAX_KEYFRAME_INTERVAL_S;
         if let Some((hz, _)) = self.light.flicker {
-            longest = longest.min(1.0 / (KEYFRAMES_PER_FLICKER * hz));
+            max_interval_s = max_interval_s.min(1.0 / (KEYFRAMES_PER_FLICKER * hz));
         }
         let mut keys = vec![0];
         let mut k = 0;
@@ -86,7 +86,8 @@ impl Scene {
             // A step may end after the next speed sample, so the maximum of three samples is used.
             let speed =
                 speeds[anchor.min(anchors)..=(anchor + 2).min(anchors)].iter().fold(0.0f64, |a, &b| a.max(b));
-            let step = (MAX_KEYFRAME_MOTION_PX / (speed * SPEED_MARGIN).max(1e-9)).min(longest) * readout_hz;
+            let step =
+                (MAX_KEYFRAME_MOTION_PX / (speed * SPEED_MARGIN).max(1e-9)).min(max_interval_s) * readout_hz;
             k = (k + (step as usize).max(1)).min(count - 1);
             keys.push(k);
         }

@@ -7,7 +7,7 @@
 //! coarser instants alone.
 
 use crate::ground_truth::flow::{Motions, ScenePoses};
-use crate::ground_truth::keyframes::KEYFRAMES_PER_FLICKER;
+use crate::ground_truth::keyframes::{KEYFRAMES_PER_FLICKER, SPEED_MARGIN};
 use crate::ground_truth::warp::{blend_into, warp_run};
 use crate::rendering::rendered_frame::{Labels, RenderedFrame, SamplesPerPixel};
 use crate::rendering::tiles::Tiles;
@@ -20,8 +20,6 @@ const MAX_RENDER_MOTION_PX: f32 = 0.4;
 ///
 /// Between these instants, the light is interpolated linearly.
 const MAX_WARP_MOTION_PX: f32 = 0.1;
-/// Factor by which the motion at the ends of a span is multiplied, because a point may be faster inside the span.
-const SPEED_MARGIN: f32 = 1.15;
 
 /// The light at all instants of a span.
 pub struct LightSpan {
@@ -80,10 +78,10 @@ impl Scene {
             // If there are at least as many instants as threads, each thread renders whole instants. Otherwise all
             // threads render the parts of one instant. The resulting light is the same.
             let inner = if new.len() >= threads { 1 } else { threads };
-            let made = threads::map_indexed(threads / inner, new.len(), |i| {
+            let rendered = threads::map_indexed(threads / inner, new.len(), |i| {
                 work.render_instant(new[i], level, inner)
             });
-            for (k, image) in new.into_iter().zip(made) {
+            for (k, image) in new.into_iter().zip(rendered) {
                 work.images[k] = Some(image);
             }
         }
@@ -154,10 +152,10 @@ impl<'a> SpanRenderer<'a> {
                 let (first, last) = (&ends[0][tile], &ends[1][tile]);
                 // A moving vehicle also moves its shadow, and both may enter from a neighboring tile. Therefore the
                 // motion in neighboring tiles counts as well.
-                let moving = neighbor_tiles(tile, across, count)
+                let motion = neighbor_tiles(tile, across, count)
                     .flat_map(|t| [ends[0][t].world_motion_px, ends[1][t].world_motion_px])
                     .fold(0.0f32, f32::max);
-                let px = first.motion_px.max(last.motion_px).max(moving) * SPEED_MARGIN;
+                let px = first.motion_px.max(last.motion_px).max(motion) * SPEED_MARGIN as f32;
                 let rendered = level(f64::from(px / MAX_RENDER_MOTION_PX).max(flicker));
                 RenderRate {
                     render_level: rendered,
@@ -187,17 +185,17 @@ impl<'a> SpanRenderer<'a> {
         let others: Vec<usize> =
             (0..self.render_rates.len()).filter(|&t| self.render_rates[t].render_level < level).collect();
         let motions: Vec<_> = (0..level).map(|l| self.motions_around(k, l, &others, level)).collect();
-        let made = threads::map_indexed(threads, others.len(), |i| {
+        let rendered_tiles = threads::map_indexed(threads, others.len(), |i| {
             let pace = self.render_rates[others[i]];
             match (&motions[pace.render_level], pace.warp_level >= level) {
                 (Some(motions), true) => self.warp_tile(others[i], k, motions),
                 _ => self.interpolate_tile(others[i], k, pace.warp_level),
             }
         });
-        for (tile, made) in others.into_iter().zip(made) {
+        for (tile, tile_light) in others.into_iter().zip(rendered_tiles) {
             let (columns, rows) = self.tiles.extent(tile);
-            for (row, made) in rows.zip(made.chunks(columns.len())) {
-                light[row * w + columns.start..row * w + columns.end].copy_from_slice(made);
+            for (row, tile_row) in rows.zip(tile_light.chunks(columns.len())) {
+                light[row * w + columns.start..row * w + columns.end].copy_from_slice(tile_row);
             }
         }
         InstantLight { light, labels }
@@ -293,17 +291,17 @@ struct TileMotion {
 impl TileMotion {
     fn from_motions(motions: &Motions, labels: &Labels, tiles: &Tiles, tile: usize) -> Self {
         let (columns, rows) = tiles.extent(tile);
-        let (mut all, mut moving) = (0.0f32, 0.0f32);
+        let (mut all, mut motion) = (0.0f32, 0.0f32);
         for row in rows {
             for column in columns.clone() {
                 let (dx, dy, _) = motions.displacement(labels, row, column);
                 let px2 = dx * dx + dy * dy;
                 all = all.max(px2);
                 if labels.part[row * labels.width + column] > 1 {
-                    moving = moving.max(px2);
+                    motion = motion.max(px2);
                 }
             }
         }
-        Self { motion_px: all.sqrt(), world_motion_px: moving.sqrt() }
+        Self { motion_px: all.sqrt(), world_motion_px: motion.sqrt() }
     }
 }

@@ -62,8 +62,9 @@ impl SpanRenderer<'_> {
             (0..self.render_rates.len()).filter(|&t| self.render_rates[t].render_level >= level).collect();
         let (a, b) = self.bracket(k, level - 1);
         let motions = [a, b].map(|from| (from, self.scene.motions(&self.instants[from], &self.instants[k])));
-        let made = threads::map_indexed(threads, due.len(), |i| self.predict_tile(due[i], k, &motions));
-        TilePredictions(due.into_iter().zip(made).collect())
+        let predictions =
+            threads::map_indexed(threads, due.len(), |i| self.predict_tile(due[i], k, &motions));
+        TilePredictions(due.into_iter().zip(predictions).collect())
     }
 
     /// Predicts a tile at instant `k` from two renders. `motions` contains the motion between each render and `k`.
@@ -137,7 +138,7 @@ fn keep_uniform(
     (width, height): (usize, usize),
     (row, first): (usize, usize),
     reach: usize,
-    most: f32,
+    max_range: f32,
     sure: &mut [bool],
 ) {
     let (left, right) = (first.saturating_sub(reach), (first + sure.len() + reach).min(width));
@@ -154,9 +155,9 @@ fn keep_uniform(
     for (i, sure) in sure.iter_mut().enumerate() {
         let x = first + i - left;
         let around = x.saturating_sub(reach)..(x + reach + 1).min(low.len());
-        let least = low[around.clone()].iter().fold(f32::MAX, |a, &b| if b < a { b } else { a });
-        let greatest = high[around].iter().fold(f32::MIN, |a, &b| if b > a { b } else { a });
-        *sure &= greatest - least < most;
+        let darkest = low[around.clone()].iter().fold(f32::MAX, |a, &b| if b < a { b } else { a });
+        let brightest = high[around].iter().fold(f32::MIN, |a, &b| if b > a { b } else { a });
+        *sure &= brightest - darkest < max_range;
     }
 }
 
@@ -215,7 +216,7 @@ mod tests {
     #[test]
     fn skipped_pixels_do_not_change_other_pixels() {
         let scene = scene(Lighting::LowSun);
-        let whole = scene.render_tiles(0.03, SamplesPerPixel::Sixteen, &scene.tiles(), 1);
+        let full = scene.render_tiles(0.03, SamplesPerPixel::Sixteen, &scene.tiles(), 1);
         let mut tiles = scene.tiles();
         for tile in 0..tiles.row_and_total_counts().1 {
             let n = tiles.pixels(tile).count();
@@ -224,14 +225,14 @@ mod tests {
             tiles.skip_light(tile, &out);
         }
         let some = scene.render_tiles(0.03, SamplesPerPixel::Sixteen, &tiles, 2);
-        assert_eq!(some.labels, whole.labels);
-        let mut asked = 0;
-        for (i, (a, b)) in some.light.iter().zip(&whole.light).enumerate() {
+        assert_eq!(some.labels, full.labels);
+        let mut checked = 0;
+        for (i, (a, b)) in some.light.iter().zip(&full.light).enumerate() {
             if tiles.needs_light(i % 160, i / 160) {
-                asked += 1;
+                checked += 1;
                 assert_eq!(a.to_bits(), b.to_bits(), "pixel {i}");
             }
         }
-        assert!(asked > 1000 && asked < 8000, "{asked}");
+        assert!(checked > 1000 && checked < 8000, "{checked}");
     }
 }

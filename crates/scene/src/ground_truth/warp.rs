@@ -102,14 +102,14 @@ const LANES: usize = 4;
 
 /// Returns the largest integers that do not exceed `x`, and the remainders.
 fn floor4(x: f32x4) -> ([i32; LANES], f32x4) {
-    let whole = x.fast_trunc_int();
+    let integer = x.fast_trunc_int();
     // A SIMD comparison that is true is the integer -1. Where truncation rounded up, the addition therefore subtracts
     // 1.
-    let whole = whole + bytemuck::cast::<f32x4, i32x4>(f32x4::from_i32x4(whole).simd_gt(x));
-    (whole.to_array(), x - f32x4::from_i32x4(whole))
+    let integer = integer + bytemuck::cast::<f32x4, i32x4>(f32x4::from_i32x4(integer).simd_gt(x));
+    (integer.to_array(), x - f32x4::from_i32x4(integer))
 }
 
-/// Returns [`catmull_rom`](spikelane::unstable::interpolation::catmull_rom) at four positions.
+/// Returns [`catmull_rom`](spikelane::unstable::light::catmull_rom) at four positions.
 fn catmull_rom4(t: f32x4) -> [f32x4; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
     use crate::rendering::texture::noise::floor;
     use crate::{Lighting, SamplesPerPixel, SceneOptions};
-    use spikelane::unstable::interpolation::catmull_rom;
+    use spikelane::unstable::light::catmull_rom;
 
     /// Warping four pixels together must give the same bits as warping each pixel alone.
     #[test]

@@ -169,7 +169,7 @@ impl<'a> Facet<'a> {
         let world = self.to_world.0 * local + self.to_world.1;
         let to = world - frame.eye;
         let distance = to.length();
-        let way = to / distance.max(1e-6);
+        let direction = to / distance.max(1e-6);
         let sky = match self.vehicle {
             Some(_) => self.corners.map(|v| v.sky),
             None => self.vertices.map(|v| frame.scene.city.sky_visibility_at(v as usize)),
@@ -179,8 +179,8 @@ impl<'a> Facet<'a> {
             part: self.part,
             world,
             normal: self.to_world.0 * normal,
-            facet: if self.normal.dot(way) > 0.0 { -self.normal } else { self.normal },
-            view_direction: way,
+            facet: if self.normal.dot(direction) > 0.0 { -self.normal } else { self.normal },
+            view_direction: direction,
             distance,
             sky: sky[0] + (sky[1] - sky[0]) * u + (sky[2] - sky[0]) * v,
             spot: SurfaceSample {

@@ -224,32 +224,33 @@ impl<'a> SceneInstant<'a> {
         self.beam_grid = Grid::new(10.0, &things);
     }
 
-    /// Returns whether a vehicle of `list` intersects the segment between `origin` and `origin + max * way`.
-    pub(crate) fn is_blocked_by(&self, list: &[u16], origin: Vec3, way: Vec3, max: f32) -> bool {
-        list.iter().map(|&i| &self.vehicles[usize::from(i)]).filter(|p| p.is_near(origin, way, max)).any(
-            |p| {
+    /// Returns whether a vehicle of `list` lies between `origin` and `origin + max * way`.
+    pub(crate) fn is_blocked_by(&self, list: &[u16], origin: Vec3, direction: Vec3, max: f32) -> bool {
+        list.iter()
+            .map(|&i| &self.vehicles[usize::from(i)])
+            .filter(|p| p.is_near(origin, direction, max))
+            .any(|p| {
                 let from = p.axes.transpose() * (origin - p.origin);
-                let to = p.axes.transpose() * way;
+                let to = p.axes.transpose() * direction;
                 let middle = Vec3::Z * (0.5 * p.shape.size.z);
                 let half = p.shape.size * 0.5 + 0.02;
                 intersects_box(from - middle, to, half, max) && p.shape.bvh.is_blocked(from, to, 0.0, max)
-            },
-        )
+            })
     }
 }
 
 impl PlacedVehicle<'_> {
     /// Returns whether a ray intersects the bounding sphere. This fast test rejects most rays.
-    fn is_near(&self, origin: Vec3, way: Vec3, max: f32) -> bool {
+    fn is_near(&self, origin: Vec3, direction: Vec3, max: f32) -> bool {
         let to = self.center - origin;
-        let along = to.dot(way).clamp(0.0, max);
-        (to - way * along).length_squared() <= self.radius * self.radius
+        let along = to.dot(direction).clamp(0.0, max);
+        (to - direction * along).length_squared() <= self.radius * self.radius
     }
 }
 
 /// Returns whether a ray intersects a box centered on the origin (slab test).
-fn intersects_box(from: Vec3, way: Vec3, half: Vec3, max: f32) -> bool {
-    let inverse = Vec3::ONE / way;
+fn intersects_box(from: Vec3, direction: Vec3, half: Vec3, max: f32) -> bool {
+    let inverse = Vec3::ONE / direction;
     let (a, b) = ((-half - from) * inverse, (half - from) * inverse);
     let (near, far) = (a.min(b), a.max(b));
     near.max_element().max(0.0) <= far.min_element().min(max)

@@ -158,21 +158,21 @@ impl<'a> Projector<'a> {
         if c.iter().all(|p| p.z >= NEAR_PLANE_M) {
             return self.cull_and_add(c, double_sided, id);
         }
-        let mut kept: Vec<Vec3> = Vec::with_capacity(4);
+        let mut clipped: Vec<Vec3> = Vec::with_capacity(4);
         for k in 0..3 {
             let (a, b) = (c[k], c[(k + 1) % 3]);
             if a.z >= NEAR_PLANE_M {
-                kept.push(a);
+                clipped.push(a);
             }
             if (a.z >= NEAR_PLANE_M) != (b.z >= NEAR_PLANE_M) {
                 // The interpolation always starts at the far end of the edge. Two triangles with a common edge
                 // therefore get exactly the same point.
                 let (far, near) = if a.z > b.z { (a, b) } else { (b, a) };
-                kept.push(far + (near - far) * ((far.z - NEAR_PLANE_M) / (far.z - near.z)));
+                clipped.push(far + (near - far) * ((far.z - NEAR_PLANE_M) / (far.z - near.z)));
             }
         }
-        for k in 2..kept.len() {
-            self.cull_and_add([kept[0], kept[k - 1], kept[k]], double_sided, id);
+        for k in 2..clipped.len() {
+            self.cull_and_add([clipped[0], clipped[k - 1], clipped[k]], double_sided, id);
         }
     }
 

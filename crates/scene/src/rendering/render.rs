@@ -59,13 +59,13 @@ impl Scene {
         let frame = &SceneInstant::new(self, t);
         let pattern = SamplePattern::new(samples.count());
         let shadows = self.light.sun_illuminance.max_element() > 0.0;
-        let seen = compute_visibility(frame, &pattern, tiles, shadows, threads);
-        let bands = threads::map_indexed(threads, seen.bands.len(), |b| {
-            shade_band(frame, &seen, &pattern, (b, tiles))
+        let visibility = compute_visibility(frame, &pattern, tiles, shadows, threads);
+        let bands = threads::map_indexed(threads, visibility.bands.len(), |b| {
+            shade_band(frame, &visibility, &pattern, (b, tiles))
         });
         let rgb: Vec<[f32; 3]> = bands.into_iter().flatten().collect();
         let light = rgb.iter().map(|&c| luminance(c.into())).collect();
-        RenderedFrame { labels: seen.labels, light, rgb }
+        RenderedFrame { labels: visibility.labels, light, rgb }
     }
 }
 
@@ -84,11 +84,11 @@ pub(super) struct SurfaceGroup {
 
 pub(super) fn shade_band(
     frame: &SceneInstant,
-    seen: &Visibility,
+    visibility: &Visibility,
     pattern: &SamplePattern,
     (index, tiles): (usize, &Tiles),
 ) -> Vec<[f32; 3]> {
-    let (width, height) = (seen.labels.width, seen.labels.height);
+    let (width, height) = (visibility.labels.width, visibility.labels.height);
     let (rows, runs) = (band_rows(index, height), tiles.runs(index));
     let mut out = vec![[0.0; 3]; width * rows];
     let mut groups: Vec<SurfaceGroup> = Vec::new();
@@ -97,7 +97,7 @@ pub(super) fn shade_band(
         let y = index * BAND_ROWS + row;
         for x in runs.iter().flat_map(|run| run.0..run.1).filter(|&x| tiles.needs_light(x, y)) {
             groups.clear();
-            collect(frame, &seen.bands[index], pattern, (row, x, y), &mut groups);
+            collect(frame, &visibility.bands[index], pattern, (row, x, y), &mut groups);
             let mut sum = Vec3::ZERO;
             for g in &groups {
                 let (gx, gy) = (g.position_sum.0 / g.triangle_samples, g.position_sum.1 / g.triangle_samples);
@@ -106,7 +106,7 @@ pub(super) fn shade_band(
                         shade::sky_luminance(frame, world_direction(frame, gx, gy))
                     } else {
                         let facet = latest.get(frame, g.id);
-                        let sun = sun_share(frame, seen, pattern, (g, facet), (x, y));
+                        let sun = sun_share(frame, visibility, pattern, (g, facet), (x, y));
                         shade::shade(frame, &facet.fragment_at(frame, gx, gy), sun)
                     };
             }
@@ -170,7 +170,7 @@ pub(super) fn collect(
 /// Otherwise up to four rays are traced.
 pub(super) fn sun_share(
     frame: &SceneInstant,
-    seen: &Visibility,
+    visibility: &Visibility,
     pattern: &SamplePattern,
     (g, facet): (&SurfaceGroup, &Facet),
     (x, y): (usize, usize),
@@ -178,12 +178,13 @@ pub(super) fn sun_share(
     if frame.scene.light.sun_illuminance.max_element() <= 0.0 {
         return 0.0;
     }
-    let (width, height) = (seen.labels.width, seen.labels.height);
+    let (width, height) = (visibility.labels.width, visibility.labels.height);
     let (mut sunny, mut known) = (0u32, 0u32);
     for ny in y.saturating_sub(1)..(y + 2).min(height) {
         let columns = x.saturating_sub(1)..(x + 2).min(width);
-        let ids = &seen.bands[ny / BAND_ROWS].sample_row(ny % BAND_ROWS, pattern.center)[columns.clone()];
-        for (&id, &sun) in ids.iter().zip(&seen.is_sunlit[ny * width..][columns]) {
+        let ids =
+            &visibility.bands[ny / BAND_ROWS].sample_row(ny % BAND_ROWS, pattern.center)[columns.clone()];
+        for (&id, &sun) in ids.iter().zip(&visibility.is_sunlit[ny * width..][columns]) {
             if id == g.id || (id != NO_TRIANGLE && surface_id(frame, id) == g.key) {
                 known += 1;
                 sunny += u32::from(sun);

@@ -63,43 +63,44 @@ pub(crate) fn shade(frame: &SceneInstant, f: &Fragment, sun: f32) -> Vec3 {
     let clear = (1.0 - look.roughness) * (1.0 - look.roughness);
     let mut out = look.albedo * arriving.diffuse_lux * (1.0 / PI) + arriving.highlight + look.emission;
     if fresnel * clear > 0.002 {
-        let way = f.view_direction - f.normal * (2.0 * f.view_direction.dot(f.normal));
+        let direction = f.view_direction - f.normal * (2.0 * f.view_direction.dot(f.normal));
         out = out * (1.0 - fresnel * clear)
-            + reflected_environment(frame, f, way, tunnel, look.roughness) * (fresnel * clear);
+            + reflected_environment(frame, f, direction, tunnel, look.roughness) * (fresnel * clear);
     }
     add_haze(frame, out, f.view_direction, f.distance)
 }
 
 /// Returns the luminance of the sky in direction `way`, including clouds and the disk of the sun.
-pub(crate) fn sky_luminance(frame: &SceneInstant, way: Vec3) -> Vec3 {
+pub(crate) fn sky_luminance(frame: &SceneInstant, direction: Vec3) -> Vec3 {
     let light = &frame.scene.light;
-    let mut sky = light.sky_luminance(way);
-    if light.cloud_cover > 0.0 && way.z > 0.01 {
-        let p = Vec2::new(way.x, way.y) / (way.z + 0.12) * 1.3 + Vec2::new(frame.eye.x, frame.eye.y) * 2e-4;
+    let mut sky = light.sky_luminance(direction);
+    if light.cloud_cover > 0.0 && direction.z > 0.01 {
+        let p = Vec2::new(direction.x, direction.y) / (direction.z + 0.12) * 1.3
+            + Vec2::new(frame.eye.x, frame.eye.y) * 2e-4;
         let n = noise::value(p, 1)
             + 0.5 * noise::value(p * 2.1, 2)
             + 0.25 * noise::value(p * 4.3, 3)
             + 0.12 * noise::value(p * 8.9, 4);
         let cover = noise::smoothstep(0.75 - 1.1 * light.cloud_cover, 1.35 - 0.9 * light.cloud_cover, n);
-        let cover = cover * noise::smoothstep(0.01, 0.14, way.z);
+        let cover = cover * noise::smoothstep(0.01, 0.14, direction.z);
         let bright = light.sky_lux() * (0.42 / PI)
-            + light.sun_illuminance * (0.10 * (1.0 + 0.5 * way.dot(light.sun_direction)));
-        let closed = light.sky_luminance(way) * (0.9 + 0.12 * n);
+            + light.sun_illuminance * (0.10 * (1.0 + 0.5 * direction.dot(light.sun_direction)));
+        let closed = light.sky_luminance(direction) * (0.9 + 0.12 * n);
         sky = if light.cloud_cover >= 1.0 { closed } else { sky.lerp(bright, 0.85 * cover) };
     }
     // The drawn disk is 100 times less bright than the real disk. Otherwise a single sample would be far brighter than
     // its surroundings.
-    let disc = noise::smoothstep(0.99985, 0.99998, way.dot(light.sun_direction));
+    let disc = noise::smoothstep(0.99985, 0.99998, direction.dot(light.sun_direction));
     sky + light.sun_illuminance * (12.0 * disc)
 }
 
 /// Adds daylight that is scattered toward the camera along the line of sight. The part of the line of sight inside the
 /// tunnel adds no light.
-fn add_haze(frame: &SceneInstant, out: Vec3, way: Vec3, distance: f32) -> Vec3 {
+fn add_haze(frame: &SceneInstant, out: Vec3, direction: Vec3, distance: f32) -> Vec3 {
     let light = &frame.scene.light;
     let air = (distance - frame.tunnel_view_m).max(0.0);
     let clear = libm::expf(-air / light.haze_length_m);
-    let flat = Vec3::new(way.x, way.y, way.z.max(0.0) * 0.3 + 0.03).normalize_or_zero();
+    let flat = Vec3::new(direction.x, direction.y, direction.z.max(0.0) * 0.3 + 0.03).normalize_or_zero();
     out * clear + light.sky_luminance(flat) * (1.0 - clear)
 }
 
@@ -121,17 +122,17 @@ fn tunnel_share(frame: &SceneInstant, f: &Fragment) -> f32 {
 fn add_ambient(frame: &SceneInstant, f: &Fragment, tunnel: f32) -> Vec3 {
     let light = &frame.scene.light;
     let n = f.normal;
-    let mut seen = match frame.parts[f.part].vehicle {
+    let mut sky_share = match frame.parts[f.part].vehicle {
         Some(v) => f.sky * frame.vehicles[v as usize].sky * (0.5 + 0.5 * n.z),
         None => f.sky,
     };
     let contact = sky_share_under_vehicles(frame, f);
-    seen *= contact;
+    sky_share *= contact;
     let surround = &frame.ambient;
-    let glow = light.sun_glow * (0.5 * n.dot(surround.horizontal_sun_direction).max(0.0) * seen);
-    let outside = surround.sky_lux * seen
+    let glow = light.sun_glow * (0.5 * n.dot(surround.horizontal_sun_direction).max(0.0) * sky_share);
+    let outside = surround.sky_lux * sky_share
         + glow
-        + surround.non_sky_lux * ((1.0 - seen) * (0.35 + 0.65 * contact) * (1.0 - tunnel));
+        + surround.non_sky_lux * ((1.0 - sky_share) * (0.35 + 0.65 * contact) * (1.0 - tunnel));
     if tunnel == 0.0 {
         return outside;
     }
@@ -224,7 +225,7 @@ fn add_lamps(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &m
             f.world + f.facet * 0.03 + if look.transmission > 0.0 { o.direction * 0.35 } else { Vec3::ZERO };
         let reach = o.distance - POST_RADIUS_M;
         // A lamp with less than 7 % of the light counts as half visible, so most shadow rays are not needed.
-        let seen = if o.diffuse < 0.07 * total {
+        let sky_share = if o.diffuse < 0.07 * total {
             0.5
         } else if scene.is_lamp_hidden(o.lamp, origin)
             || frame.is_blocked_by(frame.near_grid.items_at(place), origin, o.direction, reach)
@@ -233,10 +234,10 @@ fn add_lamps(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &m
         } else {
             1.0
         };
-        arriving.diffuse_lux += scene.light.lamp_tint * (o.diffuse * seen);
-        if o.cosine > 0.0 && seen > 0.0 {
+        arriving.diffuse_lux += scene.light.lamp_tint * (o.diffuse * sky_share);
+        if o.cosine > 0.0 && sky_share > 0.0 {
             arriving.highlight +=
-                scene.light.lamp_tint * (o.lux * seen * highlight_luminance(f, look, o.direction));
+                scene.light.lamp_tint * (o.lux * sky_share * highlight_luminance(f, look, o.direction));
         }
     }
 }
@@ -272,31 +273,36 @@ fn add_beams(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &m
     }
 }
 
-/// Returns the luminance of the surroundings in a reflection. The model of the street is a canyon of facades below the
-/// sky.
-fn reflected_environment(frame: &SceneInstant, f: &Fragment, way: Vec3, tunnel: f32, rough: f32) -> Vec3 {
+/// Returns the luminance that a reflection shows: the street as a canyon of facades under the sky.
+fn reflected_environment(
+    frame: &SceneInstant,
+    f: &Fragment,
+    direction: Vec3,
+    tunnel: f32,
+    rough: f32,
+) -> Vec3 {
     let scene = frame.scene;
     let light = &scene.light;
     let lux = frame.ambient.sky_lux;
     if tunnel > 0.5 {
-        let streak =
-            noise::smoothstep(0.55, 0.7, way.z) * noise::pulses(f.world.x + way.x * 4.0, 4.0, 0.0, 1.4, 0.3);
+        let streak = noise::smoothstep(0.55, 0.7, direction.z)
+            * noise::pulses(f.world.x + direction.x * 4.0, 4.0, 0.0, 1.4, 0.3);
         return Vec3::new(1.05, 1.0, 0.88) * (light.tunnel_lux * (0.12 + 3.0 * streak));
     }
     let night = light.lamp_tint * (light.lamp_cd * 0.004);
     let ground = (light.sun_illuminance * (0.5 * light.sun_direction.z.max(0.0)) + lux * 0.6 + night * 2.0)
         * (0.11 / PI);
-    if way.z <= 0.0 {
+    if direction.z <= 0.0 {
         return ground;
     }
     let (height, half) = scene.city.street_canyon;
-    let flat = way.truncate().length().max(1e-4);
-    let sideways = (way.dot(frame.road_left) / flat).abs().max(0.02 + 0.6 * rough);
+    let flat = direction.truncate().length().max(1e-4);
+    let sideways = (direction.dot(frame.road_left) / flat).abs().max(0.02 + 0.6 * rough);
     let reach = (half / sideways).min(160.0);
-    let at = f.world.truncate() + way.truncate() * (reach / flat);
+    let at = f.world.truncate() + direction.truncate() * (reach / flat);
     let along = at.dot(Vec2::new(frame.road_left.y, -frame.road_left.x));
     let skyline = height * (1.0 + 0.45 * noise::value(Vec2::new(along / 14.0, 0.5), 9));
-    let climb = f.world.z + way.z / flat * reach;
+    let climb = f.world.z + direction.z / flat * reach;
     let soft = 0.6 + 30.0 * rough;
     let open = noise::smoothstep(-soft, soft, climb - skyline);
     let rooms = 0.5 + 0.5 * noise::value(Vec2::new(along / 1.6, climb / 1.7), 10);
@@ -304,5 +310,5 @@ fn reflected_environment(frame: &SceneInstant, f: &Fragment, way: Vec3, tunnel: 
         * (0.30 / PI)
         * (0.7 + 0.6 * (0.5 + (rooms - 0.5) * (1.0 - 2.5 * rough).max(0.0)))
         + Vec3::new(1.2, 0.95, 0.6) * (light.window_cd_m2 * 0.8 * noise::smoothstep(0.72, 0.9, rooms));
-    front.lerp(light.sky_luminance(way), open)
+    front.lerp(light.sky_luminance(direction), open)
 }

@@ -19,38 +19,38 @@ impl Scene {
     ///
     /// The first entry is the duration of the whole render. The last entry is the duration of shading, without the
     /// computation of visible sun fractions and textures.
-    pub fn stage_times(&self, t: f64, clock: &mut dyn FnMut(&mut dyn FnMut()) -> f64) -> StageTimes {
+    pub fn stage_times(&self, t: f64, timer: &mut dyn FnMut(&mut dyn FnMut()) -> f64) -> StageTimes {
         let (frame, tiles) = (&SceneInstant::new(self, t), &self.tiles());
         let pattern = &SamplePattern::new(4);
         let shadows = self.light.sun_illuminance.max_element() > 0.0;
-        let seen = compute_visibility(frame, pattern, tiles, shadows, 1);
-        let (width, height) = (seen.labels.width, seen.labels.height);
+        let visibility = compute_visibility(frame, pattern, tiles, shadows, 1);
+        let (width, height) = (visibility.labels.width, visibility.labels.height);
         let runs = [(0, width)];
-        let mut take = |run: &mut dyn FnMut()| clock(run);
-        let whole = take(&mut || drop(self.render_tiles(t, SamplesPerPixel::Four, tiles, 1)));
+        let mut take = |run: &mut dyn FnMut()| timer(run);
+        let total = take(&mut || drop(self.render_tiles(t, SamplesPerPixel::Four, tiles, 1)));
         let placed = take(&mut || drop(SceneInstant::new(self, t)));
         let raster = take(&mut || {
             let chunks = visible_chunks(frame, tiles);
             let batches: Vec<_> = chunks.into_iter().map(|(p, c)| project(frame, p, c, tiles)).collect();
-            for b in 0..seen.bands.len() {
+            for b in 0..visibility.bands.len() {
                 let rows = band_rows(b, height);
                 drop(Band::fill(&batches, pattern, &runs, width, b * BAND_ROWS, rows));
             }
         });
         let mut labels = |shadows: bool| {
             take(&mut || {
-                for (b, band) in seen.bands.iter().enumerate() {
+                for (b, band) in visibility.bands.iter().enumerate() {
                     drop(center_labels(frame, band, pattern, (b, tiles), shadows));
                 }
             })
         };
         let (bare, lit) = (labels(false), labels(shadows));
-        let groups = groups(frame, &seen.bands, pattern, height);
+        let groups = groups(frame, &visibility.bands, pattern, height);
         let shares = take(&mut || {
             let mut latest = FacetCache::default();
             for (group, at) in &groups {
                 let facet = latest.get(frame, group.id);
-                std::hint::black_box(sun_share(frame, &seen, pattern, (group, facet), *at));
+                std::hint::black_box(sun_share(frame, &visibility, pattern, (group, facet), *at));
             }
         });
         let fragments: Vec<Fragment> = {
@@ -66,12 +66,12 @@ impl Scene {
             }
         });
         let shading = take(&mut || {
-            for b in 0..seen.bands.len() {
-                drop(shade_band(frame, &seen, pattern, (b, tiles)));
+            for b in 0..visibility.bands.len() {
+                drop(shade_band(frame, &visibility, pattern, (b, tiles)));
             }
         });
         [
-            ("key frame with its labels", whole),
+            ("key frame with its labels", total),
             ("placing vehicles", placed),
             ("rasterizer", raster),
             ("labels of centers", bare),

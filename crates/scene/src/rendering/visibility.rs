@@ -44,18 +44,18 @@ pub(super) fn compute_visibility(
         let (labels, sunny) = center_labels(frame, &band, pattern, (b, tiles), shadows);
         (band, labels, sunny)
     });
-    let mut seen =
+    let mut visibility =
         Visibility { bands: Vec::new(), labels: empty_labels(width, height, frame.t), is_sunlit: Vec::new() };
     for (band, labels, sunny) in parts {
-        seen.bands.push(band);
-        seen.is_sunlit.extend(sunny);
-        let all = &mut seen.labels;
+        visibility.bands.push(band);
+        visibility.is_sunlit.extend(sunny);
+        let all = &mut visibility.labels;
         all.depth_m.extend(labels.depth_m);
         all.instance.extend(labels.instance);
         all.semantic.extend(labels.semantic);
         all.part.extend(labels.part);
     }
-    seen
+    visibility
 }
 
 fn empty_labels(width: usize, height: usize, t: f64) -> Labels {

@@ -41,8 +41,11 @@ impl LampShadows {
             let radius = middle.distance(a).max(middle.distance(b)).max(middle.distance(c));
             middle.distance(lamp) - 1.001 * radius
         };
-        let mut near: Vec<(f32, Triangle)> =
-            triangles.iter().map(|t| (nearest(t), *t)).filter(|(least, _)| *least < reach).collect();
+        let mut near: Vec<(f32, Triangle)> = triangles
+            .iter()
+            .map(|t| (nearest(t), *t))
+            .filter(|(nearest_distance, _)| *nearest_distance < reach)
+            .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         let flat = near.iter().enumerate().flat_map(|(i, (_, t))| {
             clip_below([t.v0, t.v1, t.v2].map(|p| Vec3::from(p) - lamp))
@@ -61,8 +64,10 @@ impl LampShadows {
         let list = self.columns.triangles_at(place)?;
         let distance = to.length();
         let ray = Ray::new(from.into(), (to / distance).into(), 0.0, distance - POST_RADIUS_M);
-        let mut near =
-            list.iter().map(|&i| &self.triangles[i as usize]).take_while(|(least, _)| *least < distance);
+        let mut near = list
+            .iter()
+            .map(|&i| &self.triangles[i as usize])
+            .take_while(|(nearest_distance, _)| *nearest_distance < distance);
         Some(near.any(|(_, t)| t.intersect(&ray) < ray.tmax))
     }
 }
@@ -120,18 +125,18 @@ mod tests {
             .collect();
         let tree = Bvh::new(corners.iter().copied());
         let cones = LampShadows::new(tree.triangles(), lamp, 26.0);
-        let (mut differ, mut blocked, mut asked) = (0, 0, 0);
+        let (mut differ, mut blocked, mut checked) = (0, 0, 0);
         for i in 0..6000 {
             let from = place(10_000 + i, 10.0);
             let to = lamp - from;
             let Some(hit) = cones.is_blocked(from) else { continue };
-            asked += 1;
+            checked += 1;
             blocked += u32::from(hit);
             differ +=
                 u32::from(hit != tree.is_blocked(from, to.normalize(), 0.0, to.length() - POST_RADIUS_M));
         }
-        assert!(asked > 3000, "{asked} of 6000 lie below the lamp");
-        assert!(blocked > 400 && blocked < 2000, "{blocked} of {asked} lie in shadow");
+        assert!(checked > 3000, "{checked} of 6000 lie below the lamp");
+        assert!(blocked > 400 && blocked < 2000, "{blocked} of {checked} lie in shadow");
         // Both methods use the same triangles and the same intersection test, so all results must be equal.
         assert_eq!(differ, 0);
     }

@@ -13,20 +13,20 @@ fn options() -> SceneOptions {
 
 #[test]
 fn visible_boxes_enclose_their_pixels_tightly_and_lie_within_amodal_ones() {
-    let mut seen = 0;
+    let mut visible = 0;
     for seed in [11, 12, 13] {
         let scene = Scene::from_seed(seed, &options()).unwrap();
         let l = scene.labels(1.0, 1).unwrap();
         for b in scene.boxes(&l).unwrap() {
-            let of = |i: usize| l.instance[i] == b.track_id;
+            let is_instance = |i: usize| l.instance[i] == b.track_id;
             let pixels: Vec<(usize, usize)> =
-                (0..l.instance.len()).filter(|&i| of(i)).map(|i| (i % 200, i / 200)).collect();
+                (0..l.instance.len()).filter(|&i| is_instance(i)).map(|i| (i % 200, i / 200)).collect();
             assert_eq!(pixels.len(), b.visible_pixels as usize);
             let Some(v) = b.visible_box else {
                 assert!(pixels.is_empty() && b.occlusion == 1.0);
                 continue;
             };
-            seen += 1;
+            visible += 1;
             let edge = |f: fn(&(usize, usize)) -> usize| {
                 (pixels.iter().map(f).min().unwrap() as f32, pixels.iter().map(f).max().unwrap() as f32 + 1.0)
             };
@@ -37,7 +37,7 @@ fn visible_boxes_enclose_their_pixels_tightly_and_lie_within_amodal_ones() {
             assert!((0.0..=1.0).contains(&b.truncation) && (0.0..1.0).contains(&b.occlusion));
         }
     }
-    assert!(seen >= 10, "only {seen} vehicles seen");
+    assert!(visible >= 10, "only {visible} vehicles seen");
 }
 
 #[test]

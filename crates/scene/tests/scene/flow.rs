@@ -131,8 +131,8 @@ fn key_frames_bound_the_motion_between_them() {
         let a = scene.labels(plan.readouts[w[0]], 1).unwrap();
         let b = scene.labels(plan.readouts[w[1]], 1).unwrap();
         let flow = scene.flow(&a, &b, 1).unwrap();
-        let longest = flow.dx.iter().zip(&flow.dy).map(|(x, y)| x.hypot(*y)).fold(0.0f32, f32::max);
-        assert!(longest <= 0.5, "{longest} px between key frames");
+        let max_motion = flow.dx.iter().zip(&flow.dy).map(|(x, y)| x.hypot(*y)).fold(0.0f32, f32::max);
+        assert!(max_motion <= 0.5, "{max_motion} px between key frames");
     }
 }
 

@@ -64,17 +64,16 @@ pub(super) fn auc_with_interval(all: &[LabeledWindow], scores: &[f64]) -> Auc {
     let value = auc_value(all, scores);
     let places = 1 + all.iter().map(|s| s.place).max().unwrap_or(0);
     let mut random = Pcg64Mcg::seed_from_u64(1);
-    let mut drawn: Vec<f64> = (0..BOOTSTRAP_SAMPLES)
+    let mut resampled: Vec<f64> = (0..BOOTSTRAP_SAMPLES)
         .filter_map(|_| {
             let mut times = vec![0.0; places];
             (0..places).for_each(|_| times[(random.next_u64() % places as u64) as usize] += 1.0);
-            let found =
-                mann_whitney_auc(all.iter().zip(scores).map(|(s, x)| (s.is_real, *x, times[s.place])));
-            Some(found).filter(|a| a.is_finite())
+            let auc = mann_whitney_auc(all.iter().zip(scores).map(|(s, x)| (s.is_real, *x, times[s.place])));
+            Some(auc).filter(|a| a.is_finite())
         })
         .collect();
-    drawn.sort_by(f64::total_cmp);
-    let at = |share: f64| drawn.get((share * drawn.len() as f64) as usize).copied().unwrap_or(value);
+    resampled.sort_by(f64::total_cmp);
+    let at = |share: f64| resampled.get((share * resampled.len() as f64) as usize).copied().unwrap_or(value);
     Auc { value, low: at(0.025), high: at(0.975) }
 }
 
@@ -160,7 +159,7 @@ mod tests {
 
     /// Creates windows of two kinds. The means of the first value differ between the kinds by `apart` standard
     /// deviations. The second value is noise.
-    fn windows(apart: f64) -> Vec<LabeledWindow> {
+    fn windows(separation: f64) -> Vec<LabeledWindow> {
         let mut random = Pcg64Mcg::seed_from_u64(7);
         let mut normal = || (0..12).map(|_| random.next_u64() as f64 / u64::MAX as f64).sum::<f64>() - 6.0;
         (0..1200)
@@ -169,7 +168,7 @@ mod tests {
                 LabeledWindow {
                     place: i / 12,
                     is_real: real,
-                    values: vec![normal() + if real { apart } else { 0.0 }, normal()],
+                    values: vec![normal() + if real { separation } else { 0.0 }, normal()],
                 }
             })
             .collect()
@@ -178,18 +177,18 @@ mod tests {
     #[test]
     fn auc_of_two_shifted_normals_matches_theory() {
         let all = windows(1.0);
-        let found = auc_with_interval(&all, &out_of_fold_scores(&all));
+        let auc = auc_with_interval(&all, &out_of_fold_scores(&all));
         // For two normal distributions whose means differ by one standard deviation, AUC = Phi(sqrt(1/2)) = 0.760. Phi is the
         // normal distribution function.
-        assert!((found.value - 0.760).abs() < 0.03, "{found:?}");
-        assert!(found.low < 0.760 && 0.760 < found.high, "{found:?}");
+        assert!((auc.value - 0.760).abs() < 0.03, "{auc:?}");
+        assert!(auc.low < 0.760 && 0.760 < auc.high, "{auc:?}");
     }
 
     #[test]
     fn auc_of_identical_kinds_is_one_half() {
         let all = windows(0.0);
-        let found = auc_with_interval(&all, &out_of_fold_scores(&all));
-        assert!(found.low < 0.5 && found.high > 0.5, "{found:?}");
+        let auc = auc_with_interval(&all, &out_of_fold_scores(&all));
+        assert!(auc.low < 0.5 && auc.high > 0.5, "{auc:?}");
     }
 
     #[test]

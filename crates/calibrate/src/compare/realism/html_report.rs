@@ -26,14 +26,14 @@ impl RealismComparison {
             " There is not enough data for a decision: the interval extends more than 0.07 to either side."
                 .to_owned()
         };
-        let tell = best.features.first().map_or(String::new(), |t| {
+        let feature_text = best.features.first().map_or(String::new(), |t| {
             format!(
                 " The most revealing statistic is {}: {:.3e} real, {:.3e} simulated.",
                 t.name, t.real_mean, t.simulated_mean
             )
         });
         format!(
-            "{} is the most realistic camera: {} against {} between two of its own recordings, {over:+.2}.{tell}{decided}",
+            "{} is the most realistic camera: {} against {} between two of its own recordings, {over:+.2}.{feature_text}{decided}",
             best.name,
             best.auc.text(),
             best.self_auc.text()
@@ -102,9 +102,16 @@ impl RealismComparison {
     fn camera_table(&self) -> Table {
         let mut table = Table::new(&["camera", "told", "floor", "decided", "most revealing statistic"]);
         for row in &self.cameras {
-            let tell = row.features.first().map_or(String::new(), |t| format!("{} ({:.2})", t.name, t.auc));
+            let feature_text =
+                row.features.first().map_or(String::new(), |t| format!("{} ({:.2})", t.name, t.auc));
             let decided = if row.is_conclusive() { "yes" } else { "not with this amount of data" };
-            table.push_row([row.name.clone(), row.auc.text(), row.self_auc.text(), decided.to_owned(), tell]);
+            table.push_row([
+                row.name.clone(),
+                row.auc.text(),
+                row.self_auc.text(),
+                decided.to_owned(),
+                feature_text,
+            ]);
         }
         table
     }
@@ -127,9 +134,10 @@ fn feature_table(row: &RealismRow) -> Table {
 fn subset_table(row: &RealismRow) -> Table {
     let mut table = Table::new(&["part", "windows", "told", "most revealing statistic there"]);
     for part in &row.subsets {
-        let told = part.auc.map_or("too few places".to_owned(), Auc::text);
-        let tell = part.best_feature.as_ref().map_or(String::new(), |t| format!("{} ({:.2})", t.name, t.auc));
-        table.push_row([part.name.clone(), part.windows.to_string(), told, tell]);
+        let auc_text = part.auc.map_or("too few places".to_owned(), Auc::text);
+        let feature_text =
+            part.best_feature.as_ref().map_or(String::new(), |t| format!("{} ({:.2})", t.name, t.auc));
+        table.push_row([part.name.clone(), part.windows.to_string(), auc_text, feature_text]);
     }
     table
 }

@@ -42,11 +42,11 @@ impl<'a> MatchedSimulation<'a> {
             readouts: real.readouts,
             scale: 1.0,
         };
-        let found = matched.simulate(seeds)?;
+        let simulated = matched.simulate(seeds)?;
         let spikes = |times: &SpikeTimes| -> usize {
             (0..lines.len()).filter(|p| lines[*p].rate.is_finite()).map(|p| times.pixel_times(p).len()).sum()
         };
-        matched.scale = spikes(real) as f64 / spikes(&found).max(1) as f64;
+        matched.scale = spikes(real) as f64 / spikes(&simulated).max(1) as f64;
         Ok(matched)
     }
 
@@ -59,12 +59,12 @@ impl<'a> MatchedSimulation<'a> {
         // The middles of the two halves are half a recording apart. Over the whole recording, the relative light therefore
         // changes from `1 - drift` to `1 + drift`.
         let light = |end: f64| -> Vec<f32> {
-            let of = |(rate, drift): (&f64, &f64)| {
+            let light_at = |(rate, drift): (&f64, &f64)| {
                 let light = self.camera.operating_point(rate * (1.0 + end * drift)).light * self.scale;
                 // The rate of a pixel without spikes is NaN. The light of such a pixel is set to 0.
                 if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
             };
-            rates.iter().zip(self.drift).map(of).collect()
+            rates.iter().zip(self.drift).map(light_at).collect()
         };
         let (first, last) = (light(-1.0), light(1.0));
         let [first, last] = [&first, &last].map(FrameRef::new);

@@ -184,18 +184,18 @@ pub fn compare_realism(
         used_pixels: &used,
         rows: rows.start..rows.end.min(height),
     };
-    let own = cutter.samples(&real, &lines);
-    let places = count_places(&own);
+    let real_samples = cutter.samples(&real, &lines);
+    let places = count_places(&real_samples);
     if places < MIN_PLACES {
         return Err(too_few_places_error(recording, options.window, places));
     }
     let names = feature_names(&lags);
-    let mut found = RealismComparison {
+    let mut comparison = RealismComparison {
         window: options.window,
-        windows: own.len(),
+        windows: real_samples.len(),
         places,
         excluded_share: used.iter().filter(|u| !**u).count() as f64 / used.len() as f64,
-        mean_rate: own.iter().map(|s| s.mean_rate).sum::<f64>() / own.len() as f64,
+        mean_rate: real_samples.iter().map(|s| s.mean_rate).sum::<f64>() / real_samples.len() as f64,
         drifting_light: options.drifting_light,
         cameras: Vec::new(),
         recording_statistics: Vec::new(),
@@ -203,14 +203,14 @@ pub fn compare_realism(
         width: real.geometry.width(),
         features_csv: csv_header(&names),
     };
-    add_csv_rows(&mut found.features_csv, "real", &own);
+    add_csv_rows(&mut comparison.features_csv, "real", &real_samples);
     let counted: Vec<bool> = used
         .iter()
         .enumerate()
         .map(|(p, used)| *used && cutter.rows.contains(&(p / real.geometry.width())))
         .collect();
     let dark = options.dark_rates.clone().map(recording_statistics::quantiles);
-    found.recording_statistics.push(RecordingStatistics::from_recordings(
+    comparison.recording_statistics.push(RecordingStatistics::from_recordings(
         "real",
         std::slice::from_ref(&real),
         &counted,
@@ -222,22 +222,24 @@ pub fn compare_realism(
         let recordings = matched.simulate_recordings(options.recordings_per_camera.max(2), options.seeds)?;
         let simulated: Vec<Vec<WindowSample>> =
             recordings.iter().map(|times| cutter.samples(times, &times.fit_rates())).collect();
-        simulated.iter().for_each(|samples| add_csv_rows(&mut found.features_csv, &camera.name, samples));
+        simulated
+            .iter()
+            .for_each(|samples| add_csv_rows(&mut comparison.features_csv, &camera.name, samples));
         let dark = options
             .dark_rates
             .as_ref()
             .map(|_| recording_statistics::dark_rate_quantiles(camera, options.seeds))
             .transpose()?;
-        found.recording_statistics.push(RecordingStatistics::from_recordings(
+        comparison.recording_statistics.push(RecordingStatistics::from_recordings(
             &camera.name,
             &recordings,
             &counted,
             dark,
         ));
-        found.cameras.push(compare_camera(&camera.name, &names, &own, &simulated));
+        comparison.cameras.push(compare_camera(&camera.name, &names, &real_samples, &simulated));
     }
-    found.cameras.sort_by(|a, b| a.auc.value.total_cmp(&b.auc.value));
-    Ok(found)
+    comparison.cameras.sort_by(|a, b| a.auc.value.total_cmp(&b.auc.value));
+    Ok(comparison)
 }
 
 fn too_few_places_error(recording: &StreamReader, window: WindowSize, places: usize) -> Error {
@@ -277,7 +279,7 @@ fn add_csv_rows(text: &mut String, camera: &str, samples: &[WindowSample]) {
 fn compare_camera(
     name: &str,
     names: &[(String, bool)],
-    own: &[WindowSample],
+    measured: &[WindowSample],
     simulated: &[Vec<WindowSample>],
 ) -> RealismRow {
     let others: Vec<&WindowSample> = simulated.iter().flatten().collect();
@@ -289,11 +291,11 @@ fn compare_camera(
         };
         real.into_iter().map(|s| seen_of(true, s)).chain(others.iter().map(|s| seen_of(false, s))).collect()
     };
-    let all = pair(own.iter().collect(), &others);
+    let all = pair(measured.iter().collect(), &others);
     let against_itself: Vec<&WindowSample> = simulated[1..].iter().flatten().collect();
     let floor = pair(simulated[0].iter().collect(), &against_itself);
     let part = |name: String, within: &dyn Fn(&WindowSample) -> bool| {
-        let here: Vec<&WindowSample> = own.iter().filter(|s| within(s)).collect();
+        let here: Vec<&WindowSample> = measured.iter().filter(|s| within(s)).collect();
         let others: Vec<&WindowSample> = others.iter().copied().filter(|s| within(s)).collect();
         let enough =
             here.iter().map(|s| s.place).collect::<std::collections::BTreeSet<_>>().len() >= MIN_PLACES;
@@ -303,10 +305,14 @@ fn compare_camera(
             name,
             windows,
             auc: (enough && !others.is_empty()).then(|| auc_with_interval(&all, &out_of_fold_scores(&all))),
-            best_feature: rank_features(names, &all).into_iter().next().filter(|tell| tell.auc.is_finite()),
+            best_feature: rank_features(names, &all)
+                .into_iter()
+                .next()
+                .filter(|feature| feature.auc.is_finite()),
         }
     };
-    let parts = row_and_rate_subsets(own).into_iter().map(|(name, within)| part(name, &*within)).collect();
+    let parts =
+        row_and_rate_subsets(measured).into_iter().map(|(name, within)| part(name, &*within)).collect();
     RealismRow {
         name: name.to_owned(),
         auc: auc_with_interval(&all, &out_of_fold_scores(&all)),
@@ -319,9 +325,9 @@ fn compare_camera(
 type SubsetFilter = (String, Box<dyn Fn(&WindowSample) -> bool>);
 
 /// Returns name and condition of six subsets: the thirds of the windows by row, and the thirds by rate.
-fn row_and_rate_subsets(own: &[WindowSample]) -> Vec<SubsetFilter> {
-    let mut rows: Vec<usize> = own.iter().map(|s| s.row).collect();
-    let mut rates: Vec<f64> = own.iter().map(|s| s.mean_rate).collect();
+fn row_and_rate_subsets(real: &[WindowSample]) -> Vec<SubsetFilter> {
+    let mut rows: Vec<usize> = real.iter().map(|s| s.row).collect();
+    let mut rates: Vec<f64> = real.iter().map(|s| s.mean_rate).collect();
     rows.sort_unstable();
     rates.sort_by(f64::total_cmp);
     let third = |k: usize, n: usize| (k * n / 3).min(n - 1);
@@ -345,24 +351,24 @@ fn row_and_rate_subsets(own: &[WindowSample]) -> Vec<SubsetFilter> {
 /// Returns the features in descending order of the AUC of each single feature.
 fn rank_features(names: &[(String, bool)], all: &[LabeledWindow]) -> Vec<FeatureSeparation> {
     let mean = |i: usize, real: bool| {
-        let of = all.iter().filter(|s| s.is_real == real);
-        let n = of.clone().count().max(1) as f64;
-        of.map(|s| s.values[i]).sum::<f64>() / n
+        let samples = all.iter().filter(|s| s.is_real == real);
+        let n = samples.clone().count().max(1) as f64;
+        samples.map(|s| s.values[i]).sum::<f64>() / n
     };
-    let mut found: Vec<FeatureSeparation> = (0..names.len())
+    let mut separations: Vec<FeatureSeparation> = (0..names.len())
         .map(|i| {
             let (name, logarithm) = &names[i];
             let scores: Vec<f64> = all.iter().map(|s| s.values[i]).collect();
             let back = |x: f64| if *logarithm { x.exp() } else { x };
-            let alone = discriminator::auc_value(all, &scores);
+            let feature_auc = discriminator::auc_value(all, &scores);
             FeatureSeparation {
                 name: name.clone(),
                 real_mean: back(mean(i, true)),
                 simulated_mean: back(mean(i, false)),
-                auc: alone.max(1.0 - alone),
+                auc: feature_auc.max(1.0 - feature_auc),
             }
         })
         .collect();
-    found.sort_by(|a, b| b.auc.total_cmp(&a.auc));
-    found
+    separations.sort_by(|a, b| b.auc.total_cmp(&a.auc));
+    separations
 }

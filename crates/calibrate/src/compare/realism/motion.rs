@@ -51,13 +51,14 @@ pub(super) struct Motion {
 impl Motion {
     pub(super) fn from_times(times: &SpikeTimes) -> Self {
         let geometry = times.geometry;
-        let own: Vec<f64> = (0..geometry.pixels()).map(|p| log_rate_change(times.pixel_times(p))).collect();
+        let changes: Vec<f64> =
+            (0..geometry.pixels()).map(|p| log_rate_change(times.pixel_times(p))).collect();
         let zero_where_dark = |d: f64| if d.is_finite() { d } else { 0.0 };
-        let drift: Vec<f64> = box_means(&own, geometry.width(), SURROUNDING_RADIUS_PX)
+        let drift: Vec<f64> = box_means(&changes, geometry.width(), SURROUNDING_RADIUS_PX)
             .into_iter()
             .map(zero_where_dark)
             .collect();
-        let away: Vec<f64> = own.iter().zip(&drift).map(|(own, mean)| own - mean).collect();
+        let away: Vec<f64> = changes.iter().zip(&drift).map(|(change, mean)| change - mean).collect();
         let mut shared = vec![0.0; away.len()];
         for shift in SHIFTS {
             add_squares(&mut shared, &away, geometry, shift);
@@ -179,14 +180,14 @@ mod tests {
     /// then have a chi-square of about 30.
     #[test]
     fn a_fine_grain_that_moves_by_two_rows_is_motion() {
-        let moving = simulate_times(
+        let moving_times = simulate_times(
             |row, column, t| {
                 let (down, part) = (t / 60, (t % 60) as f64 / 60.0);
                 grain(row + down, column) * (1.0 - part) + grain(row + down + 1, column) * part
             },
             || 0.0,
         );
-        assert!(static_share(&moving) < 0.25, "{}", static_share(&moving));
+        assert!(static_share(&moving_times) < 0.25, "{}", static_share(&moving_times));
     }
 
     /// The tolerance is twice the error of the mean. A pixel has three intervals of 20 readouts in each half, so its error

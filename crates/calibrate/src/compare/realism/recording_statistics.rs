@@ -81,10 +81,10 @@ pub(super) fn format_variance(d: Option<f64>) -> String {
 }
 
 fn measure(times: &SpikeTimes, lines: &[RateFit], used: &[bool]) -> [f64; VARIANCE_LAGS.len() + 2] {
-    let mut found = [[0.0; 2]; VARIANCE_LAGS.len() + 2];
+    let mut sums = [[0.0; 2]; VARIANCE_LAGS.len() + 2];
     for p in (0..lines.len()).filter(|p| used[*p] && lines[*p].rate.is_finite() && lines[*p].rate <= 1.0) {
         let (spikes, mean) = (times.pixel_times(p), 1.0 / lines[p].rate);
-        for (sum, n) in found
+        for (sum, n) in sums
             .iter_mut()
             .zip(VARIANCE_LAGS)
             .filter(|(_, n)| 2 * spikes.len() > 3 * n && spikes.len() > n + 1)
@@ -95,15 +95,15 @@ fn measure(times: &SpikeTimes, lines: &[RateFit], used: &[bool]) -> [f64; VARIAN
         }
         for pair in spikes.windows(2) {
             let interval = f64::from(pair[1] - pair[0]);
-            found[VARIANCE_LAGS.len()][0] += f64::from(u8::from(interval < mean.floor()));
-            found[VARIANCE_LAGS.len() + 1][0] += f64::from(u8::from(interval > mean.ceil()));
-            found[VARIANCE_LAGS.len()][1] += 1.0;
-            found[VARIANCE_LAGS.len() + 1][1] += 1.0;
+            sums[VARIANCE_LAGS.len()][0] += f64::from(u8::from(interval < mean.floor()));
+            sums[VARIANCE_LAGS.len() + 1][0] += f64::from(u8::from(interval > mean.ceil()));
+            sums[VARIANCE_LAGS.len()][1] += 1.0;
+            sums[VARIANCE_LAGS.len() + 1][1] += 1.0;
         }
     }
     // If there are no intervals, the shares are 0 and the variances are NaN. The caller omits NaN.
     let mean = |i: usize| {
-        if i >= VARIANCE_LAGS.len() && found[i][1] == 0.0 { 0.0 } else { found[i][0] / found[i][1] }
+        if i >= VARIANCE_LAGS.len() && sums[i][1] == 0.0 { 0.0 } else { sums[i][0] / sums[i][1] }
     };
     std::array::from_fn(mean)
 }
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn quantiles_are_values_of_the_pixels() {
-        let found = quantiles((0..10_001).rev().map(f64::from).collect());
-        assert_eq!(found, [100.0, 5000.0, 9900.0, 9999.0, 10_000.0]);
+        let quantile_values = quantiles((0..10_001).rev().map(f64::from).collect());
+        assert_eq!(quantile_values, [100.0, 5000.0, 9900.0, 9999.0, 10_000.0]);
     }
 }

@@ -23,8 +23,8 @@ pub(super) struct RateFit {
 
 impl SpikeTimes {
     /// Reads the first `longest` readouts of a recording and extracts their spike times.
-    pub(super) fn from_reader(reader: &StreamReader, longest: usize) -> Result<Self> {
-        let (geometry, readouts) = (reader.geometry(), reader.readouts().min(longest));
+    pub(super) fn from_reader(reader: &StreamReader, max_readouts: usize) -> Result<Self> {
+        let (geometry, readouts) = (reader.geometry(), reader.readouts().min(max_readouts));
         let mut packed = inputs::zeroed_vec(reader.name(), readouts * geometry.frame_bytes())?;
         reader.read_frames(0, &mut packed)?;
         Self::from_packed(geometry, &packed)
@@ -94,13 +94,8 @@ mod tests {
     #[test]
     fn a_line_through_regular_spikes_has_their_rate() {
         let times: Vec<u32> = (0..20).map(|k| 3 + (f64::from(k) * 4.7) as u32).collect();
-        let found = fit_rate(&times);
-        assert!(
-            (found.rate * 4.7 - 1.0).abs() < 3.0 * found.rate_error * 4.7,
-            "{} {}",
-            found.rate,
-            found.rate_error
-        );
+        let fit = fit_rate(&times);
+        assert!((fit.rate * 4.7 - 1.0).abs() < 3.0 * fit.rate_error * 4.7, "{} {}", fit.rate, fit.rate_error);
         assert!(fit_rate(&[1, 5]).rate.is_nan());
     }
 

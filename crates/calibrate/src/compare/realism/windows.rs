@@ -78,8 +78,8 @@ pub(super) fn feature_names(lags: &[usize]) -> Vec<(String, bool)> {
 
 /// Returns the lags that are usable in windows of this size at the mean rate `rate`.
 pub(super) fn usable_lags(window: WindowSize, rate: f64) -> Vec<usize> {
-    let most = 0.6 * window.readouts as f64 * rate;
-    FEATURE_LAGS.into_iter().filter(|n| *n == 1 || *n as f64 <= most).collect()
+    let max_lag = 0.6 * window.readouts as f64 * rate;
+    FEATURE_LAGS.into_iter().filter(|n| *n == 1 || *n as f64 <= max_lag).collect()
 }
 
 /// Divides recordings into windows and computes the features of each window.
@@ -175,15 +175,15 @@ impl WindowPixels<'_> {
 
     /// Returns the share of the intervals in each class of lengths. Lengths are divided by the mean interval of the pixel.
     fn interval_shares(&self, all: &[(usize, usize, usize)]) -> Vec<f64> {
-        let mut found = vec![0.0; INTERVAL_CLASS_BOUNDS.len() + 1];
+        let mut interval_counts = vec![0.0; INTERVAL_CLASS_BOUNDS.len() + 1];
         for (_, _, p) in all {
             for pair in self.spikes(*p).windows(2) {
                 let relative = f64::from(pair[1] - pair[0]) * self.lines[*p].rate;
-                found[INTERVAL_CLASS_BOUNDS.partition_point(|c| *c < relative)] += 1.0;
+                interval_counts[INTERVAL_CLASS_BOUNDS.partition_point(|c| *c < relative)] += 1.0;
             }
         }
-        let sum = found.iter().sum::<f64>();
-        found.iter().map(|n| n / sum).collect()
+        let sum = interval_counts.iter().sum::<f64>();
+        interval_counts.iter().map(|n| n / sum).collect()
     }
 
     /// Returns the share of intervals below the pixel's mean interval rounded down, and the share above the mean
@@ -245,21 +245,21 @@ impl WindowPixels<'_> {
         right: usize,
         later: u32,
     ) -> f64 {
-        let (mut found, mut expected, mut scale) = (0.0, 0.0, 0.0);
+        let (mut coincidences, mut expected, mut scale) = (0.0, 0.0, 0.0);
         for (row, column, p) in all.iter().filter(|(r, c, _)| r + down < self.side && c + right < self.side) {
             let q = self.pixel_index(row + down, column + right);
             if !self.is_used(q) {
                 continue;
             }
             let (a, b) = (self.spikes(*p), self.spikes(q));
-            found += a.iter().filter(|t| b.binary_search(&(**t + later)).is_ok()).count() as f64;
+            coincidences += a.iter().filter(|t| b.binary_search(&(**t + later)).is_ok()).count() as f64;
             let readouts = (self.readouts - later as usize) as f64;
             // Rates are computed from spike counts. The errors of fitted rates would correlate neighbors that share light.
-            let of = |s: &[u32]| s.len() as f64 / self.readouts as f64;
-            expected += readouts * of(a) * of(b);
-            scale += readouts * (of(a) * (1.0 - of(a)) * of(b) * (1.0 - of(b))).sqrt();
+            let rate = |s: &[u32]| s.len() as f64 / self.readouts as f64;
+            expected += readouts * rate(a) * rate(b);
+            scale += readouts * (rate(a) * (1.0 - rate(a)) * rate(b) * (1.0 - rate(b))).sqrt();
         }
-        (found - expected) / scale
+        (coincidences - expected) / scale
     }
 
     /// Returns the variances of the spike totals of rows, of columns and of the window. Each is divided by the variance
@@ -281,9 +281,9 @@ impl WindowPixels<'_> {
         }
         let mut values = vec![variance_ratio(&rows, n, &own_rows), variance_ratio(&columns, n, &own_columns)];
         let totals: Vec<f64> = (0..n).map(|t| (0..self.side).map(|r| rows[r * n + t]).sum()).collect();
-        let own = own_rows.iter().sum::<f64>();
-        values.push(variance(&totals) / own);
-        values.extend(band_powers(&totals).map(|power| power / own));
+        let own_variance = own_rows.iter().sum::<f64>();
+        values.push(variance(&totals) / own_variance);
+        values.extend(band_powers(&totals).map(|power| power / own_variance));
         values
     }
 
@@ -303,13 +303,13 @@ impl WindowPixels<'_> {
         let mean = all.iter().map(|(r, c, _)| map[r * self.side + c]).sum::<f64>() / all.len() as f64;
         let (mut both, mut pairs, mut square) = (0.0, 0.0_f64, 0.0);
         for (row, column, _) in all {
-            let own = map[row * self.side + column] - mean;
-            square += own * own;
+            let deviation = map[row * self.side + column] - mean;
+            square += deviation * deviation;
             for (r, c) in [(*row, column + 1), (row + 1, *column)] {
                 let other =
                     if r < self.side && c < self.side { map[r * self.side + c] - mean } else { f64::NAN };
                 if other.is_finite() {
-                    both += own * other;
+                    both += deviation * other;
                     pairs += 1.0;
                 }
             }
@@ -321,10 +321,11 @@ impl WindowPixels<'_> {
 }
 
 /// Returns the mean over lines of a ratio: the variance of a line's totals divided by the variance for independent pixels.
-fn variance_ratio(lines: &[f64], readouts: usize, own: &[f64]) -> f64 {
-    let ratios = lines.chunks_exact(readouts).zip(own).filter(|(_, own)| **own > 0.0);
+fn variance_ratio(lines: &[f64], readouts: usize, own_variances: &[f64]) -> f64 {
+    let ratios =
+        lines.chunks_exact(readouts).zip(own_variances).filter(|(_, own_variance)| **own_variance > 0.0);
     let count = ratios.clone().count() as f64;
-    ratios.map(|(line, own)| variance(line) / own).sum::<f64>() / count
+    ratios.map(|(line, own_variance)| variance(line) / own_variance).sum::<f64>() / count
 }
 
 fn variance(all: &[f64]) -> f64 {

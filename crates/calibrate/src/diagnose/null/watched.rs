@@ -2,10 +2,8 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::ProgressCallback;
 use spikelane::unstable::threads;
-
-/// Callback that receives the current stage and the completed share of the work, 0 to 1.
-pub type ProgressCallback<'a> = &'a mut dyn FnMut(&str, f64);
 
 /// A part of all work: its name, the shares of the whole between which it lies, and how many pieces it has.
 pub(in crate::diagnose) struct Stage {

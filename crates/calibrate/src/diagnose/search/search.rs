@@ -6,10 +6,10 @@ use super::context::{Case, Judged};
 use super::round::EliminationReason;
 use super::round::Round;
 use super::weed::REMAINDER;
+use crate::ProgressCallback;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::null::signature::Signature;
-use crate::diagnose::null::watched::ProgressCallback;
 use spikelane::error::Result;
 
 /// Most effects that are added.

@@ -9,6 +9,7 @@ use super::messages::{print_copied_files, print_failures, print_outside_inputs};
 use crate::common::console::Console;
 use crate::common::progress::{FileProgress, stop_flag};
 use spikelane::{Error, ErrorKind, Result};
+use spikelane_dataset::Access;
 use spikelane_dataset::shards::{self, MergeOptions, ShardPlan};
 
 /// Verify all shards and merge them into the dataset
@@ -45,22 +46,22 @@ pub(crate) struct Args {
 /// # Errors
 /// Those of [`shards::merge`]. After merging, [`ErrorKind::Input`] if sequences failed.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let plan = ShardPlan::open_with_links(&args.folder, args.follow_links)?;
+    let plan = ShardPlan::open(&args.folder, Access::for_reading(args.follow_links))?;
     print_outside_inputs(&plan, out);
     let stop = stop_flag()?;
     let mut bar = FileProgress::new(out);
-    let how = MergeOptions {
+    let options = MergeOptions {
         verify_digests: !args.no_verify,
         create_links: !args.no_links,
         take_lock: !args.no_lock,
     };
-    let merged = shards::merge(&plan, &how, &mut |shard, of| {
+    let merged = shards::merge(&plan, &options, &mut |shard, count| {
         if stop.load(Ordering::Relaxed) {
             return Err(
                 Error::new(ErrorKind::Requeue, "stopped on request").remedy("run the same command again")
             );
         }
-        bar.update(plan.shard_name(shard).as_str(), shard as f64 / of.max(1) as f64);
+        bar.update(plan.shard_name(shard).as_str(), shard as f64 / count.max(1) as f64);
         Ok(())
     });
     drop(bar);

@@ -26,9 +26,10 @@ pub(super) fn print_skipped_files(
 /// from anyone.
 pub(super) fn print_outside_inputs(plan: &ShardPlan, out: &Console) {
     let Content::Inputs(inputs) = &plan.options.content else { return };
-    let whole = |folder: &Path| std::fs::canonicalize(folder).ok();
-    let is_inside =
-        whole(&inputs.folder).zip(whole(&plan.folder)).is_some_and(|(inputs, plan)| inputs.starts_with(plan));
+    let canonical = |folder: &Path| std::fs::canonicalize(folder).ok();
+    let is_inside = canonical(&inputs.folder)
+        .zip(canonical(&plan.folder))
+        .is_some_and(|(inputs, plan)| inputs.starts_with(plan));
     let folder = inputs.folder.display();
     match &inputs.list {
         // The paths in a list can point to any folder.

@@ -42,7 +42,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             *path = std::path::absolute(&*path).map_err(|e| Error::io(path.display(), e))?;
         }
     }
-    let (plan, kept) = ShardPlan::create(&options, args.sequences_per_shard, args.pack)?;
+    let (plan, is_existing) = ShardPlan::create(&options, args.sequences_per_shard, args.pack)?;
     let last = plan.shards().saturating_sub(1);
     let bytes = plan.estimated_bytes()?;
     let size = bytes.map_or(String::new(), |bytes| format!(", about {}", DecimalBytes(bytes)));
@@ -51,12 +51,12 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         plan.folder.display(),
         plan.sequences,
         plan.shards(),
-        if kept { "; the existing plan was not changed" } else { "" },
+        if is_existing { "; the existing plan was not changed" } else { "" },
         plan.folder.display(),
     );
     let event = json!({
         "event": "planned", "output": plan.folder.display().to_string(), "sequences": plan.sequences,
-        "shards": plan.shards(), "sequences_per_shard": plan.sequences_per_shard, "pack_shards": plan.pack_shards, "already_planned": kept,
+        "shards": plan.shards(), "sequences_per_shard": plan.sequences_per_shard, "pack_shards": plan.pack_shards, "already_planned": is_existing,
         "shard_array": format!("0-{last}"),
     });
     out.print_result(&event, &text)

@@ -59,7 +59,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let _claim = output_claims::claim([&args.output], args.force)?;
     let access = Access::for_reading(args.follow_links);
-    let manifest = Manifest::read_with_access(&args.folder, access)?;
+    let manifest = Manifest::read(&args.folder, access)?;
     let done: Vec<&SequenceEntry> =
         manifest.entries.iter().filter(|e| e.status == SequenceStatus::Done).collect();
     let shown = done.len().min(args.sequences as usize);

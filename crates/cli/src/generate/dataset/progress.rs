@@ -61,10 +61,10 @@ impl DatasetProgress {
             return Ok(());
         }
         self.last_event = Instant::now();
-        let about = json!({
+        let event = json!({
             "event": "progress", "sequence": p.id, "index": p.index, "sequence_count": p.sequence_count, "readouts": p.readouts,
             "is_verifying": p.is_verifying,
         });
-        self.out.print_event(&insert_present(about, [("total", p.total_readouts.map(Into::into))]))
+        self.out.print_event(&insert_present(event, [("total", p.total_readouts.map(Into::into))]))
     }
 }

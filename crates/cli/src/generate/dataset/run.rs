@@ -9,6 +9,7 @@ use super::progress::DatasetProgress;
 use crate::common::console::Console;
 use crate::common::threads::ThreadArgs;
 use spikelane::{Error, ErrorKind, Result};
+use spikelane_dataset::Access;
 use spikelane_dataset::shards::{self, ShardOptions, ShardPlan, shard_numbers};
 
 /// Generate the missing sequences of a shard; rerun to resume
@@ -50,9 +51,9 @@ pub(crate) struct Args {
 /// # Errors
 /// Those of [`shards::generate_shard`]. [`ErrorKind::Requeue`] after a request to stop.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let plan = ShardPlan::open_with_links(&args.folder, args.follow_links)?;
+    let plan = ShardPlan::open(&args.folder, Access::for_reading(args.follow_links))?;
     print_outside_inputs(&plan, out);
-    let how = ShardOptions {
+    let shard_options = ShardOptions {
         threads: args.threads.thread_count(out),
         verify_digests: args.verify,
         retry_failed: args.retry_failed,
@@ -62,7 +63,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut watcher = DatasetProgress::new(out)?;
     let mut busy = None;
     for shard in shard_numbers::parse_shards(&args.shards, plan.shards())? {
-        match run_shard(&plan, shard, &how, &mut watcher, out) {
+        match run_shard(&plan, shard, &shard_options, &mut watcher, out) {
             Err(e) if e.kind() == ErrorKind::Busy => {
                 // The remaining shards do not depend on the busy shard, so the loop continues.
                 out.print_message(format_args!("spikelane: {e}"));
@@ -77,16 +78,16 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 fn run_shard(
     plan: &ShardPlan,
     shard: u64,
-    how: &ShardOptions,
+    shard_options: &ShardOptions,
     watcher: &mut DatasetProgress,
     out: &Console,
 ) -> Result<()> {
-    let made = watcher
+    let result = watcher
         .check_stop()
-        .and_then(|()| shards::generate_shard(plan, shard, how, &mut |p| watcher.update(p)));
+        .and_then(|()| shards::generate_shard(plan, shard, shard_options, &mut |p| watcher.update(p)));
     watcher.bar.finish_and_clear();
     watcher.bar.reset();
-    let report = made.map_err(|e| match e.kind() {
+    let report = result.map_err(|e| match e.kind() {
         ErrorKind::Interrupted => Error::new(ErrorKind::Requeue, "stopped on request")
             .remedy("finished sequences are kept; run the same command again"),
         _ => e,

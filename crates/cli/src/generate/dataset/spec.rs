@@ -10,8 +10,8 @@ use crate::common::seeds::{SceneSeed, SeedArgs};
 use crate::common::threads::ThreadArgs;
 use spikelane::Result;
 use spikelane_dataset::{
-    Cameras, Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions, SceneContent,
-    Splits, config,
+    Access, Cameras, Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions,
+    SceneContent, Splits, config,
 };
 use spikelane_io::light::{Interpolation, ResizeMode, Transfer};
 use spikelane_io::simulate::ImageFormat;
@@ -255,7 +255,11 @@ impl DatasetSpec {
         let output = self.output.clone().unwrap_or_default();
         let threads = self.threads.thread_count(out);
         if let Some(path) = &self.config {
-            return Ok(DatasetOptions { output, threads, ..config::open(path, self.follow_links)? });
+            return Ok(DatasetOptions {
+                output,
+                threads,
+                ..config::open(path, Access::for_reading(self.follow_links))?
+            });
         }
         Ok(DatasetOptions {
             output,
@@ -319,11 +323,11 @@ mod tests {
     #[test]
     fn every_spec_flag_conflicts_with_config() {
         let command = <DatasetSpec as clap::Args>::augment_args(clap::Command::new("dataset"));
-        let beside = ["output", "config", "threads", "follow_links"];
+        let other_flags = ["output", "config", "threads", "follow_links"];
         let missing: Vec<&str> = command
             .get_arguments()
             .map(|arg| arg.get_id().as_str())
-            .filter(|id| !beside.contains(id) && !SPEC_FLAGS.contains(id))
+            .filter(|id| !other_flags.contains(id) && !SPEC_FLAGS.contains(id))
             .collect();
         assert!(missing.is_empty(), "{missing:?}");
     }

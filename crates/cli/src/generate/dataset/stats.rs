@@ -36,14 +36,14 @@ pub(crate) struct Args {
 /// Those of [`dataset_statistics`]. [`ErrorKind::Exists`] if the HTML page exists.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let _claim = args.report.as_ref().map(|report| output_claims::claim([report], args.force)).transpose()?;
-    let found = dataset_statistics(&args.folder, args.follow_links)?;
+    let statistics = dataset_statistics(&args.folder, args.follow_links)?;
     if let Some(path) = &args.report {
         let name = args.folder.file_name().unwrap_or_default().to_string_lossy();
-        storage::write_small(path, html_report(&name, &found)?.as_bytes(), args.force)?;
+        storage::write_small(path, html_report(&name, &statistics)?.as_bytes(), args.force)?;
     }
-    let about = serde_json::to_value(&found)
+    let value = serde_json::to_value(&statistics)
         .map_err(|e| Error::new(ErrorKind::Config, args.folder.display()).found(e))?;
-    out.print_result(&json!({"event": "stats", "stats": about}), &statistics_text(&found))
+    out.print_result(&json!({"event": "stats", "stats": value}), &statistics_text(&statistics))
 }
 
 fn statistics_text(stats: &DatasetStatistics) -> String {
@@ -67,8 +67,8 @@ fn statistics_text(stats: &DatasetStatistics) -> String {
     }
     text += &format!("{:<40}{:>12}{:>12}{:>12}\n", "", "least", "median", "greatest");
     for (name, s) in &stats.quantities {
-        let [least, median, greatest] = [s.min, s.median, s.max].map(format_number);
-        text += &format!("{name:<40}{least:>12}{median:>12}{greatest:>12}\n");
+        let [min, median, max] = [s.min, s.median, s.max].map(format_number);
+        text += &format!("{name:<40}{min:>12}{median:>12}{max:>12}\n");
     }
     text + &format!("digest {}\n", stats.digest)
 }

@@ -8,6 +8,7 @@ use serde_json::json;
 use crate::common::console::Console;
 use crate::common::progress::stop_flag;
 use spikelane::{Error, ErrorKind, Result};
+use spikelane_dataset::Access;
 use spikelane_dataset::shards::{self, PlanStatus, ShardPlan, shard_numbers};
 use spikelane_measure::report::insert_present;
 
@@ -29,7 +30,7 @@ pub(crate) struct Args {
 /// # Errors
 /// Those of [`shards::plan_status`].
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let plan = ShardPlan::open_with_links(&args.folder, args.follow_links)?;
+    let plan = ShardPlan::open(&args.folder, Access::for_reading(args.follow_links))?;
     let stop = stop_flag()?;
     let standing = shards::plan_status(&plan, &mut |_| {
         if stop.load(Ordering::Relaxed) {
@@ -42,7 +43,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         .iter()
         .map(|at| json!({"shard": at.shard, "holder": at.holder, "processed": at.processed}))
         .collect();
-    let about = json!({
+    let event = json!({
         "event": "status", "shards": standing.shards, "sequences": standing.sequences, "done_shards": standing.done_shards,
         "running_shards": running, "missing_shards": standing.missing_shards.len(), "failed_sequences": standing.failed_sequences,
     });
@@ -53,7 +54,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         ("seconds_per_shard", standing.seconds_per_shard.map(Into::into)),
         ("seconds_left", standing.seconds_left().map(Into::into)),
     ];
-    out.print_result(&insert_present(about, more), &status_text(&standing))
+    out.print_result(&insert_present(event, more), &status_text(&standing))
 }
 
 fn status_text(standing: &PlanStatus) -> String {

@@ -20,7 +20,7 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
             .expected("none of these flags, because every sequence has its reference image and readout"));
     }
     let access = Access::for_reading(args.follow_links);
-    let manifest = Manifest::read_with_access(&args.file, access)?;
+    let manifest = Manifest::read(&args.file, access)?;
     let done: Vec<_> = manifest.entries.iter().filter(|e| e.status == SequenceStatus::Done).collect();
     let mut kinds = [("noisy", Vec::<Vec<EvaluatedPicture>>::new()), ("clean", Vec::new())];
     for entry in &done {
@@ -52,7 +52,7 @@ fn evaluate_sequence(
     out: &Console,
 ) -> Result<(Vec<EvaluatedPicture>, ReferenceImage)> {
     let stream = InnerPath::from(file).resolve_in(folder, access)?;
-    let record = SequenceRecord::read_with_access(folder, access)?;
+    let record = SequenceRecord::read(folder, access)?;
     let reader = args.stream.open(&stream, out)?;
     let at = record.facts["reference_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
     let truth =

@@ -92,13 +92,13 @@ pub(super) enum Comparison<'a> {
 
 impl Comparison<'_> {
     /// Scores a picture that was reconstructed from the readouts in `own`.
-    fn score(self, rates: &[f32], geometry: Geometry, own: Range<usize>) -> Result<Scores> {
+    fn score(self, rates: &[f32], geometry: Geometry, used_readouts: Range<usize>) -> Result<Scores> {
         match self {
             Self::None => Scores::compute(rates, geometry, None, None),
             Self::Image(truth) => Scores::compute(rates, geometry, Some(truth), Some(&truth.reference())),
             // If too few readouts are outside the window, only the scores of the first table are computed.
             Self::StaticScene(still) => {
-                Scores::compute(rates, geometry, None, still.reference(own).ok().as_ref())
+                Scores::compute(rates, geometry, None, still.reference(used_readouts).ok().as_ref())
             }
         }
     }
@@ -113,15 +113,15 @@ pub(super) fn evaluate_pictures(
     wanted: &ReconstructionArgs,
     reader: &StreamReader,
     at: usize,
-    beside: Comparison<'_>,
+    comparison: Comparison<'_>,
 ) -> Result<Vec<EvaluatedPicture>> {
     type Make = fn(SpikeFramesRef, usize, usize) -> Result<Vec<f32>>;
-    let asked = |method| wanted.method.contains(&method);
+    let is_requested = |method| wanted.method.contains(&method);
     let geometry = reader.geometry();
     let near = |half: usize| at.saturating_sub(half)..(at + half + 1).min(reader.readouts());
     let mut all = Vec::new();
     let windowed = [(Method::Tfp, "tfp", tfp as Make), (Method::Span, "span", span_rates as Make)];
-    for (_, kind, make) in windowed.into_iter().filter(|w| asked(w.0)) {
+    for (_, kind, make) in windowed.into_iter().filter(|w| is_requested(w.0)) {
         for window in &wanted.window {
             let half = (*window / 2) as usize;
             let (bytes, center) = frames_around(reader, at, half)?;
@@ -129,11 +129,11 @@ pub(super) fn evaluate_pictures(
             let (wanted, there) = (2 * half + 1, packed.readouts());
             let rates = make(packed, center, half)?;
             let note = (there < wanted).then(|| format!("the stream has {there} of the {wanted} readouts"));
-            let marks = Ok(beside.score(&rates, geometry, near(half))?);
+            let marks = Ok(comparison.score(&rates, geometry, near(half))?);
             all.push(EvaluatedPicture { name: format!("{kind} {wanted}"), scores: marks, note });
-            if kind == "tfp" && beside.has_reference() {
+            if kind == "tfp" && comparison.has_reference() {
                 let rates = gaussian_blur(&rates, geometry, BLUR_SIGMA_PX);
-                let marks = Ok(beside.score(&rates, geometry, near(half))?);
+                let marks = Ok(comparison.score(&rates, geometry, near(half))?);
                 all.push(EvaluatedPicture {
                     name: format!("{kind} {wanted} blurred"),
                     scores: marks,
@@ -142,16 +142,16 @@ pub(super) fn evaluate_pictures(
             }
         }
     }
-    if asked(Method::Tfi) {
+    if is_requested(Method::Tfi) {
         let (bytes, center) = frames_around(reader, at, TFI_SEARCH_READOUTS)?;
         let tfi = tfi_with_open_pixels(SpikeFramesRef::new(geometry, &bytes)?, center, TFI_SEARCH_READOUTS)?;
         let marks = match unmeasurable_reason(&tfi) {
             Some(reason) => Err(reason),
-            None => Ok(beside.score(&tfi.rates, geometry, near(TFI_INTERVAL_READOUTS))?),
+            None => Ok(comparison.score(&tfi.rates, geometry, near(TFI_INTERVAL_READOUTS))?),
         };
         all.push(EvaluatedPicture { name: "tfi".into(), scores: marks, note: None });
     }
-    if let Comparison::Image(truth) = beside {
+    if let Comparison::Image(truth) = comparison {
         // These scores are the noise that the estimates find in an image without noise.
         let marks = Scores::compute(&truth.light, geometry, None, None)?;
         all.push(EvaluatedPicture { name: "clear image".into(), scores: Ok(marks), note: None });

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 use spikelane::reconstruct::DetailReference;
 use spikelane::{Error, ErrorKind, Geometry, Result};
-use spikelane_dataset::SequenceRecord;
+use spikelane_dataset::{Access, SequenceRecord};
 use spikelane_io::light::image_file::{Linearization, read};
 use spikelane_io::light::{Transfer, srgb_code};
 use spikelane_io::simulate::Sidecar;
@@ -84,7 +84,7 @@ impl ReferenceCurve {
     pub(crate) fn with_transfer(self, transfer: Option<Transfer>) -> Self {
         match transfer {
             None => self,
-            given => Self { transfer: given, source: "--reference-transfer", ..self },
+            chosen => Self { transfer: chosen, source: "--reference-transfer", ..self },
         }
     }
 
@@ -94,7 +94,11 @@ impl ReferenceCurve {
     /// written the image or have started with it.
     pub(crate) fn from_files(stream: &Path, clear: &Path) -> Result<Self> {
         // The images of a sequence can be in a subfolder of the sequence.
-        let record = clear.ancestors().skip(1).take(2).find_map(|folder| SequenceRecord::read(folder).ok());
+        let record = clear
+            .ancestors()
+            .skip(1)
+            .take(2)
+            .find_map(|folder| SequenceRecord::read(folder, Access::Read).ok());
         if let Some(record) = record {
             return Ok(
                 curve_from_json(&record.facts, clear, "the record of the sequence").unwrap_or(Self::DEFAULT)
@@ -109,7 +113,7 @@ impl ReferenceCurve {
 }
 
 /// Returns the transfer function of a reference image from the JSON of a record or a sidecar.
-fn curve_from_json(about: &Value, clear: &Path, from: &'static str) -> Option<ReferenceCurve> {
+fn curve_from_json(sidecar_json: &Value, clear: &Path, from: &'static str) -> Option<ReferenceCurve> {
     // Older sidecars contain words such as `default` that are not the name of a transfer function.
     let curve = |value: &Value, full| {
         let transfer = value.as_str()?.parse().ok()?;
@@ -118,14 +122,15 @@ fn curve_from_json(about: &Value, clear: &Path, from: &'static str) -> Option<Re
     let name = |path: Option<&Path>| path?.file_name()?.to_str().map(str::to_owned);
     let (file, folder) = (name(Some(clear)), name(clear.parent()));
     let is = |value: &Value, wanted: &Option<String>| wanted.is_some() && value.as_str() == wanted.as_deref();
-    let (images, truth, light) = (&about["images"], &about["ground_truth"], &about["light"]);
+    let (images, truth, light) =
+        (&sidecar_json["images"], &sidecar_json["ground_truth"], &sidecar_json["light"]);
     if is(&images["folder"], &folder) {
         return curve(&images["transfer"], None);
     }
     if is(&truth["file"], &file) {
         return curve(&truth["transfer"], truth["rate_at_255"].as_f64().map(|rate| rate as f32));
     }
-    if let Some(named) = curve(&about["reference_transfer"], None) {
+    if let Some(named) = curve(&sidecar_json["reference_transfer"], None) {
         return Some(named);
     }
     if is_source(light["source"].as_str()?, clear) { curve(&light["transfer"], None) } else { None }
@@ -159,18 +164,18 @@ mod tests {
 
     #[test]
     fn records_and_sidecars_name_the_curves_of_their_images() {
-        let about = serde_json::json!({
+        let sidecar_json = serde_json::json!({
             "images": { "folder": "images", "transfer": "linear" },
             "ground_truth": { "file": "gt.png", "transfer": "linear", "rate_at_255": 0.6 },
             "light": { "source": "in/a.png: one image of 8x8", "transfer": "2.2" },
         });
-        let of = |path: &str| {
-            curve_from_json(&about, Path::new(path), "x").map(|c| (c.transfer, c.full_scale_rate))
+        let parsed = |path: &str| {
+            curve_from_json(&sidecar_json, Path::new(path), "x").map(|c| (c.transfer, c.full_scale_rate))
         };
-        assert_eq!(of("s/images/000003.png"), Some((Some(Transfer::Linear), None)));
-        assert_eq!(of("s/gt.png"), Some((Some(Transfer::Linear), Some(0.6))));
-        assert_eq!(of("a.png"), Some((Some(Transfer::Gamma(2.2)), None)));
-        assert_eq!(of("s/reference.png"), None);
+        assert_eq!(parsed("s/images/000003.png"), Some((Some(Transfer::Linear), None)));
+        assert_eq!(parsed("s/gt.png"), Some((Some(Transfer::Linear), Some(0.6))));
+        assert_eq!(parsed("a.png"), Some((Some(Transfer::Gamma(2.2)), None)));
+        assert_eq!(parsed("s/reference.png"), None);
     }
 
     #[test]

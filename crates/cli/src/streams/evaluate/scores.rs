@@ -123,10 +123,10 @@ impl Scores {
                 all.insert(key.to_owned(), json!(value));
             }
         }
-        if let Some(found) = &self.detail {
-            all.insert("detail_slope".to_owned(), json!(found.slope));
-            all.insert("high_pass_noise".to_owned(), json!(found.noise));
-            all.insert("outliers".to_owned(), json!(found.outliers));
+        if let Some(detail) = &self.detail {
+            all.insert("detail_slope".to_owned(), json!(detail.slope));
+            all.insert("high_pass_noise".to_owned(), json!(detail.noise));
+            all.insert("outliers".to_owned(), json!(detail.outliers));
         }
         let aligned = self.detail.map(|d| Decibels::new(d.aligned_psnr_db));
         for (key, value) in [("psnr_db", self.psnr), ("snr_db", self.snr()), ("aligned_psnr_db", aligned)] {
@@ -157,13 +157,13 @@ impl Scores {
 
     /// Returns the row below [`DETAIL_HEADER`], or `None` without a reference.
     pub(crate) fn detail_row(&self, name: &str) -> Option<String> {
-        let found = self.detail?;
+        let detail = self.detail?;
         Some(format!(
             "{name:<17}{:>12} {:>7.3} {:>10.3} {:>10}\n",
-            Decibels::new(found.aligned_psnr_db).text(),
-            found.slope,
-            100.0 * found.noise,
-            found.outliers
+            Decibels::new(detail.aligned_psnr_db).text(),
+            detail.slope,
+            100.0 * detail.noise,
+            detail.outliers
         ))
     }
 

@@ -70,10 +70,10 @@ pub(super) fn run(args: &Args, reader: &StreamReader, folder: Option<&Path>, out
         text += &format!("{}\n", truth.text_line());
     }
     text += &tables(&means);
-    let told: Vec<_> = means.iter().map(MeanScores::json).collect();
+    let means_json: Vec<_> = means.iter().map(MeanScores::json).collect();
     let mut event = json!({
         "event": "mean_scores", "file": file.to_string(), "readouts": moments.len(), "skipped_readouts": left_out,
-        "pictures": told,
+        "pictures": means_json,
     });
     if let Some(truth) = originals.first_reference() {
         event["reference"] = truth.json();

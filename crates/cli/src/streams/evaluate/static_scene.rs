@@ -60,10 +60,11 @@ impl StaticScene {
     }
 
     /// Returns a reference that is computed from the readouts before and after the readouts `own` of a picture.
-    pub(crate) fn reference(&self, own: Range<usize>) -> Result<DetailReference> {
+    pub(crate) fn reference(&self, used_readouts: Range<usize>) -> Result<DetailReference> {
         let packed = SpikeFramesRef::new(self.geometry, &self.bytes)?;
         let from = |at: usize| at.saturating_sub(self.first_readout).min(packed.readouts());
-        let others = DetailReference::from_surrounding(packed, from(own.start)..from(own.end))?;
+        let others =
+            DetailReference::from_surrounding(packed, from(used_readouts.start)..from(used_readouts.end))?;
         Ok(DetailReference { mask: Some(self.is_steady.clone()), ..others })
     }
 }

@@ -91,7 +91,7 @@ pub(super) fn relative_name(work: &Path, path: &Path) -> String {
 
 fn remove(path: &Path) {
     match fs::symlink_metadata(path) {
-        Ok(found) if found.is_dir() => fs::remove_dir_all(path).unwrap(),
+        Ok(metadata) if metadata.is_dir() => fs::remove_dir_all(path).unwrap(),
         Ok(_) => fs::remove_file(path).unwrap(),
         Err(_) => {}
     }
@@ -136,7 +136,7 @@ fn any_path(random: &mut Random, work: &Path) -> PathBuf {
     ];
     let streams = ["out.dat", "out.json", "c.images", "c.dat", "c.clean.dat", "gain.npy", "out", "plan.json"];
     let is = |name: &str| fs::symlink_metadata(work.join(name)).is_ok();
-    let made: &[&str] = match random.number_below(2) {
+    let candidates: &[&str] = match random.number_below(2) {
         0 if is("plan.json") => &planned,
         _ if is("plan.json") || is("manifest.jsonl") => &listed,
         _ => &streams,
@@ -150,7 +150,7 @@ fn any_path(random: &mut Random, work: &Path) -> PathBuf {
     }
     let groups: Vec<_> = named.into_values().collect();
     if groups.is_empty() || random.number_below(2) == 0 {
-        return work.join(random.choose(made));
+        return work.join(random.choose(candidates));
     }
     let group = random.choose(&groups);
     random.choose(group).clone()
@@ -163,12 +163,12 @@ fn link(random: &mut Random, work: &Path, around: &Path) -> String {
     if fs::create_dir_all(parent).is_err() {
         return "nothing".to_owned();
     }
-    let own = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let target = match random.number_below(14) {
         0..=2 => around.join("secret.txt"),
         3..=4 => around.join("home/alice"),
         5 => around.join("empty"),
-        6 => PathBuf::from(own),
+        6 => PathBuf::from(file_name),
         7 => around.join("empty/new"),
         8 => PathBuf::from(*random.choose(&[".", "..", "../.."])),
         9 => PathBuf::from("/dev/zero"),

@@ -65,8 +65,8 @@ fn json(path: &Path) -> Option<Value> {
 
 /// Returns the bytes of a regular file that is smaller than 16 MiB.
 pub(super) fn read_small_file(path: &Path) -> Option<Vec<u8>> {
-    let found = fs::metadata(path).ok()?;
-    if found.is_file() && found.len() < 1 << 24 { fs::read(path).ok() } else { None }
+    let metadata = fs::metadata(path).ok()?;
+    if metadata.is_file() && metadata.len() < 1 << 24 { fs::read(path).ok() } else { None }
 }
 
 /// Returns a line of a manifest or journal with an updated digest and updated times.
@@ -82,8 +82,8 @@ fn signed_line(list: &Path, line: &str) -> String {
         let names = record["files"].as_array().into_iter().flatten();
         let names = ["record.json"].into_iter().chain(names.filter_map(|f| f["path"].as_str()));
         let time = |name: &str| {
-            let found = fs::metadata(folder.join(name)).ok()?;
-            Some(Value::from(found.mtime() * 1_000_000_000 + found.mtime_nsec()))
+            let metadata = fs::metadata(folder.join(name)).ok()?;
+            Some(Value::from(metadata.mtime() * 1_000_000_000 + metadata.mtime_nsec()))
         };
         value["mtimes_ns"] = names.filter_map(time).collect::<Vec<_>>().into();
     }

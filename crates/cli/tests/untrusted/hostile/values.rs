@@ -28,7 +28,8 @@ fn name(random: &mut Random, around: &Path, is_folder: bool) -> String {
         "CON.txt",
     ];
     let controls = ["x\0y", "x\ny", "\u{1b}[2Jx", "\u{9b}x", "\u{202e}x", " ", "a.", "~", "-rf", "%2e%2e"];
-    let found = ["/dev/zero", "/dev/null", "/proc/self/environ", "scene-0001", "train", "lock", ".x.partial"];
+    let targets =
+        ["/dev/zero", "/dev/null", "/proc/self/environ", "scene-0001", "train", "lock", ".x.partial"];
     let place = match (is_folder, random.number_below(8)) {
         (true, 0..=4) | (false, 0) => "home/alice",
         (true, 5..=6) => "sequence",
@@ -40,14 +41,14 @@ fn name(random: &mut Random, around: &Path, is_folder: bool) -> String {
         4..=8 => around.join(place).display().to_string(),
         9 => "x".repeat(*random.choose(&[255, 256, 5000, 1 << 20])),
         _ => {
-            let all = *random.choose(&[&odd[..], &controls, &found]);
+            let all = *random.choose(&[&odd[..], &controls, &targets]);
             (*random.choose(all)).to_owned()
         }
     }
 }
 
 fn number(random: &mut Random) -> Value {
-    let whole = [
+    let integers = [
         0,
         1,
         2,
@@ -64,7 +65,7 @@ fn number(random: &mut Random) -> Value {
     match random.number_below(8) {
         0 => Value::from(-1),
         1 => Value::from(*random.choose(&[1e300, -1e300, 0.5, 1e19, f64::MIN_POSITIVE])),
-        _ => Value::from(*random.choose(&whole)),
+        _ => Value::from(*random.choose(&integers)),
     }
 }
 
@@ -94,14 +95,14 @@ pub(super) fn mutate_known_key(random: &mut Random, work: &Path, around: &Path, 
     let keys: &[&str] = if counts { &COUNTS } else { &NAMES };
     // The values are grouped by file name and key. Otherwise labels, which have hundreds of equal keys, would be selected
     // more often than a plan, which has one of each key.
-    let mut found: BTreeMap<(String, String), Vec<ValueLocation>> = BTreeMap::new();
+    let mut locations: BTreeMap<(String, String), Vec<ValueLocation>> = BTreeMap::new();
     for path in files(work, &["json", "jsonl"]) {
         let file = path.file_name().unwrap().to_string_lossy().into_owned();
         let Some(text) = read_small_file(&path).and_then(|bytes| String::from_utf8(bytes).ok()) else {
             continue;
         };
-        let whole = path.extension().is_some_and(|ending| ending == "json");
-        let lines: Vec<&str> = if whole { vec![&text] } else { text.lines().collect() };
+        let is_json = path.extension().is_some_and(|ending| ending == "json");
+        let lines: Vec<&str> = if is_json { vec![&text] } else { text.lines().collect() };
         for (number, line) in lines.into_iter().enumerate() {
             let Ok(value) = serde_json::from_str::<Value>(line) else { continue };
             let mut places = Vec::new();
@@ -117,13 +118,13 @@ pub(super) fn mutate_known_key(random: &mut Random, work: &Path, around: &Path, 
                     && keys.contains(&key)
                     && value.pointer(&place).is_some_and(|v| v.is_string() != counts)
                 {
-                    let all = found.entry((file.clone(), key.to_owned())).or_default();
+                    let all = locations.entry((file.clone(), key.to_owned())).or_default();
                     all.push((path.clone(), number, place));
                 }
             }
         }
     }
-    let groups: Vec<_> = found.into_values().collect();
+    let groups: Vec<_> = locations.into_values().collect();
     if groups.is_empty() {
         return mutate_value(random, work, around);
     }
@@ -133,16 +134,16 @@ pub(super) fn mutate_known_key(random: &mut Random, work: &Path, around: &Path, 
     };
     let is_folder = ["/id", "/shard", "/split", "/folder"].iter().any(|key| place.ends_with(key));
     let new: Value = if counts { number(random) } else { name(random, around, is_folder).into() };
-    let said = cut_long(&format!("{}: {place} = {new}", relative_name(work, &path)));
+    let description = cut_long(&format!("{}: {place} = {new}", relative_name(work, &path)));
     let text = fs::read_to_string(&path).unwrap();
-    let whole = path.extension().is_some_and(|ending| ending == "json");
+    let is_json = path.extension().is_some_and(|ending| ending == "json");
     let changed = |line: &str| {
         let mut value: Value = serde_json::from_str(line).unwrap();
         *value.pointer_mut(&place).unwrap() = new.clone();
         value.to_string()
     };
     let is_added = random.number_below(3) == 0;
-    let text = if whole {
+    let text = if is_json {
         changed(&text)
     } else if is_added {
         let line = text.lines().nth(number_of_line).unwrap_or_default();
@@ -154,7 +155,7 @@ pub(super) fn mutate_known_key(random: &mut Random, work: &Path, around: &Path, 
             .collect()
     };
     fs::write(&path, text).unwrap();
-    said
+    description
 }
 
 /// Changes a name or count in a line of `camera.toml`, of `dataset.toml`, or of the options of a plan.
@@ -193,7 +194,7 @@ pub(super) fn mutate_setting(random: &mut Random, work: &Path, around: &Path) ->
         }
         _ => format!("{} = {new}", line.split('=').next().unwrap_or_default().trim()),
     };
-    let said = cut_long(&lines[at]);
+    let description = cut_long(&lines[at]);
     let text = lines.join("\n") + "\n";
     match &mut on_disk {
         Some(on_disk) if path == plan => {
@@ -202,7 +203,7 @@ pub(super) fn mutate_setting(random: &mut Random, work: &Path, around: &Path) ->
         }
         _ => fs::write(&path, text).unwrap(),
     }
-    format!("{}: {said}", relative_name(work, &path))
+    format!("{}: {description}", relative_name(work, &path))
 }
 
 /// Changes the value of one key in a text file.
@@ -213,12 +214,12 @@ pub(super) fn mutate_value(random: &mut Random, work: &Path, around: &Path) -> S
     }
     let path = random.choose(&all).clone();
     let Ok(text) = fs::read_to_string(&path) else { return "nothing".to_owned() };
-    let said = match path.extension().and_then(|e| e.to_str()) {
+    let description = match path.extension().and_then(|e| e.to_str()) {
         Some("json") => {
             let Ok(mut value) = serde_json::from_str(&text) else { return "nothing".to_owned() };
-            let said = leaf(random, &mut value, around);
+            let description = leaf(random, &mut value, around);
             fs::write(&path, format!("{value:#}")).unwrap();
-            said
+            description
         }
         Some("jsonl") => {
             let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
@@ -227,17 +228,17 @@ pub(super) fn mutate_value(random: &mut Random, work: &Path, around: &Path) -> S
             }
             let at = random.number_below(lines.len());
             let Ok(mut value) = serde_json::from_str(&lines[at]) else { return "nothing".to_owned() };
-            let said = leaf(random, &mut value, around);
+            let description = leaf(random, &mut value, around);
             match random.number_below(4) {
                 0 => lines.push(value.to_string()),
                 _ => lines[at] = value.to_string(),
             }
             fs::write(&path, lines.join("\n") + "\n").unwrap();
-            said
+            description
         }
         _ => return mutate_setting(random, work, around),
     };
-    format!("{}: {said}", relative_name(work, &path))
+    format!("{}: {description}", relative_name(work, &path))
 }
 
 pub(super) fn packs(work: &Path) -> Vec<PathBuf> {
@@ -288,9 +289,9 @@ fn leaf(random: &mut Random, value: &mut Value, around: &Path) -> String {
         (_, 7) => number(random),
         _ => name(random, around, false).into(),
     };
-    let said = format!("{place} = {new}");
+    let description = format!("{place} = {new}");
     *found = new;
-    cut_long(&said)
+    cut_long(&description)
 }
 
 fn cut_long(text: &str) -> String {

@@ -72,9 +72,10 @@ impl RateMap {
     /// Returns the correlation between pixels `p` and `p + lag`. Returns `None` if one of the two groups of pixels has
     /// zero variance.
     pub(super) fn correlation(&self, lag: usize) -> Option<f64> {
-        let whole = self.is_pixel.iter().all(|p| *p);
-        let here =
-            |p: usize| whole || self.is_pixel[p % self.stride] && self.is_pixel[(p + lag) % self.stride];
+        let has_all_pixels = self.is_pixel.iter().all(|p| *p);
+        let here = |p: usize| {
+            has_all_pixels || self.is_pixel[p % self.stride] && self.is_pixel[(p + lag) % self.stride]
+        };
         // With an even step, only even columns would be sampled.
         let step = (self.counts.len() / MAX_PAIRS) | 1;
         let pairs = (0..self.counts.len().saturating_sub(lag)).step_by(step);

@@ -49,8 +49,9 @@ pub(crate) fn array_content(
     if !is_mapped(array, axes) {
         return Ok(ArrayContent::Pixels(axes));
     }
-    let (_, found) = axes.readouts_and_geometry(array.shape).ok_or_else(|| no_frames_error(name, array))?;
-    Ok(ArrayContent::Frames(Layout::NpyBytes, found))
+    let (_, array_geometry) =
+        axes.readouts_and_geometry(array.shape).ok_or_else(|| no_frames_error(name, array))?;
+    Ok(ArrayContent::Frames(Layout::NpyBytes, array_geometry))
 }
 
 fn packed_bits_content(
@@ -71,14 +72,14 @@ fn packed_bits_content(
             )));
     }
     let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
-    let found =
+    let byte_geometry =
         Geometry::new(side(last.saturating_mul(8)), side(height)).map_err(|_| no_frames_error(name, array));
     match geometry {
         Some(g) if (g.height() as u64, g.width().div_ceil(8) as u64) == (height, last) => {
             Ok(ArrayContent::Frames(layout, g))
         }
-        Some(g) => Err(geometry_error(name, found?, g)),
-        None => Ok(ArrayContent::Frames(layout, found?)),
+        Some(g) => Err(geometry_error(name, byte_geometry?, g)),
+        None => Ok(ArrayContent::Frames(layout, byte_geometry?)),
     }
 }
 

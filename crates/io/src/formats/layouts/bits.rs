@@ -94,9 +94,9 @@ mod tests {
                 let bit = from[f / 8] >> (f % 8) & 1;
                 expected[t / 8] = expected[t / 8] & !(1 << (t % 8)) | bit << (t % 8);
             }
-            let mut found = to;
-            copy_bits(&mut found, to_bit, &from, from_bit, n);
-            prop_assert_eq!(found, expected);
+            let mut actual = to;
+            copy_bits(&mut actual, to_bit, &from, from_bit, n);
+            prop_assert_eq!(actual, expected);
         }
     }
 }

@@ -114,7 +114,7 @@ impl Layout {
     /// [`ErrorKind::Usage`] if `requested` does not match the extension, or if no layout uses the extension.
     pub fn for_path(path: &std::path::Path, requested: Option<Self>) -> Result<Self> {
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        let usual = match ending.as_deref() {
+        let default_layout = match ending.as_deref() {
             Some("npy") => Self::NpyBytes,
             // Programs of camera vendors write headerless streams with one of these extensions or without an
             // extension.
@@ -126,8 +126,8 @@ impl Layout {
                     .remedy("write .npy, which numpy.load reads, and convert it with numpy.savez or h5py"));
             }
         };
-        let layout = requested.unwrap_or(usual);
-        if layout.is_array() == usual.is_array() {
+        let layout = requested.unwrap_or(default_layout);
+        if layout.is_array() == default_layout.is_array() {
             return Ok(layout);
         }
         let name = layout.default_extension();
@@ -140,8 +140,8 @@ impl Layout {
     /// Returns a warning if other programs misread streams of this layout and geometry, or `None` otherwise.
     #[must_use]
     pub fn caveat(self, geometry: Geometry) -> Option<String> {
-        let plain = matches!(self, Self::Dat | Self::DatTop | Self::DatMsb | Self::DatTopMsb);
-        (plain && !geometry.pixels().is_multiple_of(8)).then(|| {
+        let is_raw = matches!(self, Self::Dat | Self::DatTop | Self::DatMsb | Self::DatTopMsb);
+        (is_raw && !geometry.pixels().is_multiple_of(8)).then(|| {
             format!(
                 "{geometry} is {} pixels, not a multiple of 8: each frame of layout {self} is padded to a whole byte, as in SCSim; Spike-Zoo rejects such a file, and SpikeCV reads wrong bits from readout 1 on; all of them read layout npy-bytes correctly",
                 geometry.pixels()

@@ -75,12 +75,12 @@ fn find_key(name: &str, arrays: &[String], wanted: Option<&str>) -> Result<Strin
             .remedy("unpack it; save the array of a PyTorch file with numpy.save"));
     }
     let has = |key: &str| arrays.iter().any(|a| a == key);
-    let found = match (wanted, arrays) {
+    let chosen_key = match (wanted, arrays) {
         (Some(key), _) => has(key).then_some(key),
         (None, [only]) => Some(only.as_str()),
         (None, _) => ["spk", "seq", "arr_0"].into_iter().find(|key| has(key)),
     };
-    found.map(str::to_owned).ok_or_else(|| {
+    chosen_key.map(str::to_owned).ok_or_else(|| {
         Error::new(ErrorKind::Usage, name)
             .found(format_args!("arrays [{}]", arrays.join(", ")))
             .expected(wanted.map_or("an array named spk, seq or arr_0".to_owned(), |k| format!("'{k}'")))

@@ -101,7 +101,7 @@ impl<'a> Window<'a> {
 
     /// Returns the first offset in `places` at which a frame begins.
     fn find(&mut self, mut places: impl Iterator<Item = usize>) -> Result<Option<usize>> {
-        places.find_map(|at| self.is_frame(at).map(|found| found.then_some(at)).transpose()).transpose()
+        places.find_map(|at| self.is_frame(at).map(|is_frame| is_frame.then_some(at)).transpose()).transpose()
     }
 
     /// Returns the offset of the first whole frame. Multiples of the link step are tried first, because other offsets

@@ -117,8 +117,9 @@ impl ArraySource {
 
     fn check_scale(&self) -> Result<()> {
         let element = self.reader.element();
-        let own = element.is_float() || matches!(element, Element::Bool | Element::U8 | Element::U16);
-        if own || self.scale.is_some() {
+        let is_supported =
+            element.is_float() || matches!(element, Element::Bool | Element::U8 | Element::U16);
+        if is_supported || self.scale.is_some() {
             return Ok(());
         }
         Err(Error::new(ErrorKind::Input, &self.reader.name)
@@ -131,10 +132,10 @@ impl ArraySource {
     fn to_full_scale(&self, samples: OwnedSamples, frame: u64) -> Result<OwnedSamples> {
         let Some(scale) = self.scale else {
             if let OwnedSamples::F32(values) = &samples {
-                let most = values.iter().copied().fold(0.0, f32::max);
-                if most > MAX_FLOAT_LIGHT && most.is_finite() {
+                let max_value = values.iter().copied().fold(0.0, f32::max);
+                if max_value > MAX_FLOAT_LIGHT && max_value.is_finite() {
                     return Err(Error::new(ErrorKind::Input, &self.reader.name)
-                        .found(format_args!("the value {most} in frame {frame}"))
+                        .found(format_args!("the value {max_value} in frame {frame}"))
                         .expected("light with full scale at 1.0")
                         .remedy(format_args!(
                             "set {} to 255 if 255 is full scale, or to 1 if the light is that bright",

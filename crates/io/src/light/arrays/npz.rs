@@ -18,7 +18,8 @@ use spikelane::unstable::inputs::InputFile;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::threads;
 
-const BLOCK_BYTES: usize = 1 << 16;
+/// Bytes of a decompressed block.
+const INFLATED_BYTES: usize = 1 << 16;
 
 /// Opens the only array of an archive. [`ArraySource`] would return equal frames for the uncompressed array.
 ///
@@ -63,8 +64,8 @@ fn send_blocks(
         }
     };
     loop {
-        let mut block = Vec::with_capacity(BLOCK_BYTES);
-        let read = entry.by_ref().take(BLOCK_BYTES as u64).read_to_end(&mut block);
+        let mut block = Vec::with_capacity(INFLATED_BYTES);
+        let read = entry.by_ref().take(INFLATED_BYTES as u64).read_to_end(&mut block);
         let over = !matches!(read, Ok(n) if n > 0);
         let sent = match read {
             Ok(0) => break,

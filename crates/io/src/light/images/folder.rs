@@ -120,7 +120,9 @@ fn list_images(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>, usize)> {
         let path = entry.map_err(refused)?.path();
         if name(&path).starts_with('.') {
             hidden += 1;
-        } else if image_file::is_image(&path) && std::fs::metadata(&path).is_ok_and(|about| !about.is_dir()) {
+        } else if image_file::is_image(&path)
+            && std::fs::metadata(&path).is_ok_and(|metadata| !metadata.is_dir())
+        {
             files.push(path);
         } else {
             ignored.push(name(&path));

@@ -216,19 +216,19 @@ fn decode_error(path: &Path, error: ImageError) -> Error {
 /// * [`ErrorKind::Input`] if the pixel type is not supported.
 pub fn linearize(image: DynamicImage, linear: &Linearization) -> Result<Frame> {
     let geometry = declared_geometry(image.width().into(), image.height().into(), "image")?;
-    let plain = linear.integers.transfer() == Transfer::Linear;
+    let is_linear = linear.integers.transfer() == Transfer::Linear;
     let samples = match image {
-        DynamicImage::ImageLuma8(i) => gray8(i.into_raw(), linear, plain),
+        DynamicImage::ImageLuma8(i) => gray8(i.into_raw(), linear, is_linear),
         DynamicImage::ImageLumaA8(i) => {
             let gray = i.as_raw().iter().step_by(2).copied().collect();
-            gray8(gray, linear, plain)
+            gray8(gray, linear, is_linear)
         }
         DynamicImage::ImageRgb8(i) => color8::<3>(i.as_raw(), linear),
         DynamicImage::ImageRgba8(i) => color8::<4>(i.as_raw(), linear),
-        DynamicImage::ImageLuma16(i) => gray16(i.into_raw(), linear, plain),
+        DynamicImage::ImageLuma16(i) => gray16(i.into_raw(), linear, is_linear),
         DynamicImage::ImageLumaA16(i) => {
             let gray = i.as_raw().iter().step_by(2).copied().collect();
-            gray16(gray, linear, plain)
+            gray16(gray, linear, is_linear)
         }
         DynamicImage::ImageRgb16(i) => color16::<3>(i.as_raw(), linear),
         DynamicImage::ImageRgba16(i) => color16::<4>(i.as_raw(), linear),
@@ -247,16 +247,16 @@ pub fn linearize(image: DynamicImage, linear: &Linearization) -> Result<Frame> {
     Frame::new(geometry, samples)
 }
 
-fn gray8(codes: Vec<u8>, linear: &Linearization, plain: bool) -> OwnedSamples {
-    if plain {
+fn gray8(codes: Vec<u8>, linear: &Linearization, is_linear: bool) -> OwnedSamples {
+    if is_linear {
         return OwnedSamples::U8(codes);
     }
     let table = linear.integers.table8();
     OwnedSamples::U16(codes.iter().map(|&c| table[usize::from(c)]).collect())
 }
 
-fn gray16(codes: Vec<u16>, linear: &Linearization, plain: bool) -> OwnedSamples {
-    if plain {
+fn gray16(codes: Vec<u16>, linear: &Linearization, is_linear: bool) -> OwnedSamples {
+    if is_linear {
         return OwnedSamples::U16(codes);
     }
     let table = linear.integers.table16();

@@ -21,8 +21,8 @@ pub(in crate::light) fn missing_numbers_note(files: &[PathBuf]) -> Option<String
     let missing = pairs().flat_map(|w| {
         let gap = w[1].number - w[0].number;
         // If a gap is not a multiple of the step, another numbering starts after the gap, and no image is missing.
-        let whole = if gap.is_multiple_of(step) { gap / step } else { 1 };
-        (1..whole).map(|k| w[0].number + k * step)
+        let missing_steps = if gap.is_multiple_of(step) { gap / step } else { 1 };
+        (1..missing_steps).map(|k| w[0].number + k * step)
     });
     let count: u64 = pairs().map(|w| (w[1].number - w[0].number) / step - 1).sum();
     let mut listed: Vec<String> = missing.take(MAX_LISTED_NUMBERS + 1).map(|n| n.to_string()).collect();

@@ -73,9 +73,9 @@ impl StillImage {
             return Err(Error::new(ErrorKind::Usage, "frames of motion").found(0).expected("at least 1"));
         }
         let still = Self::open(path, camera, fit, linear)?;
-        let whole = FullImage::new(image_file::read(path, linear)?, camera, fit);
-        let whole = whole.map_err(|e| e.with_context(path.display()))?;
-        Ok(Self { motion_view: Some(MotionView { image: whole, motion, rate }), frames, ..still })
+        let image = FullImage::new(image_file::read(path, linear)?, camera, fit);
+        let image = image.map_err(|e| e.with_context(path.display()))?;
+        Ok(Self { motion_view: Some(MotionView { image, motion, rate }), frames, ..still })
     }
 }
 

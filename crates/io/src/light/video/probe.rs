@@ -86,15 +86,15 @@ impl VideoProbe {
             .stdin(Stdio::null())
             .output()
             .map_err(|e| missing_program_error(&probe, e))?;
-        let said = String::from_utf8_lossy(&ran.stderr);
+        let stderr = String::from_utf8_lossy(&ran.stderr);
         if !ran.status.success() {
-            let remedy = if said.contains("not on whitelist") {
+            let remedy = if stderr.contains("not on whitelist") {
                 "use the video itself; playlists and other files that refer to files are not read"
             } else {
                 "check whether ffplay plays it"
             };
             return Err(Error::new(ErrorKind::Tool, name)
-                .found(format_args!("ffprobe ended with {}: {}", ran.status, said.trim()))
+                .found(format_args!("ffprobe ended with {}: {}", ran.status, stderr.trim()))
                 .expected("a video that ffmpeg can decode")
                 .remedy(remedy));
         }

@@ -179,9 +179,9 @@ impl<R: Read> Y4mReader<R> {
         check_header(&header, name)?;
         let full = known.is_full_range.or(declares_full_range(&header));
         let depth = replace_deep_color_space(&mut header);
-        let taken = Arc::new(AtomicU64::new(0));
+        let bytes_read = Arc::new(AtomicU64::new(0));
         let input =
-            CountingReader { inner: Cursor::new(header).chain(reader), bytes_read: Arc::clone(&taken) };
+            CountingReader { inner: Cursor::new(header).chain(reader), bytes_read: Arc::clone(&bytes_read) };
         let limits = Limits { bytes: MAX_PICTURE_BYTES as usize };
         let decoder = Decoder::new_with_limits(input, limits).map_err(|e| damaged_error(name, &e))?;
         let (width, height) = (decoder.get_width(), decoder.get_height());
@@ -195,14 +195,7 @@ impl<R: Read> Y4mReader<R> {
             is_full_range: full.unwrap_or(chroma.is_none()),
             matrix: known.matrix.unwrap_or(Matrix::from_height(height)),
         };
-        Ok(Self {
-            name: name.to_owned(),
-            decoder,
-            bytes_read: taken,
-            frames_read: 0,
-            geometry,
-            planes: layout,
-        })
+        Ok(Self { name: name.to_owned(), decoder, bytes_read, frames_read: 0, geometry, planes: layout })
     }
 
     /// Returns the width and height of the video.

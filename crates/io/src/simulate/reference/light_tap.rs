@@ -46,9 +46,9 @@ impl LightTap<'_> {
 /// # Errors
 /// [`ErrorKind::Input`] if the source ends before this readout. Also errors of the source.
 pub fn light_at(source: &mut dyn Source, timeline: Timeline, readout: u64) -> Result<Frame> {
-    let about = source.describe();
+    let description = source.describe();
     let ended = || {
-        Error::new(ErrorKind::Input, &about)
+        Error::new(ErrorKind::Input, &description)
             .found("the end of the light")
             .expected(format_args!("light for readout {readout}, counted from 0"))
     };

@@ -1,4 +1,4 @@
-//! Interpolation between samples.
+//! Cubic interpolation between samples.
 
 /// Returns the Catmull-Rom weights of four successive samples for the position `t` between the second and the third
 /// sample.

@@ -2,7 +2,7 @@
 //! instructions.
 
 /// Evaluates an instruction on values.
-macro_rules! proven {
+macro_rules! intrinsic {
     ($e:expr) => {{
         // SAFETY: `self` exists only if the CPU has the instructions, and these instructions access no memory.
         unsafe { $e }
@@ -11,7 +11,7 @@ macro_rules! proven {
 /// Evaluates an expression for each vector of a pair.
 ///
 /// The macro replaces `map`, because a closure might be compiled separately, without the instructions of its caller.
-macro_rules! both {
+macro_rules! for_pair {
     ($v:ident => $e:expr) => {{
         let [first, second] = $v;
         [
@@ -28,7 +28,7 @@ macro_rules! both {
 }
 
 /// Evaluates an expression for each index of a pair.
-macro_rules! both_of {
+macro_rules! for_pair_index {
     ($i:ident => $e:expr) => {
         [
             {
@@ -44,7 +44,7 @@ macro_rules! both_of {
 }
 
 /// Evaluates an instruction on the memory of a slice that has exactly the required length.
-macro_rules! memory {
+macro_rules! memory_intrinsic {
     ($e:expr) => {{
         // SAFETY: `self` exists only where the CPU has the instructions; the pointer comes from a
         // slice of exactly the bytes that the unaligned instruction touches.
@@ -52,4 +52,4 @@ macro_rules! memory {
     }};
 }
 
-pub(in crate::kernels) use {both, both_of, memory, proven};
+pub(in crate::kernels) use {for_pair, for_pair_index, intrinsic, memory_intrinsic};
