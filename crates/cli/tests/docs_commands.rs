@@ -5,7 +5,7 @@ mod docs_support;
 use std::fmt::Write as _;
 use std::process::Command;
 
-use docs_support::{page, split_at_markers, write_between_markers};
+use docs_support::{page, pages, split_at_markers, write_between_markers};
 
 const PAGE: &str = "docs/reference/commands.md";
 const BEGIN: &str = "<!-- generated: begin -->\n";
@@ -21,9 +21,8 @@ struct Help {
     entries: Vec<Entry>,
 }
 
-/// The entry of a flag or an argument.
-#[derive(Clone, PartialEq)]
 /// The entry of a flag or an argument in a help text.
+#[derive(Clone, PartialEq)]
 struct Entry {
     /// The heading above the entry, such as `Options` or `Camera`.
     heading: String,
@@ -212,7 +211,8 @@ fn subcommands(name: &str) -> Vec<String> {
     commands(&help(name)).iter().map(|sub| format!("{name} {sub}")).collect()
 }
 
-fn generated_page() -> String {
+/// Returns all commands with their help, in the order of the page.
+fn all_help() -> Vec<(String, Help)> {
     let top = help("");
     let mut paths: Vec<String> = Vec::new();
     for name in commands(&top) {
@@ -225,7 +225,11 @@ fn generated_page() -> String {
             _ => paths.push(name),
         }
     }
-    let all: Vec<(String, Help)> = paths.into_iter().map(|p| (p.clone(), parse(&help(&p)))).collect();
+    paths.into_iter().map(|p| (p.clone(), parse(&help(&p)))).collect()
+}
+
+fn generated_page() -> String {
+    let all = all_help();
     let mut text = String::from("\n");
     let links: Vec<String> =
         all.iter().map(|(path, _)| format!("[`{path}`](#{})", path.replace(' ', "-"))).collect();
@@ -248,6 +252,91 @@ fn the_page_of_commands_is_short() {
     const MAX_WORDS: usize = 3800;
     let words = page(PAGE).count_words();
     assert!(words <= MAX_WORDS, "{words} words");
+}
+
+/// A default that a page states: `` `--flag` (default V) `` or `` `V` (default) ``.
+#[derive(Debug, PartialEq)]
+struct StatedDefault {
+    /// The flag, or `None` if the page states that a value is the default of an option.
+    flag: Option<String>,
+    value: String,
+}
+
+/// Returns the defaults that a line of a page states. A default belongs to the last flag before it.
+fn stated_defaults(line: &str) -> Vec<StatedDefault> {
+    let mut found = Vec::new();
+    for (at, word) in line.match_indices("default") {
+        let (before, after) = (&line[..at], &line[at + word.len()..]);
+        let flag = before.rfind("`--").map(|start| {
+            let flag = &before[start + 1..];
+            flag[..flag.find(['`', ' ', '=']).unwrap_or(flag.len())].to_owned()
+        });
+        let value = after.trim_start_matches([':', ' ']);
+        let value =
+            value[..value.find([')', ',', ';', '|', ' ']).unwrap_or(value.len())].trim_matches(['`', '.']);
+        let states_a_value = after.starts_with([' ', ':']) && !value.is_empty();
+        if states_a_value
+            && (value.starts_with(|c: char| c.is_ascii_digit()) || after.trim_start().starts_with('`'))
+        {
+            found.extend(flag.map(|flag| StatedDefault { flag: Some(flag), value: value.to_owned() }));
+        } else if let Some(value) = before.strip_suffix("` (").and_then(|b| b.rsplit('`').next()) {
+            // A flag without a value is its own default, such as `--drop (default)`.
+            if !value.starts_with("--") {
+                found.push(StatedDefault { flag: None, value: value.to_owned() });
+            }
+        }
+    }
+    found
+}
+
+/// Returns the flag and the value of each `[default: VALUE]` in a help text.
+fn help_defaults(all: &[(String, Help)]) -> Vec<(&str, &str)> {
+    let entries = all.iter().flat_map(|(_, help)| &help.entries);
+    entries
+        .filter_map(|e| {
+            let value = e.text.split_once("[default: ")?.1.split(']').next()?;
+            Some((e.flag()?, value))
+        })
+        .collect()
+}
+
+fn is_default(stated: &StatedDefault, defaults: &[(&str, &str)]) -> bool {
+    defaults.iter().any(|(flag, value)| {
+        stated.flag.as_deref().is_none_or(|f| f == *flag)
+            && value.split([' ', ',']).next() == Some(stated.value.as_str())
+    })
+}
+
+#[test]
+fn every_default_on_a_page_is_that_of_the_program() {
+    let all = all_help();
+    let defaults = help_defaults(&all);
+    let mut stated = 0;
+    let mut wrong = Vec::new();
+    for page in pages().iter().filter(|p| p.name != PAGE) {
+        for (number, line) in page.text.lines().enumerate() {
+            for default in stated_defaults(line) {
+                stated += 1;
+                if !is_default(&default, &defaults) {
+                    wrong.push(format!("{}:{}: {default:?}", page.name, number + 1));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(stated >= 5, "only {stated} defaults were found on the pages");
+}
+
+#[test]
+fn wrong_defaults_on_pages_are_seen() {
+    let defaults = [("--burst", "8"), ("--to", "dat")];
+    let seen =
+        |line: &str| stated_defaults(line).iter().map(|d| is_default(d, &defaults)).collect::<Vec<_>>();
+    assert_eq!(seen("`--burst` readouts (default 8) are delivered"), [true]);
+    assert_eq!(seen("`--burst` readouts (default 9) are delivered"), [false]);
+    assert_eq!(seen("a header (`--to`, default `dat`)."), [true]);
+    assert_eq!(seen("| `rows416` (default) | a layout |"), [false]);
+    assert_eq!(seen("`--to` is the layout by default, and `Rate::default()` is a rate"), [] as [bool; 0]);
 }
 
 #[test]

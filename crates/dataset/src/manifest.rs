@@ -15,6 +15,7 @@ use spikelane_io::storage::{Digest, folders, sync};
 
 /// File name of the manifest in the dataset's folder.
 pub(super) const FILE_NAME: &str = "manifest.jsonl";
+const FORMAT_VERSION: u32 = 1;
 
 /// State of a sequence.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
@@ -143,6 +144,13 @@ impl Manifest {
         let mut lines = InputLines::new(&file, MAX_TEXT_BYTES);
         let mut head: Map<String, Value> =
             serde_json::from_slice(lines.next_line()?.unwrap_or_default()).map_err(bad)?;
+        let version = head.remove("format_version").unwrap_or_default();
+        if version != FORMAT_VERSION {
+            return Err(Error::new(ErrorKind::Config, path.display())
+                .found(format_args!("version {version} of the manifest format"))
+                .expected(FORMAT_VERSION)
+                .remedy("use the version of spikelane that wrote the dataset, or generate it again into a new folder"));
+        }
         let mut entries = Vec::new();
         while let Some(line) = lines.next_line()? {
             entries.push(serde_json::from_slice(line).map_err(bad)?);
@@ -203,7 +211,7 @@ impl ManifestWriter {
         let hidden = folder.join(format!(".{FILE_NAME}.{}.partial", std::process::id()));
         let file = folders::create(&hidden)?;
         let mut list = Self { file: BufWriter::new(file), hidden_path: hidden, path, is_finished: false };
-        list.line(&json!({ "format_version": 1, "options": options }))?;
+        list.line(&json!({ "format_version": FORMAT_VERSION, "options": options }))?;
         Ok(list)
     }
 
@@ -263,6 +271,8 @@ fn option_text(value: &Value) -> String {
     if value.is_null() { "nothing".to_owned() } else { value.to_string() }
 }
 
+/// Returns the key and both texts of the first difference. Of a text of several lines, such as a camera file, only the
+/// first line that differs is returned.
 fn first_difference(was: &Value, is: &Value, key: &str) -> Option<(String, String, String)> {
     match (was, is) {
         (Value::Object(a), Value::Object(b)) => {
@@ -272,6 +282,18 @@ fn first_difference(was: &Value, is: &Value, key: &str) -> Option<(String, Strin
             })
         }
         _ if was == is => None,
+        (Value::String(a), Value::String(b)) if a.contains('\n') || b.contains('\n') => {
+            let (mut a, mut b) = (a.lines(), b.lines());
+            loop {
+                // Texts that differ only in their last line break have no line that differs.
+                let (was, is) = (a.next(), b.next());
+                if was != is || was.is_none() {
+                    let text =
+                        |line: Option<&str>| line.map_or_else(|| "nothing".to_owned(), |l| format!("{l:?}"));
+                    return Some((key.trim_start_matches('/').to_owned(), text(was), text(is)));
+                }
+            }
+        }
         _ => Some((key.trim_start_matches('/').to_owned(), option_text(was), option_text(is))),
     }
 }

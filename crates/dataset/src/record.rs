@@ -78,7 +78,12 @@ impl SequenceRecord {
     }
 
     pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Self> {
-        serde_json::from_slice(text).map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))
+        serde_json::from_slice(text).map_err(|e| {
+            Error::new(ErrorKind::Config, path.display())
+                .found(e)
+                .expected("a record written by this version")
+                .remedy("use the version of spikelane that wrote the record, or generate the sequence again")
+        })
     }
 
     /// Reads the record in `folder`, compares its digest with `digest`, and verifies every file that the record lists.

@@ -1,6 +1,9 @@
 //! Runs work in the version that is compiled for the instructions of this CPU.
 
-#![cfg_attr(target_arch = "x86_64", allow(unsafe_code, reason = "instructions that were asked for first"))]
+#![cfg_attr(
+    target_arch = "x86_64",
+    allow(unsafe_code, reason = "the CPU features are detected before these functions are called")
+)]
 
 #[cfg(target_arch = "x86_64")]
 use super::avx512::Avx512Bits;

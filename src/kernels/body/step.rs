@@ -187,7 +187,7 @@ fn accumulate<L: Lanes, const NOISE: u8, const EXTRA: bool, const SHOT: bool>(
 
 /// Clamps the charge, compares it with the threshold and resets pixels that fire. Returns the reported bits.
 ///
-/// `fresh` is the threshold noise drawn at this readout. A pixel within the jitter width fires if `chance` is not
+/// `new_noise` is the threshold noise drawn at this readout. A pixel within the jitter width fires if `chance` is not
 /// negative.
 #[inline(always)]
 fn fire<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA: bool>(
@@ -244,9 +244,9 @@ pub(super) fn is_near_threshold<L: Lanes>(l: L, pixel: &Pixels<L>, bar: L::Half,
 
 /// Returns whether the charge of every pixel stays below a second threshold. The caller then need not count surplus.
 ///
-/// The conditions are `increment + 1 + shot + 2 (noise + sway) < threshold`, `charge <= noise + sway`, and `surplus = 0`.
-/// All values are in steps. `noise` and `shot` are the noises of the largest draw. `sway` is an upper bound on all other
-/// offsets of the threshold. See `docs/why/fixed-point.md`, "Headroom".
+/// The conditions are `increment + 1 + shot + 2 offset < threshold`, `charge <= offset`, and `surplus = 0`. All
+/// values are in steps. `shot` is the shot noise of the largest draw. `offset` is the threshold noise of the largest draw
+/// plus `jitter`, an upper bound on all other offsets of the threshold. See `docs/why/fixed-point.md`, "Headroom".
 #[inline(always)]
 pub(super) fn stays_below<L: Lanes>(
     l: L,
@@ -257,11 +257,11 @@ pub(super) fn stays_below<L: Lanes>(
 ) -> bool {
     let largest = l.splat(gauss::MAX_DRAW);
     let shot = l.scale(largest, increment.multiplier);
-    let off = l.add_saturating(l.scale(largest, constants.noise), jitter);
+    let offset = l.add_saturating(l.scale(largest, constants.noise), jitter);
     // The 1 is the possible carry from the sum of the fractions.
     let max_charge = l.add_saturating(l.add_saturating(increment.high, l.splat(1)), shot);
-    let max_charge = l.add_saturating(max_charge, l.add_saturating(off, off));
-    let stored = l.or(l.greater(pixels.surplus, l.splat(0)), l.greater(pixels.charge, off));
+    let max_charge = l.add_saturating(max_charge, l.add_saturating(offset, offset));
+    let stored = l.or(l.greater(pixels.surplus, l.splat(0)), l.greater(pixels.charge, offset));
     l.bits(l.or(stored, l.not_less(max_charge, constants.threshold))) == 0
 }
 

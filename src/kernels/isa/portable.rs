@@ -2,33 +2,33 @@
 
 use crate::kernels::isa::lanes::{Lanes, last_index};
 use crate::kernels::isa::wide_lanes::{
-    self, Floats, HAS_MASK_REGISTERS, N, Shorts, UnsignedShorts, UnsignedWords, Words, map_array,
+    self, HAS_MASK_REGISTERS, N, VecF32, VecI16, VecI32, VecU16, VecU32, map_array,
 };
 
 /// Vectors of 16 or 32 pixels.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernels) struct Portable;
 
-type Pair = [Words; 2];
-type PairF = [Floats; 2];
+type Pair = [VecI32; 2];
+type PairF = [VecF32; 2];
 
 #[inline(always)]
-fn pairs(a: Shorts) -> UnsignedWords {
+fn pairs(a: VecI16) -> VecU32 {
     bytemuck::cast(a)
 }
 
 #[inline(always)]
-fn halves(a: UnsignedWords) -> Shorts {
+fn halves(a: VecU32) -> VecI16 {
     bytemuck::cast(a)
 }
 
 #[inline(always)]
-fn as_unsigned(a: Words) -> UnsignedWords {
+fn as_unsigned(a: VecI32) -> VecU32 {
     bytemuck::cast(a)
 }
 
 #[inline(always)]
-fn as_signed(a: UnsignedWords) -> Words {
+fn as_signed(a: VecU32) -> VecI32 {
     bytemuck::cast(a)
 }
 
@@ -46,129 +46,129 @@ fn load_array<T: Copy>(from: &[T], at: usize) -> [T; N] {
 
 impl Lanes for Portable {
     const N: usize = N;
-    type Half = Shorts;
+    type Half = VecI16;
     type Word = Pair;
     type Float = PairF;
-    type Mask = Shorts;
+    type Mask = VecI16;
 
     #[inline(always)]
-    fn load(self, from: &[i16], at: usize) -> Shorts {
-        Shorts::new(load_array(from, at))
+    fn load(self, from: &[i16], at: usize) -> VecI16 {
+        VecI16::new(load_array(from, at))
     }
     #[inline(always)]
-    fn store(self, to: &mut [i16], at: usize, v: Shorts) {
+    fn store(self, to: &mut [i16], at: usize, v: VecI16) {
         to[at..at + N].copy_from_slice(v.as_array());
     }
     #[inline(always)]
-    fn splat(self, v: i16) -> Shorts {
-        Shorts::splat(v)
+    fn splat(self, v: i16) -> VecI16 {
+        VecI16::splat(v)
     }
     #[inline(always)]
-    fn add(self, a: Shorts, b: Shorts) -> Shorts {
+    fn add(self, a: VecI16, b: VecI16) -> VecI16 {
         a + b
     }
     #[inline(always)]
-    fn sub(self, a: Shorts, b: Shorts) -> Shorts {
+    fn sub(self, a: VecI16, b: VecI16) -> VecI16 {
         a - b
     }
     #[inline(always)]
-    fn add_saturating(self, a: Shorts, b: Shorts) -> Shorts {
+    fn add_saturating(self, a: VecI16, b: VecI16) -> VecI16 {
         a.saturating_add(b)
     }
     #[inline(always)]
-    fn min(self, a: Shorts, b: Shorts) -> Shorts {
+    fn min(self, a: VecI16, b: VecI16) -> VecI16 {
         a.min(b)
     }
     #[inline(always)]
-    fn scale(self, a: Shorts, b: Shorts) -> Shorts {
+    fn scale(self, a: VecI16, b: VecI16) -> VecI16 {
         wide_lanes::scale(a, b)
     }
     #[inline(always)]
-    fn greater(self, a: Shorts, b: Shorts) -> Shorts {
+    fn greater(self, a: VecI16, b: VecI16) -> VecI16 {
         a.simd_gt(b)
     }
     #[inline(always)]
-    fn mul(self, a: Shorts, b: Shorts) -> Shorts {
+    fn mul(self, a: VecI16, b: VecI16) -> VecI16 {
         a * b
     }
     #[inline(always)]
-    fn load_bytes(self, from: &[u8], at: usize) -> Shorts {
-        Shorts::new(map_array!([0; N], b in load_array(from, at) => i16::from(b)))
+    fn load_bytes(self, from: &[u8], at: usize) -> VecI16 {
+        VecI16::new(map_array!([0; N], b in load_array(from, at) => i16::from(b)))
     }
     #[inline(always)]
-    fn select(self, m: Shorts, a: Shorts, b: Shorts) -> Shorts {
+    fn select(self, m: VecI16, a: VecI16, b: VecI16) -> VecI16 {
         (m & a) | (!m & b)
     }
     #[inline(always)]
-    fn sub_where(self, m: Shorts, a: Shorts, b: Shorts) -> Shorts {
+    fn sub_where(self, m: VecI16, a: VecI16, b: VecI16) -> VecI16 {
         a - (m & b)
     }
     #[inline(always)]
-    fn reset(self, a: Shorts, b: Shorts) -> Shorts {
-        let lower: UnsignedShorts = bytemuck::cast(a - b);
+    fn reset(self, a: VecI16, b: VecI16) -> VecI16 {
+        let lower: VecU16 = bytemuck::cast(a - b);
         bytemuck::cast(lower.max(bytemuck::cast(a)))
     }
     #[inline(always)]
-    fn increment_where(self, m: Shorts, a: Shorts) -> Shorts {
+    fn increment_where(self, m: VecI16, a: VecI16) -> VecI16 {
         if HAS_MASK_REGISTERS {
-            self.select(m, a.saturating_add(Shorts::splat(1)), a)
+            self.select(m, a.saturating_add(VecI16::splat(1)), a)
         } else {
             a.saturating_sub(m)
         }
     }
     #[inline(always)]
-    fn and(self, a: Shorts, b: Shorts) -> Shorts {
+    fn and(self, a: VecI16, b: VecI16) -> VecI16 {
         a & b
     }
     #[inline(always)]
-    fn or(self, a: Shorts, b: Shorts) -> Shorts {
+    fn or(self, a: VecI16, b: VecI16) -> VecI16 {
         a | b
     }
     #[inline(always)]
-    fn not(self, a: Shorts) -> Shorts {
+    fn not(self, a: VecI16) -> VecI16 {
         !a
     }
     #[inline(always)]
-    fn bits(self, m: Shorts) -> u32 {
+    fn bits(self, m: VecI16) -> u32 {
         m.to_bitmask() & (u32::MAX >> (32 - N))
     }
     #[inline(always)]
-    fn store_bits(self, to: &mut [u8], at: usize, m: Shorts) {
+    fn store_bits(self, to: &mut [u8], at: usize, m: VecI16) {
         // With single byte stores, the compiler would first assemble the bytes in a vector, by way of memory.
         let bits = self.bits(m).to_le_bytes();
         to[at..at + const { N / 8 }].copy_from_slice(&bits[..const { N / 8 }]);
     }
     #[inline(always)]
-    fn load_pairs(self, from: &[u32], at: usize) -> Shorts {
-        halves(UnsignedWords::from(&from[at..at + N / 2]))
+    fn load_pairs(self, from: &[u32], at: usize) -> VecI16 {
+        halves(VecU32::from(&from[at..at + N / 2]))
     }
     #[inline(always)]
-    fn splat_pair(self, v: u32) -> Shorts {
-        halves(UnsignedWords::splat(v))
+    fn splat_pair(self, v: u32) -> VecI16 {
+        halves(VecU32::splat(v))
     }
     #[inline(always)]
-    fn xor(self, a: Shorts, b: Shorts) -> Shorts {
+    fn xor(self, a: VecI16, b: VecI16) -> VecI16 {
         a ^ b
     }
     #[inline(always)]
-    fn mul_pairs(self, a: Shorts, b: Shorts) -> Shorts {
+    fn mul_pairs(self, a: VecI16, b: VecI16) -> VecI16 {
         halves(pairs(a) * pairs(b))
     }
     #[inline(always)]
-    fn shr_pairs<const BITS: u32>(self, a: Shorts) -> Shorts {
+    fn shr_pairs<const BITS: u32>(self, a: VecI16) -> VecI16 {
         halves(pairs(a).unbounded_shr_scalar(BITS))
     }
     #[inline(always)]
-    fn gauss(self, bits: Shorts) -> Shorts {
+    fn gauss(self, bits: VecI16) -> VecI16 {
         wide_lanes::normal(bits)
     }
     #[inline(always)]
     fn load_f(self, from: &[f32], at: usize) -> PairF {
-        [Floats::from(&from[at..at + N / 2]), Floats::from(&from[at + N / 2..at + N])]
+        [VecF32::from(&from[at..at + N / 2]), VecF32::from(&from[at + N / 2..at + N])]
     }
     #[inline(always)]
     fn splat_f(self, v: f32) -> PairF {
-        [Floats::splat(v); 2]
+        [VecF32::splat(v); 2]
     }
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
@@ -200,11 +200,11 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn min_f(self, a: PairF, b: PairF) -> PairF {
-        zip_pair(a, b, Floats::fast_min)
+        zip_pair(a, b, VecF32::fast_min)
     }
     #[inline(always)]
     fn max_f(self, a: PairF, b: PairF) -> PairF {
-        zip_pair(a, b, Floats::fast_max)
+        zip_pair(a, b, VecF32::fast_max)
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
@@ -240,7 +240,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn splat_w(self, v: u32) -> Pair {
-        [Words::splat(v as i32); 2]
+        [VecI32::splat(v as i32); 2]
     }
     #[inline(always)]
     fn add_w(self, a: Pair, b: Pair) -> Pair {
@@ -271,7 +271,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn min_w(self, a: Pair, b: Pair) -> Pair {
-        zip_pair(a, b, Words::min)
+        zip_pair(a, b, VecI32::min)
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
@@ -279,7 +279,7 @@ impl Lanes for Portable {
         [(first & x[0]) | (!first & y[0]), (second & x[1]) | (!second & y[1])]
     }
     #[inline(always)]
-    fn greater_w(self, a: Pair, b: Pair) -> Shorts {
+    fn greater_w(self, a: Pair, b: Pair) -> VecI16 {
         self.low([a[0].simd_gt(b[0]), a[1].simd_gt(b[1])])
     }
     #[inline(always)]
@@ -289,17 +289,17 @@ impl Lanes for Portable {
         bytemuck::cast(map_array!([0; N], i in index => table[(i as usize).min(last)]))
     }
     #[inline(always)]
-    fn low(self, a: Pair) -> Shorts {
+    fn low(self, a: Pair) -> VecI16 {
         let words: [i32; N] = bytemuck::cast(a);
-        Shorts::new(map_array!([0; N], w in words => w as i16))
+        VecI16::new(map_array!([0; N], w in words => w as i16))
     }
     #[inline(always)]
-    fn high(self, a: Pair) -> Shorts {
+    fn high(self, a: Pair) -> VecI16 {
         let words: [i32; N] = bytemuck::cast(a);
-        Shorts::new(map_array!([0; N], w in words => (w >> 16) as i16))
+        VecI16::new(map_array!([0; N], w in words => (w >> 16) as i16))
     }
     #[inline(always)]
-    fn join(self, high: Shorts, low: Shorts) -> Pair {
+    fn join(self, high: VecI16, low: VecI16) -> Pair {
         let (high, low) = (high.to_array(), low.to_array());
         let mut words = [0; N];
         for (word, (high, low)) in words.iter_mut().zip(high.into_iter().zip(low)) {
@@ -308,7 +308,7 @@ impl Lanes for Portable {
         bytemuck::cast(words)
     }
     #[inline(always)]
-    fn widen(self, a: Shorts) -> Pair {
+    fn widen(self, a: VecI16) -> Pair {
         bytemuck::cast(map_array!([0; N], v in a.to_array() => i32::from(v)))
     }
 }

@@ -10,24 +10,24 @@ use crate::draws::gauss;
 #[cfg(all(target_feature = "avx512f", target_feature = "avx512bw", target_feature = "avx512dq"))]
 mod width {
     pub(in crate::kernels) use wide::{
-        f32x16 as Floats, i8x64 as Chars, i16x32 as Shorts, i32x16 as Words, u8x64 as Bytes,
-        u16x32 as UnsignedShorts, u32x16 as UnsignedWords,
+        f32x16 as VecF32, i8x64 as VecI8, i16x32 as VecI16, i32x16 as VecI32, u8x64 as VecU8,
+        u16x32 as VecU16, u32x16 as VecU32,
     };
 }
 
 #[cfg(not(all(target_feature = "avx512f", target_feature = "avx512bw", target_feature = "avx512dq")))]
 mod width {
     pub(in crate::kernels) use wide::{
-        f32x8 as Floats, i8x32 as Chars, i16x16 as Shorts, i32x8 as Words, u8x32 as Bytes,
-        u16x16 as UnsignedShorts, u32x8 as UnsignedWords,
+        f32x8 as VecF32, i8x32 as VecI8, i16x16 as VecI16, i32x8 as VecI32, u8x32 as VecU8, u16x16 as VecU16,
+        u32x8 as VecU32,
     };
 }
 
-use width::{Bytes, Chars};
-pub(in crate::kernels) use width::{Floats, Shorts, UnsignedShorts, UnsignedWords, Words};
+pub(in crate::kernels) use width::{VecF32, VecI16, VecI32, VecU16, VecU32};
+use width::{VecI8, VecU8};
 
 /// Number of pixels in a vector.
-pub(in crate::kernels) const N: usize = size_of::<Shorts>() / 2;
+pub(in crate::kernels) const N: usize = size_of::<VecI16>() / 2;
 /// Number of 256-bit parts of a vector.
 const PARTS: usize = N / 16;
 
@@ -88,7 +88,7 @@ pub(in crate::kernels) use map_array;
 
 /// Returns `(a * b + 2^14) >> 15`. `wide` has this operation for at most 256 bits.
 #[inline(always)]
-pub(in crate::kernels) fn scale(a: Shorts, b: Shorts) -> Shorts {
+pub(in crate::kernels) fn scale(a: VecI16, b: VecI16) -> VecI16 {
     let (a, b): ([i16x16; PARTS], [i16x16; PARTS]) = (bytemuck::cast(a), bytemuck::cast(b));
     let mut out = a;
     let mut i = 0;
@@ -101,7 +101,7 @@ pub(in crate::kernels) fn scale(a: Shorts, b: Shorts) -> Shorts {
 
 /// Returns [`gauss::draw`] of every word.
 #[inline(always)]
-pub(in crate::kernels) fn normal(bits: Shorts) -> Shorts {
+pub(in crate::kernels) fn normal(bits: VecI16) -> VecI16 {
     if !HAS_BYTE_SHUFFLE {
         return look_up(bits);
     }
@@ -110,8 +110,8 @@ pub(in crate::kernels) fn normal(bits: Shorts) -> Shorts {
 }
 
 #[inline(always)]
-fn look_up(bits: Shorts) -> Shorts {
-    Shorts::new(map_array!([0; N], b in bits.to_array() => {
+fn look_up(bits: VecI16) -> VecI16 {
+    VecI16::new(map_array!([0; N], b in bits.to_array() => {
         let [low, high] = b.to_le_bytes();
         WEIGHTED_BYTES[0][low as usize] + WEIGHTED_BYTES[1][high as usize]
     }))
@@ -119,24 +119,24 @@ fn look_up(bits: Shorts) -> Shorts {
 
 /// Returns the entry of `table` for the low four bits of every byte.
 #[inline(always)]
-fn shuffle_table(table: [i8; 2 * N], nibbles: Shorts) -> [i8x32; PARTS] {
+fn shuffle_table(table: [i8; 2 * N], nibbles: VecI16) -> [i8x32; PARTS] {
     if HAS_FULL_BYTE_SHUFFLE {
         // The shuffle also reads upper bits of an index. They only select between equal copies of the table.
-        let table: Bytes = bytemuck::cast(table);
+        let table: VecU8 = bytemuck::cast(table);
         return bytemuck::cast(table.shuffle_wrapping(bytemuck::cast(nibbles)));
     }
     let table: [i8x32; PARTS] = bytemuck::cast(table);
-    let nibbles: [i8x32; PARTS] = bytemuck::cast(nibbles & Shorts::splat(0x0f0f));
+    let nibbles: [i8x32; PARTS] = bytemuck::cast(nibbles & VecI16::splat(0x0f0f));
     map_array!([i8x32::ZERO; PARTS], part in nibbles => table[0].swizzle_half_relaxed(part))
 }
 
 /// Returns the weighted sum of the two bytes of every word.
 #[cfg(all(any(target_arch = "x86", target_arch = "x86_64"), target_feature = "avx2"))]
 #[inline(always)]
-fn weigh(low: [i8x32; PARTS], high: [i8x32; PARTS]) -> Shorts {
+fn weigh(low: [i8x32; PARTS], high: [i8x32; PARTS]) -> VecI16 {
     use safe_arch::{m256i, mul_u8i8_add_horizontal_saturating_m256i as weigh};
     let weights: m256i = bytemuck::cast([gauss::BYTE_WEIGHTS[1] << 8 | gauss::BYTE_WEIGHTS[0]; 16]);
-    let sums: Shorts = bytemuck::cast(bytemuck::cast::<_, Chars>(low) + bytemuck::cast::<_, Chars>(high));
+    let sums: VecI16 = bytemuck::cast(bytemuck::cast::<_, VecI8>(low) + bytemuck::cast::<_, VecI8>(high));
     let sums: [m256i; PARTS] = bytemuck::cast(sums);
     bytemuck::cast(map_array!([weights; PARTS], part in sums => weigh(weights, part)))
 }
@@ -144,9 +144,9 @@ fn weigh(low: [i8x32; PARTS], high: [i8x32; PARTS]) -> Shorts {
 /// Returns the weighted sum of the two bytes of every word.
 #[cfg(not(all(any(target_arch = "x86", target_arch = "x86_64"), target_feature = "avx2")))]
 #[inline(always)]
-fn weigh(low: [i8x32; PARTS], high: [i8x32; PARTS]) -> Shorts {
-    let sums: Shorts = bytemuck::cast(bytemuck::cast::<_, Chars>(low) + bytemuck::cast::<_, Chars>(high));
+fn weigh(low: [i8x32; PARTS], high: [i8x32; PARTS]) -> VecI16 {
+    let sums: VecI16 = bytemuck::cast(bytemuck::cast::<_, VecI8>(low) + bytemuck::cast::<_, VecI8>(high));
     let even = sums.unbounded_shl_scalar(8).unbounded_shr_scalar(8);
     let odd = sums.unbounded_shr_scalar(8);
-    even * Shorts::splat(gauss::BYTE_WEIGHTS[0]) + odd * Shorts::splat(gauss::BYTE_WEIGHTS[1])
+    even * VecI16::splat(gauss::BYTE_WEIGHTS[0]) + odd * VecI16::splat(gauss::BYTE_WEIGHTS[1])
 }

@@ -7,8 +7,8 @@ use clap::Args as ClapArgs;
 use serde_json::json;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane_calibrate::{
-    CalibrateOptions, Calibration, CalibrationFiles as Written, RecordingSet, SneeOptions, calibrate,
-    estimate_snee, import_maps, measure_levels,
+    CalibrateOptions, Calibration, CalibrationFiles, RecordingSet, SneeOptions, calibrate, estimate_snee,
+    import_maps, measure_levels,
 };
 use spikelane_measure::Estimate;
 
@@ -126,7 +126,7 @@ fn check_not_stream(path: &Path) -> Result<()> {
         )))
 }
 
-fn result_text(calibration: &Calibration, files: &Written) -> String {
+fn result_text(calibration: &Calibration, files: &CalibrationFiles) -> String {
     let mut lines = result_lines(calibration);
     lines.push(calibration.verdict());
     lines.extend(calibration.cautions().iter().map(|caution| format!("* {caution}")));

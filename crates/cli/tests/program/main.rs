@@ -15,6 +15,7 @@ mod inputs;
 mod inputs_and_outputs;
 #[cfg(unix)]
 mod interruption;
+mod older_files;
 #[cfg(unix)]
 mod outputs;
 mod shards;

@@ -344,19 +344,22 @@ impl ShardRun<'_> {
 
     /// Returns an error if the input has changed since the plan was made.
     fn check_unchanged(&self, task: &SequenceTask) -> Result<()> {
-        let (Content::Inputs(inputs), Some(name), Some(stamp)) =
+        let (Content::Inputs(inputs), Some(name), Some(fingerprint)) =
             (&self.options.content, &task.entry.input, task.fingerprint)
         else {
             return Ok(());
         };
         let path = input_path(inputs, Path::new(name))?;
         let current = fingerprint::input_fingerprint(&path)?;
-        if current == stamp {
+        if current == fingerprint {
             return Ok(());
         }
         Err(Error::new(ErrorKind::Input, path.display())
             .found(format_args!("{} bytes, changed at {} ns", current.bytes, current.mtime_ns))
-            .expected(format_args!("{} bytes, changed at {} ns, as in the plan", stamp.bytes, stamp.mtime_ns))
+            .expected(format_args!(
+                "{} bytes, changed at {} ns, as in the plan",
+                fingerprint.bytes, fingerprint.mtime_ns
+            ))
             .remedy("restore the file (cp -p keeps its time), or plan again in another folder"))
     }
 }
