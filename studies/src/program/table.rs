@@ -56,6 +56,27 @@ fn undetectable_table(records: &[Value]) -> String {
     text
 }
 
+/// Returns the table of wrong names, and for each the number of sensors with this name.
+fn wrong_name_table(records: &[Value]) -> String {
+    let mut counts: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
+    for r in records {
+        let mut names: Vec<&str> =
+            r["score"]["wrong"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        names.sort_unstable();
+        names.dedup();
+        for name in names {
+            counts.entry(name).or_default()[usize::from(r["class"] != "null")] += 1;
+        }
+    }
+    let mut rows: Vec<_> = counts.into_iter().collect();
+    rows.sort_by_key(|(name, [clean, other])| (std::cmp::Reverse(clean + other), *name));
+    let mut text = "\nSensors with a wrong name:\n\n| wrong name | clean sensors | sensors with an effect |\n|---|--:|--:|\n".to_owned();
+    for (name, [clean, other]) in rows {
+        text += &format!("| `{name}` | {clean} | {other} |\n");
+    }
+    text
+}
+
 pub(crate) fn table(records: &[Value]) -> String {
     let class = |class: &str| records.iter().filter(|r| r["class"] == class).count();
     let mut head = format!(
@@ -121,19 +142,6 @@ pub(crate) fn table(records: &[Value]) -> String {
         text += &format!("| {factor} | {level} | {} |\n", share_of(group.iter().copied(), alarm));
     }
     text += &undetectable_table(records);
-    text += "\nSensors that did not end as they should:\n\n";
-    for r in records {
-        let class = r["class"].as_str().unwrap_or_default();
-        let missed = r["score"]["showable"].as_u64().unwrap_or(0) as usize > name_count(r, "found");
-        if has_wrong_name(r) || (class == "null" && alarm(r)) || missed {
-            text += &format!(
-                "* {}: {}, said {}; {}\n",
-                r["id"].as_str().unwrap_or_default(),
-                r["diagnosis"]["verdict"].as_str().unwrap_or_default(),
-                r["score"]["names"],
-                r["factors"]
-            );
-        }
-    }
+    text += &wrong_name_table(records);
     text
 }
