@@ -3,8 +3,9 @@
 //! An effect edits the circuits of the pixels or lists operations for every readout.
 //! It also predicts its moments and lists the parameter values that a diagnosis tries.
 //!
-//! To add an effect to this library, write its file and add the file's name to the list below. Presets, the command line,
-//! every backend, the diagnosis, the docs and the property tests then include the effect.
+//! To add an effect to this library, write its file and add the file's name to the list below. Presets, the program,
+//! every backend and the property tests then include the effect. `CONTRIBUTING.md` lists the steps for the diagnosis and
+//! the docs.
 //! Another crate adds its own effects through [`Catalog`].
 
 mod camera;

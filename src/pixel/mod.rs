@@ -36,7 +36,8 @@ pub enum Quanta {
 ///
 /// The list is complete: a new kind of arithmetic requires a new variant. The law, the plan, the reference kernel and the
 /// vector kernels destructure the operations and their constants without `..`. If a variant is added, the compiler
-/// therefore reports each function that must handle the new variant.
+/// therefore reports most functions that must handle the new variant. It does not report `Law::max_threshold_offset` and
+/// `Dynamics::moves_threshold`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Op {
     /// The light arrives in quanta.
