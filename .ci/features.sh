@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The combinations of features that people take: each has to build without a warning.
+# Checks that the common combinations of features compile without a warning.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 for features in "" threads presets maps threads,presets; do

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs the programs that `.ci/run` uses besides Rust, where the system is Debian and this user may. What cannot be
-# installed is left to the step that needs it, which says so.
+# Installs the programs that `.ci/run` needs in addition to Rust. Installs only on Debian and as root. For a program that is
+# still missing, the step that needs the program prints an error.
 set -euo pipefail
 packages=(build-essential cmake pkg-config python3-venv strace valgrind)
 [ "${1:-}" != full ] || packages+=(gcc-aarch64-linux-gnu gcc-mingw-w64-x86-64 libc6-dev-arm64-cross nodejs qemu-user wine64)

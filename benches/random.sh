@@ -1,6 +1,6 @@
 #!/bin/sh
-# dieharder's full run over the random words in the orders in which the kernel
-# consumes them. Takes hours. Usage: benches/random.sh [ORDER...], results in out/random/.
+# Runs all dieharder tests on the random words, in each order in which the kernels use the words. Takes hours.
+# Usage: benches/random.sh [ORDER...]. Writes the results to out/random/.
 set -eu
 cd "$(dirname "$0")/.."
 command -v dieharder >/dev/null || { echo "dieharder is not installed (Debian: apt-get install dieharder)" >&2; exit 8; }

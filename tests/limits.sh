@@ -1,14 +1,16 @@
 #!/bin/bash
-# What commands do where something is short. Usage: tests/limits.sh [PROGRAM]
-#   Prints a table of exit codes, a row for each command and a column for each limit:
-#     read-only  a folder that may only be read, as user 65534 (needs root and setpriv)
-#     disk       a disk of 192 kB (a tmpfs; needs root), or with ALLOW_SKIP=mount a limit of 64 kB a file
-#     1 thread   RAYON_NUM_THREADS=1, and --threads 1 where the command has it
+# Runs commands under limits of the system. Usage: tests/limits.sh [PROGRAM]
+#   Prints a table of exit codes, with a row for each command and a column for each limit:
+#     read-only  a read-only folder, as user 65534 (needs root and setpriv)
+#     disk       a disk of 192 kB (a tmpfs; needs root), or with ALLOW_SKIP=mount a limit of 64 kB per file
+#     1 thread   RAYON_NUM_THREADS=1, and --threads 1 if the command has this flag
 #     64 files   ulimit -n 64
 #     512 MB     ulimit -v 524288
-#   ALLOW_SKIP, a comma-separated list, names what may be missing: setpriv (column read-only), mount, python3.
-#   Ends with code 1 for a code that docs/reference/errors.md does not list (a panic, an abort, a signal), for a file that
-#   a failed command left, and for a message without a remedy on a read-only folder or a full disk.
+#   ALLOW_SKIP is a comma-separated list of tools that may be missing: setpriv (column read-only), mount, python3.
+#   Exits with code 1 if
+#     a command exits with a code that docs/reference/errors.md does not list (a panic, an abort, a signal),
+#     a failed command leaves a file, or
+#     the message about a read-only folder or a full disk names no remedy.
 set -u
 cd "$(dirname "$0")/.."
 . tests/script_inputs.sh
@@ -33,7 +35,7 @@ mount -t tmpfs -o size=192k tmpfs "$work/disk" 2>/dev/null && mounted=yes
 [ -n "$mounted" ] || missing mount "the column disk, on a tmpfs,"
 
 make_inputs
-# 400 kB as a stream, more than the small disk.
+# The stream has 400 kB, which exceeds the small disk.
 quiet simulate --builtin-light chart --width 64 --height 50 --readouts 1000 -o in/a
 quiet dataset plan $tiny -o in/plan --sequences-per-shard 1
 chmod -R a+rX in
@@ -44,7 +46,7 @@ wrong() {
     echo "    $*"
 }
 
-# once COLUMN OUT LINE: runs LINE with its output in the folder OUT under the limit; prints the code.
+# once COLUMN OUT LINE: runs the command LINE under the limit COLUMN with the output folder OUT, and prints the exit code.
 once() {
     local column=$1 out=$2 line=$3
     local run=("$program") code
@@ -66,11 +68,11 @@ once() {
     code=$?
     printf '%9s' $code
     case "$listed" in *" $code "*) ;; *) notes+=("$column: code $code is not listed: $(tail -1 stderr)") ;; esac
-    # A folder that `in` had before is not the command's.
+    # `run OUT` and `merge OUT` work in a folder that contained files before the command, so the check skips both.
     if [ $code -ne 0 ] && [[ $line == *OUT* ]] && [[ $line != *"run OUT"* && $line != *"merge OUT"* ]]; then
         local left
         left=$(find "$out" -mindepth 1 2>/dev/null | head -3 | tr '\n' ' ')
-        # What a data set finished stays, to be resumed, and so do whole recordings and numbered pictures.
+        # Finished sequences of a data set remain, because a rerun resumes. Complete recordings and numbered images remain too.
         [[ $line == dataset\ --* || $line == record* || $line == *pictures* || $line == scene* ]] || [ -z "$left" ] || notes+=("$column: left $left")
     fi
     case "$column:$code" in
@@ -93,7 +95,7 @@ row() {
             printf '%9s' skipped
             continue
         fi
-        # A folder that is there; below it the command makes its own.
+        # The command creates its output folder inside this existing folder.
         local place=$work/free/place
         [ "$column" = disk ] && [ -n "$mounted" ] && place=$work/disk/place
         rm -rf "$place"
@@ -140,7 +142,7 @@ row man "man --output OUT/man"
 row partials "partials in"
 rm -rf "$work/free/place" "$work/disk/place"
 
-# A file of 3 GB that is read under less address space than it has bytes.
+# Reads a file of 3 GB although the limited address space cannot map the whole file.
 truncate -s 3G in/long.dat
 for line in "inspect in/long.dat --readouts 0..100" "convert in/long.dat free/cut.dat --readouts 0..100" \
     "reconstruct in/long.dat --at 1000 -o free/cut.png"; do

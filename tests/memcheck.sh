@@ -1,8 +1,9 @@
 #!/bin/sh
-# Memory accesses of the kernels. Usage: tests/memcheck.sh valgrind|address
-#   valgrind: AVX2 and portable under memcheck (valgrind knows no AVX-512 and hides it, so it is skipped and printed).
-#   address:  every backend of this CPU, AVX-512 included, under AddressSanitizer. The flag is
-#             unstable; RUSTC_BOOTSTRAP lets a stable compiler take it. Libraries are not instrumented.
+# Checks the memory accesses of the kernels. Usage: tests/memcheck.sh valgrind|address
+#   valgrind: runs the AVX2 and portable backends under memcheck. valgrind does not support AVX-512 and hides it from the test,
+#             which skips the backend and prints the skip.
+#   address:  runs every backend of this CPU, including AVX-512, under AddressSanitizer. The compiler flag is unstable, and
+#             RUSTC_BOOTSTRAP makes a stable compiler accept it. The sanitizer does not instrument other libraries.
 set -eu
 cd "$(dirname "$0")/.."
 features="--no-default-features"
@@ -14,7 +15,7 @@ valgrind)
     ;;
 address)
     host=$(rustc -vV | sed -n 's/host: //p')
-    # A target of its own keeps build scripts and macros free of the sanitizer.
+    # With `--target`, cargo compiles build scripts and macros without the sanitizer.
     RUSTC_BOOTSTRAP=1 RUSTFLAGS="-Zsanitizer=address" CARGO_TARGET_DIR=target/address \
         cargo test $features --target "$host" --test kernels_memory -- --nocapture
     ;;

@@ -1,8 +1,9 @@
-# Inputs that tests/limits.sh and tests/strace.sh share. Sourced with `program` set to the program, in a folder with a folder `in`.
+# Creates the inputs of tests/limits.sh and tests/strace.sh, which source this file. A script must set `program` to the path of
+# the program. The current folder must contain a folder `in`.
 
 . "$(dirname "${BASH_SOURCE[0]}")/../.ci/skip.sh"
 
-# quiet ARGUMENTS: makes an input; without it the checks would check nothing.
+# quiet ARGUMENTS: creates an input with the program. If this fails, the script exits, because the checks need every input.
 quiet() {
     "$program" "$@" >/dev/null 2>>log && return
     echo "input failed: $*" >&2
@@ -13,7 +14,7 @@ quiet() {
 small="--width 32 --height 24"
 tiny="--scene-preset tiny --sequences 2 --images-per-scene 3 --label-every 2 $small"
 
-# Pictures, a recording set, a data set and a plan whose shards are made.
+# Creates images, a recording set, a data set and a plan with finished shards.
 make_inputs() {
     command -v python3 >/dev/null || { missing python3 "the inputs of this script"; exit 0; }
 python3 - <<'PY'

@@ -1,8 +1,8 @@
 #!/bin/bash
-# Paths that commands open for writing, create, rename, link or remove, as strace sees them: each has to lie below the
-# folder that the user named. Usage: tests/strace.sh [PROGRAM]
-#   Prints a line for each command and ends with code 1 when a path lies elsewhere, and when strace is missing or may not
-#   trace, unless ALLOW_SKIP, a comma-separated list, names strace.
+# Checks with strace that commands only write to the folder that the user named. The check covers every path that a command
+# opens for writing, creates, renames, links or removes. Usage: tests/strace.sh [PROGRAM]
+#   Prints a line for each command. Exits with code 1 if a path is outside the folder.
+#   A missing strace, or a system that forbids tracing, is an error unless ALLOW_SKIP, a comma-separated list, names strace.
 set -u
 program=$(realpath "${1:-target/debug/spikelane}")
 . "$(dirname "$0")/script_inputs.sh"
@@ -12,7 +12,7 @@ trap 'rm -rf "$work"' EXIT
 strace -o "$work/probe" true 2>/dev/null || { missing strace "this check, where it may trace,"; exit 0; }
 cd "$work" && mkdir in
 
-# None of this is traced.
+# strace does not trace the creation of the inputs.
 make_inputs
 quiet simulate --builtin-light chart $small --readouts 400 -o in/a
 quiet dataset plan $tiny -o in/run --sequences-per-shard 1
@@ -20,7 +20,7 @@ quiet dataset plan $tiny -o in/pack --sequences-per-shard 1 --pack
 
 calls=openat,open,creat,rename,renameat,renameat2,unlink,unlinkat,rmdir,mkdir,mkdirat,link,linkat,symlink,symlinkat,truncate,mknod,mknodat,chmod,fchmodat,chown,lchown,fchownat
 failed=0
-# check FOLDER LINE...: everything written lies below FOLDER.
+# check FOLDER ARGUMENTS...: runs the program with ARGUMENTS, and checks that it only writes inside FOLDER.
 check() {
     local folder=$1
     shift
@@ -36,13 +36,13 @@ wrong, seen = set(), 0
 for line in open(trace, errors="replace"):
     line = line.split(None, 1)[1] if line[:1].isdigit() else line
     call = line.split("(")[0]
-    # A call that failed changed nothing; one that is unfinished counts.
+    # A failed call changes no file. An unfinished call counts as successful.
     if re.search(r"= -1 E", line):
         continue
     if call in ("open", "openat") and not re.search(r"O_WRONLY|O_RDWR|O_CREAT|O_TRUNC", line):
         continue
     quoted = list(re.finditer(r'(?:(?:AT_FDCWD|\d+)<([^>]*)>, )?"((?:[^"\\]|\\.)*)"', line))
-    # The first name of a link is only read: what is made is the second.
+    # A link call only reads its first path and creates its second path.
     if call.startswith("symlink") or call.startswith("link"):
         quoted = quoted[-1:]
     for match in quoted:
@@ -51,10 +51,10 @@ for line in open(trace, errors="replace"):
         seen += 1
         if path == allowed or path.startswith(allowed + "/"):
             continue
-        # Parents of the folder that the user named, which are made where they are missing.
+        # A command may create missing parents of the folder that the user named.
         if call.startswith("mkdir") and allowed.startswith(path + "/"):
             continue
-        # A sink and the terminal, which keep nothing.
+        # Neither device stores data.
         if path in ("/dev/null", "/dev/tty"):
             continue
         wrong.add(f"{call} {path}")
@@ -67,7 +67,7 @@ PY
     local wrong=${found#"$seen"}
     printf '%-60.60s code %d, %3d paths%s\n' "$*" $code "$seen" "${wrong:+, elsewhere:$wrong}"
     [ -z "$wrong" ] || failed=1
-    # A command that failed early would show nothing.
+    # A command that fails early would write nothing and pass the check.
     [ $code -eq 0 ] || { failed=1; tail -3 "$work/log"; }
 }
 

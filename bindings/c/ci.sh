@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# The C library: built as cargo's tests are, installed, and used as strangers would: C, C++, CMake, pkg-config, README;
-# under valgrind and AddressSanitizer. A missing tool is an error, unless ALLOW_SKIP names it.
+# Tests the C library as an outside project would use it. Builds and installs the library, then compiles programs in C and C++,
+# with CMake, with pkg-config and with the command of the README. Runs programs under valgrind and AddressSanitizer.
+# A missing tool is an error, unless ALLOW_SKIP, a comma-separated list, names the tool.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 here=bindings/c
@@ -10,7 +11,8 @@ say() { echo "bindings/c: $*"; }
 cc=${CC:-cc}
 command -v "$cc" >/dev/null || { missing "$cc" "the C library"; exit 0; }
 
-# With a bench and a test beside it the library shares every crate with `cargo test --workspace`, as the Python module does.
+# `--bench plan --test header` select the same dependencies and features as `cargo test --workspace`. So cargo reuses every
+# compiled crate.
 PYO3_BUILD_EXTENSION_MODULE=1 cargo build -q --workspace --lib --bin spikelane --bench plan --test header
 out=target/c
 rm -rf "$out"
@@ -45,7 +47,7 @@ if command -v "$cxx" >/dev/null; then
     $cxx $strictpp "$here/tests/golden.cpp" $use -o "$out/goldenpp"
     "$out/goldenpp" $table
     if pkg-config --exists opencv4 2>/dev/null; then
-        # OpenCV's own headers are not of this house.
+        # `-isystem` hides warnings about the headers of OpenCV.
         $cxx $strictpp $(pkg-config --cflags opencv4 | sed 's/-I/-isystem /g') "$here/examples/opencv_to_dat.cpp" $use \
             $(pkg-config --libs opencv4) -o "$out/opencv_to_dat"
         say "opencv_to_dat compiles"
@@ -56,10 +58,10 @@ else
     missing "$cxx" "the test from C++"
 fi
 
-# The program of the README, compiled with the command of the README.
+# Checks the README: its program equals examples/run.c, and its command compiles the program.
 awk '/^```c$/ {on = 1; next} /^```$/ {on = 0} on' $here/README.md >"$out/spikes.c"
 diff "$out/spikes.c" $here/examples/run.c || { say "README.md has another program than examples/run.c"; exit 1; }
-# The program of the guide, whose spikes are those of its programs in Rust and Python.
+# The programs of the guide in C, Rust and Python must print the same number of spikes.
 awk '/^```c$/ {on = 1; next} /^```$/ {on = 0} on' docs/guides/embedding.md >"$out/guide.c"
 $cc $strict "$out/guide.c" $use -o "$out/guide"
 expected=$(sed -n 's/^Each program prints \([0-9,]*\) spikes.*/\1/p' docs/guides/embedding.md | tr -d ,)
@@ -71,7 +73,8 @@ else
     missing pkg-config "the check of its file"
 fi
 
-# A virtual camera gives the bytes of the file that simulate writes, whoever reads; Ctrl-C ends it well.
+# `live` must deliver to each kind of consumer the bytes of the file that `simulate` writes. After Ctrl-C, `live` must exit with
+# code 0.
 spikelane=$PWD/target/debug/spikelane
 light=(--builtin-light chart --width 80 --height 60 --threads 1)
 "$spikelane" simulate "${light[@]}" --readouts 4000 -o "$out/chart.dat" --force 2>/dev/null >/dev/null
@@ -88,11 +91,11 @@ port=$(sed -n 's/^waiting for a consumer at tcp:127.0.0.1://p' "$out/tcp")
 cmp - "$out/chart.dat" <"/dev/tcp/127.0.0.1/$port"
 wait $camera
 timeout --preserve-status -s INT 1 "$spikelane" live "${light[@]}" --sink pipe | head -c 1000000 >/dev/null ||
-    { say "live: a consumer that left, or Ctrl-C, is no good end"; exit 1; }
+    { say "live: the exit code is not 0 after the consumer closed the pipe or after Ctrl-C"; exit 1; }
 timeout --preserve-status -s INT 1 "$spikelane" live "${light[@]}" --sink pipe >/dev/null ||
-    { say "live: Ctrl-C is no good end"; exit 1; }
+    { say "live: the exit code is not 0 after Ctrl-C"; exit 1; }
 if [ -d /dev/shm ]; then
-    # A consumer that knows nothing but the layout of the ring.
+    # This consumer uses no library and reads the layout of the ring directly.
     ring=spikelane-ci-$$
     "$out/ring_reader" "/dev/shm/$ring" >"$out/ring" &
     reader=$!
@@ -100,7 +103,7 @@ if [ -d /dev/shm ]; then
     wait $reader
     cat "$out/ring"
     spikes=$(sed -n 's/^ *"spikes": \([0-9]*\).*/\1/p' "$out/chart.json" | head -1)
-    grep -q "^4000 readouts, 0 lost, $spikes spikes" "$out/ring" || { say "the ring is not the file: $spikes spikes"; exit 1; }
+    grep -q "^4000 readouts, 0 lost, $spikes spikes" "$out/ring" || { say "the ring differs from the file, which has $spikes spikes"; exit 1; }
 else
     say "the ring is not checked: no /dev/shm"
 fi

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# install.sh PREFIX [FOLDER]: header, libraries, CMake package and pkg-config file into PREFIX.
-# FOLDER has libraries that are built already; without it they are built here, optimized.
+# install.sh PREFIX [FOLDER]: installs headers, libraries, a CMake package and a pkg-config file in PREFIX.
+# FOLDER contains compiled libraries. Without FOLDER, the script compiles optimized libraries.
 set -euo pipefail
 prefix=${1:?usage: install.sh PREFIX [FOLDER]}
 here=$(cd "$(dirname "$0")" && pwd)
@@ -11,7 +11,7 @@ libdir=$prefix/${LIBDIR:-lib}
 if [ $# -ge 2 ]; then
     built=$(cd "$2" && pwd)
 else
-    # The library alone needs less than the program: its own choice of features.
+    # A build of this package alone selects fewer features than a build of the workspace.
     cargo build --release --manifest-path "$here/Cargo.toml" -p spikelane-c --lib
     built=$(cd "${CARGO_TARGET_DIR:-$here/../../target}/release" && pwd)
 fi

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# live.sh PROGRAM [SECONDS [CORE]]: `PROGRAM live` with full noise on one core, held and with a new frame every 20 readouts, at 20 kHz
-# and at 40 kHz on every instruction set, and what a slow consumer sees. Prints a table.
+# live.sh PROGRAM [SECONDS [CORE]]: measures `PROGRAM live` with full noise on one core and prints a table. The light is constant
+# or changes every 20 readouts. Measures every instruction set at 20 kHz, AVX-512 also at 40 kHz, and a slow consumer.
 set -euo pipefail
 program=$(realpath "${1:?usage: live.sh PROGRAM [SECONDS [CORE]]}")
 seconds=${2:-60}
@@ -8,10 +8,10 @@ core=${3:-0}
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
-# A gray ramp, 400x250.
+# Writes an image of 400x250 pixels with a horizontal gray ramp.
 { printf 'P5\n400 250\n255\n'; for _ in $(seq 250); do printf '%b' "$(for c in $(seq 0 399); do printf '\\x%02x' $((c * 255 / 399)); done)"; done; } >ramp.pgm
 
-# row WHAT HZ BACKEND ARGUMENTS...
+# row LABEL HZ BACKEND ARGUMENTS...: measures one row of the table.
 row() {
     local what=$1 hz=$2 backend=$3
     shift 3
@@ -38,7 +38,7 @@ for hz in 20000 40000; do
         row "new frame every 20 readouts" "$hz" "$backend" --builtin-light chart --readouts-per-frame 20 --sink "$ring"
     done
 done
-# A consumer that takes 100 MB of 250 MB a second.
+# `live` writes 250 MB per second, and this consumer reads only 100 MB per second.
 for policy in drop block; do
     mkfifo slow
     python3 -c '

@@ -1,4 +1,4 @@
-// opencv_to_dat VIDEO OUT.dat [READOUTS_A_FRAME]: a video that OpenCV reads, as the readouts of a camera.
+// opencv_to_dat VIDEO OUT.dat [READOUTS_PER_FRAME]: reads a video with OpenCV, simulates a camera and writes the readouts.
 #include <cmath>
 #include <iostream>
 
@@ -9,7 +9,7 @@
 
 namespace {
 
-// Codes of a video as linear light: the sRGB curve undone.
+// Returns a table from video codes to linear light, which inverts the sRGB curve.
 cv::Mat linear() {
     cv::Mat table(1, 256, CV_32F);
     for (int code = 0; code < 256; code++) {
@@ -19,8 +19,8 @@ cv::Mat linear() {
     return table;
 }
 
-// Reads the luminance of the next picture in the camera's size; returns false at the end. Colors are weighted and pixels
-// averaged in linear light. A weighted sum of codes would be too dark for strong colors.
+// Reads the next image, scales its luminance to the size of the camera, and returns false at the end of the video. Weights the
+// colors and averages the pixels in linear light, because a weighted sum of codes is too dark for saturated colors.
 bool read(cv::VideoCapture &video, const spikelane::Camera &camera, std::vector<float> &light) {
     static const cv::Mat table = linear();
     static const cv::Matx13f weights(0.0722f, 0.7152f, 0.2126f); // blue, green, red
@@ -36,7 +36,7 @@ bool read(cv::VideoCapture &video, const spikelane::Camera &camera, std::vector<
 } // namespace
 
 int main(int argc, char **argv) try {
-    if (argc < 3) return std::cerr << "usage: opencv_to_dat VIDEO OUT.dat [READOUTS_A_FRAME]\n", 2;
+    if (argc < 3) return std::cerr << "usage: opencv_to_dat VIDEO OUT.dat [READOUTS_PER_FRAME]\n", 2;
     const auto readouts = std::uint32_t(argc > 3 ? std::stoul(argv[3]) : 20);
     cv::VideoCapture video(argv[1]);
     const auto camera = spikelane::Camera::preset("physical");
@@ -44,13 +44,13 @@ int main(int argc, char **argv) try {
     spikelane::Writer writer(argv[2], camera.width(), camera.height());
     std::vector<std::uint8_t> packed(readouts * simulator.frame_bytes());
     std::vector<float> from, to;
-    if (!read(video, camera, from)) return std::cerr << argv[1] << ": no picture that OpenCV can read\n", 4;
+    if (!read(video, camera, from)) return std::cerr << argv[1] << ": OpenCV cannot read an image\n", 4;
     while (read(video, camera, to)) {
         simulator.fill(spikelane::Light::linear(spikelane::frame(from), spikelane::frame(to), readouts), packed);
         writer.write(packed);
         from.swap(to);
     }
-    // The light of the last picture is held.
+    // The light remains constant after the last image.
     simulator.fill(spikelane::frame(from), packed);
     writer.write(packed);
     writer.finish();

@@ -1,5 +1,5 @@
-/* render_loop [FRAMES [READOUTS_A_FRAME]]: a renderer that passes every frame to the camera; 10,000 frames of 20 readouts by
- * default. Prints frames and readouts per second. */
+/* render_loop [FRAMES [READOUTS_PER_FRAME]]: renders frames and passes each frame to the camera, by default 10,000 frames of 20
+ * readouts. Prints the numbers of frames and readouts per second. */
 #include <math.h>
 #include <spikelane.h>
 #include <stdio.h>
@@ -20,7 +20,7 @@ static double now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* Waves that run to the right, in linear light. Replace this with your renderer. */
+/* Renders waves that move to the right, in linear light. Replace this function with your renderer. */
 static void render(long frame, float light[HEIGHT][WIDTH]) {
     float wave[WIDTH];
     for (int col = 0; col < WIDTH; col++) wave[col] = 0.25f + 0.2f * sinf(0.05f * (float)(col - frame));
@@ -31,7 +31,7 @@ static void render(long frame, float light[HEIGHT][WIDTH]) {
 int main(int argc, char **argv) {
     const long frames = argc > 1 ? atol(argv[1]) : 10000;
     const size_t readouts = argc > 2 ? (size_t)atol(argv[2]) : 20;
-    if (frames < 1 || readouts < 1) return fprintf(stderr, "usage: render_loop [FRAMES [READOUTS_A_FRAME]]\n"), 2;
+    if (frames < 1 || readouts < 1) return fprintf(stderr, "usage: render_loop [FRAMES [READOUTS_PER_FRAME]]\n"), 2;
 
     spl_camera *camera;
     spl_simulator *simulator;
@@ -54,10 +54,10 @@ int main(int argc, char **argv) {
                                   {light[(k + 1) % 2], sizeof light[0], 0, SPL_F32}};
         const spl_light linear = {both, 2, (uint32_t)readouts, SPL_INTERPOLATION_LINEAR};
         check(spl_simulator_run(simulator, &linear, readouts, packed, readouts * bytes));
-        for (size_t i = 0; i < readouts * bytes; i++) spikes += packed[i] & 1; /* replace this with your consumer */
+        for (size_t i = 0; i < readouts * bytes; i++) spikes += packed[i] & 1; /* Replace this line with your consumer. */
     }
     const double seconds = now() - start;
-    printf("%ld frames of %zu readouts in %.2f s: %.0f frames/s, %.0f readouts/s, of which %.2f s were drawing\n", frames,
+    printf("%ld frames of %zu readouts in %.2f s: %.0f frames/s, %.0f readouts/s, rendering took %.2f s\n", frames,
            readouts, seconds, (double)frames / seconds, (double)frames * (double)readouts / seconds, drawing);
     printf("%.3f spikes per pixel and readout in every eighth column\n",
            spikes / ((double)frames * (double)readouts * (double)bytes));

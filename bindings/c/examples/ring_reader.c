@@ -1,5 +1,5 @@
-/* ring_reader PATH: reads the ring of `spikelane live --sink shm:NAME` (PATH is /dev/shm/NAME) to its end, and counts readouts, lost
- * ones and spikes. Needs no library; docs/reference/live.md has the layout of the ring. */
+/* ring_reader PATH: reads the ring of `spikelane live --sink shm:NAME` until the stream ends; PATH is /dev/shm/NAME. Prints the
+ * numbers of readouts, lost readouts and spikes. Needs no library; docs/reference/live.md describes the layout of the ring. */
 #include <fcntl.h>
 #include <stdatomic.h>
 #include <stdint.h>
@@ -61,7 +61,7 @@ int main(int argc, char **argv) {
         atomic_thread_fence(memory_order_acquire);
         const uint64_t after = atomic_load_explicit(slot, memory_order_relaxed);
         next++;
-        if (before != next || after != next) continue; /* overrun: that readout is lost */
+        if (before != next || after != next) continue; /* The writer has overwritten the slot, so this readout is lost. */
         atomic_store_explicit(&ring[READ], next, memory_order_release);
         seen++;
         for (size_t i = 0; i < frame_bytes; i++) spikes += (uint64_t)__builtin_popcount(frame[i]);

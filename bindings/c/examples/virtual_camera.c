@@ -1,6 +1,6 @@
-/* virtual_camera SECONDS [READOUT_HZ]: writes readouts to standard output, a pipe, at the rate of a camera, and prints at the
- * end how late they were. It waits for a slow consumer. `spikelane live` adds shared memory, sockets and a choice of which
- * readouts are lost. */
+/* virtual_camera SECONDS [READOUT_HZ]: writes readouts at the rate of a camera to a pipe on standard output. At the end, prints
+ * the mean and maximum delay. If the consumer is slow, the program waits. `spikelane live` also supports shared memory and
+ * sockets, and can drop readouts. */
 #define _POSIX_C_SOURCE 200809L
 #include <errno.h>
 #include <signal.h>
@@ -68,7 +68,7 @@ int main(int argc, char **argv) {
     long bursts = 0;
     const double start = now();
     for (; !stopped && (double)bursts * BURST < seconds * hz; bursts++) {
-        /* A step wedge that moves a pixel with every burst. */
+        /* The light is a step wedge that moves by one pixel per burst. */
         for (int row = 0; row < HEIGHT; row++)
             for (int col = 0; col < WIDTH; col++) light[row][col] = (uint8_t)((col + bursts) / 25 * 16);
         const spl_frame frame = {light, sizeof light, 0, SPL_U8};
@@ -80,7 +80,7 @@ int main(int argc, char **argv) {
         const double late = now() - due;
         sum += late, latest = late > latest ? late : latest;
     }
-    fprintf(stderr, "%ld readouts in %.2f s of %.0f a second: %.2f ms late on average, %.2f ms at most\n", bursts * BURST,
+    fprintf(stderr, "%ld readouts in %.2f s at %.0f Hz: mean delay %.2f ms, maximum %.2f ms\n", bursts * BURST,
             now() - start, hz, 1e3 * sum / (double)(bursts ? bursts : 1), 1e3 * latest);
     free(packed);
     check(spl_simulator_free(simulator));

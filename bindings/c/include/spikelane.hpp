@@ -1,4 +1,5 @@
-// spikelane for C++17: owners, views and exceptions for the functions of spikelane.h, which describes them.
+// C++17 interface of spikelane: owning classes, views and exceptions for the functions of spikelane.h. That header describes
+// each function.
 #ifndef SPIKELANE_HPP
 #define SPIKELANE_HPP
 
@@ -15,7 +16,7 @@
 
 namespace spikelane {
 
-// A failed call; what() is the whole message.
+// The exception for a failed call; what() returns the whole message.
 class Error : public std::runtime_error {
 public:
     Error()
@@ -48,7 +49,8 @@ private:
     std::size_t size_ = 0;
 };
 
-// A frame of linear light; `stride` samples from row to row, 0 for rows without a gap.
+// Returns a frame of linear light. `stride` is the number of samples between the starts of two rows; 0 stands for rows without
+// gaps.
 template <class T> spl_frame frame(View<T> samples, std::size_t stride = 0) {
     using Sample = std::remove_const_t<T>;
     static_assert(std::is_same_v<Sample, std::uint8_t> || std::is_same_v<Sample, std::uint16_t> ||
@@ -67,22 +69,22 @@ template <class Handle, spl_status (*Free)(Handle *)> struct Deleter {
     void operator()(Handle *handle) const { Free(handle); }
 };
 
-// The light of a call. It owns its list of frames, but not their samples.
+// The light of a call. The object owns its list of frames, but not the samples of the frames.
 class Light {
 public:
-    // The same frame for every readout; a frame converts.
+    // Constant light: every readout sees `frame`. A frame converts implicitly.
     Light(const spl_frame &frame) : frames_{frame} {}
     static Light hold(const spl_frame &frame) { return Light(frame); }
-    // A straight line: readout i of `readouts` sees `from` + (`to` - `from`) * i / `readouts`.
+    // Linear change: readout i of `readouts` sees `from` + (`to` - `from`) * i / `readouts`.
     static Light linear(const spl_frame &from, const spl_frame &to, std::uint32_t readouts) {
         return Light({from, to}, readouts, SPL_INTERPOLATION_LINEAR);
     }
-    // Frames that each last `readouts_per_frame` readouts.
+    // A sequence of frames; each frame lasts `readouts_per_frame` readouts.
     static Light sequence(std::vector<spl_frame> frames, std::uint32_t readouts_per_frame,
                           std::uint32_t interpolation = SPL_INTERPOLATION_HOLD) {
         return Light(std::move(frames), readouts_per_frame, interpolation);
     }
-    // Valid while this object lives.
+    // Returns the light for the C functions. The result is valid while this object exists.
     spl_light get() const { return spl_light{frames_.data(), frames_.size(), readouts_per_frame_, interpolation_}; }
 
 private:
@@ -185,12 +187,12 @@ public:
         fill(light, packed);
         return packed;
     }
-    // Writes packed readouts to `out`, whose size sets their number.
+    // Fills `out` with packed readouts; the size of `out` determines the number of readouts.
     void fill(const Light &light, View<std::uint8_t> out) {
         const spl_light given = light.get();
         check(spl_simulator_run(get(), &given, out.size() / frame_bytes_, out.data(), out.size()));
     }
-    // Runs `readouts` readouts and returns the number of those written to `out`: all but the dropped ones.
+    // Simulates `readouts` readouts, writes all except dropped readouts to `out`, and returns the number of written readouts.
     std::size_t advance(const Light &light, std::size_t readouts, View<std::uint8_t> out) {
         const spl_light given = light.get();
         std::size_t written = 0;
@@ -214,7 +216,8 @@ private:
     std::size_t frame_bytes_ = 0;
 };
 
-// A stream for a file, which appears under its name at finish(). A writer that ends before finish() leaves no file.
+// Writes a stream to a file. finish() creates the file under its name. A writer that is destroyed before finish() leaves no
+// file.
 class Writer {
 public:
     Writer(const std::string &path, std::uint32_t width, std::uint32_t height, const char *layout = nullptr,

@@ -1,5 +1,5 @@
-/* golden TABLE: every row of the golden table on every backend that the CPU has: in one piece, and resumed from a saved
- * state in a second simulator. */
+/* golden TABLE [BACKEND]: tests every row of the golden table on each backend of this CPU except avx512. Simulates each row in
+ * one call and, for most rows, again with a saved state in a second simulator. */
 #include "golden.h"
 #include "spikelane.h"
 
@@ -37,7 +37,7 @@ static void pass(spl_simulator *s, spl_light light, size_t readouts, uint8_t *ou
     OK(spl_simulator_run(s, &light, readouts, out, readouts * frame_bytes));
 }
 
-/* Runs readouts `from` to `to` of the row's light; the second frame of "bright" is dark and comes after 150. */
+/* Simulates readouts `from` to `to` - 1 of the row. The light of "bright" is dark from readout 150 on. */
 static void run(spl_simulator *s, const golden_row *row, light *l, size_t from, size_t to, uint8_t *out) {
     size_t cut = strcmp(row->light, "bright") ? GOLDEN_READOUTS : 150;
     if (!strcmp(row->light, "between")) {
@@ -74,7 +74,7 @@ static void expect(const golden_row *row, const char *backend, const char *how, 
     }
 }
 
-/* Stops after `at` readouts, saves, and goes on in another simulator, on another backend. */
+/* Simulates `at` readouts, saves the state, and simulates the remaining readouts in another simulator on the portable backend. */
 static void resumed(const spl_camera *camera, const golden_row *row, light *l, const char *backend, uint8_t *out) {
     const size_t at = 77;
     spl_simulator *one = simulator(camera, backend), *two = simulator(camera, "portable");
@@ -86,7 +86,7 @@ static void resumed(const spl_camera *camera, const golden_row *row, light *l, c
     OK(spl_simulator_state_restore(two, state, bytes));
     uint64_t readout;
     OK(spl_simulator_readout(two, &readout));
-    /* A camera that drops readouts is further on in time than in what came out. */
+    /* The readout number also counts dropped readouts, so it can exceed the number of written readouts. */
     if (readout < at) exit(3);
     run(two, row, l, at, GOLDEN_READOUTS, out + at * l->bytes);
     free(state);
@@ -94,7 +94,7 @@ static void resumed(const spl_camera *camera, const golden_row *row, light *l, c
     OK(spl_simulator_free(two));
 }
 
-/* 1 if the row ran. */
+/* Returns 1 if this CPU has the backend, and 0 otherwise. */
 static int check(const golden_row *row, const char *backend) {
     spl_camera *camera;
     OK(spl_camera_from_toml(row->camera, NULL, &camera));
@@ -113,7 +113,7 @@ static int check(const golden_row *row, const char *backend) {
     uint8_t *out = malloc(bytes);
     run(s, row, &l, 0, GOLDEN_READOUTS, out);
     expect(row, backend, "in one piece", out, bytes);
-    /* Another recording is another one; the same seeds give the first again. */
+    /* After a restart with other seeds, a restart with the first seeds must repeat the first bits. */
     const spl_seeds other = {11, 22, 34}, same = {11, 22, 33};
     OK(spl_simulator_restart(s, &other));
     OK(spl_simulator_restart(s, &same));

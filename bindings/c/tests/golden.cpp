@@ -1,4 +1,5 @@
-// golden TABLE: runs every row of the golden table through the C++ wrapper, in one piece and resumed half-way.
+// golden TABLE: simulates every row of the golden table with the C++ interface. For most rows, restores a saved state after
+// half of the readouts.
 #include <iostream>
 
 #include "golden.h"
@@ -30,7 +31,7 @@ void run(Simulator &simulator, const std::string &kind, const Samples &light, Vi
         simulator.fill(frame(light.bright), {out.data(), lit});
         return simulator.fill(frame(light.dark), {out.data() + lit, out.size() - lit});
     }
-    // Half of it in another simulator, which goes on from the state of this one.
+    // Saves the state after half of the readouts, restarts the simulator, and continues from the saved state.
     const std::size_t half = 100 * simulator.frame_bytes();
     const spl_frame held = kind == "u16" ? frame(light.wide) : frame(light.narrow);
     simulator.fill(held, {out.data(), half});
@@ -58,10 +59,10 @@ void errors() {
         expect(e.status == SPL_CONFIG && e.found == "\"phisical\"" && e.remedy == "did you mean physical?", e.what());
         return;
     }
-    throw std::logic_error("no exception for a preset that there is not");
+    throw std::logic_error("no exception for an unknown preset");
 }
 
-// `run`, `fill` and `advance` give the same readouts; `advance` leaves the dropped ones out.
+// `run`, `fill` and `advance` produce the same readouts; `advance` writes no dropped readouts.
 void runs() {
     Camera camera = Camera::ideal(40, 30).set_effect("shot_noise", "photons_at_full_scale", 500.0);
     std::vector<std::uint8_t> bright(40 * 30, 90), dark(40 * 30, 20);
@@ -73,7 +74,7 @@ void runs() {
         std::vector<std::uint8_t> filled(packed.size()), advanced(packed.size());
         two.fill(light, filled);
         expect(three.advance(light, 60, advanced) == 60, "a camera that drops no readout");
-        expect(packed == filled && packed == advanced, "the ways to run");
+        expect(packed == filled && packed == advanced, "run, fill and advance differ");
     }
     camera.set_effect("dropped_readouts", "probability", 0.3);
     Simulator dropping(camera);
@@ -89,7 +90,7 @@ void moves() {
     Camera other = moved;
     other.resize(3, 4);
     expect(other.width() == 3 && moved.width() == 40, "a copy that was changed");
-    expect(moved.window(1, 2, 8, 4).width() == 8 && moved.clean_twin().height() == 30, "a part of it");
+    expect(moved.window(1, 2, 8, 4).width() == 8 && moved.clean_twin().height() == 30, "a window or a clean twin");
     Simulator one(moved);
     Simulator two = std::move(one);
     std::vector<std::uint8_t> light(40 * 30, 51);
@@ -101,7 +102,7 @@ void moves() {
         expect(e.status == SPL_USAGE, e.what());
         return;
     }
-    throw std::logic_error("no exception for what was moved away");
+    throw std::logic_error("no exception for a camera after a move");
 }
 
 } // namespace

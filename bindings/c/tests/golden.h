@@ -1,4 +1,4 @@
-/* The table of golden digests and the light of its rows, for the tests in C and C++. */
+/* Reads the table of golden digests and computes the light of its rows, for the tests in C and C++. */
 #ifndef GOLDEN_H
 #define GOLDEN_H
 
@@ -24,12 +24,12 @@ static void golden_fail(const char *what) {
     exit(1);
 }
 
-/* Decodes the JSON string that starts after the quote at `at`, in place; returns what follows its end. */
+/* Decodes in place the JSON string whose first character is at `at`; returns the position after the closing quote. */
 static char *golden_string(char *at, char **value) {
     char *to = at;
     *value = at;
     while (*at != '"') {
-        if (*at == 0) golden_fail("a string without an end");
+        if (*at == 0) golden_fail("a string does not end");
         if (*at != '\\') {
             *to++ = *at++;
             continue;
@@ -38,7 +38,7 @@ static char *golden_string(char *at, char **value) {
         if (*at == 'n') *to++ = '\n';
         else if (*at == 't') *to++ = '\t';
         else if (*at == '"' || *at == '\\' || *at == '/') *to++ = *at;
-        else golden_fail("an escape that this reader does not know");
+        else golden_fail("this reader does not support an escape sequence");
         at++;
     }
     *to = 0;
@@ -60,7 +60,7 @@ static void golden_read(const char *path, golden_table *table) {
     golden_row *row = NULL;
     for (char *at = table->text; *at; at++) {
         if (*at == '{') {
-            if (table->count == GOLDEN_MOST) golden_fail("more rows than there is room for");
+            if (table->count == GOLDEN_MOST) golden_fail("the table exceeds the maximum number of rows");
             row = &table->rows[table->count++];
         } else if (*at == '"' && row) {
             char *key, *value;
@@ -71,10 +71,10 @@ static void golden_read(const char *path, golden_table *table) {
             else if (!strcmp(key, "fnv1a")) row->fnv1a = value;
             else if (!strcmp(key, "light")) row->light = value;
             else if (!strcmp(key, "name")) row->name = value;
-            else golden_fail("a key that this reader does not know");
+            else golden_fail("this reader does not support a key");
         }
     }
-    if (table->count < 10) golden_fail("fewer rows than it had");
+    if (table->count < 10) golden_fail("the table has fewer than 10 rows");
     for (size_t i = 0; i < table->count; i++)
         if (!table->rows[i].camera || !table->rows[i].fnv1a || !table->rows[i].light || !table->rows[i].name)
             golden_fail("a row without a value");

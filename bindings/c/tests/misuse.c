@@ -1,4 +1,4 @@
-/* Deliberate misuse: every call returns a status with a message, and valid handles keep working. */
+/* Tests deliberate misuse: every wrong call returns a status and a message, and valid handles remain usable. */
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -83,7 +83,7 @@ static void handles(void) {
     REFUSED(spl_simulator_frame_bytes((spl_simulator *)(void *)((char *)other + 1), &bytes), SPL_USAGE, "no handle");
     REFUSED(spl_simulator_frame_bytes(s, NULL), SPL_USAGE, "bytes: found NULL");
     OK(spl_camera_free(camera));
-    /* A simulator outlives its camera. */
+    /* A simulator remains usable after its camera is freed. */
     OK(spl_simulator_frame_bytes(s, &bytes));
     OK(spl_simulator_free(s));
 }
@@ -155,7 +155,7 @@ static void runs(void) {
     REFUSED(spl_simulator_new(camera, &seeds, 1.0, 0, &t), SPL_USAGE, "threads");
     OK(spl_simulator_run(s, &held, 0, NULL, 0));
 
-    /* The failed calls have changed nothing. */
+    /* The failed calls must not have changed the state of the simulator. */
     OK(spl_simulator_run(s, &held, N - 2, out + 2 * BYTES, (N - 2) * BYTES));
     if (memcmp(out, undisturbed, sizeof out)) failures++, fprintf(stderr, "misuse.c: an error changed the bits\n");
     OK(spl_simulator_free(s));
@@ -232,7 +232,7 @@ static void *run_on(void *ignored) {
     return NULL;
 }
 
-/* A call during a call of another thread is rejected and changes nothing. */
+/* Tests that a call during a call of another thread fails and does not change the state. */
 static void threads(void) {
     spl_camera *camera = small();
     shared = running(camera);

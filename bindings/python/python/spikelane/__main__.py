@@ -1,4 +1,4 @@
-"""`python -m spikelane`: the same as the command `spikelane`."""
+"""Runs `python -m spikelane` as the command `spikelane`."""
 
 import sys
 

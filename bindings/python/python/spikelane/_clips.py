@@ -1,4 +1,4 @@
-"""Clips of light as training items: each a stream of its own, fixed by (seed, epoch, index)."""
+"""Training items from clips of light: each item is a new stream, determined by (seed, epoch, index)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MASK = (1 << 64) - 1
 
 
 def _mix64(x: int) -> int:
-    """A bijection of 64 bits (splitmix64's finalizer)."""
+    """Maps 64 bits to 64 bits one to one (the finalizer of splitmix64)."""
     x = (x + 0x9E3779B97F4A7C15) & _MASK
     x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
     x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & _MASK
@@ -25,7 +25,7 @@ def _mix64(x: int) -> int:
 
 
 def _hash(*words: int) -> int:
-    """64 bits that follow from the words and their order."""
+    """Returns a 64-bit hash of the words and their order."""
     state = 0
     for word in words:
         state = _mix64(state ^ _mix64(word & _MASK))
@@ -38,29 +38,30 @@ def _usage_error(subject: str, found: object, expected: str, remedy: str) -> Bas
 
 
 class ClipSampler:
-    """A dataset of streams: item ``index`` is a new recording of clip ``index`` in every epoch.
+    """A data set of streams: item ``index`` is a new recording of clip ``index`` in every epoch.
 
     An item is a dict with these keys:
 
     - ``spikes``: uint8 (T, H, W) of 0 and 1, or packed (T, ceil(H * W / 8)) with ``bits=False``;
     - ``light``: float32 (K, H, W), the linear light at the readouts ``target_readouts``, 1.0 at full scale;
-    - ``clean``: like ``spikes``, from the noise-free twin, with ``clean=True``;
-    - ``thresholds_at_full_scale``: nominal thresholds that full-scale light adds per readout;
+    - ``clean``: like ``spikes``, but from the noise-free twin of the camera; only with ``clean=True``;
+    - ``thresholds_at_full_scale``: charge that full-scale light adds per readout, in nominal thresholds;
     - ``index``, ``camera_seed``, ``sequence``, and ``row`` and ``col`` of the crop.
 
     ``clips`` is a sequence of (N, H, W) arrays of uint8, uint16 or float32: an array (B, N, H, W), a list, or any object
-    with ``len`` and indexing. Each frame lasts ``readouts_per_frame`` readouts, and ``interpolation`` is that of
-    ``Simulator.run``. ``crop=(h, w)`` cuts a random rectangle out of each clip.
+    with ``len`` and indexing. Each frame lasts ``readouts_per_frame`` readouts. ``interpolation`` has the values of
+    ``Simulator.run``. ``crop=(h, w)`` selects a random rectangle of each clip.
 
-    ``camera`` is a Camera or a CameraDistribution. A Camera has the size of the clips; a crop uses its window. With a
-    CameraDistribution, every item of every epoch draws a camera of the size of the crop. ``camera_count=K`` limits the number
-    of different cameras to K, and they have the size of the clips. With a Camera, it makes K individuals of it. The plans of
-    the last 64 cameras are cached.
+    ``camera`` is a Camera or a CameraDistribution. A Camera must have the size of the clips; a crop uses a window of the
+    camera. A CameraDistribution draws a camera with the size of the crop for every item of every epoch.
+    ``camera_count=K`` limits the number of different cameras to K. These cameras have the size of the clips. If ``camera``
+    is a Camera, the K cameras differ in their fixed pattern. The sampler caches the plans of the last 64 cameras.
 
-    ``readouts`` is T (all by default), ``target_readouts`` the readouts of ``light`` (the middle one by default).
+    ``readouts`` is T; the default is all readouts. ``target_readouts`` are the readouts of ``light``; the default is the
+    middle readout.
 
-    All random choices follow from (``seed``, ``epoch``, ``index``), not from the number or start method of workers. It needs
-    no torch; ``spikelane.torch.SpikeClips`` is the same for its loaders.
+    All random choices follow from (``seed``, ``epoch``, ``index``). The number and the start method of workers have no
+    effect. This class does not need torch. ``spikelane.torch.SpikeClips`` returns the same items to loaders of torch.
     """
 
     def __init__(
@@ -102,15 +103,15 @@ class ClipSampler:
         return len(self.clips)
 
     def _item_camera(self, epoch: int, index: int, shape: tuple[int, int]) -> tuple[_native.Camera, int]:
-        """The item's camera, as large as its clip or as its crop, and the seed of its fixed pattern."""
+        """Returns the camera of an item, in the size of the clip or crop, and the seed of the fixed pattern."""
         drawn = _hash(self.seed, 0xCA3E2A, epoch, index)
         if self.camera_count is not None:
             drawn = _hash(self.seed, 0xCA3E2B, drawn % self.camera_count)
         if isinstance(self.camera, _native.CameraDistribution):
             camera = self.camera.draw(drawn)
-            # No other item sees a camera of its own, so it needs no pixels beyond the crop.
+            # Without `camera_count`, only this item uses the camera, so the camera needs only the pixels of the crop.
             return camera.with_shape(*(self.crop if self.crop and self.camera_count is None else shape)), drawn
-        # One camera keeps its fixed pattern, unless several of its kind are asked for.
+        # All items share one fixed pattern unless `camera_count` requests several patterns.
         camera_seed = drawn if self.camera_count is not None else _hash(self.seed, 0xCA3E2C)
         if self.camera.shape != shape:
             raise _usage_error(
@@ -122,7 +123,10 @@ class ClipSampler:
         return self.camera, camera_seed
 
     def item(self, index: int, epoch: int = 0) -> dict[str, Any]:
-        """The item ``index`` (negative ones count from the end) in ``epoch``. Raises IndexError beyond the end."""
+        """Returns item ``index`` of ``epoch``. A negative index counts from the end.
+
+        Raises IndexError if the index is out of range.
+        """
         length = len(self)
         if not -length <= index < length:
             raise IndexError(f"found index {index}, expected -{length} to {length - 1}")

@@ -1,4 +1,4 @@
-"""The `spikelane` command that comes with the package."""
+"""The `spikelane` command of the package."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from . import _native
 
 def main() -> int:
     """Runs the program with this process's arguments and returns its exit code."""
-    # The program handles Ctrl-C itself. Python's handler would print a traceback after it.
+    # The program has its own Ctrl-C handler. After the program ends, Python's handler would print a traceback.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     return _native.command(["spikelane", *sys.argv[1:]])

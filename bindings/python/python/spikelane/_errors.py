@@ -1,4 +1,4 @@
-"""Exceptions: one family whose members are also what Python calls such mistakes."""
+"""Exceptions of the package; each class also derives from the matching built-in exception."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import errno as _errno
 
 
 class SpikelaneError(ValueError):
-    """Something cannot be simulated, read or written; the message says what, and what to do.
+    """The error of a failed simulation, read or write; the message names the cause and the remedy.
 
-    Fields, each a str: ``kind`` ("usage", "config", "input", "type", "io", "space", "exists", "tool", "corrupt",
-    "busy", "requeue", "interrupted"), ``subject`` (the file or argument), ``found``, ``expected``, ``remedy`` (each may
-    be empty).
+    All fields are str. ``kind`` is "usage", "config", "input", "type", "io", "space", "exists", "tool", "corrupt",
+    "busy", "requeue" or "interrupted". ``subject`` is the file or argument. ``subject``, ``found``, ``expected`` and
+    ``remedy`` can be empty.
     """
 
     kind: str = ""
@@ -24,25 +24,25 @@ class SpikelaneError(ValueError):
 
 
 class SpikelaneTypeError(SpikelaneError, TypeError):
-    """An argument of another type or dtype; also a TypeError."""
+    """An argument has the wrong type or dtype; also a TypeError."""
 
 
 class SpikelaneOSError(SpikelaneError, OSError):
-    """What the operating system refused; also an OSError, with its errno."""
+    """The operating system rejected an operation; also an OSError with errno."""
 
 
 class SpikelaneFileNotFoundError(SpikelaneOSError, FileNotFoundError):
-    """A file that is not there; also a FileNotFoundError."""
+    """A file does not exist; also a FileNotFoundError."""
 
 
 class SpikelaneFileExistsError(SpikelaneOSError, FileExistsError):
-    """A file that is there already, and nobody allowed replacing it; also a FileExistsError."""
+    """A file exists and the call does not allow overwriting; also a FileExistsError."""
 
 
 def make_error(
     message: str, fields: tuple[str, str, str, str, str], number: int | None, missing: bool
 ) -> BaseException:
-    """The exception of the fitting class, with its fields."""
+    """Returns an exception of the matching class with its fields set."""
     kind = fields[0]
     if kind == "interrupted":
         return KeyboardInterrupt(message)

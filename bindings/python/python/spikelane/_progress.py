@@ -1,4 +1,4 @@
-"""Progress: a callback, or a bar where tqdm is installed."""
+"""Progress reports: a callback, or a bar if tqdm is installed."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ ProgressCallback = Callable[[float, float], object]
 
 
 def progress_callback(wanted: bool, unit: str) -> ProgressCallback | None:
-    """What the native half calls with (done, total) for `progress=True`: tqdm's bar, closed at the end.
+    """Returns a callback (done, total) that draws a tqdm bar and closes the bar at the end.
 
-    Without tqdm it is None: a bar is a convenience, and no reason to fail.
+    Returns None if ``wanted`` is false or tqdm is not installed, because a missing bar is no error.
     """
     if not wanted:
         return None

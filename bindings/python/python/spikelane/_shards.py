@@ -1,4 +1,4 @@
-"""Sequences of packed shards: read tar by tar, without torch."""
+"""Reads the sequences of packed shards tar by tar, without torch."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ SPLITS = ("train", "validation", "test")
 
 
 class ShardReader:
-    """The tars of a dataset that was planned with ``--pack``; see ``spikelane.torch.SpikeShards`` for the arguments."""
+    """Reads the tars of a data set that was planned with ``--pack``.
+
+    ``spikelane.torch.SpikeShards`` describes the arguments.
+    """
 
     def __init__(
         self,
@@ -43,14 +46,14 @@ class ShardReader:
         self.seed = seed
 
     def part_tars(self, epoch: int, part_count: int, part_index: int) -> list[Path]:
-        """The tars that are the share of part ``part_index`` of ``part_count``, in the order of the epoch."""
+        """Returns the tars of part ``part_index`` of ``part_count``, in the order of the epoch."""
         order = list(range(len(self.tars)))
         if self.shuffle:
             order.sort(key=lambda index: _hash(self.seed, 0x5AD5, epoch, index))
         return [self.tars[index] for index in order[part_index::part_count]]
 
     def read_items(self, tars: Sequence[Path]) -> Iterator[dict[str, Any]]:
-        """Every sequence of the split, in the order in which it lies."""
+        """Yields every sequence of the split in the order of the tars."""
         for path in tars:
             for key, files in _read_sequences(path):
                 found = files.get("split.txt")
@@ -92,7 +95,7 @@ def _find_tars(source: str | Path | Sequence[str | Path]) -> list[Path]:
 
 
 def _read_sequences(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
-    """Members that follow one another and share what is before their first dot."""
+    """Yields sequences: consecutive members whose names are equal before the first dot."""
     key, files = "", dict[str, bytes]()
     with tarfile.open(path, "r|") as tar:
         for member in tar:
@@ -110,11 +113,11 @@ def _read_sequences(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
 
 
 def _decode_spikes(stream: bytes, about: dict[str, Any]) -> NDArray[np.uint8]:
-    """uint8 of 0 and 1, (T, H, W), the top row first."""
+    """Returns uint8 (T, H, W) of 0 and 1, with the top row first."""
     width, height, readouts = about["width"], about["height"], about["readouts"]
     packed = np.frombuffer(stream, np.uint8).reshape(readouts, (width * height + 7) // 8)
     bits: NDArray[np.uint8] = unpack(packed, height, width)
-    # In the file the bottom row comes first.
+    # The file stores the bottom row first.
     return np.ascontiguousarray(bits[:, ::-1])
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Loads a generated dataset with the client its layout is for, and reconstructs it with the client's own code.
+"""Loads a generated data set with the client of its layout, and reconstructs images with code of the client.
 
     pip install spikezoo
     git clone https://github.com/Zyj061/SpikeCV
@@ -8,18 +8,20 @@
     spikelane dataset -o set-cv --scene-preset tiny --images-per-scene 200 --label-every 0
     python crates/cli/tests/clients/read_dataset.py set-cv --spikecv SpikeCV
 
-Spike-Zoo: its BaseDataset finds streams and clear images, its TFPModel makes the picture, which is divided
-by the rate that the data set hands out, as its pipeline does.
-SpikeCV: data_parameter_dict reads config.yaml and finds the clear image, SpikeStream decodes,
-its TFP makes the picture, its calculate_psnr compares. Nothing of this file decodes a bit.
+Spike-Zoo: BaseDataset finds the streams and clear images. TFPModel computes the image. As in the pipeline of
+Spike-Zoo, the test divides the image by the rate in the data set.
+SpikeCV: data_parameter_dict reads config.yaml and finds the clear image, SpikeStream decodes, TFP computes the
+image, and calculate_psnr compares the images. Only the client decodes spikes.
 
-A picture counts as read when it correlates with the clear image, upright, by more than 0.8 and by more than
-upside down and mirrored. Of the clean stream, PSNR is also at least what counting and motion allow, less 1 dB: n readouts
-at rate r hold one of two whole counts, whose variance over start phases is f (1 - f) with f the fraction of
-n r; a picture cut to whole codes adds 1/3 of a squared code, ground truth rounded to codes 1/12. The kept
-images say how the scene moves meanwhile, so an image of every readout is needed. The 1 dB is for light above white and for
-errors that go together; sRGB codes are 10 dB and more below.
-Exits with 1 if a picture is not read or scores less.
+An image is correct if it correlates with the clear image by more than 0.8, and by more than the same image upside
+down or mirrored. For clean streams, PSNR must also be at least the limit of counting and motion minus 1 dB.
+- In n readouts at rate r, the spike count is one of two integers. Its variance over start phases is f (1 - f), where f
+  is the fraction of n r.
+- Truncation of an image to integer codes adds 1/3 squared code, and rounding of the ground truth adds 1/12.
+- The stored images show the motion during the n readouts, so the data set needs an image of every readout.
+- The 1 dB allows for light above white and for correlated errors. Codes that are mistaken for linear light score at
+  least 10 dB less.
+Exits with code 1 if an image is wrong or a PSNR is too low.
 """
 
 import argparse
@@ -37,12 +39,12 @@ import numpy as np
 import torch
 
 
-# Of both clients' TFP; the default of Spike-Zoo's.
+# Window of TFP in both clients, in readouts; the default of Spike-Zoo.
 READOUTS = 41
 
 
 def allowed_db(root, sequence, clear, rate, codes):
-    """PSNR that counting and motion allow; `codes` if the picture is cut to whole codes of 255."""
+    """Returns the PSNR limit of counting and motion; `codes` is true if the image is truncated to 8-bit codes."""
     folder = root / "sequences" / sequence
     middle = json.loads((folder / "record.json").read_text())["facts"]["reference_readout"]
     near = range(middle - READOUTS // 2, middle + READOUTS // 2 + 1)
@@ -53,13 +55,13 @@ def allowed_db(root, sequence, clear, rate, codes):
 
 
 def light(path):
-    """Linear light of an 8-bit sRGB picture."""
+    """Returns the linear light of an 8-bit sRGB image."""
     code = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) / 255
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
 
 
 def judge(client, name, picture, clear, psnr, least):
-    """One line of the result; whether the picture is the clear image's."""
+    """Prints one line of the result, and returns whether the image is correct."""
     picture = np.asarray(picture, dtype=np.float64)
     found = {
         way: np.corrcoef(turned.ravel(), clear.ravel())[0, 1]
@@ -99,11 +101,11 @@ def spike_zoo(root, width, height):
 
 
 def spike_cv(root, clone):
-    # Its metrics are imported as its examples do.
+    # The examples of SpikeCV import the metrics from these folders.
     sys.path[:0] = [str(clone), str(clone / "SpikeCV")]
     with tempfile.TemporaryDirectory() as place:
-        # SpikeCV looks for data in ../spkData/datasets from where it is run. It knows one name for the
-        # folder of streams, so the clean ones get it in a copy.
+        # SpikeCV searches for data in ../spkData/datasets, relative to the current folder. It accepts only one name for
+        # the folder of streams, so a second folder links the clean streams under this name.
         datasets = Path(place) / "spkData" / "datasets"
         for kind in ("noisy", "clean"):
             for split in ("train", "test"):

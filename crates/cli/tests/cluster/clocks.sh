@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Machines whose clocks differ: a plan made today, one shard made by a machine ten days behind, another by one ten days ahead, and
-# both looked at again by all three. Nothing is made twice, and the digest is that of one machine. Needs Debian's faketime.
+# Tests a data set on machines whose clocks differ. One machine plans the data set today. A machine whose clock is ten days slow
+# generates one shard, and a machine whose clock is ten days fast generates the other. Then all three run both shards again.
+# No run may generate a sequence twice, and the digest must equal the digest of one machine. Needs Debian's faketime.
 #   crates/cli/tests/cluster/clocks.sh [PROGRAM] > crates/cli/tests/cluster/clocks.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Many tiny inputs: memory and time of the plan, and how long it takes to see that nothing is left to do.
-#   crates/cli/tests/cluster/inputs.sh [PROGRAM] [INPUTS] > crates/cli/tests/cluster/inputs.txt
+# Measures the memory and the duration of `dataset` commands for many tiny inputs: planning, one shard, and a rerun of a finished
+# shard. With `all` as third argument, also measures all shards and merging.
+#   crates/cli/tests/cluster/inputs.sh [PROGRAM [INPUTS [all]]] > crates/cli/tests/cluster/inputs.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
 inputs=${2:-100000}
@@ -17,7 +18,7 @@ for i in range(inputs):
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{i:07}.y4m").write_bytes(b"YUV4MPEG2 W8 H8 F25:1 Ip A1:1 Cmono\n" + frame)
 PY
-measured() { # NAME COMMAND...: seconds and the most memory of a command
+measured() { # NAME COMMAND...: prints the duration and the peak memory of a command
     local name=$1; shift
     python3 - "$name" "$@" <<'PY'
 import resource

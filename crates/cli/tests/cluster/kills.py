@@ -1,4 +1,4 @@
-"""Kills the program at random moments and compares what is left with an undisturbed run; see kills.sh."""
+"""Kills the program at random times and compares the final files with those of an undisturbed run; see kills.sh."""
 
 import datetime
 import json
@@ -30,7 +30,7 @@ def main() -> int:
         shutil.rmtree(folder, ignore_errors=True)
         plan(program, folder, pack)
         datasets += 1
-        # Up to five kills a dataset, so that remains of remains are met too.
+        # Up to five kills per data set also test runs that start from the remains of several kills.
         for _ in range(draw.randint(1, 5)):
             if done >= kills:
                 break
@@ -104,14 +104,14 @@ def digest(text: str) -> str:
 
 
 def content(folder: Path) -> dict[str, str]:
-    """Every file but those that hold times or processes."""
+    """Returns the digest of every file, except lock files and the shard manifest, which contain times or processes."""
     files = (p for p in folder.rglob("*") if p.is_file() and p.name != "lock")
     shard = folder / "shards/000000/manifest.jsonl"
     return {str(p.relative_to(folder)): sha256(p.read_bytes()).hexdigest() for p in files if p != shard}
 
 
 def finished(folder: Path) -> None:
-    """Whatever has its final name is whole: every file of a record is there with its length, and packs can be read."""
+    """Asserts that files with final names are complete: files of records have the recorded size, and packs are readable."""
     for record in folder.glob("shards/*/sequences/scene-*/record.json"):
         for file in json.loads(record.read_text())["files"]:
             assert (record.parent / file["path"]).stat().st_size == file["bytes"], record
@@ -129,7 +129,7 @@ def finished(folder: Path) -> None:
 
 
 def stage_of(folder: Path, command: str) -> str:
-    """Where a kill struck, by what it left."""
+    """Returns the stage at which a kill stopped the command, derived from the remaining files."""
     if command == "merge":
         return "merge"
     if (folder / "shards/000000.tar").exists() or list(folder.glob("shards/.*.partial")):

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Kills with SIGKILL at random moments: of `dataset run` (streams, labels, packs) and of `dataset merge`. After each, nothing
-# half-written may look finished, and in the end the digest has to be that of an undisturbed run.
+# Kills `dataset run` (streams, labels, packs) and `dataset merge` with SIGKILL at random times. After each kill, no incomplete
+# file may have its final name. In the end, the digest must equal the digest of an undisturbed run.
 #   crates/cli/tests/cluster/kills.sh [PROGRAM] [KILLS] [SEED] [MINUTES] > crates/cli/tests/cluster/kills.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")

@@ -1,8 +1,10 @@
-"""Labels of a data set read by what users have, each compared with the arrays that the program wrote.
+"""Reads the labels of a data set with common tools and compares each result with the arrays that the program wrote.
 
-python3 crates/cli/tests/cluster/label_readers.py SET [--spikecv CLONE]: pycocotools, motmetrics, TrackEval's readers of MOTChallenge and KITTI,
-pykitti's of calibrations, mlcroissant; SpikeCV's data_parameter_dict with a clone of it. Needs
-`pip install pycocotools motmetrics trackeval pykitti mlcroissant numpy pillow`; what is not installed is said to be left out.
+    pip install pycocotools motmetrics trackeval pykitti mlcroissant numpy pillow
+    python3 crates/cli/tests/cluster/label_readers.py SET [--spikecv CLONE]
+
+The tools are pycocotools, motmetrics, TrackEval's readers of MOTChallenge and KITTI, pykitti's reader of calibrations and
+mlcroissant. With a clone of SpikeCV, also tests SpikeCV's data_parameter_dict. Skips a missing tool and prints its name.
 """
 
 import argparse
@@ -20,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-# Packages that are older than NumPy 1.24 and 2 use names that it took away.
+# Packages older than NumPy 1.24 or 2 use names that NumPy has removed.
 for name, kind in [("float", float), ("int", int), ("bool", bool)]:
     if name not in np.__dict__:
         setattr(np, name, kind)
@@ -52,7 +54,7 @@ def main() -> int:
 
 
 def splits(root: Path) -> dict[str, list[Path]]:
-    """The folders of the sequences of each split."""
+    """Returns the folders of the sequences of each split."""
     found: dict[str, list[Path]] = {}
     for line in (root / "manifest.jsonl").read_text().splitlines()[1:]:
         entry = json.loads(line)
@@ -70,7 +72,7 @@ def seen(frame: dict) -> list[dict]:
 
 
 def with_coco(root: Path, sets: dict[str, list[Path]]) -> str:
-    """Every mask is the pixels of the instance map, every box the smallest around them, every picture there."""
+    """Asserts that masks equal the instance maps, boxes enclose the masks tightly, and every image exists."""
     from PIL import Image
     from pycocotools.coco import COCO
 
@@ -100,7 +102,7 @@ def with_coco(root: Path, sets: dict[str, list[Path]]) -> str:
 
 
 def with_motmetrics(root: Path, sets: dict[str, list[Path]]) -> str:
-    """The boxes are those of labels.json, and a tracker that is the truth scores 1."""
+    """Asserts that boxes equal those of labels.json, and that the ground truth as tracker output scores 1."""
     import motmetrics as mm
 
     boxes = 0
@@ -117,7 +119,7 @@ def with_motmetrics(root: Path, sets: dict[str, list[Path]]) -> str:
                     row = table.loc[(n, box["track_id"])]
                     x0, y0, x1, y1 = box["clipped_amodal_box"]
                     expected = [x0, y0, x1 - x0, y1 - y0]
-                    # Two places are in the text.
+                    # The text file rounds to two decimal places.
                     assert np.allclose(row[["X", "Y", "Width", "Height"]].astype(float), expected, atol=0.0051)
                     assert math.isclose(row["Visibility"], 1 - box["occlusion"], abs_tol=6e-5)
                     boxes += 1
@@ -128,7 +130,7 @@ def with_motmetrics(root: Path, sets: dict[str, list[Path]]) -> str:
 
 
 def with_trackeval(root: Path, sets: dict[str, list[Path]]) -> str:
-    """Its readers of MOTChallenge and KITTI find every vehicle that they have a class for."""
+    """Asserts that the readers of MOTChallenge and KITTI return every vehicle with a supported class."""
     import trackeval
 
     quiet = {"PRINT_CONFIG": False, "TRACKERS_TO_EVAL": ["own"]}
@@ -165,7 +167,7 @@ def with_trackeval(root: Path, sets: dict[str, list[Path]]) -> str:
                 raw = read.get_raw_seq_data("own", sequence.name)
                 rows = zip(frames(sequence), raw["gt_ids"], raw["gt_classes"], raw["gt_dets"], strict=True)
                 for frame, ids, kinds, boxes in rows:
-                    # Its reader leaves other classes in, by their numbers.
+                    # The reader of KITTI also returns vehicles of other classes.
                     there = {b["track_id"]: b for b in seen(frame)}
                     assert sorted(ids) == sorted(there), sequence
                     for track, kind, box in zip(ids, kinds, boxes, strict=True):
@@ -177,7 +179,7 @@ def with_trackeval(root: Path, sets: dict[str, list[Path]]) -> str:
 
 
 def with_pykitti(root: Path, sets: dict[str, list[Path]]) -> str:
-    """A 3-D box of the label, through P2 of the calibration, covers the 2-D box of the same line."""
+    """Asserts that the projection of each 3-D box by P2 covers the 2-D box of the same line."""
     from pykitti.utils import read_calib_file
 
     checked = 0
@@ -202,13 +204,13 @@ def with_pykitti(root: Path, sets: dict[str, list[Path]]) -> str:
                 seen_at = np.c_[placed, np.ones(8)] @ projection.T
                 pixels = seen_at[:, :2] / seen_at[:, 2:]
                 around = np.r_[pixels.min(0), pixels.max(0)]
-                # The vehicle fills its box but for its rounded corners, so the 3-D box is the larger, and not by much; but the 2-D
-                # box holds whole pixels of which the middle alone sees the vehicle.
+                # Vehicles have rounded corners, so the projected 3-D box is slightly larger than the 2-D box. The 2-D box
+                # encloses whole pixels, but only the center of a pixel must show the vehicle.
                 slack = around - (box + [-0.5, -0.5, 0.5, 0.5])
                 size = max(box[2] - box[0], box[3] - box[1])
                 outside = max(slack[0], slack[1], -slack[2], -slack[3])
                 inside = max(-slack[0], -slack[1], slack[2], slack[3])
-                # A hundredth of a meter and of a radian are what the text holds.
+                # The text file rounds to 0.01 m and 0.01 rad.
                 rounding = projection[0, 0] * (0.01 + 0.005 * max(l, h)) / (z - l / 2)
                 assert outside <= rounding + 0.52 and inside <= 0.2 * size + rounding + 1, (sequence, line, slack)
                 worst = max(worst, inside / size)
@@ -217,7 +219,7 @@ def with_pykitti(root: Path, sets: dict[str, list[Path]]) -> str:
 
 
 def with_croissant(root: Path, sets: dict[str, list[Path]]) -> str:
-    """It is valid, and its records are the lines of the tables, whose digests it checks."""
+    """Asserts that croissant.json is valid and that its records equal the table lines; mlcroissant checks digests."""
     import mlcroissant as mlc
 
     with warnings.catch_warnings():
@@ -241,7 +243,7 @@ def with_croissant(root: Path, sets: dict[str, list[Path]]) -> str:
 
 
 def with_spikecv(root: Path, sets: dict[str, list[Path]], clone: Path) -> str:
-    """Its data_parameter_dict finds stream and labels of each kind; the labels are those of the sequence."""
+    """Asserts that data_parameter_dict finds the stream and the labels of each kind, equal to those of the sequence."""
     os.chdir(clone)
     sys.path[:0] = [str(clone), str(clone / "SpikeCV")]
     from spikecv.spkData.load_dat import SpikeStream, data_parameter_dict

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A file system without hard links: exFAT (through FUSE) on a loop device. Shards are made, kept, packed and merged; the folders
-# of loaders get copies. Needs root, and Debian's exfat-fuse and exfatprogs.
+# Tests data sets on a file system without hard links: exFAT (through FUSE) on a loop device. Generates, reruns and merges shards,
+# packed and unpacked. Folders for loaders contain copies. Needs root, and Debian's exfat-fuse and exfatprogs.
 #   crates/cli/tests/cluster/no-links.sh [PROGRAM] > crates/cli/tests/cluster/no-links.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
@@ -28,7 +28,7 @@ for pack in "" --pack; do
     set="$place/disk/set$pack"
     "$program" dataset plan $scenes -o "$set" --sequences-per-shard 2 $pack >/dev/null
     "$program" dataset run "$set" --shards all >/dev/null
-    # Times that this file system keeps less exactly than they were must not make everything again.
+    # exFAT rounds file times. The rounded times after a remount must not cause a rerun to generate sequences again.
     umount "$place/disk" && sleep 1 && mounted
     "$program" dataset run "$set" --shards all
     "$program" dataset merge "$set" 2>&1 | sed "s|$place/disk/||" | tee "$place/merged.txt"

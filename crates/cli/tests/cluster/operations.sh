@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Operations of the file system for each sequence, counted with strace: of shards of one and of three sequences, so that what a
-# shard costs falls out, and with few and many files a sequence.
+# Counts with strace the file system operations per sequence. The difference between shards of three sequences and of one sequence
+# excludes the operations of the shard itself. Sequences with few and with many files F determine the operations per file.
 #   crates/cli/tests/cluster/operations.sh [PROGRAM] > crates/cli/tests/cluster/operations.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
@@ -20,7 +20,7 @@ for pack in "" --pack; do
             strace -f -c -e "trace=$calls" -o "$place/counts" "$program" dataset run "$set" --shards 0 --threads 1 >/dev/null 2>&1
             counts+=("$(awk '$NF == "total" {print $4}' "$place/counts")")
         done
-        # The sequence's own files: images, two streams, sidecar, clear image, ground truth, record.
+        # The files of a sequence are its images, two streams, a sidecar, a reference image, the ground truth and the record.
         points+=("$((images + 6)) $(((counts[1] - counts[0]) / 2))")
     done
     printf '%s\n' "${points[@]}" | awk -v pack="${pack:-folders}" '

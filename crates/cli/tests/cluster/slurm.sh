@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# A real Slurm on one machine: controller and two node daemons on the loopback run a dataset of 40 shards while a node
-# is killed, a task gets SIGKILL, one SIGTERM, and a disk is full. The merged digest has to be that of one thread.
-# Needs root and Debian's packages (installed if they are missing). Leaves nothing behind but its printed result.
-# The job is the one of docs/guides/clusters.md. With PYTHON, an interpreter that has Ray, a second folder is begun by Slurm and
-# finished by Ray with the guide's script.
+# Tests a data set with a real Slurm on one machine. A controller and two node daemons on the loopback interface run 40 shards
+# with the job of docs/guides/clusters.md. Meanwhile, the script kills a node, sends SIGKILL to one task and SIGTERM to another,
+# and later fills a disk. The merged digest must equal the digest of a run on one thread.
+# PYTHON is an interpreter with Ray. If given, Slurm starts a second folder and Ray finishes it with the script of the guide.
+# Needs root and Debian's Slurm packages, which the script installs if they are missing. Removes all of its files at the end.
 #   crates/cli/tests/cluster/slurm.sh [PROGRAM] [PYTHON] > crates/cli/tests/cluster/result.txt
 set -euo pipefail
 program=$(realpath "${1:-target/debug/spikelane}")
@@ -12,7 +12,7 @@ guide=$(realpath "$(dirname "$0")/../../../../docs/guides/clusters.md")
 [ "$(id -u)" = 0 ] || { echo "slurm.sh: needs root for the node daemons and a small tmpfs" >&2; exit 2; }
 
 if ! command -v slurmctld >/dev/null || ! command -v slurmd >/dev/null || ! command -v sbatch >/dev/null; then
-    # Installed services would start with a configuration that is not ours.
+    # policy-rc.d prevents that apt-get starts the services with a configuration from elsewhere.
     printf '#!/bin/sh\nexit 101\n' >/usr/sbin/policy-rc.d.spikelane
     [ -e /usr/sbin/policy-rc.d ] || { cp /usr/sbin/policy-rc.d.spikelane /usr/sbin/policy-rc.d; own_policy=1; }
     chmod +x /usr/sbin/policy-rc.d
@@ -97,10 +97,10 @@ echo "one thread      $one"
 
 "$program" dataset plan $scenes -o "$place/set" --sequences-per-shard 2 >/dev/null
 sed -n '/^```bash$/,/^```$/p' "$guide" | sed '1d;$d' >"$place/job.sh"
-submit() { # ARRAY: runs the guide's job in the place of the set
+submit() { # ARRAY: submits the guide's job in the parent folder of the data set
     (cd "$place" && sbatch --parsable --array="$1" --cpus-per-task=1 --output="$place/logs/%a.txt" job.sh)
 }
-finished() { # JOB: waits until nothing of it is left
+finished() { # JOB: waits until no task of JOB is queued or running
     for _ in $(seq 1800); do
         [ "$(squeue -h -j "$1" -t PD,R,CG,CF 2>/dev/null | wc -l)" = 0 ] && return 0
         sleep 0.5
@@ -110,7 +110,8 @@ finished() { # JOB: waits until nothing of it is left
 }
 job=$(submit 0-39)
 
-# The process of a shard that runs now, by its lock: of the first one from $1 on that has written who it is.
+# Sets `pid` to the process of the first running shard with a number of at least $1, and `shard` to its number. Reads the process
+# number from the lock file of the shard.
 worker() {
     for _ in $(seq 600); do
         for lock in "$place"/set/shards/*/lock; do
@@ -130,11 +131,11 @@ kill -KILL "$pid" && echo "SIGKILL         shard $((10#$shard))"
 until [ "$(done_shards)" -ge 10 ]; do sleep 0.2; done
 worker 0 || { echo "slurm.sh: no task to end" >&2; exit 1; }
 termed=$((10#$shard))
-# As Slurm does before a time limit: to the job's shell, which hands it on.
+# Slurm sends this signal to the shell of the job before a time limit. The shell forwards the signal.
 scancel --signal=TERM --batch "${job}_$termed" 2>/dev/null &
 echo "SIGTERM         shard $termed"
 until [ "$(done_shards)" -ge 15 ]; do sleep 0.2; done
-# A node that dies takes its tasks along.
+# Kills a node with its tasks, because the tasks of a failed node also end.
 mapfile -t children < <(ps -eo pid,args | awk '/slurmstepd: \[/ {print $1}')
 for _ in $(seq 300); do
     on_b=$(squeue -h -w b -t R -o %i | tr '\n' ' ')
@@ -149,7 +150,7 @@ for child in "${children[@]}"; do
     for task in $(ps -o pid= --ppid "$child"); do kill -KILL "$task" 2>/dev/null || true; done
     kill -KILL "$child" 2>/dev/null || true
 done
-# Their shards' processes too, wherever the shell left them.
+# Also kills the processes of the shards, which can outlive their shells.
 for task in $on_b; do
     shard=$(printf %06d "${task#*_}")
     pid=$(awk '{print $3}' "$place/set/shards/$shard/lock" 2>/dev/null) && kill -KILL "$pid" 2>/dev/null || true
@@ -171,7 +172,7 @@ fi
 merged=$(sed -n 's/^digest //p' "$place/merged.txt")
 echo "merged          $merged"
 
-# One full disk: a shard on a tmpfs that holds less than it needs, and then room.
+# Runs a shard on a full disk: a tmpfs that is too small for the shard. Then enlarges the tmpfs and runs the shard again.
 mount -t tmpfs -o size=300k tmpfs "$place/small"
 "$program" dataset plan $scenes -o "$place/small/set" --sequences-per-shard 80 >/dev/null
 code=0; "$program" dataset run "$place/small/set" --shards 0 >/dev/null 2>"$place/full.err" || code=$?
