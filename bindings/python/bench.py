@@ -1,9 +1,9 @@
-"""Speed of the Python package compared with the program and with functions of other tools, as a table.
+"""Measure the speed of the Python package, the program and other tools, and print a table.
 
     python bindings/python/bench.py [--spikezoo FOLDER] [--spikecv FOLDER] [--markdown docs/why/performance.md]
 
-FOLDER of Spike-Zoo is its unpacked package (default: the installed one), that of SpikeCV a checkout. `--markdown` replaces
-the table between the markers in that file. SPIKELANE names the program (default: the one of this package).
+The FOLDER of Spike-Zoo is an unpacked package (default: the installed package). The FOLDER of SpikeCV is a checkout.
+`--markdown` replaces the table between the markers in a file. SPIKELANE is the program (default: that of this package).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ BEGIN, END = "<!-- python: begin -->", "<!-- python: end -->"
 
 
 def best(work: Callable[[], object], seconds: float = 1.5, least: int = 3) -> float:
-    """Seconds of the fastest of several runs: what other processes take from them is no property of the work."""
+    """Returns the duration of the fastest of several runs, because other processes slow single runs down."""
     times: list[float] = []
     start = time.perf_counter()
     while len(times) < least or time.perf_counter() - start < seconds:
@@ -41,7 +41,7 @@ def best(work: Callable[[], object], seconds: float = 1.5, least: int = 3) -> fl
 
 
 def load_function(path: Path, name: str, **space: Any) -> Callable[..., Any]:
-    """A function taken out of a file whose imports are not wanted."""
+    """Loads a function from a file without the imports of the file."""
     tree = ast.parse(path.read_text())
     tree.body = [node for node in tree.body if getattr(node, "name", None) == name]
     exec(compile(tree, str(path), "exec"), space)
@@ -49,7 +49,7 @@ def load_function(path: Path, name: str, **space: Any) -> Callable[..., Any]:
 
 
 def replace_between_markers(page: Path, begin: str, end: str, text: str) -> None:
-    """Replaces what stands between two markers of a page."""
+    """Replaces the text between two markers of a page."""
     before, rest = page.read_text().split(begin)
     page.write_text(f"{before}{begin}\n{text}\n{end}{rest.split(end)[1]}")
 
@@ -68,7 +68,7 @@ class Table:
 
 
 def one_stream(table: Table) -> None:
-    """400x250 x 4000 readouts of held light, full noise: the bench's camera, in one call."""
+    """Measures one call with 4000 readouts of 400x250 pixels, constant light and the camera of the `speed` command."""
     program = os.environ.get("SPIKELANE")
     command = [program] if program else [sys.executable, "-m", "spikelane"]
     typical = {
@@ -91,7 +91,7 @@ def one_stream(table: Table) -> None:
     with tempfile.TemporaryDirectory() as folder:
         command += ["--json", "speed", "--quick", "--work-dir", folder]
         said = subprocess.run(command, capture_output=True, text=True, check=True)
-    # What else runs on the machine changes from second to second: once more behind the program, and the better counts.
+    # The load of the machine changes, so the work runs again after the program and the faster result counts.
     seconds = min(seconds, best(lambda: simulator.fill(light, out), 3))
     python = 4000 * 100_000 / seconds / 1e9
     rows = json.loads(said.stdout.splitlines()[-1])["speeds"]
@@ -109,12 +109,12 @@ def one_stream(table: Table) -> None:
 
 
 def ratio_words(packed: float, unpacked: float) -> str:
-    """The speed of this package over that of another tool."""
+    """Returns the speed ratio of this package to another tool as text."""
     return f"packed {packed:.1f}, bytes {unpacked:.1f} times faster"
 
 
 def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
-    """64 crops of 96x96x41, a new frame at every readout, `physical`, one plan, fresh seeds each."""
+    """Measures 64 crops of 96x96x41 with a new frame at every readout, one plan of `physical` and new seeds per crop."""
     camera = sl.Camera.preset("physical").with_shape(96, 96)
     clips = np.random.default_rng(2).integers(0, 200, (64, 41, 96, 96), np.uint8)
     turn = [0]
@@ -155,7 +155,7 @@ def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
     else:
 
         def in_torch(clip: np.ndarray) -> torch.Tensor:
-            """The same loop on tensors: the quickest form that torch gives it."""
+            """The same loop on tensors, in the fastest form for torch."""
             light, charge = torch.from_numpy(clip).float(), torch.rand(96, 96)
             spikes = torch.empty(clip.shape, dtype=torch.uint8)
             for t in range(clip.shape[0]):
@@ -167,7 +167,7 @@ def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
 
         peer("the same loop in torch on the CPU", in_torch)
     if spikecv:
-        # As published it ends with `np.float`, which NumPy has no more.
+        # The published function uses `np.float`, which NumPy has removed.
         space = {name: getattr(np, name) for name in ("zeros_like", "zeros")} | {"float": float}
         from types import SimpleNamespace
 
@@ -188,7 +188,7 @@ def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
 
 
 def calls(table: Table) -> None:
-    """One readout of 8x8 pixels a call, over the same readouts in one call."""
+    """Measures calls of one readout of 8x8 pixels, compared with one call for all readouts."""
     camera = sl.Camera.ideal(8, 8)
     light, out = np.full((8, 8), 100, np.uint8), np.empty((1, 8), np.uint8)
     simulator, many = sl.Simulator(camera), 20_000

@@ -1,10 +1,11 @@
-"""Speed of what a user would pick instead, on the same clip, as a table of ratios.
+"""Measure the speed of alternative tools on the same clip, and print a table of ratios.
 
     python bindings/python/peers.py [--spikecv FOLDER] [--scsim FOLDER] [--v2e FOLDER] [--markdown docs/why/performance.md]
 
-Peers are installed into target/peers: Spike-Zoo and visionsim by pip, SpikeCV, SCSim and v2e as checkouts, unless a folder is
-given. What cannot be had is skipped, and the table says why. Each runs on one thread, its light in memory or in PNG files as
-it asks for it. SPIKELANE names the program (default: the one of this package).
+The script installs the tools in target/peers: Spike-Zoo and visionsim with pip, and SpikeCV, SCSim and v2e as checkouts
+unless a folder is given. If an installation fails, the script skips the tool and the table contains the reason. Each tool
+runs on one thread, with its light in memory or in PNG files as the tool requires. SPIKELANE is the program (default: that
+of this package).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-# Before NumPy and torch are loaded, which read it once.
+# NumPy and torch read these variables only once, when Python imports them.
 os.environ.update({"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"})
 
 import numpy as np
@@ -39,11 +40,11 @@ Work = Callable[[], object]
 
 
 class PeerMissing(Exception):
-    """Why a peer is not in the table."""
+    """The reason for which a tool is not in the table."""
 
 
 def clip(frames: int) -> np.ndarray:
-    """A texture that moves by a pixel at each readout: (T, H, W), u8, 40 to 200."""
+    """Returns a texture that moves by one pixel per readout: uint8 (T, H, W), values 40 to 200."""
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
     wave = [np.sin((columns + t) / 9.0) * np.cos(rows / 13.0) for t in range(frames)]
     return np.stack([(120 + 80 * w).astype(np.uint8) for w in wave])
@@ -64,7 +65,7 @@ def command_output(command: list[str]) -> None:
 
 
 def installed_program_folder(*names: str) -> Path:
-    """A folder with these packages, without what they bring along."""
+    """Installs packages without their dependencies and returns their folder."""
     site = INSTALLED / "site"
     for name in names:
         if not list(site.glob(f"{name.replace('-', '_')}-*")):
@@ -99,7 +100,7 @@ def spikecv_video(given: Path | None, folder: Path) -> tuple[Work, int]:
 
 def spikecv_image(given: Path | None) -> tuple[Work, int]:
     source = checkout(given, "Zyj061/SpikeCV") / "SpikeCV" / "spkData" / "convert_img.py"
-    # As published it ends with `np.float`, which NumPy has no more.
+    # The published function uses `np.float`, which NumPy has removed.
     numpy = types.SimpleNamespace(zeros_like=np.zeros_like, zeros=np.zeros, float=float)
     convert, image = load_function(source, "img_to_spike", np=numpy), clip(1)[0] / 255.0
     return lambda: convert(image, 1.0, 1.0, 64), 64
@@ -119,7 +120,7 @@ def visionsim() -> tuple[Work, int]:
 
 def v2e(given: Path | None) -> tuple[Work, int]:
     source = checkout(given, "SensorsINI/v2e")
-    # Windows, dialogs and a device's file format: nothing that is timed.
+    # Empty modules replace packages for windows, dialogs and a file format, which the measured code does not use.
     for name in ("screeninfo", "easygui", "tkinter", "dv_processing", "h5py"):
         module = types.ModuleType(name)
         module.__getattr__ = lambda attribute: list  # type: ignore[method-assign]
@@ -144,7 +145,8 @@ def scsim(given: Path | None, folder: Path) -> tuple[Work, int]:
     from PIL import Image
 
     source = checkout(given, "Acnext/SCSim") / "v2s.py"
-    # What was published needs older packages: Pillow's filter had another name, and an array of one was a number.
+    # The published code needs older packages. Pillow has renamed the filter, and NumPy no longer converts an array of one
+    # element to a number.
     picture = types.SimpleNamespace(open=Image.open, ANTIALIAS=Image.LANCZOS)
     draw = np.random
     random = types.SimpleNamespace(rand=draw.rand, normal=draw.normal, poisson=lambda lam, size: draw.poisson(lam))
@@ -173,7 +175,7 @@ def ours_program(folder: Path) -> tuple[Work, int]:
 
 
 def speed(make: Callable[[], tuple[Work, int]]) -> float | str:
-    """Millions of pixel-readouts a second, or why there are none."""
+    """Returns the speed in millions of pixel-readouts per second, or the reason for a missing result."""
     try:
         work, readouts = make()
         with contextlib.redirect_stdout(io.StringIO()):

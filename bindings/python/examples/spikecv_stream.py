@@ -1,10 +1,12 @@
-"""Streams for SpikeCV's loader: a .dat file, and the config.yaml beside it that its examples read.
+"""Writes a stream for the loader of SpikeCV: a .dat file, and the config.yaml that the examples of SpikeCV read.
 
 python spikecv_stream.py FOLDER
 
+SpikeCV then reads the stream:
+
 from spikecv.spkData.load_dat import data_parameter_dict, SpikeStream
 stream = SpikeStream(filepath="FOLDER/light.dat", spike_h=250, spike_w=400, print_dat_detail=False)
-spikes = stream.get_spike_matrix()      # (T, H, W), as below
+spikes = stream.get_spike_matrix()      # shape (T, H, W)
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""A data set for Spike-Zoo's training loop: the same keys as its own, fresh noise in every epoch.
+"""A data set for the training loop of Spike-Zoo, with the keys of Spike-Zoo and new noise in every epoch.
 
-Spike-Zoo (0.2.3) wants a dataset class and a configuration. Put this file beside your script and:
+Spike-Zoo (0.2.3) needs a data set class and a configuration. Copy this file to the folder of your script, and call:
 
     config = ZooConfig(clips=clips, camera=camera)
     TrainPipeline(TrainPipelineConfig(epochs=10), "bsf", config).train()
 
-`spikezoo_train.py` is that as a program, with a new epoch of streams for every epoch of the loop.
-Without Spike-Zoo the class is the same over torch's Dataset.
+`spikezoo_train.py` is a complete program, which simulates new streams for every epoch of the loop.
+If Spike-Zoo is not installed, the class derives from torch's Dataset instead.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ except ImportError:
 
 @dataclass
 class ZooConfig(BaseDatasetConfig):  # type: ignore[misc, valid-type]
-    """What a data set is made of; `clips` and `camera` as in `spikelane.ClipSampler`."""
+    """The configuration of a data set; `clips` and `camera` are arguments of `spikelane.ClipSampler`."""
 
     dataset_name: str = "spikelane"
     clips: Any = None
@@ -43,14 +43,14 @@ class ZooConfig(BaseDatasetConfig):  # type: ignore[misc, valid-type]
 
 
 class ZooClips(BaseDataset):  # type: ignore[misc, valid-type]
-    """Batches of Spike-Zoo: "spike" float32 (T, H, W), "gt_img" float32 (1, H, W), 0 to 1, and "rate"."""
+    """Items for Spike-Zoo: "spike" float32 (T, H, W), "gt_img" float32 (1, H, W) from 0 to 1, and "rate"."""
 
     def __init__(self, cfg: ZooConfig) -> None:
         self.cfg = cfg
         self.data = SpikeClips(cfg.clips, cfg.camera, cfg.readouts_per_frame, **cfg.options)
 
     def build_source(self, split: str = "test") -> None:
-        """Trains on what it is given; the test split keeps epoch 0, so that scores can be compared."""
+        """Sets the split. The training loop calls `set_epoch` only for the training data, so test scores are comparable."""
         self.split = split
 
     def set_epoch(self, epoch: int) -> None:

@@ -3,8 +3,9 @@
     pip install spikezoo
     python bindings/python/examples/spikezoo_train.py [NETWORK] [EPOCHS]
 
-The loop, the networks and the losses are Spike-Zoo's; only the data set is another one. `spk2imgnet` (default) trains on a
-CPU, most others want CUDA. The clips here are noise that drifts: give your own as in `spikelane.ClipSampler`.
+The loop, the networks and the losses are those of Spike-Zoo; only the data set is different. `spk2imgnet` (the default)
+trains on a CPU. Most other networks need CUDA. The clips of this example show drifting noise; replace them with your clips,
+in a format of `spikelane.ClipSampler`.
 """
 
 from __future__ import annotations
@@ -20,23 +21,23 @@ import spikelane as sl
 
 
 class Fresh(TrainPipeline):  # type: ignore[misc]
-    """Spike-Zoo's loop, in which an epoch has streams of its own."""
+    """The training loop of Spike-Zoo, with new streams in every epoch."""
 
     def update_learning_rate(self) -> None:
-        """Is called at the end of an epoch."""
+        """Starts the next epoch of the data set. Spike-Zoo calls this method at the end of an epoch."""
         super().update_learning_rate()
         self.train_dataset.set_epoch(self.train_dataset.data.epoch + 1)
         print("next epoch:", self.train_dataset.data.epoch)
 
     def cal_metrics(self) -> dict[str, float]:
-        """Its own metrics fetch networks of their own; this one needs nothing."""
+        """Returns the L1 error. The metrics of Spike-Zoo would download networks."""
         batch = self.model.feed_to_device(next(iter(self.dataloader)))
         outputs = self.model.get_outputs_dict(batch)
         return {"l1": float((outputs["recon_img"] - batch["gt_img"]).abs().mean())}
 
 
 def drifting_clips(count: int, frames: int, size: int) -> np.ndarray:
-    """uint8 clips (count, frames, size, size) of smooth noise that moves by a pixel a frame."""
+    """Returns uint8 clips (count, frames, size, size) of smooth noise that moves by one pixel per frame."""
     wide = np.random.default_rng(0).random((count, size // 8 + 2, (size + frames) // 8 + 2))
     smooth = np.kron(wide, np.ones((8, 8)))[:, :size]
     clip = [smooth[:, :, t : t + size] for t in range(frames)]

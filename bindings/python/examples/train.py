@@ -1,9 +1,9 @@
-"""Train a small network that makes pictures of spikes, on fresh noise of cameras drawn at random.
+"""Train a small network that reconstructs images from spikes, on random cameras with new noise.
 
     python train.py [--seconds 120] [--workers 0]
 
-Every item of every epoch is another recording by another camera. After training the network is set beside counting
-(TFP) on cameras and scenes that it has not seen.
+Every epoch simulates new recordings. After training, the program compares the network with counting (TFP) on new cameras
+and scenes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ READOUTS, CROP = 41, 48
 
 
 def clips(seeds: range, height: int = 80, width: int = 128) -> np.ndarray:
-    """Drives through random cities: float32 (B, 5, H, W), 2000 frames a second."""
+    """Renders drives through random cities: float32 (B, 5, H, W) at 2000 frames per second."""
     made = []
     for seed in seeds:
         scene = sl.Scene(seed, height, width, lighting="noon", duration_s=1.0)
@@ -32,7 +32,7 @@ def clips(seeds: range, height: int = 80, width: int = 128) -> np.ndarray:
 
 
 class Net(nn.Module):
-    """From spikes (B, T, H, W) to spikes per readout (B, 1, H, W): a correction of the count."""
+    """Computes spikes per readout (B, 1, H, W) from spikes (B, T, H, W), as a correction of the spike count."""
 
     def __init__(self, channels: int = 32) -> None:
         super().__init__()
@@ -47,7 +47,7 @@ class Net(nn.Module):
 
 
 def batch_of(batch: dict) -> tuple[torch.Tensor, torch.Tensor]:
-    """Spikes, and the rate that an ideal camera of that exposure would have."""
+    """Returns the spikes, and the rate of an ideal camera with the same exposure."""
     exposure = batch["thresholds_at_full_scale"].float()[:, None, None, None]
     return batch["spikes"].float(), batch["light"] * exposure
 
@@ -69,7 +69,7 @@ def loader(seeds: range, seed: int, workers: int) -> tuple[SpikeClips, DataLoade
 
 @torch.no_grad()
 def error(net: nn.Module | None, batches: DataLoader) -> float:
-    """Root mean square of the relative error, over all batches; without a net that of counting."""
+    """Returns the RMS of the relative error of `net` over all batches, or of counting if `net` is None."""
     squares = []
     for batch in batches:
         spikes, rate = batch_of(batch)
@@ -108,4 +108,4 @@ if __name__ == "__main__":
     parser.add_argument("--workers", type=int, default=0)
     arguments = parser.parse_args()
     counting, network = train(arguments.seconds, arguments.workers)
-    print(f"relative error on cameras and scenes not seen: counting {counting:.3f}, network {network:.3f}")
+    print(f"relative error on new cameras and scenes: counting {counting:.3f}, network {network:.3f}")

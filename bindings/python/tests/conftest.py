@@ -1,4 +1,4 @@
-"""What several tests share: cameras, light, the program, the golden table."""
+"""Fixtures for several tests: cameras, light, the program and the golden table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GOLDEN = ROOT / "tests" / "golden.json"
 
 @pytest.fixture(autouse=True, scope="session")
 def ctrl_c() -> Iterator[None]:
-    """A job in the background ignores Ctrl-C, and tests of it would never end."""
+    """Sets the default Ctrl-C handler. Background jobs ignore Ctrl-C, so tests of Ctrl-C would never end."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -34,7 +34,7 @@ def camera() -> sl.Camera:
 
 @pytest.fixture
 def clip() -> np.ndarray:
-    """Five frames of 12 x 20 that move."""
+    """Returns five frames of 12 x 20 pixels with a moving pattern."""
     row, col = np.mgrid[0:12, 0:20]
     return np.stack([(row * 9 + col * 7 + 31 * k) % 256 for k in range(5)]).astype(np.uint8)
 
@@ -42,13 +42,13 @@ def clip() -> np.ndarray:
 @pytest.fixture(scope="session")
 def golden() -> list[dict]:
     if not GOLDEN.is_file():
-        pytest.skip(f"{GOLDEN} is not here: the table lies in the repository")
+        pytest.skip(f"{GOLDEN} is missing: only the repository contains the table")
     return json.loads(GOLDEN.read_text())
 
 
 @pytest.fixture(scope="session")
 def program() -> list[str]:
-    """The command `spikelane`: SPIKELANE names another, which CI sets to the one that cargo built."""
+    """Returns the command `spikelane`, or the program in SPIKELANE. CI sets SPIKELANE to the program that cargo built."""
     named = os.environ.get("SPIKELANE")
     if named:
         return [named]

@@ -1,4 +1,4 @@
-"""Many clips at once are the clips one by one."""
+"""A batch of clips gives the same bits as one simulation per clip."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def clips(clip) -> np.ndarray:
 
 @pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize("interpolation", ["hold", "linear"])
-def test_a_batch_is_its_clips_one_by_one(camera, clips, threads, interpolation):
+def test_a_batch_equals_one_simulation_per_clip(camera, clips, threads, interpolation):
     sequences = [5, 1, 2**63, 0, 9, 9]
     bits = sl.simulate_batch(
         camera, clips, 3, sequences=sequences, seed=4, camera_seed=2, interpolation=interpolation, threads=threads
@@ -51,7 +51,7 @@ def test_cameras_and_camera_seeds_may_differ_from_clip_to_clip(camera, clips):
 
 
 @pytest.mark.parametrize("bits", [True, False])
-def test_windows_are_windows_of_the_camera(clips, bits):
+def test_windows_select_pixels_of_the_camera(clips, bits):
     camera = sl.Camera.preset("physical").with_shape(40, 50)
     places = np.array([(0, 0), (28, 30), (3, 7), (3, 7), (5, 6), (0, 1)])
     found = sl.simulate_batch(camera, list(clips), 2, sequences=range(6), windows=places, bits=bits, threads=2)
@@ -68,7 +68,7 @@ def test_the_callers_buffer_is_filled(camera, clips):
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_progress_counts_clips_and_its_error_stops(camera, clips, threads):
+def test_progress_counts_clips_and_a_callback_error_stops_the_batch(camera, clips, threads):
     heard: list[tuple[float, float]] = []
     tell = lambda done, total: heard.append((done, total))  # noqa: E731
     sl.simulate_batch(camera, clips, sequences=range(6), threads=threads, progress=tell)
@@ -92,7 +92,7 @@ def test_ctrl_c_stops_a_batch(camera, clips, threads):
     timer.join()
 
 
-def test_progress_is_a_bar_where_tqdm_is_installed(camera, clips, capsys):
+def test_progress_is_a_bar_if_tqdm_is_installed(camera, clips, capsys):
     tqdm = pytest.importorskip("tqdm")
     assert tqdm
     sl.simulate_batch(camera, clips, sequences=range(6), progress=True)
@@ -103,7 +103,7 @@ def test_progress_is_a_bar_where_tqdm_is_installed(camera, clips, capsys):
         sl.simulate_batch(camera, clips, sequences=range(6), progress=3)
 
 
-def test_light_at_a_readout_is_what_the_sensor_sees(clip):
+def test_light_at_a_readout_equals_the_light_of_the_sensor(clip):
     at = [0, 3, 4, 9, 16, 19]
     found = sl.light_at(clip, at, 4, interpolation="linear")
     full = clip.astype(np.float32) / 255

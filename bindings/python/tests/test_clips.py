@@ -1,4 +1,4 @@
-"""Training items: a stream is fixed by (seed, epoch, index), with torch and without."""
+"""Training items: (seed, epoch, index) determines a stream, with and without torch."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def digest(item: dict) -> str:
     return hashlib.sha256(np.ascontiguousarray(item["spikes"]).tobytes()).hexdigest()
 
 
-def test_an_item_is_fixed_by_seed_epoch_and_index(clips, physical):
+def test_seed_epoch_and_index_determine_an_item(clips, physical):
     def sampler(seed: int) -> sl.ClipSampler:
         return sl.ClipSampler(clips, physical, 5, crop=(16, 16), seed=seed)
 
@@ -68,7 +68,7 @@ def test_a_crop_is_a_window_of_the_one_camera(clips, physical):
     assert len(seeds) == 1 and len(places) > 4
 
 
-def test_a_distribution_gives_each_clip_a_camera_of_its_own(clips):
+def test_a_distribution_draws_a_camera_for_each_clip(clips):
     cameras = sl.CameraDistribution()
     sampler = sl.ClipSampler(clips, cameras, 5, crop=(16, 16), seed=3)
     items = [sampler.item(i, e) for i in range(7) for e in (0, 1)]
@@ -94,13 +94,13 @@ def test_packed_items_and_shorter_ones(clips, physical):
     np.testing.assert_array_equal(sl.unpack(packed, 30, 36), full[:8])
 
 
-def test_a_sampler_travels(clips, physical):
+def test_a_sampler_can_be_pickled(clips, physical):
     sampler = sl.ClipSampler(clips, physical, 5, crop=(8, 8))
     again = pickle.loads(pickle.dumps(sampler))
     assert digest(again.item(3, 1)) == digest(sampler.item(3, 1))
 
 
-def test_wrong_arguments_are_refused(clips, physical):
+def test_wrong_arguments_are_rejected(clips, physical):
     for make in (
         lambda: sl.ClipSampler(clips, "physical"),
         lambda: sl.ClipSampler([], physical),
@@ -141,7 +141,7 @@ def test_persistent_workers_see_the_epoch(clips, physical):
 
 @needs_torch
 @pytest.mark.parametrize("workers", [0, 1, 4])
-def test_a_stream_of_items_has_each_once_whatever_the_workers(clips, physical, workers):
+def test_a_pass_has_each_item_once_with_any_number_of_workers(clips, physical, workers):
     data = SpikeClipStream(clips, physical, 5, seed=3)
     sampler = sl.ClipSampler(clips, physical, 5, seed=3)
     data.set_epoch(2)
@@ -159,13 +159,13 @@ def test_a_stream_of_items_has_each_once_whatever_the_workers(clips, physical, w
 
 
 @needs_torch
-def test_a_tensors_memory_can_be_the_buffer(clips, physical):
+def test_the_memory_of_a_tensor_can_be_the_buffer(clips, physical):
     out = torch.empty((20, 30, 36), dtype=torch.uint8)
     sl.Simulator(physical).run_dense(clips[0], readouts_per_frame=5, out=out.numpy())
     np.testing.assert_array_equal(out.numpy(), sl.Simulator(physical).run(clips[0], readouts_per_frame=5))
 
 
-def test_torch_is_imported_only_when_asked_for():
+def test_only_spikelane_torch_imports_torch():
     import subprocess
     import sys
 

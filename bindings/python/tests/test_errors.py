@@ -1,4 +1,4 @@
-"""Bad input: an exception of the fitting class, with found, expected and remedy; nothing has changed."""
+"""Invalid input raises the matching exception with found, expected and remedy, and changes no state."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import spikelane as sl
 
 
 def error_of(camera: sl.Camera, method: str, *args: object, **kwargs: object) -> sl.SpikelaneError:
-    """The error of a call of a simulator, which must be unchanged after it."""
+    """Returns the error of a simulator call, and asserts that the call did not change the simulator."""
     simulator = sl.Simulator(camera)
     before = simulator.state()
     with pytest.raises(sl.SpikelaneError) as raised:
@@ -30,20 +30,20 @@ def test_other_dtypes_are_type_errors_that_name_the_remedy(camera, dtype):
 
 
 @pytest.mark.parametrize("thing", [None, 3, "light", [[0] * 20] * 12, object(), np.array(["a"])])
-def test_things_that_are_no_arrays_are_type_errors(camera, thing):
+def test_objects_other_than_arrays_are_type_errors(camera, thing):
     with pytest.raises(sl.SpikelaneTypeError):
         sl.Simulator(camera).run(thing, 1)
 
 
 @pytest.mark.parametrize("shape", [(12,), (20, 12), (1, 1, 12, 20), (11, 20), (2, 12, 21), (0, 0), ()])
-def test_other_shapes_are_refused(camera, shape):
+def test_wrong_shapes_are_rejected(camera, shape):
     error = error_of(camera, "run", np.zeros(shape, np.uint8), 1)
     assert error.kind == "usage" and error.subject == "light"
     assert str(shape) in error.found
 
 
 @pytest.mark.parametrize("shape", [(12, 20, 3), (12, 20, 4), (5, 12, 20, 3)])
-def test_colors_are_refused_with_the_conversion(camera, shape):
+def test_the_error_for_color_images_names_the_conversion(camera, shape):
     error = error_of(camera, "run", np.zeros(shape, np.uint8), 1)
     assert error.found == f"shape {shape}" and "`rgb @ weights`" in error.remedy
 
@@ -60,19 +60,19 @@ def test_the_number_of_readouts_follows_the_shape_of_the_light(camera, clip, met
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, -1e-6])
-def test_light_that_is_no_light_is_refused_with_its_place(camera, value):
+def test_the_error_for_invalid_light_names_the_pixel(camera, value):
     light = np.full((2, 12, 20), 0.5, np.float32)
     light[1, 3, 4] = value
     error = error_of(camera, "run", light, readouts_per_frame=1)
     assert "frame 1" in error.subject and "row 3, col 4" in error.subject
 
 
-def test_no_frame_at_all_is_refused(camera):
+def test_light_without_frames_is_rejected(camera):
     error = error_of(camera, "run", np.zeros((0, 12, 20), np.uint8), readouts_per_frame=1)
     assert error.subject == "light"
 
 
-def test_buffers_that_do_not_fit_are_refused(camera, clip):
+def test_buffers_of_the_wrong_size_are_rejected(camera, clip):
     def refused(out: object) -> sl.SpikelaneError:
         return error_of(camera, "fill", clip, out, readouts_per_frame=7)
 
@@ -96,7 +96,7 @@ def test_buffers_that_do_not_fit_are_refused(camera, clip):
     assert light.sum() == 0
 
 
-def test_numbers_out_of_range_are_refused(camera, clip):
+def test_numbers_out_of_range_are_rejected(camera, clip):
     for number in (-1, 0):
         assert error_of(camera, "run", clip, readouts_per_frame=number).subject == "readouts_per_frame"
     assert error_of(camera, "run", clip[0], -1).subject == "readouts"
@@ -115,7 +115,7 @@ def test_numbers_out_of_range_are_refused(camera, clip):
         sl.Simulator(camera, backend="mmx")
 
 
-def test_an_error_has_its_parts_as_fields_and_can_be_pickled():
+def test_an_error_has_fields_and_can_be_pickled():
     with pytest.raises(sl.SpikelaneError) as raised:
         sl.Camera.preset("phisical")
     error = raised.value
@@ -125,7 +125,7 @@ def test_an_error_has_its_parts_as_fields_and_can_be_pickled():
     assert type(again) is type(error) and again.__dict__ == error.__dict__ and str(again) == str(error)
 
 
-def test_the_systems_refusals_are_what_python_calls_them(tmp_path):
+def test_system_errors_derive_from_the_matching_python_errors(tmp_path):
     with pytest.raises(FileNotFoundError) as raised:
         sl.open_stream(tmp_path / "no.dat", height=2, width=8)
     assert raised.value.errno == 2 and "no.dat" in raised.value.subject
@@ -140,7 +140,7 @@ def test_the_systems_refusals_are_what_python_calls_them(tmp_path):
     assert isinstance(raised.value, sl.SpikelaneError) and raised.value.kind == "exists"
 
 
-def test_states_of_others_are_refused(camera, clip):
+def test_states_of_other_simulators_are_rejected(camera, clip):
     state = sl.Simulator(camera, seed=1).state()
     others = [
         sl.Simulator(camera, seed=2),
@@ -157,7 +157,7 @@ def test_states_of_others_are_refused(camera, clip):
     same.restore(state)
 
 
-def test_a_batch_names_the_clip_at_fault(camera, clip):
+def test_the_error_of_a_batch_names_the_wrong_clip(camera, clip):
     batch = np.stack([clip] * 3).astype(np.float32) / 255
     batch[2, 1, 5, 6] = np.nan
     for threads in (1, 2):
@@ -194,7 +194,7 @@ def test_a_batch_names_the_clip_at_fault(camera, clip):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 @pytest.mark.parametrize("threads", [1, 3])
-def test_a_fork_goes_on_with_its_copy(clip, threads):
+def test_a_forked_child_continues_with_its_copy(clip, threads):
     camera = sl.Camera.preset("physical")
     light = np.tile(clip[0], (21, 20))[:250, :400]
     simulator = sl.Simulator(camera, threads=threads)
@@ -212,7 +212,7 @@ def test_a_fork_goes_on_with_its_copy(clip, threads):
     assert os.read(read, 3) == bytes([1, 1, int(simulator.run(light, 5).packed.sum() % 251)])
 
 
-def test_a_setting_is_named_as_a_parameter(tmp_path):
+def test_an_error_names_python_parameters(tmp_path):
     (tmp_path / "bare.dat").write_bytes(bytes(96))
     with pytest.raises(sl.SpikelaneError) as raised:
         sl.open_stream(tmp_path / "bare.dat")

@@ -1,4 +1,4 @@
-"""One table of digests for Rust, the program and Python."""
+"""Rust, the program and Python share one table of digests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SEEDS = {"camera_seed": 11, "seed": 22, "sequence": 33}
 
 
 def fnv(data: bytes) -> str:
-    """FNV-1a, as the table has it."""
+    """Returns the FNV-1a digest in the format of the table."""
     state = 0xCBF29CE484222325
     for byte in data:
         state = ((state ^ byte) * 0x100000001B3) & 0xFFFFFFFFFFFFFFFF
@@ -26,7 +26,7 @@ def ramp(pixels: int) -> np.ndarray:
 
 
 def light(kind: str, shape: tuple[int, int]) -> tuple[np.ndarray, int, dict]:
-    """Frames, readouts of each, and further arguments of `run`; 200 readouts."""
+    """Returns the frames, the readouts per frame and other arguments of `run` for 200 readouts."""
     pixels = shape[0] * shape[1]
     if kind == "u8":
         return ramp(pixels).reshape(1, *shape), 200, {}
@@ -42,7 +42,7 @@ def light(kind: str, shape: tuple[int, int]) -> tuple[np.ndarray, int, dict]:
     return frames.reshape(2, *shape), 200, {"readouts": 200, "interpolation": "linear"}
 
 
-def test_python_has_the_golden_digests(golden):
+def test_python_reproduces_the_golden_digests(golden):
     for case in golden:
         camera = sl.Camera.from_toml(case["camera"])
         frames, each, how = light(case["light"], camera.shape)
@@ -52,11 +52,11 @@ def test_python_has_the_golden_digests(golden):
 
 
 @pytest.mark.parametrize("kind", ["u8", "u16", "bright", "between"])
-def test_the_program_has_the_golden_digests(golden, program, tmp_path, kind):
+def test_the_program_reproduces_the_golden_digests(golden, program, tmp_path, kind):
     for i, case in enumerate(c for c in golden if c["light"] == kind):
         camera = sl.Camera.from_toml(case["camera"])
         frames, each, how = light(kind, camera.shape)
-        # How a camera takes stored codes as light is the program's business; here the light is linear.
+        # Only the program applies the [light] section of a camera file. The golden table has linear light.
         camera_file = re.sub(r"\[light\]\n(?:.+\n)*", "", case["camera"])
         (tmp_path / "camera.toml").write_text(camera_file)
         np.save(tmp_path / "light.npy", frames)

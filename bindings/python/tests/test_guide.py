@@ -1,4 +1,4 @@
-"""Every block of the guides runs, in its order."""
+"""Runs every code block of the guides in order."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 GUIDES = Path(__file__).resolve().parents[3] / "docs" / "guides"
-"""The folder of `python.md`, `training.md` and `embedding.md`."""
+"""The folder with `python.md`, `training.md` and `embedding.md`."""
 
 
 def run(guide: Path) -> None:
-    """Runs the blocks of a page in one name space, and skips where they need torch and there is none."""
+    """Runs the blocks of a page in one namespace, and skips the page if it needs torch and torch is missing."""
     if not guide.is_file():
         pytest.skip(f"{guide} is not here: the guides lie in the repository")
     blocks = re.findall(r"```python\n(.*?)```", guide.read_text(), re.DOTALL)
@@ -45,7 +45,7 @@ def test_every_block_of_the_training_guide_runs(tmp_path, monkeypatch, capsys):
     assert "error of counting" in capsys.readouterr().out
 
 
-def test_the_programs_of_the_embedding_guide_name_one_number_of_spikes():
+def test_the_programs_of_the_embedding_guide_have_the_same_number_of_spikes():
     guide = GUIDES / "embedding.md"
     if not guide.is_file():
         pytest.skip(f"{guide} is not here: the guides lie in the repository")
@@ -58,5 +58,5 @@ def test_the_programs_of_the_embedding_guide_name_one_number_of_spikes():
     exec(compile(python[1], guide.name, "exec"), space)
     number = int(printed[1].replace(",", ""))
     assert space["spikes"].spike_count == number
-    # The Rust program is a doctest, and the C program runs in the checks of the C library.
+    # cargo runs the Rust program as a doctest, and bindings/c/ci.sh runs the C program.
     assert f"assert_eq!(spikes.spikes(), {number:_});" in text

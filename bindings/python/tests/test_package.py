@@ -1,4 +1,4 @@
-"""The package as a whole: help, stubs, the command, development mode."""
+"""The whole package: help, stubs, the command and development mode."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ def test_everything_has_help(name, thing):
     assert text and len(text) > 8, name
 
 
-def test_functions_say_shapes_dtypes_and_errors():
+def test_docstrings_of_functions_name_shapes_dtypes_and_errors():
     run = (sl.Simulator.run, sl.SpikeFrames.from_packed, sl.SpikeFrames.from_dense)
     for function in (*run, sl.simulate_batch, sl.unpack, sl.pack, sl.write_stream):
         text = inspect.getdoc(function) or ""
         assert "uint8" in text and "Raises" in text, function
 
 
-def test_the_version_is_the_programs(program):
+def test_package_and_program_have_the_same_version(program):
     done = subprocess.run([*program, "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.split()[1] == sl.__version__
 
 
-def test_the_command_comes_with_the_package(tmp_path):
+def test_the_package_contains_the_command(tmp_path):
     command = [sys.executable, "-m", "spikelane"]
     assert subprocess.run([*command, "effects", "prnu"], capture_output=True, check=False).returncode == 0
     assert subprocess.run([*command, "efects"], capture_output=True, check=False).returncode == 2
@@ -49,7 +49,7 @@ def test_the_command_comes_with_the_package(tmp_path):
     assert missing.returncode == 5
 
 
-def test_stubs_are_what_is_there():
+def test_stubs_match_the_module():
     if importlib.util.find_spec("mypy") is None:
         pytest.skip("mypy is not installed: pip install mypy")
     command = [sys.executable, "-m", "mypy.stubtest", "spikelane._native"]
@@ -57,7 +57,7 @@ def test_stubs_are_what_is_there():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_development_mode_finds_nothing(tmp_path):
+def test_development_mode_reports_nothing(tmp_path):
     code = """
 import gc, numpy as np, pickle, spikelane as sl
 camera = pickle.loads(pickle.dumps(sl.Camera.preset("physical").with_shape(12, 20)))

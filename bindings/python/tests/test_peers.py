@@ -1,7 +1,8 @@
-"""SpikeCV and Spike-Zoo read what Python wrote, and Python reads what they wrote, bit for bit.
+"""SpikeCV and Spike-Zoo read files of this package, and this package reads their files, bit by bit.
 
-Their own functions run when the peers are there: SPIKECV names a checkout of SpikeCV, SPIKEZOO an unpacked wheel (or the
-package is installed). Both drag in more than these functions need, so each function is taken out of its file.
+The tests run functions of both tools. SPIKECV is the folder of a checkout of SpikeCV. SPIKEZOO is the folder of an unpacked
+wheel of Spike-Zoo; without it, the tests use the installed package. Both tools import packages that these functions do not
+need, so the tests load each function from its file without these imports.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ import spikelane as sl
 SHAPES = [(6, 16, 24), (4, 250, 400)]
 
 
-def taken(path: Path, *names: str) -> SimpleNamespace:
-    """The functions and classes `names` of a file, without its imports."""
+def load_names(path: Path, *names: str) -> SimpleNamespace:
+    """Loads the functions and classes `names` of a file, without the imports of the file."""
     tree = ast.parse(path.read_text())
     tree.body = [node for node in tree.body if getattr(node, "name", None) in names]
     space: dict[str, Any] = {
@@ -47,19 +48,19 @@ def zoo() -> SimpleNamespace:
     if root is None:
         found = importlib.util.find_spec("spikezoo")
         if found is None or found.origin is None:
-            pytest.skip("Spike-Zoo is not here: pip install spikezoo, or SPIKEZOO=folder of its package")
+            pytest.skip("Spike-Zoo is not installed: pip install spikezoo, or SPIKEZOO=folder of its package")
         root = str(Path(found.origin).parent)
-    return taken(Path(root) / "utils" / "spike_utils.py", "load_vidar_dat", "save_vidar_dat")
+    return load_names(Path(root) / "utils" / "spike_utils.py", "load_vidar_dat", "save_vidar_dat")
 
 
 @pytest.fixture
 def cv() -> SimpleNamespace:
     root = os.environ.get("SPIKECV")
     if root is None:
-        pytest.skip("SpikeCV is not here: SPIKECV=folder of a checkout")
+        pytest.skip("SpikeCV is missing: SPIKECV=folder of a checkout")
     data = Path(root) / "SpikeCV" / "spkData"
-    space = taken(data / "load_dat.py", "SpikeStream")
-    space.SpikeToRaw = taken(data / "save_dat.py", "SpikeToRaw").SpikeToRaw
+    space = load_names(data / "load_dat.py", "SpikeStream")
+    space.SpikeToRaw = load_names(data / "save_dat.py", "SpikeToRaw").SpikeToRaw
     return space
 
 
@@ -86,7 +87,7 @@ def test_spikecv_and_python_read_each_other(cv, tmp_path, shape):
     try:
         cv.SpikeToRaw(str(tmp_path / "b.dat"), bits)
     except ValueError as error:
-        # Its writer appends eight zeros to a frame of whole bytes, which then has no shape.
+        # If a frame fills whole bytes, the writer of SpikeCV appends eight zeros, and its reshape fails.
         assert "reshape" in str(error)
         return
     np.testing.assert_array_equal(sl.open_stream(tmp_path / "b.dat", height=shape[1], width=shape[2]).read_bits(), bits)

@@ -1,4 +1,4 @@
-"""Child processes by fork, spawn and forkserver; arrays that others change; Ctrl-C."""
+"""Child processes by fork, spawn and forkserver, arrays that change during a call, and Ctrl-C."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import pytest
 import spikelane as sl
 
 HEIGHT, WIDTH = 24, 32
-# Only a child that hangs takes this long.
+# A child process runs this long only if it hangs.
 PATIENCE_S = 300
 
 posix = pytest.mark.skipif(os.name != "posix", reason="processes and signals as POSIX has them")
@@ -33,8 +33,8 @@ def _light() -> np.ndarray:
 
 
 def _everything(folder: str) -> None:
-    """Calls every function whose work is shared by threads."""
-    # Large enough for several bands and tiles.
+    """Calls every function that uses several threads."""
+    # The sensor is large enough for several bands and tiles.
     camera = sl.Camera.preset("physical").with_shape(72, 128)
     light = np.full((72, 128), 90, np.uint8)
     spikes = sl.Simulator(camera, threads=2).run(light, 300)
@@ -85,7 +85,7 @@ def _used(objects: tuple[sl.Stream, sl.Scene, sl.Simulator]) -> list[np.ndarray]
 
 
 @pytest.mark.parametrize("method", ["spawn", "forkserver"])
-def test_stream_scene_and_simulator_go_to_other_processes(method, tmp_path):
+def test_other_processes_can_use_a_stream_a_scene_and_a_simulator(method, tmp_path):
     if method not in multiprocessing.get_all_start_methods():
         pytest.skip(f"no {method} here")
     path = tmp_path / "a.dat"
@@ -102,7 +102,7 @@ def test_stream_scene_and_simulator_go_to_other_processes(method, tmp_path):
 
 
 class _Readouts:
-    """A Dataset that holds an open stream, as users write them."""
+    """A typical Dataset of a user, which contains an open stream."""
 
     def __init__(self, path: Path) -> None:
         self.stream = sl.open_stream(path)
@@ -124,7 +124,7 @@ def test_a_dataset_with_an_open_stream_works_in_workers_of_torch(method, tmp_pat
     np.testing.assert_array_equal(np.concatenate([batch.numpy() for batch in loader]), packed)
 
 
-def test_a_pickled_simulator_goes_on_with_the_same_bits():
+def test_a_pickled_simulator_continues_with_the_same_bits():
     simulator = sl.Simulator(
         sl.Camera.preset("physical").with_shape(HEIGHT, WIDTH), seed=2, camera_seed=3, threads=2, max_light=2.0
     )
@@ -138,7 +138,7 @@ def test_a_pickled_simulator_goes_on_with_the_same_bits():
         simulator.restore(before)
 
 
-def test_a_pickled_stream_keeps_how_it_was_opened_and_a_closed_one_is_refused(tmp_path, monkeypatch):
+def test_a_pickled_stream_keeps_its_options_and_a_closed_stream_is_rejected(tmp_path, monkeypatch):
     packed = _simulator().run(_light(), 12).packed
     sl.write_stream(tmp_path / "a.dat", packed, height=HEIGHT, width=WIDTH, layout="dat-top", sidecar=False)
     monkeypatch.chdir(tmp_path)
@@ -158,7 +158,7 @@ def test_a_pickled_scene_is_the_same_scene():
 
 
 def _views(frame: np.ndarray) -> dict[str, np.ndarray]:
-    """The same frame as memory that Rust must not borrow."""
+    """Returns the same frame in kinds of memory that Rust must not borrow."""
     raw = np.zeros(frame.nbytes + 1, np.uint8)
     unaligned = raw[1:].view(frame.dtype).reshape(frame.shape)
     unaligned[:] = frame
@@ -187,7 +187,7 @@ def test_light_in_any_memory_gives_the_same_bits(dtype, copied):
 
 
 @pytest.mark.parametrize("dtype", [">u2", ">f4"])
-def test_light_of_the_other_byte_order_is_refused(dtype):
+def test_light_of_the_other_byte_order_is_rejected(dtype):
     with pytest.raises(sl.SpikelaneTypeError, match="astype"):
         _simulator().run(np.zeros((HEIGHT, WIDTH), dtype), 10)
 
@@ -233,7 +233,7 @@ def test_ctrl_c_stops_the_rendering_of_a_picture(threads):
 
 
 @posix
-def test_the_program_of_the_package_ends_with_130_and_no_traceback(tmp_path):
+def test_ctrl_c_ends_the_program_with_code_130_and_no_traceback(tmp_path):
     words = ["record", "-o", "r", "--readouts", "200000"]
     child = subprocess.Popen(
         [sys.executable, "-m", "spikelane", "--json", *words],
@@ -241,7 +241,7 @@ def test_the_program_of_the_package_ends_with_130_and_no_traceback(tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        # A job in the background ignores Ctrl-C otherwise.
+        # Without this line, a background job would ignore Ctrl-C.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     assert child.stdout is not None
@@ -271,7 +271,7 @@ print("alive", flush=True)
 @posix
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the actions of signals")
 @pytest.mark.parametrize("action", ["default", "handler", "ignored"])
-def test_a_command_leaves_sigterm_as_it_was(tmp_path, action):
+def test_a_command_does_not_change_the_sigterm_handler(tmp_path, action):
     words = [sys.executable, "-c", COMMAND, action, str(tmp_path / "set")]
     child = subprocess.run(words, capture_output=True, text=True, check=False)
     said = child.stdout.splitlines()[-2:]

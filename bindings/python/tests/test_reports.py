@@ -1,4 +1,4 @@
-"""Measurement, calibration, diagnosis and scenes say what the program says."""
+"""Measurement, calibration, diagnosis and scenes return the results of the program."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def flat() -> sl.SpikeFrames:
     return sl.Simulator(camera).run(np.full((24, 32), 60, np.uint8), 3000)
 
 
-def test_measure_says_what_the_program_says(flat, tmp_path, program):
+def test_measure_returns_the_result_of_the_program(flat, tmp_path, program):
     sl.write_stream(tmp_path / "a.dat", flat)
     done = subprocess.run(
         [*program, "--json", "measure", tmp_path / "a.dat"], capture_output=True, text=True, check=True
@@ -41,12 +41,12 @@ def test_measure_says_what_the_program_says(flat, tmp_path, program):
         found["no such"]
 
 
-def test_measure_takes_packed_spikes_and_tells_progress(flat):
+def test_measure_accepts_packed_spikes_and_reports_progress(flat):
     heard: list[float] = []
     found = sl.measure(flat, progress=lambda done, total: heard.append(done / total))
     assert heard[-1] == 1.0
     assert found["mean-rate"].value == pytest.approx(flat.to_dense().mean())
-    # NaN differs from itself, but not its text.
+    # The test compares texts, because NaN is not equal to itself.
     assert repr(sl.measure(flat.packed, 24, 32)) == repr(found)
     with pytest.raises(sl.SpikelaneError, match="height and width"):
         sl.measure(flat.packed)
@@ -62,7 +62,7 @@ def test_an_error_of_the_callback_ends_a_measurement(flat):
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory) -> os.PathLike:
-    """Dark and two levels of a camera, simulated here."""
+    """Simulates a recording set of a camera in the dark and at several light levels."""
     folder = tmp_path_factory.mktemp("set")
     camera = sl.Camera.preset("physical").with_shape(32, 32).without_effect("hot_pixels")
     rows = ["width = 32", "height = 32", "readout_hz = 20000.0"]
@@ -77,7 +77,7 @@ def recordings(tmp_path_factory) -> os.PathLike:
 
 def test_calibrate_finds_the_camera_that_recorded(recordings, tmp_path):
     found = sl.calibrate(recordings, out=tmp_path / "c")
-    # Four levels over 1024 pixels: the mean gain is known to the light's 1 %.
+    # With four levels and 1024 pixels, the uncertainty of the light, 1 %, limits the error of the mean gain.
     assert found.gain.value == pytest.approx(1.0, abs=0.03)
     assert 0.01 < found.gain_spread.value < 0.03
     assert {lamp.stated_light for lamp in found.lamps} == {0.0, 0.1, 0.3, 0.6}
@@ -86,11 +86,11 @@ def test_calibrate_finds_the_camera_that_recorded(recordings, tmp_path):
     assert json.loads((tmp_path / "c" / "calibration.json").read_text())["width"] == 32
     with pytest.raises(FileExistsError):
         sl.calibrate(recordings, out=tmp_path / "c")
-    # The calibrated camera simulates.
+    # The calibrated camera can be simulated.
     assert sl.Simulator(found.camera).run_dense(np.full((32, 32), 100, np.uint8), 50).mean() > 0.2
 
 
-def test_a_report_whose_file_exists_is_refused_before_the_set_is_read(tmp_path):
+def test_an_existing_report_is_an_error_before_the_set_is_read(tmp_path):
     (tmp_path / "report.html").write_text("mine")
     for function in (sl.calibrate, sl.diagnose):
         with pytest.raises(FileExistsError, match=r"report\.html"):
@@ -98,7 +98,7 @@ def test_a_report_whose_file_exists_is_refused_before_the_set_is_read(tmp_path):
         assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
 
 
-def test_a_report_that_another_process_writes_is_refused_before_the_set_is_read(tmp_path):
+def test_a_report_of_another_process_is_an_error_before_the_set_is_read(tmp_path):
     fcntl = pytest.importorskip("fcntl")
     with (tmp_path / ".camera.toml.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -110,7 +110,7 @@ def test_a_report_that_another_process_writes_is_refused_before_the_set_is_read(
         assert [path.name for path in tmp_path.iterdir()] == [".camera.toml.lock"]
 
 
-def test_bad_sets_are_refused(tmp_path):
+def test_invalid_sets_are_rejected(tmp_path):
     with pytest.raises(FileNotFoundError):
         sl.calibrate(tmp_path / "no.toml")
     (tmp_path / "bad.toml").write_text("width = 3")

@@ -1,4 +1,4 @@
-"""Packed shards: each sequence of a split once, with the bits that the program writes."""
+"""A pass over packed shards has each sequence of a split once, with the bits that the program writes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCENES += ["--validation-share", "0.2"]
 
 @pytest.fixture(scope="module")
 def packed(program: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Seven scenes, once in packed shards of two (``set``) and once plain (``plain``)."""
+    """Generates seven scenes twice: in packed shards of two scenes (``set``) and unsharded (``plain``)."""
     folder = tmp_path_factory.mktemp("packed")
     lines = [
         ["plan", *SCENES, "-o", "set", "--sequences-per-shard", "2", "--pack"],
@@ -39,7 +39,7 @@ def ids(loader: object) -> list[str]:
     return [item["id"] for item in loader]  # type: ignore[attr-defined]
 
 
-def test_a_sequence_holds_what_the_program_wrote(packed: Path) -> None:
+def test_a_sequence_contains_the_files_of_the_program(packed: Path) -> None:
     members = ["labels-000002-depth.npy", "stream.json", "png"]
     item = next(iter(SpikeShards(packed / "set", clean=True, members=members)))
     plain = packed / "plain" / "sequences" / item["id"]
@@ -78,7 +78,7 @@ def test_the_order_of_tars_follows_seed_and_epoch(packed: Path) -> None:
     assert len(orders) > 1
 
 
-def test_what_is_not_there_is_named(packed: Path) -> None:
+def test_errors_name_missing_data(packed: Path) -> None:
     with pytest.raises(sl.SpikelaneError, match="no tar"):
         SpikeShards(packed / "plain")
     with pytest.raises(sl.SpikelaneError, match="'train'"):

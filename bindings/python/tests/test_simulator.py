@@ -1,4 +1,4 @@
-"""A simulator gives the same bits however the light is passed."""
+"""A simulator gives the same bits for every way to pass the same light."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import spikelane as sl
 
 
 def bits_of(packed: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Unpacking with NumPy alone."""
+    """Unpacks spikes with NumPy."""
     flat = np.unpackbits(packed, axis=-1, bitorder="little")[..., : height * width]
     return flat.reshape(*packed.shape[:-1], height, width)
 
@@ -31,18 +31,18 @@ def test_packed_and_unpacked_spikes_are_the_same(camera, clip, interpolation):
 
 
 def test_an_ideal_pixel_counts_its_light_exactly():
-    # Charge of g / 255 a readout: floor(t g / 255) spikes after t readouts.
+    # Light g / 255 adds g / 255 thresholds per readout, so a pixel has fired floor(t g / 255) times after t readouts.
     light = np.arange(256, dtype=np.uint8).reshape(16, 16)
     bits = sl.Simulator(sl.Camera.ideal(16, 16)).run_dense(light, 1000)
     np.testing.assert_array_equal(bits.sum(axis=0), 1000 * light.astype(int) // 255)
 
 
-def test_frames_one_by_one_are_frames_together(camera, clip):
+def test_one_call_per_frame_equals_one_call_for_all_frames(camera, clip):
     together = sl.Simulator(camera).run(clip, readouts_per_frame=4)
     single = sl.Simulator(camera)
     apart = np.concatenate([single.run(frame, 4) for frame in clip])
     np.testing.assert_array_equal(together, apart)
-    # Linear light needs the next frame: chunks overlap by one.
+    # Linear interpolation needs the next frame, so consecutive calls share one frame.
     how = {"readouts_per_frame": 4, "interpolation": "linear"}
     together = sl.Simulator(camera).run(clip, **how)
     chunks = sl.Simulator(camera)
@@ -50,7 +50,7 @@ def test_frames_one_by_one_are_frames_together(camera, clip):
     np.testing.assert_array_equal(np.concatenate([first, chunks.run(clip[2:], **how)]), together)
 
 
-def test_the_kind_of_samples_does_not_matter_where_light_is_the_same():
+def test_equal_light_gives_equal_bits_for_every_sample_type():
     camera = sl.Camera.ideal(2, 3)
     light = np.array([[0, 51, 102], [153, 204, 255]], np.uint8)
     expected = sl.Simulator(camera).run(light, 500)
@@ -96,14 +96,14 @@ def test_one_frame_is_held_for_all_readouts(camera, clip):
     np.testing.assert_array_equal(sl.Simulator(camera).run_dense(clip[0], 300), expected)
 
 
-def test_the_light_stays_after_a_dropped_readout(clip):
+def test_a_dropped_readout_does_not_shift_the_light(clip):
     camera = sl.Camera.ideal(12, 20).with_effect("dropped_readouts", probability=0.2)
     simulator = sl.Simulator(camera)
     assert simulator.run(clip, readouts_per_frame=20).readouts == 100
     assert simulator.next_readout > 100
 
 
-def test_views_with_gaps_are_read_as_what_they_show(camera, clip):
+def test_views_with_gaps_equal_contiguous_copies(camera, clip):
     wide = np.zeros((5, 15, 31), np.uint8)
     wide[:, 2:14, 4:24] = clip
     expected = sl.Simulator(camera).run(clip, readouts_per_frame=3)
@@ -114,7 +114,7 @@ def test_views_with_gaps_are_read_as_what_they_show(camera, clip):
     assert turned[0] == turned[1] != expected
 
 
-def test_a_state_goes_on_with_the_same_bits(camera, clip):
+def test_a_restored_state_continues_with_the_same_bits(camera, clip):
     whole = sl.Simulator(camera, seed=2).run(clip, readouts_per_frame=6)
     first = sl.Simulator(camera, seed=2)
     first.run(clip[:2], readouts_per_frame=6)
@@ -124,7 +124,7 @@ def test_a_state_goes_on_with_the_same_bits(camera, clip):
     assert second.run(clip[2:], readouts_per_frame=6) == whole[12:]
 
 
-def test_a_restart_is_a_new_simulator(camera, clip):
+def test_a_restart_equals_a_new_simulator(camera, clip):
     used = sl.Simulator(camera, seed=2)
     used.run(clip[0], 5)
     used.restart(7)
@@ -135,7 +135,7 @@ def test_a_restart_is_a_new_simulator(camera, clip):
     assert used.seeds == (0, 9, 7)
 
 
-def test_other_python_threads_run_meanwhile(clip):
+def test_other_python_threads_run_during_a_call(clip):
     camera = sl.Camera.preset("physical")
     light = np.tile(clip[0], (21, 20))[:250, :400]
     simulator, ticks = sl.Simulator(camera), 0
@@ -148,7 +148,7 @@ def test_other_python_threads_run_meanwhile(clip):
     assert ticks > 3
 
 
-def test_a_simulator_at_work_refuses_a_second_call(clip):
+def test_a_running_simulator_rejects_a_second_call(clip):
     camera = sl.Camera.preset("physical")
     light = np.tile(clip[0], (21, 20))[:250, :400]
     simulator, seen = sl.Simulator(camera), []

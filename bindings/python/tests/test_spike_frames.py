@@ -95,7 +95,7 @@ def test_frames_can_be_pickled(frames):
         assert pickle.loads(pickle.dumps(frames[1:4], protocol)) == frames[1:4]
 
 
-def test_functions_take_frames_in_place_of_packed_spikes_and_a_size(dense, frames, tmp_path):
+def test_functions_accept_frames_instead_of_packed_spikes_and_a_size(dense, frames, tmp_path):
     packed, size = frames.packed, {"height": 7, "width": 13}
     for function, options in [
         (sl.tfp, {"at": 4, "half_window": 2}),
@@ -126,7 +126,7 @@ def test_functions_take_frames_in_place_of_packed_spikes_and_a_size(dense, frame
         assert sl.SpikeFrames.from_packed(stream[:], 7, 13) == frames
 
 
-def test_wrong_arrays_are_refused(dense, frames):
+def test_wrong_arrays_are_rejected(dense, frames):
     for wrong in (frames.packed[:, :-1].copy(), frames.packed[0], frames.packed[::2], dense):
         with pytest.raises(sl.SpikelaneError, match="packed"):
             sl.SpikeFrames.from_packed(wrong, 7, 13)

@@ -1,4 +1,4 @@
-"""Streams in files and in memory, against NumPy alone and against the program."""
+"""Streams in files and in memory, compared with NumPy and with the program."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def bits() -> np.ndarray:
     return np.random.default_rng(5).integers(0, 2, (30, 7, 13), np.uint8)
 
 
-def test_packing_and_unpacking_are_numpys(bits):
+def test_packing_and_unpacking_equal_numpy(bits):
     packed = sl.pack(bits)
     np.testing.assert_array_equal(packed, np.packbits(bits.reshape(30, -1), axis=1, bitorder="little"))
     np.testing.assert_array_equal(sl.unpack(packed, 7, 13), bits)
@@ -35,7 +35,7 @@ def test_packing_and_unpacking_are_numpys(bits):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_every_layout_comes_back(bits, tmp_path, layout):
+def test_every_layout_reads_back_equal(bits, tmp_path, layout):
     path = tmp_path / ("a.npy" if layout.startswith("npy") else "a.dat")
     digest = sl.write_stream(path, bits, layout=layout, readout_hz=20_000)
     assert digest.startswith("blake3:")
@@ -52,7 +52,7 @@ def test_every_layout_comes_back(bits, tmp_path, layout):
     assert json.loads((tmp_path / "a.json").read_text())["digest"] == digest
 
 
-def test_a_stream_whose_sidecar_is_claimed_by_another_writer_is_not_begun(bits, tmp_path):
+def test_a_stream_is_not_started_if_another_writer_has_its_sidecar(bits, tmp_path):
     fcntl = pytest.importorskip("fcntl")
     with (tmp_path / ".a.json.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -64,7 +64,7 @@ def test_a_stream_whose_sidecar_is_claimed_by_another_writer_is_not_begun(bits, 
 
 
 @pytest.mark.parametrize(("layout", "shape"), [("rows416", (250, 400)), ("rows1024", (1000, 1000))])
-def test_the_layouts_of_cameras_come_back(tmp_path, layout, shape):
+def test_the_layouts_of_cameras_read_back_equal(tmp_path, layout, shape):
     bits = np.random.default_rng(6).integers(0, 2, (3, *shape), np.uint8)
     sl.write_stream(tmp_path / "a.dat", bits, layout=layout, sidecar=False)
     found = sl.open_stream(tmp_path / "a.dat", layout=layout)
@@ -73,14 +73,14 @@ def test_the_layouts_of_cameras_come_back(tmp_path, layout, shape):
         sl.write_stream(tmp_path / "b.dat", bits[:, 1:].copy(), layout=layout)
 
 
-def test_dat_is_what_numpy_reads_bottom_row_first(bits, tmp_path):
+def test_numpy_reads_dat_with_the_bottom_row_first(bits, tmp_path):
     sl.write_stream(tmp_path / "a.dat", bits)
     raw = np.fromfile(tmp_path / "a.dat", np.uint8).reshape(30, 12)
     frames = np.unpackbits(raw, axis=1, bitorder="little")[:, :91].reshape(30, 7, 13)
     np.testing.assert_array_equal(frames[:, ::-1], bits)
 
 
-def test_the_program_reads_what_python_wrote_and_the_other_way(bits, tmp_path, program):
+def test_the_program_and_python_read_each_others_files(bits, tmp_path, program):
     sl.write_stream(tmp_path / "a.dat", bits)
 
     def run(*arguments: object) -> None:
@@ -92,7 +92,7 @@ def test_the_program_reads_what_python_wrote_and_the_other_way(bits, tmp_path, p
     np.testing.assert_array_equal(sl.open_stream(tmp_path / "b.npy").read_bits(), bits)
 
 
-def test_a_closed_stream_says_so(bits, tmp_path):
+def test_the_error_of_a_closed_stream_names_the_cause(bits, tmp_path):
     sl.write_stream(tmp_path / "a.dat", bits)
     stream = sl.open_stream(tmp_path / "a.dat")
     stream.close()
@@ -103,7 +103,7 @@ def test_a_closed_stream_says_so(bits, tmp_path):
             use()
 
 
-def test_places_beyond_the_end_and_steps_are_refused(bits, tmp_path):
+def test_indices_beyond_the_end_and_steps_are_rejected(bits, tmp_path):
     sl.write_stream(tmp_path / "a.dat", bits)
     stream = sl.open_stream(tmp_path / "a.dat")
     for index in (30, -31):
@@ -118,14 +118,14 @@ def test_places_beyond_the_end_and_steps_are_refused(bits, tmp_path):
         stream["a"]
 
 
-def test_a_torn_file_is_read_up_to_the_tear(bits, tmp_path):
+def test_a_truncated_file_is_read_up_to_its_end(bits, tmp_path):
     sl.write_stream(tmp_path / "a.dat", bits)
     data = (tmp_path / "a.dat").read_bytes()
     (tmp_path / "a.dat").write_bytes(data[:-1])
     np.testing.assert_array_equal(sl.open_stream(tmp_path / "a.dat").read_bits(), bits[:-1])
 
 
-def test_files_without_a_size_and_empty_ones_are_refused(bits, tmp_path):
+def test_files_without_a_size_and_empty_files_are_rejected(bits, tmp_path):
     sl.write_stream(tmp_path / "a.dat", bits)
     data = (tmp_path / "a.dat").read_bytes()
     (tmp_path / "b.dat").write_bytes(data)
@@ -138,7 +138,7 @@ def test_files_without_a_size_and_empty_ones_are_refused(bits, tmp_path):
         sl.open_stream(tmp_path / "b.dat", height=7)
 
 
-def test_nothing_is_left_of_a_stream_that_could_not_be_written(bits, tmp_path):
+def test_a_failed_write_leaves_no_file(bits, tmp_path):
     with pytest.raises(sl.SpikelaneError):
         sl.write_stream(tmp_path / "a.dat", sl.pack(bits), height=7, width=30)
     with pytest.raises(sl.SpikelaneError):
@@ -152,7 +152,7 @@ def test_nothing_is_left_of_a_stream_that_could_not_be_written(bits, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_pictures_are_those_of_a_plain_loop(bits):
+def test_reconstructions_equal_a_plain_loop(bits):
     packed, at, half = sl.pack(bits), 12, 6
     window = bits[at - half : at + half + 1]
     np.testing.assert_allclose(sl.tfp(packed, 7, 13, at=at, half_window=half), window.mean(axis=0), rtol=1e-6)

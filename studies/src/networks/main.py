@@ -1,9 +1,9 @@
-"""Does the noise of the training data matter? Networks trained on each preset, tried on real recordings.
+"""Train a network on each preset, and test the networks on real recordings.
 
     python studies/src/networks/main.py --real FOLDER [--steps 1500] [--seeds 3] [--workers 14] [--markdown docs/why/networks.md]
 
-Needs the package `spikelane`, torch, and a folder with `static_400x250x300.dat` and `lowlight_250x250x120.npz`. Every
-preset sees the same light; each clip has in every epoch a fixed pattern and noise of its own.
+Needs the package `spikelane`, torch, and a folder with `static_400x250x300.dat` and `lowlight_250x250x120.npz`. All presets
+use the same light. In every epoch, each clip has a new fixed pattern and new noise.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from spikelane.torch import SpikeClips
 READOUTS, CROP, BATCH = 41, 64, 16
 HEIGHT, WIDTH = 160, 256
 DISTRIBUTION = "distribution"
-"""Teacher of a camera of its own for every clip, `spikelane.CameraDistribution()`."""
+"""Name of the training data in which each clip has a camera of `spikelane.CameraDistribution()`."""
 
 TEACHERS = ("ideal", "neuspike", "physical", "scsim-code", "vidar-measured", "vidar-lowlight", DISTRIBUTION)
 START, END = "<!-- networks: begin -->", "<!-- networks: end -->"
 
 
 def scene(seed: int) -> NDArray[np.float32]:
-    """Light (2, 5, H, W) of a drive through a random city at two moments, 2000 frames a second."""
+    """Renders light (2, 5, H, W) of a drive through a random city from two instants on, at 2000 frames per second."""
     made = sl.Scene(seed, HEIGHT, WIDTH, lighting="noon", duration_s=1.0)
     return np.stack([np.minimum(made.clip(t, 5, 2000), 1.0) for t in (0.2, 0.8)])
 
 
 def light(scenes: int) -> NDArray[np.float32]:
-    """Clips (2 * scenes, 5, H, W); how bright is log-uniform over 0.03 to 0.6 thresholds a readout."""
+    """Returns clips (2 * scenes, 5, H, W) whose mean is log-uniform from 0.03 to 0.6 thresholds per readout."""
     with ProcessPoolExecutor() as pool:
         clips = np.concatenate(list(pool.map(scene, range(scenes))))
     bright = 0.03 * 20.0 ** np.random.default_rng(5).random(len(clips))
     mean = clips.mean(axis=(1, 2, 3))
-    # A clip's mean is the brightness; what would exceed full scale is cut, as a camera's owner avoids it.
+    # Scales the mean of each clip. Light above full scale is clamped, because real recordings avoid overexposure.
     return np.minimum(clips * (bright / mean)[:, None, None, None], 1.0).astype(np.float32)
 
 
 def span(spikes: Tensor) -> Tensor:
-    """Spikes a readout between the first spike and the last, (B, 1, H, W); the count where there are fewer than two."""
+    """Returns the rate from the first to the last spike, (B, 1, H, W), or the mean rate for fewer than two spikes."""
     count = spikes.sum(dim=1, keepdim=True)
     times = torch.arange(spikes.shape[1], device=spikes.device)[None, :, None, None]
     fired = spikes > 0
@@ -60,7 +60,7 @@ def span(spikes: Tensor) -> Tensor:
 
 
 class Net(nn.Module):
-    """Five layers: what they add to the span rate."""
+    """A network of five layers that computes a correction of the span rate."""
 
     def __init__(self, channels: int = 24) -> None:
         super().__init__()
@@ -77,11 +77,11 @@ class Net(nn.Module):
 
 def loader(clips: NDArray[np.float32], preset: str, seed: int, workers: int) -> tuple[SpikeClips, DataLoader[Any]]:
     if preset == DISTRIBUTION:
-        # The clips are spread over brightness already, the same for every teacher.
+        # The clips already vary in brightness, equally for all training data, so the exposure of the cameras is constant.
         text = sl.CameraDistribution().to_toml()
         cameras = sl.CameraDistribution(re.sub("thresholds_at_full_scale = .*", "thresholds_at_full_scale = 1", text))
     else:
-        # Without a range in it every item draws the same camera, with a fixed pattern of its own.
+        # A distribution without ranges draws the same camera for every item, but each item has a new fixed pattern.
         cameras = sl.CameraDistribution(sl.Camera.preset(preset).to_toml().partition("[maps]")[0])
     data = SpikeClips(clips, cameras, 10, interpolation="linear", crop=(CROP, CROP), seed=seed, readouts=READOUTS)
     lasting = workers > 0
@@ -91,7 +91,7 @@ def loader(clips: NDArray[np.float32], preset: str, seed: int, workers: int) -> 
 
 
 def train(clips: NDArray[np.float32], preset: str, seed: int, steps: int, workers: int, device: str) -> tuple[Net, float]:
-    """A network after `steps` steps, and the clips a second that it was given."""
+    """Returns a network after `steps` training steps, and the number of clips per second."""
     torch.manual_seed(seed)
     data, batches = loader(clips, preset, seed, workers)
     net = Net().to(device)
@@ -117,13 +117,13 @@ def train(clips: NDArray[np.float32], preset: str, seed: int, steps: int, worker
 
 
 def high(picture: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What a picture has beyond the mean of 5x5 pixels, without a border of two."""
+    """Returns the difference between an image and its 5x5 mean, without a border of two pixels."""
     window = np.lib.stride_tricks.sliding_window_view(picture, (5, 5))
     return picture[2:-2, 2:-2] - window.mean(axis=(2, 3))
 
 
 def score(found: NDArray[np.float64], truth: NDArray[np.float64]) -> tuple[float, float, float]:
-    """PSNR after the best gain and offset; the share of detail that is kept; noise of what is no detail, of the mean."""
+    """Returns the PSNR after the best gain and offset, the preserved share of detail, and the relative noise."""
     gain, offset = np.polyfit(found.ravel(), truth.ravel(), 1)
     aligned = gain * found + offset
     peak = np.percentile(truth, 99.9)
@@ -134,7 +134,7 @@ def score(found: NDArray[np.float64], truth: NDArray[np.float64]) -> tuple[float
 
 
 class Real:
-    """A recording in windows, and the mean of all its readouts beside them."""
+    """A recording, divided into windows, with the mean of all readouts as ground truth."""
 
     def __init__(self, spikes: NDArray[np.uint8], rows: slice) -> None:
         starts = range(0, len(spikes) - READOUTS + 1, READOUTS)
@@ -143,7 +143,7 @@ class Real:
 
     @torch.no_grad()
     def judged(self, of: Any, device: str) -> NDArray[np.float64]:
-        """Mean score over the windows of what `of` makes of spikes."""
+        """Returns the mean score of the reconstruction `of` over all windows."""
         pictures = [of(w[None].to(device).float())[0, 0].double().cpu().numpy() for w in self.windows]
         return np.mean([score(p[self.rows], self.truth[self.rows]) for p in pictures], axis=0)
 
@@ -156,7 +156,7 @@ def recordings(folder: Path) -> dict[str, Real]:
 
 
 def pace(clips: NDArray[np.float32], workers: int, device: str) -> list[str]:
-    """How much of the time of a training step, small network and large, is spent waiting for fresh streams."""
+    """Returns a table row per network size, with the speed on one stored batch and on new streams."""
     rows = []
     for channels in (24, 96, 256):
         data, batches = loader(clips, "physical", 1, workers)

@@ -1,7 +1,7 @@
 """Spike-camera simulation: light in, bit-packed spike streams out.
 
-A camera (`Camera`) and light give spikes (`SpikeFrames`): use `Simulator` for one stream, `simulate_batch` for many, and
-`spikelane.torch` for training. `open_stream` and `write_stream` read and write files. `tfp`, `tfi` and `span_rates`
+A simulation turns light and a `Camera` into `SpikeFrames`: use `Simulator` for one stream, `simulate_batch` for many streams,
+and `spikelane.torch` for training. `open_stream` and `write_stream` read and write files. `tfp`, `tfi` and `span_rates`
 reconstruct images. `measure`, `calibrate` and `diagnose` analyze recordings of a camera. `Scene` renders traffic with labels.
 
     >>> import numpy as np

@@ -1,4 +1,4 @@
-# Types of the native part; its docstrings describe shapes, ranges, units and errors.
+# Types of the native module. The docstrings of the module describe shapes, ranges, units and errors.
 from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path

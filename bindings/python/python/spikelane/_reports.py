@@ -1,4 +1,4 @@
-"""Measurement, calibration and diagnosis as functions that return what their reports say."""
+"""Measurement, calibration and diagnosis; each function returns the content of its report."""
 
 from __future__ import annotations
 
@@ -37,29 +37,30 @@ PathLike = str | os.PathLike[str]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value and its standard error, in the unit of the value; NaN where nothing could be told."""
+    """A value and its standard error, in the unit of the value; NaN if the data determine no value."""
 
     value: float
     error: float
 
     @classmethod
-    def _from_json(cls, said: Any) -> Estimate:
-        value, error = (_number(said or {}, key) for key in ("value", "error"))
+    def _from_json(cls, data: Any) -> Estimate:
+        value, error = (_number(data or {}, key) for key in ("value", "error"))
         return cls(value, error)
 
 
-def _number(said: dict[str, Any], key: str) -> float:
-    found = said.get(key)
+def _number(data: dict[str, Any], key: str) -> float:
+    found = data.get(key)
     return float("nan") if found is None else float(found)
 
 
 @dataclass(frozen=True)
 class Statistic:
-    """A statistic of a recording: ``key`` without spaces, ``description`` with its unit; NaN stands for what cannot be told.
+    """A statistic of a recording. ``key`` is a name without spaces, and ``description`` contains the unit.
 
-    ``recording_error`` is the standard deviation between recordings of this sensor, or an upper bound of it if
-    ``recording_error_is_bound``. ``sensor_error`` is the standard deviation between sensors of this kind. A value that may
-    be 0 is NaN, and is less than ``upper_limit`` with 95 % confidence.
+    ``recording_error`` is the standard deviation between recordings of this sensor. If ``recording_error_is_bound`` is true,
+    it is an upper bound of this standard deviation. ``sensor_error`` is the standard deviation between sensors of this kind.
+    If ``value`` is not significantly above 0, it is NaN, and the true value is below ``upper_limit`` with 95 % confidence.
+    A number that the recording does not determine is NaN.
     """
 
     key: str
@@ -71,12 +72,12 @@ class Statistic:
     recording_error_is_bound: bool
 
     @classmethod
-    def _from_json(cls, said: dict[str, Any]) -> Statistic:
-        numbers = {k: _number(said, k) for k in ("value", "upper_limit", "recording_error", "sensor_error")}
+    def _from_json(cls, data: dict[str, Any]) -> Statistic:
+        numbers = {k: _number(data, k) for k in ("value", "upper_limit", "recording_error", "sensor_error")}
         return cls(
-            key=said["key"],
-            description=said["description"],
-            recording_error_is_bound=said.get("recording_error_is_bound", False),
+            key=data["key"],
+            description=data["description"],
+            recording_error_is_bound=data.get("recording_error_is_bound", False),
             **numbers,
         )
 
@@ -85,8 +86,9 @@ class Statistic:
 class SpectralLine:
     """A line in the spectrum of frame totals.
 
-    ``frequency`` in cycles per readout, ``power`` in spikes squared, ``prominence`` in multiples of what is
-    around it; ``harmonic_of_pixel_rate`` is 1 where the line is the pixels' own rate, 0 where it is none of its harmonics.
+    ``frequency`` is in cycles per readout and ``power`` in squared spikes. ``prominence`` is the ratio of the power to the
+    power of the neighboring frequencies. ``harmonic_of_pixel_rate`` is n if the line is the n-th harmonic of the mean firing
+    rate of the pixels, and 0 if the line is no such harmonic.
     """
 
     frequency: float
@@ -97,7 +99,7 @@ class SpectralLine:
 
 @dataclass(frozen=True)
 class Defects:
-    """Pixels that do not behave like the others, each an int64 array of indices row * W + col."""
+    """Defective pixels of each kind, as int64 arrays of indices row * W + col."""
 
     dead: NDArray[np.int64]
     stuck: NDArray[np.int64]
@@ -107,11 +109,11 @@ class Defects:
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a recording says of its camera, in the words of EMVA 1288; rates in spikes per readout.
+    """The statistics of a recording, with the terms of EMVA 1288. Rates are in spikes per readout.
 
-    ``rate`` and ``local_pattern`` (rate less its 5x5 surroundings) are float64 (H, W); ``interval_histogram`` is int64,
-    entry n the number of intervals of n readouts. ``is_moving`` says that the scene moved; errors are then not those of a
-    still one, and ``moving_share`` of the pixels changed.
+    ``rate`` and ``local_pattern`` are float64 (H, W). ``local_pattern`` is ``rate`` minus the mean of its 5x5 neighborhood.
+    ``interval_histogram`` is int64; entry n is the number of intervals of n readouts. ``is_moving`` is true if the scene
+    moved during the recording. The errors of a moving scene are not valid. ``moving_share`` is the share of changed pixels.
     """
 
     readouts: int
@@ -126,7 +128,7 @@ class Measurement:
     interval_histogram: NDArray[np.int64] = field(repr=False)
 
     def __getitem__(self, key: str) -> Statistic:
-        """The statistic called ``key``; KeyError lists those there are."""
+        """Returns the statistic named ``key``. Raises KeyError with a list of all keys if there is none."""
         for statistic in self.statistics:
             if statistic.key == key:
                 return statistic
@@ -135,11 +137,11 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Lamp:
-    """A light level as the recording set states it and as it was found.
+    """The light level of a recording: the stated level of the recording set and the fitted level.
 
-    ``light_change`` is the relative difference of the light between the second and the first half of its recording.
-    ``mean_rate`` is the mean of the fitted pixels in spikes per readout. ``rate_scatter`` is the spread of their rates about
-    their fitted lines, relative to ``mean_rate``. ``readouts`` is 0 for a map of unknown length.
+    ``light_change`` is the relative difference of the light between the second and the first half of the recording.
+    ``mean_rate`` is the mean rate of the fitted pixels in spikes per readout. ``rate_scatter`` is the spread of pixel rates
+    around the fitted lines of the pixels, relative to ``mean_rate``. ``readouts`` is 0 for a map of unknown length.
     """
 
     file: str
@@ -160,11 +162,12 @@ class Lamp:
 class Calibration:
     """A camera fitted to recordings of known light.
 
-    ``gain`` and ``dark_rate`` are means over the pixels in thresholds per readout (at full light, and in the dark),
-    with their spreads; ``threshold_noise`` is relative to the threshold; ``electrons_per_spike`` in electrons.
-    ``camera`` has the maps. ``dead_pixels``, ``hot_pixels``, ``poor_fit_pixels`` and ``unfitted_pixels`` are int64 indices
-    row * W + col. ``verdict`` is a sentence about the reliability of the camera, and ``cautions`` lists its limits. ``raw``
-    is the content of calibration.json.
+    ``gain`` and ``dark_rate`` are means over the pixels in thresholds per readout, at full-scale light and in the dark.
+    ``gain_spread`` and ``dark_rate_spread`` are the standard deviations between pixels. ``threshold_spread`` and
+    ``threshold_noise`` are relative to the threshold. ``electrons_per_spike`` is in electrons. ``camera`` contains the maps.
+    ``dead_pixels``, ``hot_pixels``, ``poor_fit_pixels`` and ``unfitted_pixels`` are int64 indices row * W + col.
+    ``verdict`` is a sentence about the reliability of the camera, and ``cautions`` lists the limits of the camera. ``raw`` is
+    the content of calibration.json.
     """
 
     camera: _native.Camera
@@ -189,7 +192,7 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A fitted number in the parameter's unit, with its 95 % interval."""
+    """A fitted number in the unit of the parameter, with its 95 % interval from ``low`` to ``high``."""
 
     name: str
     value: float
@@ -199,7 +202,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that a diagnosis added; ``is_tentative`` if its name is a likeness only."""
+    """An effect that a diagnosis added; ``is_tentative`` is true if the name may stand for another effect."""
 
     name: str
     parameters: tuple[Parameter, ...]
@@ -210,7 +213,7 @@ class FoundEffect:
 
 @dataclass(frozen=True)
 class ParameterMismatch:
-    """A number of the model that the recordings contradict, with the 95 % interval of what was fitted."""
+    """A model parameter that the recordings contradict; ``low`` and ``high`` are the 95 % interval of the fit."""
 
     parameter: str
     model_value: float
@@ -222,7 +225,7 @@ class ParameterMismatch:
 
 @dataclass(frozen=True)
 class UnexplainedStatistic:
-    """A statistic of a recording (``where``) that nothing explains, ``z`` standard deviations off."""
+    """A statistic of a recording (``where``) that no effect explains; ``z`` is its deviation in standard deviations."""
 
     where: str
     z: float
@@ -230,7 +233,7 @@ class UnexplainedStatistic:
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """Distance of model and data after each step, on fitted and held-out recordings, and its floor."""
+    """The squared distance between model and recordings after each step, and its noise floor."""
 
     fitted_set: tuple[float, ...]
     held_out_set: tuple[float, ...]
@@ -240,10 +243,10 @@ class Discrepancy:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a camera has that its model lacks.
+    """The effects of a camera that its model lacks.
 
-    ``verdict`` is "agrees", "explained", "partly-explained" or "unknown"; ``camera`` the model with the effects
-    added; ``seconds`` what it took; ``raw`` all of diagnosis.json.
+    ``verdict`` is "agrees", "explained", "partly-explained" or "unknown". ``camera`` is the model with the added effects.
+    ``seconds`` is the duration of the diagnosis, and ``raw`` is the content of diagnosis.json.
     """
 
     verdict: str
@@ -259,8 +262,8 @@ class Diagnosis:
     raw: dict[str, Any] = field(repr=False)
 
 
-def _indices(said: Any) -> NDArray[np.int64]:
-    return np.asarray(said, dtype=np.int64)
+def _indices(data: Any) -> NDArray[np.int64]:
+    return np.asarray(data, dtype=np.int64)
 
 
 def measure(
@@ -273,25 +276,25 @@ def measure(
     """Measures a stream of a uniform, dark or static scene.
 
     ``stream`` is a Stream, SpikeFrames, a path, or bit-packed uint8 (T, ceil(H * W / 8)) with ``height`` and ``width``.
-    ``progress(share, 1.0)`` is called during the work; True shows a bar if tqdm is installed. Ctrl-C stops it.
-    Raises the errors of ``open_stream``.
+    The function calls ``progress(share, 1.0)`` during the work; True shows a bar if tqdm is installed. Ctrl-C stops the
+    measurement. Raises the errors of ``open_stream``.
     """
     if isinstance(stream, str | os.PathLike):
         stream = _native.open_stream(os.fspath(stream), height=height, width=width)
-    said = json.loads(_native.measure(stream, height, width, progress))
-    shape = tuple(said["shape"])
-    defects = said["defects"]
+    data = json.loads(_native.measure(stream, height, width, progress))
+    shape = tuple(data["shape"])
+    defects = data["defects"]
     return Measurement(
-        readouts=said["readouts"],
-        temporal_rate_sd=_number(said, "temporal_rate_sd"),
-        is_moving=said["scene_motion"]["is_moving"],
-        moving_share=said["scene_motion"]["moving_share"],
+        readouts=data["readouts"],
+        temporal_rate_sd=_number(data, "temporal_rate_sd"),
+        is_moving=data["scene_motion"]["is_moving"],
+        moving_share=data["scene_motion"]["moving_share"],
         defects=Defects(**{kind: _indices(defects[kind]) for kind in ("dead", "stuck", "hot", "weak")}),
-        statistics=tuple(Statistic._from_json(statistic) for statistic in said["statistics"]),
-        frame_total_lines=tuple(SpectralLine(**line) for line in said["frame_total_lines"]),
-        rate=np.array(said["rate"], dtype=np.float64).reshape(shape),
-        local_pattern=np.array(said["local_pattern"], dtype=np.float64).reshape(shape),
-        interval_histogram=_indices(said["interval_histogram"]),
+        statistics=tuple(Statistic._from_json(statistic) for statistic in data["statistics"]),
+        frame_total_lines=tuple(SpectralLine(**line) for line in data["frame_total_lines"]),
+        rate=np.array(data["rate"], dtype=np.float64).reshape(shape),
+        local_pattern=np.array(data["local_pattern"], dtype=np.float64).reshape(shape),
+        interval_histogram=_indices(data["interval_histogram"]),
     )
 
 
@@ -306,13 +309,14 @@ def calibrate(
     force: bool = False,
     progress: ProgressCallback | bool | None = None,
 ) -> Calibration:
-    """Fits a camera to a recording set (a .toml file; `docs/why/calibration.md` has its form).
+    """Fits a camera to a recording set (a .toml file; `docs/why/calibration.md` describes the format).
 
-    ``out`` is a folder for camera.toml, its maps, calibration.json and report.html; without it nothing is written.
-    ``dead_time_fraction`` is the share of the first increment after a spike that the reset loses, ``light_uncertainty`` the
-    relative standard deviation of the levels, ``max_gain_error`` a relative standard error of the gain to insist on,
-    ``snee`` also runs the SCSim paper's estimator. ``progress`` and Ctrl-C as in ``measure``.
-    Raises SpikelaneError when the set is bad, FileExistsError unless ``force``.
+    ``out`` is a folder for camera.toml, its maps, calibration.json and report.html; without ``out``, no file is written.
+    ``dead_time_fraction`` is the share of the first increment after a spike that the reset discards. ``light_uncertainty``
+    is the relative standard deviation of the levels. ``max_gain_error`` is the largest accepted median, over the pixels, of
+    the relative standard error of the gain. ``snee`` also runs the estimator of the SCSim paper. ``progress`` and Ctrl-C work
+    as in ``measure``.
+    Raises SpikelaneError if the set is invalid, and FileExistsError if an output exists and ``force`` is false.
     """
     text, camera = _native.calibrate(
         os.fspath(recordings),
@@ -324,19 +328,19 @@ def calibrate(
         force,
         progress,
     )
-    said = json.loads(text)
-    people = said["population"]
+    data = json.loads(text)
+    population = data["population"]
     estimate = Estimate._from_json
     return Calibration(
         camera=camera,
-        gain=estimate(people["mean_a"]),
-        gain_spread=estimate(people["sd_a"]),
-        dark_rate=estimate(people["mean_d"]),
-        dark_rate_spread=estimate(people["sd_d"]),
-        threshold_spread=estimate(people["sigma_phi"]),
-        threshold_noise=estimate(said["sigma_t"]),
-        electrons_per_spike=estimate(said["electrons_per_spike"]),
-        noise_sampling=said["noise_sampling"],
+        gain=estimate(population["mean_a"]),
+        gain_spread=estimate(population["sd_a"]),
+        dark_rate=estimate(population["mean_d"]),
+        dark_rate_spread=estimate(population["sd_d"]),
+        threshold_spread=estimate(population["sigma_phi"]),
+        threshold_noise=estimate(data["sigma_t"]),
+        electrons_per_spike=estimate(data["electrons_per_spike"]),
+        noise_sampling=data["noise_sampling"],
         lamps=tuple(
             Lamp(
                 **{
@@ -345,16 +349,16 @@ def calibrate(
                     "light_change": estimate(level.get("light_change")),
                 }
             )
-            for level in said["lamps"]
+            for level in data["lamps"]
         ),
-        dead_pixels=_indices(said["dead_pixels"]),
-        hot_pixels=_indices(said["hot_pixels"]),
-        poor_fit_pixels=_indices(said["poor_fit_pixels"]),
-        unfitted_pixels=_indices(said["unfitted_pixels"]),
-        verdict=said["verdict"],
-        cautions=tuple(said["cautions"]),
-        notes=tuple(said["notes"]),
-        raw=said,
+        dead_pixels=_indices(data["dead_pixels"]),
+        hot_pixels=_indices(data["hot_pixels"]),
+        poor_fit_pixels=_indices(data["poor_fit_pixels"]),
+        unfitted_pixels=_indices(data["unfitted_pixels"]),
+        verdict=data["verdict"],
+        cautions=tuple(data["cautions"]),
+        notes=tuple(data["notes"]),
+        raw=data,
     )
 
 
@@ -369,12 +373,13 @@ def diagnose(
     force: bool = False,
     progress: ProgressCallback | bool | None = None,
 ) -> Diagnosis:
-    """Finds what a camera has that its model lacks, names it and adds it (`docs/why/diagnosis.md`).
+    """Finds, names and adds the effects that a camera model is missing (`docs/why/diagnosis.md`).
 
-    ``recordings`` and ``holdout`` are recording sets (.toml); ``camera`` the model to start from, without it the
-    published one calibrated. The same ``seed`` gives the same diagnosis. ``all_readouts`` judges all readouts of
-    large recordings. ``out`` is a folder for diagnosis.json, camera.toml and report.html. ``progress`` and Ctrl-C
-    as in ``measure``. Raises SpikelaneError when a set is bad, FileExistsError unless ``force``.
+    ``recordings`` and ``holdout`` are recording sets (.toml). ``camera`` is the initial model; without ``camera``, the
+    function calibrates the published model. The same ``seed`` gives the same diagnosis. ``all_readouts`` uses all readouts
+    of large recordings. ``out`` is a folder for diagnosis.json, camera.toml and report.html. ``progress`` and Ctrl-C work
+    as in ``measure``. Raises SpikelaneError if a set is invalid, and FileExistsError if an output exists and ``force`` is
+    false.
     """
     text, found = _native.diagnose(
         os.fspath(recordings),
@@ -386,10 +391,10 @@ def diagnose(
         force,
         progress,
     )
-    said = json.loads(text)
-    discrepancy = said["discrepancy"]
+    data = json.loads(text)
+    discrepancy = data["discrepancy"]
     return Diagnosis(
-        verdict=said["verdict"],
+        verdict=data["verdict"],
         camera=found,
         effects=tuple(
             FoundEffect(
@@ -399,22 +404,22 @@ def diagnose(
                 is_tentative=e["is_tentative"],
                 evidence=e["evidence"],
             )
-            for e in said["effects"]
+            for e in data["effects"]
         ),
         parameter_mismatches=tuple(
             ParameterMismatch(**{**m, "ambiguous_with": tuple(m["ambiguous_with"])})
-            for m in said["parameter_mismatches"]
+            for m in data["parameter_mismatches"]
         ),
-        unexplained=tuple(UnexplainedStatistic(**u) for u in said["unexplained"]),
+        unexplained=tuple(UnexplainedStatistic(**u) for u in data["unexplained"]),
         discrepancy=Discrepancy(
             fitted_set=tuple(discrepancy["fitted_set"]),
             held_out_set=tuple(discrepancy["held_out_set"]),
             noise_floor=discrepancy["noise_floor"],
             noise_floor_sd=discrepancy["noise_floor_sd"],
         ),
-        recommended_recordings=tuple(said["recommended_recordings"]),
-        undetectable=tuple(said["undetectable"]),
-        notes=tuple(said["notes"]),
-        seconds=said["seconds"],
-        raw=said,
+        recommended_recordings=tuple(data["recommended_recordings"]),
+        undetectable=tuple(data["undetectable"]),
+        notes=tuple(data["notes"]),
+        seconds=data["seconds"],
+        raw=data,
     )

@@ -1,4 +1,4 @@
-"""Random driving scenes: light, and labels as arrays."""
+"""Random driving scenes, with light and labels as arrays."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ __all__ = ["RenderedFrame", "Scene", "VehicleBox"]
 
 @dataclass(frozen=True)
 class VehicleBox:
-    """A vehicle in a picture. Boxes are (left, top, right, bottom) in pixels, right and bottom not included.
+    """A vehicle in an image. Boxes are (left, top, right, bottom) in pixels and exclude the right column and bottom row.
 
-    ``visible_box`` encloses its visible pixels, None if there are none; ``amodal_box`` the whole vehicle, which may
-    leave the picture. ``occlusion`` and ``truncation`` are shares, 0 to 1. ``center_m`` is in the camera's frame
-    (right, down, forward), ``size_m`` (length, width, height), ``rotation_y`` in radians as KITTI has it.
+    ``visible_box`` encloses the visible pixels of the vehicle, or is None if no pixel is visible. ``amodal_box`` encloses
+    the whole vehicle with its hidden parts and can extend beyond the image. ``occlusion`` and ``truncation`` are shares
+    from 0 to 1. ``center_m`` has the camera coordinates (right, down, forward), ``size_m`` is (length, width, height), and
+    ``rotation_y`` is the angle of KITTI in radians.
     """
 
     track_id: int
@@ -39,10 +40,13 @@ class VehicleBox:
 class RenderedFrame:
     """A scene at ``t`` seconds, with exact labels.
 
-    ``light`` float32 (H, W), linear, 1.0 at white (lamps and highlights lie above); ``rgb`` float32 (H, W, 3),
-    linear; ``depth`` float32 (H, W) in meters, infinite in the sky; ``instances`` uint32 (H, W), 0 for none, else the
-    ``track_id`` of the boxes; ``semantic`` uint8 (H, W), see ``Scene.semantic_names``; ``flow`` float32 (2, H, W) in
-    pixels, columns and rows, to ``flow_to`` seconds; ``occluded`` bool (H, W), hidden there then.
+    - ``light``: float32 (H, W), linear, 1.0 at white; lamps and highlights exceed 1.0;
+    - ``rgb``: float32 (H, W, 3), linear;
+    - ``depth``: float32 (H, W) in meters, infinite in the sky;
+    - ``instances``: uint32 (H, W), the ``track_id`` of the vehicle, or 0 where no vehicle is visible;
+    - ``semantic``: uint8 (H, W), with the values of ``Scene.semantic_names``;
+    - ``flow``: float32 (2, H, W), the motion from ``t`` to ``flow_to`` in pixels, first columns, then rows;
+    - ``occluded``: bool (H, W), true if the point of the pixel is hidden at ``flow_to`` seconds.
     """
 
     t: float
@@ -58,12 +62,13 @@ class RenderedFrame:
 
 
 class Scene:
-    """A random city with its traffic and its light, all from ``seed``, and a camera that drives through.
+    """A random city with traffic and a moving camera. ``seed`` determines the city, the traffic and the light.
 
-    ``height`` and ``width`` in pixels; ``fov_deg`` 5 to 150 degrees; ``lighting`` one of "noon", "low-sun",
-    "overcast", "rain", "tunnel", "dusk", "night"; ``duration_s`` up to 120 s; ``speed_kmh`` 1 to 300; ``vehicles``
-    besides the camera's; lamps flicker with ``flicker_hz``. What is left out follows from the seed. Any instant can be
-    asked for, in any order. Raises SpikelaneError for values out of range.
+    ``height`` and ``width`` are in pixels. ``fov_deg`` is 5 to 150 degrees. ``lighting`` is "noon", "low-sun", "overcast",
+    "rain", "tunnel", "dusk" or "night". ``duration_s`` is at most 120 s, and ``speed_kmh`` is 1 to 300 km/h. ``vehicles`` is
+    the number of vehicles besides the vehicle of the camera. Lamps flicker with ``flicker_hz`` Hz. The seed determines
+    omitted values. The scene renders any instant of the drive, in any order. Raises SpikelaneError if a value is out of
+    range.
     """
 
     def __init__(
@@ -93,41 +98,42 @@ class Scene:
 
     @property
     def seed(self) -> int:
-        """The seed."""
+        """The seed of the scene."""
         return self._native.seed
 
     @property
     def lighting(self) -> str:
-        """The light, asked for or drawn."""
+        """The lighting: the argument, or the value that the seed determines."""
         return self._native.lighting
 
     @property
     def duration_s(self) -> float:
-        """Instants from 0 to this many seconds exist."""
+        """The duration of the drive in seconds; instants are 0 to ``duration_s``."""
         return self._native.duration_s
 
     @property
     def vehicles(self) -> int:
-        """Vehicles besides the camera's; instance numbers run from 1 to this."""
+        """The number of vehicles besides the vehicle of the camera; instance numbers are 1 to ``vehicles``."""
         return self._native.vehicles
 
     def render(self, t: float, *, flow_to: float | None = None, samples: int = 4, threads: int = 1) -> RenderedFrame:
-        """Light and labels at ``t`` seconds, with ``samples`` (4 or 16) color samples a pixel.
+        """Renders light and labels at ``t`` seconds, with ``samples`` (4 or 16) color samples per pixel.
 
-        ``flow_to`` is the instant to which the flow goes: one millisecond later unless given (earlier at the end).
-        Raises SpikelaneError when an instant lies outside the drive.
+        ``flow_to`` is the end of the motion in ``flow``, in seconds. The default is ``t`` + 1 ms, and ``t`` - 1 ms at the end
+        of the drive. Raises SpikelaneError if an instant is outside the drive.
         """
         if flow_to is None:
             flow_to = t + 1e-3 if t + 1e-3 <= self.duration_s else max(t - 1e-3, 0.0)
-        said = self._native._render(t, samples, threads)
+        rendered = self._native._render(t, samples, threads)
         flow, occluded = self._native.flow(t, flow_to, threads)
-        boxes = tuple(VehicleBox(**box) for box in said.pop("boxes"))
-        return RenderedFrame(boxes=boxes, flow=flow, occluded=occluded, flow_to=flow_to, **said)
+        boxes = tuple(VehicleBox(**box) for box in rendered.pop("boxes"))
+        return RenderedFrame(boxes=boxes, flow=flow, occluded=occluded, flow_to=flow_to, **rendered)
 
     def flow(self, t: float, to: float, *, threads: int = 1) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Where the pixels of instant ``t`` are at instant ``to`` (seconds, earlier or later).
+        """Returns the motion of the pixels from instant ``t`` to instant ``to``, in seconds; ``to`` can be earlier.
 
-        Returns float32 (2, H, W), columns to the right and rows down in pixels, and bool (H, W), hidden then.
+        Returns float32 (2, H, W), the motion in pixels to the right and down, and bool (H, W), true if the point of the pixel
+        is hidden at ``to``.
         """
         return self._native.flow(t, to, threads)
 
@@ -141,15 +147,16 @@ class Scene:
         threads: int = 1,
         progress: ProgressCallback | bool | None = None,
     ) -> NDArray[np.float32]:
-        """Light of ``frames`` instants from ``t`` on, ``fps`` a second: float32 (frames, H, W), 1.0 at white.
+        """Renders ``frames`` frames of light from ``t`` on, at ``fps`` Hz: float32 (frames, H, W), 1.0 at white.
 
-        ``Simulator.run`` and ``simulate_batch`` take this light. ``progress(done, total)`` is called with numbers of frames.
+        ``Simulator.run`` and ``simulate_batch`` accept this light. The function calls ``progress(done, total)`` with numbers
+        of frames.
         """
         return self._native.clip(t, frames, fps, samples=samples, threads=threads, progress=progress)
 
     @staticmethod
     def semantic_names() -> dict[int, str]:
-        """Names of the values of ``semantic`` pictures, by value."""
+        """Returns the name of each value of ``semantic`` images."""
         return _native.Scene.semantic_names()
 
     def __repr__(self) -> str:

@@ -1,8 +1,8 @@
-"""Streams for torch's loaders: a fresh recording of every clip in every epoch.
+"""Data sets for loaders of torch: a new recording of every clip in every epoch.
 
-`SpikeClips` is a map-style dataset, `SpikeClipStream` an iterable one. A stream is fixed by (seed, epoch, index): the
-workers, their number, and whether they are forked or spawned change nothing. `SpikeShards` reads datasets that were made
-before, from their packs. torch is imported here and nowhere else.
+`SpikeClips` is a map-style data set, and `SpikeClipStream` is an iterable data set. (seed, epoch, index) determines a
+stream. The number of workers and their start method (fork or spawn) have no effect. `SpikeShards` reads the packed shards of
+data sets that `spikelane dataset` generated. Only this module imports torch.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Clips = Sequence[NDArray[Any]] | NDArray[Any]
 
 
 def _to_tensors(item: dict[str, Any]) -> dict[str, Any]:
-    """Arrays as tensors on the same memory; seeds, which may exceed torch's integers, as text."""
+    """Converts arrays to tensors in the same memory, and seeds to text, because they can exceed the integers of torch."""
     made: dict[str, Any] = {}
     for key, value in item.items():
         if isinstance(value, np.ndarray):
@@ -39,15 +39,15 @@ def _to_tensors(item: dict[str, Any]) -> dict[str, Any]:
 
 
 def _shared_zero() -> Any:
-    """A number that forked and spawned workers see change."""
+    """Returns the integer 0 in memory that forked and spawned workers share."""
     zero: Any = torch.zeros(1, dtype=torch.int64)
     return zero.share_memory_()
 
 
 class SpikeClips(Dataset[dict[str, Any]]):
-    """A map-style dataset of streams; arguments and items are those of ``spikelane.ClipSampler``, arrays as tensors.
+    """A map-style data set of streams. Arguments and items are those of ``spikelane.ClipSampler``, with tensors for arrays.
 
-    ``set_epoch`` makes every stream anew. The epoch is shared memory, so persistent workers see it too.
+    After ``set_epoch``, every item is a new stream. The epoch is in shared memory, so persistent workers read each change.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class SpikeClips(Dataset[dict[str, Any]]):
         self._epoch = _shared_zero()
 
     def set_epoch(self, epoch: int) -> None:
-        """Chooses the epoch, 0 at first: call it before each pass, as with torch's DistributedSampler."""
+        """Sets the epoch, which is initially 0. Call this before each pass, as for the DistributedSampler of torch."""
         self._epoch[0] = epoch
 
     @property
@@ -73,13 +73,13 @@ class SpikeClips(Dataset[dict[str, Any]]):
 
 
 def _worker_index_and_count() -> tuple[int, int]:
-    """Number of this worker, and how many there are."""
+    """Returns the index of this worker and the number of workers."""
     worker: Any = get_worker_info()  # type: ignore[no-untyped-call, unused-ignore]
     return (worker.id, worker.num_workers) if worker else (0, 1)
 
 
 class _EpochDataset(IterableDataset[dict[str, Any]]):
-    """Passes over items of which this rank takes a part: ``epoch`` and ``rank`` of ``ranks``."""
+    """A pass over the items of an epoch; process ``rank`` of ``ranks`` reads a part of the items."""
 
     def __init__(self, rank: int, ranks: int) -> None:
         if not 0 <= rank < ranks:
@@ -89,7 +89,7 @@ class _EpochDataset(IterableDataset[dict[str, Any]]):
         self._epoch = _shared_zero()
 
     def set_epoch(self, epoch: int) -> None:
-        """Chooses the epoch, 0 at first."""
+        """Sets the epoch, which is initially 0."""
         self._epoch[0] = epoch
 
     @property
@@ -99,11 +99,11 @@ class _EpochDataset(IterableDataset[dict[str, Any]]):
 
 
 class SpikeClipStream(_EpochDataset):
-    """An iterable dataset of streams: one pass over all clips, in an order drawn anew in every epoch.
+    """An iterable data set of streams: one pass over all clips, in a random order that differs between epochs.
 
-    Arguments and items are those of ``spikelane.ClipSampler``, arrays as tensors. Of W workers (and R ranks, with
-    ``rank`` and ``ranks``) each takes every W-th item: which worker makes a stream changes where it comes in the order of
-    a loader, not the stream. ``shuffle=False`` keeps the clips' order.
+    Arguments and items are those of ``spikelane.ClipSampler``, with tensors for arrays. Each of R ranks (``rank`` of
+    ``ranks``) simulates every R-th item, and each of W workers simulates every W-th item of its rank. The numbers of ranks
+    and workers change the order of the items, but not the streams. ``shuffle=False`` keeps the order of the clips.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class SpikeClipStream(_EpochDataset):
         self.shuffle = shuffle
 
     def __len__(self) -> int:
-        """Items of a pass of this rank."""
+        """Returns the number of items in a pass of this rank."""
         return len(range(self.rank, len(self.sampler), self.ranks))
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
@@ -135,15 +135,23 @@ class SpikeClipStream(_EpochDataset):
 
 
 class SpikeShards(_EpochDataset):
-    """Sequences of packed shards: one pass over those of a split, read tar by tar.
+    """An iterable data set of packed shards: one pass over the sequences of a split, tar by tar.
 
-    ``source`` is the folder of a dataset that was planned with ``--pack``, or a list of tars. Items hold ``id``, ``split``,
-    ``record`` (a dict), ``spikes`` (uint8 of 0 and 1, shape (T, H, W), the top row first), with ``clean`` also the noise-free
-    twin, and whatever ``members`` names: ``"labels-000000-depth.npy"`` as a tensor, ``"stream.json"`` as a dict, other files,
-    such as ``"png"``, as bytes. Of W workers (and R ranks) each takes every W-th (R-th) tar, so have more tars than
-    workers. ``shuffle=True`` draws the order of tars anew in every epoch; within a tar sequences follow their names.
+    ``source`` is the folder of a data set that was planned with ``--pack``, or a list of tars. An item is a dict with these
+    keys:
 
-    Raises SpikelaneError where there is no tar, or a sequence lacks what is asked for.
+    - ``id`` and ``split``: str;
+    - ``record``: a dict;
+    - ``spikes``: uint8 (T, H, W) of 0 and 1, with the top row first;
+    - ``clean``: like ``spikes``, but from the noise-free twin; only with ``clean=True``;
+    - each name in ``members``: a tensor for ``"labels-000000-depth.npy"``, a dict for ``"stream.json"``, and bytes for other
+      files such as ``"png"``.
+
+    Each of R ranks reads every R-th tar, and each of W workers reads every W-th tar of its rank. So the data set should have
+    more tars than workers. ``shuffle=True`` draws a new order of tars in every epoch. Within a tar, sequences are sorted by
+    name.
+
+    Raises SpikelaneError if no tar exists or a sequence lacks a member.
     """
 
     def __init__(
