@@ -29,11 +29,11 @@ import spikelane as sl
 BEGIN, END = "<!-- python: begin -->", "<!-- python: end -->"
 
 
-def best(work: Callable[[], object], seconds: float = 1.5, least: int = 3) -> float:
+def best(work: Callable[[], object], seconds: float = 1.5, min_runs: int = 3) -> float:
     """Returns the duration of the fastest of several runs, because other processes slow single runs down."""
     times: list[float] = []
     start = time.perf_counter()
-    while len(times) < least or time.perf_counter() - start < seconds:
+    while len(times) < min_runs or time.perf_counter() - start < seconds:
         before = time.perf_counter()
         work()
         times.append(time.perf_counter() - before)
@@ -90,11 +90,11 @@ def one_stream(table: Table) -> None:
     seconds = best(lambda: simulator.fill(light, out), 3)
     with tempfile.TemporaryDirectory() as folder:
         command += ["--json", "speed", "--quick", "--work-dir", folder]
-        said = subprocess.run(command, capture_output=True, text=True, check=True)
+        finished = subprocess.run(command, capture_output=True, text=True, check=True)
     # The load of the machine changes, so the work runs again after the program and the faster result counts.
     seconds = min(seconds, best(lambda: simulator.fill(light, out), 3))
     python = 4000 * 100_000 / seconds / 1e9
-    rows = json.loads(said.stdout.splitlines()[-1])["speeds"]
+    rows = json.loads(finished.stdout.splitlines()[-1])["speeds"]
 
     def speed(work: str) -> float:
         same = [r for r in rows if (r["work"], r["noise"], r["light"], r["threads"]) == (work, "full noise", "held", 1)]

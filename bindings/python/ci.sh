@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The Python package: built as cargo's tests are, then pytest, stubtest, mypy and ruff in a venv of its own.
-# A missing tool is an error, unless ALLOW_SKIP names it.
+# Tests the Python package: compiles the module, and runs pytest, stubtest, mypy and ruff in a separate virtual environment.
+# A missing tool is an error, unless ALLOW_SKIP, a comma-separated list, names the tool.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -10,7 +10,7 @@ skip() {
     exit 0
 }
 
-# Debian's interpreter sees Debian's torch; PyPI's wheel of it brings CUDA.
+# The interpreter of Debian finds Debian's torch package. The torch wheel of PyPI would also install CUDA.
 python=/usr/bin/python3
 [ -x "$python" ] || python=$(command -v python3) || skip python3
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || skip python3.10
@@ -25,9 +25,8 @@ done
 "$venv/bin/python" -c 'import torch' 2>/dev/null ||
     missing torch "the tests of training (Debian: python3-torch)"
 
-# Not by maturin, which would compile most crates a second time: with a bench beside it, and so with what tests need, and
-# with the one test that reads Rust, the module shares every crate with `cargo test --workspace`: macros that are a program's
-# crates too are compiled in another way. Its users' wheel is `pip install .`.
+# maturin would compile most crates again. `--bench plan --test header` select the same dependencies and features, also of macro
+# crates, as `cargo test --workspace`. So cargo reuses every compiled crate. Users install the package with `pip install .`.
 PYO3_BUILD_EXTENSION_MODULE=1 cargo build -q --workspace --lib --bin spikelane --bench plan --test header
 package=bindings/python/python
 case "$(uname)" in

@@ -44,10 +44,10 @@ for policy in drop block; do
     python3 -c '
 import time
 with open("slow", "rb", buffering=0) as pipe:
-    start, taken = time.monotonic(), 0
+    start, received = time.monotonic(), 0
     while chunk := pipe.read(1 << 16):
-        taken += len(chunk)
-        time.sleep(max(0.0, taken / 100e6 - (time.monotonic() - start)))
+        received += len(chunk)
+        time.sleep(max(0.0, received / 100e6 - (time.monotonic() - start)))
 ' &
     row "held, a consumer of 100 MB/s, --$policy" 20000 auto ramp.pgm --transfer linear --sink pipe:slow --"$policy"
     wait

@@ -69,10 +69,10 @@ def test_the_callers_buffer_is_filled(camera, clips):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_progress_counts_clips_and_a_callback_error_stops_the_batch(camera, clips, threads):
-    heard: list[tuple[float, float]] = []
-    tell = lambda done, total: heard.append((done, total))  # noqa: E731
-    sl.simulate_batch(camera, clips, sequences=range(6), threads=threads, progress=tell)
-    assert heard[-1] == (6, 6)
+    reports: list[tuple[float, float]] = []
+    record = lambda done, total: reports.append((done, total))  # noqa: E731
+    sl.simulate_batch(camera, clips, sequences=range(6), threads=threads, progress=record)
+    assert reports[-1] == (6, 6)
 
     def stop(done: float, total: float) -> None:
         raise LookupError

@@ -32,10 +32,10 @@ def test_every_block_of_the_python_guide_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run(GUIDES / "python.md")
     assert "fixed pattern" in capsys.readouterr().out
-    kept = os.environ.get("SPIKELANE_GUIDE_PICTURES")
-    if kept:
+    picture_folder = os.environ.get("SPIKELANE_GUIDE_PICTURES")
+    if picture_folder:
         for name in ("light", "tfp", "span"):
-            (Path(kept) / f"python-{name}.png").write_bytes((tmp_path / f"{name}.png").read_bytes())
+            (Path(picture_folder) / f"python-{name}.png").write_bytes((tmp_path / f"{name}.png").read_bytes())
 
 
 def test_every_block_of_the_training_guide_runs(tmp_path, monkeypatch, capsys):

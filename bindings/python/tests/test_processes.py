@@ -247,9 +247,9 @@ def test_ctrl_c_ends_the_program_with_code_130_and_no_traceback(tmp_path):
     assert child.stdout is not None
     assert "progress" in child.stdout.readline()
     child.send_signal(signal.SIGINT)
-    _, said = child.communicate()
-    assert child.returncode == 130, said
-    assert "stopped on request" in said and "Traceback" not in said
+    _, output = child.communicate()
+    assert child.returncode == 130, output
+    assert "stopped on request" in output and "Traceback" not in output
     assert not list(tmp_path.glob("r/.*"))
 
 
@@ -274,9 +274,9 @@ print("alive", flush=True)
 def test_a_command_does_not_change_the_sigterm_handler(tmp_path, action):
     words = [sys.executable, "-c", COMMAND, action, str(tmp_path / "set")]
     child = subprocess.run(words, capture_output=True, text=True, check=False)
-    said = child.stdout.splitlines()[-2:]
+    output = child.stdout.splitlines()[-2:]
     if action == "default":
-        assert child.returncode == -signal.SIGTERM and "alive" not in said, child.stderr
+        assert child.returncode == -signal.SIGTERM and "alive" not in output, child.stderr
     else:
-        assert child.returncode == 0 and said[-1] == "alive", child.stderr
-        assert ("handled" in said) == (action == "handler")
+        assert child.returncode == 0 and output[-1] == "alive", child.stderr
+        assert ("handled" in output) == (action == "handler")

@@ -26,13 +26,13 @@ def test_measure_returns_the_result_of_the_program(flat, tmp_path, program):
     done = subprocess.run(
         [*program, "--json", "measure", tmp_path / "a.dat"], capture_output=True, text=True, check=True
     )
-    said = json.loads(done.stdout.splitlines()[-1])
+    report = json.loads(done.stdout.splitlines()[-1])
     for stream in (tmp_path / "a.dat", sl.open_stream(tmp_path / "a.dat")):
         found = sl.measure(stream)
-        assert found.readouts == 3000 and found.is_moving == said["scene_motion"]["is_moving"]
+        assert found.readouts == 3000 and found.is_moving == report["scene_motion"]["is_moving"]
         for name in ("value", "upper_limit", "recording_error", "sensor_error"):
             numbers = {s.key: getattr(s, name) for s in found.statistics}
-            expected = {s["key"]: s[name] for s in said["statistics"] if name in s}
+            expected = {s["key"]: s[name] for s in report["statistics"] if name in s}
             assert {key: x for key, x in numbers.items() if x == x} == expected, name
     np.testing.assert_allclose(found.rate, flat.to_dense().mean(axis=0))
     assert found["mean-rate"] in found.statistics
@@ -42,9 +42,9 @@ def test_measure_returns_the_result_of_the_program(flat, tmp_path, program):
 
 
 def test_measure_accepts_packed_spikes_and_reports_progress(flat):
-    heard: list[float] = []
-    found = sl.measure(flat, progress=lambda done, total: heard.append(done / total))
-    assert heard[-1] == 1.0
+    shares: list[float] = []
+    found = sl.measure(flat, progress=lambda done, total: shares.append(done / total))
+    assert shares[-1] == 1.0
     assert found["mean-rate"].value == pytest.approx(flat.to_dense().mean())
     # The test compares texts, because NaN is not equal to itself.
     assert repr(sl.measure(flat.packed, 24, 32)) == repr(found)

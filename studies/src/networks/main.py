@@ -142,9 +142,9 @@ class Real:
         self.truth, self.rows = spikes.mean(axis=0, dtype=np.float64), rows
 
     @torch.no_grad()
-    def judged(self, of: Any, device: str) -> NDArray[np.float64]:
-        """Returns the mean score of the reconstruction `of` over all windows."""
-        pictures = [of(w[None].to(device).float())[0, 0].double().cpu().numpy() for w in self.windows]
+    def mean_score(self, reconstruct: Any, device: str) -> NDArray[np.float64]:
+        """Returns the mean score over all windows of the images that `reconstruct` computes."""
+        pictures = [reconstruct(w[None].to(device).float())[0, 0].double().cpu().numpy() for w in self.windows]
         return np.mean([score(p[self.rows], self.truth[self.rows]) for p in pictures], axis=0)
 
 
@@ -210,12 +210,12 @@ def table(arguments: argparse.Namespace) -> list[str]:
         for seed in range(1, arguments.seeds + 1):
             net, speed = train(clips, preset, seed, arguments.steps, arguments.workers, device)
             for name, recording in real.items():
-                found[name].append(recording.judged(net, device))
-            heard = ", ".join(f"{s[-1][0]:.2f} dB {s[-1][1]:.3f} {1e3 * s[-1][2]:.2f}" for s in found.values())
-            print(f"{preset}, seed {seed}: {speed:.0f} clips/s, {heard}", flush=True)
+                found[name].append(recording.mean_score(net, device))
+            last_scores = ", ".join(f"{s[-1][0]:.2f} dB {s[-1][1]:.3f} {1e3 * s[-1][2]:.2f}" for s in found.values())
+            print(f"{preset}, seed {seed}: {speed:.0f} clips/s, {last_scores}", flush=True)
         lines.append(f"| `{preset}` | " + " | ".join(cells(s) for s in found.values()) + " |")
     for name, of in (("span rate, no network", span), ("TFP", lambda s: s.mean(dim=1, keepdim=True))):
-        lines.append(f"| {name} | " + " | ".join(cells([r.judged(of, device)]) for r in real.values()) + " |")
+        lines.append(f"| {name} | " + " | ".join(cells([r.mean_score(of, device)]) for r in real.values()) + " |")
     lines += ["", f"Steps a second of {BATCH} crops, `physical`, {arguments.workers} workers:", ""]
     lines += ["| channels | the same batch again | fresh streams | share | clips/s |", "|--:|--:|--:|--:|--:|"]
     return lines + paces

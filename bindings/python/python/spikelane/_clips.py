@@ -81,11 +81,11 @@ class ClipSampler:
         max_light: float = 1.0,
     ) -> None:
         if not isinstance(camera, _native.Camera | _native.CameraDistribution):
-            raise _usage_error("camera", type(camera).__name__, "a Camera or a CameraDistribution", "make one of them")
+            raise _usage_error("camera", type(camera).__name__, "a Camera or a CameraDistribution", "pass one of them")
         if camera_count is not None and camera_count < 1:
-            raise _usage_error("camera_count", camera_count, "at least 1", "leave it out for one per item")
+            raise _usage_error("camera_count", camera_count, "at least 1", "omit it for a new camera per item")
         if len(clips) == 0:
-            raise _usage_error("clips", "no clip", "at least one", "give arrays of shape (N, H, W)")
+            raise _usage_error("clips", "no clip", "at least one", "pass arrays of shape (N, H, W)")
         self.clips = clips
         self.camera = camera
         self.readouts_per_frame = readouts_per_frame
@@ -134,18 +134,18 @@ class ClipSampler:
         clip = np.asarray(self.clips[index])
         if clip.ndim != 3:
             raise _usage_error(
-                f"clips[{index}]", f"{clip.ndim} axes", "an array (N, H, W)", "give clip[None] for a picture"
+                f"clips[{index}]", f"{clip.ndim} axes", "an array (N, H, W)", "pass clip[None] for a single image"
             )
         camera, camera_seed = self._item_camera(epoch, index, (clip.shape[1], clip.shape[2]))
         row, col = 0, 0
         if self.crop is not None:
             height, width = self.crop
-            rooms = (clip.shape[1] - height, clip.shape[2] - width)
-            if min(rooms) < 0 or min(height, width) < 1:
+            margins = (clip.shape[1] - height, clip.shape[2] - width)
+            if min(margins) < 0 or min(height, width) < 1:
                 found, whole = f"{height} x {width}", f"{clip.shape[1]} x {clip.shape[2]}"
                 raise _usage_error("crop", found, f"a part of the clip's {whole} pixels", "choose a smaller crop")
-            row = _hash(self.seed, 0xC209, epoch, index) % (rooms[0] + 1)
-            col = _hash(self.seed, 0xC20A, epoch, index) % (rooms[1] + 1)
+            row = _hash(self.seed, 0xC209, epoch, index) % (margins[0] + 1)
+            col = _hash(self.seed, 0xC20A, epoch, index) % (margins[1] + 1)
             clip = clip[:, row : row + height, col : col + width]
         sequence = _hash(self.seed, 0x5E9, epoch, index)
         spikes = self._simulate(camera, clip, camera_seed, sequence, row, col)

@@ -7,12 +7,12 @@ from collections.abc import Callable
 ProgressCallback = Callable[[float, float], object]
 
 
-def progress_callback(wanted: bool, unit: str) -> ProgressCallback | None:
+def progress_callback(enabled: bool, unit: str) -> ProgressCallback | None:
     """Returns a callback (done, total) that draws a tqdm bar and closes the bar at the end.
 
-    Returns None if ``wanted`` is false or tqdm is not installed, because a missing bar is no error.
+    Returns None if ``enabled`` is false or tqdm is not installed, because a missing bar is no error.
     """
-    if not wanted:
+    if not enabled:
         return None
     try:
         from tqdm.auto import tqdm

@@ -36,7 +36,7 @@ class ShardReader:
     ) -> None:
         if split is not None and split not in SPLITS:
             raise _usage_error(
-                "split", repr(split), "'train', 'validation', 'test' or None", "None gives all sequences"
+                "split", repr(split), "'train', 'validation', 'test' or None", "pass None for all sequences"
             )
         self.tars = _find_tars(source)
         self.split = split
@@ -76,8 +76,8 @@ class ShardReader:
             raise _usage_error(
                 str(path),
                 f"no {missing.args[0]} of {key}",
-                "a sequence as 'spikelane dataset run' packs it",
-                f"it has {', '.join(sorted(files))}",
+                "a sequence that 'spikelane dataset run' packed",
+                f"choose from {', '.join(sorted(files))}",
             ) from missing
         return item
 
@@ -88,7 +88,10 @@ def _find_tars(source: str | Path | Sequence[str | Path]) -> list[Path]:
         found = sorted(folder.glob("shards/*.tar")) or sorted(folder.glob("*.tar"))
         if not found:
             raise _usage_error(
-                str(source), "no tar", "the folder of a dataset that was planned with --pack", "run its shards"
+                str(source),
+                "no tar",
+                "the folder of a data set that was planned with --pack",
+                "run the shards of this data set",
             )
         return found
     return [Path(path) for path in source]
@@ -102,12 +105,12 @@ def _read_sequences(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
             body = tar.extractfile(member)
             if body is None:
                 continue
-            own, _, what = member.name.partition(".")
-            if own != key and files:
+            sequence, _, member_name = member.name.partition(".")
+            if sequence != key and files:
                 yield key, files
                 files = {}
-            key = own
-            files[what] = body.read()
+            key = sequence
+            files[member_name] = body.read()
     if files:
         yield key, files
 

@@ -129,8 +129,8 @@ class SpikeClipStream(_EpochDataset):
         epoch, order = self.epoch, list(range(len(self.sampler)))
         if self.shuffle:
             order.sort(key=lambda index: _hash(self.sampler.seed, 0x5807, epoch, index))
-        own, workers = _worker_index_and_count()
-        for index in order[self.rank :: self.ranks][own::workers]:
+        worker_index, workers = _worker_index_and_count()
+        for index in order[self.rank :: self.ranks][worker_index::workers]:
             yield _to_tensors(self.sampler.item(index, epoch))
 
 
@@ -170,7 +170,7 @@ class SpikeShards(_EpochDataset):
         self.reader = ShardReader(source, split, clean=clean, members=members, shuffle=shuffle, seed=seed)
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        own, workers = _worker_index_and_count()
-        tars = self.reader.part_tars(self.epoch, self.ranks * workers, self.rank * workers + own)
+        worker_index, workers = _worker_index_and_count()
+        tars = self.reader.part_tars(self.epoch, self.ranks * workers, self.rank * workers + worker_index)
         for item in self.reader.read_items(tars):
             yield _to_tensors(item)

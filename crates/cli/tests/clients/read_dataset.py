@@ -60,24 +60,24 @@ def light(path):
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
 
 
-def judge(client, name, picture, clear, psnr, least):
+def judge(client, name, picture, clear, psnr, psnr_limit):
     """Prints one line of the result, and returns whether the image is correct."""
     picture = np.asarray(picture, dtype=np.float64)
     found = {
-        way: np.corrcoef(turned.ravel(), clear.ravel())[0, 1]
-        for way, turned in (
+        orientation: np.corrcoef(turned.ravel(), clear.ravel())[0, 1]
+        for orientation, turned in (
             ("upright", picture),
             ("upside down", picture[::-1]),
             ("mirrored", picture[:, ::-1]),
         )
     }
     good = found["upright"] > max(0.8, found["upside down"], found["mirrored"])
-    told = ", ".join(f"{value:.4f} {way}" for way, value in found.items())
+    correlations = ", ".join(f"{value:.4f} {orientation}" for orientation, value in found.items())
     score = f"PSNR {psnr:.2f} dB"
-    if least is not None:
-        good = good and psnr >= least - 1.0
-        score += f", counting and motion allow {least:.2f}"
-    print(f"{client}  {name}  {picture.shape[1]}x{picture.shape[0]}  {told}  {score}  {'read' if good else 'NOT READ'}")
+    if psnr_limit is not None:
+        good = good and psnr >= psnr_limit - 1.0
+        score += f", counting and motion allow {psnr_limit:.2f}"
+    print(f"{client}  {name}  {picture.shape[1]}x{picture.shape[0]}  {correlations}  {score}  {'read' if good else 'NOT READ'}")
     return good
 
 
@@ -96,8 +96,8 @@ def spike_zoo(root, width, height):
                 clear = item["gt_img"][0].numpy().astype(np.float64)
                 picture = np.clip(tfp(item["spike"][None])[0, 0].numpy() / item["rate"], 0, 1)
                 psnr = -10 * np.log10(((picture - clear) ** 2).mean())
-                least = allowed_db(root, path.stem, clear, item["rate"], False) if folder == "clean" else None
-                yield judge("Spike-Zoo", f"{split}/{folder}/{path.stem}", picture, clear, psnr, least)
+                psnr_limit = allowed_db(root, path.stem, clear, item["rate"], False) if folder == "clean" else None
+                yield judge("Spike-Zoo", f"{split}/{folder}/{path.stem}", picture, clear, psnr, psnr_limit)
 
 
 def spike_cv(root, clone):
@@ -130,8 +130,8 @@ def spike_cv(root, clone):
                     picture = tfp.spikes2frame(np.ascontiguousarray(spikes), len(spikes) // 2, READOUTS // 2)
                     clear = cv2.imread(found["labeled_data_dir"], cv2.IMREAD_GRAYSCALE)
                     psnr = calculate_psnr(picture, clear)
-                    least = allowed_db(root, path.stem, clear / 255, 1.0, True) if kind == "clean" else None
-                    yield judge("SpikeCV  ", f"{split}/{kind}/{path.stem}", picture, clear / 255, psnr, least)
+                    psnr_limit = allowed_db(root, path.stem, clear / 255, 1.0, True) if kind == "clean" else None
+                    yield judge("SpikeCV  ", f"{split}/{kind}/{path.stem}", picture, clear / 255, psnr, psnr_limit)
         os.chdir(back)
 
 
