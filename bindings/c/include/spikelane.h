@@ -64,12 +64,12 @@
 #define SPL_ERROR_SUBJECT 1
 
 /**
- * Part of an error: what was found.
+ * Part of an error: the found value.
  */
 #define SPL_ERROR_FOUND 2
 
 /**
- * Part of an error: what was expected instead.
+ * Part of an error: the expected value.
  */
 #define SPL_ERROR_EXPECTED 3
 
@@ -233,7 +233,7 @@ typedef struct {
 } spl_frame;
 
 /**
- * The light that the readouts of a call see. The call reads it and does not keep it.
+ * The light of a call. The call reads the light and keeps no pointer to it.
  */
 typedef struct {
   /**
@@ -245,13 +245,14 @@ typedef struct {
    */
   uintptr_t count;
   /**
-   * Readouts that each frame lasts. A call runs at most `count` times as many readouts. With 0, which needs `count` 1, the
-   * frame is held for all readouts of the call.
+   * Number of readouts that each frame lasts. A call simulates at most `count` * `readouts_per_frame` readouts. 0 is
+   * allowed only for a single frame, which then lasts for all readouts of the call.
    */
   uint32_t readouts_per_frame;
   /**
-   * Light between two frames: SPL_INTERPOLATION_HOLD, SPL_INTERPOLATION_LINEAR or SPL_INTERPOLATION_FLOW. The last frame is
-   * held. To continue a scene, pass the last frame of a call as the first frame of the next one.
+   * Interpolation between two frames: SPL_INTERPOLATION_HOLD, SPL_INTERPOLATION_LINEAR or SPL_INTERPOLATION_FLOW. The light
+   * remains constant after the last frame. To continue a scene, pass the last frame of a call as the first frame of the next
+   * call.
    */
   uint32_t interpolation;
 } spl_light;
@@ -529,16 +530,17 @@ spl_status spl_simulator_restart(spl_simulator *simulator,
 spl_status spl_simulator_free(spl_simulator *simulator);
 
 /**
- * Simulates `readouts` readouts of the constant light `frame` and writes the packed readouts to `out`.
+ * Simulates `light` and writes exactly `readouts` packed readouts to `packed`.
  *
- * `out_bytes` is `readouts` times spl_simulator_frame_bytes. One call with many readouts is faster than many calls with
- * one readout. Internally, a batch has 128 readouts. If the camera drops readouts, the light is constant until `out` is
- * full. With spl_expose_frames, the light continues to change during dropped readouts.
+ * `packed_bytes` is `readouts` times the number from spl_simulator_frame_bytes. One call with many readouts is faster than
+ * many calls with one readout. If the camera drops readouts, the last light continues until `packed` is full.
+ * spl_simulator_advance writes fewer readouts instead.
  *
  * # Safety
- * `simulator` is NULL or a handle. `frame` is NULL or points to a readable frame. `samples` of this frame is NULL or
- * points to `samples_bytes` readable bytes. `out` is NULL or points to `out_bytes` writable bytes. The call rejects a
- * frame that overlaps `out`. During the call, no other thread may change the frame, the samples of the frame or `out`.
+ * `simulator` is NULL or a handle. `light` is NULL or points to readable memory. `frames` of the light is NULL or points to
+ * `count` readable frames. `samples` of each frame is NULL or points to `samples_bytes` readable bytes. `packed` is NULL or
+ * points to `packed_bytes` writable bytes. The call rejects a light, a frame or samples that overlap `packed`. During the
+ * call, no other thread may change any of this memory.
  */
 spl_status spl_simulator_run(spl_simulator *simulator,
                              const spl_light *light,
@@ -547,12 +549,14 @@ spl_status spl_simulator_run(spl_simulator *simulator,
                              uintptr_t packed_bytes);
 
 /**
- * Does the same as spl_push_frames, but does not write the readouts that the camera drops (effect "dropped_readouts").
+ * Simulates exactly `readouts` readouts of `light`, and writes all readouts except those that the camera drops (effect
+ * "dropped_readouts").
  *
- * `*written` is the number of readouts that were written. The written readouts are at the start of `out`.
+ * The light also advances during a dropped readout. `*written` is the number of written readouts, which are at the start
+ * of `packed`. `packed_bytes` has the same value as for spl_simulator_run.
  *
  * # Safety
- * The conditions are those of spl_push_frames. In addition, `written` is NULL or points to writable memory.
+ * The conditions are those of spl_simulator_run. In addition, `written` is NULL or points to writable memory.
  */
 spl_status spl_simulator_advance(spl_simulator *simulator,
                                  const spl_light *light,
@@ -562,7 +566,7 @@ spl_status spl_simulator_advance(spl_simulator *simulator,
                                  uintptr_t *written);
 
 /**
- * Gets the number of bytes that spl_state_save requires.
+ * Gets the number of bytes that spl_simulator_state_save requires.
  *
  * # Safety
  * `simulator` is NULL or a handle; `bytes` is NULL or points to writable memory.
@@ -572,7 +576,7 @@ spl_status spl_simulator_state_bytes(const spl_simulator *simulator, uintptr_t *
 /**
  * Writes the state of all pixels and a fingerprint of the camera to `state`.
  *
- * `state_bytes` is the number from spl_state_bytes. Python's `Simulator.restore` reads this format too.
+ * `state_bytes` is the number from spl_simulator_state_bytes. Python's `Simulator.restore` also reads this format.
  *
  * # Safety
  * `simulator` is NULL or a handle; `state` is NULL or points to `state_bytes` writable bytes.

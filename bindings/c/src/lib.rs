@@ -450,16 +450,17 @@ pub unsafe extern "C" fn spl_simulator_free(simulator: *mut spl_simulator) -> sp
     ffi_guard(|| free_handle::<Simulator, _>(simulator))
 }
 
-/// Simulates `readouts` readouts of the constant light `frame` and writes the packed readouts to `out`.
+/// Simulates `light` and writes exactly `readouts` packed readouts to `packed`.
 ///
-/// `out_bytes` is `readouts` times spl_simulator_frame_bytes. One call with many readouts is faster than many calls with
-/// one readout. Internally, a batch has 128 readouts. If the camera drops readouts, the light is constant until `out` is
-/// full. With spl_expose_frames, the light continues to change during dropped readouts.
+/// `packed_bytes` is `readouts` times the number from spl_simulator_frame_bytes. One call with many readouts is faster than
+/// many calls with one readout. If the camera drops readouts, the last light continues until `packed` is full.
+/// spl_simulator_advance writes fewer readouts instead.
 ///
 /// # Safety
-/// `simulator` is NULL or a handle. `frame` is NULL or points to a readable frame. `samples` of this frame is NULL or
-/// points to `samples_bytes` readable bytes. `out` is NULL or points to `out_bytes` writable bytes. The call rejects a
-/// frame that overlaps `out`. During the call, no other thread may change the frame, the samples of the frame or `out`.
+/// `simulator` is NULL or a handle. `light` is NULL or points to readable memory. `frames` of the light is NULL or points to
+/// `count` readable frames. `samples` of each frame is NULL or points to `samples_bytes` readable bytes. `packed` is NULL or
+/// points to `packed_bytes` writable bytes. The call rejects a light, a frame or samples that overlap `packed`. During the
+/// call, no other thread may change any of this memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_run(
     simulator: *mut spl_simulator,
@@ -477,12 +478,14 @@ pub unsafe extern "C" fn spl_simulator_run(
     })
 }
 
-/// Does the same as spl_push_frames, but does not write the readouts that the camera drops (effect "dropped_readouts").
+/// Simulates exactly `readouts` readouts of `light`, and writes all readouts except those that the camera drops (effect
+/// "dropped_readouts").
 ///
-/// `*written` is the number of readouts that were written. The written readouts are at the start of `out`.
+/// The light also advances during a dropped readout. `*written` is the number of written readouts, which are at the start
+/// of `packed`. `packed_bytes` has the same value as for spl_simulator_run.
 ///
 /// # Safety
-/// The conditions are those of spl_push_frames. In addition, `written` is NULL or points to writable memory.
+/// The conditions are those of spl_simulator_run. In addition, `written` is NULL or points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_advance(
     simulator: *mut spl_simulator,
@@ -504,7 +507,7 @@ pub unsafe extern "C" fn spl_simulator_advance(
     })
 }
 
-/// Gets the number of bytes that spl_state_save requires.
+/// Gets the number of bytes that spl_simulator_state_save requires.
 ///
 /// # Safety
 /// `simulator` is NULL or a handle; `bytes` is NULL or points to writable memory.
@@ -522,7 +525,7 @@ pub unsafe extern "C" fn spl_simulator_state_bytes(
 
 /// Writes the state of all pixels and a fingerprint of the camera to `state`.
 ///
-/// `state_bytes` is the number from spl_state_bytes. Python's `Simulator.restore` reads this format too.
+/// `state_bytes` is the number from spl_simulator_state_bytes. Python's `Simulator.restore` also reads this format.
 ///
 /// # Safety
 /// `simulator` is NULL or a handle; `state` is NULL or points to `state_bytes` writable bytes.
@@ -785,7 +788,7 @@ unsafe fn read_light<'a>(
     LightSequence::new(frames, readouts_per_frame, interpolation)
 }
 
-/// Returns the caller's frame for a call that writes to `out`.
+/// Returns the caller's frame for a call that writes to `packed`.
 unsafe fn read_frame<'a>(
     frame: &spl_frame,
     name: &str,

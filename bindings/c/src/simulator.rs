@@ -77,13 +77,13 @@ impl Simulator {
         ))
     }
 
-    /// Simulates `readouts` readouts of one constant frame.
+    /// Simulates `light` and fills `packed` with exactly `readouts` readouts.
     pub fn run(&mut self, light: &LightSequence<'_>, readouts: usize, packed: &mut [u8]) -> Result<()> {
         self.check_room(readouts, packed)?;
         self.inner.fill(light.light(), packed)
     }
 
-    /// Simulates frames on a timeline. Each frame lasts `per_frame` readouts.
+    /// Simulates exactly `readouts` readouts, and returns the number of written readouts: all except dropped readouts.
     pub fn advance(
         &mut self,
         light: &LightSequence<'_>,
@@ -98,7 +98,7 @@ impl Simulator {
 /// The light of a call.
 pub struct LightSequence<'a> {
     frames: Vec<FrameRef<'a>>,
-    /// `None` if the only frame is held for the whole call.
+    /// `None` if a single frame lasts for the whole call.
     timeline: Option<Timeline>,
 }
 

@@ -42,9 +42,9 @@ pub enum spl_status {
 pub const SPL_ERROR_MESSAGE: u32 = 0;
 /// Part of an error: its subject, such as an argument, a key or a file.
 pub const SPL_ERROR_SUBJECT: u32 = 1;
-/// Part of an error: what was found.
+/// Part of an error: the found value.
 pub const SPL_ERROR_FOUND: u32 = 2;
-/// Part of an error: what was expected instead.
+/// Part of an error: the expected value.
 pub const SPL_ERROR_EXPECTED: u32 = 3;
 /// Part of an error: the action that solves the problem.
 pub const SPL_ERROR_REMEDY: u32 = 4;
@@ -98,7 +98,7 @@ pub struct spl_frame {
     pub sample_type: u32,
 }
 
-/// The light that the readouts of a call see. The call reads it and does not keep it.
+/// The light of a call. The call reads the light and keeps no pointer to it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct spl_light {
@@ -106,10 +106,11 @@ pub struct spl_light {
     pub frames: *const spl_frame,
     /// Number of frames, at least 1.
     pub count: usize,
-    /// Readouts that each frame lasts. A call runs at most `count` times as many readouts. With 0, which needs `count` 1, the
-    /// frame is held for all readouts of the call.
+    /// Number of readouts that each frame lasts. A call simulates at most `count` * `readouts_per_frame` readouts. 0 is
+    /// allowed only for a single frame, which then lasts for all readouts of the call.
     pub readouts_per_frame: u32,
-    /// Light between two frames: SPL_INTERPOLATION_HOLD, SPL_INTERPOLATION_LINEAR or SPL_INTERPOLATION_FLOW. The last frame is
-    /// held. To continue a scene, pass the last frame of a call as the first frame of the next one.
+    /// Interpolation between two frames: SPL_INTERPOLATION_HOLD, SPL_INTERPOLATION_LINEAR or SPL_INTERPOLATION_FLOW. The light
+    /// remains constant after the last frame. To continue a scene, pass the last frame of a call as the first frame of the next
+    /// call.
     pub interpolation: u32,
 }
