@@ -30,9 +30,10 @@
  * returns for this thread the subject, the found value, the expected value and the remedy. A function that fails does not
  * change its arguments, unless its description differs. If a function cannot create a handle, it sets the handle to NULL.
  *
- * Handles. Free every handle once with the _free function of its type, and do not use the handle afterwards. Functions return SPL_USAGE for NULL and for a handle of another type. Several threads may read a
- * camera at the same time. Different threads may use a simulator or writer in turn; a call during a call of another thread
- * returns SPL_USAGE and changes nothing.
+ * Handles. Free every handle once with the _free function of its type, and do not use the handle afterwards. Functions
+ * return SPL_USAGE for NULL and for a handle of another type. Several threads may read a camera at the same time.
+ * Different threads may use a simulator or writer in turn; a call during a call of another thread returns SPL_USAGE and
+ * does not change the simulator or writer.
  *
  * Strings are UTF-8 and end in NUL. Each buffer argument has a size in bytes, and a wrong size is an error.
  *
