@@ -134,7 +134,7 @@ int main(int argc, char **argv) {
     static golden_table table;
     golden_read(argv[1], &table);
     const char *backends[] = {"reference", "portable", "sse4.1", "avx2", "avx512"};
-    for (size_t b = 0; b < 4; b++) {
+    for (size_t b = 0; b < sizeof backends / sizeof *backends; b++) {
         if (argc > 2 && strcmp(argv[2], backends[b])) continue;
         size_t ran = 0;
         for (size_t i = 0; i < table.count; i++) ran += (size_t)check(&table.rows[i], backends[b]);

@@ -67,7 +67,8 @@ impl Stream {
         Ok((reader.readouts(), reader.geometry().height(), reader.geometry().width()))
     }
 
-    /// Layout of the frames in the file: "dat", "dat-top", "rows416", "rows1024", "npy-bits" or "npy-bytes".
+    /// Layout of the frames in the file: "dat", "dat-top", "rows416", "rows1024", "npy-bits" or "npy-bytes", or
+    /// "dat-msb", "dat-top-msb" or "npy-bits-msb".
     #[getter]
     fn layout(&self) -> PyResult<&'static str> {
         Ok(self.reader()?.layout().name())
@@ -233,7 +234,7 @@ fn packed_stream<'py>(
 ///
 /// If writing fails, no file remains. `spikes` is bit-packed uint8 (T, ceil(H * W / 8)) together with `height` and
 /// `width`, or uint8 (T, H, W) of 0 and 1. `layout` is "dat" (SpikeCV, Spike-Zoo: bottom row first), "dat-top", "rows416"
-/// (400x250), "rows1024" (1000x1000), "npy-bits" or "npy-bytes". `progress(done, total)` is called with numbers of
+/// (400x250), "rows1024" (1000x1000), "npy-bits", "npy-bytes", "dat-msb", "dat-top-msb" or "npy-bits-msb". `progress(done, total)` is called with numbers of
 /// readouts.
 ///
 /// Raises FileExistsError if the file exists and `force` is false. Raises other OSErrors if writing fails.

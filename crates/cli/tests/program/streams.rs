@@ -2,7 +2,7 @@
 
 use crate::program_support::TestFolder;
 
-/// Writes a stream of 400x250 pixels. Every layout except one supports this size.
+/// Writes a stream of 400x250 pixels. Every layout except `rows1024` supports this size.
 const CAMERA: &str = "simulate --builtin-light chart --readouts 40 -o a";
 
 #[test]
@@ -10,7 +10,8 @@ fn every_layout_converts_there_and_back() {
     let place = TestFolder::new();
     place.run_ok(CAMERA);
     for (layout, ending) in
-        [("dat-top", "dat"), ("rows416", "dat"), ("npy-bits", "npy"), ("npy-bytes", "npy"), ("dat", "dat")]
+        [("dat-top", "dat"), ("rows416", "dat"), ("npy-bits", "npy"), ("npy-bytes", "npy"), ("dat", "dat"),
+            ("dat-msb", "dat"), ("dat-top-msb", "dat"), ("npy-bits-msb", "npy")]
     {
         let there = format!("{layout}.{ending}");
         place.run_ok(&format!("convert a.dat {there} --to {layout}"));

@@ -62,7 +62,7 @@ impl RateMap {
                 let stride = 8 * width.div_ceil(8);
                 Self { counts, stride, is_pixel: (0..stride).map(|c| c < width).collect() }
             }
-            _ => {
+            Layout::Dat | Layout::DatTop | Layout::NpyBytes | Layout::DatMsb | Layout::DatTopMsb => {
                 counts.truncate(codec.geometry().pixels());
                 Self::from_counts(counts, width)
             }
