@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `adaptation`.
 pub static EFFECT: Definition = Definition::new(
     "adaptation",
-    "Every spike raises the threshold of its pixel. The threshold then returns exponentially.",
+    "Every spike raises the threshold of its pixel. The threshold then decays exponentially to its original value.",
     "charge trapped at the comparator; spike-frequency adaptation of neuron models",
     &[
         Param::number(
@@ -17,7 +17,7 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 0.02),
             0.0,
             0.001,
-            "rise per spike, relative to the threshold",
+            "rise of the threshold per spike, relative to the threshold",
         )
         .with_search(SearchSpec::amplitude((0.0, 0.02), &[0.002])),
         Param::number(
@@ -26,7 +26,7 @@ pub static EFFECT: Definition = Definition::new(
             (0.7, 0.9995),
             0.99,
             0.99,
-            "share of the rise that remains after one readout",
+            "share of the threshold rise that remains after one readout",
         )
         .with_search(SearchSpec::retention((0.8, 0.999), &[0.85, 0.95, 0.99, 0.998])),
     ],

@@ -9,11 +9,11 @@ use crate::units::Unit;
 /// The effect `bias_voltage`.
 pub static EFFECT: Definition = Definition::new(
     "bias_voltage",
-    "Every pixel adds its own offset to the threshold voltage. The nominal threshold includes the mean offset.",
+    "The threshold voltage of every pixel has its own constant offset. The nominal threshold includes the mean offset.",
     "SCSim, arXiv 2405.16790, Algorithm 1, the map V_S",
     &[
-        Param::number("mean", Unit::Volt, (-10.0, 10.0), 0.0, -0.0076, "mean over the pixels"),
-        Param::number("sigma", Unit::Volt, (0.0, 10.0), 0.0, 0.0497, "Gaussian spread over the pixels"),
+        Param::number("mean", Unit::Volt, (-10.0, 10.0), 0.0, -0.0076, "mean offset over the pixels"),
+        Param::number("sigma", Unit::Volt, (0.0, 10.0), 0.0, 0.0497, "Gaussian standard deviation of the offset over the pixels"),
     ],
 )
 .with_edit(edit)

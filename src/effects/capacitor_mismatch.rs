@@ -11,7 +11,7 @@ pub static EFFECT: Definition = Definition::new(
     "capacitor_mismatch",
     "The capacitance of the charge node varies from pixel to pixel, and the threshold charge varies with it.",
     "SCSim, arXiv 2405.16790, Algorithm 1, the map C_S",
-    &[Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian spread over the pixels")],
+    &[Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian standard deviation of the capacitance over the pixels")],
 )
 .with_edit(edit)
 .with_moments(moments);

@@ -9,7 +9,7 @@ use crate::units::Unit;
 /// The effect `column_pattern`.
 pub static EFFECT: Definition = Definition::new(
     "column_pattern",
-    "All pixels of a column share a threshold offset, because they share one comparator supply.",
+    "All pixels of a column have the same constant threshold offset, because they share one comparator supply.",
     "column and row fixed-pattern noise of EMVA 1288, release 4.0, section 4",
     &[Param::number(
         "sigma",
@@ -17,7 +17,7 @@ pub static EFFECT: Definition = Definition::new(
         (0.0, 0.1),
         0.0,
         0.01,
-        "Gaussian spread over the columns, relative to the nominal threshold",
+        "Gaussian standard deviation of the offset over the columns, relative to the nominal threshold",
     )
     .with_search(SearchSpec::deviation((0.0, 0.1), &[0.006, 0.025]))],
 )

@@ -16,7 +16,7 @@ pub static EFFECT: Definition = Definition::new(
         (0.0, 0.06),
         0.0,
         0.005,
-        "standard deviation, relative to the threshold",
+        "standard deviation of the error of one comparison, relative to the threshold",
     )
     .with_search(SearchSpec::deviation((0.0, 0.05), &[0.004, 0.015]))],
 )

@@ -11,7 +11,7 @@ use crate::units::Unit;
 /// It does not delay the mean of the light. The effect `image_lag` delays the mean.
 pub static EFFECT: Definition = Definition::new(
     "correlated_shot_noise",
-    "The photodiode has a limited bandwidth: the shot noise of light and dark current reaches the pixel with an exponential delay. Neighboring readouts share the noise, and its long-term variance does not change.",
+    "The photodiode has a limited bandwidth: the shot noise of light and dark current becomes charge with an exponential delay. The noise of neighboring readouts is correlated. The variance over many readouts does not change.",
     "shot noise through a first-order low-pass (Schottky noise of the photocurrent, filtered by the resistance and capacitance of the diode); 12 readouts in the static rows of a recording of a 400x250 camera",
     &[Param::number(
         "time_constant",
@@ -19,7 +19,7 @@ pub static EFFECT: Definition = Definition::new(
         (0.0, 100.0),
         0.0,
         12.0,
-        "time constant, after which 1/e of the noise has not arrived yet; requires `shot_noise` or `dark_shot_noise`",
+        "time after which 1/e of the noise has not become charge yet; requires `shot_noise` or `dark_shot_noise`",
     )
     .with_search(SearchSpec::amplitude((0.0, 100.0), &[2.0, 8.0, 30.0]))],
 )

@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `crosstalk`.
 pub static EFFECT: Definition = Definition::new(
     "crosstalk",
-    "A pixel passes a share of its light to its four neighbors and receives the same share of theirs. At the border the share stays in the pixel.",
+    "Every pixel loses a share of its light to its four neighbors. Each neighbor receives a quarter of this share. At the border of the sensor, the quarter of a missing neighbor stays in the pixel.",
     "optical crosstalk between microlenses; diffusion of carriers",
     &[Param::number(
         "share",
@@ -16,7 +16,7 @@ pub static EFFECT: Definition = Definition::new(
         (0.0, 0.12),
         0.0,
         0.02,
-        "share of the light that all four neighbors receive together",
+        "share of the light of each pixel that its four neighbors receive together",
     )
     .with_search(SearchSpec::amplitude((0.0, 0.12), &[0.004, 0.03]))],
 )

@@ -9,12 +9,12 @@ use crate::units::Unit;
 /// The effect `dark_current`.
 pub static EFFECT: Definition = Definition::new(
     "dark_current",
-    "Charge flows into the pixel without light. Every pixel has its own current.",
+    "Every pixel has its own constant dark current, which adds charge without light.",
     "SCSim, arXiv 2405.16790, Algorithm 1",
     &[
-        Param::number("mean", Unit::Picoampere, (-1e3, 1e6), 0.0, 0.4442, "mean over the pixels"),
-        Param::number("sigma", Unit::Picoampere, (0.0, 1e6), 0.0, 0.1731, "Gaussian spread over the pixels"),
-        Param::choice("negative", &["kept", "zero"], 1, "treatment of negative currents"),
+        Param::number("mean", Unit::Picoampere, (-1e3, 1e6), 0.0, 0.4442, "mean dark current over the pixels"),
+        Param::number("sigma", Unit::Picoampere, (0.0, 1e6), 0.0, 0.1731, "Gaussian standard deviation of the dark current over the pixels"),
+        Param::choice("negative", &["kept", "zero"], 1, "treatment of pixels with a negative current: the current is kept, or set to zero"),
     ],
 )
 .with_edit(edit)

@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `dark_shot_noise`.
 pub static EFFECT: Definition = Definition::new(
     "dark_shot_noise",
-    "The dark current arrives as single electrons, with Poisson noise.",
+    "The dark current consists of single electrons. The number of electrons in a readout has a Poisson distribution.",
     "Poisson statistics; absent from SCSim",
     &[Param::number(
         "strength",
@@ -16,7 +16,7 @@ pub static EFFECT: Definition = Definition::new(
         (0.0, 10_000.0),
         0.0,
         1.0,
-        "factor on the variance; 1 is Poisson noise",
+        "factor on the variance of the number of electrons; 1 is Poisson noise",
     )
     .with_search(SearchSpec::amplitude((0.0, 2.0), &[0.4]))],
 )

@@ -9,9 +9,9 @@ use crate::units::Unit;
 /// The effect `dark_tail`.
 pub static EFFECT: Definition = Definition::new(
     "dark_tail",
-    "A log-normal factor with mean 1 multiplies the dark current of each pixel. It adds a tail of hot pixels and no negative currents.",
+    "A log-normal factor with mean 1 multiplies the dark current of each pixel. The factor makes a few pixels hot and makes no current negative.",
     "calibration maps of a 400x250 camera: standard deviation of the logarithm 0.43, no negative currents",
-    &[Param::number("log_sigma", Unit::Dimensionless, (0.0, 3.0), 0.0, 0.43, "standard deviation of the logarithm")
+    &[Param::number("log_sigma", Unit::Dimensionless, (0.0, 3.0), 0.0, 0.43, "standard deviation of the logarithm of the factor")
         .with_search(SearchSpec::deviation((0.0, 1.5), &[0.2, 0.5]))],
 )
 .with_edit(edit)

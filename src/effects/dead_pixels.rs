@@ -11,7 +11,7 @@ pub static EFFECT: Definition = Definition::new(
     "dead_pixels",
     "A share of the pixels collects no charge.",
     "low-light recordings of a real camera",
-    &[Param::number("fraction", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.003, "share of the pixels")
+    &[Param::number("fraction", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.003, "share of the pixels that are dead")
         .with_search(SearchSpec::amplitude((0.0, 0.05), &[0.005]))],
 )
 .with_edit(edit)

@@ -8,9 +8,9 @@ use crate::units::Unit;
 /// The effect `dead_time`.
 pub static EFFECT: Definition = Definition::new(
     "dead_time",
-    "After a spike, the pixel loses a share of its next charge increment, of light and dark current alike.",
+    "After a spike, a pixel loses a share of the charge that light and dark current add in the next readout.",
     "published code of SCSim: 100 ns of 50 us",
-    &[Param::number("lost_fraction", Unit::Dimensionless, (0.0, 0.5), 0.0, 0.002, "lost share of one increment")
+    &[Param::number("lost_fraction", Unit::Dimensionless, (0.0, 0.5), 0.0, 0.002, "share of the charge of one readout that is lost")
         .with_search(SearchSpec::amplitude((0.0, 0.15), &[0.012, 0.06]))],
 )
 .with_ops(ops)

@@ -8,9 +8,9 @@ use crate::units::Unit;
 /// The effect `dropped_readouts`.
 pub static EFFECT: Definition = Definition::new(
     "dropped_readouts",
-    "All bits of a readout are lost. The scene continues, and the file still contains the requested number of frames.",
+    "A readout is lost with all its spikes and is missing in the file. The scene continues, and the file still contains the requested number of frames.",
     "a full buffer or a lost packet between camera and disk",
-    &[Param::number("probability", Unit::Dimensionless, (0.0, 0.5), 0.0, 1e-3, "probability per readout")
+    &[Param::number("probability", Unit::Dimensionless, (0.0, 0.5), 0.0, 1e-3, "probability that a readout is lost")
         .with_search(SearchSpec::amplitude((0.0, 0.2), &[0.001, 0.01]))],
 )
 .with_ops(ops)

@@ -9,7 +9,7 @@ use crate::units::Unit;
 /// The effect `edge_columns`.
 pub static EFFECT: Definition = Definition::new(
     "edge_columns",
-    "Pixels of the first and last rows and columns have a different gain, because they have no neighbor that shares their light.",
+    "The pixels of the first and last rows and columns have a different gain, because these pixels lose no light across the border.",
     "calibration maps of a 400x250 camera: the first column differs",
     &[
         Param::number(
@@ -18,10 +18,10 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 4.0),
             1.0,
             1.1,
-            "gain of the border, relative to the gain of the other pixels",
+            "gain of the border pixels, relative to the gain of the other pixels",
         )
         .with_search(SearchSpec::amplitude((0.3, 3.0), &[1.02, 1.1, 1.4, 0.9])),
-        Param::choice("border", &["all", "first-column"], 0, "all four sides, or only the first column")
+        Param::choice("border", &["all", "first-column"], 0, "border pixels: all four sides, or only the first column")
             .omit_if_neutral(),
     ],
 )

@@ -8,9 +8,9 @@ use crate::units::Unit;
 /// The effect `false_spikes`.
 pub static EFFECT: Definition = Definition::new(
     "false_spikes",
-    "A readout without a spike reports a spike that the pixel did not fire.",
+    "The camera reports a spike of a pixel that did not fire at this readout.",
     "bit errors; inherent noise of SpikingSIM",
-    &[Param::number("probability", Unit::Dimensionless, (0.0, 1.0), 0.0, 1e-3, "probability per readout without a spike")
+    &[Param::number("probability", Unit::Dimensionless, (0.0, 1.0), 0.0, 1e-3, "probability of a false spike, per pixel and readout without a spike")
         .with_search(SearchSpec::amplitude((0.0, 0.05), &[4e-6, 6e-5, 1e-3]))],
 )
 .with_ops(ops)

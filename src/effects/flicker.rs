@@ -8,14 +8,14 @@ use crate::units::Unit;
 /// The effect `flicker`.
 pub static EFFECT: Definition = Definition::new(
     "flicker",
-    "The light is multiplied by 1 + m sin(2 pi f t + p).",
+    "The light oscillates: at the time t, the light is multiplied by 1 + m sin(2 pi (f t + p)).",
     "lamps flicker at twice the mains frequency, screens at their refresh rate",
     &[
-        Param::number("depth", Unit::Dimensionless, (0.0, 0.2), 0.0, 0.02, "amplitude m, relative to the light")
+        Param::number("depth", Unit::Dimensionless, (0.0, 0.2), 0.0, 0.02, "amplitude m of the oscillation, relative to the mean light")
             .with_search(SearchSpec::amplitude((0.0, 0.2), &[0.01])),
-        Param::number("frequency_hz", Unit::Hertz, (0.0, 1e6), 100.0, 100.0, "frequency f")
+        Param::number("frequency_hz", Unit::Hertz, (0.0, 1e6), 100.0, 100.0, "frequency f of the oscillation")
             .with_search(SearchSpec::frequency((1.0, 1e4), &[80.0, 400.0, 2000.0])),
-        Param::number("phase", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.0, "phase p at the first readout, in turns"),
+        Param::number("phase", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.0, "phase p at the first readout, in periods: 0.25 is a quarter period"),
     ],
 )
 .with_ops(ops)

@@ -9,7 +9,7 @@ use crate::units::Unit;
 /// The effect `gain_dark_correlation`.
 pub static EFFECT: Definition = Definition::new(
     "gain_dark_correlation",
-    "Pixels with a high gain have a high dark current, or a low one if the correlation is negative. Both spreads stay the same.",
+    "Pixels with a high gain have a high dark current, or a low dark current if the correlation is negative. The standard deviations of gain and dark current do not change.",
     "a larger diode collects more light and leaks more",
     &[Param::number(
         "correlation",

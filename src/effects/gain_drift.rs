@@ -26,7 +26,7 @@ pub static EFFECT: Definition = Definition::new(
             (1.0, 1e9),
             10000.0,
             10000.0,
-            "duration of the change, such as the length of the recording",
+            "duration of the change from the first readout, such as the length of the recording",
         )
         .with_search(SearchSpec::recording_length()),
     ],

@@ -12,9 +12,9 @@ pub static EFFECT: Definition = Definition::new(
     "A share of the pixels has many times the mean dark current.",
     "calibration maps: 0.69 % of the pixels exceed five robust deviations",
     &[
-        Param::number("fraction", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.007, "share of the pixels")
+        Param::number("fraction", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.007, "share of the pixels that are hot")
             .with_search(SearchSpec::amplitude((0.0, 0.05), &[0.004])),
-        Param::number("factor", Unit::Dimensionless, (0.0, 1e4), 1.0, 8.0, "dark current of a hot pixel, relative to the mean")
+        Param::number("factor", Unit::Dimensionless, (0.0, 1e4), 1.0, 8.0, "dark current of a hot pixel, relative to the mean dark current of the sensor")
             .with_search(SearchSpec::shape((1.5, 60.0), &[5.0, 12.0])),
         Param::number(
             "tail",
@@ -22,7 +22,7 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 1.0),
             0.0,
             0.0,
-            "tail of a Pareto law: the hottest share q of the hot pixels has at least q^-tail times the factor",
+            "exponent of a Pareto law. For every share q from 0 to 1, the hottest share q of the hot pixels has at least `factor` times q^-tail",
         )
         .omit_if_neutral(),
     ],

@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `image_lag`.
 pub static EFFECT: Definition = Definition::new(
     "image_lag",
-    "A share of the light enters an exponential queue and becomes charge later. No light is lost.",
+    "A share of the light becomes charge with an exponential delay. No light is lost.",
     "incomplete charge transfer of pinned photodiodes",
     &[
         Param::number("fraction", Unit::Dimensionless, (0.0, 0.1), 0.0, 0.01, "delayed share of the light")
@@ -19,7 +19,7 @@ pub static EFFECT: Definition = Definition::new(
             (1.0, 20000.0),
             50.0,
             50.0,
-            "time constant, after which 1/e of the delayed light has not arrived yet",
+            "time after which 1/e of the delayed light has not become charge yet",
         )
         .with_search(SearchSpec::shape((2.0, 600.0), &[8.0, 40.0, 150.0])),
     ],

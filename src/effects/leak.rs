@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `leak`.
 pub static EFFECT: Definition = Definition::new(
     "leak",
-    "At every readout the stored charge loses a share of itself, before new charge arrives.",
+    "At every readout, a share of the stored charge is lost before new charge is added.",
     "junction leakage in proportion to the stored voltage",
     &[Param::number(
         "fraction_per_readout",
@@ -16,7 +16,7 @@ pub static EFFECT: Definition = Definition::new(
         (0.0, 4e-3),
         0.0,
         5e-4,
-        "lost share of the stored charge",
+        "share of the stored charge that is lost at each readout",
     )
     .with_search(SearchSpec::amplitude((0.0, 4e-3), &[4e-5, 5e-4]))],
 )

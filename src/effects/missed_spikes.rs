@@ -8,9 +8,9 @@ use crate::units::Unit;
 /// The effect `missed_spikes`.
 pub static EFFECT: Definition = Definition::new(
     "missed_spikes",
-    "A spike is not reported, but the pixel is reset.",
+    "The camera does not report a spike of a pixel. The pixel is reset as after every spike.",
     "bit errors",
-    &[Param::number("probability", Unit::Dimensionless, (0.0, 1.0), 0.0, 1e-3, "probability per spike")
+    &[Param::number("probability", Unit::Dimensionless, (0.0, 1.0), 0.0, 1e-3, "probability that a spike is not reported")
         .with_search(SearchSpec::amplitude((0.0, 0.2), &[1e-4, 2e-3, 0.02]))],
 )
 .with_ops(ops)

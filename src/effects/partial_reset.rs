@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `partial_reset`.
 pub static EFFECT: Definition = Definition::new(
     "partial_reset",
-    "A spike removes a share of the charge above the threshold: 0 is a soft reset, 1 a hard reset.",
+    "The reset after a spike also removes a share of the charge above the threshold. The share is 0 for a soft reset and 1 for a hard reset.",
     "hard reset: image converter of SpikeCV, SpikingSIM",
     &[Param::number(
         "lost_remainder",
@@ -16,7 +16,7 @@ pub static EFFECT: Definition = Definition::new(
         (0.0, 1.0),
         0.0,
         0.05,
-        "lost share of the charge above the threshold",
+        "share of the charge above the threshold that a reset removes",
     )
     .with_search(SearchSpec::amplitude((0.0, 1.0), &[0.02, 0.25, 0.8]))],
 )

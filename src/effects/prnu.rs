@@ -12,8 +12,8 @@ pub static EFFECT: Definition = Definition::new(
     "Every pixel converts light to charge with its own gain. The gain does not affect the dark current.",
     "SCSim, arXiv 2405.16790, Algorithm 1, the map alpha",
     &[
-        Param::number("mean", Unit::Dimensionless, (0.0, 100.0), 1.0, 1.0, "mean gain"),
-        Param::number("sigma", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.02, "Gaussian spread of the gain"),
+        Param::number("mean", Unit::Dimensionless, (0.0, 100.0), 1.0, 1.0, "mean gain over the pixels"),
+        Param::number("sigma", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.02, "Gaussian standard deviation of the gain over the pixels"),
     ],
 )
 .with_edit(edit)

@@ -30,7 +30,7 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 0.05),
             0.0,
             0.008,
-            "maximum distance from the threshold, relative to the threshold, in the center row of the band",
+            "largest distance of the charge from the threshold at which the report is random, relative to the threshold, in the center row of the band",
         )
         .with_search(SearchSpec::amplitude((0.0, 0.05), &[0.003, 0.01])),
         Param::number("row", Unit::Pixel, (0.0, 1e6), 0.0, 0.0, "center of the band, in rows from the top"),
@@ -40,7 +40,7 @@ pub static EFFECT: Definition = Definition::new(
             (0.5, UNIFORM_SPREAD_PX),
             UNIFORM_SPREAD_PX,
             8.0,
-            "standard deviation of the Gaussian by which the width decreases with the distance from the center, cut off at 3 deviations; 1000000 px covers all rows",
+            "standard deviation of the Gaussian by which `width` decreases with the distance from the center row; rows beyond 3 standard deviations have no jitter, and 1000000 px covers all rows",
         )
         .with_search(SearchSpec::shape((4.0, 2000.0), &[30.0, 120.0])),
     ],

@@ -8,9 +8,9 @@ use crate::units::Unit;
 /// The effect `repeated_readouts`.
 pub static EFFECT: Definition = Definition::new(
     "repeated_readouts",
-    "The previous readout replaces all bits of a readout.",
+    "The file contains the spikes of the previous readout again in place of the spikes of a readout.",
     "a sender that repeats its buffer if the next readout is late",
-    &[Param::number("probability", Unit::Dimensionless, (0.0, 0.5), 0.0, 1e-3, "probability per readout")
+    &[Param::number("probability", Unit::Dimensionless, (0.0, 0.5), 0.0, 1e-3, "probability that the previous readout replaces a readout")
         .with_search(SearchSpec::amplitude((0.0, 0.2), &[0.001, 0.01]))],
 )
 .with_ops(ops)

@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `response_nonlinearity`.
 pub static EFFECT: Definition = Definition::new(
     "response_nonlinearity",
-    "Light x acts as x (1 + b x): the gain changes with the light. The dark current does not change.",
+    "The charge is not proportional to the light: light x, relative to full scale, adds the charge of x (1 + b x). The dark current does not change.",
     "linearity error of EMVA 1288; the capacitance of the diode depends on its voltage",
     &[Param::number(
         "quadratic",
@@ -16,7 +16,7 @@ pub static EFFECT: Definition = Definition::new(
         (-0.2, 0.2),
         0.0,
         0.02,
-        "b, the relative change of the response at full scale",
+        "b, the relative change of the charge at full scale",
     )
     .with_search(SearchSpec::amplitude((-0.15, 0.15), &[-0.01, 0.01, 0.06, -0.06]))],
 )

@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `row_noise`.
 pub static EFFECT: Definition = Definition::new(
     "row_noise",
-    "At every readout all thresholds of a row shift together, both in the comparison and in the reset.",
+    "At every readout, a random value shifts the thresholds of all pixels of a row. The shift acts on the comparison and on the reset.",
     "row noise of EMVA 1288: the line driver and its supply",
     &[Param::number(
         "sigma",
@@ -16,7 +16,7 @@ pub static EFFECT: Definition = Definition::new(
         (0.0, 0.06),
         0.0,
         0.005,
-        "standard deviation, relative to the threshold",
+        "standard deviation of the shift, relative to the threshold",
     )
     .with_search(SearchSpec::deviation((0.0, 0.05), &[0.002, 0.012]))],
 )

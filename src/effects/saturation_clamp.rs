@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `saturation_clamp`.
 pub static EFFECT: Definition = Definition::new(
     "saturation_clamp",
-    "A pixel brighter than full scale stores only a limited surplus of charge, so it stops firing when the light ends.",
+    "The charge that a pixel stores has an upper limit. A pixel in light above full scale therefore stops firing when the light ends.",
     "bright outdoor recordings saturate without an afterglow",
     &[Param::number(
         "largest_charge",
@@ -16,7 +16,7 @@ pub static EFFECT: Definition = Definition::new(
         (1.0, f64::INFINITY),
         f64::INFINITY,
         1.5,
-        "largest stored charge, in thresholds of the pixel",
+        "largest stored charge, relative to the threshold of the pixel",
     )
     .with_search(SearchSpec::amplitude((1.0, 2.0), &[1.7, 1.3]))],
 )

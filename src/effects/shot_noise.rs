@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `shot_noise`.
 pub static EFFECT: Definition = Definition::new(
     "shot_noise",
-    "Light arrives as single quanta. Their number in a readout has a Poisson distribution.",
+    "Light consists of single quanta. The number of quanta in a readout has a Poisson distribution.",
     "SCSim, arXiv 2405.16790, Algorithm 1; Poisson statistics",
     &[
         Param::number(
@@ -17,13 +17,13 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 10_000.0),
             0.0,
             1.0,
-            "factor on the variance; 1 is Poisson noise",
+            "factor on the variance of the number of quanta; 1 is Poisson noise",
         ),
         Param::choice(
             "counts",
             &["electrons", "photons"],
             0,
-            "what is counted: electrons after the gain, or photons before it",
+            "kind of the quanta: electrons after the gain of the pixel, or photons before the gain",
         ),
         Param::number(
             "photons_at_full_scale",
@@ -31,7 +31,7 @@ pub static EFFECT: Definition = Definition::new(
             (100.0, 1e9),
             5e4,
             5e4,
-            "photons per nominal threshold, if photons are counted",
+            "photons per nominal threshold; used only if the quanta are photons",
         ),
     ],
 )

@@ -17,7 +17,7 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 0.02),
             0.0,
             0.003,
-            "standard deviation, relative to the threshold",
+            "standard deviation of the fluctuation, relative to the threshold",
         )
         .with_search(SearchSpec::deviation((0.0, 0.02), &[0.002, 0.006])),
         Param::number(
@@ -26,7 +26,7 @@ pub static EFFECT: Definition = Definition::new(
             (30.0, 50000.0),
             1000.0,
             1000.0,
-            "correlation time, after which the correlation is 1/e",
+            "time after which the correlation of the fluctuation is 1/e",
         )
         .with_search(SearchSpec::shape((30.0, 5e4), &[150.0, 1000.0, 6000.0])),
     ],

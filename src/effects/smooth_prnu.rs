@@ -9,10 +9,10 @@ use crate::units::Unit;
 /// The effect `smooth_prnu`.
 pub static EFFECT: Definition = Definition::new(
     "smooth_prnu",
-    "The gain varies smoothly over the sensor: Gaussian-blurred white noise, normalized to variance 1 and scaled by the spread.",
+    "The gain varies smoothly over the sensor. The map of the gain is Gaussian-blurred white noise, scaled to the standard deviation `sigma`.",
     "doping and thickness gradients of a wafer; low-frequency PRNU of EMVA 1288",
     &[
-        Param::number("sigma", Unit::Dimensionless, (0.0, 0.1), 0.0, 0.01, "spread of the gain")
+        Param::number("sigma", Unit::Dimensionless, (0.0, 0.1), 0.0, 0.01, "standard deviation of the gain over the pixels")
             .with_search(SearchSpec::deviation((0.0, 0.1), &[0.02])),
         Param::number(
             "length",
@@ -20,7 +20,7 @@ pub static EFFECT: Definition = Definition::new(
             (0.5, 64.0),
             3.0,
             3.0,
-            "standard deviation of the blur; the correlation is 1/e at twice this distance",
+            "standard deviation of the Gaussian blur; the correlation of the gain is 1/e at twice this distance",
         )
         .with_search(SearchSpec::shape((0.5, 20.0), &[1.0, 2.0, 4.5])),
     ],

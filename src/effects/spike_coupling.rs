@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `spike_coupling`.
 pub static EFFECT: Definition = Definition::new(
     "spike_coupling",
-    "A spike adds charge to the four neighbors at the next readout.",
+    "A spike of a pixel adds charge to its four neighbors at the next readout.",
     "parasitic capacitance between reset lines and neighboring nodes",
     &[Param::number(
         "charge",
@@ -16,7 +16,7 @@ pub static EFFECT: Definition = Definition::new(
         (-0.03, 0.03),
         0.0,
         0.003,
-        "charge that each neighbor receives, in its own thresholds",
+        "charge that each neighbor receives, relative to the threshold of the neighbor",
     )
     .with_search(SearchSpec::amplitude((-0.03, 0.03), &[0.001, -0.001, 0.008, -0.008]))],
 )

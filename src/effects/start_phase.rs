@@ -8,7 +8,7 @@ use crate::units::Unit;
 /// The effect `start_phase`.
 pub static EFFECT: Definition = Definition::new(
     "start_phase",
-    "Every pixel starts at a random phase of its cycle. Without this effect a uniform scene fires in synchronized bursts.",
+    "Every pixel has a random charge before the first readout. Without this effect, all pixels of a uniform scene fire at the same readouts.",
     "uniform in real recordings; U[0,1) fC in the published code of SCSim",
     &[
         Param::number(
@@ -17,7 +17,7 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 1.0),
             0.0,
             1.0,
-            "the start charge is uniform from 0 to this share of the pixel's threshold",
+            "the start charge is drawn uniformly from 0 to this share of the threshold of the pixel",
         ),
         Param::number(
             "charge",
@@ -25,7 +25,7 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 1e3),
             0.0,
             0.0,
-            "a second uniform start charge, from 0 to this value, which is added to the first; 0 disables it",
+            "a second start charge is drawn uniformly from 0 to this value. The pixel starts with the sum of both start charges",
         ),
     ],
 )

@@ -8,15 +8,15 @@ use crate::units::Unit;
 /// The effect `supply_droop`.
 pub static EFFECT: Definition = Definition::new(
     "supply_droop",
-    "All thresholds decrease in proportion to the share of the pixels that fired at the previous readout.",
-    "resistance of the supply grid: the threshold follows the reset voltage",
+    "All thresholds decrease in proportion to the number of pixels that fired at the previous readout.",
+    "resistance of the supply grid: the threshold depends on the reset voltage",
     &[Param::number(
         "depth",
         Unit::Dimensionless,
         (-0.06, 0.06),
         0.0,
         0.005,
-        "relative decrease of the threshold if every pixel fires",
+        "relative decrease of all thresholds after a readout at which every pixel fired",
     )
     .with_search(SearchSpec::amplitude((-0.06, 0.06), &[0.002, -0.002, 0.015, -0.015]))],
 )

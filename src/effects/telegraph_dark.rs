@@ -13,7 +13,7 @@ use crate::units::Unit;
 /// If a search starts at an amplitude of 0.1, it therefore mistakes weak switching for false spikes.
 pub static EFFECT: Definition = Definition::new(
     "telegraph_dark",
-    "The dark current of some pixels switches at random between two values at equal distances from its mean.",
+    "The dark current of some pixels switches at random between two values. The values are above and below the mean dark current of the pixel by the same amount.",
     "random telegraph signal of single traps, as in active-pixel sensors",
     &[
         Param::number(
@@ -22,12 +22,12 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 1.0),
             0.0,
             0.3,
-            "distance of both values from the mean, relative to the pixel's dark current",
+            "distance of each value from the mean dark current of the pixel, relative to this mean",
         )
         .with_search(SearchSpec::amplitude((0.0, 1.0), &[0.008, 0.03, 0.15])),
         Param::number("fraction", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.05, "share of the pixels that switch")
             .with_search(SearchSpec::shape((0.01, 1.0), &[0.2])),
-        Param::number("rate", Unit::Dimensionless, (0.0, 0.5), 1e-3, 1e-3, "probability of switching per readout")
+        Param::number("rate", Unit::Dimensionless, (0.0, 0.5), 1e-3, 1e-3, "probability per readout that the dark current of such a pixel switches")
             .with_search(SearchSpec::shape((1e-4, 1e-2), &[1e-3])),
     ],
 )

@@ -9,7 +9,7 @@ use crate::units::Unit;
 /// The effect `thermal_noise`.
 pub static EFFECT: Definition = Definition::new(
     "thermal_noise",
-    "The threshold has random noise, which acts on the comparison and on the reset. A new value is drawn at every readout or at every reset.",
+    "The threshold of every pixel has random noise, which acts on the comparison and on the reset. A new noise value is drawn at every readout, or after every reset.",
     "SCSim, arXiv 2405.16790, Algorithm 1, V_T; kT/C; psi from the mean of the largest draw",
     &[
         Param::number(
@@ -18,10 +18,10 @@ pub static EFFECT: Definition = Definition::new(
             (0.0, 1000.0),
             0.0,
             293.0,
-            "temperature of the kTC noise of the nominal capacitor; 0 K disables it",
+            "temperature of the kTC noise of the nominal capacitance; 0 K disables kTC noise",
         ),
-        Param::number("sigma", Unit::Volt, (0.0, 1.0), 0.0, 0.0, "additional noise, added in quadrature"),
-        Param::choice("noise_sampling", &["every-reset", "every-readout"], 0, "time of a new value: every readout or every reset"),
+        Param::number("sigma", Unit::Volt, (0.0, 1.0), 0.0, 0.0, "standard deviation of additional noise, added in quadrature to kTC noise"),
+        Param::choice("noise_sampling", &["every-reset", "every-readout"], 0, "when a new noise value is drawn: after every reset of the pixel, or at every readout"),
     ],
 )
 .with_ops(ops)

@@ -9,7 +9,7 @@ use crate::units::Unit;
 /// The effect `vignetting`.
 pub static EFFECT: Definition = Definition::new(
     "vignetting",
-    "The gain decreases with the square of the distance from the center. Recordings cannot distinguish it from uneven light.",
+    "The gain decreases with the square of the distance from the center of the sensor. Recordings do not distinguish vignetting from uneven light.",
     "calibration maps: 15 % from the center to a corner",
     &[Param::number("strength", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.15, "lost share of the light at the corners")
         .with_search(SearchSpec::amplitude((0.0, 0.5), &[0.04, 0.2]))],
