@@ -154,7 +154,7 @@ impl Error {
                 error.remedy("free some space, or choose another disk")
             }
             io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-                error.remedy("allow this user to access it, or choose another location")
+                error.remedy("allow this user to access the file or folder, or choose another location")
             }
             _ => error,
         };

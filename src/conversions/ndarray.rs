@@ -32,7 +32,7 @@ fn strides_error() -> Error {
     Error::new(ErrorKind::Usage, "array of light")
         .found("rows with gaps, or columns stored in memory order")
         .expected("a contiguous array in row-major order")
-        .remedy("copy it with `as_standard_layout()`")
+        .remedy("copy the array with `as_standard_layout()`")
 }
 
 impl SpikeFramesRef<'_> {

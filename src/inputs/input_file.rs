@@ -84,9 +84,9 @@ impl InputFile {
     fn shortened_error(&self, wanted: u64) -> Error {
         let now = self.file.metadata().map_or(0, |m| m.len());
         Error::new(ErrorKind::Input, self.path.display())
-            .found(format_args!("{now} bytes; the file had {} when it was opened", self.len))
+            .found(format_args!("{now} bytes; the file had {} bytes when the program opened the file", self.len))
             .expected(format_args!("bytes up to {wanted}"))
-            .remedy("another process shortened or replaced the file; read it again when that process has finished")
+            .remedy("another process shortened or replaced the file; read the file again when the other process has finished")
     }
 }
 

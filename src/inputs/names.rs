@@ -240,11 +240,13 @@ fn link_error(link: &Path, access: Access) -> Error {
         Access::Write => error
             .found("a symbolic link")
             .expected("a plain file or folder; links are never followed when files are written or deleted")
-            .remedy("remove the link, or specify the folder that it points to"),
+            .remedy("remove the link, or specify the target folder of the link"),
         _ => error
             .found("a symbolic link that points outside the folder")
             .expected("a file inside the folder")
-            .remedy("copy the file into the folder, or allow links that leave it if you trust the folder"),
+            .remedy(
+                "copy the file into the folder; if you trust the folder, allow links that leave the folder",
+            ),
     }
 }
 

@@ -128,7 +128,7 @@ impl Timeline {
             _ => Err(Error::new(ErrorKind::Usage, "frame and readout rates")
                 .found(format_args!("{source} and {readout} per second"))
                 .expected("a ratio of two 64-bit numbers")
-                .remedy("round one of them")),
+                .remedy("round one of the rates")),
         }
     }
 

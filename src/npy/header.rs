@@ -92,7 +92,7 @@ fn read_exactly(name: &str, reader: &mut impl Read, bytes: &mut Vec<u8>, n: usiz
         _ => Error::io(name, e),
     })?;
     if got < n {
-        return Err(damaged_error(name, "no .npy header, or an incomplete one"));
+        return Err(damaged_error(name, "no .npy header, or an incomplete .npy header"));
     }
     Ok(())
 }
@@ -101,7 +101,7 @@ fn damaged_error(name: &str, found: impl std::fmt::Display) -> Error {
     Error::new(ErrorKind::Input, name)
         .found(found)
         .expected("a NumPy array file (.npy)")
-        .remedy("save it again with numpy.save")
+        .remedy("save the array again with numpy.save")
 }
 
 /// Returns a header for little-endian elements in C order. Its bytes equal the bytes that NumPy writes.

@@ -67,7 +67,7 @@ pub fn read_map(name: &str, reader: &mut impl Read) -> Result<(Header, Vec<f64>)
         io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData => Error::new(ErrorKind::Input, name)
             .found(e)
             .expected(format_args!("an array of shape {:?} of {}", header.shape, header.element))
-            .remedy("the file is truncated; save it again"),
+            .remedy("the file is truncated; save the array again"),
         _ => Error::io(name, e),
     })?;
     let values = values(name, &header, &bytes)?;
@@ -87,7 +87,7 @@ pub fn read_values(name: &str, bytes: &[u8]) -> Result<(Header, Vec<f64>)> {
         Error::new(ErrorKind::Input, name)
             .found(format_args!("{} bytes after the header", data.len()))
             .expected(format_args!("an array of shape {:?} of {}", header.shape, header.element))
-            .remedy("the file is truncated; save it again")
+            .remedy("the file is truncated; save the array again")
     })?;
     let values = values(name, &header, &data[..wanted as usize])?;
     Ok((header, values))

@@ -60,7 +60,7 @@ impl Catalog {
             Error::new(ErrorKind::Input, "camera bytes")
                 .found(found)
                 .expected("a camera written by this version of the library")
-                .remedy("write it again, or store cameras as .toml files, which every version reads")
+                .remedy("write the camera again, or store cameras as .toml files, which every version reads")
         };
         let mut rest = bytes.strip_prefix(MAGIC).ok_or_else(|| match bytes {
             [b's', b'p', b'k', b'c', b'a', b'm', ..] => bad("data of another version"),

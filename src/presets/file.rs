@@ -92,7 +92,7 @@ pub(super) fn from_toml_and_maps(text: &str, maps: &dyn MapSource, effects: &Cat
     let file: File = toml::from_str(text).map_err(|e| {
         Error::new(ErrorKind::Config, "camera file")
             .found(e.to_string().trim_end())
-            .remedy("compare it with the preset `physical`")
+            .remedy("compare the file with the preset `physical`")
     })?;
     let mut camera = Camera::ideal(sensor(&file.sensor).map_err(|e| e.with_context("sensor"))?);
     camera.name = file.name;

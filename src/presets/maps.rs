@@ -47,7 +47,7 @@ pub(super) struct MapFolder<'a>(pub Option<&'a Path>);
 impl MapSource for MapFolder<'_> {
     fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)> {
         let inner = InnerPath::parse(ErrorKind::Config, "file", file)
-            .map_err(|e| e.expected("a path relative to the camera file, inside its folder"))?;
+            .map_err(|e| e.expected("a path relative to the camera file, inside the folder of this file"))?;
         let folder = self.0.ok_or_else(|| {
             Error::new(ErrorKind::Config, file).expected("a camera file in the folder of its maps")
         })?;

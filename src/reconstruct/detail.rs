@@ -61,7 +61,7 @@ impl DetailReference {
         if used_readouts.start < Self::MIN_SIDE_READOUTS || used_readouts.end + Self::MIN_SIDE_READOUTS > all
         {
             return Err(Error::new(ErrorKind::Usage, "readouts outside the window of the image")
-                .found(format_args!("{all} readouts, {used_readouts:?} of them in the window"))
+                .found(format_args!("{all} readouts, of which readouts {used_readouts:?} are in the window"))
                 .expected(format_args!(
                     "at least {} readouts before and after the window",
                     Self::MIN_SIDE_READOUTS

@@ -69,8 +69,8 @@ impl Simulator {
         if stored != fingerprint(rest).to_le_bytes() {
             return Err(Error::new(ErrorKind::Corrupt, "saved state")
                 .found("data that does not match its checksum")
-                .expected("the data as it was saved")
-                .remedy("save it again, or simulate from the start"));
+                .expected("unchanged data of a saved state")
+                .remedy("save the state again, or simulate from the start"));
         }
         let state = SimulatorState::from_bytes(rest, &self.plan().initial_state())?;
         self.set_state(state)

@@ -89,7 +89,7 @@ fn for_each_in_folder(
         .found(format_args!("neither a video nor a folder of images among {others} files"))
         .expected("at least one video, or a folder of two or more images")
         .remedy(format_args!(
-            "add one; a single image can be simulated on its own, still or with {}",
+            "add a video or a folder of images; a single image can be simulated as a stream, still or with {}",
             Setting("motion")
         )))
 }
@@ -174,7 +174,7 @@ pub(super) fn input_path(inputs: &InputContent, name: &Path) -> Result<PathBuf> 
     Err(Error::new(ErrorKind::Corrupt, name.display())
         .found("a path that points outside the input folder")
         .expected(format_args!("an input inside {}", inputs.folder.display()))
-        .remedy("plan the dataset again, or generate it in another folder"))
+        .remedy("plan the dataset again, or generate the dataset in another folder"))
 }
 
 /// Kind of a path in a folder.

@@ -115,7 +115,10 @@ fn planned_manifest(options: &DatasetOptions) -> Result<Manifest> {
         return Err(Error::new(ErrorKind::Exists, options.output.display())
             .found("an existing dataset")
             .expected("a folder without a dataset")
-            .remedy(format_args!("set {} to continue it, or choose another folder", Setting("resume"))));
+            .remedy(format_args!(
+                "set {} to continue this dataset, or choose another folder",
+                Setting("resume")
+            )));
     }
     let mut entries = planned_entries(options)?;
     if begun {

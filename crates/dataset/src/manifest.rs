@@ -149,7 +149,7 @@ impl Manifest {
             return Err(Error::new(ErrorKind::Config, path.display())
                 .found(format_args!("version {version} of the manifest format"))
                 .expected(FORMAT_VERSION)
-                .remedy("use the version of spikelane that wrote the dataset, or generate it again into a new folder"));
+                .remedy("use the version of spikelane that wrote the dataset, or generate the dataset again in a new folder"));
         }
         let mut entries = Vec::new();
         while let Some(line) = lines.next_line()? {

@@ -148,14 +148,14 @@ fn corrupt_error(error: Error) -> Error {
     Error::new(ErrorKind::Corrupt, parts.subject)
         .found(parts.found)
         .expected(parts.expected)
-        .remedy(format_args!("set {} to generate it again", Setting("resume")))
+        .remedy(format_args!("set {} to generate the sequence again", Setting("resume")))
 }
 
 fn digest_error(path: &Path, found: &str, expected: &str) -> Error {
     Error::new(ErrorKind::Corrupt, path.display())
         .found(found)
         .expected(expected)
-        .remedy(format_args!("set {} to generate it again", Setting("resume")))
+        .remedy(format_args!("set {} to generate the sequence again", Setting("resume")))
 }
 
 fn recorded_file(folder: &Path, path: InnerPath) -> Result<RecordedFile> {

@@ -25,7 +25,7 @@ impl<R: Read + Seek> Archive<R> {
             Error::new(ErrorKind::Input, name)
                 .found(e)
                 .expected("an archive written by numpy.savez or numpy.savez_compressed")
-                .remedy("save it again; the file may be truncated")
+                .remedy("save the archive again; the file may be truncated")
         })?;
         Ok(Self { zip, name: name.to_owned() })
     }

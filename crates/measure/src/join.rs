@@ -36,7 +36,7 @@ impl Statistics {
         if part.frames.is_some() && self.frames.is_some() {
             return Err(Error::new(ErrorKind::Usage, "statistics to join")
                 .found("two parts with statistics of whole readouts")
-                .expected("one"));
+                .expected("one such part"));
         }
         self.frames = self.frames.take().or(part.frames);
         if part.counts.is_none() && part.intervals.is_none() {

@@ -120,7 +120,7 @@ fn interval_statistics(intervals: &Intervals) -> Vec<Statistic> {
         ),
         statistic(
             "off-lattice",
-            "share of intervals that are not the whole numbers around the mean",
+            "share of intervals other than the two whole numbers around the mean",
             intervals.off_lattice_share(None),
         ),
         statistic("short-intervals", "share of intervals below 0.6 of the mean", short),
@@ -135,11 +135,9 @@ fn frame_statistics(frames: &FrameStatistics) -> Vec<Statistic> {
         statistic("row-covariance", "covariance of the halves of a row", frames.row_covariance()),
         statistic("column-covariance", "covariance of the halves of a column", frames.column_covariance()),
     ];
-    all.extend(
-        frames
-            .start_transient(START_READOUTS)
-            .map(|e| statistic("start-transient", "first 64 readouts relative to the rest, minus 1", e)),
-    );
+    all.extend(frames.start_transient(START_READOUTS).map(|e| {
+        statistic("start-transient", "mean of the first 64 readouts relative to the rest, minus 1", e)
+    }));
     all
 }
 

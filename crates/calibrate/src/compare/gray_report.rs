@@ -16,11 +16,11 @@ impl GrayComparison {
         let mut parts = Vec::new();
         if let Some(camera) = &self.simulated_camera {
             parts.push(PageElement::text(format!(
-                "These recordings are simulated: \"measured\" refers to the camera \u{201c}{camera}\u{201d}, and distances are relative to it."
+                "These recordings are simulated: \"measured\" refers to the camera \u{201c}{camera}\u{201d}, and distances are relative to this camera."
             )));
         }
         parts.push(PageElement::text(
-            "Light is stated in the set, as a fraction of the light that gives one spike per readout. Response: root mean square difference of the mean rates over the levels, in spikes per readout. Intervals: half the sum of the absolute differences of the shares of all lengths, from 0 (equal) to 1 (disjoint), without a unit.",
+            "The light of each level is a fraction of the light that gives one spike per readout. Response: root mean square difference of the mean rates over the levels, in spikes per readout. Intervals: half the sum of the absolute differences of the shares of all lengths, from 0 (equal) to 1 (disjoint), without a unit.",
         ));
         parts.push(PageElement::Table(self.distance_table()));
         parts.push(PageElement::figure(
@@ -30,7 +30,7 @@ impl GrayComparison {
                 &self.response_curves(|m, _| m),
                 None,
             )?,
-            "Response over the light.",
+            "Mean rate as a function of the light.",
         ));
         parts.push(PageElement::figure(
             marked_line_plot(

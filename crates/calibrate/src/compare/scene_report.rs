@@ -18,19 +18,19 @@ impl SceneComparison {
             )),
             PageElement::Table(self.statistics_table()),
             PageElement::text(
-                "D(n) is the variance of the time between a spike and the n-th spike after it, in readouts squared. Outliers are intervals that differ from the two whole numbers around the mean of their pixel.",
+                "D(n) is the variance of the time between a spike and the n-th later spike of the same pixel, in readouts squared. Outliers are intervals whose length is neither of the two whole numbers around the mean interval of the pixel.",
             ),
             PageElement::heading("Distances"),
             PageElement::Table(self.distance_table()),
             PageElement::text(format!(
-                "Models are ranked by the sum of |ln(model / measured)| over D(1), D(8) and the outliers; the standard errors of the recording contribute {:.3}. The sum over D(16), D(24) and D(32) does not affect the rank: it includes slow noise, which the models lack, and a model with too much fast noise can match it.",
+                "Models are ranked by the sum of |ln(model / measured)| over D(1), D(8) and the outliers; the standard errors of the recording contribute {:.3}. The sum over D(16), D(24) and D(32) does not affect the rank. This sum includes slow noise, which the models lack, and a model with too much fast noise can have the same sum.",
                 self.noise_floor_distance
             )),
             PageElement::text(self.verdict()),
             PageElement::heading("Row bands"),
             PageElement::Table(self.row_band_table()),
             PageElement::text(
-                "Share of outliers, with the distance in brackets, in row bands with one eighth of the compared pixels each. The error of a lead is the delete-one jackknife error over the bands. It includes correlations within rows, which the errors of the single statistics above do not.",
+                "Share of outliers, with the distance in brackets, in row bands with one eighth of the compared pixels each. The error of a difference between two models is the delete-one jackknife error over the bands. This error includes correlations within rows. The errors of the single statistics above do not include such correlations.",
             ),
             self.lag_variance_figure()?,
             PageElement::figure(
@@ -58,14 +58,8 @@ impl SceneComparison {
     }
 
     fn distance_table(&self) -> Table {
-        let mut table = Table::new(&[
-            "camera, |ln(model / measured)| of",
-            "D(1)",
-            "D(8)",
-            "outliers",
-            "sum",
-            "beyond lag 8",
-        ]);
+        let mut table =
+            Table::new(&["|ln(model / measured)| of", "D(1)", "D(8)", "outliers", "sum", "beyond lag 8"]);
         for row in &self.models {
             let cells = row
                 .distance_terms
@@ -84,7 +78,7 @@ impl SceneComparison {
         let nearest_count = |name: &str| self.row_bands.iter().filter(|a| a.nearest_model == name).count();
         let lead = |m: &SceneStatistics| {
             format!(
-                "{} (behind by {:.2} \u{b1} {:.2}, nearest in {})",
+                "{} (distance larger by {:.2} \u{b1} {:.2}, nearest in {} row bands)",
                 m.name,
                 m.excess_distance,
                 m.excess_distance_error,
@@ -94,10 +88,12 @@ impl SceneComparison {
         let near: Vec<String> = others.iter().filter(|m| m.is_tied_with_nearest()).map(lead).collect();
         let (name, bands, all) = (&nearest.name, nearest_count(&nearest.name), self.row_bands.len());
         let tells = match near[..] {
-            [] => "the recording separates it from all others".to_owned(),
-            _ => format!("the recording does not separate it from {}", near.join(", ")),
+            [] => format!("the recording distinguishes {name} from all other models"),
+            _ => format!("the recording does not distinguish {name} from {}", near.join(", ")),
         };
-        format!("{name} is nearest overall, and in {bands} of {all} row bands; {tells}.")
+        format!(
+            "{name} has the smallest overall distance, and the smallest distance in {bands} of {all} row bands; {tells}."
+        )
     }
 
     fn row_band_table(&self) -> Table {

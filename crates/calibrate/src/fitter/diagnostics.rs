@@ -89,7 +89,7 @@ impl Fitter<'_> {
     pub(super) fn note_levels(&mut self) {
         for (k, level) in self.observed.levels.iter().enumerate().filter(|(k, _)| self.is_outlier[*k]) {
             self.notes.push(format!(
-                "The light of {} deviates: {:.5} stated, {:.5} estimated in proportion to the other levels. It does not contribute to the scale.",
+                "The light of {} deviates: {:.5} stated, {:.5} estimated in proportion to the other levels. This level does not contribute to the scale.",
                 level.name,
                 level.light,
                 level.light + self.level_offsets[k].value
@@ -98,7 +98,7 @@ impl Fitter<'_> {
         if self.alignment.as_ref().is_some_and(|a| !a.is_outlier_identifiable) {
             let usable = self.is_saturated.iter().filter(|s| !**s).count();
             self.notes.push(format!(
-                "{usable} levels cannot show whether a single level is wrong: this requires three lit levels and a dark recording, or four lit levels. The errors include the stated uncertainty of the light."
+                "{usable} levels cannot show whether a single level is wrong: such a test requires three lit levels and a dark recording, or four lit levels. The errors include the stated uncertainty of the light."
             ));
         }
         if self.alignment.as_ref().is_some_and(|a| a.is_ambiguous) {
@@ -110,7 +110,7 @@ impl Fitter<'_> {
             self.observed.levels.iter().filter_map(|l| Some((l, l.rate_change?))).filter(|(l, _)| l.drifts())
         {
             self.notes.push(format!(
-                "{} of {} drifts: by {:+.2} % +- {:.2} % from the first half to the second. The estimate is its mean. Its intervals do not contribute to the estimates of noise and electrons.",
+                "{} of {} drifts: by {:+.2} % +- {:.2} % from the first half to the second. The estimate is the mean over this recording. Intervals of this recording do not contribute to the estimates of noise and electrons.",
                 if level.light == 0.0 { "The dark current" } else { "The light" },
                 level.name,
                 100.0 * change.value,
@@ -119,7 +119,7 @@ impl Fitter<'_> {
         }
         if self.chi2_scale > CHI2_WARNING_RATIO {
             self.notes.push(format!(
-                "The pixel responses are not linear: the typical chi-square is {:.1} times the expected value, and the errors are multiplied by its root. A possible cause is a nonlinear response that differs between pixels.",
+                "The pixel responses are not linear: the typical chi-square is {:.1} times the expected value, and the errors are multiplied by the square root of this factor. A possible cause is a nonlinear response that differs between pixels.",
                 self.chi2_scale
             ));
         }
@@ -149,7 +149,7 @@ impl Fitter<'_> {
 
     pub(super) fn note_nonlinearity(&mut self, bend: Estimate) {
         self.notes.push(format!(
-            "The estimated levels deviate from the stated ones by {:+.1} % +- {:.1} % from dark to full light. Either all pixels have the same nonlinear response, or the stated light has this error; the recordings cannot decide. The camera file is linear, and the errors include this deviation.",
+            "The estimated levels deviate from the stated levels by {:+.1} % +- {:.1} % from dark to full light. Either all pixels have the same nonlinear response, or the stated light has this error; the recordings cannot decide. The camera file is linear, and the errors include this deviation.",
             100.0 * bend.value,
             100.0 * bend.error
         ));

@@ -213,7 +213,7 @@ impl Fitter<'_> {
         self.electrons.error = self.electrons.error.hypot(self.electrons.value * scale);
         if self.electrons.error.is_nan() {
             self.notes.push(format!(
-                "The intervals cannot separate electrons from threshold noise. The fit assumes {:.0} electrons per spike, as in the nominal circuit; threshold noise and the standard errors of a and d depend on this assumption.",
+                "The intervals cannot separate electrons from threshold noise. The fit assumes {:.0} electrons per spike, as in the nominal circuit. Threshold noise and the standard errors of a and d depend on this assumption.",
                 self.electrons.value
             ));
         }

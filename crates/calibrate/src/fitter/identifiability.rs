@@ -25,7 +25,7 @@ pub(super) fn note_identifiability(
         ));
     } else {
         say(format!(
-            "The spread of thresholds is not detectable: it is below {:.2} % with 95 % confidence.",
+            "The spread of thresholds is not detectable: the spread is below {:.2} % with 95 % confidence.",
             100.0 * (phi.value + 2.0 * phi.error)
         ));
     }
@@ -34,7 +34,7 @@ pub(super) fn note_identifiability(
         "The scale of a depends on the stated light ({light} lit levels): an error common to all levels is not detectable, and errors of single levels average out."
     ));
     if observed.levels.iter().filter(|l| l.median_rate() <= SATURATION_RATE).count() == 2 {
-        say("Two levels below saturation always fit a line. The recordings cannot show whether rates are proportional to the light, whether a level is wrong or which pixels deviate from the model, and chi-square has no degrees of freedom. A third level would show this.".to_owned());
+        say("Two levels below saturation always fit a line. The recordings cannot show whether rates are proportional to the light, whether a level is wrong or which pixels deviate from the model, and chi-square has no degrees of freedom. A third level would answer these questions.".to_owned());
     }
     if observed.levels.iter().all(|l| l.light > 0.0) {
         say("Without a dark recording, d is an extrapolation, and threshold noise is not separated from shot noise.".to_owned());

@@ -89,7 +89,7 @@ impl Fitter<'_> {
             ))
             .expected("levels of which two thirds agree within their stated uncertainty")
             .remedy(format_args!(
-                "measure the light again, correct the levels, or set {} to their uncertainty",
+                "measure the light again, correct the levels, or set {} to the relative uncertainty of the levels",
                 Setting("light_uncertainty")
             ))
     }

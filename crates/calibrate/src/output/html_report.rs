@@ -103,10 +103,10 @@ fn residual_figure(c: &Calibration) -> Result<PageElement> {
     let plot = marked_line_plot(
         "Estimated light minus stated light",
         ("stated light, relative to saturation", "%"),
-        &[Curve { name: "found", points: at(0.0) }],
+        &[Curve { name: "estimated", points: at(0.0) }],
         Some(&band),
     )?;
-    let caption = "Residuals from the line of all levels. The errors include the scale that all levels share, so they may exceed the scatter of the points.";
+    let caption = "Residuals from the line of all levels. The errors include the error of the scale that all levels share, so the errors may exceed the scatter of the points.";
     Ok(PageElement::figure(plot, caption))
 }
 
@@ -120,7 +120,7 @@ fn population_table(c: &Calibration) -> Table {
         ("mean dark rate d (thresholds per readout)", p.mean_d, None),
         ("DSNU: spread of d", p.sd_d, Some(d)),
         ("spread of thresholds", p.sigma_phi, Some(1.0)),
-        ("threshold noise, of the threshold", c.sigma_t, Some(1.0)),
+        ("threshold noise, relative to the threshold", c.sigma_t, Some(1.0)),
         ("electrons per spike", c.electrons_per_spike, None),
     ];
     for (name, e, mean) in rows {
@@ -137,11 +137,11 @@ fn lamp_table(c: &Calibration) -> Table {
         "recording",
         "readouts",
         "stated light",
-        "found",
+        "estimated light",
         "difference",
         "standard error",
         "spikes per readout",
-        "pixels around their lines",
+        "scatter of the pixels around their lines",
         "verdict",
     ]);
     let percent = |x: f64| format!("{:.3} %", 100.0 * x);
@@ -201,27 +201,27 @@ fn snee_comparison(c: &Calibration, paper: &SneeMaps) -> Result<Vec<PageElement>
     let unknown = || ["not identified".to_owned(), String::new()];
     row("alpha / phi = a, identified", |s| s.alpha / s.phi, spread_cells(p.mean_a.value, p.sd_a.value));
     row("I / phi = d, identified", |s| s.dark / s.phi, spread_cells(p.mean_d.value, p.sd_d.value));
-    row("phi, of the nominal threshold", |s| s.phi, spread_cells(1.0, p.sigma_phi.value));
-    row("C_S, of the nominal capacitance", |s| s.c_s, unknown());
-    row("V_S, of the nominal swing", |s| s.v_s, unknown());
-    row("alpha, nominal thresholds", |s| s.alpha, unknown());
-    row("I, nominal thresholds", |s| s.dark, unknown());
+    row("phi, relative to the nominal threshold", |s| s.phi, spread_cells(1.0, p.sigma_phi.value));
+    row("C_S, relative to the nominal capacitance", |s| s.c_s, unknown());
+    row("V_S, relative to the nominal swing", |s| s.v_s, unknown());
+    row("alpha, in nominal thresholds", |s| s.alpha, unknown());
+    row("I, in nominal thresholds", |s| s.dark, unknown());
     let edges = paper.edge_counts();
     let (low, high) = (1.0 - paper.box_half_width, 1.0 + paper.box_half_width);
     let where_to = format!(
-        "Allowed thresholds: {low:.2} to {high:.2} of nominal. Pixels at the lower limit: {}; inside: {}; at the upper limit: {}; not solved: {}.",
+        "Allowed thresholds: {low:.2} to {high:.2} of the nominal threshold. Pixels at the lower limit: {}; between the limits: {}; at the upper limit: {}; without a solution: {}.",
         edges.at_lower_edge, edges.between_edges, edges.at_upper_edge, edges.unsolved
     );
     Ok(vec![
         PageElement::heading("The paper's estimator (SNEE)"),
         PageElement::text(
-            "As a linear program in (phi, alpha, I), the objective, the sum over the levels of |N phi - (alpha mu + I) T|, scales with all three. Without limits its optimum is zero for all three. With limits, the threshold of every pixel with nonzero residuals is at the lower limit. Its value, the absolute alpha and I, and the split of phi into C_S and V_S therefore depend on the limits and are not measurements. Only the ratios alpha / phi and I / phi are measurements.",
+            "As a linear program in (phi, alpha, I), the objective, the sum over the levels of |N phi - (alpha mu + I) T|, scales with all three variables. Without limits, all three variables are zero at the optimum. With limits, the threshold of every pixel with nonzero residuals is at the lower limit. The threshold, the absolute values of alpha and I, and the split of phi into C_S and V_S therefore depend on the limits and are not measurements. Only the ratios alpha / phi and I / phi are measurements.",
         ),
         PageElement::text(where_to),
         PageElement::Table(table),
         histogram_figure(
             "Thresholds of the paper's estimator",
-            "of the nominal threshold",
+            "relative to the nominal threshold",
             &paper.map(|s| s.phi),
         )?,
     ])

@@ -19,7 +19,7 @@ impl Calibration {
         let known =
             format!("the relative error of the mean gain is {:.2} %", 100.0 * gain.error / gain.value);
         match self.cautions().len() {
-            0 => format!("The camera agrees with its recordings; {known}."),
+            0 => format!("The camera agrees with the recordings; {known}."),
             1 => format!("The camera is usable with one caution; {known}."),
             n => format!("The camera is usable with {n} cautions; {known}."),
         }
@@ -31,7 +31,7 @@ impl Calibration {
     pub fn cautions(&self) -> Vec<String> {
         let mut cautions = self.lamp_cautions();
         if self.is_nonlinear {
-            cautions.push("The estimated levels deviate from a line: the camera file is linear, but a measured response may not be.".to_owned());
+            cautions.push("The estimated levels deviate from a line: the camera file is linear, but the response of the measured camera may not be linear.".to_owned());
         }
         if let Some(chi2) = self.reduced_chi2().filter(|x| *x > CHI2_CAUTION_RATIO) {
             cautions.push(format!("The pixel responses are not linear: the typical chi-square per degree of freedom is {chi2:.1}."));
@@ -53,7 +53,7 @@ impl Calibration {
         let (unknown, all) = (self.unfitted_pixels().len(), self.fits.len());
         if unknown as f64 > UNFITTED_CAUTION_SHARE * all as f64 {
             cautions.push(format!(
-                "{unknown} of {all} pixels provide no estimate: the camera file uses the population means for them."
+                "{unknown} of {all} pixels provide no estimate: the camera file has the population means for these pixels."
             ));
         }
         cautions
@@ -74,7 +74,7 @@ impl Calibration {
         add(lamp_files(|l| l.drifts && l.stated_light > 0.0), "drift");
         add(lamp_files(|l| l.is_saturated), "saturate the camera");
         if self.lamps.iter().any(|l| l.drifts && l.stated_light == 0.0) {
-            cautions.push("The dark current drifts within its recording.".to_owned());
+            cautions.push("The dark current drifts within the dark recording.".to_owned());
         }
         cautions
     }

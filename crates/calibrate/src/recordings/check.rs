@@ -85,7 +85,7 @@ pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
     if lit.is_empty() {
         return Err(set_error(set)
             .found(if levels.is_empty() { "no uniform level" } else { "dark recordings only" })
-            .expected("at least two levels, one of them lit")
+            .expected("at least two levels, of which at least one is lit")
             .remedy("add flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation"));
     }
     let usable = |l: &LightLevel| l.median_rate() <= SATURATION_RATE;
@@ -161,7 +161,7 @@ fn check_monotonic(levels: &[LightLevel]) -> Result<()> {
     for pair in medians.windows(2) {
         if pair[1].1 < pair[0].1 {
             return Err(contradiction_error(pair[1].0).found(format_args!(
-                "rate {:.5} at light {}, but {:.5} at {}",
+                "rate {:.5} at light {}, but rate {:.5} at light {}",
                 pair[1].1, pair[1].0.light, pair[0].1, pair[0].0.light
             )));
         }

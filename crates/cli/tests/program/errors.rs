@@ -35,7 +35,7 @@ fn an_empty_stream_is_refused_and_a_cut_one_read_up_to_the_cut() {
     }
     // The file has complete frames, but fewer frames than the sidecar states.
     place.write("good.dat", &place.read("good.dat")[..96 * 19]);
-    assert!(place.run_ok("inspect good.dat").stderr.contains("19 readouts, but its sidecar states 20"));
+    assert!(place.run_ok("inspect good.dat").stderr.contains("19 readouts, but the sidecar states 20"));
     place.run_refused("verify good.dat", 9, &["good.dat", "1824 bytes", "1920 bytes"]);
 }
 

@@ -67,7 +67,7 @@ fn a_manifest_of_an_earlier_format_is_refused() {
         place.run_refused(
             command,
             3,
-            &["manifest.jsonl", "version null", "generate it again into a new folder"],
+            &["manifest.jsonl", "version null", "generate the dataset again in a new folder"],
         );
     }
 }

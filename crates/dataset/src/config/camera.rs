@@ -36,7 +36,7 @@ enum ParsedCamera {
 
 fn camera_error(found: &str) -> Error {
     Error::new(ErrorKind::Config, "camera").found(found).expected(
-        "the name of a preset, a camera file, \"distribution\", a table as in a camera file (`preset` or `file` names the camera that it changes), or a list of these",
+        "the name of a preset, a camera file, \"distribution\", a table as in a camera file (`preset` or `file` names the camera that the table changes), or a list of such values",
     )
 }
 
@@ -153,7 +153,7 @@ fn camera_value(camera: &Camera, maps: &mut Vec<(String, Vec<u8>)>) -> Result<Va
             Some(_) => {
                 return Err(Error::new(ErrorKind::Config, "cameras of the dataset")
                     .found(format_args!("two maps with the name {name}"))
-                    .expected("one")
+                    .expected("one map of each name")
                     .remedy("generate one dataset for each camera"));
             }
             None => maps.push((name, bytes)),

@@ -141,7 +141,7 @@ impl DatasetFile {
             (Some(_), Some(_)) => {
                 return Err(Error::new(ErrorKind::Config, "dataset.toml")
                     .found("[scenes] and [inputs]")
-                    .expected("only one of them"));
+                    .expected("either [scenes] or [inputs]"));
             }
         };
         let (camera, cameras) = camera::read(&self.camera, folder, access)?;

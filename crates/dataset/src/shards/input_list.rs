@@ -145,7 +145,7 @@ pub(super) fn write_list(
         return Err(Error::new(ErrorKind::Input, inputs.folder.display())
             .found("two inputs whose sequences have the same name")
             .expected("paths with different hashes")
-            .remedy("rename one of them"));
+            .remedy("rename one of the inputs"));
     }
     sync::rename(&hidden, &path)?;
     sync::sync_folder(&options.output)?;

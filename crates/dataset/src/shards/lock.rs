@@ -42,7 +42,7 @@ impl Lock {
                     return Err(Error::new(ErrorKind::Busy, path.display())
                         .found(format_args!("a lock of {}", holder_text(path)))
                         .expected("a shard without a running process")
-                        .remedy("wait until the process ends; a process that ended holds no lock"));
+                        .remedy("wait until the process ends; the end of a process releases its lock"));
                 }
                 Err(TryLockError::Error(e)) => return Err(unsupported_error(path, e)),
             }
@@ -51,7 +51,7 @@ impl Lock {
             return Err(Error::new(ErrorKind::Input, path.display())
                 .found("a file with several names (hard links)")
                 .expected("a lock file written by spikelane")
-                .remedy("remove this name; the file keeps its other names"));
+                .remedy("remove this name of the file; the other names remain"));
         }
         file.set_len(0).map_err(io)?;
         writeln!(file, "{} process {}", host_name(), std::process::id()).map_err(io)?;

@@ -197,7 +197,7 @@ impl ShardPlan {
         match &options.content {
             Content::Scenes(drives) if sequences != u64::from(drives.sequences) => {
                 return Err(bad(&format_args!("{sequences} sequences"))
-                    .expected(format_args!("{}, as required by its options", drives.sequences))
+                    .expected(format_args!("{}, as required by the options of the plan", drives.sequences))
                     .remedy("copy the plan again, or plan again"));
             }
             Content::Scenes(_) => {}

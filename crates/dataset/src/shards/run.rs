@@ -360,6 +360,6 @@ impl ShardRun<'_> {
                 "{} bytes, changed at {} ns, as in the plan",
                 fingerprint.bytes, fingerprint.mtime_ns
             ))
-            .remedy("restore the file (cp -p keeps its time), or plan again in another folder"))
+            .remedy("restore the file with its time (cp -p), or plan again in another folder"))
     }
 }

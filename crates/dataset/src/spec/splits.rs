@@ -74,7 +74,7 @@ impl Splits {
             return Err(Error::new(ErrorKind::Usage, "split by lighting")
                 .found("input files")
                 .expected("generated scenes, whose lighting is known")
-                .remedy("omit it; the split of each input is drawn independently"));
+                .remedy("omit this setting; the split of each input is drawn independently"));
         }
         Ok(())
     }

@@ -44,7 +44,7 @@ fn size(width: &str, height: &str, path: &Path) -> Result<Geometry> {
             .found(format_args!("spike_w: {width}, spike_h: {height}"))
             .expected("width and height in pixels")
             .remedy(format_args!(
-                "correct the file, or set {} and {} to ignore it",
+                "correct the file; to ignore the file, set {} and {}",
                 Setting("width"),
                 Setting("height")
             ))

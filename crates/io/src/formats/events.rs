@@ -43,7 +43,7 @@ pub fn write_events(
         return Err(Error::new(ErrorKind::Usage, "readouts")
             .found(readouts.len())
             .expected("at most 2147483647 readouts in a list of events")
-            .remedy(format_args!("select a part of them with {}", Setting("readouts"))));
+            .remedy(format_args!("select a part of the readouts with {}", Setting("readouts"))));
     }
     let mut count = 0;
     for_each_batch(reader, readouts.clone(), crop, |packed| {

@@ -18,14 +18,14 @@ pub(super) struct ForeignFormat {
     is_unambiguous: bool,
 }
 
-const LIGHT_REMEDY: &str = "the file contains images, not spikes; simulate it first";
-const UNPACK_REMEDY: &str = "unpack it first";
+const LIGHT_REMEDY: &str = "the file contains images, not spikes; simulate a stream from the images first";
+const UNPACK_REMEDY: &str = "unpack the archive first";
 const EVENTS_REMEDY: &str = "the file contains events of an event camera; an event reports a change of light, not a readout of a spike camera";
-const HDF5_REMEDY: &str = "convert it with h5py: python3 -c \"import h5py, numpy; \
+const HDF5_REMEDY: &str = "convert the file with h5py: python3 -c \"import h5py, numpy; \
                     numpy.save('out.npy', h5py.File('FILE')['raw_spike'][:])\", then read out.npy";
-const MATLAB_REMEDY: &str = "convert it with SciPy: python3 -c \"import scipy.io, numpy; \
+const MATLAB_REMEDY: &str = "convert the file with SciPy: python3 -c \"import scipy.io, numpy; \
                       numpy.save('out.npy', scipy.io.loadmat('FILE')['NAME'])\" with axes (T, H, W)";
-const TOPIC_REMEDY: &str = "export its topic as a NumPy array first";
+const TOPIC_REMEDY: &str = "export the topic of the spikes as a NumPy array first";
 const GIT_LFS_REMEDY: &str = "run 'git lfs pull' to download the file";
 
 /// A signature: every part is an offset in the file and the bytes at this offset.
@@ -94,11 +94,11 @@ fn detect_text(bytes: &[u8]) -> Option<ForeignFormat> {
     }
     let start = head.trim_ascii_start();
     let (name, remedy) = if start.starts_with(b"<") {
-        ("a page of HTML or XML", "a failed download often leaves such a file; download it again")
+        ("a page of HTML or XML", "a failed download often leaves such a page; download the stream again")
     } else if start.starts_with(b"{") || start.starts_with(b"[") {
-        ("text (JSON)", "select the stream instead of its description")
+        ("text (JSON)", "select the stream file (.dat, .npy or .npz) instead of the JSON file")
     } else {
-        ("text", "select the stream; lists of numbers are read as .npy")
+        ("text", "select a stream file; save lists of numbers as .npy first")
     };
     Some(ForeignFormat { name, remedy, is_unambiguous: false })
 }

@@ -100,14 +100,14 @@ impl LayoutGuesses {
         let number = |found: Option<f64>| found.map_or("not measurable".to_owned(), |c| format!("{c:.2}"));
         let why = if better.byte_edge_ratio.is_some() {
             format!(
-                "adjacent pixels differ {} times as much across byte borders as inside bytes; as {} the factor is {}",
+                "adjacent pixels differ {} times as much across byte borders as inside bytes; read as {}, the factor is {}",
                 number(current.byte_edge_ratio),
                 as_text(better),
                 number(better.byte_edge_ratio)
             )
         } else {
             format!(
-                "adjacent rows do not match (correlation {}); as {} they do ({})",
+                "adjacent rows do not match (correlation {}); read as {}, adjacent rows match (correlation {})",
                 number(current.row_correlation),
                 as_text(better),
                 number(better.row_correlation)

@@ -182,7 +182,7 @@ impl ReaderBuilder<'_> {
             && sidecar_geometry != reader.geometry()
         {
             reader.warn(format!(
-                "the stream is read as {}, but its sidecar {} states {sidecar_geometry}",
+                "the stream is read as {}, but the sidecar {} states {sidecar_geometry}",
                 reader.geometry(),
                 path.display()
             ));
@@ -194,11 +194,11 @@ impl ReaderBuilder<'_> {
             return Err(Error::new(ErrorKind::Input, &self.name)
                 .found(format_args!("{numbered} readouts"))
                 .expected(format_args!("{expected}, as stated in the sidecar"))
-                .remedy("the file does not belong to this sidecar; check both"));
+                .remedy("the stream file does not belong to the sidecar; check both files"));
         }
         if numbered < expected {
             reader.warn(format!(
-                "the stream has {numbered} readouts, but its sidecar states {expected}: the file is truncated"
+                "the stream has {numbered} readouts, but the sidecar states {expected}: the file is truncated"
             ));
         }
         Ok(())
@@ -278,7 +278,10 @@ impl ReaderBuilder<'_> {
         if readouts == 0 || claims < data as u64 {
             return Err(Error::new(ErrorKind::Input, &self.name)
                 .found(format_args!("{data} bytes after the header"))
-                .expected(format_args!("{claims}, at least one frame, for its shape {:?}", array.shape))
+                .expected(format_args!(
+                    "{claims} bytes, at least one frame, for the shape {:?} in the header",
+                    array.shape
+                ))
                 .remedy("the file is truncated or still being written"));
         }
         let trailing = data - readouts as usize * codec.frame_bytes();
@@ -290,7 +293,7 @@ impl ReaderBuilder<'_> {
         reader.set_partial_bytes(0, trailing);
         if claims > data as u64 {
             reader.warn(format!(
-                "the stream has {readouts} whole readouts, but its header states {}: the file is truncated",
+                "the stream has {readouts} whole readouts, but the header states {}: the file is truncated",
                 array.shape[0]
             ));
         }
@@ -345,7 +348,7 @@ impl ReaderBuilder<'_> {
         let (packing, key) = read?;
         let mut reader = self.open_memory(packing, origin.unwrap_or(GeometryOrigin::Header))?;
         if self.options.key.is_none() && !["spk", "seq", "arr_0"].contains(&key.as_str()) {
-            reader.warn(format!("array '{key}', the only one, is read as the stream"));
+            reader.warn(format!("the only array of the archive, '{key}', is read as the stream"));
         }
         Ok(reader)
     }

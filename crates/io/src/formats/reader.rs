@@ -95,13 +95,17 @@ impl StreamReader {
         let missing = Setting("missing_frames");
         let what = match (policy, one) {
             (MissingFrames::Mark, true) => {
-                format!("an empty readout replaces it (set {missing} to drop to omit it)")
+                format!(
+                    "an empty readout replaces the missing readout (to omit the missing readout, set {missing} to drop)"
+                )
             }
             (MissingFrames::Mark, false) => {
-                format!("empty readouts replace them (set {missing} to drop to omit them)")
+                format!(
+                    "empty readouts replace the missing readouts (to omit missing readouts, set {missing} to drop)"
+                )
             }
             (MissingFrames::Drop, _) => {
-                format!("they are omitted (set {missing} to mark to insert empty readouts)")
+                format!("missing readouts are omitted (to insert empty readouts, set {missing} to mark)")
             }
         };
         self.warn(format!(

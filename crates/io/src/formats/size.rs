@@ -75,7 +75,7 @@ fn remedy(data: usize, tried: Option<Codec>) -> String {
         );
     }
     format!(
-        "set {}, {} and {} to those of the file: {}",
+        "set {}, {} and {} to the values of the file: {}",
         Setting("width"),
         Setting("height"),
         Setting("layout"),

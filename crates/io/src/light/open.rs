@@ -162,7 +162,7 @@ fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
         _ => Err(Error::new(ErrorKind::Usage, path.display())
             .found("an unknown type of file")
             .expected(SUPPORTED_INPUTS)
-            .remedy("convert it, or rename it if its extension is wrong")),
+            .remedy("convert the file; if the extension is wrong, rename the file")),
     }
 }
 
@@ -207,7 +207,7 @@ fn array_source(array: ArraySource, options: &InputOptions) -> Result<Box<dyn So
 fn scale_error(name: &dyn std::fmt::Display) -> Error {
     Error::new(ErrorKind::Usage, name)
         .found("a full scale for an input that is not an array")
-        .expected("no full scale: images and video use their largest code")
+        .expected("no full scale: the largest code of images and video is full scale")
         .remedy(format_args!("omit {}", Setting("full_scale")))
 }
 

@@ -43,7 +43,7 @@ pub(super) fn read(path: &Path, frames: usize) -> Result<Vec<u64>> {
             .found(format_args!("{} times", seconds.len()))
             .expected(format_args!("one time for each of the {frames} images"))
             .remedy(format_args!(
-                "correct the file, or remove it and set {} or {}",
+                "correct the file, or remove the file and set {} or {}",
                 Setting("input_fps"),
                 Setting("readouts_per_frame")
             )));
@@ -86,7 +86,7 @@ fn line_error(path: &Path, line: &str) -> Error {
         .found(format_args!("the line `{line}`"))
         .expected("a time in seconds, or a number or name and a time")
         .remedy(format_args!(
-            "correct the file, or remove it and set {} or {}",
+            "correct the file, or remove the file and set {} or {}",
             Setting("input_fps"),
             Setting("readouts_per_frame")
         ))

@@ -185,7 +185,7 @@ pub fn run(
     let description = source.describe();
     if options.timeline == Timeline::first_frame() && options.readouts.is_none() {
         return Err(Error::new(ErrorKind::Usage, &description)
-            .found("one frame without an end")
+            .found("one frame without a duration")
             .expected("a number of readouts")
             .remedy(format_args!("set {}", Setting("readouts"))));
     }
@@ -206,7 +206,9 @@ pub fn run(
         return Err(Error::new(ErrorKind::Input, description)
             .found(format_args!("light for {readouts} readouts"))
             .expected(format_args!("{total}, from the announced number of frames"))
-            .remedy("the input was truncated while it was read"));
+            .remedy(
+                "the input was truncated during reading; run the command again with the complete input",
+            ));
     }
     let simulated = start.elapsed();
     let (mut files, synced) = finish(options, streams)?;

@@ -288,7 +288,9 @@ impl Sidecar {
             Error::new(ErrorKind::Config, path.display())
                 .found(e)
                 .expected("a sidecar written by this version")
-                .remedy("restore it; if an earlier version wrote it, simulate the stream again")
+                .remedy(
+                    "restore the sidecar; if an earlier version wrote the sidecar, simulate the stream again",
+                )
         })
     }
 

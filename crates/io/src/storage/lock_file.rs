@@ -90,7 +90,7 @@ impl LockFile {
         Err(Error::new(ErrorKind::Busy, claimed.display())
             .found("another process that writes this output")
             .expected("only one process per output")
-            .remedy("wait until it ends, or choose another output"))
+            .remedy("wait until this process ends, or choose another output"))
     }
 }
 

@@ -76,7 +76,7 @@ fn unwritable_folder_error(folder: &Path, found: impl std::fmt::Display) -> Erro
     Error::new(ErrorKind::Io, folder.display())
         .found(found)
         .expected("a writable folder")
-        .remedy("allow writing to it, or choose another output folder")
+        .remedy("allow writing to this folder, or choose another output folder")
 }
 
 /// Folders that this process created. When this value is dropped, the empty folders are removed.
@@ -109,7 +109,7 @@ fn make_folder_error(folder: &Path, found: impl std::fmt::Display) -> Error {
     Error::new(ErrorKind::Io, folder.display())
         .found(found)
         .expected("a folder, or a path where a folder can be created")
-        .remedy("choose another output folder, or create this one")
+        .remedy("choose another output folder, or create this folder")
 }
 
 impl Drop for MadeFolders {

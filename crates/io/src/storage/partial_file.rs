@@ -62,7 +62,7 @@ impl PartialFile {
                 Err(e) => {
                     let error = Error::io(path.display(), e);
                     return Err(match error.kind() {
-                        ErrorKind::Io => error.expected("an existing, writable directory"),
+                        ErrorKind::Io => error.expected("an existing, writable folder"),
                         _ => error,
                     });
                 }

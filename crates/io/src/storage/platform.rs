@@ -157,7 +157,7 @@ pub fn open_no_follow(options: &mut OpenOptions, path: &Path) -> Result<File> {
         Error::new(ErrorKind::Input, path.display())
             .found(found)
             .expected("a regular file written by spikelane")
-            .remedy("remove it; the target of a link stays unchanged")
+            .remedy("remove this file; if the file is a link, the target of the link stays unchanged")
     };
     #[cfg(unix)]
     let opened = {

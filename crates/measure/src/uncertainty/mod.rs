@@ -34,7 +34,7 @@ pub use scene_motion::detect_motion;
 pub(crate) use totals::variance_error;
 
 /// Explanation of the errors for the head of a report.
-pub const ERROR_MEANING: &str = "First +-: standard deviation over other recordings of the same sensor, scene and length (<=: upper limit). Second +-: standard deviation over other sensors of this kind, where it differs. A range of two deviations covers about 95 % of the cases.";
+pub const ERROR_MEANING: &str = "First +-: standard deviation between recordings of the same sensor, scene and length (<=: upper limit). Second +-: standard deviation between sensors of this kind, where this deviation differs from the first. A range of two standard deviations around the value covers about 95 % of the cases.";
 
 /// Quantile 0.95 of the normal distribution, for one-sided limits.
 const ONE_SIDED_QUANTILE_95: f64 = 1.645;

@@ -23,7 +23,7 @@ impl RealismComparison {
         let decided = if best.is_conclusive() {
             String::new()
         } else {
-            " There is not enough data for a decision: the interval extends more than 0.07 to either side."
+            " The data is insufficient for a decision: the 95 % interval extends more than 0.07 to either side."
                 .to_owned()
         };
         let feature_text = best.features.first().map_or(String::new(), |t| {
@@ -33,7 +33,7 @@ impl RealismComparison {
             )
         });
         format!(
-            "{} is the most realistic camera: {} against {} between two of its own recordings, {over:+.2}.{feature_text}{decided}",
+            "{} is the most realistic camera: its distinguishability is {}. The noise floor, between two recordings of this camera, is {} (difference {over:+.2}).{feature_text}{decided}",
             best.name,
             best.auc.text(),
             best.self_auc.text()
@@ -48,18 +48,18 @@ impl RealismComparison {
         let mut parts = vec![
             PageElement::text(self.verdict()),
             PageElement::text(format!(
-                "{} windows of {side}x{side} pixels and {} readouts at {} places of the recording, mean rate {:.4} spikes per readout. {:.1} % of the pixels are excluded, because they are near motion or rarely fire. Every camera receives the light that gives each pixel its measured rate{drifting}. The cameras have no fixed pattern.",
+                "{} windows of {side}x{side} pixels and {} readouts at {} places of the recording, mean rate {:.4} spikes per readout. {:.1} % of the pixels are excluded, because these pixels are near motion or rarely fire. Every camera receives the light that gives each pixel its measured rate{drifting}. The cameras have no fixed pattern.",
                 self.windows,
                 self.window.readouts,
                 self.places,
                 self.mean_rate,
                 100.0 * self.excluded_share,
                 side = self.window.side,
-                drifting = if self.drifting_light { ", drifting like the light around it" } else { "" },
+                drifting = if self.drifting_light { ", with the drift of the neighboring light" } else { "" },
             )),
             PageElement::Table(self.camera_table()),
             PageElement::text(
-                "Distinguishability: probability that a real window scores above a simulated one, by a logistic regression trained at other places, with a 95 % interval over places. At 0.5 the camera cannot be distinguished from the real one. Noise floor: the same value between recordings of one simulated camera.",
+                "Distinguishability: probability that a real window scores above a simulated one, by a logistic regression trained at other places, with a 95 % interval over places. At 0.5, the windows of the simulated camera cannot be distinguished from real windows. Noise floor: the distinguishability between recordings of one simulated camera.",
             ),
         ];
         let still = heat_map(&self.rates, self.width, "spikes per readout")?;
@@ -71,7 +71,7 @@ impl RealismComparison {
             parts.push(PageElement::Table(feature_table(row)));
             parts.push(PageElement::figure(
                 ratio_plot(row)?,
-                "Statistics of simulated windows, divided by those of real windows.",
+                "Statistics of simulated windows, divided by the statistics of real windows.",
             ));
             parts.push(PageElement::Table(subset_table(row)));
         }
@@ -100,7 +100,13 @@ impl RealismComparison {
     }
 
     fn camera_table(&self) -> Table {
-        let mut table = Table::new(&["camera", "told", "floor", "decided", "most revealing statistic"]);
+        let mut table = Table::new(&[
+            "camera",
+            "distinguishability",
+            "noise floor",
+            "decided",
+            "most revealing statistic",
+        ]);
         for row in &self.cameras {
             let feature_text =
                 row.features.first().map_or(String::new(), |t| format!("{} ({:.2})", t.name, t.auc));
@@ -118,8 +124,12 @@ impl RealismComparison {
 }
 
 fn feature_table(row: &RealismRow) -> Table {
-    let mut table =
-        Table::new(&["value of a window", "real", "simulated", "score with this statistic alone"]);
+    let mut table = Table::new(&[
+        "statistic of a window",
+        "real",
+        "simulated",
+        "distinguishability with this statistic alone",
+    ]);
     for t in row.features.iter().take(MAX_LISTED_FEATURES) {
         table.push_row([
             t.name.clone(),
@@ -132,7 +142,12 @@ fn feature_table(row: &RealismRow) -> Table {
 }
 
 fn subset_table(row: &RealismRow) -> Table {
-    let mut table = Table::new(&["part", "windows", "told", "most revealing statistic there"]);
+    let mut table = Table::new(&[
+        "part of the windows",
+        "windows",
+        "distinguishability",
+        "most revealing statistic of this part",
+    ]);
     for part in &row.subsets {
         let auc_text = part.auc.map_or("too few places".to_owned(), Auc::text);
         let feature_text =

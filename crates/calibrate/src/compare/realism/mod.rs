@@ -245,7 +245,7 @@ pub fn compare_realism(
 fn too_few_places_error(recording: &StreamReader, window: WindowSize, places: usize) -> Error {
     Error::new(ErrorKind::Input, recording.name())
         .found(format_args!(
-            "{places} places of {0}x{0} static pixels that fire in {1} readouts",
+            "{places} places of {0}x{0} static pixels that fire within {1} readouts",
             window.side, window.readouts
         ))
         .expected(format_args!("at least {MIN_PLACES}"))

@@ -77,7 +77,7 @@ pub(crate) fn pack(
         return Err(Error::new(ErrorKind::Input, name)
             .found(format_args!("an array {:?}", array.shape))
             .expected("at most 1 GiB of packed frames, because the whole array must fit in memory")
-            .remedy("save it as .npy, numpy.ascontiguousarray(a, numpy.uint8) with axes (T, H, W), which is read frame by frame"));
+            .remedy("save the array as .npy, which is read frame by frame: numpy.ascontiguousarray(a, numpy.uint8) with axes (T, H, W)"));
     }
     let mut packed = inputs::zeroed_vec(name, size * readouts as usize)?;
     let mut bits = BitPacker { size, spike_value: 0.0 };
@@ -140,7 +140,7 @@ fn incomplete_array_error(name: &str, error: &std::io::Error) -> Error {
     Error::new(ErrorKind::Input, name)
         .found(error)
         .expected("all elements of the array")
-        .remedy("save it again; the file is truncated")
+        .remedy("the file is truncated; save the array again")
 }
 
 fn not_binary_error(name: &str, value: f64, readout: usize, (row, col): (usize, usize)) -> Error {

@@ -67,7 +67,7 @@ fn packed_bits_content(
             .found(format_args!("elements of type {}{order}", array.element))
             .expected(format_args!("u8 in C order for layout {layout}"))
             .remedy(format_args!(
-                "omit {}, or set it to npy-bytes if each element is a pixel",
+                "omit {0}, or set {0} to npy-bytes if each element is a pixel",
                 Setting("layout")
             )));
     }

@@ -146,7 +146,9 @@ fn missing_frame_error(frame: usize) -> Error {
     Error::new(ErrorKind::Input, format_args!("frame {frame}"))
         .found("no tags (line 500, channel 0) and (500, 3) at the ends")
         .expected("a whole frame of layout rows1024")
-        .remedy("the recording lost bytes before this frame; read only the frames before it")
+        .remedy(format_args!(
+            "the recording lost bytes before frame {frame}; read only the readouts before this frame"
+        ))
 }
 
 impl Layout {

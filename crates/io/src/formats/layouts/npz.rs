@@ -72,7 +72,7 @@ fn find_key(name: &str, arrays: &[String], wanted: Option<&str>) -> Result<Strin
         return Err(Error::new(ErrorKind::Input, name)
             .found("a zip archive without NumPy arrays")
             .expected("an .npz file written by numpy.savez")
-            .remedy("unpack it; save the array of a PyTorch file with numpy.save"));
+            .remedy("unpack the archive; save the array of a PyTorch file with numpy.save"));
     }
     let has = |key: &str| arrays.iter().any(|a| a == key);
     let chosen_key = match (wanted, arrays) {
@@ -106,7 +106,7 @@ fn find_readout_axis(
             _ => Err(ambiguous_axes_error(
                 subject,
                 array.shape,
-                format_args!("set {} to npy-bytes for the first", Setting("layout")),
+                format_args!("set {} to npy-bytes if the first axis is the time", Setting("layout")),
             )),
         },
         None if key == "spk" => Ok(ReadoutAxis::First),
@@ -146,7 +146,7 @@ fn read_length(name: &str, archive: &mut Archive<impl Read + Seek>) -> Result<u6
         [n] if (1.0..=1e12).contains(&n) && n.fract() == 0.0 => Ok(n as u64),
         _ => Err(Error::new(ErrorKind::Input, subject)
             .found(format_args!("{} values", values.len()))
-            .expected("one number of readouts, as in RSIR")),
+            .expected("a single number: the number of readouts, as in RSIR")),
     }
 }
 

@@ -51,7 +51,7 @@ impl ArraySource {
             return Err(Error::new(ErrorKind::Input, name)
                 .found(format_args!("{len} bytes"))
                 .expected(format_args!("{wanted} bytes, as stated in the header"))
-                .remedy("the file is truncated; save it again"));
+                .remedy("the file is truncated; save the array again"));
         }
         Ok(array)
     }
@@ -138,7 +138,7 @@ impl ArraySource {
                         .found(format_args!("the value {max_value} in frame {frame}"))
                         .expected("light with full scale at 1.0")
                         .remedy(format_args!(
-                            "set {} to 255 if 255 is full scale, or to 1 if the light is that bright",
+                            "set {0} to 255 if 255 is full scale, or set {0} to 1 if the light is this bright",
                             Setting("full_scale")
                         )));
                 }
@@ -347,14 +347,14 @@ fn truncated_error(name: &str, frame: u64, frames: u64) -> Error {
     Error::new(ErrorKind::Input, name)
         .found(format_args!("the end of the file in frame {frame}"))
         .expected(format_args!("{frames} frames, as stated in the header"))
-        .remedy("the file is truncated; save it again")
+        .remedy("the file is truncated; save the array again")
 }
 
 fn damaged_error(name: &str, found: impl std::fmt::Display) -> Error {
     Error::new(ErrorKind::Input, name)
         .found(found)
         .expected("a NumPy array file")
-        .remedy("save it again with np.save")
+        .remedy("save the array again with np.save")
 }
 
 fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
@@ -366,7 +366,9 @@ fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
             return Err(Error::new(ErrorKind::Input, name)
                 .found(format_args!("shape {shape:?}"))
                 .expected("(frames, height, width) or (height, width)")
-                .remedy("reshape the array, or average its color channels, and save it again"));
+                .remedy(
+                    "reshape the array, or average the color channels of the array, and save the result",
+                ));
         }
     };
     if frames == 0 {

@@ -206,7 +206,7 @@ fn decode_error(path: &Path, error: ImageError) -> Error {
         other => Error::new(ErrorKind::Input, path.display())
             .found(other)
             .expected("a complete PNG, JPEG, TIFF, EXR, BMP, PNM or WEBP image")
-            .remedy("open it in a viewer to check whether it is damaged"),
+            .remedy("open the image in a viewer to check whether the file is damaged"),
     }
 }
 

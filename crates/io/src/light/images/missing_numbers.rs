@@ -34,7 +34,7 @@ pub(in crate::light) fn missing_numbers_note(files: &[PathBuf]) -> Option<String
     }
     let (number, is) = if count == 1 { ("number", "is") } else { ("numbers", "are") };
     Some(format!(
-        "{number} {} {is} missing ({count} of {} images): the next image follows directly, so the time after each gap is one frame short per missing image",
+        "{number} {} {is} missing ({count} of {} images): each gap is skipped, so every later image is one frame too early per missing image",
         listed.join(", "),
         files.len() as u64 + count
     ))

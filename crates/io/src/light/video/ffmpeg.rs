@@ -78,7 +78,7 @@ impl FfmpegProcess {
         Err(Error::new(ErrorKind::Tool, self.path.display())
             .found(format_args!("ffmpeg ended with {status}: {}", lines.join(" | ")))
             .expected("a video that ffmpeg can decode")
-            .remedy("try to play it with ffplay"))
+            .remedy("check whether ffplay plays the video"))
     }
 }
 

@@ -89,9 +89,9 @@ impl VideoProbe {
         let stderr = String::from_utf8_lossy(&ran.stderr);
         if !ran.status.success() {
             let remedy = if stderr.contains("not on whitelist") {
-                "use the video itself; playlists and other files that refer to files are not read"
+                "pass the video itself; playlists and other files that refer to other files are not read"
             } else {
-                "check whether ffplay plays it"
+                "check whether ffplay plays the video"
             };
             return Err(Error::new(ErrorKind::Tool, name)
                 .found(format_args!("ffprobe ended with {}: {}", ran.status, stderr.trim()))
@@ -130,7 +130,7 @@ impl VideoProbe {
                 return Err(Error::new(ErrorKind::Input, "video")
                     .found(format_args!("colors by the matrix {other}"))
                     .expected("bt601 (smpte170m, bt470bg), bt709, bt2020nc, smpte240m or fcc")
-                    .remedy("convert it to RGB first, with a program that supports this matrix"));
+                    .remedy("convert the video to RGB first, with a program that supports this matrix"));
             }
         };
         Ok(Self { times: None, pixel_format: pixels, is_full_range: full, matrix, frames: None })
@@ -200,7 +200,7 @@ pub(super) fn missing_program_error(program: &str, error: std::io::Error) -> Err
         return Error::new(ErrorKind::Tool, program)
             .found("no such program")
             .expected("ffmpeg, which decodes video")
-            .remedy("install it (apt install ffmpeg, brew install ffmpeg), or use a .y4m file or a folder of images");
+            .remedy("install ffmpeg (apt install ffmpeg, brew install ffmpeg), or use a .y4m file or a folder of images");
     }
     Error::new(ErrorKind::Tool, program).found(error).expected("ffmpeg, which decodes video")
 }

@@ -271,7 +271,7 @@ fn truncated_error(name: &str, frame: u64) -> Error {
     Error::new(ErrorKind::Input, name)
         .found(format_args!("the end of the file in frame {frame}"))
         .expected("complete frames")
-        .remedy("the video is truncated; create it again")
+        .remedy("the video is truncated; create the video again")
 }
 
 fn damaged_error(name: &str, error: &::y4m::Error) -> Error {
@@ -284,7 +284,7 @@ fn damaged_error(name: &str, error: &::y4m::Error) -> Error {
     Error::new(ErrorKind::Input, name)
         .found(found)
         .expected("YUV4MPEG2 in mono, 420, 422 or 444 of 8, 9, 10, 12, 14 or 16 bits")
-        .remedy("convert it with ffmpeg -pix_fmt yuv444p -f yuv4mpegpipe")
+        .remedy("convert the video with ffmpeg -pix_fmt yuv444p -f yuv4mpegpipe")
 }
 
 /// Checks the properties of a header that the decoder does not check. The size must be valid, and the video must be
@@ -306,9 +306,8 @@ fn check_header(header: &[u8], name: &str) -> Result<()> {
             b"W" => sides[0] = text.parse().map_err(|_| bad("an invalid width"))?,
             b"H" => sides[1] = text.parse().map_err(|_| bad("an invalid height"))?,
             b"I" if matches!(text, "t" | "b" | "m") => {
-                return Err(
-                    bad("interlaced video").remedy("deinterlace it, for example with ffmpeg -vf yadif")
-                );
+                return Err(bad("interlaced video")
+                    .remedy("deinterlace the video, for example with ffmpeg -vf yadif"));
             }
             _ => {}
         }
@@ -370,7 +369,7 @@ impl<R: Read> Y4mReader<R> {
                 return Err(Error::new(ErrorKind::Input, &self.name)
                     .found(format_args!("other data at byte {at}"))
                     .expected(format_args!("the word FRAME before frame {frames}"))
-                    .remedy("the video is damaged; create it again"));
+                    .remedy("the video is damaged; create the video again"));
             }
             at += head as u64 + bytes;
             if at > length {

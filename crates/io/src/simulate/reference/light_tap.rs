@@ -49,7 +49,7 @@ pub fn light_at(source: &mut dyn Source, timeline: Timeline, readout: u64) -> Re
     let description = source.describe();
     let ended = || {
         Error::new(ErrorKind::Input, &description)
-            .found("the end of the light")
+            .found("the end of the input")
             .expected(format_args!("light for readout {readout}, counted from 0"))
     };
     let first = next_frame(source)?.ok_or_else(ended)?;
