@@ -8,12 +8,13 @@ use super::sensors::{calibrate, compare, diagnose, measure, record};
 use super::speed;
 use super::streams::{convert, evaluate, inspect, partials, reconstruct, verify};
 
-/// Simulate spike cameras: light in, bit-packed spike streams out
+/// Simulate spike cameras: convert light to bit-packed spike streams
 ///
 /// Without a command, spikelane draws a driving scene, simulates it into ./out and prints a summary.
 ///
 /// Exit codes: 0 success, 2 usage, 3 camera or preset, 4 input, 5 system, 6 disk full, 7 output exists, 8 ffmpeg, 9
-/// digest mismatch, 10 locked by another process, 11 out of memory, 75 queue again, 130 interrupted.
+/// digest mismatch, 10 locked by another process, 11 out of memory, 75 stopped (queue the command again), 130
+/// interrupted.
 #[derive(Parser)]
 #[command(name = "spikelane", version, max_term_width = 100)]
 pub(super) struct Cli {
@@ -21,10 +22,12 @@ pub(super) struct Cli {
     pub(super) command: Option<Command>,
     /// Print the result as JSON, one object per line
     ///
-    /// Text for people then goes to standard error.
+    /// With --json, messages for people are printed to standard error.
     #[arg(long, global = true)]
     pub(super) json: bool,
-    /// Also print how the time was spent
+    /// Also print the run time of simulation parts
+    ///
+    /// simulate then prints the time of waiting for light, of the kernels and of writing to the disk.
     #[arg(short, long, global = true)]
     pub(super) verbose: bool,
     /// Record absolute paths in sidecars and reports

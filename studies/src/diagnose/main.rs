@@ -192,7 +192,7 @@ fn run_job(job: &SensorJob, reference: &NullModel, nameable: &SmallestStrengths,
 fn summary(record: &Value) -> String {
     let first = &record["hidden"][0];
     format!(
-        "{:<44} {:>9.2e}  {:<16} exact {} tied {} said {} wrong {} gap {} -> {} floor {:.0} {:.1} s {}",
+        "{:<44} {:>9.2e}  {:<16} exact {} ambiguous {} named {} wrong {} discrepancy {} -> {} noise floor {:.0} {:.1} s {}",
         record["id"].as_str().unwrap_or_default(),
         first["strength"].as_f64().unwrap_or(0.0),
         record["score"]["verdict"].as_str().unwrap_or("error"),

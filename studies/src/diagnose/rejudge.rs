@@ -47,7 +47,7 @@ pub(crate) fn rejudge(list: &str, lines: &str, reference: &NullModel) -> bool {
         same += usize::from(differing.is_empty());
         println!("{id}: {}", if differing.is_empty() { "the same".to_owned() } else { differing.join("; ") });
     }
-    println!("{same} of {all} recorded sensors are judged as they were, in every digit");
+    println!("{same} of {all} recorded sensors have the recorded diagnosis in every digit");
     same == all && all > 0
 }
 
@@ -83,6 +83,6 @@ fn compare_values(place: &str, was: &Value, now: &Value, differences: &mut Vec<S
             });
         }
         _ if was == now => {}
-        _ => differences.push(format!("{place}: {was} was said, {now} is now")),
+        _ => differences.push(format!("{place}: recorded {was}, now {now}")),
     }
 }

@@ -87,7 +87,7 @@ fn clean_table(text: &mut String, all: &[&Value]) {
     let named = all.iter().filter(|r| r["score"]["names"].as_array().is_some_and(|n| !n.is_empty())).count();
     writeln!(
         text,
-        "### Clean sensors\n\n{} ran; {alarms} with an alarm, {named} of them with a name. The upper end of the 95 % interval \
+        "### Clean sensors\n\n{} sensors were diagnosed. {alarms} have an alarm, and {named} have a named effect. The upper end of the 95 % interval \
          (Clopper and Pearson) of the share with an alarm is {:.1} %.\n",
         all.len(),
         100.0 * Share { hits: alarms, total: all.len() }.upper_bound()
@@ -100,8 +100,8 @@ fn clean_table(text: &mut String, all: &[&Value]) {
     let above = gaps.iter().filter(|[_, last, floor, sd]| last - floor > 2.0 * sd).count();
     writeln!(
         text,
-        "Their held-out gap is {mean:.0} in the mean (deviation {:.0}), the floor of the first is {floor:.0} ({sd:.0}); {above} lie more than two \
-         of the floor's deviations above it.\n",
+        "The held-out discrepancy of the clean sensors has the mean {mean:.0} (standard deviation {:.0}). The noise floor of the first sensor is \
+         {floor:.0} ({sd:.0}). {above} sensors lie more than two standard deviations above the noise floor.\n",
         square.sqrt()
     )
     .unwrap();
@@ -118,8 +118,9 @@ fn single_table(text: &mut String, all: &[&Value]) {
     let share = |hits: usize, of: usize| Share { hits, total: of }.percent();
     writeln!(
         text,
-        "### Single effects\n\n{n} ran. Exact name: {exact} ({:.0} %); exact or tied: {tied} ({:.0} %). The 95 % interval of the amplitude holds \
-         the truth in {covered} of {intervals} ({:.0} %). Of {} sets called explained, {} have a held-out excess within the limit.\n",
+        "### Single effects\n\n{n} sensors were diagnosed. Exact name: {exact} ({:.0} %). Exact or ambiguous name: {tied} ({:.0} %). The 95 % interval \
+         of the amplitude contains the true value in {covered} of {intervals} cases ({:.0} %). {} sets have the verdict *explained*, of which {} have a \
+         held-out discrepancy within the limit.\n",
         share(exact, n),
         share(tied, n),
         share(covered, intervals),
@@ -127,7 +128,7 @@ fn single_table(text: &mut String, all: &[&Value]) {
         sum(|r| r.gaps.within_limit)
     )
     .unwrap();
-    text.push_str("| effect | sensors | exact | exact or tied | agrees | interval holds | other names said |\n|---|---|---|---|---|---|---|\n");
+    text.push_str("| effect | sensors | exact | exact or ambiguous | agrees | interval contains the true value | other named effects |\n|---|---|---|---|---|---|---|\n");
     for (name, r) in &rows {
         let said: Vec<String> = r.named_counts.iter().map(|(n, k)| format!("{n} {k}")).collect();
         writeln!(
@@ -156,7 +157,7 @@ fn outside_table(text: &mut String, all: &[&Value]) {
         row[2] += usize::from(named);
         row[3] += usize::from(r["score"]["verdict"] == "agrees");
     }
-    text.push_str("### From outside of the catalog\n\n| effect | sensors | unknown | misnamed | agrees |\n|---|---|---|---|---|\n");
+    text.push_str("### Effects outside the catalog\n\n| effect | sensors | unknown | misnamed | agrees |\n|---|---|---|---|---|\n");
     for (name, r) in rows {
         writeln!(text, "| {name} | {} | {} | {} | {} |", r[0], r[1], r[2], r[3]).unwrap();
     }
@@ -167,15 +168,15 @@ fn outside_table(text: &mut String, all: &[&Value]) {
 /// of them were found.
 fn multiple_table(text: &mut String, title: &str, all: &[&Value]) {
     if all.is_empty() {
-        writeln!(text, "### {title}\n\nNone ran.\n").unwrap();
+        writeln!(text, "### {title}\n\nNo sensor was diagnosed.\n").unwrap();
         return;
     }
     let counts = MultipleEffects::from_records(all);
     let (hidden, found, wrong) = (counts.hidden_count(), counts.found_count(), counts.wrong_count());
     writeln!(
         text,
-        "### {title}\n\n{} sensors ran, with {hidden} effects above their smallest nameable strength; {found} found, exact or tied \
-         ({:.0} %). Of {} names said, {wrong} are wrong (precision {:.0} %).\n",
+        "### {title}\n\n{} sensors were diagnosed, with {hidden} effects above the smallest detectable strength. {found} effects were found, with an exact or \
+         ambiguous name ({:.0} %). Of {} named effects, {wrong} are wrong (precision {:.0} %).\n",
         all.len(),
         Share { hits: found, total: hidden }.percent(),
         found + wrong,
@@ -189,7 +190,8 @@ fn multiple_table(text: &mut String, title: &str, all: &[&Value]) {
     let gaps = DiscrepancyCounts::from_records(all);
     writeln!(
         text,
-        "Missed: {missed}. Said wrongly: {wrong}. Of {} sets called explained, {} have a held-out excess within the limit.\n",
+        "Missed effects: {missed}. Wrongly named effects: {wrong}. {} sets have the verdict *explained*, of which {} have a held-out discrepancy \
+         within the limit.\n",
         gaps.explained, gaps.within_limit
     )
     .unwrap();

@@ -9,7 +9,7 @@ use super::outcomes::discrepancy;
 /// Returns the table of the hidden effects, the diagnosis, and its duration for each sensor.
 pub(crate) fn sensor_table(records: &[Value]) -> String {
     let mut text = String::from(
-        "| hidden | said | verdict | held-out gap before and after (floor) | seconds |\n|---|---|---|--:|--:|\n",
+        "| hidden effects | named effects | verdict | held-out discrepancy before and after (noise floor) | seconds |\n|---|---|---|--:|--:|\n",
     );
     for record in records {
         let [first, last, floor, _] = discrepancy(record).unwrap_or_default();
@@ -24,8 +24,8 @@ pub(crate) fn sensor_table(records: &[Value]) -> String {
         .unwrap();
     }
     text.push_str(
-        "\nStrengths are sizes: effects of either sign are hidden with either. Simulations that all sensors of a protocol share are not in the \
-         seconds.\n",
+        "\nStrengths are absolute values: effects that can have both signs are hidden with either sign. The times exclude simulations that all \
+         sensors of a protocol share.\n",
     );
     text
 }
@@ -49,13 +49,13 @@ fn diagnosis_text(record: &Value) -> String {
     let effect = |e: &Value| {
         let [value, low, high] = ["value", "low", "high"]
             .map(|key| four_digits(e["parameters"][0][key].as_f64().unwrap_or(f64::NAN)));
-        let resembles = if e["is_tentative"] == true { "is_tentative " } else { "" };
+        let resembles = if e["is_tentative"] == true { "resembles " } else { "" };
         let tied = joined(&e["ambiguous_with"], |t| format!("`{}`", t.as_str().unwrap_or("?")));
-        let tied = if tied.is_empty() { tied } else { format!(", tied with {tied}") };
+        let tied = if tied.is_empty() { tied } else { format!(", ambiguous with {tied}") };
         let name = e["name"].as_str().unwrap_or("?");
         format!("{resembles}`{name}` {value} ({low} to {high}){tied}")
     };
-    let misfit = |m: &Value| format!("misfit of `{}`", m["parameter"].as_str().unwrap_or("?"));
+    let misfit = |m: &Value| format!("mismatch of `{}`", m["parameter"].as_str().unwrap_or("?"));
     let all = [
         joined(&record["diagnosis"]["effects"], effect),
         joined(&record["diagnosis"]["parameter_mismatches"], misfit),
@@ -64,7 +64,7 @@ fn diagnosis_text(record: &Value) -> String {
 }
 
 fn or_nothing(words: String) -> String {
-    if words.is_empty() { "nothing".to_owned() } else { words }
+    if words.is_empty() { "none".to_owned() } else { words }
 }
 
 /// Returns a number with four significant digits.

@@ -47,7 +47,7 @@ impl Share {
 impl fmt::Display for Share {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.total == 0 {
-            return f.write_str("none ran");
+            return f.write_str("no sensor");
         }
         write!(
             f,

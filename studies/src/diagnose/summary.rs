@@ -33,24 +33,32 @@ pub(crate) fn summary(text: &mut String, records: &[Value]) {
         DiscrepancyCounts::from_records(&records.iter().filter(|r| r["class"] != "null").collect::<Vec<_>>());
     let mut rows = vec![
         SummaryRow {
-            quantity: "clean sensors with an alarm or a name",
+            quantity: "clean sensors with an alarm or a named effect",
             aim: "at most 1 %",
             share: share(&clean, &|r| !verdict(r, "agrees")),
         },
         SummaryRow {
-            quantity: "single effects, exact or tied",
+            quantity: "single effects with an exact or ambiguous name",
             aim: "95 %",
             share: share(&singles, &|r| r["score"]["named_or_ambiguous"] == 1),
         },
         SummaryRow {
-            quantity: "single effects, exact",
+            quantity: "single effects with an exact name",
             aim: "85 %",
             share: share(&singles, &|r| r["score"]["exact"] == 1),
         },
     ];
     for (class, found, right) in [
-        ("double", "effects of doubles found", "names said of doubles that are right"),
-        ("triple", "effects of triples found", "names said of triples that are right"),
+        (
+            "double",
+            "found effects of sensors with two effects",
+            "correctly named effects of sensors with two effects",
+        ),
+        (
+            "triple",
+            "found effects of sensors with three effects",
+            "correctly named effects of sensors with three effects",
+        ),
     ] {
         let counts = MultipleEffects::from_records(&class_records(class));
         let hits = counts.found_count();
@@ -67,23 +75,29 @@ pub(crate) fn summary(text: &mut String, records: &[Value]) {
     }
     rows.extend([
         SummaryRow {
-            quantity: "from outside, unknown",
+            quantity: "outside the catalog, verdict unknown",
             aim: "90 %",
             share: share(&strangers, &|r| verdict(r, "unknown")),
         },
-        SummaryRow { quantity: "from outside, misnamed", aim: "none", share: share(&strangers, &named) },
         SummaryRow {
-            quantity: "intervals of single effects that hold the truth",
+            quantity: "outside the catalog, misnamed",
+            aim: "none",
+            share: share(&strangers, &named),
+        },
+        SummaryRow {
+            quantity: "intervals of single effects that contain the true value",
             aim: "90 to 99 %",
             share: Share { hits: covered.iter().filter(|h| **h).count(), total: covered.len() },
         },
         SummaryRow {
-            quantity: "sets called explained, held-out excess within its limit",
+            quantity: "sets with the verdict explained and a held-out discrepancy within the limit",
             aim: "all",
             share: Share { hits: gaps.within_limit, total: gaps.explained },
         },
     ]);
-    text.push_str("| what | aim | found, with the 95 % interval of Clopper and Pearson |\n|---|---|---|\n");
+    text.push_str(
+        "| quantity | target | result, with the 95 % interval of Clopper and Pearson |\n|---|---|---|\n",
+    );
     for SummaryRow { quantity: what, aim, share } in rows {
         writeln!(text, "| {what} | {aim} | {share} |").unwrap();
     }
@@ -93,7 +107,7 @@ pub(crate) fn summary(text: &mut String, records: &[Value]) {
 /// Writes the number of sensors and the durations of their diagnoses.
 pub(crate) fn run_time_text(text: &mut String, records: &[Value]) {
     text.push_str(
-        "| sensors | ran | meant | seconds: median | mean | longest | at most 15 |\n|---|--:|--:|--:|--:|--:|--:|\n",
+        "| class of sensors | diagnosed | planned | seconds: median | mean | maximum | sensors with at most 15 s |\n|---|--:|--:|--:|--:|--:|--:|\n",
     );
     for (class, meant) in [("null", 300), ("single", 600), ("double", 150), ("triple", 60), ("outside", 80)] {
         let in_class = records.iter().filter(|r| r["class"] == class);
@@ -110,5 +124,5 @@ pub(crate) fn run_time_text(text: &mut String, records: &[Value]) {
         )
         .unwrap();
     }
-    text.push_str("\nSimulations that all sensors of a protocol share are not in the seconds. The aim is 15 s a sensor.\n\n");
+    text.push_str("\nThe times exclude simulations that all sensors of a protocol share. The target is 15 s per sensor.\n\n");
 }

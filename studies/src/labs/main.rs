@@ -56,7 +56,7 @@ fn arguments() -> Arguments {
     }
     assert!(
         arguments.program.is_file(),
-        "{}: no such program; build it (cargo build --release) or give --program FILE",
+        "{}: no such program; build the program (cargo build --release), or set --program FILE",
         arguments.program.display()
     );
     arguments
@@ -85,11 +85,14 @@ fn assess_laboratory(index: u64, program: &Path) -> (&'static str, AssessmentOut
         assess(&lab)
     };
     if let AssessmentOutcome::Refused(why) = &verdict {
-        println!("laboratory {index}, {}: refused, {why}", lab.fault);
+        println!("laboratory {index}, {}: rejected, {why}", lab.fault);
     }
     for c in verdict.wrong_quantities() {
         let (name, error) = (QUANTITIES[c.quantity], 100.0 * c.relative);
-        println!("laboratory {index}, {}: {name} {:+.1} errors off, error {error:.3} %", lab.fault, c.z);
+        println!(
+            "laboratory {index}, {}: {name} deviates by {:+.1} standard errors, standard error {error:.3} %",
+            lab.fault, c.z
+        );
     }
     (lab.fault, verdict)
 }

@@ -33,9 +33,10 @@ fn quantity_errors(
 
 fn quantities(verdicts: &[AssessedLaboratory]) -> String {
     let mut text = String::from(
-        "The 95 % intervals that contain the true value, with the 95 % interval of that share; the laboratories in which \
-         the value is assumed; medians of the standard error, and of its ratio to the smallest possible error.\n\n\
-         | quantity | contain the true value | assumed | standard error | ratio |\n|---|---|--:|--:|--:|\n",
+        "The columns are the number of 95 % intervals that contain the true value, with the 95 % interval of this share; the number of \
+         laboratories in which the value is assumed; the median of the standard error; and the median ratio of the standard error to the smallest \
+         possible error.\n\n\
+         | quantity | intervals that contain the true value | assumed | standard error | ratio |\n|---|---|--:|--:|--:|\n",
     );
     for (q, name) in QUANTITIES.iter().enumerate() {
         let of = quantity_errors(verdicts, None, q);
@@ -52,8 +53,8 @@ fn faults(verdicts: &[AssessedLaboratory]) -> String {
     // Too few laboratories report the number of electrons.
     let quantities = || QUANTITIES.iter().enumerate().filter(|(_, name)| **name != "electrons");
     let mut text = String::from(
-        "\nBy fault: laboratories with right values; laboratories whose lamps or response `calibrate` names; intervals \
-         that contain the true value.\n\n| fault | right | named |",
+        "\nFor each fault, the columns are the number of laboratories without a wrong value, the number of laboratories in which `calibrate` \
+         names a lamp or the response, and the number of intervals that contain the true value.\n\n| fault | without a wrong value | named |",
     );
     quantities().for_each(|(_, name)| text += &format!(" {name} |"));
     text += &format!("\n|---|--:|--:|{}\n", "--:|".repeat(quantities().count()));

@@ -84,19 +84,19 @@ fn main() {
     println!("All pixels:\n\n{}", variance_table(&real.measure(&shared, &vec![true; used.len()])));
     let count_used = |used: &[bool]| used.iter().filter(|u| **u).count();
     println!(
-        "The {} around which no motion is told:\n\n{}",
+        "The {} pixels without detected motion around them:\n\n{}",
         count_used(&used),
         variance_table(&real.measure(&shared, &used))
     );
     let used = grain_free_mask(&used, reader.geometry());
     let measured = real.measure(&shared, &used);
     println!(
-        "Of these the {} of the sky and of the left border:\n\n{}",
+        "The {} of these pixels in the sky and in the left border:\n\n{}",
         count_used(&used),
         variance_table(&measured)
     );
     println!(
-        "| law | numbers | electrons a threshold | per spike, 1e-5 | per 100 readouts, 1e-5 | ln likelihood |"
+        "| law | parameters | electrons per threshold | per spike, 1e-5 | per 100 readouts, 1e-5 | ln likelihood |"
     );
     println!("|---|--:|---|---|---|--:|");
     for law in &NOISE_LAWS {
@@ -232,7 +232,9 @@ fn simulate_twins(
 }
 
 fn variance_table(measured: &LagVariances) -> String {
-    let mut text = String::from("| rate | places | over 1 interval | over 2 |\n|---|--:|---|---|\n");
+    let mut text = String::from(
+        "| rate | places | variance over 1 interval | variance over 2 intervals |\n|---|--:|---|---|\n",
+    );
     for (c, class) in RATE_CLASS_BOUNDS.windows(2).enumerate().filter(|(c, _)| measured.places[*c] > 4) {
         let cells: Vec<String> =
             (0..LAG_COUNT).map(|n| variance(measured.mean[c][n], measured.error[c][n])).collect();

@@ -15,7 +15,9 @@ fn main() {
     put(page, "simulated", &score::table(&simulated_scenes::rows()));
     let folder = std::env::var_os("SPIKELANE_REAL_DATA");
     let Some(folder) = folder.as_deref().map(std::path::Path::new) else {
-        eprintln!("skipped: the real recordings and the table of detail, since SPIKELANE_REAL_DATA is unset");
+        eprintln!(
+            "skipped: the real recordings and the table of detail, because SPIKELANE_REAL_DATA is not set"
+        );
         return;
     };
     put(page, "real", &score::table(&real_scenes::rows(folder)));

@@ -64,7 +64,7 @@ fn main() {
     let open: Vec<&SensorJob> = jobs.iter().filter(wanted).filter(left).collect();
     let seconds: f64 = open.iter().map(|j| SECONDS_PER_SENSOR[usize::from(j.class != "null")]).sum();
     println!(
-        "{} sensors asked for, {} open: about {:.1} h of processor time",
+        "{} sensors requested, {} not diagnosed yet: about {:.1} h of processor time",
         jobs.len(),
         open.len(),
         seconds / 3600.0
@@ -74,7 +74,7 @@ fn main() {
     for job in open {
         let next = SECONDS_PER_SENSOR[usize::from(job.class != "null")];
         if start.elapsed().as_secs_f64() + next > 60.0 * args.minutes {
-            println!("stopped after {} minutes; the same command goes on", args.minutes);
+            println!("stopped after {} minutes; run the same command again to continue", args.minutes);
             break;
         }
         let begun = Instant::now();
@@ -148,8 +148,8 @@ fn args() -> Args {
 fn write_between_markers(path: &std::path::Path, table: &str) {
     let (begin, end) = ("<!-- program: begin -->\n", "<!-- program: end -->");
     let page = std::fs::read_to_string(path).unwrap_or_else(|_| format!("{begin}{end}\n"));
-    let (before, rest) = page.split_once(begin).expect("a page with the marks of the program's table");
-    let (_, after) = rest.split_once(end).expect("a second mark");
+    let (before, rest) = page.split_once(begin).expect("a page with the markers of the table");
+    let (_, after) = rest.split_once(end).expect("a second marker");
     std::fs::write(path, format!("{before}{begin}{table}{end}{after}")).unwrap();
 }
 

@@ -10,7 +10,7 @@ use super::share::Share;
 fn row(what: &str, aim: &str, share: Share, at_least: Option<f64>, at_most: Option<f64>) -> String {
     let (low, high) = (share.lower_bound(), share.upper_bound());
     let status = match (at_least, at_most) {
-        _ if share.total == 0 => "none ran",
+        _ if share.total == 0 => "no sensor",
         (Some(aim), _) if low >= aim => "reached",
         (Some(aim), _) if high < aim => "missed",
         (_, Some(aim)) if high <= aim => "reached",
@@ -39,7 +39,7 @@ fn has_wrong_name(r: &Value) -> bool {
 
 /// Returns the table of effects that a protocol cannot reveal at any strength, and the number of recording sets for each.
 fn undetectable_table(records: &[Value]) -> String {
-    let mut text = "\nWhat a protocol cannot show, by how many of its sets:\n\n| protocol | sets | names |\n|---|--:|---|\n".to_owned();
+    let mut text = "\nEffects that a protocol cannot reveal, each with the number of its recording sets:\n\n| protocol | sets | undetectable effects |\n|---|--:|---|\n".to_owned();
     let mut protocols: BTreeMap<&str, Vec<&Value>> = BTreeMap::new();
     for r in records.iter().filter(|r| r["diagnosis"]["undetectable"].is_array()) {
         protocols.entry(r["factors"]["protocol"].as_str().unwrap_or_default()).or_default().push(r);
@@ -80,7 +80,7 @@ fn wrong_name_table(records: &[Value]) -> String {
 pub(crate) fn table(records: &[Value]) -> String {
     let class = |class: &str| records.iter().filter(|r| r["class"] == class).count();
     let mut head = format!(
-        "{} sensors were judged: {} clean, {} with one effect, {} with two, {} with what the catalog does not hold.\n\n",
+        "{} sensors were diagnosed: {} clean, {} with one effect, {} with two effects, {} with an effect outside the catalog.\n\n",
         records.len(),
         class("null"),
         class("single"),
@@ -88,11 +88,11 @@ pub(crate) fn table(records: &[Value]) -> String {
         class("outside")
     );
     let in_class = |class: &'static str| records.iter().filter(move |r| r["class"] == class);
-    head += "| what | aim | found, with the 95 % interval of Clopper and Pearson | |\n|---|---|---|---|\n";
+    head += "| quantity | target | result, with the 95 % interval of Clopper and Pearson | status |\n|---|---|---|---|\n";
     let mut text = head;
     let alarm = |r: &Value| r["diagnosis"]["verdict"] != "agrees";
     text += &row(
-        "clean sensors with a wrong plain name",
+        "clean sensors with a wrongly named effect",
         "none of 300",
         share_of(in_class("null"), has_wrong_name),
         None,
@@ -113,24 +113,30 @@ pub(crate) fn table(records: &[Value]) -> String {
         });
         Share { hits: named_count.min(all), total: all }
     });
-    text += &row("single effects, named or tied", "90 %", hidden[0], Some(0.9), None);
-    text += &row("effects of doubles, named or tied", "90 %", hidden[1], Some(0.9), None);
+    text += &row("single effects with an exact or ambiguous name", "90 %", hidden[0], Some(0.9), None);
+    text += &row(
+        "effects of sensors with two effects, with an exact or ambiguous name",
+        "90 %",
+        hidden[1],
+        Some(0.9),
+        None,
+    );
     let effects = || records.iter().filter(|r| r["class"] == "single" || r["class"] == "double");
     text += &row(
-        "sensors with an effect and a wrong plain name",
+        "sensors with an effect and a wrongly named effect",
         "at most 2 %",
         share_of(effects(), has_wrong_name),
         None,
         Some(0.02),
     );
     text += &row(
-        "from outside, misnamed",
+        "outside the catalog, misnamed",
         "none",
         share_of(in_class("outside"), has_wrong_name),
         None,
         Some(0.01),
     );
-    text += "\nClean sensors by factor, with an alarm:\n\n| factor | level | alarm |\n|---|---|---|\n";
+    text += "\nClean sensors with an alarm, by factor:\n\n| factor | level | sensors with an alarm |\n|---|---|---|\n";
     let mut cells: BTreeMap<(String, String), Vec<&Value>> = BTreeMap::new();
     for r in in_class("null") {
         for (factor, level) in r["factors"].as_object().into_iter().flatten() {

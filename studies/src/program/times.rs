@@ -58,11 +58,8 @@ fn time_diagnosis(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: Opti
     let mut look = (f64::NAN, String::new());
     let diagnosis =
         diagnose_with_preliminary(sets[0], Some(sets[1]), options, &mut |_, _| {}, &mut |first| {
-            let summary = if first.is_consistent {
-                "nothing stands out".to_owned()
-            } else {
-                first.likely_effects.join(", ")
-            };
+            let summary =
+                if first.is_consistent { "none".to_owned() } else { first.likely_effects.join(", ") };
             look = (start.elapsed().as_secs_f64(), summary);
         })
         .unwrap();
@@ -109,7 +106,7 @@ fn row(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: &Path) -> Strin
 pub(crate) fn print_table(first: usize) {
     print!("{}", provenance::provenance_line());
     println!(
-        "| set | first look, s | says | end, s | verdict | names | beside the sets above, s | simulations made | again, s | simulations made |"
+        "| set | preliminary result, s | likely effects | diagnosis, s | verdict | named effects | with the cache of the sets above, s | new simulations | repeated, s | new simulations |"
     );
     println!("|---|--:|---|--:|---|---|--:|--:|--:|--:|");
     let cache = tempfile::tempdir().unwrap();
@@ -126,7 +123,7 @@ pub(crate) fn print_table(first: usize) {
         println!("| {what} | {} |", row([&fitted_set, &judging], camera.as_ref(), cache.path()));
     }
     let (files, bytes) = folder_size(cache.path());
-    println!("\nThe cache of all: {files} files, {:.1} MB.", bytes as f64 / 1e6);
+    println!("\nThe cache of all sets has {files} files and {:.1} MB.", bytes as f64 / 1e6);
 }
 
 /// Returns the number of files below a folder and the sum of their sizes in bytes.

@@ -5,9 +5,9 @@ use spikelane_io::light::Rate;
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct CameraArgs {
-    /// Use this preset or camera file
+    /// Use a preset or camera file
     ///
-    /// 'spikelane preset list' lists the presets.
+    /// 'spikelane preset list' lists the presets. 'spikelane preset show' prints a camera file.
     #[arg(long, value_name = "NAME|FILE", default_value = "physical", help_heading = "Camera")]
     pub camera: String,
     #[command(flatten)]
@@ -16,30 +16,32 @@ pub(crate) struct CameraArgs {
 
 #[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct CameraChanges {
-    /// Set size and rate: 400x250-20k, 400x250-40k or 1000x1000-20k
+    /// Set the image size and the readout rate: 400x250-20k, 400x250-40k or 1000x1000-20k
+    ///
+    /// By default, the image size and the readout rate of the camera are used.
     #[arg(hide_short_help = true, long, value_name = "NAME", help_heading = "Camera")]
     pub camera_format: Option<String>,
-    /// Set the width [default: from the camera]
+    /// Set width in pixels [default: from the camera]
     #[arg(long, value_name = "PIXELS", help_heading = "Camera")]
     pub width: Option<u32>,
-    /// Set the height [default: from the camera]
+    /// Set height in pixels [default: from the camera]
     #[arg(long, value_name = "PIXELS", help_heading = "Camera")]
     pub height: Option<u32>,
-    /// Set the readouts per second [default: from the camera]
+    /// Set the readout rate in Hz [default: from the camera]
     #[arg(hide_short_help = true, long, value_name = "HZ", help_heading = "Camera")]
     pub readout_hz: Option<Rate>,
-    /// Set the electrons per readout at full scale [default: from the camera]
+    /// Set the electrons per readout of a pixel in full-scale light [default: from the camera]
     ///
-    /// A camera without an exposure has one nominal threshold.
+    /// If the camera file states no exposure, full-scale light adds one nominal threshold per readout.
     #[arg(hide_short_help = true, long, value_name = "ELECTRONS", help_heading = "Camera")]
     pub exposure: Option<f64>,
     /// Set a parameter of an effect, such as prnu.sigma=0.03 (repeatable)
     ///
-    /// Other parameters keep the values of the camera, or with --disable-effect NAME the neutral ones.
-    /// 'spikelane effects' lists names, keys and units.
+    /// The other parameters of the effect keep the values of the camera. With --disable-effect NAME, the other parameters
+    /// have neutral values. 'spikelane effects' lists the names, keys and units.
     #[arg(hide_short_help = true, long, value_name = "NAME.KEY=VALUE", help_heading = "Camera")]
     pub effect: Vec<String>,
-    /// Disable an effect of the camera (repeatable)
+    /// Disable this effect of the camera, such as leak (repeatable)
     #[arg(hide_short_help = true, long, value_name = "NAME", help_heading = "Camera")]
     pub disable_effect: Vec<String>,
 }

@@ -64,7 +64,7 @@ fn is_folder(output: &Path) -> bool {
 
 fn cannot_write(output: &Path, ending: &str) -> Error {
     Error::new(ErrorKind::Usage, output.display())
-        .found(format_args!("the extension .{ending}, which is not the extension of a writable stream"))
+        .found(format_args!("the extension .{ending}, which no writable stream format has"))
         .expected("a name without an extension such as out/run, a folder such as out/, or a name that ends in .dat or .npy")
 }
 

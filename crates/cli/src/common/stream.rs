@@ -15,25 +15,26 @@ use spikelane_io::formats::{
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct StreamArgs {
-    /// Set the width [default: from the file]
+    /// Set the width in pixels [default: from the file]
     #[arg(long, value_name = "PIXELS", help_heading = "Stream")]
     pub width: Option<u32>,
-    /// Set the height [default: from the file]
+    /// Set the height in pixels [default: from the file]
     #[arg(long, value_name = "PIXELS", help_heading = "Stream")]
     pub height: Option<u32>,
     /// Set the layout [default: from the file, else dat]
     ///
-    /// One of dat, dat-top, rows416, rows1024, npy-bits, npy-bytes, dat-msb, dat-top-msb and npy-bits-msb. By default,
-    /// the sidecar or the header of the file determines it.
+    /// The layout is the order of the bits in the file. The layouts are dat, dat-top, rows416, rows1024, npy-bits,
+    /// npy-bytes, dat-msb, dat-top-msb and npy-bits-msb. By default, the sidecar or the header of the file determines
+    /// the layout.
     #[arg(long, value_name = "LAYOUT", help_heading = "Stream", hide_possible_values = true,
           value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
     pub layout: Option<String>,
-    /// Read this array of an .npz [default: spk, seq, arr_0 or the only one]
+    /// Read this array of an .npz file [default: spk, seq, arr_0 or the only array]
     #[arg(hide_short_help = true, long, value_name = "NAME", help_heading = "Stream")]
     pub key: Option<String>,
-    /// Replace missing readouts of rows1024 by empty ones (mark), or omit them (drop)
+    /// Fill missing readouts of a rows1024 file with empty readouts (mark), or omit missing readouts (drop)
     ///
-    /// mark keeps readout numbers and times correct.
+    /// With mark, the numbers and times of all readouts remain correct.
     #[arg(
         hide_short_help = true,
         long,

@@ -18,7 +18,7 @@ impl ThreadArgs {
         let requested = self.threads.map_or(cpus, usize::from);
         if requested > cpus {
             out.print_message(format_args!(
-                "uses {cpus} threads instead of {requested}, because this machine runs {cpus} at a time"
+                "note: {cpus} threads are used instead of {requested}, because this machine has {cpus} CPUs"
             ));
         }
         requested.min(cpus)

@@ -90,7 +90,7 @@ fn ffmpeg_error(error: std::io::Error) -> Error {
     Error::new(ErrorKind::Tool, "ffmpeg")
         .found(found)
         .expected("ffmpeg, which encodes video")
-        .remedy("install it (apt install ffmpeg, brew install ffmpeg), or write images")
+        .remedy("install ffmpeg (apt install ffmpeg, brew install ffmpeg), or write images")
 }
 
 impl Drop for Ffmpeg {

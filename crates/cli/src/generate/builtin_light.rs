@@ -86,9 +86,9 @@ impl LightArgs {
         ];
         if let Some((flag, _)) = unused.iter().find(|(_, is_set)| *is_set) {
             return Err(Error::new(ErrorKind::Usage, flag)
-                .found("no input to which it applies")
+                .found("no input to which this flag applies")
                 .expected(if scene { "an image or video" } else { "--builtin-light drive" })
-                .remedy("omit it; built-in light is linear and has its own motion"));
+                .remedy("omit this flag; built-in light is linear and has its own motion"));
         }
         Ok(())
     }

@@ -22,10 +22,11 @@ use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::{self as dataset, Content, DatasetEstimate, DatasetOptions, DatasetReport, config};
 use spikelane_io::formats::Layout;
 
-/// Generate a dataset of driving scenes, or from videos and image folders
+/// Generate a dataset from driving scenes, videos or image folders
 ///
 /// Every sequence has its own noise, a noisy and a clean stream, and a record with the digests of all files. You can
-/// interrupt the command at any time: --resume verifies the finished sequences and generates the others.
+/// interrupt the command at any time: --resume verifies the finished
+/// sequences and generates the remaining sequences.
 ///
 /// On several machines, use 'dataset plan', 'dataset run' for each shard, and 'dataset merge'.
 #[derive(clap::Args, Clone, Debug)]
@@ -158,7 +159,7 @@ fn print_report(options: &DatasetOptions, report: &DatasetReport, out: &Console)
     print_copied_files(report.copied_files, out);
     if report.too_fast_scenes > 0 {
         out.print_message(format_args!(
-            "{} of the generated scenes move by more than half a pixel from one readout to the next; every readout of them was drawn separately, which is slow but exact. To avoid this, set --readout-hz to at least {}, use a smaller image or reduce --speed-kmh",
+            "{} generated scenes move by more than half a pixel from one readout to the next. Every readout of these scenes was rendered separately, which is exact but slow. For faster scenes, set --readout-hz to at least {}, use a smaller image or reduce --speed-kmh",
             report.too_fast_scenes, report.required_readout_hz
         ));
     }

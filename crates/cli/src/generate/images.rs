@@ -9,14 +9,14 @@ use spikelane_io::storage::{self, unfinished};
 
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub(crate) struct ImageArgs {
-    /// Write the light of every N-th readout to STEM.images
+    /// Write the light of every N-th readout as an image to the folder STEM.images
     ///
-    /// Files are named by their readouts, which begin with 0.
+    /// The name of each image is the number of its readout. The first readout has the number 0.
     #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub images_every: Option<u64>,
-    /// Set the format of these images: u8, u16 or f32
+    /// Set the format of the images of --images-every: u8, u16 or f32
     ///
-    /// u8 is PNG in sRGB, u16 is linear PNG, f32 is linear npy.
+    /// u8 is a PNG in sRGB, u16 is a linear PNG, and f32 is a linear .npy array.
     #[arg(hide_short_help = true, long, value_name = "FORMAT", default_value = "u8")]
     pub images_format: ImageFormat,
 }
@@ -97,7 +97,7 @@ pub(crate) fn check_replaceable(folder: &Path) -> Result<()> {
             return Err(Error::new(ErrorKind::Exists, path.display())
                 .found("files that are not clean reference images")
                 .expected("a folder of clean reference images, which may be replaced")
-                .remedy("move it, or choose another --output"));
+                .remedy("move this file, or choose another --output"));
         }
     }
     Ok(())

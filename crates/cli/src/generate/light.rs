@@ -30,11 +30,12 @@ pub(crate) enum BuiltinLight {
 
 #[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct LightArgs {
-    /// Read light from this file or folder [default: draw a driving scene]
+    /// Read light from a path [default: driving scene]
     ///
-    /// Accepts a folder of images, an image, a video, .npy, .npz or .y4m. '-' reads y4m or npy from standard input.
+    /// The path is a folder of images, an image, a video, or an .npy, .npz or .y4m file. For '-', y4m or npy data is
+    /// read from standard input.
     pub input: Option<PathBuf>,
-    /// Use built-in light: drive, chart or objects [default: drive]
+    /// Draw built-in light: drive (a driving scene), chart or objects [default: drive]
     #[arg(
         hide_short_help = true,
         long,
@@ -46,45 +47,50 @@ pub(crate) struct LightArgs {
     /// Set the seed of the driving scene or of the objects [default: 0]
     #[arg(hide_short_help = true, long, value_name = "N", conflicts_with = "input", help_heading = "Light")]
     pub scene_seed: Option<u64>,
-    /// Set the lighting, such as dusk [default: noon]
+    /// Set the lighting of the driving scene, such as dusk [default: noon]
     ///
-    /// With --scene-seed the default is random.
+    /// With --scene-seed, the default lighting is random.
     #[arg(hide_short_help = true, long, conflicts_with = "input", help_heading = "Light",
           value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
     pub lighting: Option<String>,
-    /// Stop after N readouts [default: at the end]
+    /// Stop after N readouts [default: end of input]
     ///
-    /// Defaults of built-in light: 500 for drive, 4000 for chart and objects. A single image requires this flag
-    /// or --readouts-per-frame.
+    /// The default for built-in light is 500 readouts for drive and 4000 readouts for chart and objects. A single
+    /// image requires --readouts or --readouts-per-frame.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Light")]
     pub readouts: Option<u64>,
-    /// Show each frame for N readouts [default: 20]
+    /// Set readouts per frame [default: by input or 20]
     ///
-    /// By default, the times or the rate of the input determine it. Without them it is 20 readouts, one
-    /// millisecond at 20 kHz.
+    /// By default, the frame times or the frame rate of the input determine the readouts per frame. If the input has
+    /// neither times nor a rate, every frame lasts 20 readouts, which is 1 ms at 20 kHz.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..),
           conflicts_with = "input_fps", help_heading = "Light")]
     pub readouts_per_frame: Option<u64>,
-    /// Set the frames per second of the input [default: from the input]
+    /// Set the frames per second of the input, such as 25 or 30000/1001 [default: from the input]
     ///
-    /// Examples: 25, 30000/1001. Built-in light is drawn at 2500 (drive) or 1000.
+    /// The default for built-in light is 2500 frames per second for drive and 1000 for chart and objects.
     #[arg(hide_short_help = true, long, value_name = "HZ", help_heading = "Light")]
     pub input_fps: Option<Rate>,
-    /// Interpolate frames: hold, linear or flow [default: linear]
+    /// Interpolate frames: hold, linear or flow
     ///
-    /// flow follows an estimated motion. hold changes all pixels at once. The default of built-in light is hold.
+    /// The default is linear for an input and hold for built-in light. hold keeps each frame until the next frame,
+    /// linear changes the light of each pixel linearly, and flow moves the light along an estimated motion.
     #[arg(long, value_name = "MODE", help_heading = "Light")]
     pub interpolation: Option<Interpolation>,
-    /// Convert codes to light: linear, srgb or an exponent such as 2.2
+    /// Set the transfer function from codes to light: linear, srgb or an exponent such as 2.2
     ///
-    /// Default: [light] of the camera file, else srgb for images and video, and linear for arrays and EXR.
+    /// The section [light] of the camera file sets the default. Without this section, the default is srgb for images
+    /// and video, and linear for arrays and EXR.
     #[arg(hide_short_help = true, long, value_name = "TRANSFER", help_heading = "Light")]
     pub transfer: Option<Transfer>,
-    /// Set the camera's size to the input's size
+    /// Set width and height of the camera to the size of the input
     #[arg(hide_short_help = true, long, conflicts_with_all = ["width", "height"], requires = "input",
           help_heading = "Light")]
     pub size_from_input: bool,
-    /// Fit frames to the camera's size: cover, stretch or crop
+    /// Fit frames to the size of the camera: cover, stretch or crop
+    ///
+    /// cover scales the largest part of the frame that has the aspect ratio of the camera. stretch scales the whole
+    /// frame. crop cuts out the center of the frame without scaling.
     #[arg(
         hide_short_help = true,
         long,
@@ -93,17 +99,17 @@ pub(crate) struct LightArgs {
         help_heading = "Light"
     )]
     pub resize_mode: ResizeMode,
-    /// Set the array value of full scale [default: 255, 65535, true or 1.0]
+    /// Set the array value that is full-scale light [default: 255, 65535, true or 1.0, by type]
     ///
-    /// Other integer types have no default.
+    /// The defaults are for uint8, uint16, bool and float arrays. Arrays of other types require this option.
     #[arg(hide_short_help = true, long, value_name = "VALUE", help_heading = "Light")]
     pub full_scale: Option<f64>,
-    /// Move over an image, such as pan=120,0:zoom=1.2:rotate=30
+    /// Move the camera over an image, such as pan=120,0:zoom=1.2:rotate=30 [default: no motion]
     ///
-    /// pan is in pixels per second, zoom a factor per second, and rotate in degrees per second.
+    /// pan is in pixels per second, zoom is a factor per second, and rotate is in degrees per second.
     #[arg(hide_short_help = true, long, value_name = "MOTION", help_heading = "Light")]
     pub motion: Option<String>,
-    /// Clip light above this many full scales [default: 1, or 2 for floats]
+    /// Clip light above this multiple of full scale [default: 1, or 2 for float inputs]
     #[arg(hide_short_help = true, long, value_name = "FULL_SCALES", help_heading = "Light")]
     pub max_light: Option<f64>,
 }
@@ -183,7 +189,7 @@ impl LightArgs {
                 FrameTiming { readouts_per_frame: self.readouts_per_frame, frame_rate: self.input_fps };
             if pace.is_guessed(&*source) {
                 warnings.push(format!(
-                    "{} states no frame rate: each frame lasts {DEFAULT_READOUTS_PER_FRAME} readouts; to change this, set --readouts-per-frame or --input-fps",
+                    "{} states no frame rate: each frame lasts {DEFAULT_READOUTS_PER_FRAME} readouts; to change the duration, set --readouts-per-frame or --input-fps",
                     path.display()
                 ));
             }

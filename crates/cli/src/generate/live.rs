@@ -34,53 +34,82 @@ const READ_AHEAD_SECONDS: f64 = 0.05;
 /// Time between two checks whether a consumer has connected.
 const CONSUMER_CHECK_INTERVAL: Duration = Duration::from_millis(20);
 
+/// Help of flags whose default differs from the default in `simulate`: drawing a drive in real time is impossible, and a
+/// stream can have no end.
+const INPUT_HELP: &str = "Read light from this file or folder";
+const INPUT_LONG_HELP: &str = "\
+Read light from this file or folder
+
+The path is a folder of images, an image, a video, or an .npy, .npz or .y4m file. For '-', y4m or npy data is read from \
+standard input. Without this argument, --builtin-light is required.";
+const BUILTIN_LIGHT_HELP: &str = "Draw built-in light: chart or objects";
+const BUILTIN_LIGHT_LONG_HELP: &str = "\
+Draw built-in light: chart or objects
+
+A driving scene (drive) cannot be drawn in real time: its readouts are late.";
+const READOUTS_HELP: &str = "Stop after N readouts [default: end of input]";
+const READOUTS_LONG_HELP: &str = "\
+Stop after N readouts [default: end of input]
+
+By default, the stream of a still image, the chart or the objects has no end.";
+
 /// Simulate in real time into a pipe, shared memory or a socket
 ///
-/// Like 'simulate', but for consumers that are developed without hardware. A still image, the chart and the objects
-/// have no end; Ctrl-C ends the stream in order. At the end, the command reports the lateness of readouts.
+/// The command is a virtual camera for consumers that are developed without hardware. An input, --builtin-light chart or
+/// --builtin-light objects is required. Without --readouts, the stream of a still image, the chart or the objects has no
+/// end: Ctrl-C ends the stream after a complete readout. At the end, the command reports the lateness of the readouts.
 #[derive(clap::Args, Clone, Debug)]
+#[command(
+    mut_arg("input", |arg| arg.help(INPUT_HELP).long_help(INPUT_LONG_HELP)),
+    mut_arg("builtin_light", |arg| {
+        let arg = arg.help(BUILTIN_LIGHT_HELP).long_help(BUILTIN_LIGHT_LONG_HELP);
+        arg.hide_short_help(false).hide_possible_values(true)
+    }),
+    mut_arg("readouts", |arg| arg.help(READOUTS_HELP).long_help(READOUTS_LONG_HELP)),
+)]
 pub(crate) struct Args {
     #[command(flatten)]
     pub light: LightArgs,
-    /// Send readouts to pipe, pipe:PATH, shm:NAME or tcp:HOST:PORT
+    /// Send to pipe[:PATH], shm:NAME or tcp:HOST:PORT
     ///
-    /// pipe is standard output, pipe:PATH a FIFO, shm:NAME a ring in shared memory. tcp listens and waits for one
-    /// consumer.
+    /// pipe is standard output, pipe:PATH is a FIFO, and shm:NAME is a ring of readouts in shared memory. For
+    /// tcp:HOST:PORT, the command listens at this address and waits for one consumer.
     #[arg(long, value_name = "SINK")]
     pub sink: SinkAddress,
-    /// Drop readouts of a slow consumer [default]
+    /// Drop readouts if the consumer is slow [default]
     #[arg(long, conflicts_with = "block")]
     pub drop: bool,
     /// Wait for a slow consumer
     ///
-    /// No readout is lost, but later ones are late.
+    /// With --block, no readout is lost, but later readouts are late.
     #[arg(long)]
     pub block: bool,
-    /// Set the readouts per delivery
+    /// Deliver N readouts at a time
     ///
-    /// A delivery starts when its last readout is due.
+    /// The readouts of a delivery are sent together when the last of these readouts is due.
     #[arg(hide_short_help = true, long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
     pub burst: u16,
-    /// Buffer readouts of this many milliseconds
+    /// Set the duration of the buffered readouts in milliseconds
     ///
-    /// A slow consumer reads from the buffer.
+    /// The buffer contains readouts that a slow consumer has not read yet. If the buffer is full, readouts are dropped
+    /// or, with --block, the camera waits.
     #[arg(hide_short_help = true, long, value_name = "MS", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=600_000))]
     pub buffer_ms: u32,
     #[command(flatten)]
     pub camera: CameraArgs,
     #[command(flatten)]
     pub seeds: SeedArgs,
-    /// Set the sequence; sequences of one seed have independent noise
+    /// Set the number of the sequence; sequences with the same seed have independent noise
     #[arg(hide_short_help = true, long, value_name = "N", default_value_t = 0, help_heading = "Seeds")]
     pub sequence: u64,
-    /// Set the layout of the readouts, without a header
+    /// Set the layout of the readouts; the layout must have no header
     #[arg(hide_short_help = true, long, value_name = "LAYOUT", default_value = "dat", value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
     pub to: String,
     #[command(flatten)]
     pub threads: ThreadArgs,
     /// Set the instruction set of the kernels
     ///
-    /// The spikes do not depend on it.
+    /// All instruction sets give the same spikes.
     #[arg(hide_short_help = true, long, default_value = "auto",
           value_parser = PossibleValuesParser::new(["auto", "reference", "portable", "sse4.1", "avx2", "avx512"]))]
     pub backend: String,
@@ -126,7 +155,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     if out.json() && args.sink == SinkAddress::Stdout {
         return Err(Error::new(ErrorKind::Usage, "--json")
             .found("--sink pipe, which also writes to standard output")
-            .expected("only one of them")
+            .expected("only one of these flags")
             .remedy("set --sink to pipe:PATH, the name of a FIFO"));
     }
     let camera = args.light.with_input_size(args.camera.camera()?)?;
@@ -229,7 +258,7 @@ fn open_sink(
             let ring = RingWriter::create(&path, codec, readout_hz, room as u64, policy, stop.clone());
             let ring = ring.map_err(|e| match e.kind() {
                 ErrorKind::Exists => {
-                    e.remedy("choose another name if another camera uses it; remove the file if its process was killed")
+                    e.remedy("if another camera uses this name, choose another name; if the camera was killed, remove the file")
                 }
                 _ => e,
             })?;

@@ -34,11 +34,11 @@ fn file_name(i: u32, kind: &str) -> String {
 
 /// Draw a random driving scene with its labels as images
 ///
-/// Writes NNNN.light.png, .depth.png, .flow.png, .semantic.png, .instance.png, .boxes.png, .boxes.json (COCO) and
-/// .boxes.txt (KITTI) for every frame.
+/// For every frame NNNN, the command writes NNNN.light.png, NNNN.depth.png, NNNN.flow.png, NNNN.semantic.png,
+/// NNNN.instance.png, NNNN.boxes.png, NNNN.boxes.json (COCO) and NNNN.boxes.txt (KITTI).
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Args {
-    /// Write to this folder
+    /// Write the images to this folder
     ///
     /// The folder is created if necessary.
     #[arg(short, long, value_name = "DIR")]
@@ -47,7 +47,7 @@ pub(crate) struct Args {
     pub seeds: SceneSeed,
     /// Set the lighting, such as dusk [default: random]
     ///
-    /// One of noon, low-sun, overcast, rain, tunnel, dusk and night.
+    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk or night.
     #[arg(long, value_name = "NAME", hide_possible_values = true, value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
     pub lighting: Option<String>,
     /// Set the number of frames
@@ -63,7 +63,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PIXELS", default_value_t = 250)]
     pub height: u32,
     /// Set the color samples per pixel: 4 or 16
-    #[arg(long, default_value = "4", value_parser = PossibleValuesParser::new(["4", "16"]))]
+    #[arg(long, default_value = "4", hide_possible_values = true, value_parser = PossibleValuesParser::new(["4", "16"]))]
     pub samples: String,
     #[command(flatten)]
     pub threads: ThreadArgs,

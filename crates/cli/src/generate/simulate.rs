@@ -32,22 +32,24 @@ use crate::common::threads::ThreadArgs;
 
 /// Simulate a spike stream from light
 ///
-/// Writes STEM.dat (the stream), STEM.json (the sidecar with settings and digest) and STEM.png (a preview). With
-/// --clean it also writes STEM.clean.dat, the clean twin with the same start phase.
+/// The command writes STEM.dat (the stream), STEM.json (the sidecar with settings and digest) and STEM.png (a preview).
+/// With --clean, the command also writes STEM.clean.dat, the stream of the same camera without noise, with the same
+/// start charges.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Args {
     #[command(flatten)]
     pub light: LightArgs,
     /// Write STEM.dat, STEM.json and STEM.png
     ///
-    /// STEM can also be a folder (out/), or the name of the stream (run.dat, run.npy).
+    /// STEM is the common start of the file names. STEM can also be a folder (out/), or the name of the stream (run.dat,
+    /// run.npy).
     #[arg(short, long, value_name = "STEM")]
     pub output: PathBuf,
     #[command(flatten)]
     pub camera: CameraArgs,
     #[command(flatten)]
     pub seeds: SeedArgs,
-    /// Set the sequence; sequences of one seed have independent noise
+    /// Set the number of the sequence; sequences with the same seed have independent noise
     #[arg(hide_short_help = true, long, value_name = "N", default_value_t = 0, help_heading = "Seeds")]
     pub sequence: u64,
     /// Also write STEM.clean.dat, without noise
@@ -55,18 +57,18 @@ pub(crate) struct Args {
     pub clean: bool,
     #[command(flatten)]
     pub images: ImageArgs,
-    /// Set the layout to write [default: npy-bytes for .npy outputs, else dat]
+    /// Set the layout of the stream file [default: npy-bytes for .npy outputs, else dat]
     #[arg(hide_short_help = true, long, value_name = "LAYOUT", value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
     pub to: Option<String>,
     #[command(flatten)]
     pub threads: ThreadArgs,
     /// Set the instruction set of the kernels
     ///
-    /// The spikes do not depend on it.
+    /// All instruction sets give the same spikes.
     #[arg(hide_short_help = true, long, default_value = "auto",
           value_parser = PossibleValuesParser::new(["auto", "reference", "portable", "sse4.1", "avx2", "avx512"]))]
     pub backend: String,
-    /// Only print the output size and the run time
+    /// Only estimate the output size and the run time
     #[arg(long)]
     pub dry_run: bool,
     /// Overwrite existing files

@@ -5,10 +5,10 @@ use spikelane::Result;
 
 use crate::common::console::Console;
 
-/// Print completions for a shell
+/// Print the completion script for a shell
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Print the completions of this shell
+    /// Print the script for this shell
     shell: Shell,
 }
 

@@ -29,7 +29,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 }
 
 fn value_range(p: &Param) -> String {
-    format!("{}, off at {}, typically {}", p.range(), p.format(p.neutral), p.format(p.typical))
+    format!("{}, neutral {}, typical {}", p.range(), p.format(p.neutral), p.format(p.typical))
 }
 
 /// Returns a number as JSON in the stored unit. An infinite number is returned as the word that camera files use.

@@ -33,12 +33,12 @@ struct ShowArgs {
     name: String,
     #[command(flatten)]
     changes: CameraChanges,
-    /// Write DIR/camera.toml and its maps
+    /// Write DIR/camera.toml and the maps of the camera [default: print the camera]
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Also store a fixed pattern as maps
     ///
-    /// The file then describes an individual camera instead of a kind of camera. --camera-seed selects the
+    /// With --maps, the camera file describes an individual camera instead of a kind of camera. --camera-seed selects the
     /// pattern.
     #[arg(long, requires = "output")]
     maps: bool,
@@ -59,8 +59,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 
 /// Advice on selecting a preset. `docs/reference/presets.md` contains the reasons.
 const PRESET_ADVICE: &str = "\
-Use physical as a stand-in for a real camera. Use vidar-measured for a camera with the maps and the noise of the
-400x250 camera, and vidar-lowlight for a camera configured for low light. The other presets reproduce a published
+Use physical in place of a real camera. Use vidar-measured for a camera with the maps and the noise of a measured
+400x250 camera, and vidar-lowlight for a camera that is configured for low light. The other presets reproduce a published
 model or program, for comparison with its results (docs/reference/presets.md).
 
 ";

@@ -22,36 +22,38 @@ use crate::common::stream::print_set_warnings;
 pub(crate) struct Args {
     /// Read a recording set (.toml) or calibration maps (.npz)
     ///
-    /// The maps are D_light, Nd and Nl.
+    /// The calibration maps are the published arrays D_light and Nd, with one value per pixel.
     recordings: PathBuf,
     /// Write camera.toml and reports to this folder
     ///
     /// The files are camera.toml with its maps, calibration.json and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "calibration")]
     output: PathBuf,
-    /// Set the share of light lost after a spike
+    /// Set the share of the charge of one readout that is lost after a spike
     ///
-    /// The increment after a spike, which a reset reduces, loses this share.
+    /// The reset after a spike reduces the charge of the next readout by this share.
     #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.002)]
     dead_time_fraction: f64,
-    /// Set the relative error of levels [default: 0.01]
+    /// Set the relative standard error of stated levels [default: 0.01]
     ///
-    /// It is a standard deviation. The value in the set takes precedence over the default.
+    /// The error is the standard deviation of the stated light of a level, divided by this light. A value of
+    /// light_uncertainty in the recording set replaces the default.
     #[arg(long, value_name = "SHARE")]
     light_uncertainty: Option<f64>,
-    /// Limit the error of pixel gains [default: none]
+    /// Limit the relative error of pixel gains [default: none]
     ///
-    /// A set with a larger relative error is rejected.
+    /// The recording set is rejected if the median standard error of the pixel gains, divided by the mean gain, exceeds
+    /// the limit.
     #[arg(long, value_name = "SHARE")]
     max_gain_error: Option<f64>,
     /// Also run SNEE, the estimator of the SCSim paper
     ///
-    /// The result reports the parameters that it could not identify.
+    /// The result lists the parameters that SNEE could not identify.
     #[arg(long)]
     snee: bool,
     /// With --snee, ignore the stated levels
     ///
-    /// The conversion rate then follows from the dynamic range.
+    /// SNEE then estimates the conversion rate from the dynamic range.
     #[arg(long, requires = "snee")]
     unknown_levels: bool,
     /// Overwrite existing files
@@ -121,7 +123,7 @@ fn check_not_stream(path: &Path) -> Result<()> {
         .found(if path.is_dir() { "a folder" } else { "one recording" })
         .expected("a recording set (.toml): dark and flat fields of known light")
         .remedy(format_args!(
-            "'spikelane record --template {}' writes a list of the recordings in it",
+            "'spikelane record --template {}' writes a recording set that lists the recordings in this folder",
             folder.display()
         )))
 }
@@ -134,7 +136,7 @@ fn result_text(calibration: &Calibration, files: &CalibrationFiles) -> String {
     if let Some(paper) = &calibration.snee {
         let edges = paper.edge_counts();
         lines.push(format!(
-            "The paper's estimator placed {} thresholds at the lower limit of +-{:.0} %, {} at the upper limit and {} between ({} not solved). At a limit, the split into C_S and V_S is not a measurement.",
+            "The paper's estimator placed {} thresholds at the lower limit of +-{:.0} %, {} thresholds at the upper limit and {} thresholds between the limits ({} pixels without a solution). At a limit, the split of a threshold into C_S and V_S is not a measurement.",
             edges.at_lower_edge,
             100.0 * paper.box_half_width,
             edges.at_upper_edge,

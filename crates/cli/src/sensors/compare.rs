@@ -30,51 +30,49 @@ pub(crate) struct Args {
     /// Same as --camera
     #[arg(value_name = "CAMERA", conflicts_with = "camera")]
     positional_cameras: Vec<String>,
-    /// Compare this camera (repeatable) [default: six presets]
+    /// Compare this camera; repeatable [default: 6 presets]
     ///
-    /// The default is scsim-code, scsim-paper, neuspike, spikingsim, spcs and physical.
+    /// The default presets are scsim-code, scsim-paper, neuspike, spikingsim, spcs and physical.
     #[arg(long, value_name = "NAME|FILE")]
     camera: Vec<String>,
     #[command(flatten)]
     stream: StreamArgs,
-    /// Limit the readouts of each simulation
+    /// Limit the readouts per simulation
     #[arg(long, value_name = "N", default_value_t = 2000)]
     max_readouts: usize,
     /// Test whether a classifier detects simulations
     ///
-    /// It compares windows of the recording and of simulations, and lists the features that separate them.
+    /// The classifier compares windows of the recording with windows of simulations. The report lists the statistics that
+    /// distinguish both kinds of windows.
     #[arg(long)]
     realism: bool,
-    /// With --realism, set the window
-    ///
-    /// SIDE is in pixels.
+    /// With --realism, set the side in pixels and the readouts of a window
     #[arg(hide_short_help = true, long, value_name = "SIDE,READOUTS", default_value = "32,100", requires = "realism",
           value_parser = parse_window)]
     window: WindowSize,
-    /// With --realism, use only these rows
+    /// With --realism, use only these rows, such as 100..180 [default: all rows]
     ///
-    /// Rows count from the top of the upright image.
+    /// Row 0 is the top row of the upright image. Row TO is not included.
     #[arg(hide_short_help = true, long, value_name = "FROM..TO", requires = "realism", value_parser = parse_rows)]
     rows: Option<std::ops::Range<usize>>,
-    /// With --realism, simulate drifting light
-    ///
-    /// The light drifts like that of the recording.
+    /// With --realism, simulate light that drifts like the light of the recording
     #[arg(hide_short_help = true, long, requires = "realism")]
     drifting_light: bool,
-    /// With --realism, simulate N recordings
+    /// With --realism, simulate N recordings per camera
     #[arg(hide_short_help = true, long, value_name = "N", default_value_t = 10, requires = "realism",
           value_parser = clap::value_parser!(u16).range(2..))]
     recordings_per_camera: u16,
-    /// With --realism, add dark rates (.npy)
+    /// With --realism, compare this map of measured dark rates (.npy)
     ///
-    /// The map has spikes per readout. It is listed beside those of the simulated cameras.
+    /// The map has the dark rate of each pixel in spikes per readout. The report lists the quantiles of this map and of
+    /// the dark rates of the simulated cameras.
     #[arg(hide_short_help = true, long, value_name = "FILE", requires = "realism")]
     dark_rates: Option<PathBuf>,
     #[command(flatten)]
     seeds: SeedArgs,
-    /// Write the reports to this folder
+    /// Write reports to this folder
     ///
-    /// The files are comparison.json and comparison.html.
+    /// The files are comparison.json and comparison.html, and with --realism also features.csv.
     #[arg(short, long, value_name = "DIR", default_value = "comparison")]
     output: PathBuf,
     /// Overwrite existing files
@@ -176,14 +174,14 @@ fn row_band_table(comparison: &SceneComparison) -> String {
             text += &format!("{:>10.1e} ({:.2})", m.row_band_outlier_shares[i], m.row_band_distances[i]);
         }
     }
-    text += "\n(share of outliers, and distance in brackets)\n";
+    text += "\n(share of outliers, with the distance in brackets)\n";
     text
 }
 
 fn compare_static(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
     let comparison = compare_static_scene(&args.stream.open(&args.recording, out)?, cameras, seeds)?;
     let mut text = format!(
-        "{} static pixels, mean rate {:.4} spikes per readout; distances are sums of |ln(model / measured)|, of which {:.3} are errors of the recording\n",
+        "{} static pixels, mean rate {:.4} spikes per readout; a distance is a sum of |ln(model / measured)|, of which {:.3} are due to errors of the recording\n",
         comparison.pixels, comparison.mean_rate, comparison.noise_floor_distance
     );
     let mut row = |m: &SceneStatistics| {
@@ -240,7 +238,7 @@ fn compare_windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console)
     let lines = comparison.recording_statistics.iter().map(|n| n.table_row() + "\n").collect::<String>();
     let head = comparison.recording_statistics.first().map_or_else(String::new, |n| n.table_header() + "\n");
     text += &format!(
-        "\n{head}{lines}(D in readouts squared; early and late intervals per million)\n\n{}\n",
+        "\n{head}{lines}(D in readouts squared; early and late intervals per million intervals)\n\n{}\n",
         comparison.verdict()
     );
     let summary = json!({

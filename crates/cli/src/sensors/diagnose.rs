@@ -32,7 +32,8 @@ pub(crate) struct Args {
     camera: Option<String>,
     /// Test the effects on this second recording set
     ///
-    /// It must show the same scenes.
+    /// Both recording sets must show the same scenes. By default, every recording is split into two halves: the effects
+    /// are fitted to the first half and tested on the second half.
     #[arg(long, value_name = "FILE")]
     holdout: Option<PathBuf>,
     /// Set the seed of the simulations
@@ -40,20 +41,20 @@ pub(crate) struct Args {
     seed: u64,
     /// Use all readouts of large recordings
     ///
-    /// By default only the first 35 million pixel-readouts of each recording are used. The minimum is 1,250 readouts
-    /// and five half periods of a square wave.
+    /// By default, only the first 35 million pixel-readouts of each recording are used, but at least 1,250 readouts and
+    /// five half periods of a square wave.
     #[arg(long)]
     all_readouts: bool,
     /// Store simulations in this folder, for resuming
     ///
-    /// A run with the same recordings, camera and seed reads them and returns the same numbers. They need some
-    /// megabytes. Each version of the program stores its own simulations.
+    /// A run with the same recordings, camera and seed reads the simulations from this folder and returns the same numbers.
+    /// The simulations of a diagnosis need a few megabytes. Each version of the program stores its own simulations.
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
     /// Only print the detectable strength of each effect
     #[arg(long)]
     detectability: bool,
-    /// Write the reports to this folder
+    /// Write reports to this folder
     ///
     /// The files are diagnosis.json, camera.toml and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "diagnosis")]
@@ -68,10 +69,12 @@ impl Args {
     pub(crate) fn interrupt_message(&self) -> String {
         match &self.cache {
             Some(folder) => format!(
-                "no report was written; the simulations so far are in '{}': run the same command again to continue",
+                "no report was written; the finished simulations are in '{}': to continue, run the same command again",
                 folder.display()
             ),
-            None => "nothing was written; --cache DIR keeps the simulations".to_owned(),
+            None => {
+                "nothing was written; with --cache DIR, an interrupted diagnosis can be resumed".to_owned()
+            }
         }
     }
 }
@@ -160,7 +163,7 @@ fn detectability_text(report: &DetectabilityReport) -> String {
     if !report.undetectable.is_empty() {
         let _ = writeln!(text, "not detectable with this set: {}", report.undetectable.join(", "));
     }
-    text += "With --holdout and a second set. Without it, every recording is split in two, and the strengths are 1.4 times these.\n";
+    text += "The strengths are valid with --holdout and a second recording set. Without --holdout, every recording is split into two halves, and the detectable strengths are 1.4 times as large.\n";
     report.notes.iter().for_each(|n| text += &format!("{n}\n"));
     text
 }

@@ -21,11 +21,12 @@ use crate::common::stream::StreamArgs;
 
 /// Measure a stream of a uniform, dark or static scene in terms of EMVA 1288
 ///
-/// Each value has two errors: the deviation of another recording by this sensor, and that of another sensor of this
-/// kind. Twice an error covers the truth in 95 of 100 cases.
+/// Each value has two errors. The first error is the standard deviation between recordings by the same sensor. The
+/// second error is the standard deviation between sensors of this kind. In 95 of 100 cases, the true value differs from
+/// the measured value by less than two errors.
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Args {
-    /// Measure this stream
+    /// Measure this stream file
     file: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
@@ -72,7 +73,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         parts.push(PageElement::figure(heat_map(&rate, width, "rate map")?, "Rate, 1st to 99th percentile."));
         parts.push(PageElement::figure(
             heat_map(&high_pass(&rate, width), width, "local pattern")?,
-            "Rate minus its 5x5 surroundings.",
+            "Rate of each pixel minus the mean rate of the surrounding 5x5 pixels.",
         ));
     }
     if let Some(intervals) = &statistics.intervals {
@@ -97,7 +98,8 @@ fn spectral_line_row(line: &FrameTotalLine, readout_hz: Option<f64>) -> [String;
         Some(k) => format!("firing rate of the pixels, harmonic {k}, in frame totals"),
     };
     let hz = readout_hz.map_or(String::new(), |hz| format!(" ({:.1} Hz)", hz * frequency));
-    let value = format!("{frequency:.5} cycles per readout{hz}, {prominence:.0} times its surroundings");
+    let value =
+        format!("{frequency:.5} cycles per readout{hz}, {prominence:.0} times the neighboring frequencies");
     [what, value, String::new(), String::new()]
 }
 
@@ -105,9 +107,11 @@ fn motion_text(motion: SceneMotion) -> String {
     let changed = format!("{:.1} % of the pixels changed by more than noise", 100.0 * motion.moving_share);
     match motion.is_moving {
         true => {
-            format!("moving: {changed} between the halves; errors and spreads do not apply to a static scene")
+            format!(
+                "moving: {changed} between the halves of the recording; the errors and spreads are valid only for a static scene"
+            )
         }
-        false => format!("static within the noise ({changed})"),
+        false => format!("no motion detected ({changed})"),
     }
 }
 

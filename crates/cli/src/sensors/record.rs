@@ -29,7 +29,7 @@ enum ProtocolKind {
     Gray,
 }
 
-/// Simulate all recordings of a calibration protocol, or plan their length
+/// Simulate the recordings of a calibration protocol, or predict the precision
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Args {
     /// Same as --camera
@@ -37,15 +37,15 @@ pub(crate) struct Args {
     positional_camera: Option<String>,
     #[command(flatten)]
     camera: CameraArgs,
-    /// Write the recordings to this folder
+    /// Write streams to this folder
     ///
-    /// The folder also contains recordings.toml.
+    /// The command also writes recordings.toml, which lists the recordings with their light, to this folder.
     #[arg(short, long, value_name = "DIR", default_value = "recordings")]
     output: PathBuf,
-    /// Set the recordings: recommended or gray
+    /// Choose recommended or gray
     ///
-    /// recommended has a dark recording, flat fields, steps and a checkerboard. gray has the 25 gray levels of
-    /// the SCSim paper.
+    /// The protocol recommended has a dark recording, flat fields, steps and a checkerboard. The protocol gray has the
+    /// 25 gray levels of the SCSim paper.
     #[arg(long, value_enum, value_name = "NAME", hide_possible_values = true, default_value_t = ProtocolKind::Recommended)]
     protocol: ProtocolKind,
     /// Set the readouts per recording
@@ -55,10 +55,10 @@ pub(crate) struct Args {
     seeds: SeedArgs,
     /// Only list your own recordings in DIR/recordings.toml
     ///
-    /// Enter the light of each recording there.
+    /// In this file, replace the placeholder of each recording with the light of the recording.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["dry_run", "output", "protocol"])]
     template: Option<PathBuf>,
-    /// Only print the precision for numbers of readouts
+    /// Only print the precision by number of readouts
     #[arg(long)]
     dry_run: bool,
     /// Overwrite existing files
@@ -70,7 +70,7 @@ impl Args {
     /// Returns the remedy of an interrupted command. It describes the remaining files.
     pub(crate) fn interrupt_message(&self) -> String {
         format!(
-            "the unfinished recording is removed, complete ones remain in '{}'; run the command again with --force",
+            "the unfinished recording is removed, and complete recordings remain in '{}'; run the command again with --force",
             self.output.display()
         )
     }

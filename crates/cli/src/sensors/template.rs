@@ -88,11 +88,11 @@ fn template_text(folder: &Path, streams: &[StreamInfo], readout_hz: Option<f64>)
         return Err(Error::new(ErrorKind::Input, folder.join(&other.file).display())
             .found(other.geometry)
             .expected(format_args!("{}, the size of {}", one.geometry, one.file))
-            .remedy("put the recordings of each camera into their own folder"));
+            .remedy("put the recordings of each camera into a separate folder"));
     }
     let hz = readout_hz.or_else(|| streams.iter().find_map(|f| f.readout_hz));
     let mut text = format!(
-        "# Recordings of one camera. Each needs its light: 0 in the dark, otherwise a fraction of the light that gives\n# one spike per readout (0.25 if a pixel fires at every fourth readout). Then run: spikelane calibrate {}\nwidth = {}\nheight = {}\nreadout_hz = {:.1}{}\n# light_uncertainty = 0.01  # relative, of all levels\n",
+        "# Recordings of one camera. Set the light of each recording: 0 in the dark, otherwise a fraction of the light that\n# gives one spike per readout (0.25 if a pixel fires at every fourth readout). Then run: spikelane calibrate {}\nwidth = {}\nheight = {}\nreadout_hz = {:.1}{}\n# light_uncertainty = 0.01  # relative, of all levels\n",
         folder.join("recordings.toml").display(),
         one.geometry.width(),
         one.geometry.height(),

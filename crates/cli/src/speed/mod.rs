@@ -27,30 +27,31 @@ const MEMORY_FRAMES: usize = 1024;
 /// Benchmark kernels, file I/O and commands on this machine
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SpeedArgs {
-    /// Set the approximate run time
+    /// Set the approximate run time in s
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
     pub seconds: f64,
-    /// Take only a few seconds, for rough figures
+    /// Run for a few seconds, with less precise results
     ///
-    /// Uses a file of a tenth of the size and runs no commands.
+    /// With --quick, the test file has a tenth of the size, and no commands are run.
     #[arg(long)]
     pub quick: bool,
     /// Create temporary files in this folder
     #[arg(long, default_value = ".", value_name = "DIR")]
     pub work_dir: PathBuf,
-    /// Also run the commands of this other build
+    /// Also run the commands with this other build
     ///
-    /// Its runs alternate with those of this build.
+    /// Runs of the other build alternate with runs of this build.
     #[arg(long, value_name = "PROGRAM", conflicts_with = "quick")]
     pub baseline: Option<PathBuf>,
-    /// Write the tables to this page
+    /// Write the tables to this Markdown file
     ///
-    /// The text after its marker stays.
+    /// If the file exists, the text after its line "<!-- kept: ... -->" is preserved.
     #[arg(long, value_name = "FILE")]
     pub markdown: Option<PathBuf>,
-    /// Compare the light of driving scenes with renders
+    /// Only measure the light error of driving scenes
     ///
-    /// Takes minutes and measures no speed.
+    /// The command compares the light of driving scenes with separate renders of the same instants. The comparison runs
+    /// for minutes and measures no speed.
     #[arg(long, conflicts_with_all = ["seconds", "quick", "work_dir", "baseline"])]
     pub scene_error: bool,
 }
@@ -175,7 +176,7 @@ fn benchmark_bandwidth(budget: Duration, report: &mut SpeedReport) -> Result<()>
         |name: &str, value, unit| report.figures.push(BenchmarkFigure { name: name.to_owned(), value, unit });
     add("read bandwidth of memory, one core", read / 1e9, "GB/s");
     add(
-        "share of it that an ideal camera reaches with a new u8 frame per readout",
+        "share of the read bandwidth that an ideal camera reaches with a new u8 frame per readout",
         1e11 * row.speed / read,
         "%",
     );

@@ -248,7 +248,7 @@ pub(crate) fn replace_between_markers(path: &Path, (begin, end): (&str, &str), t
     let parts = old.split_once(begin).and_then(|(before, rest)| Some((before, rest.split_once(end)?.1)));
     let Some((before, after)) = parts else {
         return Err(Error::new(ErrorKind::Input, path.display())
-            .found("no place for the table")
+            .found("no marker lines for the table")
             .expected(format_args!("the lines {} and {}", begin.trim_end(), end.trim_end())));
     };
     std::fs::write(path, format!("{before}{begin}{text}{end}{after}"))

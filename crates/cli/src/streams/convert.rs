@@ -21,7 +21,7 @@ use crate::common::stream::{StreamArgs, file_name};
 
 /// Convert a stream, or a part of it, to another layout
 ///
-/// Writes OUT and its sidecar OUT.json.
+/// The command writes the stream OUTPUT and a sidecar, which has the extension .json.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Read this stream file
@@ -32,17 +32,19 @@ pub(crate) struct Args {
     stream: StreamArgs,
     /// Set the output layout [default: by extension]
     ///
-    /// A layout, or events: an .npy with a row (x, y, readout) for each spike. The default is npy-bytes for
-    /// .npy, else dat.
+    /// LAYOUT is the name of a layout or events. With events, the output is an .npy array with a row (x, y, readout) for
+    /// each spike. The default is npy-bytes for .npy, else dat.
     #[arg(long, value_name = "LAYOUT", hide_possible_values = true,
           value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name).into_iter().chain([EVENTS_LAYOUT])))]
     to: Option<String>,
-    /// Copy only these readouts, such as 100..500
-    #[arg(long, value_name = "A..B", default_value = "..")]
-    readouts: ReadoutRange,
-    /// Copy only this rectangle of pixels
+    /// Copy these readouts, such as 0..500 [default: all]
     ///
-    /// X and Y count from the upper left corner.
+    /// The first readout has the number 0. Readout B is not included.
+    #[arg(long, value_name = "A..B", default_value = "..", hide_default_value = true)]
+    readouts: ReadoutRange,
+    /// Copy only this rectangle of pixels [default: all]
+    ///
+    /// X is the first column and Y is the first row of the rectangle. Column 0 is left, and row 0 is at the top.
     #[arg(long, value_name = "X,Y,W,H")]
     crop: Option<CropArg>,
     /// Overwrite existing files

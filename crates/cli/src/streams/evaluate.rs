@@ -30,7 +30,7 @@ fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {
     if args.reference_transfer.is_some() && args.reference.is_none() {
         return Err(Error::new(ErrorKind::Usage, "--reference-transfer")
             .found("no reference image")
-            .expected("--reference, to which it applies"));
+            .expected("--reference, whose transfer function this flag sets"));
     }
     let reader = args.stream.open(&args.file, out)?;
     let geometry = reader.geometry();
@@ -69,7 +69,7 @@ fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {
     if let Some(still) = &still {
         all["static_scene"] = json!({ "share_of_pixels": still.steady_share() });
         text += &format!(
-            "static scene: {:.1} % of the pixels, without changes around them, are compared\n",
+            "static scene: {:.1} % of the pixels are compared; nothing changes around these pixels\n",
             100.0 * still.steady_share()
         );
     }

@@ -33,13 +33,15 @@ pub(crate) struct Args {
     file: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
-    /// Read only these readouts, such as 0..1000
-    #[arg(long, value_name = "A..B", default_value = "..")]
+    /// Read these readouts, such as 0..1000 [default: all]
+    ///
+    /// The first readout has the number 0. Readout B is not included.
+    #[arg(long, value_name = "A..B", default_value = "..", hide_default_value = true)]
     readouts: ReadoutRange,
-    /// Compare the digest with the sidecar
+    /// Compare the digest of the file with the sidecar
     #[arg(long)]
     digest: bool,
-    /// Write a preview image of the middle
+    /// Write a preview of the middle as a PNG file
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
     /// Overwrite existing files
@@ -101,7 +103,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         .and_then(|(_, s)| s.readout_hz)
         .map_or(String::new(), |hz| format!(", {:.4} s at {hz} Hz", reader.readouts() as f64 / hz));
     let mut text = format!(
-        "{}: {} readouts of {}{seconds}; layout {}, {}\nmean rate  {:.5} spikes per readout; pixels from {:.5} to {:.5}\npixels     {} silent ({} of them dead, because their neighbors fire), {} always firing, {} brighter and {} darker than their neighbors\n",
+        "{}: {} readouts of {}{seconds}; layout {}, {}\nmean rate  {:.5} spikes per readout; pixels from {:.5} to {:.5}\npixels     {} silent (of which {} are dead: their neighbors fire), {} always firing, {} brighter and {} darker than their neighbors\n",
         args.file.display(),
         reader.readouts(),
         reader.geometry(),
@@ -118,7 +120,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     );
     text += &format!("size       {}, {}\n", reader.geometry(), reader.origin());
     for (i, (reading, given)) in listed_guesses(&readings).enumerate() {
-        let head = if i == 0 { "readings" } else { "" };
+        let head = if i == 0 { "layouts" } else { "" };
         text += &format!("{head:<10} {}{}\n", guess_line(reading), if given { "  (as read)" } else { "" });
     }
     if leading + trailing > 0 {
@@ -126,8 +128,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     }
     if let Some(digest) = &digest {
         let verdict = match matches {
-            Some(true) => "as in the sidecar",
-            Some(false) => "NOT as in the sidecar",
+            Some(true) => "equal to the digest in the sidecar",
+            Some(false) => "NOT equal to the digest in the sidecar",
             None => "no sidecar for comparison",
         };
         text += &format!("digest     {digest} ({verdict})\n");
@@ -143,7 +145,9 @@ fn listed_guesses(readings: &LayoutGuesses) -> impl Iterator<Item = (&LayoutGues
 
 fn guess_line(reading: &LayoutGuess) -> String {
     let number = |c: Option<f64>| c.map_or("none".to_owned(), |c| format!("{c:.3}"));
-    let bytes = reading.byte_edge_ratio.map_or(String::new(), |c| format!(", bytes differ {c:.2} times"));
+    let bytes = reading.byte_edge_ratio.map_or(String::new(), |c| {
+        format!(", difference across byte borders {c:.2} times that inside bytes")
+    });
     let rows = number(reading.row_correlation);
     let (geometry, layout) = (reading.geometry.to_string(), reading.layout.name());
     format!("{geometry:<10} {layout:<12} {:>7} readouts, correlation of rows {rows}{bytes}", reading.readouts)

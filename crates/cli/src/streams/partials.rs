@@ -11,14 +11,14 @@ use crate::common::console::Console;
 
 /// List unfinished files that killed processes left in a folder
 ///
-/// Searches DIR and all folders below for hidden files and folders of this program: .NAME.PID-N.partial,
-/// .NAME.partial and .NAME.lock. Nothing is deleted without --delete. Files of a running process are never deleted.
+/// The command searches DIR and all folders inside DIR for hidden files and folders of this program: .NAME.PID-N.partial,
+/// .NAME.partial and .NAME.lock. Without --delete, nothing is deleted. Files of a running process are never deleted.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Search this folder
     #[arg(value_name = "DIR", default_value = ".")]
     folder: PathBuf,
-    /// Delete the files whose process has ended
+    /// Delete the unfinished files whose process has ended
     #[arg(long)]
     delete: bool,
 }
@@ -49,7 +49,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let left = match (unfinished.len(), args.delete) {
         (0, _) => "no unfinished files".to_owned(),
         (n, false) => {
-            format!("{n} unfinished, {}; --delete deletes those whose process has ended", DecimalBytes(bytes))
+            format!(
+                "{n} unfinished, {}; --delete deletes the files whose process has ended",
+                DecimalBytes(bytes)
+            )
         }
         (n, true) => format!("{deleted} of {n} deleted"),
     };

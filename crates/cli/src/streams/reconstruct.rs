@@ -28,8 +28,8 @@ const BATCH_PICTURES: usize = 4;
 
 /// Reconstruct images from a stream
 ///
-/// Writes one image (.png), an array (.npy, f32), a folder of numbered PNGs, or a video with ffmpeg (.mp4, .mkv,
-/// .mov, .avi, .webm). Values of an array are spikes per readout, or intervals in readouts for isi.
+/// The output is one image (.png), an array (.npy, f32), a folder of numbered PNGs, or a video by ffmpeg (.mp4, .mkv,
+/// .mov, .avi, .webm). Values of an array are spikes per readout, or for isi the length of an interval in readouts.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Read this stream file
@@ -41,27 +41,30 @@ pub(crate) struct Args {
     stream: StreamArgs,
     /// Use tfp, span, tfi or isi
     ///
-    /// tfp counts the spikes in a window. span divides them by the time from the first to the last spike. tfi is
-    /// one spike per interval around the readout, and isi is the length of that interval.
+    /// tfp is the number of spikes in a window, divided by the readouts of the window. span is the number of intervals in a
+    /// window, divided by the readouts from the first to the last spike. tfi is 1 divided by the interval around the
+    /// readout. isi is the length of the interval around the readout.
     #[arg(long, value_enum, value_name = "METHOD", hide_possible_values = true, default_value_t = Method::Tfp)]
     method: Method,
     /// Reconstruct at this readout [default: the middle]
     #[arg(long, value_name = "READOUT", conflicts_with = "every")]
     at: Option<usize>,
-    /// Set the window [default: 161]
+    /// Set the window in readouts [default: 161]
     ///
-    /// It applies to tfp and span. For tfi and isi, it is the number of readouts to search on either side, 300
-    /// by default.
+    /// For tfp and span, the readout is the center of the window. For tfi and isi, the value is the number of readouts
+    /// on either side in which spikes are searched, and the default is 300.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     window: Option<u32>,
-    /// Write an image every N readouts
+    /// Write one image per this many readouts
     ///
-    /// The output is a folder, .npy or video. The default is the window, or one image for .npy.
+    /// The output must be a folder, .npy or video. By default, a folder or a video has one image per window, and .npy has
+    /// one image.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
-    /// Set the rate of white [default: automatic]
+    /// Set the spikes per readout of white [default: auto]
     ///
-    /// By default, one pixel in 500 of the first image is brighter.
+    /// Pixels with at least this rate are white. By default, white is the rate that one pixel in 500 of the first image
+    /// exceeds. For isi, the value is an interval in readouts.
     #[arg(long, value_name = "RATE")]
     white: Option<f32>,
     /// Set the frames per second of a video
@@ -244,7 +247,7 @@ fn print_cut_warning(cut: &[usize], out: &Console) {
     let place =
         if first == last { format!("readout {first}") } else { format!("readouts {first} to {last}") };
     out.print_message(format_args!(
-        "note: {} at {place} not reliable: for too many pixels, the stream begins or ends within an interval",
+        "note: unreliable: {} at {place}, because the stream begins or ends within the interval of too many pixels",
         count_text(cut.len())
     ));
 }

@@ -14,16 +14,16 @@ use crate::common::stream::{count_spikes, file_name};
 
 /// Verify streams against their sidecars
 ///
-/// Compares the digest of each file, then reads every frame. The exit code is 9 if a file differs from its sidecar.
-/// If you name a sidecar instead of its streams, its reference images are verified too.
+/// The command compares the digest of each file with the sidecar, then reads every frame. If a file differs from its
+/// sidecar, the exit code is 9. If you name a sidecar, its streams and its reference images are verified.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Verify these streams, or all files of sidecars (.json)
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// Follow links that leave the folder
+    /// Follow links to files outside the folder
     ///
-    /// Otherwise such links are an error.
+    /// By default, a link to a file outside the folder is an error.
     #[arg(long)]
     follow_links: bool,
 }
@@ -89,7 +89,7 @@ fn check_sidecar(path: &Path) -> CheckResult {
     std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
     let Some((_, sidecar)) = Sidecar::read_beside(path)? else {
         return Err(Error::new(ErrorKind::Usage, path.display())
-            .found("no sidecar next to it")
+            .found("no sidecar beside the stream")
             .expected("the .json file that was written with the stream")
             .remedy("'spikelane inspect --digest' prints the digest of any stream"));
     };

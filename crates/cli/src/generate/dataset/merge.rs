@@ -14,29 +14,29 @@ use spikelane_dataset::shards::{self, MergeOptions, ShardPlan};
 
 /// Verify all shards and merge them into the dataset
 ///
-/// Prints one digest. It does not depend on the division into shards, and equals that of 'spikelane dataset' with the
-/// same options.
+/// The command prints one digest of the dataset. The digest does not depend on the division into shards, and equals the
+/// digest that 'spikelane dataset' prints for the same options.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Args {
     /// Use the plan in this folder
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Compare sizes and times of files, not digests
+    /// Compare the sizes and times of files, not the digests
     #[arg(long)]
     no_verify: bool,
     /// Do not create the folders for data loaders
     ///
-    /// Their links are most of the work for the file system.
+    /// The links in these folders are most of the work for the file system.
     #[arg(long)]
     no_links: bool,
-    /// Do not lock the shard
+    /// Do not lock the folder of the plan
     ///
-    /// Use it if the file system has no locks and no other process merges.
+    /// Use --no-lock if the file system has no locks and no other process merges this plan.
     #[arg(long)]
     no_lock: bool,
-    /// Follow links that leave the folder
+    /// Follow links to files outside the folder
     ///
-    /// Otherwise such links are an error.
+    /// By default, a link to a file outside the folder is an error.
     #[arg(long)]
     follow_links: bool,
 }

@@ -12,17 +12,18 @@ use spikelane_dataset::shards::ShardPlan;
 
 /// Plan a dataset in shards that any machine generates in any order
 ///
-/// For given inputs, the plan lists paths, sizes and times without reading the files. A plan is never changed.
+/// For videos and images, the plan lists paths, sizes and times without reading the files. An existing plan is never
+/// changed.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Args {
     #[command(flatten)]
     description: DatasetSpec,
     /// Set the number of sequences per shard
     ///
-    /// A shard should take minutes to an hour.
+    /// Choose a number for which a process generates one shard in minutes to an hour.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     sequences_per_shard: u64,
-    /// Pack each finished shard into a webdataset tar
+    /// Pack each finished shard into a tar file for webdataset
     #[arg(long)]
     pack: bool,
 }

@@ -19,7 +19,7 @@ use spikelane_io::formats::StreamReader;
 /// Frames per second of the video.
 const VIDEO_FPS: f64 = 25.0;
 
-/// Show sequences of a dataset as a video
+/// Write a video of sequences of a dataset
 ///
 /// Each frame shows one readout of spikes, the noisy stream and the clean stream side by side. All sequences have the
 /// same number of frames, evenly spaced. The pictures of both streams are means over readouts (TFP) with the same
@@ -31,7 +31,7 @@ pub(crate) struct Args {
     folder: PathBuf,
     /// Write the video to this file
     ///
-    /// ffmpeg selects the format by the extension.
+    /// The extension of FILE determines the video format.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Set the number of sequences
@@ -43,9 +43,9 @@ pub(crate) struct Args {
     /// Overwrite existing files
     #[arg(long)]
     force: bool,
-    /// Follow links that leave the folder
+    /// Follow links to files outside the folder
     ///
-    /// Otherwise such links are an error.
+    /// By default, a link to a file outside the folder is an error.
     #[arg(long)]
     follow_links: bool,
 }

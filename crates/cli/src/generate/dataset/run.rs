@@ -14,8 +14,8 @@ use spikelane_dataset::shards::{self, ShardOptions, ShardPlan, shard_numbers};
 
 /// Generate the missing sequences of a shard; rerun to resume
 ///
-/// The exit code is 75 after SIGTERM or SIGINT: queue the command again. It is 10 if another process works on the
-/// shard.
+/// After SIGTERM or SIGINT, the exit code is 75: queue the command again. If another process works on the shard, the
+/// exit code is 10.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Args {
     /// Use the plan in this folder
@@ -23,7 +23,7 @@ pub(crate) struct Args {
     folder: PathBuf,
     /// Select shards, such as 0, 3,7-9 or all
     ///
-    /// Numbers begin with 0.
+    /// The first shard has the number 0.
     #[arg(long, value_name = "SHARDS")]
     shards: String,
     #[command(flatten)]
@@ -36,12 +36,12 @@ pub(crate) struct Args {
     retry_failed: bool,
     /// Do not lock the shard
     ///
-    /// Use it if the file system has no locks and the scheduler starts each shard only once.
+    /// Use --no-lock if the file system has no locks and the scheduler starts each shard only once.
     #[arg(long)]
     no_lock: bool,
-    /// Follow links that leave the folder
+    /// Follow links to files outside the folder
     ///
-    /// Otherwise such links are an error.
+    /// By default, a link to a file outside the folder is an error.
     #[arg(long)]
     follow_links: bool,
 }

@@ -25,29 +25,29 @@ pub(crate) struct DatasetSpec {
     pub(crate) output: Option<PathBuf>,
     /// Generate the dataset of this dataset.toml
     ///
-    /// --print-config prints such a file. Flags that describe the dataset cannot be combined with it.
+    /// --print-config prints a dataset.toml. Flags that describe the dataset cannot be combined with --config.
     #[arg(hide_short_help = true, long, value_name = "FILE", conflicts_with_all = SPEC_FLAGS)]
     pub(crate) config: Option<PathBuf>,
     /// Convert the videos and images in this folder
     ///
-    /// Folders below are searched too.
+    /// Folders inside this folder are searched too.
     #[arg(long, value_name = "DIR", group = "inputs")]
     pub(crate) from: Option<PathBuf>,
     /// Convert the videos and image folders that FILE lists
     ///
-    /// One path per line, relative to the folder of FILE.
+    /// FILE contains one path per line, relative to the folder of FILE.
     #[arg(hide_short_help = true, long, value_name = "FILE", group = "inputs")]
     pub(crate) from_list: Option<PathBuf>,
-    /// Use 30 scenes (rhdd) or 2 short ones (tiny)
+    /// Use 30 (rhdd) or 2 (tiny) scenes
     ///
-    /// rhdd has 500 images per scene, tiny 40. Both have one readout per image.
+    /// rhdd has 500 images per scene, and tiny has 40 images per scene. Both presets have one readout per image.
     #[arg(long, hide_possible_values = true, value_name = "NAME", default_value = "rhdd", conflicts_with = "inputs",
           value_parser = PossibleValuesParser::new(SceneContent::PRESETS))]
     pub(crate) scene_preset: String,
-    /// Set the number of scenes [default: preset]
+    /// Set the number of scenes [default: by preset]
     #[arg(long, value_name = "N", conflicts_with = "inputs", help_heading = "Scenes")]
     pub(crate) sequences: Option<u32>,
-    /// Set the images per scene [default: preset]
+    /// Set the images per scene [default: by preset]
     #[arg(long, value_name = "N", conflicts_with = "inputs", help_heading = "Scenes")]
     pub(crate) images_per_scene: Option<u32>,
     /// Set the readouts from one image to the next [default: 1]
@@ -61,9 +61,7 @@ pub(crate) struct DatasetSpec {
         help_heading = "Scenes"
     )]
     pub(crate) readouts_per_image: Option<u32>,
-    /// Label every N-th image; 0 for no labels [default: from the preset]
-    ///
-    /// The presets have 25 (rhdd) and 20 (tiny).
+    /// Label every N-th image, or no image if N is 0 [default: 25 for rhdd, 20 for tiny]
     #[arg(
         hide_short_help = true,
         long,
@@ -74,11 +72,11 @@ pub(crate) struct DatasetSpec {
     pub(crate) label_every: Option<u32>,
     /// Set the lighting, such as dusk [default: random]
     ///
-    /// One of noon, low-sun, overcast, rain, tunnel, dusk and night.
+    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk or night.
     #[arg(long, hide_possible_values = true, value_name = "NAME", conflicts_with = "inputs", help_heading = "Scenes",
           value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
     pub(crate) lighting: Option<String>,
-    /// Set the flicker frequency of lamps [default: no flicker]
+    /// Set the flicker frequency of lamps in Hz [default: no flicker]
     #[arg(
         hide_short_help = true,
         long,
@@ -96,7 +94,7 @@ pub(crate) struct DatasetSpec {
         help_heading = "Scenes"
     )]
     pub(crate) vehicles: Option<u32>,
-    /// Set the speed of the camera's car [default: random]
+    /// Set the speed of the car with the camera in km/h [default: random]
     #[arg(
         hide_short_help = true,
         long,
@@ -105,7 +103,7 @@ pub(crate) struct DatasetSpec {
         help_heading = "Scenes"
     )]
     pub(crate) speed_kmh: Option<f64>,
-    /// Set the luminance of full scale [default: white of each scene]
+    /// Set the luminance of full scale in cd/m2 [default: white of each scene]
     #[arg(
         hide_short_help = true,
         long,
@@ -117,22 +115,23 @@ pub(crate) struct DatasetSpec {
     /// Also write reference images as linear float arrays
     #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
     pub(crate) npy: bool,
-    /// Also write depth and flow as KITTI's 16-bit PNGs
+    /// Also write depth and flow as 16-bit PNGs in the format of KITTI
     #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
     pub(crate) kitti: bool,
     /// Also write the light of labeled images in color as EXR, in cd/m2
     #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
     pub(crate) exr: bool,
-    /// Show each frame for N readouts [default: 20]
+    /// Show each frame for N readouts [default: from the input, else 20]
     ///
-    /// By default, the times or the rate of the input determine it. Without them it is 20 readouts, one
-    /// millisecond at 20 kHz.
+    /// By default, the frame times or the frame rate of the input determine the readouts per frame. If the input has
+    /// neither times nor a rate, every frame lasts 20 readouts, which is 1 ms at 20 kHz.
     #[arg(hide_short_help = true, long, value_name = "N", requires = "inputs", help_heading = "Conversion",
           value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) readouts_per_frame: Option<u64>,
-    /// Set the light between two frames: hold, linear or flow
+    /// Interpolate the light between two frames: hold, linear or flow
     ///
-    /// flow follows an estimated motion. hold changes all pixels at once.
+    /// hold keeps each frame until the next frame, linear changes the light of each pixel linearly, and flow moves the
+    /// light along an estimated motion.
     #[arg(
         hide_short_help = true,
         long,
@@ -142,7 +141,10 @@ pub(crate) struct DatasetSpec {
         help_heading = "Conversion"
     )]
     pub(crate) interpolation: Interpolation,
-    /// Fit frames to the camera's size: cover, stretch or crop
+    /// Fit frames to the size of the camera: cover, stretch or crop
+    ///
+    /// cover scales the largest part of the frame that has the aspect ratio of the camera. stretch scales the whole
+    /// frame. crop cuts out the center of the frame without scaling.
     #[arg(
         hide_short_help = true,
         long,
@@ -152,7 +154,10 @@ pub(crate) struct DatasetSpec {
         help_heading = "Conversion"
     )]
     pub(crate) resize_mode: ResizeMode,
-    /// Convert codes to light: linear, srgb or an exponent such as 2.2
+    /// Set the transfer function from codes to light: linear, srgb or an exponent such as 2.2
+    ///
+    /// The section [light] of the camera file sets the default. Without this section, the default is srgb for images
+    /// and video, and linear for arrays and EXR.
     #[arg(
         hide_short_help = true,
         long,
@@ -167,19 +172,20 @@ pub(crate) struct DatasetSpec {
     pub(crate) seeds: SeedArgs,
     #[command(flatten)]
     pub(crate) scene: SceneSeed,
-    /// Write the light of every N-th readout as images/READOUT
+    /// Write the light of every N-th readout as the image images/READOUT
     ///
-    /// Default: every image of driving scenes, no image of given inputs.
+    /// By default, every image of a driving scene is written, and no image of a converted input.
     #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) images_every: Option<u64>,
     /// Set the format of reference images: u8, u16 or f32
     ///
-    /// u8 is PNG in sRGB, u16 is linear PNG, f32 is linear npy.
+    /// u8 is a PNG in sRGB, u16 is a linear PNG, and f32 is a linear .npy array.
     #[arg(hide_short_help = true, long, value_name = "FORMAT", default_value = "u8")]
     pub(crate) images_format: ImageFormat,
-    /// Create folders for spikecv or spike-zoo
+    /// Write for spikecv or spike-zoo
     ///
-    /// Value 255 of the ground truth is rate 1 for spikecv and rate 0.6 for spike-zoo.
+    /// The folders and file names are those that the data loaders of SpikeCV or Spike-Zoo read. Value 255 of the ground
+    /// truth is a rate of 1 spike per readout for spikecv and 0.6 spikes per readout for spike-zoo.
     #[arg(long, value_name = "NAME", default_value = "spikecv")]
     pub(crate) dataset_layout: DatasetLayout,
     /// Set the share of sequences for testing
@@ -188,18 +194,18 @@ pub(crate) struct DatasetSpec {
     /// Set the share of sequences for validation
     #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.0)]
     pub(crate) validation_share: f64,
-    /// Apply the shares to each lighting separately
+    /// Apply --test-share and --validation-share to each lighting separately
     #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
     pub(crate) stratify_by_lighting: bool,
-    /// Record a version of the data
+    /// Record this version of the data in the dataset
     #[arg(hide_short_help = true, long, value_name = "VERSION")]
     pub(crate) data_version: Option<String>,
     /// Record the license of your data, such as CC-BY-4.0
     #[arg(hide_short_help = true, long, value_name = "SPDX")]
     pub(crate) license: Option<String>,
-    /// Follow links that leave the folder
+    /// Follow links to files outside the folder
     ///
-    /// Otherwise such links are an error.
+    /// By default, a link to a file outside the folder is an error.
     #[arg(hide_short_help = true, long)]
     pub(crate) follow_links: bool,
     #[command(flatten)]

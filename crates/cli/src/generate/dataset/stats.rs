@@ -11,7 +11,7 @@ use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::statistics::{DatasetStatistics, dataset_statistics, format_number, html_report};
 use spikelane_io::storage;
 
-/// Summarize a dataset: splits, lighting, cameras, rates, motion and boxes
+/// Summarize a dataset: splits, lighting, rates, motion and boxes
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Args {
     /// Read the dataset in this folder
@@ -23,9 +23,9 @@ pub(crate) struct Args {
     /// Overwrite existing files
     #[arg(long)]
     force: bool,
-    /// Follow links that leave the folder
+    /// Follow links to files outside the folder
     ///
-    /// Otherwise such links are an error.
+    /// By default, a link to a file outside the folder is an error.
     #[arg(long)]
     follow_links: bool,
 }
@@ -65,7 +65,7 @@ fn statistics_text(stats: &DatasetStatistics) -> String {
             text += &format!("{what:<8}{}\n", each.join(", "));
         }
     }
-    text += &format!("{:<40}{:>12}{:>12}{:>12}\n", "", "least", "median", "greatest");
+    text += &format!("{:<40}{:>12}{:>12}{:>12}\n", "", "minimum", "median", "maximum");
     for (name, s) in &stats.quantities {
         let [min, median, max] = [s.min, s.median, s.max].map(format_number);
         text += &format!("{name:<40}{min:>12}{median:>12}{max:>12}\n");

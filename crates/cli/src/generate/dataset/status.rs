@@ -18,9 +18,9 @@ pub(crate) struct Args {
     /// Use the plan in this folder
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Follow links that leave the folder
+    /// Follow links to files outside the folder
     ///
-    /// Otherwise such links are an error.
+    /// By default, a link to a file outside the folder is an error.
     #[arg(long)]
     follow_links: bool,
 }

@@ -14,16 +14,16 @@ use super::reference::{ReferenceCurve, ReferenceImage};
 /// Score the images reconstructed from a stream
 ///
 /// FILE is a stream or the folder of a dataset. The command scores TFP, span and TFI pictures at one readout. With
-/// --every, or with a folder of reference images, it scores many readouts and prints means.
+/// --every, or with a folder of reference images, the command scores many readouts and prints means.
 ///
 /// The first table has two estimates of the noise that need no reference (patches: Chen et al. 2015, smallest
-/// eigenvalues; differences: Immerkaer 1996), and the signal-to-noise ratio, 20 log10 of mean over patch noise. With
-/// --reference, or for a dataset, it also has PSNR and SSIM. Both use codes of the reference's transfer function,
-/// clipped to 0 to 1, with peak 1.
+/// eigenvalues; differences: Immerkaer 1996). The signal-to-noise ratio is 20 log10 of the mean divided by the patch
+/// noise. With --reference, or for a dataset, the first table also has PSNR and SSIM. Both scores compare codes, which
+/// are computed with the transfer function of the reference, clipped to 0 to 1, with peak 1.
 ///
-/// The second table requires a reference or --static-scene. It compares linear light after a least-squares line:
-/// PSNR, the share of the detail that is present (1 is sharp), noise, and the number of outlier pixels. A blurred TFP
-/// shows the scores of a picture that only looks better.
+/// The second table requires a reference or --static-scene. For this table, the linear light of the picture is fitted to
+/// the reference by a least-squares line. The columns are PSNR, the share of the detail that is present (1 is sharp),
+/// noise, and the number of outlier pixels. The row of a blurred TFP shows how blur changes each score.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Score this stream file, or the dataset in this folder
@@ -32,35 +32,38 @@ pub(crate) struct Args {
     pub(super) stream: StreamArgs,
     /// Compare with this image or folder
     ///
-    /// Images of a folder are named by their readouts. With --every, one image applies to all readouts.
+    /// In a folder, the name of each image is the number of its readout. A single image can be passed too. With --every,
+    /// a single image is the reference for all readouts.
     #[arg(long, value_name = "IMAGE")]
     pub(super) reference: Option<PathBuf>,
-    /// Set the transfer of the reference: linear, srgb or an exponent
+    /// Set the transfer function of the reference: linear, srgb or an exponent such as 2.2
     ///
-    /// Default: from the sidecar or the dataset, else srgb, and linear for EXR.
+    /// The sidecar or the record of the dataset sets the default. If neither exists, the default is srgb, and linear for
+    /// EXR.
     #[arg(hide_short_help = true, long, value_name = "TRANSFER")]
     pub(super) reference_transfer: Option<Transfer>,
     /// Compare with other readouts of a static scene
     ///
-    /// Readouts before and after replace a reference image where nothing changes.
+    /// The readouts before and after the window replace a reference image. Only pixels without a change around them are
+    /// compared.
     #[arg(long, conflicts_with = "reference")]
     pub(super) static_scene: bool,
     /// Score at this readout [default: the middle]
     #[arg(long, value_name = "READOUT")]
     pub(super) at: Option<usize>,
-    /// Score at every N-th readout
+    /// Score one readout per this many readouts
     #[arg(long, value_name = "READOUTS", conflicts_with = "at", value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) every: Option<u32>,
     #[command(flatten)]
     pub(super) reconstruction: ReconstructionArgs,
-    /// Set the rate of light 1.0 [default: from the sidecar]
+    /// Set the spikes per readout of white in the reference [default: from the sidecar]
     ///
-    /// The reference image shows it as white. The unit is spikes per readout.
+    /// White is light 1.0 of the reference image.
     #[arg(hide_short_help = true, long, value_name = "RATE")]
     pub(super) full_scale_rate: Option<f32>,
-    /// Follow links that leave the folder
+    /// Follow links to files outside the folder
     ///
-    /// Otherwise such links are an error.
+    /// By default, a link to a file outside the folder is an error.
     #[arg(hide_short_help = true, long)]
     pub(super) follow_links: bool,
 }

@@ -29,9 +29,9 @@ pub(super) struct ReconstructionArgs {
     /// Score tfp, span or tfi (repeatable) [default: all]
     #[arg(long, value_enum, value_name = "METHOD", hide_possible_values = true, default_values_t = Method::ALL, hide_default_value = true)]
     pub method: Vec<Method>,
-    /// Set the window (repeatable)
+    /// Set the window of tfp and span
     ///
-    /// It applies to TFP and span.
+    /// The window is in readouts. This option is repeatable: each window gives one picture of each method.
     #[arg(long, value_name = "READOUTS", default_values_t = [33, 129],
           value_parser = clap::value_parser!(u32).range(1..))]
     pub window: Vec<u32>,
@@ -128,7 +128,8 @@ pub(super) fn evaluate_pictures(
             let packed = SpikeFramesRef::new(geometry, &bytes)?;
             let (wanted, there) = (2 * half + 1, packed.readouts());
             let rates = make(packed, center, half)?;
-            let note = (there < wanted).then(|| format!("the stream has {there} of the {wanted} readouts"));
+            let note = (there < wanted)
+                .then(|| format!("the stream has only {there} of the {wanted} readouts of the window"));
             let marks = Ok(comparison.score(&rates, geometry, near(half))?);
             all.push(EvaluatedPicture { name: format!("{kind} {wanted}"), scores: marks, note });
             if kind == "tfp" && comparison.has_reference() {
@@ -196,7 +197,7 @@ impl MeanScores {
     }
 
     fn text(&self) -> String {
-        let reason = "not measurable in any of them: the streams end too near the readout";
+        let reason = "not measurable in any picture: the streams end too near the readout";
         match &self.average {
             Some(average) => average.table_row(&self.label()),
             None => format!("{:<14} {reason}\n", self.name),

@@ -126,7 +126,7 @@ fn reference_points(folder: &Path, reader: &StreamReader) -> Result<Vec<Evaluati
     }
     let readouts = reader.readouts();
     if let Some(beyond) = all.iter().find(|moment| moment.at >= readouts) {
-        return Err(wrong(format!("an image of readout {}, of a stream of {readouts}", beyond.at)));
+        return Err(wrong(format!("an image of readout {}, but a stream of {readouts} readouts", beyond.at)));
     }
     Ok(all)
 }
@@ -156,7 +156,7 @@ fn within_stream(
     if all.is_empty() {
         return Err(Error::new(ErrorKind::Input, args.file.display())
             .found(format_args!(
-                "{count} positions in {} readouts, none of them at least {margin} from both ends",
+                "{count} positions in {} readouts, of which none is at least {margin} readouts from both ends",
                 reader.readouts()
             ))
             .expected("positions whose windows are inside the stream")

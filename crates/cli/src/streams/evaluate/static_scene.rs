@@ -45,7 +45,7 @@ impl StaticScene {
         if half == 0 {
             return Err(Error::new(ErrorKind::Usage, "--static-scene")
                 .found("one readout")
-                .expected("a window and other readouts"));
+                .expected("a window, and readouts outside the window"));
         }
         // Both halves have the same odd length.
         let length = half - (half + 1) % 2;
