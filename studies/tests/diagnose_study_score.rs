@@ -65,5 +65,5 @@ fn an_interval_of_a_share_is_that_of_clopper_and_pearson() {
     // For many sensors (1 - p)^n underflows. The expected 96.61 to 99.33 % come from logarithms of the gamma function.
     assert_eq!(Share { hits: 415, total: 422 }.to_string(), "415 of 422, 98 % (97 to 99)");
     assert_eq!(Share { hits: 5, total: 5 }.to_string(), "5 of 5, 100 % (48 to 100)");
-    assert_eq!(Share { hits: 0, total: 0 }.to_string(), "none ran");
+    assert_eq!(Share { hits: 0, total: 0 }.to_string(), "no case");
 }

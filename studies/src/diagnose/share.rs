@@ -47,7 +47,7 @@ impl Share {
 impl fmt::Display for Share {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.total == 0 {
-            return f.write_str("no sensor");
+            return f.write_str("no case");
         }
         write!(
             f,

@@ -10,7 +10,7 @@ use super::share::Share;
 fn row(what: &str, aim: &str, share: Share, at_least: Option<f64>, at_most: Option<f64>) -> String {
     let (low, high) = (share.lower_bound(), share.upper_bound());
     let status = match (at_least, at_most) {
-        _ if share.total == 0 => "no sensor",
+        _ if share.total == 0 => "no case",
         (Some(aim), _) if low >= aim => "reached",
         (Some(aim), _) if high < aim => "missed",
         (_, Some(aim)) if high <= aim => "reached",
