@@ -108,7 +108,11 @@ fn mains_flicker_is_reported() {
         diagnose_spoiled_sensor(Physics { flicker: (0.03, 100.0, 0.2), ..Physics::default() }, |_| {});
     let kinds: Vec<FaultKind> = diagnosis.faults.iter().map(|f| f.kind).collect();
     assert_eq!(kinds, [FaultKind::LightFlicker], "{:?}", diagnosis.faults);
-    assert!(diagnosis.faults[0].description.contains("twice the mains' 50 Hz"), "{:?}", diagnosis.faults);
+    assert!(
+        diagnosis.faults[0].description.contains("twice the mains frequency of 50 Hz"),
+        "{:?}",
+        diagnosis.faults
+    );
     let others: Vec<_> = diagnosis.effects.iter().filter(|e| e.name != "flicker").collect();
     assert!(others.is_empty(), "{others:?}");
 }
@@ -137,7 +141,11 @@ fn start_phases_are_not_reported_as_effects() {
             diagnosis.parameter_mismatches,
             diagnosis.unexplained
         );
-        assert!(diagnosis.notes.iter().any(|n| n.contains("began together")), "{:?}", diagnosis.notes);
+        assert!(
+            diagnosis.notes.iter().any(|n| n.contains("start with the same charge")),
+            "{:?}",
+            diagnosis.notes
+        );
         let charge = diagnosis.camera.effect("start_phase").unwrap().get("charge").unwrap();
         assert_eq!(charge, if camera.is_some() { 1.0 } else { 0.0 });
     }

@@ -166,7 +166,7 @@ fn by_itself(
         camera: match (options.camera, base) {
             (Some(given), _) => given.name.clone(),
             (None, Some(_)) => "the published model, calibrated".to_owned(),
-            (None, None) => "none: nothing was calibrated".to_owned(),
+            (None, None) => "none, because no calibration was possible".to_owned(),
         },
         seed: options.seed,
         base_parameters: base.map_or_else(Vec::new, |b| b.numbers.clone()),
@@ -200,9 +200,9 @@ fn by_itself(
 
 fn held_by(held_out: Held) -> String {
     match held_out {
-        Held { second_set: true, .. } => "a second set",
+        Held { second_set: true, .. } => "a second recording set",
         Held { alone: false, .. } => "the second half of every recording",
-        Held { .. } => "nothing",
+        Held { .. } => "none",
     }
     .to_owned()
 }

@@ -9,70 +9,88 @@ use spikelane_measure::report::{PageElement, Table};
 /// Terms of the tables and plots, each with a line.
 const TERMS: [(&str, &str); 17] = [
     (
-        "gap",
-        "squared distance of all statistics from the model, in its noise, with what calibration fits taken out",
+        "discrepancy",
+        "squared distance of all statistics from the model, in standard deviations squared, without the directions that calibration fits",
     ),
-    ("floor", "the gap that sensors of the final model have themselves"),
-    ("standard deviations", "how far a statistic lies from the model, over what such sensors differ by"),
+    ("noise floor", "mean discrepancy of simulated sensors of the final model"),
+    (
+        "standard deviations",
+        "deviation of a statistic from the model, divided by the standard deviation between simulated sensors of the model",
+    ),
     (
         "fitted, held out",
-        "recordings that numbers were fitted to, and others that judge whether a name helps",
+        "recordings to which parameters were fitted, and recordings that test whether an effect improves the model",
     ),
     (
         "spread about the line",
-        "how far the pixels' rates lie from each pixel's own line over the light, between the quartiles",
+        "interquartile range of the differences between the rate of a pixel and its line as a function of the light",
     ),
-    ("rate against the pixel's line", "the same in the mean of the pixels"),
-    ("rate against the line, by gain", "how that changes from pixels of low to pixels of high gain"),
+    (
+        "rate against the pixel's line",
+        "mean difference between the rate of a pixel and its line as a function of the light",
+    ),
+    (
+        "rate against the line, by gain",
+        "change of the difference between rate and line from pixels of low gain to pixels of high gain",
+    ),
     (
         "interval variance",
-        "how far the time of so many spikes (the lag) strays, less what whole readouts make, in thresholds squared",
+        "variance of the time between a spike and the n-th later spike (n is the lag), minus the part due to whole readouts, in thresholds squared",
     ),
-    ("interval covariance", "whether a long interval is followed by a short one"),
+    ("interval covariance", "covariance of successive intervals of a pixel"),
     (
         "short intervals",
-        "intervals shorter than a regular pixel's lattice of whole readouts has; long ones likewise",
+        "intervals shorter than the two whole numbers of readouts around the mean; long intervals correspondingly",
     ),
     (
         "change between halves",
-        "by how many spikes pixels differ from the first half of a recording to the second",
+        "change of the number of spikes of a pixel from the first half of a recording to the second half",
     ),
-    ("second half over first", "the same of all pixels together"),
+    (
+        "second half over first",
+        "rate of all pixels in the second half of a recording, divided by the rate in the first half",
+    ),
     (
         "power of the total",
-        "how much the number of spikes in a readout swings, over as many independent spikes",
+        "power of the number of spikes per readout, divided by the power of as many independent spikes",
     ),
-    ("line in the total", "the strongest single frequency in that"),
-    ("neighbors", "pixels side by side that fire in the same or in the next readout, over chance"),
+    ("line in the total", "strongest single frequency in the number of spikes per readout"),
+    (
+        "neighbors",
+        "neighboring pixels that fire at the same readout or at the next readout, compared with chance",
+    ),
     (
         "pixels far above",
-        "pixels more than five robust deviations off the median of a map; far below likewise",
+        "pixels more than five robust standard deviations above the median of a map; far below correspondingly",
     ),
-    ("halves of a row together", "whether both halves of a row fire more in the same readouts"),
+    (
+        "halves of a row together",
+        "correlation between the spikes of both halves of a row at the same readouts",
+    ),
 ];
 
 /// The sets and the numbers that the search began with.
 pub(super) fn judged(about: &Provenance) -> Vec<PageElement> {
-    let mut parts = vec![PageElement::heading("What was judged")];
+    let mut parts = vec![PageElement::heading("Recordings and camera")];
     let mut set = Table::new(&["", ""]);
     let mut row = |name: &str, value: String| set.push_row([name.to_owned(), value]);
-    row("set", about.set_file.clone().unwrap_or_else(|| "a set in memory".to_owned()));
+    row("recording set", about.set_file.clone().unwrap_or_else(|| "a recording set in memory".to_owned()));
     row("pixels", format!("{} x {}", about.width, about.height));
     row("readouts per second", format!("{}", about.readout_hz));
     // Without a number nothing was judged.
     let judged = !about.base_parameters.is_empty();
     if judged {
-        row("judged by", about.held_out.clone());
+        row("held-out recordings", about.held_out.clone());
     }
     row("camera", about.camera.clone());
     if judged {
-        row("lamps taken as known to", format!("{:.2} %", 100.0 * about.lamp_uncertainty));
+        row("relative uncertainty of the lamps", format!("{:.2} %", 100.0 * about.lamp_uncertainty));
     }
     row("seed", about.seed.to_string());
     parts.push(PageElement::Table(set));
     let lamp = |file: &str| about.lamps.iter().find(|l| l.file.ends_with(file));
     let mut files =
-        Table::new(&["recording", "light", "calibrated, less stated", "readouts", "from readout"]);
+        Table::new(&["recording", "light", "calibrated minus stated light", "readouts", "first readout"]);
     for r in &about.recordings {
         let found = lamp(&r.file).map_or_else(String::new, |l| format!("{:+.3} %", 100.0 * l.deviation));
         files.push_row([
@@ -87,19 +105,19 @@ pub(super) fn judged(about: &Provenance) -> Vec<PageElement> {
         parts.push(PageElement::Table(files));
     }
     if !about.base_parameters.is_empty() {
-        parts.push(PageElement::heading("The numbers that it began with"));
+        parts.push(PageElement::heading("Initial camera parameters"));
         parts.push(PageElement::Table(numbers(&about.base_parameters)));
     }
     parts
 }
 
 fn numbers(all: &[BaseParameter]) -> Table {
-    let mut table = Table::new(&["number", "value", "standard error", "unit", "from"]);
+    let mut table = Table::new(&["parameter", "value", "standard error", "unit", "source"]);
     for n in all {
         let source = match n.source {
             NumberSource::Calibrated => "these recordings",
             NumberSource::Published => "the published model",
-            NumberSource::Fitted => "a fit that began at the published model",
+            NumberSource::Fitted => "a fit that started from the published model",
             NumberSource::Camera => "the camera file",
         };
         // Both to two digits of the error.
@@ -114,18 +132,18 @@ fn numbers(all: &[BaseParameter]) -> Table {
 pub(super) fn glossary(d: &Diagnosis) -> Table {
     let used = |term: &str| {
         let statistics = d.traces.deviations.iter().map(|s| s.0.as_str());
-        let general = ["gap", "floor", "standard deviations", "fitted, held out"];
+        let general = ["discrepancy", "noise floor", "standard deviations", "fitted, held out"];
         general.contains(&term) || statistics.into_iter().any(|s| s.contains(term))
     };
-    let mut table = Table::new(&["term", "what it is"]);
+    let mut table = Table::new(&["term", "meaning"]);
     TERMS.iter().filter(|t| used(t.0)).for_each(|t| table.push_row([t.0, t.1]));
     table
 }
 
 /// What was typed, and when.
 pub(super) fn made(about: &Provenance) -> Vec<PageElement> {
-    let command = about.command.iter().map(|c| format!("Made by: {c}"));
-    let date = about.date.iter().map(|d| format!("On {d} (universal time)."));
+    let command = about.command.iter().map(|c| format!("Command: {c}"));
+    let date = about.date.iter().map(|d| format!("Date: {d} (UTC)"));
     let lines: Vec<String> = command.chain(date).collect();
     if lines.is_empty() { Vec::new() } else { vec![PageElement::List { items: lines }] }
 }

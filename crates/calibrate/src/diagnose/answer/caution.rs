@@ -26,12 +26,15 @@ const ALIKE: f64 = 0.9;
 
 /// What looks the same: light in front of a camera, or other places on it.
 const LOOKS_THE_SAME: [(&Definition, &str); 4] = [
-    (&flicker::EFFECT, "; it is the light that swings: the lamp, and not the camera"),
-    (&gain_drift::EFFECT, "; a lamp that drifts through all recordings looks the same"),
-    (&vignetting::EFFECT, "; light that falls off to the corners looks the same"),
+    (
+        &flicker::EFFECT,
+        "; a flickering lamp has the same statistics, so the cause is the lamp and not the camera",
+    ),
+    (&gain_drift::EFFECT, "; a lamp that drifts through all recordings has the same statistics"),
+    (&vignetting::EFFECT, "; light that decreases towards the corners has the same statistics"),
     (
         &readout_jitter::EFFECT,
-        "; which rows have it is not seen: a band about another row looks nearly the same, with half the spread where it has two sides",
+        "; the rows with the effect are not identified: a band around another row has nearly the same statistics, with half the spread if rows lie on both sides",
     ),
 ];
 
@@ -46,7 +49,7 @@ pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &NullModel) {
         };
         if p.low <= neutral && neutral <= p.high {
             effect.is_tentative = true;
-            effect.evidence += "; the interval of its strength holds none of it";
+            effect.evidence += "; the interval of the strength contains the value without the effect";
         }
     }
     for effect in &mut d.effects {
@@ -67,7 +70,7 @@ pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &NullModel) {
     {
         d.verdict = Verdict::PartlyExplained;
         d.notes.push(format!(
-            "Sensors of the final model differ so much among themselves (a gap of {:.0}, give or take {:.0}) that a gap at their floor does not show that all is explained. More light levels or longer recordings would.",
+            "Simulated sensors of the final model differ strongly from each other (noise floor {:.0}, standard deviation {:.0}). A discrepancy at this noise floor therefore does not show that the model is complete. More light levels or longer recordings reduce the noise floor.",
             d.discrepancy.noise_floor, d.discrepancy.noise_floor_sd
         ));
     }

@@ -178,7 +178,8 @@ impl Diagnosis {
             seconds: 0.0,
             cache_counts: None,
             notes: vec![
-                "Too few recordings are left to judge the camera: nothing was searched for.".to_owned(),
+                "Too few recordings without faults remain for a diagnosis: no effects were searched."
+                    .to_owned(),
             ],
             provenance: None,
             camera,

@@ -27,14 +27,14 @@ const FAMILIES: [(&[&Definition], &str); 8] = [
             &saturation_clamp::EFFECT,
             &leak::EFFECT,
         ],
-        "flats at 1/2, 2/3 and 3/4 of saturation and 2 % to either side (a partial reset makes plateaus there, adaptation \
-         makes an interval depend on the one before), and one light level at two temperatures (dead time and reset bend the dark \
-         current's response too, a non-linear response does not)",
+        "flat fields at 1/2, 2/3 and 3/4 of saturation and 2 % above and below each level (a partial reset causes plateaus there, and adaptation \
+         makes an interval depend on the previous interval), and one light level at two temperatures (dead time and reset also change the response \
+         to the dark current, a nonlinear response does not)",
     ),
     (
         &[&crosstalk::EFFECT, &spike_coupling::EFFECT, &smooth_prnu::EFFECT],
-        "a checkerboard of squares one pixel wide, and one of lower contrast: shared light follows the light of the neighbor, coupled \
-         spikes come one readout after the neighbor's",
+        "a checkerboard of squares one pixel wide, and a checkerboard of lower contrast: crosstalk follows the light of the neighbor, and coupled \
+         spikes follow the spikes of the neighbor by one readout",
     ),
     (
         &[
@@ -44,12 +44,12 @@ const FAMILIES: [(&[&Definition], &str); 8] = [
             &dark_tail::EFFECT,
             &dark_shot_noise::EFFECT,
         ],
-        "a much longer dark, and one at another temperature: what the dark current does grows with it, false spikes do not, and \
-         switching pixels are the same ones again",
+        "a much longer dark recording, and a dark recording at another temperature: effects of the dark current grow with the dark current, false \
+         spikes do not, and switching pixels are the same pixels in both recordings",
     ),
     (
         &[&missed_spikes::EFFECT, &dropped_readouts::EFFECT, &repeated_readouts::EFFECT, &row_noise::EFFECT],
-        "a longer flat at 0.1: a lost or repeated readout moves all pixels at once, a missed spike one pixel",
+        "a longer flat field at 0.1: a lost or repeated readout affects all pixels at once, and a missed spike affects one pixel",
     ),
     (
         &[
@@ -59,15 +59,15 @@ const FAMILIES: [(&[&Definition], &str); 8] = [
             &row_pattern::EFFECT,
             &column_pattern::EFFECT,
         ],
-        "the same flat with the lamp or the camera turned by a quarter: what belongs to the sensor turns with it",
+        "the same flat field with the lamp or the camera rotated by 90 degrees: a pattern of the sensor rotates with the sensor",
     ),
     (
         &[&slow_threshold_noise::EFFECT, &gain_drift::EFFECT, &telegraph_dark::EFFECT, &flicker::EFFECT],
-        "one flat ten times as long, and again after ten minutes: drift goes on, slow noise returns",
+        "a flat field ten times as long, and the same flat field after ten minutes: a drift continues, and slow noise returns to its mean",
     ),
     (
         &[&image_lag::EFFECT, &adaptation::EFFECT, &slow_threshold_noise::EFFECT],
-        "a square wave of a longer half period, up to another level: lag follows the light, adaptation the spikes",
+        "a square wave with a longer half period and another high level: lag depends on the light, and adaptation depends on the spikes",
     ),
     (
         &[
@@ -77,7 +77,7 @@ const FAMILIES: [(&[&Definition], &str); 8] = [
             &slow_threshold_noise::EFFECT,
             &false_spikes::EFFECT,
         ],
-        "a longer flat at 0.03: the noise of a comparison does not add up over intervals, other noise does",
+        "a longer flat field at 0.03: comparator noise does not accumulate over intervals, and other noise accumulates",
     ),
 ];
 
@@ -94,17 +94,18 @@ fn sentence(reference: &NullModel, round: &Round, other: &Entrant) -> String {
     // Deviations shrink with the root of the length.
     let times = (APART / other.apart.max(1e-3)).powi(2);
     let longer = if times <= 1.0 {
-        format!("a second recording of {place}, where their {statistic} differs most")
+        format!("A second recording of {place} would distinguish both, where {statistic} differs most")
     } else if times <= LONGEST {
         format!(
-            "recordings {:.0} times as long, first of all {place}, where their {statistic} differs most",
+            "Recordings {:.0} times as long would distinguish both, above all {place}, where {statistic} differs most",
             times.ceil()
         )
     } else {
-        "no longer recording of these scenes".to_owned()
+        "Longer recordings of these scenes would not distinguish both".to_owned()
     };
     let has = |f: &[&Definition], name: &str| f.iter().any(|d| d.name == name);
     let family = FAMILIES.iter().find(|f| has(f.0, round.winner) && has(f.0, other.name));
-    let added = family.map_or(String::new(), |f| format!("; or added scenes: {}", f.1));
-    format!("{} or {}: {longer} would tell{added}.", round.winner, other.name)
+    let added =
+        family.map_or(String::new(), |f| format!(". Additional scenes that distinguish both: {}", f.1));
+    format!("{} or {}. {longer}{added}.", round.winner, other.name)
 }

@@ -13,7 +13,7 @@ pub(in crate::diagnose) fn of_the_sets(
     let mut notes = Vec::new();
     if let Some((first, rows)) = setup.row_band {
         notes.push(format!(
-            "The scene is large: rows {first} to {} were judged, which hold most of its even surface.",
+            "The scene is large: only rows {first} to {} were compared, which contain most of the uniform surface.",
             first + rows - 1
         ));
     }
@@ -24,16 +24,16 @@ pub(in crate::diagnose) fn of_the_sets(
         ));
     }
     if !held_out && alone {
-        notes.push("No second set was given and this one cannot be cut: nothing was held out.".to_owned());
+        notes.push("There is no second recording set, and the recordings of this set cannot be split: no recordings were held out.".to_owned());
     } else if !held_out {
         notes.push(
-            "No second set was given: the first half of every recording was fitted and the second half judged it, so effects must be stronger to be seen. A second set of the same scenes doubles what can be told.".to_owned(),
+            "There is no second recording set: effects were fitted to the first half of every recording and tested on the second half, so only stronger effects are detectable. A second set of the same scenes doubles the number of readouts for both steps.".to_owned(),
         );
     }
     if let Some(longest) = aside.iter().map(|a| a.1).max() {
         let shortest = aside.iter().map(|a| a.1).min().unwrap_or(longest);
         notes.push(format!(
-            "Pixels began together, as they do in simulations and after a common reset: the first {shortest} to {longest} readouts of {} recordings, until they had drifted apart, were set aside. What happens only there cannot be seen.",
+            "The pixels start with the same charge, as in simulations and after a common reset. The first {shortest} to {longest} readouts of {} recordings, in which pixels fire together, were excluded. Effects that occur only in these readouts are not detectable.",
             aside.len()
         ));
     }
@@ -43,8 +43,8 @@ pub(in crate::diagnose) fn of_the_sets(
 /// Why a set of which no statistic is beyond its limit is not explained.
 pub(in crate::diagnose) fn open(gap: &Discrepancy) -> String {
     format!(
-        "No statistic by itself is beyond what the final model's own sensors show, but the {}gap is {:.0} where theirs is \
-         {:.0} and {:.0} is the most that counts as explained. Of clean sensors two in a hundred are this far off by chance.",
+        "No single statistic exceeds its limit, but the {}discrepancy is {:.0}, the noise floor of the final model is {:.0}, and the \
+         largest discrepancy that counts as explained is {:.0}. By chance, 2 % of the sensors without missing effects exceed this limit.",
         if gap.is_held_out() { "held-out " } else { "" },
         gap.held_out_set.last().copied().unwrap_or_default(),
         gap.noise_floor,
@@ -57,8 +57,8 @@ pub(in crate::diagnose) fn open(gap: &Discrepancy) -> String {
 pub(in crate::diagnose) fn unjudged(wrong: &[ParameterMismatch]) -> String {
     let names: Vec<&str> = wrong.iter().map(|m| m.parameter.as_str()).collect();
     format!(
-        "Not judged: {}. What was found is so strong that these numbers of the camera cannot be told beside it. Add it to the camera file \
-         (camera.toml has it) with your own numbers of these, and diagnose again.",
+        "Not tested: {}. The found effects are so strong that the recordings do not determine these parameters of the camera. Add the found \
+         effects, which camera.toml contains, to your camera file with your own values of these parameters, and diagnose again.",
         names.join(", ")
     )
 }

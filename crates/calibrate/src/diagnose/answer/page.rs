@@ -43,25 +43,25 @@ pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
     parts.extend(faults(diagnosis));
     parts.extend(named(diagnosis));
     if !diagnosis.recommended_recordings.is_empty() {
-        parts.push(PageElement::heading("Which recording would settle a tie"));
+        parts.push(PageElement::heading("Recordings that would distinguish ambiguous effects"));
         parts.push(PageElement::List { items: diagnosis.recommended_recordings.clone() });
     }
     parts.extend(diagnosis.provenance.iter().flat_map(judged));
     if !diagnosis.notes.is_empty() {
-        parts.push(PageElement::heading("What a reader must know"));
+        parts.push(PageElement::heading("Notes"));
         parts.push(PageElement::List { items: diagnosis.notes.clone() });
     }
     // Where nothing was searched for there is nothing to plot.
     if !diagnosis.discrepancy.held_out_set.is_empty() {
-        parts.push(PageElement::heading("Where model and recordings disagree"));
+        parts.push(PageElement::heading("Deviations of the recordings from the model"));
         parts.extend(disagreements(diagnosis)?);
-        parts.push(PageElement::heading("The gap, after each step"));
+        parts.push(PageElement::heading("Discrepancy after each step"));
         parts.extend(gap(diagnosis)?);
         parts.extend(tournament(diagnosis)?);
         parts.extend(seen(&diagnosis.traces.plots, diagnosis.discrepancy.fitted_set.len() > 1)?);
-        parts.push(PageElement::heading("What this set could not have seen"));
+        parts.push(PageElement::heading("Effects that this recording set cannot reveal"));
         parts.push(PageElement::text(unseen(diagnosis)));
-        parts.push(PageElement::heading("Words"));
+        parts.push(PageElement::heading("Terms"));
         parts.push(PageElement::Table(glossary(diagnosis)));
     }
     parts.extend(diagnosis.provenance.iter().flat_map(made));
@@ -74,15 +74,18 @@ fn faults(d: &Diagnosis) -> Vec<PageElement> {
         return Vec::new();
     }
     let items = d.faults.iter().map(crate::diagnose::Fault::sentence).collect();
-    vec![PageElement::heading("Faults of the recordings, not of the camera"), PageElement::List { items }]
+    vec![PageElement::heading("Faults of the recordings"), PageElement::List { items }]
 }
 
 /// What the set cannot show, in words that fit what it is.
 pub(in crate::diagnose) fn unseen(d: &Diagnosis) -> String {
     if d.undetectable.is_empty() {
-        "Each effect of the catalog would be visible at the maximum of its range. The detectability analysis estimates the minimum strength for this set.".to_owned()
+        "Each effect of the catalog is detectable at the maximum of its range. The detectability analysis estimates the smallest detectable strength for this recording set.".to_owned()
     } else {
-        format!("{}: however strong, these recordings do not show them.", d.undetectable.join(", "))
+        format!(
+            "{}. These recordings do not reveal these effects at any strength.",
+            d.undetectable.join(", ")
+        )
     }
 }
 
@@ -96,45 +99,47 @@ fn sentence(d: &Diagnosis) -> String {
             } else {
                 format!(" (or {})", e.ambiguous_with.join(", "))
             };
-            format!("{}{}{ties}", if e.is_tentative { "something like " } else { "" }, e.name)
+            format!("{}{}{ties}", if e.is_tentative { "an effect that resembles " } else { "" }, e.name)
         })
         .chain(d.parameter_mismatches.iter().map(|m| {
             let [fitted, model] = [m.fitted_value, m.model_value].map(|x| rounded(x, m.low, m.high));
-            format!("another {} ({fitted} instead of {model})", m.parameter)
+            format!("a different value of {} ({fitted} instead of {model})", m.parameter)
         }))
         .collect();
     let names = effects.join(", ");
     match d.verdict {
         _ if d.discrepancy.held_out_set.is_empty() => {
-            "These recordings are at fault in so much that nothing can be said of the camera.".to_owned()
+            "Too many recordings have faults: a diagnosis of the camera is not possible.".to_owned()
         }
         Verdict::Agrees if d.faults.iter().any(|f| f.is_excluded) => {
-            "What is not at fault agrees with the model: nothing is above its limit.".to_owned()
+            "The recordings without faults agree with the model: no statistic exceeds its limit.".to_owned()
         }
-        Verdict::Agrees => "The recordings agree with the model: nothing is above its limit.".to_owned(),
+        Verdict::Agrees => "The recordings agree with the model: no statistic exceeds its limit.".to_owned(),
         Verdict::Explained => {
-            format!("The recordings are explained by adding {names}; nothing is left above its limit.")
+            format!("The model with {names} explains the recordings: no statistic exceeds its limit.")
         }
         Verdict::PartlyExplained => {
             let left = if d.unexplained.is_empty() {
-                "whether that is all these recordings do not show"
+                "the recordings do not show whether the model is complete"
             } else {
-                "something is left"
+                "some statistics still exceed their limits"
             };
-            format!("Adding {names} explains a part; {left}.")
+            format!("The model with {names} explains a part of the deviations; {left}.")
         }
         Verdict::Unknown if names.is_empty() => {
-            "Something is there that no effect of the catalog explains.".to_owned()
+            "The recordings deviate from the model, and no effect of the catalog explains the deviation."
+                .to_owned()
         }
         Verdict::Unknown => format!(
-            "Something is there that no effect of the catalog is shown to explain; it looks a little like {}.",
-            names.replace("something like ", "")
+            "The recordings deviate from the model, and no effect of the catalog clearly explains the deviation. The most similar effects are {}.",
+            names.replace("an effect that resembles ", "")
         ),
     }
 }
 
 fn named(d: &Diagnosis) -> Vec<PageElement> {
-    let mut table = Table::new(&["effect", "parameter", "value", "95 % interval", "as likely", "evidence"]);
+    let mut table =
+        Table::new(&["effect", "parameter", "value", "95 % interval", "ambiguous with", "evidence"]);
     for e in &d.effects {
         for (i, p) in e.parameters.iter().enumerate() {
             let (name, ties, evidence) = if i == 0 {
@@ -155,7 +160,7 @@ fn named(d: &Diagnosis) -> Vec<PageElement> {
     for m in &d.parameter_mismatches {
         let note = format!("the model has {}", rounded(m.model_value, m.low, m.high));
         table.push_row([
-            "misfit",
+            "mismatch",
             &m.parameter,
             &rounded(m.fitted_value, m.low, m.high),
             &interval(m.low, m.high),
@@ -168,7 +173,7 @@ fn named(d: &Diagnosis) -> Vec<PageElement> {
         parts.push(PageElement::Table(table));
     }
     if !d.unexplained.is_empty() {
-        let mut left = Table::new(&["left unexplained", "standard deviations"]);
+        let mut left = Table::new(&["unexplained statistic", "standard deviations"]);
         d.unexplained.iter().for_each(|u| left.push_row([u.r#where.clone(), format!("{:.1}", u.z)]));
         parts.push(PageElement::Table(left));
     }
@@ -177,7 +182,7 @@ fn named(d: &Diagnosis) -> Vec<PageElement> {
 
 fn gap(d: &Diagnosis) -> Result<Vec<PageElement>> {
     const MEASURE: &str =
-        "the squared distance of the statistics to the model, with what calibration fits taken out";
+        "the squared distance of the statistics from the model, without the directions that calibration fits";
     let Discrepancy {
         fitted_set: train,
         held_out_set: heldout,
@@ -188,12 +193,12 @@ fn gap(d: &Diagnosis) -> Result<Vec<PageElement>> {
     // One bar beside no other says no more than its number.
     if let ([fitted], [judging]) = (train.as_slice(), heldout.as_slice()) {
         let values = if held_out {
-            format!("{fitted:.0} for the fitted recordings and {judging:.0} for the held-out ones")
+            format!("{fitted:.0} for the fitted recordings and {judging:.0} for the held-out recordings")
         } else {
             format!("{fitted:.0}")
         };
         return Ok(vec![PageElement::text(format!(
-            "Nothing was added. The gap, {MEASURE}, is {values}; the model's own sensors have {floor:.0}, with a deviation of {floor_sd:.0}."
+            "No effect was added. The discrepancy, {MEASURE}, is {values}. The noise floor, which is the discrepancy of simulated sensors of the model, is {floor:.0} with a standard deviation of {floor_sd:.0}."
         ))]);
     }
     let (sets, whose): (&[&str], _) = if held_out {
@@ -214,11 +219,11 @@ fn gap(d: &Diagnosis) -> Result<Vec<PageElement>> {
             "squared distance, in standard deviations squared",
             sets,
             &rows,
-            Some((*floor, "floor")),
+            Some((*floor, "noise floor")),
         )?,
         format!(
-            "The gap is {MEASURE}. That {whose} is {first:.0} at first and {last:.0} at last; the final model's own sensors have {floor:.0}, \
-             the floor, with a deviation of {floor_sd:.0}."
+            "The discrepancy is {MEASURE}. The discrepancy {whose} falls from {first:.0} to {last:.0}. The noise floor, which is the \
+             discrepancy of simulated sensors of the final model, is {floor:.0} with a standard deviation of {floor_sd:.0}."
         ),
     )])
 }
@@ -240,7 +245,7 @@ fn disagreements(d: &Diagnosis) -> Result<Vec<PageElement>> {
     };
     let shown: Vec<RankedRow> = rows.iter().take(SHOWN).map(|r| row(r)).collect();
     let plain = |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > PLAIN).count();
-    let series: &[&str] = if added { &["before", "after"] } else { &["recordings less model"] };
+    let series: &[&str] = if added { &["before", "after"] } else { &["recordings minus model"] };
     let caption = if added {
         format!(
             "The largest deviations of the fitted recordings from the model, before and after effects were added: {} of {} \
@@ -270,29 +275,27 @@ fn tournament(d: &Diagnosis) -> Result<Vec<PageElement>> {
         let (what, caption) = match fate {
             EliminationReason::Retained => (
                 "",
-                "What each candidate leaves of the gap when it is fitted; within noise the names are tied.",
+                "Discrepancy that remains after a fit of each candidate. Candidates within the noise of the winner are ambiguous.",
             ),
-            EliminationReason::RejectedByHoldout if d.discrepancy.is_held_out() => (
-                ", not kept",
-                "The held-out recordings did not come nearer with the winner, so it was not kept.",
-            ),
-            EliminationReason::RejectedByHoldout => (
-                ", not kept",
-                "The recordings did not come nearer with the winner by enough, so it was not kept.",
-            ),
+            EliminationReason::RejectedByHoldout if d.discrepancy.is_held_out() => {
+                (", rejected", "The winner did not reduce the held-out discrepancy and was rejected.")
+            }
+            EliminationReason::RejectedByHoldout => {
+                (", rejected", "The winner did not reduce the discrepancy sufficiently and was rejected.")
+            }
             EliminationReason::Eliminated => (
-                ", dropped later",
-                "The winner was kept at first. Once the other names were known, the recordings were as likely without it.",
+                ", removed later",
+                "The winner was added first. After other effects were added, the recordings were equally likely without this effect.",
             ),
         };
-        parts.push(PageElement::heading(&format!("Tournament: {winner}{what}")));
+        parts.push(PageElement::heading(&format!("Comparison of candidates: {winner}{what}")));
         let row = |(name, misfit, tied): &(&str, f64, bool)| RankedRow {
-            name: format!("{name}: {misfit:.0}{}", if *tied && name != winner { " (tied)" } else { "" }),
+            name: format!("{name}: {misfit:.0}{}", if *tied && name != winner { " (ambiguous)" } else { "" }),
             values: vec![*misfit],
         };
         let rows: Vec<RankedRow> = round.iter().map(row).collect();
         parts.push(PageElement::figure(
-            ranked_bar_plot("gap that is left", &["fitted"], &rows, None)?,
+            ranked_bar_plot("remaining discrepancy", &["fitted"], &rows, None)?,
             caption,
         ));
     }

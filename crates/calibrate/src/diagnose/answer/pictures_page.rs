@@ -17,13 +17,13 @@ fn spectrum(
     let range = pictures.iter().find_map(|(_, p)| p.spectrum_range.as_ref());
     let bent = |line: &Vec<(f64, f64)>| line.iter().map(logarithms).collect();
     let band =
-        range.map(|[low, high]| ShadedBand { name: "further sensors", low: bent(low), high: bent(high) });
+        range.map(|[low, high]| ShadedBand { name: "simulated sensors", low: bent(low), high: bent(high) });
     let axes = ("log10 of the frequency in Hz", "log10 of the power");
     let plot = line_plot_over_band(place, axes, curves, band.as_ref())?;
-    let what = "Power over that of as many independent spikes.";
-    let model = if added { "the model after" } else { "the model" };
+    let what = "Power, divided by the power of as many independent spikes.";
+    let model = if added { "the final model" } else { "the model" };
     let gray = format!(
-        "{what} Gray is the range of {FURTHER} further sensors of {model}; at one frequency in eleven the recording of a sensor like them lies outside."
+        "{what} The gray band is the range of {FURTHER} simulated sensors of {model}. A recording of such a sensor lies outside the band at one frequency in eleven."
     );
     Ok(PageElement::figure(plot, if band.is_some() { gray } else { what.to_owned() }))
 }
@@ -50,14 +50,14 @@ pub(in crate::diagnose) fn seen(
     };
     if let (Some(place), all) = curve(|p| &p.intervals, |p| *p) {
         parts.push(PageElement::heading("Intervals"));
-        let plot = bar_plot(&place, "interval over the pixel's mean", &all)?;
+        let plot = bar_plot(&place, "interval, divided by the mean of the pixel", &all)?;
         parts.push(PageElement::figure(
             plot,
-            "How long intervals are, each in units of its own pixel's mean.",
+            "Lengths of intervals, each divided by the mean interval of its pixel.",
         ));
     }
     if let (Some(place), all) = curve(|p| &p.spectrum, logarithms) {
-        parts.push(PageElement::heading("Spectrum of the readouts' totals"));
+        parts.push(PageElement::heading("Spectrum of the number of spikes per readout"));
         parts.push(spectrum(&place, &all, pictures, added)?);
     }
     for (place, what) in ["gain", "dark current"].into_iter().enumerate() {

@@ -85,11 +85,11 @@ fn words(light: Stimulus) -> String {
         Stimulus::Level(0.0) => "dark".to_owned(),
         Stimulus::Level(level) => format!("{level}"),
         Stimulus::Scene(StimulusPattern::Square { high, low, half_period }) => {
-            format!("{high} and {low} in turn, {half_period} readouts each")
+            format!("{high} and {low} alternating, {half_period} readouts each")
         }
         Stimulus::Scene(StimulusPattern::Checkerboard { high, low, cell }) => {
             format!("squares of {cell} pixels, {high} and {low}")
         }
-        Stimulus::Scene(StimulusPattern::StaticUnknown {}) => "a still scene, unknown".to_owned(),
+        Stimulus::Scene(StimulusPattern::StaticUnknown {}) => "a static scene of unknown light".to_owned(),
     }
 }

@@ -102,7 +102,7 @@ impl BaseModel {
         }
         if !moved.is_empty() {
             self.notes.push(format!(
-                "From there these numbers were moved until they met the recordings best: {}.",
+                "Starting from these values, the following parameters were fitted to the recordings: {}.",
                 moved.join(", ")
             ));
         }
@@ -136,7 +136,7 @@ impl BaseModel {
             Err(why) => {
                 let numbers = numbers(&camera, NumberSource::Published);
                 let note = format!(
-                    "There is no camera file, and the recordings could not be calibrated ({}). The published values of scsim-code are used instead. Provide a camera file if the camera differs from them.",
+                    "There is no camera file, and the recordings could not be calibrated ({}). The published values of scsim-code are used instead. Provide a camera file if the camera has other values.",
                     why.to_string().trim_end_matches('.')
                 );
                 Ok(Self { camera, numbers, lamps, notes: vec![note] })
@@ -151,7 +151,7 @@ impl BaseModel {
         if camera.maps != Maps::default() {
             camera = reduced(camera)?;
             notes.push(
-                "The camera file has maps of its pixels. Populations are compared here, so their medians, their spreads and a log-normal tail of the dark current stand for them: what the maps alone hold, such as hot pixels, is named as an effect that the model lacks.".to_owned(),
+                "The camera file has maps of pixels. A diagnosis compares populations, so the maps are replaced by their medians, their spreads and a log-normal tail of the dark current. A property that only the maps contain, such as hot pixels, is therefore reported as a missing effect.".to_owned(),
             );
         }
         Ok(Self { numbers: numbers(&camera, NumberSource::Camera), camera, lamps: Vec::new(), notes })
@@ -163,7 +163,7 @@ impl BaseModel {
         let own = own.unwrap_or_else(|| dark_current::EFFECT.neutral());
         self.camera = self.camera.with_effect(own.with_value("negative", 0.0)?);
         self.notes.push(
-            "Pixels that are silent in the dark are short of charge in the light, too: dark currents below zero are kept as they are, where the published model takes them as none.".to_owned(),
+            "Pixels that are silent in the dark also have less charge in the light. Negative dark currents are therefore kept, although the published model sets negative dark currents to zero.".to_owned(),
         );
         Ok(self)
     }
@@ -194,12 +194,12 @@ impl BaseModel {
             self.camera = self.camera.with_effect(noise.with_value("noise_sampling", noise_sampling)?);
         }
         self.notes.push(format!(
-            "No camera file was given: these numbers were calibrated from the recordings: {}.",
+            "There is no camera file. The following parameters were calibrated from the recordings: {}.",
             told.join(", ")
         ));
         if !untold.is_empty() {
             self.notes.push(format!(
-                "Calibration did not tell {}: the published numbers were used.",
+                "Calibration did not determine {}: the published values are used.",
                 untold.join(", ")
             ));
         }

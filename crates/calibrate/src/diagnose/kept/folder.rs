@@ -40,7 +40,7 @@ impl Kept {
     pub(crate) fn open(folder: &Path) -> Result<Self> {
         let path = folder.join(format!("{}-{RESULTS_VERSION}", env!("CARGO_PKG_VERSION")));
         let asked =
-            |e: Error| e.remedy("choose another folder for simulations, or allow writing to this one");
+            |e: Error| e.remedy("choose another folder for simulations, or allow writing to this folder");
         fs::create_dir_all(&path)
             .map_err(|e| Error::io(path.display(), e).expected("a folder that can be created"))
             .map_err(asked)?;

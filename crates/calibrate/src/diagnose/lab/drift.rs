@@ -38,7 +38,7 @@ pub(super) fn drifting(levels: &[(usize, LightLevel)]) -> Vec<(usize, Fault)> {
         |l: &&(usize, &LightLevel, f64, f64)| l.1.drifts() && !steady(l.2, l.3) && l.2.abs() > BEYOND * usual;
     let fault = |(k, level, change, error): &(usize, &LightLevel, f64, f64)| {
         let words = format!(
-            "its light drifts, by {:+.2} % +- {:.2} % from the first half to the second, and that of the other recordings does not: the lamp, not the camera. Let it settle and record again.",
+            "the light of this recording drifts by {:+.2} % +- {:.2} % from the first half to the second half, and the light of the other recordings does not drift: the cause is the lamp, not the camera. Record again with a stable lamp.",
             100.0 * change,
             100.0 * error
         );

@@ -50,7 +50,7 @@ impl Fault {
     #[must_use]
     pub fn sentence(&self) -> String {
         let file = self.recording.as_ref().map_or_else(String::new, |file| format!("{file}: "));
-        let aside = if self.is_excluded { " It was set aside." } else { "" };
+        let aside = if self.is_excluded { " This recording was excluded." } else { "" };
         format!("{file}{}{aside}", self.description)
     }
 }

@@ -58,7 +58,7 @@ pub(super) fn odd(
         Said::Off(i, by) => {
             let (k, level) = lit[i];
             let words = format!(
-                "its light is {:+.1} % off: {} stated, {:.5} found in proportion to the other levels. No smooth response of a camera does that to one level; check its lamp.",
+                "the light of this recording deviates by {:+.1} %: {} stated, {:.5} estimated in proportion to the other levels. No smooth response of a camera changes a single level in this way. Check the lamp.",
                 100.0 * by,
                 level.light,
                 level.light * (1.0 + by)
@@ -67,7 +67,7 @@ pub(super) fn odd(
         }
         Said::Scatter(times) => {
             let words = format!(
-                "the lit levels scatter by {:.1} % about any smooth response, where lamps were taken as known to {:.1} %: they are taken as known to the former, and weaker bends of the response cannot be told.",
+                "the lit levels deviate by {:.1} % from any smooth response, but the assumed uncertainty of the lamps is {:.1} %. The larger value is used, so weaker nonlinearities of the response are not detectable.",
                 100.0 * times * LAMP,
                 100.0 * LAMP
             );

@@ -22,7 +22,7 @@ pub(super) fn moves(scene: &RecordedScene, scan: &Scan) -> Option<Fault> {
     };
     share.map(|share| {
         let words = format!(
-            "the scene moves: {:.1} % of the pixels change between the halves in patches that no camera makes. Record a scene that stands still.",
+            "the scene moves: {:.1} % of the pixels change between the halves of the recording, in patches that no camera effect causes. Record a static scene.",
             100.0 * share
         );
         Fault::of(&scene.file_name(), FaultKind::SceneMoves, words)
@@ -46,7 +46,7 @@ pub(super) fn strangers(levels: &[(usize, LightLevel)], width: usize) -> Vec<(us
     let fault = |i: usize| {
         let (k, level) = usable[i];
         let words = format!(
-            "the pixels' own pattern is not that of the other recordings (correlation {:.2}, theirs {:.2}): another frame size, another layout or another camera. Check width, height and layout of this file.",
+            "the fixed pattern differs from the pattern of the other recordings (correlation {:.2}; {:.2} between the others). The file has another frame size, another layout or another camera. Check width, height and layout of this file.",
             all[i],
             all.iter().copied().fold(-1.0, f64::max)
         );

@@ -38,11 +38,11 @@ pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault
     let alike: Vec<&Swing> = found.iter().filter(|s| (s.hz - strongest.hz).abs() < 1.5 * bin).collect();
     let mains = MAINS.iter().find(|m| (strongest.hz - **m).abs() < bin);
     let whose = mains.map_or_else(
-        || "Light that swings so belongs to a lamp, a monitor or its supply".to_owned(),
-        |m| format!("{m:.0} Hz is twice the mains' {:.0} Hz: the lamp", m / 2.0),
+        || "Such an oscillation comes from a lamp, a monitor or a power supply".to_owned(),
+        |m| format!("{m:.0} Hz is twice the mains frequency of {:.0} Hz, so the cause is the lamp", m / 2.0),
     );
     let words = format!(
-        "the light swings at {:.1} Hz by {:.2} %. {whose}, not the camera. Use a lamp on direct current.",
+        "the light oscillates at {:.1} Hz by {:.2} %. {whose}, not the camera. Use a lamp with a direct-current supply.",
         strongest.hz,
         100.0 * strongest.depth
     );

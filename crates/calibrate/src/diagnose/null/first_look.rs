@@ -32,13 +32,14 @@ impl PreliminaryResult {
     #[must_use]
     pub fn sentence(&self) -> String {
         match (self.is_consistent, self.likely_effects.as_slice()) {
-            (true, _) => "nothing stands out; what is weaker is looked for now".to_owned(),
+            (true, _) => {
+                "no clear deviation from the model; the search for weaker effects continues".to_owned()
+            }
             (false, []) => {
-                "something stands out that is like no name of the catalog; it is looked at closely now"
-                    .to_owned()
+                "a clear deviation that resembles no effect of the catalog; the analysis continues".to_owned()
             }
             (false, names) => format!(
-                "something stands out, most like {}; names are fitted and compared now",
+                "a clear deviation, most similar to {}; effects are now fitted and compared",
                 names.join(", ")
             ),
         }
@@ -99,8 +100,8 @@ mod tests {
         let look = |agrees, likely: &[&'static str]| {
             PreliminaryResult { is_consistent: agrees, likely_effects: likely.to_vec() }.sentence()
         };
-        assert!(look(true, &[]).starts_with("nothing stands out"));
-        assert!(look(false, &["leak", "dead_time"]).contains("most like leak, dead_time;"));
-        assert!(look(false, &[]).contains("no name"));
+        assert!(look(true, &[]).starts_with("no clear deviation"));
+        assert!(look(false, &["leak", "dead_time"]).contains("most similar to leak, dead_time;"));
+        assert!(look(false, &[]).contains("no effect"));
     }
 }

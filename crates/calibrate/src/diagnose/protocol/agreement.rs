@@ -19,12 +19,12 @@ pub(in crate::diagnose) fn poor(setup: &Setup, with_camera: bool) -> Result<()> 
     let remedy = if of_one_kind {
         format!("set {}: maps and static scenes are not sufficient for a calibration", Setting("camera"))
     } else {
-        "record the dark, flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation, steps and a checkerboard"
+        "record a dark recording, flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation, steps and a checkerboard"
             .to_owned()
     };
     Err(Error::new(ErrorKind::Input, "recording set")
-        .found(format_args!("{} uniform levels, {lit} of them lit, at {}", levels.len(), setup.geometry))
-        .expected("the dark and at least two lit levels, at least 8x8 pixels")
+        .found(format_args!("{} uniform levels, of which {lit} are lit, at {}", levels.len(), setup.geometry))
+        .expected("a dark level and at least two lit levels, at least 8x8 pixels")
         .remedy(remedy))
 }
 

@@ -22,7 +22,10 @@ fn too_short(file: &str, readouts: usize, part: RecordingPart) -> Error {
         RecordingPart::Whole => ("", "record longer".to_owned()),
         _ => (
             " in each half of a recording",
-            format!("record longer, or set {} to a second set to avoid the split", Setting("holdout")),
+            format!(
+                "record longer, or set {} to a second recording set, which avoids the split",
+                Setting("holdout")
+            ),
         ),
     };
     Error::new(ErrorKind::Input, file)

@@ -53,11 +53,13 @@ impl Step {
         // Where nothing was held out, both are of the same recordings.
         let held_out = self.before[0] != self.before[1] || self.after[0] != self.after[1];
         if to < from {
-            let gap = if held_out { "held-out gap" } else { "gap" };
-            format!("the {gap} falls from {from:.0} to {to:.0}, where its floor is {floor:.0}")
+            let gap = if held_out { "held-out discrepancy" } else { "discrepancy" };
+            format!("the {gap} falls from {from:.0} to {to:.0}, with a noise floor of {floor:.0}")
         } else {
             let recordings = if held_out { "held-out recordings" } else { "recordings" };
-            format!("{recordings} become likelier, as sensors with it differ more")
+            format!(
+                "the {recordings} become more likely, because simulated sensors with the effect differ more from each other"
+            )
         }
     }
 }
@@ -117,9 +119,12 @@ mod tests {
     fn a_gap_that_grows_is_no_evidence() {
         let fell = Step { before: [900.0, 950.0], after: [210.0, 200.0] };
         assert_eq!(fell.words(), "the discrepancy goes from 900 to 210 (950 held out: 200)");
-        assert_eq!(fell.nearer(190.0), "the held-out gap falls from 950 to 200, where its floor is 190");
+        assert_eq!(
+            fell.nearer(190.0),
+            "the held-out discrepancy falls from 950 to 200, with a noise floor of 190"
+        );
         let alone = Step { before: [45.0, 45.0], after: [14.0, 14.0] };
-        assert_eq!(alone.nearer(11.0), "the gap falls from 45 to 14, where its floor is 11");
+        assert_eq!(alone.nearer(11.0), "the discrepancy falls from 45 to 14, with a noise floor of 11");
         let grew = Step { before: [2403.0, 2400.0], after: [4702.0, 4600.0] }.nearer(900.0);
         assert!(!grew.contains("4702") && !grew.contains("4600"), "{grew}");
     }

@@ -12,7 +12,7 @@ pub(in crate::diagnose) fn measured(setup: &Setup, set: &RecordingSet) -> Result
     let (Some(dark), Some(bright)) = (observed.levels.first(), observed.levels.last()) else {
         return Err(Error::new(ErrorKind::Input, "rate maps")
             .found("none")
-            .expected("one in the dark and one lit"));
+            .expected("one dark rate map and one lit rate map"));
     };
     let step = bright.light - dark.light;
     let gain: Vec<f64> = bright.rate.iter().zip(&dark.rate).map(|(b, d)| (b - d) / step).collect();
