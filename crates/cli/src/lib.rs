@@ -26,7 +26,6 @@ use streams::{convert, evaluate, inspect, partials, reconstruct, verify};
 ///
 /// This function is the whole program, for hosts that embed the command. It prints to the standard output and standard
 /// error of the process and handles Ctrl-C.
-/// of the process.
 pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
     let cli = match help::parse(&args) {

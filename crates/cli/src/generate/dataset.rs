@@ -169,5 +169,5 @@ fn print_report(options: &DatasetOptions, report: &DatasetReport, out: &Console)
     Err(Error::new(ErrorKind::Input, options.output.join("manifest.jsonl").display())
         .found(format_args!("{} failed sequences", report.failed_sequences))
         .expected("none")
-        .remedy("fix the inputs that the manifest lists with reasons, then continue with --resume"))
+        .remedy("correct the failed inputs, which the manifest lists with the reasons, then continue with --resume"))
 }

@@ -22,7 +22,7 @@ pub(crate) fn run(out: &Console) -> Result<()> {
     let (stem, again) = free_stem()?;
     let args = Args { force: again, ..equivalent_arguments(&stem)? };
     out.print_message(format_args!(
-        "Drawing a driving scene and simulating it with the camera 'physical' (400x250, 20 kHz), noisy and clean."
+        "Drawing a driving scene, and simulating a noisy and a clean stream with the camera 'physical' (400x250, 20 kHz)."
     ));
     simulate(&args, out)?;
     out.print_message("Next: 'spikelane --help', or docs/guides/first-video.md");
@@ -56,9 +56,9 @@ fn free_stem() -> Result<(PathBuf, bool)> {
         }
     }
     Err(Error::new(ErrorKind::Exists, OUTPUT_FOLDER)
-        .found(format_args!("{MAX_NAMES} drives"))
+        .found(format_args!("{MAX_NAMES} outputs named drive"))
         .expected("a free number for the name of the output")
-        .remedy("delete old outputs from the folder"))
+        .remedy("delete old outputs from this folder"))
 }
 
 fn is_own_output(names: &OutputNames) -> bool {

@@ -219,7 +219,7 @@ fn without_end(light: &LightArgs) -> Result<LightArgs> {
         return Err(Error::new(ErrorKind::Usage, "light")
             .found("none")
             .expected("an input, or --builtin-light chart or objects")
-            .remedy("simulate the driving scene into a video first; it cannot be drawn in real time"));
+            .remedy("a driving scene cannot be drawn in real time: write a video of the scene with 'spikelane scene --video', and pass the video as the input"));
     }
     let mut light = light.clone();
     if light.readouts.is_none() && light.builtin_light != Some(BuiltinLight::Drive) && light.motion.is_none()

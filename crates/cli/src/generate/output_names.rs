@@ -44,7 +44,7 @@ impl OutputNames {
             return Err(Error::new(ErrorKind::Exists, self.images.display())
                 .found("a folder of that name")
                 .expected("a path that does not exist")
-                .remedy("choose another output, or pass --force to replace it"));
+                .remedy("choose another output, or pass --force to replace the folder"));
         }
         output_claims::claim(self.files(clean), force)
     }

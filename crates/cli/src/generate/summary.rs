@@ -74,7 +74,7 @@ impl RunReport<'_> {
         let (o, job) = (self.outcome, self.options);
         let kernel = o.kernel_time.as_secs_f64();
         format!(
-            "speed    whole run {}, kernel alone {}\ntime     {:.2} s waiting for light, {kernel:.3} s in the kernels ({:.2} Gpixel-readouts/s: {}, {} {}, {} {}), {:.2} s writing to disk\nlight    {} frames, {} of them with light above {} full scales, which was clipped",
+            "speed    whole run {}, kernel alone {}\ntime     {:.2} s waiting for light, {kernel:.3} s in the kernels ({:.2} Gpixel-readouts/s: {}, {} {}, {} {}), {:.2} s writing to disk\nlight    {} frames, of which {} contain light above {} times full scale, which was clipped",
             format_pace(self.camera_seconds(), self.seconds),
             format_pace(self.camera_seconds(), kernel),
             o.wait_time.as_secs_f64(),
@@ -106,10 +106,10 @@ impl RunReport<'_> {
             ));
         };
         if o.clean.is_none() && names.clean_stream.exists() {
-            left(&names.clean_stream, "--clean generates a new one");
+            left(&names.clean_stream, "--clean generates a new clean stream");
         }
         if self.sidecar.images.is_none() && names.images.exists() {
-            left(&names.images, "--images-every generates new ones");
+            left(&names.images, "--images-every generates new images");
         }
         if let Some(wanted) = self.options.readouts.filter(|&n| n > o.readouts) {
             out.print_message(format_args!(
@@ -120,7 +120,7 @@ impl RunReport<'_> {
         let thresholds = o.max_light * self.options.camera.sensor.thresholds_at_full_scale;
         if o.frames_above_max_light > 0 && thresholds < SATURATION_THRESHOLDS {
             out.print_message(format_args!(
-                "note: {} of {} frames contained light above {} full scales, which was clipped although no pixel saturates there; to keep it, set --max-light to {}",
+                "note: {} of {} frames contained light above {} times full scale. This light was clipped, although it does not saturate the pixels; to simulate this light, set --max-light to {}",
                 o.frames_above_max_light,
                 o.frames,
                 o.max_light,

@@ -219,7 +219,7 @@ fn compare_windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console)
         compare_realism(&recording, cameras, &options, &mut |name, share| progress.update(name, share))?;
     drop(progress);
     let mut text = format!(
-        "{} windows at {} places, mean rate {:.4}; {:.1} % of the pixels excluded\n",
+        "{} windows at {} places, mean rate {:.4}; {:.1} % of the pixels are excluded\n",
         comparison.windows,
         comparison.places,
         comparison.mean_rate,

@@ -36,7 +36,7 @@ const PROCESS_CASES: [(&str, &[&str], u64); 8] = [
     ),
     ("`simulate`: 40 u8 frames, 250 readouts each, held", HELD_VIDEO_ARGUMENTS, STREAM_READOUTS),
     (
-        "`simulate`: the same, linear interpolation",
+        "`simulate`: the same frames, linear interpolation",
         &[
             "simulate",
             "../frames.npy",
@@ -168,7 +168,7 @@ fn fastest_runs(
     let mut other = match baseline.map(run) {
         Some(Ok(took)) => Some(took),
         Some(Err(error)) => {
-            eprintln!("not measured: {error}");
+            eprintln!("not measured with the other build: {error}");
             None
         }
         None => None,

@@ -191,7 +191,7 @@ impl SpeedReport {
         let mut text =
             "\n| whole process, 400x250 | processor time, s | wall, s | real time | GB/s |".to_owned();
         text += if has_baseline {
-            " other build: processor time, s | wall, s | this one faster |\n"
+            " other build: processor time, s | wall, s | speedup of this build |\n"
         } else {
             "\n"
         };

@@ -32,7 +32,9 @@ pub(crate) fn benchmark_short_calls(budget: Duration) -> Result<Vec<BenchmarkFig
     for (lit, moving) in [("held", false), ("new frame", true)] {
         let [whole, single] =
             [READOUTS, 1].map(|size| call_speed(&mut simulator, &refs, size, moving, budget));
-        let name = format!("speed of calls of one readout over one call of {READOUTS}, {lit}");
+        let name = format!(
+            "speed of calls of one readout, divided by the speed of one call of {READOUTS} readouts, {lit}"
+        );
         facts.push(figure(name, single? / whole?, "ratio"));
     }
     Ok(facts)
@@ -92,6 +94,10 @@ pub(crate) fn benchmark_crops(budget: Duration) -> Result<Vec<BenchmarkFigure>> 
     failed?;
     Ok(vec![
         figure(format!("plan of a `physical` camera, {side}x{side}"), 1e3 / planned, "ms"),
-        figure(format!("its recordings of {readouts} readouts, one byte per pixel"), whole, "per second"),
+        figure(
+            format!("recordings of {readouts} readouts with this plan, one byte per pixel"),
+            whole,
+            "per second",
+        ),
     ])
 }

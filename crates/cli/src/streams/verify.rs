@@ -79,7 +79,7 @@ fn verify_images(path: &Path, sidecar: &Sidecar, access: Access) -> Result<()> {
             return Err(Error::new(ErrorKind::Corrupt, file.display())
                 .found(digest)
                 .expected(format_args!("{expected}, as in the sidecar"))
-                .remedy("the image was changed or truncated; copy or simulate it again"));
+                .remedy("the image was changed or truncated; copy or simulate the image again"));
         }
     }
     Ok(())
@@ -104,7 +104,7 @@ fn compare_with_sidecar(path: &Path, sidecar: &Sidecar, facts: &StreamFacts) -> 
         return Err(Error::new(ErrorKind::Corrupt, path.display())
             .found(format_args!("{bytes} bytes with {digest}"))
             .expected(format_args!("{} bytes with {}, as in the sidecar", facts.bytes, facts.digest))
-            .remedy("the file was changed or truncated; copy or simulate it again"));
+            .remedy("the file was changed or truncated; copy or simulate the stream again"));
     }
     if sidecar.layout == EVENTS_LAYOUT {
         // A list of events contains no frames, so the checks below do not apply.

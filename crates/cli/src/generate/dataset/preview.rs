@@ -92,7 +92,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let Some((video, geometry)) = video else {
         return Err(Error::new(ErrorKind::Input, args.folder.display())
             .found("no finished sequence")
-            .expected("at least one"));
+            .expected("at least one finished sequence"));
     };
     video.finish()?;
     let event = json!({

@@ -97,7 +97,7 @@ fn camera_full_scale_rate(file: &Path) -> Result<f32> {
     let wrong = |found: String| {
         Error::new(ErrorKind::Usage, file.display())
             .found(found)
-            .expected("the rate of white in the reference image")
+            .expected("the spikes per readout of white in the reference image")
             .remedy("set --full-scale-rate")
     };
     let Some(camera) = camera else { return Err(wrong("no sidecar that names the camera".into())) };

@@ -17,7 +17,7 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
     if args.reference.is_some() || args.at.is_some() || args.every.is_some() || args.static_scene {
         return Err(Error::new(ErrorKind::Usage, args.file.display())
             .found("a dataset and --reference, --static-scene, --at or --every")
-            .expected("none of these flags, because every sequence has its reference image and readout"));
+            .expected("none of these flags, because every sequence has a reference image and a readout of this image"));
     }
     let access = Access::for_reading(args.follow_links);
     let manifest = Manifest::read(&args.file, access)?;
