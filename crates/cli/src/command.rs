@@ -27,7 +27,7 @@ pub(super) struct Cli {
     pub(super) json: bool,
     /// Also print the run time of simulation parts
     ///
-    /// simulate then prints the time of waiting for light, of the kernels and of writing to the disk.
+    /// The command simulate then prints the time of waiting for light, of the kernels and of writing to the disk.
     #[arg(short, long, global = true)]
     pub(super) verbose: bool,
     /// Record absolute paths in sidecars and reports

@@ -51,7 +51,7 @@ const READOUTS_HELP: &str = "Stop after N readouts [default: end of input]";
 const READOUTS_LONG_HELP: &str = "\
 Stop after N readouts [default: end of input]
 
-By default, the stream of a still image, the chart or the objects has no end.";
+Without --readouts, only Ctrl-C ends the stream of a still image, the chart or the objects.";
 
 /// Simulate in real time into a pipe, shared memory or a socket
 ///

@@ -33,7 +33,9 @@ struct ShowArgs {
     name: String,
     #[command(flatten)]
     changes: CameraChanges,
-    /// Write DIR/camera.toml and the maps of the camera [default: print the camera]
+    /// Write DIR/camera.toml and maps [default: print]
+    ///
+    /// By default, the camera file is printed.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Also store a fixed pattern as maps
