@@ -6,6 +6,9 @@ use serde_json::Value;
 
 use super::share::Share;
 
+/// Factors whose levels differ in the share of alarms.
+const SHOWN_FACTORS: [&str; 3] = ["camera", "lamps off by", "protocol"];
+
 /// Returns a table row with a share, its target, and whether the share reaches the target.
 fn row(what: &str, aim: &str, share: Share, at_least: Option<f64>, at_most: Option<f64>) -> String {
     let (low, high) = (share.lower_bound(), share.upper_bound());
@@ -139,7 +142,10 @@ pub(crate) fn table(records: &[Value]) -> String {
     text += "\nClean sensors with an alarm, by factor:\n\n| factor | level | sensors with an alarm |\n|---|---|---|\n";
     let mut cells: BTreeMap<(String, String), Vec<&Value>> = BTreeMap::new();
     for r in in_class("null") {
-        for (factor, level) in r["factors"].as_object().into_iter().flatten() {
+        // The other factors have no effect on the share of alarms.
+        for (factor, level) in
+            r["factors"].as_object().into_iter().flatten().filter(|f| SHOWN_FACTORS.contains(&f.0.as_str()))
+        {
             let level = level.as_str().unwrap_or_default().to_owned();
             cells.entry((factor.clone(), level)).or_default().push(r);
         }

@@ -121,7 +121,7 @@ pub(crate) struct DatasetSpec {
     /// Also write the light of labeled images in color as EXR, in cd/m2
     #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
     pub(crate) exr: bool,
-    /// Show each frame for N readouts [default: from the input, else 20]
+    /// Set readouts per frame [default: by input or 20]
     ///
     /// By default, the frame times or the frame rate of the input determine the readouts per frame. If the input has
     /// neither times nor a rate, every frame lasts 20 readouts, which is 1 ms at 20 kHz.
