@@ -77,14 +77,14 @@ fn a_record_with_an_earlier_key_is_refused() {
     let place = TestFolder::new();
     place.run_ok(&format!("dataset {SCENE} -o d"));
     let record = "d/sequences/scene-0000/record.json";
-    rename_key(&place, record, "\"figures\"", "\"facts\"");
-    place.run_refused("dataset stats d", 3, &["record.json", "`figures`", "generate the sequence again"]);
+    rename_key(&place, record, "\"facts\"", "\"about\"");
+    place.run_refused("dataset stats d", 3, &["record.json", "`facts`", "generate the sequence again"]);
 }
 
 #[test]
 fn a_dataset_file_of_an_earlier_format_is_refused() {
     let place = TestFolder::new();
-    place.write("d.toml", place.run_ok(&format!("dataset {SCENE} --print-config")).stdout);
+    place.write("d.toml", place.run_ok(&format!("dataset {SCENE} -o d --print-config")).stdout);
     rename_key(&place, "d.toml", "format_version", "dataset");
     place.run_refused("dataset d.toml -o d", 3, &["d.toml", "dataset", "format_version"]);
 }
