@@ -1,9 +1,9 @@
 //! A standard normal value from 16 random bits.
 //!
-//! The bits are two bytes, and each byte is two nibbles. Each nibble selects an entry of a table of 16 bytes. Low and
-//! high nibbles have separate tables. The sum of the two entries of a byte is multiplied by the weight of that byte, and
-//! both products are added. In every vector instruction set, a draw takes two byte shuffles, one byte addition and one
-//! multiply-add.
+//! A draw divides its 16 random bits into two bytes, and each byte into two nibbles. Each nibble selects an entry of a
+//! table of 16 one-byte entries. Low and high nibbles have separate tables. The sum of the two entries of a byte is
+//! multiplied by the weight of that byte. The draw is the sum of both products. In every vector instruction set, a draw
+//! takes two byte shuffles, one byte addition and one multiply-add.
 //!
 //! The tables and weights were optimized by simulated annealing. The objective was the distance to the normal
 //! distribution.
@@ -16,8 +16,8 @@
 //! | largest value | 4.267 standard deviations |
 //! | kurtosis | 3.0013 |
 //!
-//! With tables of equal quantiles, the distance is at least 2e-3 and the largest value is at most 3.7 standard
-//! deviations.
+//! Tables of equally probable quantiles of the normal distribution would have a Kolmogorov-Smirnov distance of at least
+//! 2e-3. Their largest value would be at most 3.7 standard deviations.
 
 /// Entries for the low nibble of a byte; `LOW_NIBBLE_TABLE[15 - i] = -LOW_NIBBLE_TABLE[i]`.
 pub const LOW_NIBBLE_TABLE: [i8; 16] = [-64, -22, -19, -14, -11, -7, -4, -1, 1, 4, 7, 11, 14, 19, 22, 64];

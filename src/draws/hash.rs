@@ -1,15 +1,16 @@
 //! The counter-based hash for all draws at readouts.
 //!
-//! One 32-bit word contains 16 bits for each of two neighboring pixels. The hash combines the word's key with the
-//! readout. The key is a bijection of the pair's index, so different pairs of a sensor have different noise. Random keys
-//! would repeat within a megapixel.
+//! Each 32-bit word of the hash contains 16 random bits for each of two neighboring pixels. The hash combines the key
+//! of the pair of pixels with the readout. The key is a bijection of the pair's index, so different pairs of a sensor
+//! have different noise. Random keys would repeat within a megapixel.
 //!
-//! The hash contains the readout as three words, derived from 64 bits of seed, sequence, stream and readout. These words
-//! are an offset and *two multipliers*. With the offset alone, two readouts with equal offsets would have equal noise.
-//! One in 2^32 pairs of readouts has equal offsets, so two of 100,000 readouts would probably have equal noise.
+//! Each readout contributes three words to the hash: an offset and *two multipliers*. The three words are derived from
+//! 64 bits of seed, sequence, stream and readout. With the offset alone, two readouts with equal offsets would have
+//! equal noise. One in 2^32 pairs of readouts has equal offsets, so two of 100,000 readouts would probably have equal
+//! noise.
 //!
-//! `docs/why/random.md` shows the evidence: results of dieharder, and correlations along pixels, along readouts and
-//! between streams.
+//! `docs/why/random.md` tests the quality of the hash. It shows the results of dieharder, and the correlations along
+//! pixels, along readouts and between streams.
 
 pub use super::mix::mix64;
 use super::random_stream::{RandomStream, Seeds};

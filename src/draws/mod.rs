@@ -1,4 +1,4 @@
-//! Random draws as functions of an address. No generator has a state that draws change.
+//! Random draws as functions of an address. Earlier draws do not affect the value of a draw.
 //!
 //! The address consists of the seed, the stream of the effect, the pixel and the readout. Tiles, threads, vector widths
 //! and resume points therefore cannot change a draw. There are two kinds of draws:

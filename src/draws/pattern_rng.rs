@@ -8,7 +8,7 @@ use crate::draws::{RandomStream, Seeds};
 
 /// The draws of one stream in the order of the pixels (row-major, top row first).
 ///
-/// Every pixel has [`PatternRng::DRAWS_PER_PIXEL`] reserved outputs of the generator. [`PatternRng::pixel`] can therefore
+/// The generator reserves [`PatternRng::DRAWS_PER_PIXEL`] outputs for each pixel. [`PatternRng::pixel`] can therefore
 /// jump to any pixel. The values of a pixel do not depend on which pixels are drawn before it.
 #[derive(Clone, Debug)]
 pub struct PatternRng {

@@ -1,15 +1,17 @@
 //! Poisson counts of small means from 32 random bits, by table lookup.
 //!
-//! The tables exist for means on a grid. The square roots of these means are equally spaced. Each grid point has an alias
-//! table of 128 columns, so a draw takes one lookup and one comparison. For a mean between two grid points, each draw
-//! selects one of the two tables at random.
+//! Each mean on a grid has an alias table of 128 columns, so a draw takes one lookup and one comparison. The square
+//! roots of the grid's means are equally spaced. For a mean between two grid points, each draw randomly selects the
+//! table of one of these points.
 //!
-//! This mixture of two tables is slightly too wide. With [`POINTS_PER_ROOT`] grid points per unit of the square root, its
-//! total variation distance from the Poisson distribution is at most `0.5 / POINTS_PER_ROOT^2 = 1.2e-4`:
-//! * The error of the mixture is at most `step^2 / 8` times the second derivative of the distribution by the mean, where
-//!   `step = 2 sqrt(mean) / POINTS_PER_ROOT` is the distance between two grid points.
-//! * This derivative equals the second difference of the distribution by the count. Half the absolute sum of the second
-//!   difference is `0.97 / mean` for large means and at most 2 for small means.
+//! For a mean between two grid points, the mixture of two Poisson distributions is slightly too wide. With
+//! [`POINTS_PER_ROOT`] grid points per unit of the square root of the mean, the total variation distance between the
+//! mixture and the Poisson distribution is at most `0.5 / POINTS_PER_ROOT^2 = 1.2e-4`:
+//! * For each count, the error of the mixture is at most `step^2 / 8` times the second derivative of the Poisson
+//!   probability with respect to the mean. `step = 2 sqrt(mean) / POINTS_PER_ROOT` is the distance between two grid
+//!   points.
+//! * The second derivative with respect to the mean equals the second difference with respect to the count. Half the
+//!   sum of the absolute second differences is `0.97 / mean` for large means and at most 2 for small means.
 //!
 //! A search in the cumulative distribution would be exact, but one draw would take up to a hundred comparisons.
 
@@ -30,12 +32,12 @@ const GRID_POINTS: usize = 513;
 pub struct PoissonTables {
     /// `threshold << 8 | alias` for each column; [`COLUMNS`] words per grid point.
     pub alias: Vec<u32>,
-    /// The same tables as bytes, for instruction sets that can look up bytes in registers.
+    /// The alias tables as bytes, for instruction sets that can look up bytes in registers.
     ///
     /// Each grid point has three arrays: all aliases, the low bytes of all thresholds, and the high bytes of all
     /// thresholds.
     pub bytes: Vec<[[u8; COLUMNS]; 3]>,
-    /// Exact mean of each grid point's table. The rounded thresholds are taken into account.
+    /// Mean count of each grid point's alias table, computed from the rounded thresholds.
     pub mean: Vec<f32>,
     /// `512 / (mean[i + 1] - mean[i])`.
     pub inverse_step: Vec<f32>,
@@ -102,8 +104,8 @@ impl PoissonTables {
 
 /// Returns the aliases of a table, and the low and high bytes of the thresholds of the table.
 ///
-/// A threshold of 65,536 needs a 17th bit and means that every draw returns the column. The byte tables omit this bit.
-/// Instead, the column itself is stored as alias.
+/// A threshold of 65,536 means that every draw returns the column. This threshold needs a 17th bit, which the byte
+/// tables omit. Instead, the byte tables store the column itself as its alias.
 fn table_bytes(table: &[u32]) -> [[u8; COLUMNS]; 3] {
     let mut bytes = [[0; COLUMNS]; 3];
     for (column, entry) in table.iter().enumerate() {

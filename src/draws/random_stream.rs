@@ -4,7 +4,7 @@ use super::mix::mix64;
 
 /// The stream of random draws of an effect. Its number is derived from the name of the effect.
 ///
-/// The number depends on nothing else, so a new effect never changes the draws of another effect.
+/// The number depends only on the name, so a new effect never changes the draws of another effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RandomStream(u64);
 

@@ -7,7 +7,7 @@ use crate::error::{Error, ErrorKind, Result};
 pub enum Backend {
     /// Plain scalar loops, used as the reference in tests of the other backends.
     Reference,
-    /// Vectors of the `wide` crate. They use the instructions that the crate was compiled for.
+    /// Vectors of the `wide` crate. They use the instructions that this build was compiled for.
     Portable,
     /// 128-bit vectors of x86-64 CPUs from 2008 on.
     Sse41,

@@ -65,7 +65,7 @@ pub struct Segment<'a> {
     pub light: SegmentLight<'a>,
 }
 
-/// The round keys of one readout for the two draws that almost every plan with noise needs.
+/// The round keys of shot noise and threshold noise at one readout. Almost every plan with noise needs both round keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NoiseRoundKeys {
     /// Round key of [`crate::plan::NoiseRngs::shot`].
@@ -101,13 +101,12 @@ pub struct Batch<'a> {
 impl<'a> Batch<'a> {
     /// Returns the batch of the readouts that follow `state`, under the light of `segments`.
     ///
-    /// If pixels affect each other ([`Plan::has_coupled_pixels`]), a batch of more than one readout cannot be split into
-    /// tiles.
-    /// [`Job::new`] then requires the whole sensor.
+    /// If pixels affect each other ([`Plan::has_coupled_pixels`]), a batch of more than one readout cannot be split
+    /// into tiles. [`Job::new`] then requires a tile that covers the whole sensor.
     ///
     /// # Panics
-    /// If a frame has fewer samples than the plan has pixels, or if the number of weights of a segment differs from its
-    /// number of readouts.
+    /// Panics if a frame has fewer samples than the plan has pixels. Also panics if the number of weights of a segment
+    /// differs from the segment's number of readouts.
     #[must_use]
     pub fn from_state(plan: &Plan, state: &SimulatorState, segments: &'a [Segment<'a>]) -> Self {
         let mut batch = Self::build(plan, state.readout(), segments);
@@ -118,8 +117,9 @@ impl<'a> Batch<'a> {
     /// Returns the batch of the readouts that start at readout `first`, under the light of `segments`.
     ///
     /// # Panics
-    /// If a frame has fewer samples than the plan has pixels, or if the number of weights of a segment differs from its
-    /// number of readouts. Also if pixels affect each other. For such plans, use [`Batch::from_state`].
+    /// Panics if a frame has fewer samples than the plan has pixels. Also panics if the number of weights of a segment
+    /// differs from the segment's number of readouts, or if pixels affect each other. For plans whose pixels affect
+    /// each other, use [`Batch::from_state`].
     #[must_use]
     pub fn new(plan: &Plan, first: u64, segments: &'a [Segment<'a>]) -> Self {
         assert!(!plan.has_coupled_pixels(), "pixels act on each other: use Batch::after");
@@ -219,12 +219,13 @@ pub struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    /// Returns the tile of `pixels` padded pixels that starts at pixel `first`. A tile that exceeds the plan is
-    /// shortened.
+    /// Returns the job for the tile that starts at pixel `first` and has `pixels` pixels, including padding. A tile
+    /// that extends beyond the last pixel of the plan is shortened.
     ///
     /// # Panics
-    /// If the bounds are not multiples of [`crate::plan::PIXEL_ALIGNMENT`]. Also if three conditions hold together:
-    /// pixels affect each other, the tile is only a part of the sensor, and the batch has more than one readout.
+    /// Panics if the bounds of the tile are not multiples of [`crate::plan::PIXEL_ALIGNMENT`]. Also panics if three
+    /// conditions hold together: pixels affect each other, the tile is only a part of the sensor, and the batch has
+    /// more than one readout.
     #[must_use]
     pub fn new(plan: &'a Plan, batch: &'a Batch<'a>, first: usize, pixels: usize) -> Self {
         let range = first..(first + pixels).min(plan.padded_pixels());

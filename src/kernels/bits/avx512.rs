@@ -1,7 +1,7 @@
 //! Bits and 16-bit integers in 512-bit vectors.
 //!
-//! Permutations and products of 8x8 bit matrices transpose rows of eight words. One compress instruction returns the
-//! positions of the set bits of a word.
+//! The transposition of rows of eight words uses byte permutations and products of 8x8 bit matrices. One compress
+//! instruction returns the positions of the set bits of a word.
 
 #![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
 
@@ -36,17 +36,18 @@ impl Avx512Bits {
 /// The numbers 0 to 63, which are the positions of the bits of a word.
 const BIT_INDICES: [u8; 64] = table(false, false);
 
-/// Permutation that moves byte `c` of eight words to word `c`. The byte of the last word is first, because the product of
-/// bit matrices reads rows in reverse order.
+/// Permutation that moves byte `c` of each of eight words to word `c`. In each resulting word, the byte of the last
+/// word is first, because the product of bit matrices reads rows in reverse order.
 const SPLIT_BYTES_REVERSED: [u8; 64] = table(true, true);
 
-/// Permutation that moves byte `c` of eight words to word `c`. The byte of the first word is first.
+/// Permutation that moves byte `c` of each of eight words to word `c`. In each resulting word, the byte of the first
+/// word is first.
 const SPLIT_BYTES: [u8; 64] = table(true, false);
 
 /// Returns a permutation of bytes.
 ///
-/// Without `turned`, byte `k` is read from byte `k`. With `turned`, byte `8 i + j` is read from byte `8 j + i`. With
-/// `turned` and `upside_down`, byte `8 i + j` is read from byte `8 (7 - j) + i`.
+/// Without `turned`, output byte `k` is input byte `k`. With `turned`, output byte `8 i + j` is input byte `8 j + i`.
+/// With `turned` and `upside_down`, output byte `8 i + j` is input byte `8 (7 - j) + i`.
 const fn table(turned: bool, upside_down: bool) -> [u8; 64] {
     let mut table = [0; 64];
     let mut at = 0;

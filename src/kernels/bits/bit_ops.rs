@@ -3,11 +3,12 @@
 use super::bit_planes::BitPlanes;
 use super::i16_lanes::AnyCpu;
 
-/// Number of words of a row that are transposed together. They fill one cache line. The next row is at least a page away.
+/// Number of words of a row that are transposed together. These words fill one cache line. The next row is at least a
+/// page away.
 pub const BLOCK_WORDS: usize = 8;
 
-/// Largest number of positions that are stored together. It is a power of two, so a remainder operation can replace a
-/// bounds check.
+/// Largest number of positions in a [`Positions`] buffer. The number is a power of two, so a remainder operation can
+/// replace a bounds check.
 pub const MAX_SPIKES: usize = 4096;
 
 /// Number of entries after the last position that a function may overwrite.
@@ -16,14 +17,15 @@ pub const OVERRUN: usize = 64;
 /// A buffer for the positions of set bits.
 pub type Positions = [i16; MAX_SPIKES + OVERRUN];
 
-/// Largest number of set bits in a word for which a loop finds one position per iteration.
+/// Largest number of set bits in a word for which a loop finds one position per iteration. If a word has more set bits,
+/// a table lookup finds all positions in a byte.
 const MAX_SCALAR_BITS: usize = 8;
 
 /// Positions of the set bits of each byte, followed by zeros.
 static BYTE_POSITIONS: [[i16; 8]; 256] = byte_positions();
 
-/// Number of set bits of each byte. Without an instruction for the population count, a CPU needs a dozen instructions to
-/// count bits.
+/// Number of set bits of each byte. The table avoids the population count, which takes a dozen instructions on CPUs
+/// that have no instruction for it.
 static BYTE_POPCOUNTS: [u8; 256] = byte_popcounts();
 
 const fn byte_positions() -> [[i16; 8]; 256] {
@@ -55,7 +57,8 @@ const fn byte_popcounts() -> [u8; 256] {
 
 /// The bit operations of a CPU.
 ///
-/// An implementor is a token: its value exists only if the CPU has the instructions.
+/// A type that implements this trait is a token: a value of the type exists only if the CPU has the instructions of its
+/// methods.
 pub trait BitOps: BitPlanes {
     /// Transposes a 64x64 bit matrix: bit `j` of word `i` becomes bit `i` of word `j`.
     #[inline(always)]
@@ -158,8 +161,8 @@ mod tests {
     use crate::kernels::bits::dispatch::{Task, dispatch_task};
     use crate::kernels::bits::i16_lanes::I16Lanes;
 
-    /// Transposes `n` rows that are 11 words apart, transposes the first square back, and computes the positions of some
-    /// words.
+    /// Transposes `n` rows that are 11 words apart, transposes the first resulting 64x64 matrix back, and computes the
+    /// positions of the set bits of up to 30 words.
     struct All<'a> {
         rows: &'a [u64],
         n: usize,

@@ -1,4 +1,4 @@
-//! Rows of eight words as bit planes, which are the basis of bit-sliced counters.
+//! Operations on rows of eight words. A bit-sliced counter stores each of its bit planes in one row.
 
 use wide::u64x4;
 
@@ -9,7 +9,8 @@ pub const ROW_WORDS: usize = 8;
 
 /// The operations of a CPU on eight words at a time.
 ///
-/// An implementor is a token: its value exists only if the CPU has the instructions.
+/// A type that implements this trait is a token: a value of the type exists only if the CPU has the instructions of its
+/// methods.
 pub trait BitPlanes: Copy {
     type Row: Copy;
 
@@ -27,7 +28,7 @@ pub trait BitPlanes: Copy {
     /// Prefetches the words that start at index `at`. The call affects only the speed.
     #[inline(always)]
     fn prefetch(self, _words: &[u64], _at: usize) {}
-    /// The 64 numbers of each word: bit `j` of number `i` is bit `i` of the word in `planes[j]`.
+    /// Returns the 64 numbers of each word. Bit `j` of number `i` is bit `i` of the word in `planes[j]`.
     fn transpose_planes(self, planes: [Self::Row; 8]) -> [[u8; 64]; ROW_WORDS];
 }
 
@@ -101,7 +102,7 @@ fn transpose_bytes(mut words: [u64; 8]) -> [u64; 8] {
     words
 }
 
-/// Swaps the high bits of `words[i]` with the low bits of `words[i + distance]`. `mask` selects the bits.
+/// For each set bit `k` of `mask`, swaps bit `k + distance` of `words[i]` with bit `k` of `words[i + distance]`.
 #[inline(always)]
 fn swap_bits(words: &mut [u64; 8], i: usize, distance: usize, mask: u64) {
     let t = ((words[i] >> distance) ^ words[i + distance]) & mask;

@@ -1,9 +1,9 @@
 //! Bit-sliced counters, which count the set bits of many pixels at once.
 //!
-//! Plane `j` contains bit `j` of 64 counters per word. Seven full adders (a carry-save tree) reduce eight inputs to a few
-//! planes. Their single carry of weight 8 is then added to the upper planes. This takes 45 logic operations per eight
-//! inputs. A loop over the pixels would take 64 additions per input. The counters have 8 bits, so the caller must empty
-//! the counters after at most 255 inputs.
+//! Each word of plane `j` contains bit `j` of 64 counters. Seven full adders (a carry-save tree) add eight inputs to
+//! the three lowest planes. Their single carry, of weight 8, is then added to the upper planes. Eight inputs take 45
+//! logic operations. A loop over the pixels would take 64 additions for one word of one input. The counters have 8
+//! bits, so the caller must empty the counters after at most 255 inputs.
 
 use super::bit_planes::{BitPlanes, ROW_WORDS};
 
@@ -52,8 +52,8 @@ impl<P: BitPlanes> Counters<P> {
         }
     }
 
-    /// Sets each counter with a set input to `8 turn` plus the index of the last set input. Other counters keep their
-    /// values.
+    /// If any of the eight inputs of a counter is set, sets the counter to `8 turn` plus the index of the last set
+    /// input. Other counters keep their values.
     #[inline(always)]
     pub fn record_last8(&mut self, p: P, x: &[P::Row; 8], turn: usize) {
         let (x67, x45, x23) = (p.or(x[6], x[7]), p.or(x[4], x[5]), p.or(x[2], x[3]));

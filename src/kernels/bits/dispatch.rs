@@ -1,4 +1,4 @@
-//! Runs work in the version that is compiled for the instructions of this CPU.
+//! Runs code that is compiled for the instructions of this CPU.
 
 #![cfg_attr(
     target_arch = "x86_64",
@@ -25,7 +25,7 @@ pub trait Task {
 
 /// Runs `work` with the widest vectors of 16-bit integers and the best bit operations of this CPU.
 ///
-/// If the CPU has AVX2, POPCNT and BMI, the version of the work that is compiled for these instructions runs.
+/// If the CPU has AVX2, POPCNT and BMI, this function runs a version of `work` that is compiled for these instructions.
 #[inline]
 pub fn dispatch_task<W: Task>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
@@ -44,9 +44,9 @@ pub fn dispatch_task<W: Task>(work: W) -> W::Out {
 
 /// Runs the closure `work`, compiled like the work of [`dispatch_task`].
 ///
-/// The result does not depend on the CPU. (Without POPCNT, counting bits takes a dozen operations.) Only inlined code is
-/// compiled for the instructions of the CPU. Mark a large closure `#[inline(always)]`, and every function that it calls
-/// in loops.
+/// The CPU affects only the speed, not the result. For example, counting bits takes a dozen operations without POPCNT.
+/// Only inlined code is compiled for the instructions of the CPU. Mark a large closure `#[inline(always)]`, and also
+/// every function that the closure calls in loops.
 #[inline]
 pub fn dispatch<R>(work: impl FnOnce() -> R) -> R {
     dispatch_task(ClosureTask(work))

@@ -11,9 +11,9 @@ pub const I16_LANES: usize = 32;
 
 /// Vectors of thirty-two signed 16-bit integers, of 32-bit sums, and of 16-bit counts.
 ///
-/// An implementor is a token: its value exists only if the CPU has the instructions, so every method is safe.
-/// All operations are exact. In implementations, use loops and not `map`: a closure that is passed to `map` is compiled
-/// separately, without the instructions of its caller.
+/// A type that implements this trait is a token: a value of the type exists only if the CPU has the instructions of its
+/// methods. Every method is therefore safe. All operations are exact. In implementations, use loops and not `map`: a
+/// closure that is passed to `map` is compiled separately, without the instructions of its caller.
 pub trait I16Lanes: Copy {
     /// Thirty-two signed 16-bit integers.
     type Short: Copy;
@@ -46,15 +46,15 @@ pub trait I16Lanes: Copy {
     fn min_non_negative(self, v: Self::Short) -> i16;
     /// Sums that are zero.
     fn zero_sums(self) -> Self::Sum;
-    /// Adds to `sum` the sixteen values `a[i] * b[i] + a[i + 1] * b[i + 1]` for even `i` (wrapping). The assignment of
-    /// values to lanes is unspecified.
+    /// Adds the sixteen values `a[i] * b[i] + a[i + 1] * b[i + 1]` for even `i` to `sum` (wrapping). The implementation
+    /// chooses the lane of `sum` to which it adds each value.
     fn add_products(self, sum: Self::Sum, a: Self::Short, b: Self::Short) -> Self::Sum;
     /// The total of each of eight sums (wrapping).
     fn totals(self, sums: [Self::Sum; 8]) -> [i32; 8];
     /// Counts that are zero.
     fn zero_counts(self) -> Self::Count;
-    /// Adds 1 to `count` for each `a > b`. The assignment to lanes is unspecified. A count must stay below `2^15` in each
-    /// lane.
+    /// Adds 1 to `count` for each lane with `a > b`. The implementation chooses the lane of `count` to which it adds.
+    /// Every lane of `count` must stay below `2^15`.
     fn count_greater(self, count: Self::Count, a: Self::Short, b: Self::Short) -> Self::Count;
     /// The total of each of eight counts.
     fn total_counts(self, counts: [Self::Count; 8]) -> [u32; 8];

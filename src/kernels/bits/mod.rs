@@ -1,6 +1,7 @@
-//! Counts, transpositions and positions of bits. `measure` and `diagnose` read streams with these functions.
+//! Counts and transposes bits, and finds the positions of set bits. `measure` and `diagnose` read streams with these
+//! functions.
 //!
-//! This module does not run plans. It shares only the instruction sets with the kernels.
+//! This module does not run plans. It uses the instruction sets of the kernels, but no other code of the kernels.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

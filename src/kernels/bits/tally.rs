@@ -1,4 +1,4 @@
-//! The number of spikes of each pixel in a range of frames, and the first and the last spike of each pixel.
+//! Counts the spikes of each pixel in a range of frames, and finds the first and the last spike of each pixel.
 
 use super::bit_ops::BitOps;
 use super::bit_planes::{BitPlanes, ROW_WORDS};
@@ -6,7 +6,7 @@ use super::counters::{Counters, MAX_GROUPS};
 use super::dispatch::{Task, dispatch_task};
 use super::i16_lanes::I16Lanes;
 
-/// Number of bytes in a row of words. In this module, a tile has this size.
+/// Number of bytes in a row of words. A tile in this module is one row of words.
 const ROW_BYTES: usize = 8 * ROW_WORDS;
 
 /// Packed frames. The spikes of many pixels are counted at once.
@@ -36,7 +36,8 @@ impl<'a> Tally<'a> {
         Self { frames, bytes }
     }
 
-    /// Adds the number of spikes of each bit to `counts`. The first entry belongs to the lowest bit of the first byte.
+    /// Counts the spikes at each bit position of the frames and adds the numbers to `counts`. The first entry of
+    /// `counts` belongs to the lowest bit of the first byte.
     pub fn add(self, counts: &mut [u32]) {
         dispatch_task(CountTask { tally: self, counts, change: u32::wrapping_add });
     }
