@@ -199,7 +199,8 @@ mod tests {
             for (column, entry) in row.iter().enumerate() {
                 let bound = u32::from(bytes[2][column]) << 8 | u32::from(bytes[1][column]);
                 with_17_bits += u32::from(entry >> 8 > 0xffff);
-                // A result changes only at a threshold, so the test draws numbers next to the thresholds.
+                // The result of a draw changes only at a threshold, so the test uses the random numbers next to each
+                // threshold.
                 for draw in [0, (entry >> 8).saturating_sub(1), entry >> 8, 0xffff].map(|d| d.min(0xffff)) {
                     let choose = |bound: u32, alias: u32| if draw < bound { column as u32 } else { alias };
                     assert_eq!(choose(bound, bytes[0][column].into()), choose(entry >> 8, entry & 0xff));

@@ -189,8 +189,8 @@ impl RoundKeys {
         let missed = flip.is_some_and(|f| f.missed_spikes != 0);
         let spurious = flip.is_some_and(|f| f.false_spikes != 0);
         let counted = plan.tables().shot.is_some();
-        // The vector kernels read both kinds of round keys if the plan has noise, surplus, extra rules or dynamics.
-        // Both vectors of keys are then filled.
+        // The vector kernels read the round keys of shot noise and of threshold noise if the plan has noise, surplus,
+        // extra rules or dynamics. In these plans, both vectors of round keys are filled.
         let rules = plan.rules();
         let drawn = counted || plan.tables().noise.is_some();
         let has_jitter = !plan.tables().jitter_width.is_empty();

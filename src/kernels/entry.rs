@@ -18,8 +18,8 @@ struct JobCall<'a, 'b, 'c, T> {
 
 /// Defines the entry of an instruction set in a separate module.
 ///
-/// The compiler generates the code of different modules on different CPU cores. These functions are half of this crate's
-/// code, so separate modules shorten the build.
+/// The compiler generates the code of different modules on different CPU cores. The entries of all instruction sets are
+/// half of this crate's code, so separate modules shorten the build.
 macro_rules! entry {
     ($(#[$doc:meta])* $name:ident: $module:ident::$token:ident = $proof:expr, $cases:ident $(, $features:literal)?) => {
         pub(super) use $name::$name;

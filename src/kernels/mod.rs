@@ -34,8 +34,8 @@ use crate::plan::StateTile;
 /// `out` contains `job.tile_bytes()` bytes for every readout of the batch.
 ///
 /// # Panics
-/// If the size of `out` or of the state differs from the size that the job requires. Also if the CPU cannot run the
-/// backend ([`Backend::is_available`]).
+/// Panics if the size of `out` or of the state differs from the size that the job requires. Also panics if the CPU
+/// cannot run the backend ([`Backend::is_available`]).
 pub fn run(backend: Backend, job: &Job<'_>, state: &mut StateTile<'_>, out: &mut [u8]) {
     assert_eq!(out.len(), job.batch.readouts() * job.tile_bytes(), "output size");
     assert_eq!(state.charge.len(), job.pixels(), "state size");

@@ -65,7 +65,8 @@ impl Modulation {
 }
 
 impl SpikeFeedback {
-    /// Computes the influence of the spikes of a readout. `fired` is padded and contains -1 for each spike.
+    /// Computes the influence of the spikes of one readout on the next readout. `fired` is padded and contains -1 for
+    /// each spike.
     #[inline(always)]
     pub(super) fn update(&mut self, plan: &Plan, dynamics: &Dynamics, fired: &[i16]) {
         let geometry = plan.geometry();
@@ -109,7 +110,8 @@ fn count_fired_neighbors(fired: &[i16], width: usize, counts: &mut [i16]) {
 
 /// Adds the spikes of one neighbor of each pixel.
 ///
-/// Each neighbor has a separate loop. In a loop for two neighbors, the second addition would wait for the first.
+/// Each of the four neighbors has a separate loop over the pixels. In a loop for two neighbors, the second addition
+/// would wait for the first addition.
 #[inline(always)]
 fn add(counts: &mut [i16], fired: &[i16]) {
     counts.iter_mut().zip(fired).for_each(|(count, f)| *count -= f);

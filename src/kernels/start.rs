@@ -1,7 +1,8 @@
 //! The state before the first readout, computed in blocks of pixels.
 //!
-//! In a short recording of a small sensor, drawing this state one pixel at a time takes half as long as all readouts. The
-//! loops are plain, because the compiler then vectorizes them. The results equal the results of [`Plan::initial_state`].
+//! In a short recording of a small sensor, drawing the initial state one pixel at a time takes half as long as all
+//! readouts. This module therefore uses plain loops over blocks of pixels, which the compiler vectorizes. The results
+//! equal the results of [`Plan::initial_state`].
 
 use crate::draws::gauss::{BYTE_WEIGHTS, HIGH_NIBBLE_TABLE, LOW_NIBBLE_TABLE};
 use crate::draws::hash::{self, CounterRng, RoundKey, address_key};
@@ -73,8 +74,8 @@ impl Task for Charges<'_> {
 
 /// Draws the charges of a block.
 ///
-/// Each step is a loop that the compiler vectorizes. The products and sums equal those of [`ScalarDraws`] and have the
-/// same order, so rounding is equal too.
+/// Each step is a loop that the compiler vectorizes. The function computes the products and sums of [`ScalarDraws`] in
+/// the same order, so both round equally.
 #[inline(always)]
 fn charges(
     parts: &[(f64, f64)],
@@ -151,8 +152,8 @@ fn normal(bits: u64) -> i16 {
     (low * BYTE_WEIGHTS[0] as i64 + high * BYTE_WEIGHTS[1] as i64) as i16
 }
 
-/// Returns the upper half of a table as one word. The lower half contains the same values in reverse order with the
-/// opposite sign.
+/// Returns the upper half of a table as one word. The lower half of the table contains the same values in reverse order
+/// with the opposite sign.
 const fn pack_upper_half(table: &[i8; 16]) -> u64 {
     let (mut word, mut i) = (0, 0);
     while i < 8 {

@@ -2,8 +2,8 @@ use crate::pixel::{Adaptation, Lag, NoiseSampling, Schedule, SlowNoise, Surround
 
 /// The constants of one pixel.
 ///
-/// Charges are in nominal thresholds of the sensor, and light is in full scales. A value "in own thresholds" is a
-/// multiple of [`Law::threshold`].
+/// Charges are in nominal thresholds of the sensor, and light is in full scales. The unit of a value "in own
+/// thresholds" is [`Law::threshold`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Law {
     /// The pixel's own threshold, `(C + C_S)(V_d + V_S)`.

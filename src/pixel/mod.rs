@@ -1,8 +1,8 @@
 //! The law of one pixel in `f64`, and the complete list of operations.
 //!
-//! The law implements Algorithm 1 of the SCSim paper (arXiv 2405.16790) line by line. Each choice that the paper does not
-//! specify is explicit data. The law is the reference for the physics. It shares no code with the kernels, which compute
-//! in integers. Tests compare the statistics of law and kernels.
+//! The law implements Algorithm 1 of the SCSim paper (arXiv 2405.16790) line by line. A choice that the paper leaves
+//! open is a value in the data, for example [`NoiseSampling`]. The law is the reference for the physics. It shares no
+//! code with the kernels, which compute in integers. Tests compare the statistics of law and kernels.
 
 mod law;
 mod pixel_array;
@@ -15,10 +15,10 @@ pub use terms::{Adaptation, Lag, Schedule, SlowNoise, Surround, Telegraph};
 /// The instants at which the threshold noise is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NoiseSampling {
-    /// At every readout, as in Algorithm 1 of the paper. A low draw then makes a pixel fire early, so noise with mean
-    /// zero increases the rate of dim pixels.
+    /// The noise is drawn at every readout, as in Algorithm 1 of the SCSim paper. A low draw then makes a pixel fire
+    /// early, so noise with mean zero increases the rate of dim pixels.
     EveryReadout,
-    /// At every reset. The value then stays frozen until the next reset, like kTC noise.
+    /// The noise is drawn at every reset. Its value then stays frozen until the next reset, like kTC noise.
     EveryReset,
 }
 
@@ -27,8 +27,8 @@ pub enum NoiseSampling {
 pub enum Quanta {
     /// Electrons, which are counted after the pixel's gain. The nominal circuit determines their number per threshold.
     Electrons,
-    /// Photons, which are counted before the pixel's gain. The value is the number of photons in a nominal threshold of
-    /// light.
+    /// Photons, which are counted before the pixel's gain. The value is the number of photons that add one nominal
+    /// threshold of charge at nominal gain.
     Photons(f64),
 }
 
@@ -122,7 +122,8 @@ pub enum Op {
     ///
     /// The circuit contains a factor per pixel by which `width` is multiplied.
     ReadoutJitter {
-        /// Largest distance between charge and threshold, in the pixel's own thresholds, if the circuit's factor is 1.
+        /// Largest distance between charge and threshold, in the pixel's own thresholds, if the circuit's factor for the
+        /// pixel is 1.
         width: f64,
     },
     /// The threshold has noise that all pixels of a row share.
@@ -153,7 +154,7 @@ pub enum Op {
     Lag {
         /// Share of the light that becomes charge late.
         fraction: f64,
-        /// Number of readouts after which a share of 1/e of the late light has not become charge.
+        /// Number of readouts after which a share of 1/e of the late light has still not become charge.
         time_constant: f64,
     },
     /// Each pixel exchanges light with its four neighbors.
@@ -185,7 +186,8 @@ pub enum Op {
     Phase {
         /// Width of a uniform distribution, as a share of the pixel's own threshold.
         share: f64,
-        /// Width of a second uniform distribution in femtocoulombs. The charge is the sum of both draws.
+        /// Width of a second uniform distribution, in femtocoulombs. The charge is the sum of one draw from each
+        /// distribution.
         charge_fc: f64,
     },
 }

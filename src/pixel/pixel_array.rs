@@ -17,7 +17,8 @@ impl PixelArray {
     /// Returns pixels that were just switched on and contain `charges`.
     ///
     /// # Panics
-    /// If `laws` is empty, if its length is not a multiple of `width`, or if `charges` and `laws` differ in length.
+    /// Panics if `laws` is empty, if its length is not a multiple of `width`, or if `charges` and `laws` differ in
+    /// length.
     pub fn new(laws: Vec<Law>, width: usize, charges: &[f64], noise: &mut impl NoiseSource) -> Self {
         assert!(!laws.is_empty() && laws.len().is_multiple_of(width), "whole rows of pixels");
         assert_eq!(laws.len(), charges.len(), "one charge per pixel");

@@ -57,8 +57,8 @@ pub struct SlowNoise {
 }
 
 impl SlowNoise {
-    /// Upper limit of the absolute deviation, in standard deviations. Larger deviations, in one of two million readouts,
-    /// are clamped.
+    /// Upper limit of the absolute deviation, in standard deviations. Larger deviations occur in one of two million
+    /// readouts and are clamped.
     pub const MAX_SIGMAS: f64 = 5.0;
 
     /// Returns the standard deviation of the noise that one readout adds.

@@ -186,7 +186,8 @@ impl Dynamics {
         self.coupling != 0.0 || self.droop != 0.0
     }
 
-    /// Returns whether these rules only change the light of each frame, equally at every readout.
+    /// Returns whether the only effect of these rules is a change of each frame's light, and this change is equal at
+    /// every readout.
     #[must_use]
     pub fn only_changes_light(&self) -> bool {
         let Self {

@@ -8,8 +8,8 @@ use crate::plan::tables::ROUND_UP_MARGIN;
 pub struct ErrorBounds {
     /// Absolute error of the rate, in spikes per readout.
     ///
-    /// If charge is lost (at a clamp, or at a reset that loses a remainder), the rate is a discontinuous function of the
-    /// light. The bound then applies to the mean increment, in thresholds.
+    /// If charge is lost (at a clamp, or at a reset that loses a remainder), the rate is a discontinuous function of
+    /// the light. `rate_absolute` then bounds the absolute error of the mean increment, in thresholds.
     pub rate_absolute: f64,
     /// Relative error of the rate, or of the mean increment if charge is lost.
     pub rate_relative: f64,

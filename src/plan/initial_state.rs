@@ -41,7 +41,8 @@ impl StartDistribution {
 
 /// The per-pixel draws of the initial state.
 ///
-/// In a short recording, these draws take most of the time. The kernels therefore implement this trait with vectors.
+/// In a short recording, drawing the initial state takes most of the time. The kernels therefore implement this trait
+/// with vectors.
 pub(crate) trait StartDraws {
     /// Draws the charges of pixels without surplus, starting at pixel `first`.
     ///
@@ -224,8 +225,8 @@ fn freeze_noise(state: &mut SimulatorState, seeds: Seeds, tables: &PixelTables, 
 
 /// Rounds to the nearest integer, ties to even.
 ///
-/// The sum with 1.5 * 2^52 has no bits for a fraction, so the addition rounds. `round_ties_even` would be a function call
-/// per pixel on targets without a guaranteed rounding instruction.
+/// The sum `x + 1.5 * 2^52` has no bits for a fraction, so the addition rounds `x`. `round_ties_even` would be a
+/// function call per pixel on targets without a guaranteed rounding instruction.
 fn round_to_nearest(x: f32) -> i32 {
     const SHIFT: f64 = 6_755_399_441_055_744.0;
     (f64::from(x) + SHIFT - SHIFT) as i32

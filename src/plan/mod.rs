@@ -1,10 +1,10 @@
 //! A camera model as integer tables. Planning reports every error, so running a plan cannot fail.
 //!
 //! **Fixed point.** A pixel's charge is stored relative to the pixel's own threshold, in steps of about 1/16,320 of the
-//! nominal threshold. It has 16 bits of whole steps and 16 bits of fraction, so sums of increments are exact. The
-//! threshold is rounded to a whole number of steps. Gain, dark current, quanta and noise are expressed in units of *that*
-//! rounded threshold, so rounding the threshold does not change the rate. `docs/why/fixed-point.md` proves that no sum
-//! overflows, and derives the bounds in [`ErrorBounds`].
+//! nominal threshold. The stored charge has 16 bits of whole steps and 16 bits of fraction, so sums of increments are
+//! exact. The threshold is rounded to a whole number of steps. Gain, dark current, quanta and noise are expressed in
+//! units of *that* rounded threshold, so rounding the threshold does not change the rate. `docs/why/fixed-point.md`
+//! proves that no sum overflows, and derives the bounds in [`ErrorBounds`].
 
 mod dynamics;
 mod error_bounds;
@@ -50,7 +50,8 @@ pub const MAX_THRESHOLD_STEPS: u32 = 16_320;
 /// Upper bound on the memory for planning, in bytes per pixel: the law, the rounded law, and 104 bytes of tables and
 /// keys.
 ///
-/// A simulator of the plan needs less memory. The laws are dropped before the simulator is created.
+/// A simulator of the plan needs less memory than planning, because the laws are dropped before the simulator is
+/// created.
 const PLAN_BYTES_PER_PIXEL: usize = size_of::<Law>() + size_of::<rounded_law::RoundedLaw<'_>>() + 104;
 
 /// The generators of the draws at readouts, one generator per stream.
@@ -262,7 +263,7 @@ impl Plan {
         self.dynamics.as_deref()
     }
 
-    /// Returns whether pixels affect each other. A batch must then be one tile or one readout.
+    /// Returns whether pixels affect each other. A batch must then consist of a single tile or a single readout.
     #[must_use]
     #[inline]
     pub fn has_coupled_pixels(&self) -> bool {

@@ -23,17 +23,21 @@ pub struct SimulatorState {
     pub(crate) pending_noise: Vec<i16>,
     /// Fraction of the pending noise, with its top bit inverted.
     pub(crate) pending_noise_fraction: Vec<i16>,
-    /// Columns of the slow state, starting with [`SLOW_NOISE_COLUMN`]. A column is empty if the plan lacks the operation.
+    /// Columns of the slow state, starting with [`SLOW_NOISE_COLUMN`]. A column is empty if the plan lacks the column's
+    /// operation.
     pub(crate) slow_state: [Vec<i16>; SLOW_STATE_COLUMNS],
     /// The bits of the last readout, two bytes per entry. The column is empty if readouts are never repeated.
     pub(crate) last_frame: Vec<i16>,
 }
 
-/// First of two columns that contain the high and the low half of an `f32`: the deviation of the slow threshold noise.
+/// First of two columns for the deviation of the slow threshold noise, an `f32`. The first column contains the high
+/// half of the `f32`, and the second column the low half.
 pub(crate) const SLOW_NOISE_COLUMN: usize = 0;
-/// First of two columns that contain the high and the low half of an `f32`: the rise of the threshold.
+/// First of two columns for the rise of the threshold, an `f32`. The first column contains the high half of the `f32`,
+/// and the second column the low half.
 pub(crate) const ADAPTATION_COLUMN: usize = 2;
-/// First of two columns that contain the high and the low half of an `f32`: the late light, in 1/255 of full scale.
+/// First of two columns for the late light in 1/255 of full scale, an `f32`. The first column contains the high half of
+/// the `f32`, and the second column the low half.
 pub(crate) const LAG_COLUMN: usize = 4;
 /// Column that contains -1 if the dark current has its lower value, otherwise 0.
 pub(crate) const TELEGRAPH_COLUMN: usize = 6;
@@ -144,8 +148,8 @@ impl SimulatorState {
     /// Returns the columns that few plans use, as two blocks. The first block is the slow state and the last frame. The
     /// second block is the pending noise.
     ///
-    /// If all columns of a block are empty, the block is not saved. A version that adds a block therefore writes equal
-    /// bytes for states without the new block.
+    /// If all columns of a block are empty, the block is not saved. A later version of this crate can therefore add a
+    /// block without changing the saved bytes of states that do not use the new block.
     fn optional_blocks(&self) -> [Vec<&Vec<i16>>; 2] {
         let columns = self.slow_state.iter().chain([&self.last_frame]).collect();
         [columns, vec![&self.pending_noise, &self.pending_noise_fraction]]

@@ -78,8 +78,8 @@ impl SimulatorState {
             && is_within(LAG_COLUMN, -late..=late)
     }
 
-    /// Returns whether the last readout contains only zeros after the last pixel. The second byte of an odd last pair
-    /// must be zero too.
+    /// Returns whether the stored last readout contains only zeros after the last pixel. If the readout has an odd
+    /// number of bytes, the unused byte of the last entry must be zero too.
     fn last_frame_is_padded(&self, pixels: usize) -> bool {
         // Each entry contains two bytes, which are the bits of 16 pixels.
         let first = pixels / 16;
@@ -90,15 +90,16 @@ impl SimulatorState {
 
 /// Returns whether the kernels of the plan compute a reset as `max(charge, charge - threshold)` of unsigned words.
 ///
-/// Such a reset is correct only if the charge is below one threshold before each reset. The charge is then negative
-/// afterward.
+/// The maximum of the unsigned words is a correct reset only if the charge before the reset is below two thresholds.
+/// The charge, which is counted from the threshold, is then negative after the reset.
 fn resets_below_threshold(plan: &Plan) -> bool {
     let (tables, rules) = (plan.tables(), plan.rules());
     let is_unbounded = !rules.counts_surplus && tables.ceiling.is_empty();
     is_unbounded && tables.jitter_width.is_empty() && plan.dynamics().is_none() && !rules.has_extras()
 }
 
-/// Returns the highest rise of a threshold, including rounding errors: the fixed point of `a <- (a - a fall) + rise`.
+/// Returns the highest rise `a` of a threshold, including rounding errors. It is the fixed point of
+/// `a <- (1 - decay) a + rise`, or `max_rise` if the fixed point is larger.
 fn max_rise(adaptation: AdaptationRule) -> f64 {
     let [rise, fall, highest] = [adaptation.rise, adaptation.decay, adaptation.max_rise].map(f64::from);
     let net = fall - 4.0 * HALF_ULP;

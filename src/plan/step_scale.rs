@@ -14,7 +14,7 @@ const MIN_STEPS: u32 = 1024;
 /// At 5 steps, rounding the multiplier changes the deviation by at most 0.41 %.
 pub(super) const MIN_WHOLE_DEVIATION_STEPS: f64 = 5.0;
 
-/// Limit of the stored charge, in own thresholds, that no pixel reaches below full scale. Noise is taken into account.
+/// A limit for the stored charge, in own thresholds. Below full scale, no pixel reaches this limit, even with noise.
 const UNREACHABLE_CHARGE: f64 = 2.5;
 
 /// The method of storing charge above one threshold.
@@ -35,7 +35,7 @@ pub(super) struct StepScale {
     pub storage: Storage,
     /// Number of whole thresholds above the first threshold that one increment may add.
     pub extra_thresholds: u32,
-    /// Limit of the stored charge that no pixel reaches, in the pixel's own thresholds.
+    /// A limit for the stored charge, in the pixel's own thresholds. No pixel reaches this limit.
     pub unreachable_charge: f64,
     /// Whether increments are rounded up; see [`rounds_increments_up`].
     pub rounds_increments_up: bool,
@@ -203,8 +203,8 @@ pub(super) fn choose_scale(model: &Model, laws: &[Law], light: f64) -> Result<St
 /// delay. A reset that loses charge also loses the charge that arrives during the delay. A rounding error of 1e-7 could
 /// then decrease the rate by a third. With noise, charge and threshold are never exactly equal.
 ///
-/// If an increment is raised by u, the stored charge is raised by u divided by the lost share. If the lost share is
-/// small, this error would exceed the error that rounding up corrects.
+/// `lost` is the share of the remaining charge that a reset loses. If every increment is raised by `u`, the stored
+/// charge is raised by `u / lost`. For a small `lost`, this rise would exceed the error that rounding up corrects.
 fn rounds_increments_up(e: &Extremes, law: &Law) -> bool {
     e.noise == 0.0 && e.shot == 0.0 && e.max_offset == 0.0 && law.lost_remainder >= 0.5
 }
@@ -224,7 +224,7 @@ fn storage(model: &Model, e: &mut Extremes) -> Storage {
         return Storage::Surplus;
     }
     // If the increments of a pixel are below its threshold, the pixel never stores two thresholds. A limit above two
-    // thresholds therefore changes no result, and clamping is faster than counting.
+    // thresholds therefore changes no result, and clamping is faster than counting surplus.
     e.ceiling = UNREACHABLE_CHARGE + e.max_offset;
     Storage::Clamped
 }

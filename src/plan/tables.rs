@@ -12,8 +12,8 @@ use crate::plan::step_scale::{MIN_WHOLE_DEVIATION_STEPS, StepScale, Storage, mul
 
 /// Relative amount by which increments are raised when they are rounded up.
 ///
-/// It exceeds five roundings of half an ulp and the squares of these roundings. The rounded values are: the stored light,
-/// its product with 255, the gain, the product of light and gain, and the sum with the dark current. See
+/// The margin exceeds five roundings of half an ulp and the squares of these roundings. The rounded values are: the
+/// stored light, its product with 255, the gain, the product of light and gain, and the sum with the dark current. See
 /// `docs/why/fixed-point.md`, "Ties of the charge".
 pub(super) const ROUND_UP_MARGIN: f64 = 5.0 / 16_777_216.0 + 1e-12;
 
@@ -90,7 +90,7 @@ pub struct Rules {
     pub noise_sampling: NoiseSampling,
     /// Whether charge above one threshold is counted in whole thresholds.
     pub counts_surplus: bool,
-    /// Number of whole thresholds that one increment may leave in addition to the first threshold.
+    /// Number of whole thresholds above the first threshold that one increment may add.
     pub extra_thresholds: u32,
     /// Share of the pending noise of the quanta that is added to the charge at each readout, in units of 1/32,768. The
     /// value is 0 if no noise can be pending.
@@ -192,7 +192,8 @@ pub(super) fn build(
     (tables, rules, dynamics)
 }
 
-/// Returns `1 - settling` in units of 1/32,768, or 0 if all noise arrives at once.
+/// Returns `1 - settled_share` in units of 1/32,768, or 0 if all noise arrives at once. `settled_share` is the share of
+/// the pending noise that stays pending at each readout.
 fn release_share(settled_share: f64) -> i16 {
     if settled_share == 0.0 {
         0
@@ -296,9 +297,11 @@ fn whole_noise_min_light(law: &Law, unit: f64) -> f32 {
     if law.quantum == 0.0 || light.is_nan() { f32::INFINITY } else { light as f32 }
 }
 
-/// Returns the noise table for these standard deviations in steps, or `None` if all are 0.
+/// Returns the noise table for the standard deviations that `deviation` returns in steps, or `None` if all deviations
+/// are 0.
 ///
-/// Rounding to whole steps adds a variance of 1/12. This variance is subtracted in advance (Sheppard's correction).
+/// Rounding the noise to whole steps adds a variance of 1/12. The function therefore subtracts 1/12 from the variance
+/// in advance (Sheppard's correction).
 fn noise_table(laws: &[RoundedLaw<'_>], deviation: impl Fn(&RoundedLaw<'_>) -> f64) -> Option<NoiseTable> {
     let deviations = || laws.iter().map(&deviation);
     if deviations().all(|d| d == 0.0) {

@@ -12,8 +12,8 @@ use crate::spikes::{Crop, Geometry};
 impl Plan {
     /// Returns the plan of [`crate::Camera::window`] without planning again.
     ///
-    /// It contains the tables and the start distribution of the window's pixels. Its seeds and generators equal those of
-    /// this plan.
+    /// The new plan contains the tables and the start distribution of the window's pixels. Its seeds and generators
+    /// equal the seeds and generators of this plan.
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the rectangle is empty or not within the sensor.
@@ -64,8 +64,8 @@ impl WindowCutter {
     }
 
     fn tables(&self, full: &PixelTables) -> PixelTables {
-        // The filler values are repeated here, because a table of the sensor may end without padding from which they
-        // could be copied.
+        // A table of the sensor may end without padding, so this function cannot copy the filler values from the table.
+        // It repeats the filler values instead.
         PixelTables {
             threshold: self.cut(&full.threshold, 16_000),
             pair_keys: self.keys(self.padded / 2),

@@ -76,7 +76,7 @@ impl I16Lanes for Avx2 {
     }
     #[inline(always)]
     fn totals(self, s: [__m256i; 8]) -> [i32; 8] {
-        // Neighbors are added within each half, until a half contains its part of four totals.
+        // Neighbors are added within each 128-bit half, until a half contains its part of four totals.
         let low = intrinsic!(_mm256_hadd_epi32(_mm256_hadd_epi32(s[0], s[1]), _mm256_hadd_epi32(s[2], s[3])));
         let high =
             intrinsic!(_mm256_hadd_epi32(_mm256_hadd_epi32(s[4], s[5]), _mm256_hadd_epi32(s[6], s[7])));

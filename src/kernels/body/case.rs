@@ -1,7 +1,7 @@
 //! The cases. Each backend has a separate function for each case.
 //!
-//! One function for all cases would have fifty thousand instructions. In such a function, the compiler stops inlining and
-//! stores register values in memory.
+//! A single kernel function for all plans would have fifty thousand instructions. In such a function, the compiler
+//! stops inlining and stores register values in memory.
 
 use crate::kernels::body::dynamics::dynamics;
 use crate::kernels::body::noiseless::noiseless;
@@ -28,8 +28,8 @@ struct CaseKey {
     has_shot_noise: bool,
     /// Kind of the threshold noise.
     ///
-    /// The value is `None` if the noise is not in whole steps, or if resets lose a part of the remainder. It includes
-    /// [`CORRELATED`] if noise of the quanta can be pending or pixels have jitter.
+    /// The value is `None` if the noise is not in whole steps, or if resets lose a part of the remainder. The value
+    /// includes the flag [`CORRELATED`] if noise of the quanta can be pending or pixels have jitter.
     noise: Option<u8>,
     /// Storage of charge.
     store: u8,
@@ -95,8 +95,8 @@ macro_rules! cases {
 
         /// Calls one of four functions that together implement all jobs.
         ///
-        /// There is one function for plans with dynamics, one for each of two kinds of plans without noise, and one for
-        /// all other plans.
+        /// The four functions are the cases `DYNAMICS` (plans with dynamics), `NOISELESS_FREE` and `NOISELESS_CLAMPED`
+        /// (plans without noise), and `GENERAL` (all other plans).
         #[cfg(target_arch = "x86_64")]
         pub(in crate::kernels) fn by_general_case(job: &Job<'_>, entry: impl Entry) {
             match Case::from_key(CaseKey::from_job(job)) {
@@ -127,7 +127,8 @@ macro_rules! cases {
 cases! {
     /// Plans with dynamics. The kernel reads the rules at run time and runs one vector and one readout at a time.
     DYNAMICS: CaseKey { is_dynamic: true, .. } => dynamics;
-    /// The published model: quanta, noise drawn at readouts, clamped charge, and a dead time or flipped bits.
+    /// Plans with quanta, threshold noise drawn at readouts, clamped charge, and a dead time or flipped bits. This case
+    /// includes the published camera model.
     READOUT_CLAMPED_EXTRA:
         CaseKey { has_shot_noise: true, noise: Some(NOISE_READOUT), store: STORE_CLAMPED, has_extras: true, .. } => noisy::<L, NOISE_READOUT, STORE_CLAMPED, true, true>;
     /// Like `READOUT_CLAMPED_EXTRA`, but with counted surplus instead of a clamp.

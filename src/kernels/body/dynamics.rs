@@ -1,5 +1,5 @@
-//! The kernel of plans with dynamics: light that differs between readouts or depends on neighbors, moving thresholds, and
-//! slow state. In scalar code:
+//! The kernel of plans with dynamics. Dynamics are: light that differs between readouts or depends on neighbors, moving
+//! thresholds, and slow state. In scalar code:
 //!
 //! ```text
 //! charge -= leak * (charge + threshold);

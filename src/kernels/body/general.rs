@@ -1,4 +1,4 @@
-//! One readout under any rules of the plan, which are read at run time. In scalar code:
+//! Runs one readout and applies any rules of the plan. The code reads the rules at run time. In scalar code:
 //!
 //! ```text
 //! charge += if fired { retained_increment * increment } else { increment } + noise_of_quanta(t);

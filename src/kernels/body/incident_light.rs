@@ -1,4 +1,5 @@
-//! The light and the dark current at a readout, if they differ from the frame and from the table.
+//! Computes the light and the dark current at a readout. The light may differ from the frame, and the dark current may
+//! differ from the table.
 
 use crate::kernels::body::general;
 use crate::kernels::body::increment::{clamp_light, load_samples, pixel_light};

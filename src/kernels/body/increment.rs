@@ -31,8 +31,8 @@ pub(super) struct Increment<L: Lanes> {
 
 /// Noise that is not a whole number of steps.
 ///
-/// It is computed only if a pixel of the vector needs it. It is a separate type because other vectors then use fewer
-/// registers.
+/// Fractional noise is computed only if a pixel of the vector needs fractional noise. The separate type saves registers
+/// in vectors without fractional noise.
 #[derive(Clone, Copy)]
 pub(super) struct FractionalNoise<L: Lanes> {
     /// Normal noise, in steps x 65,536 per unit of the draw.
@@ -241,7 +241,8 @@ impl Sample for f32 {
     const IS_UNBOUNDED: bool = true;
 }
 
-/// Clamps light to the plan's maximum. Bounded samples need no clamp if the plan's maximum is at least full scale.
+/// Clamps light to the plan's maximum. `unbounded` states whether the light can exceed full scale. If it cannot, and
+/// the plan's maximum is at least full scale, the light needs no clamp.
 #[inline(always)]
 pub(super) fn clamp_light<L: Lanes>(l: L, max_light: f32, light: L::Float, unbounded: bool) -> L::Float {
     if max_light >= 255.0 && !unbounded {

@@ -81,10 +81,10 @@ impl<'a> InterpolatedPass<'a> {
         true
     }
 
-    /// Returns whether no pixel of the vectors needs fractional noise at any of these readouts.
+    /// Returns whether no pixel of the vectors needs fractional noise at any readout of the pass.
     ///
-    /// The light is a rounded sum of a rounded product, and rounding is monotonic. The light at any weight is therefore
-    /// between the light at the smallest weight and the light at the largest weight.
+    /// The light is computed as a product plus a constant. Both operations round, and rounding is monotonic. The light
+    /// at any weight is therefore between the light at the smallest weight and the light at the largest weight.
     #[inline(always)]
     fn is_bright<L: Lanes>(&self, l: L, job: &Job<'_>, vectors: [&Constants<L>; 2]) -> bool {
         // These are loops, because a closure would be compiled without the instructions of its caller.

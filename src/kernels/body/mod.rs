@@ -10,14 +10,13 @@
 //! frame at a time and would have a quarter of the speed.
 //!
 //! Const parameters remove conditional branches from the common cases:
-//! * `NOISE` is the kind of threshold noise: [`NOISE_NONE`], [`NOISE_READOUT`] or [`NOISE_RESET`], with or
-//!   without [`CORRELATED`].
+//! * `NOISE` is the kind of threshold noise: [`NOISE_NONE`], [`NOISE_READOUT`] or [`NOISE_RESET`], with or without the
+//!   flag [`CORRELATED`].
 //! * `STORE` is the storage of charge: [`STORE_FREE`], [`STORE_CLAMPED`] or [`STORE_SURPLUS`].
 //! * `WHOLE` is set if increments have no fraction.
 //! * `ANY` is set if the kernel reads the plan's rules at run time. Any rule may then apply.
-//! * `EXTRA` is set, together with `ANY`, if two vectors can run together. The kernel for two vectors supports a dead
-//!   time and
-//!   flipped bits, but no other extra rule. The kernel for one vector reads the rules at run time.
+//! * `EXTRA` is set only if `ANY` is set. It permits the kernel for two vectors, which supports a dead time and flipped
+//!   bits, but no other extra rule. The kernel for one vector reads the rules at run time.
 //!
 //! Plans with dynamics have a separate kernel in [`dynamics`]. [`case`] contains the table of all cases.
 

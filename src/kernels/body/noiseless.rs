@@ -1,7 +1,7 @@
 //! The kernel of plans without temporal noise, which runs four vectors together.
 //!
-//! A readout takes so few instructions that a single vector would wait for the results of its previous readout. In scalar
-//! code:
+//! A readout takes few instructions, and each readout needs the result of the previous readout. With a single vector,
+//! the CPU would wait for this result. In scalar code:
 //!
 //! ```text
 //! for t in readouts {

@@ -14,7 +14,7 @@ pub(super) const MAX_PASS_FRAMES: usize = 16;
 
 /// Smallest number of readouts for which a held frame is a separate pass.
 ///
-/// For so many readouts, reloading constants and state takes a small share of the duration of the pass. The results that
+/// In a pass of this many readouts, reloading constants and state takes a small share of the time. All results that
 /// depend on the light remain valid during the whole pass.
 const MIN_HELD_READOUTS: usize = 8;
 
@@ -30,15 +30,16 @@ pub(super) struct Pass<'a> {
 
 /// Frames to prefetch.
 ///
-/// The hardware prefetchers of the CPU stop at the end of a page, and a pass reads at most a page of each frame. Without
-/// this prefetch, the first access to each frame would be a cache miss.
+/// The hardware prefetchers of the CPU stop at the end of a page, and a pass reads at most a page of each frame.
+/// Without a software prefetch, the first access to each frame would be a cache miss.
 pub(super) struct Prefetch<'a, T> {
     frames: [&'a [T]; MAX_PASS_FRAMES],
     offset: usize,
 }
 
 impl<T: Sample> Prefetch<'_, T> {
-    /// Prefetches `count` samples of each frame that are read after the present pixels, which start at pixel `p`.
+    /// Prefetches `count` samples of each frame. The samples are those that the kernel reads after the present pixels,
+    /// which start at pixel `p`.
     #[inline(always)]
     pub(super) fn fetch<L: Lanes>(&self, l: L, p: usize, count: usize) {
         for frame in &self.frames {
@@ -152,14 +153,15 @@ impl<'a> Pass<'a> {
 
 /// An iterator over the rows of consecutive readouts.
 ///
-/// It is not a chain of iterator adapters. Without link-time optimization, each adapter is a function call. A called
-/// function is compiled without the instructions of its caller, which makes AVX-512 a third slower.
+/// `Rows` is not a chain of iterator adapters. Without link-time optimization, each adapter would be a function call.
+/// The called function would be compiled without the instructions of its caller. AVX-512 kernels would then be a third
+/// slower.
 pub(super) struct Rows<'a> {
     t: usize,
     noise: Iter<'a, NoiseRoundKeys>,
     jitter: &'a [RoundKey],
-    /// Bits of the remaining readouts. The field is not a `ChunksExactMut`, because the division in its length takes a
-    /// tenth of a readout.
+    /// Bits of the remaining readouts. The type is not `ChunksExactMut`, whose length is computed by a division. The
+    /// division would take a tenth of the time of a readout.
     bits: &'a mut [u8],
     bytes: usize,
 }

@@ -127,7 +127,7 @@ impl<'a, T: Sample> TypedFrames<'a, T> {
         true
     }
 
-    /// Returns whether no pixel of the vector needs fractional noise in any of these frames.
+    /// Returns whether no pixel of the vector needs fractional noise in any frame of the pass.
     #[inline(always)]
     fn is_bright<L: Lanes>(&self, l: L, max_light: f32, c: &Constants<L>) -> bool {
         let minimum = T::min_light(l, &self.frames[..self.count], c.p);

@@ -29,8 +29,8 @@ pub(super) struct Pixels<L: Lanes> {
 impl<L: Lanes> Pixels<L> {
     /// Loads the columns that plans with this noise and storage have. With `ALL`, loads all columns.
     ///
-    /// The const parameters avoid checks for absent columns. In a call of four readouts, such checks take a tenth of the
-    /// time.
+    /// The const parameters avoid checks for absent columns. In a call of four readouts, such checks would take a tenth
+    /// of the time.
     #[inline(always)]
     pub(super) fn load<const NOISE: u8, const STORE: u8, const ALL: bool>(
         l: L,

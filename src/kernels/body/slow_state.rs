@@ -1,4 +1,5 @@
-//! The slow state of a vector's pixels: the state between readouts in addition to charge and noise.
+//! The slow state of a vector's pixels. It is the state that pixels keep between readouts in addition to charge and
+//! noise.
 
 use crate::kernels::isa::lanes::Lanes;
 use crate::plan::{ADAPTATION_COLUMN, LAG_COLUMN, SLOW_NOISE_COLUMN, StateTile, TELEGRAPH_COLUMN};

@@ -153,7 +153,7 @@ pub(super) fn noisy_pair<L: Lanes, const NOISE: u8, const STORE: u8, const EXTRA
     [fired, fire::<L, NOISE, STORE, EXTRA>(l, d, new_noise[1], chances[1], more)]
 }
 
-/// Adds an increment and the noise of its quanta. `z` is the normal draw.
+/// Adds an increment and the noise of its quanta to the charge. `z` is the normal draw of the noise.
 #[inline(always)]
 fn accumulate<L: Lanes, const NOISE: u8, const EXTRA: bool, const SHOT: bool>(
     l: L,
@@ -242,7 +242,7 @@ pub(super) fn is_near_threshold<L: Lanes>(l: L, pixel: &Pixels<L>, bar: L::Half,
     l.and(l.and(above, below), l.not(l.greater(pixel.surplus, l.splat(0))))
 }
 
-/// Returns whether the charge of every pixel stays below a second threshold. The caller then need not count surplus.
+/// Returns whether the charge of every pixel stays below two thresholds. The caller then need not count surplus.
 ///
 /// The conditions are `increment + 1 + shot + 2 offset < threshold`, `charge <= offset`, and `surplus = 0`. All
 /// values are in steps. `shot` is the shot noise of the largest draw. `offset` is the threshold noise of the largest draw

@@ -30,7 +30,7 @@ const fn repeat_table(table: [i8; 16]) -> [i8; 32] {
     all
 }
 
-/// The nibble tables, repeated for each 128-bit half, because the byte shuffle works within the halves of the vector.
+/// The nibble tables, repeated for each 128-bit half of a vector, because the byte shuffle works within each half.
 static LOW_TABLE: [i8; 32] = repeat_table(gauss::LOW_NIBBLE_TABLE);
 static HIGH_TABLE: [i8; 32] = repeat_table(gauss::HIGH_NIBBLE_TABLE);
 
@@ -63,7 +63,8 @@ impl Avx2 {
 
 /// Returns both vectors and forces the compiler to have both in registers at this point of the code.
 ///
-/// Otherwise, the compiler completes all work on the first vector before it starts the work on the second vector.
+/// Without this function, the compiler would complete all work on the first vector before it starts the work on the
+/// second vector.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn pin_pair(mut a: __m256i, mut b: __m256i) -> [__m256i; 2] {
@@ -158,7 +159,8 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn bits(self, m: __m256i) -> u32 {
-        // Packing whole 256-bit vectors would work within the halves and would produce bytes in the wrong order.
+        // Packing whole 256-bit vectors would work within the 128-bit halves and would produce bytes in the wrong
+        // order.
         let (low, high) = intrinsic!((_mm256_castsi256_si128(m), _mm256_extracti128_si256::<1>(m)));
         intrinsic!(_mm_movemask_epi8(_mm_packs_epi16(low, high))) as u32
     }
@@ -175,8 +177,8 @@ impl Lanes for Avx2 {
             // complements are free. One scalar instruction then inverts all bits.
             _mm256_packs_epi16(self.not(first), self.not(second))
         ));
-        // Packing works within the halves, so the two middle bytes are swapped. Scalar instructions restore the order.
-        // They execute in parallel with vector instructions.
+        // Packing works within the 128-bit halves, so the two middle bytes are swapped. Scalar instructions restore the
+        // order. They execute in parallel with vector instructions.
         let turned = (!bits as u32).rotate_right(8);
         let bits = (turned & 0xffff_0000 | u32::from((turned as u16).rotate_left(8))).rotate_left(8);
         memory_intrinsic!(to.as_mut_ptr().cast::<u32>().write_unaligned(bits.to_le()));
@@ -367,9 +369,9 @@ impl Lanes for Avx2 {
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(last_index(table));
         for_pair!(index => {
-            // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`.
-            // In every build, that function checks that this entry exists and returns at most `i32::MAX`, so
-            // the instruction reads no negative index.
+            // SAFETY: `self` proves the instructions. In every build, `last_index` checks that the table is not empty
+            // and returns the index of its last entry, at most `i32::MAX`. The unsigned minimum is at most
+            // `last_index`, so the instruction reads no negative index and nothing outside the table.
             unsafe { _mm256_i32gather_epi32::<4>(table.as_ptr().cast(), _mm256_min_epu32(index, last)) }
         })
     }

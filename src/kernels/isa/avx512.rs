@@ -36,8 +36,8 @@ const fn interleave(start: i16) -> [i16; 32] {
     index
 }
 
-/// Indices that interleave the low words and the high words of two vectors. The first entry is for the first sixteen
-/// pixels.
+/// Indices that interleave a vector of low words with a vector of high words. The first index set is for the first
+/// sixteen pixels, and the second index set for the other sixteen pixels.
 static JOIN: [[i16; 32]; 2] = [interleave(0), interleave(16)];
 
 type Pair = [__m512i; 2];
@@ -333,9 +333,9 @@ impl Lanes for Avx512 {
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(last_index(table));
         for_pair!(index => {
-            // SAFETY: `self` proves the instructions. The minimum of unsigned words is at most `last_index`.
-            // In every build, that function checks that this entry exists and returns at most `i32::MAX`, so
-            // the instruction reads no negative index.
+            // SAFETY: `self` proves the instructions. In every build, `last_index` checks that the table is not empty
+            // and returns the index of its last entry, at most `i32::MAX`. The unsigned minimum is at most
+            // `last_index`, so the instruction reads no negative index and nothing outside the table.
             unsafe { _mm512_i32gather_epi32::<4>(_mm512_min_epu32(index, last), table.as_ptr().cast()) }
         })
     }

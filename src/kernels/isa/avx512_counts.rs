@@ -4,8 +4,9 @@
 //! however, all counts of a pixel are drawn from two tables of 128 columns. One byte permutation looks up 64 entries. The
 //! counts of a pixel are therefore drawn for all readouts together and then transposed.
 //!
-//! Vectors of words exist in pairs: the first is for readouts 0 to 31, and the second for readouts 32 to 63. Packing a
-//! pair to bytes changes the order to the order of [`readout_of_byte`]. Unpacking restores the order of the readouts.
+//! Vectors of words exist in pairs: the first vector is for readouts 0 to 31, and the second vector for readouts 32 to
+//! 63. Packing a pair to bytes changes the order of the readouts. [`readout_of_byte`] returns the readout of each
+//! packed byte. Unpacking restores the order of the readouts.
 
 #![allow(unsafe_code, reason = "instructions that the token proves the CPU to have")]
 

@@ -1,5 +1,5 @@
-//! Macros that execute instructions on values and on memory, in methods of tokens that prove that the CPU has the
-//! instructions.
+//! Macros that execute instructions on values and on memory. Only the methods of tokens use these macros, because a
+//! token proves that the CPU has the instructions.
 
 /// Evaluates an instruction on values.
 macro_rules! intrinsic {
@@ -46,8 +46,8 @@ macro_rules! for_pair_index {
 /// Evaluates an instruction on the memory of a slice that has exactly the required length.
 macro_rules! memory_intrinsic {
     ($e:expr) => {{
-        // SAFETY: `self` exists only where the CPU has the instructions; the pointer comes from a
-        // slice of exactly the bytes that the unaligned instruction touches.
+        // SAFETY: `self` exists only if the CPU has the instructions. The pointer comes from a slice that has exactly
+        // the bytes that the instruction accesses. The instruction accepts any alignment.
         unsafe { $e }
     }};
 }

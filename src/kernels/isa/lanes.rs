@@ -1,7 +1,8 @@
 //! The operations of an instruction set that the kernels need.
 //!
-//! An implementor is a token: its value exists only if the CPU has the instructions, so every method is safe.
-//! The result of every method is defined bit by bit. Fused multiply-add and approximate instructions are not allowed.
+//! A type that implements this trait is a token: a value of the type exists only if the CPU has the instructions of its
+//! methods. Every method is therefore safe. The result of every method is defined bit by bit. Fused multiply-add and
+//! approximate instructions are not allowed.
 
 use crate::draws::hash::RoundKey;
 use crate::draws::poisson;
@@ -26,8 +27,8 @@ pub(crate) struct CountDraw<'a> {
 /// The result is at most `i32::MAX`, because gather instructions read indices as signed words.
 ///
 /// # Panics
-/// If the table is empty. This check exists in every build, because it prevents instructions from reading outside the
-/// table.
+/// Panics if the table is empty. This check exists in every build, because it prevents instructions from reading
+/// outside the table.
 #[inline(always)]
 pub(super) fn last_index(table: &[u32]) -> u32 {
     assert!(!table.is_empty(), "a table to look up has no entry");
@@ -112,9 +113,9 @@ pub(crate) trait Lanes: Copy {
     }
     /// Returns both values unchanged.
     ///
-    /// An implementor may force the compiler to compute both values before it uses either value. The compiler then cannot
-    /// move the computation of the second value behind the work on the first value. No implementation adds an
-    /// instruction.
+    /// An implementor may force the compiler to compute both values before it uses either value. The compiler then
+    /// cannot delay the computation of the second value until the work on the first value is complete. No
+    /// implementation adds an instruction.
     #[inline(always)]
     fn pin_pair(self, both: [Self::Half; 2]) -> [Self::Half; 2] {
         both

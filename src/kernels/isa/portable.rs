@@ -1,4 +1,4 @@
-//! The vectors of the `wide` crate. They use the instructions that the crate was compiled for.
+//! The vectors of the `wide` crate. They use the instructions that this build was compiled for.
 
 use crate::kernels::isa::lanes::{Lanes, last_index};
 use crate::kernels::isa::wide_lanes::{
@@ -134,7 +134,8 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn store_bits(self, to: &mut [u8], at: usize, m: VecI16) {
-        // With single byte stores, the compiler would first assemble the bytes in a vector, by way of memory.
+        // With single byte stores, the compiler would assemble the bytes in a vector and pass the vector through
+        // memory.
         let bits = self.bits(m).to_le_bytes();
         to[at..at + const { N / 8 }].copy_from_slice(&bits[..const { N / 8 }]);
     }

@@ -36,7 +36,8 @@ type PairF = [__m128; 2];
 
 /// Returns both vectors and forces the compiler to have both in registers at this point of the code.
 ///
-/// Otherwise, the compiler completes all work on the first vector before it starts the work on the second vector.
+/// Without this function, the compiler would complete all work on the first vector before it starts the work on the
+/// second vector.
 #[inline]
 #[target_feature(enable = "sse4.1")]
 fn pin_pair(mut a: __m128i, mut b: __m128i) -> [__m128i; 2] {

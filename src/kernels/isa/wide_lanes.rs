@@ -1,7 +1,7 @@
 //! The vectors of the portable lanes. Their width depends on the instructions of the build.
 //!
-//! The vectors have 512 bits if the build has AVX-512 F, BW and DQ. Otherwise they have 256 bits, which `wide` implements
-//! with the available instructions. This module contains all code that differs between the two widths.
+//! The vectors have 512 bits if the build has AVX-512 F, BW and DQ, and otherwise 256 bits. The `wide` crate implements
+//! the vectors with the instructions of the build. This module contains all code that differs between the two widths.
 
 use wide::{i8x32, i16x16};
 

@@ -14,7 +14,7 @@ pub(super) struct PixelDynamics {
     peak: f32,
     crosstalk: f32,
     lag: Option<LagRule>,
-    /// Difference of the two values from the mean dark current, and probability of switching per readout.
+    /// Distance of the two dark currents from their mean, and probability of switching per readout.
     telegraph: Option<(f32, u32)>,
     leak: f32,
     coupling: f32,

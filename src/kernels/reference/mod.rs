@@ -208,7 +208,8 @@ fn accumulate_charge(job: &Job<'_>, p: usize, t: usize, increment: &Increment, p
     if rules.release_share != 0 {
         pixel.pending_noise.add(i32::from(noise) << 16);
         pixel.pending_noise.add(fractional_noise(job, p, t, z, increment, 1.0));
-        // Whole steps are released. The remaining noise stays pending, so rounding loses no charge.
+        // Only whole steps of the pending noise are released. The remaining noise stays pending, so rounding loses no
+        // charge.
         noise = mul_round(pixel.pending_noise.whole, rules.release_share);
         pixel.pending_noise.whole = pixel.pending_noise.whole.wrapping_sub(noise);
     }
