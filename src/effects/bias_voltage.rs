@@ -20,8 +20,8 @@ pub static EFFECT: Definition = Definition::new(
 .with_moments(moments);
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
-    // Full scale is defined by the mean pixel, so the mean offset shifts full scale too.
-    // In the published code, the full-scale current corresponds to 1.0924 V and not to 1.1 V.
+    // Full scale is defined for a pixel with the mean threshold, so the mean offset shifts full scale too. In the
+    // published code, the full-scale current corresponds to 1.0924 V and not to 1.1 V.
     circuit.nominal_v += v[0];
     for (swing, z) in circuit.swing_v.iter_mut().zip(pattern.normals_if(v[1] != 0.0)) {
         *swing += v[0] + v[1] * z;
@@ -29,7 +29,8 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
 }
 
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // Let e be the relative threshold offset, with mean 0. To second order, the mean of 1/(1 + e) is 1 + var(e).
+    // The rate is proportional to 1/(1 + e), where e is the relative threshold offset of a pixel with mean 0. To second
+    // order, the mean of 1/(1 + e) is 1 + var(e).
     let variance = (v[1] / at.swing_v).powi(2);
     // The mean offset shifts full scale too, so the rate from light is unchanged. The dark current is a fixed current in
     // amperes, so the rate from the dark current changes.

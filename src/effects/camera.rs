@@ -51,8 +51,8 @@ pub struct Camera {
 
 /// Upper bound of the memory needed to draw the fixed pattern, in bytes per pixel.
 ///
-/// The 16 values per pixel are six maps, six copies of the maps for a window, and four maps of the effect that is being
-/// drawn.
+/// The memory is enough for 16 values per pixel: the six maps of the circuit, six copies of these maps if the camera is
+/// a window, and four temporary maps of an effect.
 const PATTERN_BYTES_PER_PIXEL: usize = 16 * size_of::<f64>();
 
 impl Camera {
@@ -87,8 +87,8 @@ impl Camera {
     pub fn with_effect(mut self, effect: Effect) -> Self {
         self.effects.retain(|e| e.name() != effect.name());
         self.effects.push(effect);
-        // Effects of other crates come after the library's effects, sorted by name. The order of the calls therefore
-        // does not matter.
+        // Effects of other crates come after the library's effects, sorted by name. The order of the calls of
+        // `with_effect` therefore does not matter.
         let rank =
             |e: &Effect| (super::ALL.iter().position(|d| d.name == e.name()).unwrap_or(usize::MAX), e.name());
         self.effects.sort_by_key(rank);

@@ -7,8 +7,8 @@ use super::definition::{Definition, Param, ParamKind};
 
 /// A list of effects that can be found by name.
 ///
-/// It contains the effects of this library ([`ALL`]) first, then the added effects in the order of addition. Functions
-/// that read cameras or diagnose sensors require a catalog, for example [`Catalog::load`] and
+/// A catalog contains the effects of this library ([`ALL`]) first, then the added effects in the order of addition.
+/// Functions that read cameras or diagnose sensors require a catalog, for example [`Catalog::load`] and
 /// `crate::diagnose::DiagnoseOptions`. The simulation of a camera requires no catalog.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Catalog {
@@ -49,7 +49,7 @@ impl Catalog {
     /// Returns the effect called `name`.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if there is no such effect. The error lists the names of all effects.
+    /// Returns [`ErrorKind::Config`] if no effect is called `name`. The error lists the names of all effects.
     pub fn find(&self, name: &str) -> Result<&'static Definition> {
         self.all().find(|d| d.name == name).ok_or_else(|| {
             let names: Vec<_> = self.all().map(|d| d.name).collect();
@@ -112,7 +112,7 @@ fn check_values(param: &Param) -> Result<()> {
 /// Returns the effect of this library called `name`.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Config`] if there is no such effect. The error lists the names of all effects.
+/// Returns [`ErrorKind::Config`] if no effect is called `name`. The error lists the names of all effects.
 pub fn find(name: &str) -> Result<&'static Definition> {
     Catalog::new().find(name)
 }

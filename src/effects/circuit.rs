@@ -25,9 +25,10 @@ pub struct Circuit {
     pub gain: Vec<f64>,
     /// Dark current in picoamperes.
     pub dark_pa: Vec<f64>,
-    /// Relative distance of the two values of a switching dark current from their mean.
+    /// Distance of the two values of a switching dark current from the mean current, relative to the mean current.
     ///
-    /// The value is zero for a pixel whose current does not switch. The map is empty if no pixel's current switches.
+    /// A pixel whose dark current does not switch has the distance zero. The map is empty if no pixel's current
+    /// switches.
     pub telegraph: Vec<f64>,
     /// Factor by which each pixel multiplies the width of the readout jitter. The map is empty if no pixel has jitter.
     pub jitter_share: Vec<f64>,

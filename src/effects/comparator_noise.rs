@@ -28,6 +28,7 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
-    // The noise changes comparisons but no charge. Neither the rate nor the long-term growth of the variance changes.
+    // The noise changes comparisons but adds no charge, so the mean rate is unchanged. The errors of the comparisons do
+    // not add up, so `phase_variance` is 0.
     Some(Moments::default())
 }

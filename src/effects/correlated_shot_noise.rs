@@ -7,8 +7,8 @@ use crate::units::Unit;
 
 /// The effect `correlated_shot_noise`.
 ///
-/// It applies to the quanta of light and of the dark current, because one photodiode collects both.
-/// It does not delay the mean of the light. The effect `image_lag` delays the mean.
+/// The correlation applies to the quanta of light and of the dark current, because one photodiode collects both. The
+/// effect does not delay the mean of the light. The effect `image_lag` delays the mean.
 pub static EFFECT: Definition = Definition::new(
     "correlated_shot_noise",
     "The photodiode has a limited bandwidth: the shot noise of light and dark current becomes charge with an exponential delay. The noise of neighboring readouts is correlated. The variance over many readouts does not change.",
@@ -31,6 +31,7 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
-    // The effect delays noise but loses no charge. Neither the rate nor the long-term growth of the variance changes.
+    // The effect delays noise but loses no charge, so neither the mean rate nor the variance of the charge over many
+    // readouts changes.
     Some(Moments::default())
 }

@@ -30,8 +30,8 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
 }
 
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // The currents are clipped at zero. If sigma is below 0.4 of the mean, this clipping changes the mean by less than
-    // 1e-3 sigma.
+    // If `negative` is `zero`, negative currents are set to zero. If sigma is below 0.4 of the mean, this changes the mean
+    // by less than 0.1 %.
     let thresholds = |pa: f64| pa * at.period_s * 1e3 / (at.capacitance_ff * at.swing_v);
     let relative = thresholds(v[1]) / (at.increment() + thresholds(v[0]));
     Some(Moments { rate: thresholds(v[0]), phase_variance: 0.0, spatial_variance: relative * relative })

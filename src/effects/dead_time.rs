@@ -23,7 +23,8 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // Let x be the increment and r the share of it that is lost after a spike. The rate f solves f = x - r x f if x < 1.
+    // Let x be the increment and r the share of an increment that is lost after a spike. Below saturation (x < 1), the
+    // rate f solves f = x - r x f.
     let x = at.increment();
     Some(Moments { rate: x / (1.0 + v[0] * x) - x, ..Moments::default() })
 }

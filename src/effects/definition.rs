@@ -1,4 +1,5 @@
-//! The definition of an effect: its names, parameters with units and ranges, three functions, and hints for a diagnosis.
+//! The definition of an effect: names, parameters, functions for the circuit, the operations and the moments, and hints
+//! for a diagnosis.
 
 use crate::draws::RandomStream;
 use crate::draws::pattern_rng::PatternRng;
@@ -51,8 +52,9 @@ pub struct Moments {
     pub rate: f64,
     /// Added variance of the charge between two spikes, in thresholds squared.
     ///
-    /// Let `D(n)` be the variance of the duration from a spike to the `n`-th next spike, in readouts squared. This value
-    /// is the increase of `D(n)` per interval, multiplied by the squared rate.
+    /// Let `D(n)` be the variance of the duration from a spike to the `n`-th next spike, in readouts squared. The
+    /// effect increases the growth of `D(n)` per interval. `phase_variance` is this increase, multiplied by the squared
+    /// rate.
     pub phase_variance: f64,
     /// Added variance of the relative rate between pixels.
     pub spatial_variance: f64,
@@ -81,8 +83,8 @@ impl Moments {
 
 /// The kind of discrete events that an effect causes.
 ///
-/// An event has a probability per readout, or the effect applies to a share of the pixels. A recording with only a few
-/// events contains no information about the effect.
+/// Such an effect changes some readouts or some pixels and leaves the others unchanged. A recording with only a few
+/// events contains almost no information about the effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventKind {
     /// Whole readouts are lost. A diagnosis locates the lost readouts.
@@ -93,13 +95,13 @@ pub enum EventKind {
     Pixels,
 }
 
-/// Edits the circuit of every pixel once. Such an edit adds no work per readout.
+/// A function that edits the circuit of every pixel once. The edit does not slow down the readouts.
 pub type EditFn = fn(Values<'_>, &Sensor, &mut Circuit, &mut PatternRng);
 
 /// Returns the operations that the simulator executes at every readout.
 pub type OpsFn = fn(Values<'_>, &Sensor) -> Vec<Op>;
 
-/// Predicts the moments of an effect, or returns `None` if there is no closed form.
+/// A function that predicts how an effect changes the spike statistics. It returns `None` if there is no closed form.
 pub type MomentsFn = fn(Values<'_>, &OperatingPoint) -> Option<Moments>;
 
 /// The definition of an effect, which is the extension point of the model.
@@ -152,11 +154,12 @@ pub struct Definition {
     pub is_scene_like: bool,
     /// Whether the effect changes no statistic below an onset strength and grows quickly above the onset strength.
     ///
-    /// The derivative at one strength then does not predict the change at a larger strength.
+    /// The derivative of a statistic at one strength does not predict the change of the statistic at a larger strength.
     pub has_onset: bool,
     /// Whether the parameter of the effect is part of the base model.
     ///
-    /// If a diagnosis fits another value of such a parameter, it reports a parameter mismatch and not a new effect.
+    /// If a diagnosis fits another value of a parameter of the base model, it reports a parameter mismatch. It does not
+    /// report a missing effect.
     pub is_base_model: bool,
     /// Whether this effect changes how the statistics depend on the spreads of gain, dark current and threshold.
     pub couples_spreads: bool,
@@ -283,7 +286,7 @@ impl Definition {
     /// Returns the index of parameter `key` in [`Definition::params`].
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if there is no such parameter. The error lists the keys of all parameters.
+    /// Returns [`ErrorKind::Config`] if the effect has no parameter `key`. The error lists the keys of all parameters.
     pub fn param_index(&self, key: &str) -> Result<usize> {
         self.params.iter().position(|p| p.key == key).ok_or_else(|| {
             let keys: Vec<_> = self.params.iter().map(|p| p.key).collect();

@@ -22,8 +22,8 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // Let x be the increment and p the drop probability. A dropped readout advances the phase by x and removes
-    // Bernoulli(x) spikes.
-    // The number of removed spikes has the variance x (1 - x). On average, p/x readouts are dropped per interval.
+    // Let x be the increment and p the drop probability. A dropped readout advances the charge by x and removes one
+    // spike with probability x. The number of removed spikes has the variance x (1 - x). On average, p/x readouts are
+    // dropped per interval.
     Some(Moments { phase_variance: v[0] * (1.0 - at.increment().min(1.0)), ..Moments::default() })
 }

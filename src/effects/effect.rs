@@ -65,8 +65,8 @@ impl Effect {
     /// Returns this effect with parameter `key` set to `value`. The unit of `value` is the unit of the parameter.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if there is no such parameter, or if `value` is outside
-    /// the range of the parameter.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the effect has no parameter `key`, or if `value` is
+    /// outside the range of the parameter.
     pub fn with_value(mut self, key: &str, value: f64) -> Result<Self> {
         let index = self.definition.param_index(key)?;
         let checked = self.definition.params[index].check(value);
@@ -77,8 +77,8 @@ impl Effect {
     /// Returns this effect with parameter `key` parsed from `text`, for example from `"6.36 mV"`.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if there is no such parameter, if `text` has a wrong unit,
-    /// or if the value is outside the range of the parameter.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the effect has no parameter `key`, if `text` has a
+    /// wrong unit, or if the value is outside the range of the parameter.
     pub fn with_text(mut self, key: &str, text: &str) -> Result<Self> {
         let index = self.definition.param_index(key)?;
         let parsed = self.definition.params[index].parse(text);
@@ -103,7 +103,7 @@ impl Effect {
         (self.definition.edit)(&self.values, sensor, circuit, &mut pattern);
     }
 
-    /// Returns whether this effect has no operations at readouts. Such an effect only changes the circuits of the pixels.
+    /// Returns whether this effect has no operations at readouts and only changes the circuits of the pixels.
     #[must_use]
     pub fn is_fixed_pattern(&self, sensor: &Sensor) -> bool {
         self.definition.typical().ops(sensor).is_empty()

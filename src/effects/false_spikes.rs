@@ -23,9 +23,8 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
     let x = at.increment().min(1.0);
     let rate = v[0] * (1.0 - x);
-    // After many intervals, the growth of D(n) times the squared rate equals the variance of a spike count divided by
-    // its mean.
-    // Only the number of false spikes is random.
+    // Over many readouts, the phase variance equals the variance of a spike count divided by the mean of the spike
+    // count. Only the number of false spikes is random.
     let phase_variance = if rate == 0.0 { 0.0 } else { rate * (1.0 - v[0]) / (x + rate) };
     Some(Moments { rate, phase_variance, spatial_variance: 0.0 })
 }

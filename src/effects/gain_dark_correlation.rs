@@ -34,7 +34,8 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut PatternRng) {
     let independent = (1.0 - v[0] * v[0]).sqrt();
     for (current, g) in circuit.dark_pa.iter_mut().zip(&circuit.gain) {
         let z = v[0] * (g - gain.mean) / gain.deviation + independent * (*current - dark.mean) / dark.deviation;
-        // The lower bound prevents new negative currents: it is 0 if all original currents were nonnegative.
+        // If all original currents were nonnegative, the lower bound is 0. The correlation therefore makes no current
+        // negative.
         *current = (dark.mean + dark.deviation * z).max(dark.min.min(0.0));
     }
 }
@@ -51,7 +52,7 @@ impl Spread {
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
         let minimum = values.iter().copied().fold(f64::INFINITY, f64::min);
-        // Rounding errors give equal values a small deviation. A deviation that small is replaced by zero.
+        // Rounding errors give equal values a small nonzero deviation. Such a deviation is replaced by zero.
         let alike = variance.sqrt() <= 1e-12 * mean.abs();
         Self { mean, deviation: if alike { 0.0 } else { variance.sqrt() }, min: minimum }
     }

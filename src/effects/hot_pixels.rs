@@ -39,7 +39,8 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
     let mean = circuit.dark_pa.iter().sum::<f64>() / circuit.dark_pa.len() as f64;
     for (dark, u) in circuit.dark_pa.iter_mut().zip(pattern.uniforms()) {
         if u < v[0] {
-            // Pixels with u < fraction are hot. For these pixels the value u / fraction is uniform in [0, 1).
+            // Let u be the uniform draw of a pixel. Pixels with u < fraction are hot. For hot pixels, u / fraction is
+            // uniform in [0, 1).
             let factor = if v[2] == 0.0 { v[1] } else { v[1] * libm::pow((u / v[0]).max(1e-6), -v[2]) };
             *dark += (factor - 1.0) * mean;
         }

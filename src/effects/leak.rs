@@ -29,9 +29,8 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // The charge needs -ln(1 - k/x)/k readouts to rise from zero to one threshold, where k is the lost share and x the
-    // increment.
-    // If x <= k, the charge stays below the threshold.
+    // Let x be the increment and k the share of the charge that leaks per readout. The charge needs -ln(1 - k/x)/k
+    // readouts to rise from zero to one threshold. If x <= k, the charge stays below the threshold.
     let x = at.increment();
     let rate = if v[0] >= x { 0.0 } else { v[0] / -libm::log1p(-v[0] / x) };
     let rate = if v[0] == 0.0 { 0.0 } else { rate - x };

@@ -22,8 +22,7 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
     // Let v be the probability that a spike is missed. A reported interval then consists of a geometric number of equal
-    // true intervals.
-    // The variance of that number is v / (1 - v)^2, and the squared rate has the factor (1 - v)^2. The product of both
-    // is v.
+    // true intervals. The variance of the number of true intervals is v / (1 - v)^2. The squared rate has the factor (1
+    // - v)^2. The product of the variance and this factor is v.
     Some(Moments { rate: -v[0] * at.increment().min(1.0), phase_variance: v[0], spatial_variance: 0.0 })
 }

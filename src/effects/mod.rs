@@ -1,7 +1,7 @@
 //! The imperfections of a camera. Each file defines one effect.
 //!
-//! An effect edits the circuits of the pixels or lists operations for every readout.
-//! It also predicts its moments and lists the parameter values that a diagnosis tries.
+//! An effect edits the circuits of the pixels or lists operations for every readout. It also predicts how it changes
+//! the spike statistics, and lists the parameter values that a diagnosis tries.
 //!
 //! To add an effect to this library, write its file and add the file's name to the list below. Presets, the program,
 //! every backend and the property tests then include the effect. `CONTRIBUTING.md` lists the steps for the diagnosis and

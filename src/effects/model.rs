@@ -8,8 +8,8 @@ use super::circuit::Circuit;
 
 /// The distribution of the charge at the first readout: a sum of independent uniform terms.
 ///
-/// The first number of a term is a width in units of the pixel's own threshold. The second is a width in nominal
-/// thresholds.
+/// Each term is a pair of widths. The first width is in units of the pixel's own threshold, and the second width is in
+/// nominal thresholds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StartPhases(Vec<(f64, f64)>);
 
@@ -154,10 +154,9 @@ impl Model {
 
     /// Adds the electrons of the dark current to the quanta of the light.
     ///
-    /// A quantum of the light may differ in size from an electron, because the quanta are photons or have another
-    /// strength.
-    /// In this case the number of dark quanta is scaled so that the variance of the dark charge is unchanged. Only the
-    /// skewness changes.
+    /// A quantum of the light has another size than an electron if the quanta are photons or if the light has another
+    /// noise strength than the dark current. The number of dark quanta is then scaled so that the variance of the dark
+    /// charge is unchanged. Only the skewness changes.
     fn dark_quanta(&self, law: &mut Law, strength: f64) {
         let electron = 1.0 / self.circuit.electrons();
         let variance = strength * law.dark.max(0.0) * electron;
@@ -223,7 +222,7 @@ impl Model {
     }
 }
 
-/// Returns the factor by which an exponential decay with this time constant, in readouts, shrinks during one readout.
+/// Returns the factor by which an exponential decay shrinks during one readout. `time_constant` is in readouts.
 fn retention(time_constant: f64) -> f64 {
     libm::exp(-1.0 / time_constant)
 }

@@ -44,8 +44,8 @@ pub struct Param {
     pub search: Option<SearchSpec>,
     /// Whether the parameter is written only if it is not neutral.
     ///
-    /// Set this field for a parameter that was added to an existing effect. Fingerprints depend on the text of a camera.
-    /// Cameras that were written before the parameter existed therefore must have the same text as before.
+    /// Set this field for a parameter that is added to an existing effect. Fingerprints depend on the text of a camera.
+    /// The text of an older camera therefore must not change when the new parameter is neutral.
     pub is_omitted_if_neutral: bool,
 }
 
@@ -71,7 +71,8 @@ impl Param {
         }
     }
 
-    /// Returns a choice of `words`. The first word is the neutral value, and `typical` is the index of a word.
+    /// Returns a parameter whose value is one of `words`. The first word is the neutral value, and `typical` is the
+    /// index of a word.
     #[must_use]
     pub const fn choice(
         key: &'static str,
@@ -97,7 +98,7 @@ impl Param {
         self
     }
 
-    /// Marks this parameter as one that is written only if it is not neutral.
+    /// Omits this parameter from the text of a camera if the parameter is neutral.
     #[must_use]
     pub const fn omit_if_neutral(mut self) -> Self {
         self.is_omitted_if_neutral = true;

@@ -1,4 +1,4 @@
-//! Random decisions of pixels whose charge is close to the threshold at a readout.
+//! Readout jitter: a random decision whether a pixel fires if its charge is close to the threshold at a readout.
 
 use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
@@ -10,15 +10,14 @@ use crate::units::Unit;
 /// A spread in pixels that is so large that all rows have practically equal jitter.
 const UNIFORM_SPREAD_PX: f64 = 1e6;
 
-/// Half the width of the band in units of `spread`. Rows outside the band have no jitter, so the kernels skip the jitter
-/// there.
+/// Half the width of the band of rows with jitter, in units of `spread`. The kernels skip the jitter in all other rows.
 const BAND_HALF_WIDTH_SIGMAS: f64 = 3.0;
 
 /// The effect `readout_jitter`.
 ///
-/// A diagnosis observes the distribution of the jitter widths, but not the positions of the rows with jitter.
-/// It therefore fits a band whose center is the top row. A band at another position changes the statistics equally if it
-/// contains equally many rows with equal widths.
+/// A diagnosis observes the distribution of the jitter widths, but not the positions of the rows with jitter. The
+/// fitted band is therefore centered at the top row. A band at another position has equal statistics if it has equally
+/// many rows of each width.
 pub static EFFECT: Definition = Definition::new(
     "readout_jitter",
     "If the charge of a pixel is close to its threshold at a readout, the pixel reports the spike at random in this readout or the next one. The effect applies to a band of rows.",
@@ -66,8 +65,8 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
-    // Jitter adds charge just below the threshold and removes charge just above the threshold. These changes cancel only
-    // if the increment exceeds the width. Otherwise the pixel gains charge on average. This gain has no closed form
-    // here.
+    // Jitter adds charge just below the threshold and removes charge just above the threshold. The added and removed
+    // charges cancel on average if the increment exceeds the width of the jitter. Otherwise the pixel gains charge, and
+    // the gain has no closed form here.
     None
 }

@@ -28,7 +28,7 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
-    // A threshold that is redrawn at every readout favors low draws, as in `thermal_noise`. In general the moments have
-    // no closed form.
+    // The threshold is redrawn at every readout. A pixel is more likely to fire when its draw is low, and in general
+    // this bias has no closed form.
     None
 }

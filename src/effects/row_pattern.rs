@@ -38,7 +38,8 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
 }
 
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // Let e be the relative threshold offset, with mean 0. To second order, the mean of 1/(1 + e) is 1 + var(e).
+    // The rate is proportional to 1/(1 + e), where e is the relative threshold offset of a row with mean 0. To second
+    // order, the mean of 1/(1 + e) is 1 + var(e).
     let variance = v[0] * v[0];
     Some(Moments { rate: at.increment() * variance, phase_variance: 0.0, spatial_variance: variance })
 }

@@ -5,11 +5,12 @@
 pub enum SearchScale {
     /// Linear: the statistics change in proportion to the parameter.
     Linear,
-    /// Square: the statistics change in proportion to the square of the parameter, for standard deviations.
+    /// Square: the statistics change in proportion to the square of the parameter. This scale is for standard
+    /// deviations.
     Square,
     /// Logarithm, for shapes such as time constants.
     Log,
-    /// Logarithm of `1 - x`, for the share `x` that remains after a readout.
+    /// Logarithm of `1 - x`. The parameter `x` is the share of a quantity that remains after one readout.
     LogComplement,
 }
 
@@ -29,8 +30,8 @@ pub struct SearchSpec {
     pub range: (f64, f64),
     /// Start values. If the list is empty, the only start value is the length of the recording in readouts.
     pub values: &'static [f64],
-    /// Whether the parameter is a frequency of the light in hertz. Such light adds a line to the spectrum of the frame
-    /// totals.
+    /// Whether the parameter is the frequency, in hertz, at which the light oscillates. Oscillating light adds a line
+    /// to the spectrum of the frame totals.
     pub is_frequency: bool,
 }
 
@@ -58,7 +59,7 @@ impl SearchSpec {
         Self::new(SearchScale::Log, range, values)
     }
 
-    /// Returns a specification for the share, below one, of a quantity that remains after a readout.
+    /// Returns a specification for a retention: the fraction of a quantity that remains after one readout, below one.
     #[must_use]
     pub const fn retention(range: (f64, f64), values: &'static [f64]) -> Self {
         Self::new(SearchScale::LogComplement, range, values)

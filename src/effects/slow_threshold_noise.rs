@@ -39,7 +39,7 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
-    // The moments lie between two cases: a threshold that is frozen until the reset, and a threshold that is redrawn at
-    // every readout. In general the moments have no closed form.
+    // The threshold noise lies between two limits: a threshold that is frozen until the reset, and a threshold that is
+    // redrawn at every readout. Between these limits the moments have no closed form.
     None
 }

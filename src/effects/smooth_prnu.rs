@@ -42,8 +42,8 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
 
 /// Blurs white noise along one axis. The axis has `count` values, and successive values are `step` elements apart.
 ///
-/// The Gaussian weights are cut at three standard deviations and at the border. The weights of each result are scaled to
-/// a squared sum of one, so the variance is equal everywhere.
+/// The Gaussian weights are cut at three standard deviations and at the border. The weights of each result are scaled
+/// so that their squares sum to one. The variance is therefore equal everywhere.
 fn gaussian_blur(values: &[f64], count: usize, step: usize, sigma: f64) -> Vec<f64> {
     let reach = (3.0 * sigma) as usize + 1;
     let weight: Vec<f64> = (0..=reach).map(|d| libm::exp(-0.5 * (d as f64 / sigma).powi(2))).collect();

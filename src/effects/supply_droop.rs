@@ -29,7 +29,8 @@ fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
 }
 
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // Let x be the increment. The rate f solves f (1 - depth f) = x. To second order in x, f - x = depth x^2.
+    // Let x be the increment and f the rate. The droop lowers the threshold to 1 - depth f, so f (1 - depth f) = x. To
+    // second order in x, f - x = depth x^2.
     let x = at.increment();
     Some(Moments { rate: v[0] * x * x, ..Moments::default() })
 }

@@ -9,8 +9,8 @@ use crate::units::Unit;
 
 /// The effect `telegraph_dark`.
 ///
-/// The number of irregular intervals increases from zero to its maximum within a factor of ten in amplitude.
-/// If a search starts at an amplitude of 0.1, it therefore mistakes weak switching for false spikes.
+/// The number of irregular intervals increases from zero to its maximum while the amplitude increases by a factor of
+/// ten. A search that starts at an amplitude of 0.1 therefore mistakes weak switching for false spikes.
 pub static EFFECT: Definition = Definition::new(
     "telegraph_dark",
     "The dark current of some pixels switches at random between two values. The values are above and below the mean dark current of the pixel by the same amount.",

@@ -35,7 +35,8 @@ fn ops(v: Values<'_>, sensor: &Sensor) -> Vec<Op> {
 
 fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
     if v[2] != 0.0 {
-        // A threshold that is redrawn at every readout favors low draws. In general the moments have no closed form.
+        // The threshold is redrawn at every readout. A pixel is more likely to fire when its draw is low, and in
+        // general this bias has no closed form.
         return None;
     }
     let relative = sigma_v(v, at.capacitance_ff) / at.swing_v;

@@ -7,10 +7,10 @@ use crate::spikes::{Crop, Geometry};
 impl Camera {
     /// Returns the rectangle `crop` of this camera as a separate camera.
     ///
-    /// The pixels have the fixed pattern of that rectangle, and the plan has the fixed-point scales of the whole sensor.
-    /// Temporal noise and start phases differ from those of the whole sensor.
-    /// Pixels outside the rectangle do not affect pixels inside the rectangle. `maps` still contains the whole sensor.
-    /// If this camera is a window, the result is a window of the same whole sensor.
+    /// The window has the fixed pattern of `crop` in this camera. The plan of the window has the fixed-point scales of
+    /// the whole sensor. Temporal noise and start phases differ from the temporal noise and start phases of the whole
+    /// sensor. Pixels outside `crop` do not affect pixels inside `crop`. `maps` still contains the maps of the whole
+    /// sensor. If this camera is a window, the result is a window of the same whole sensor.
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within this camera.
@@ -47,7 +47,8 @@ impl Camera {
         Ok(Some((full, crop)))
     }
 
-    /// Returns the geometry of the sensor to which maps refer. For a window it is the geometry of the whole sensor.
+    /// Returns the geometry of the maps of this camera. If the camera is a window, it is the geometry of the whole
+    /// sensor.
     #[must_use]
     pub fn sensor_geometry(&self) -> Geometry {
         self.window.map_or(self.sensor.geometry, |(geometry, _)| geometry)
