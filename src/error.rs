@@ -24,7 +24,7 @@ pub enum ErrorKind {
     Input,
     /// The operating system cannot read or write.
     Io,
-    /// The result does not fit on the disk or exceeds the limit on file sizes.
+    /// The output does not fit on the disk or exceeds the limit on file sizes.
     Space,
     /// The output exists and overwriting is not allowed.
     Exists,
@@ -127,10 +127,10 @@ impl Error {
         }
     }
 
-    /// Returns an error for a failed call to the operating system that concerns `subject`.
+    /// Returns an error about `subject`, caused by a failed call to the operating system.
     ///
-    /// If `source` wraps an [`Error`] of this crate, the wrapped error is returned unchanged. A reader can return such a
-    /// `source`.
+    /// If `source` wraps an [`Error`] of this crate, the wrapped error is returned unchanged. Implementations of
+    /// [`std::io::Read`] in this crate wrap their errors in this way.
     #[must_use]
     pub fn io(subject: impl fmt::Display, source: std::io::Error) -> Self {
         let source = match source.downcast::<Self>() {
@@ -214,7 +214,8 @@ impl Error {
         self
     }
 
-    /// Changes the kind `Usage` to `Config`, because the wrong value is in a file and not on the command line.
+    /// Changes the kind `Usage` to `Config`. Call this method if the wrong value is in a file and not on the command
+    /// line.
     #[cfg(feature = "presets")]
     pub const fn usage_as_config(mut self) -> Self {
         if matches!(self.kind, ErrorKind::Usage) {

@@ -13,8 +13,8 @@ macro_rules! frame_from_image {
 
             /// Uses the samples as linear light and applies no tone curve.
             ///
-            /// Files of cameras and screens contain sRGB codes. Convert such codes to light first, for example with
-            /// [`crate::light::Transfer`].
+            /// Image files of cameras and screens usually contain sRGB codes. Convert these codes to linear light
+            /// first, for example with [`crate::light::Transfer`].
             ///
             /// # Errors
             /// Returns the errors of [`Geometry::new`] and [`Frame::new`].
@@ -30,8 +30,8 @@ frame_from_image!(U8 u8, U16 u16, F32 f32);
 
 /// Returns an 8-bit image of `values` from 0 to 1, such as a reconstruction of [`crate::reconstruct`].
 ///
-/// The code of `v` is `255 v`, rounded to nearest. Values below 0 become 0, and values above 1 become 255.
-/// `None` means that `values` has fewer elements than the image has pixels.
+/// A value `v` has the 8-bit code `255 v`, rounded to nearest. Values below 0 have the code 0, and values above 1 have
+/// the code 255. Returns `None` if `values` has fewer elements than `geometry` has pixels.
 ///
 /// # Examples
 /// ```

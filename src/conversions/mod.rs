@@ -1,4 +1,5 @@
-//! Conversions from and to types of other crates. Each conversion requires the feature with the name of the other crate.
+//! Conversions from and to types of other crates. Each conversion requires the Cargo feature that is named like the
+//! other crate.
 
 #[cfg(feature = "image")]
 mod image;

@@ -4,9 +4,9 @@ use strsim::osa_distance;
 
 /// Returns the element of `names` with the smallest optimal string alignment distance to `word`.
 ///
-/// The distance counts insertions, deletions, substitutions and swaps of neighbors. The maximum is `min(ceil(letters /
-/// 3), 4)`, where `letters` is the number of letters of `word`. Case is ignored, and spaces and underscores are replaced
-/// by hyphens.
+/// The distance counts insertions, deletions, substitutions and swaps of neighbors. Returns `None` if the smallest
+/// distance exceeds `min(ceil(letters / 3), 4)`, where `letters` is the number of letters of `word`. Case is ignored,
+/// and spaces and underscores are replaced by hyphens.
 pub(super) fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let normalize = |name: &str| name.to_lowercase().replace([' ', '_'], "-");
     let word = normalize(word);

@@ -9,8 +9,9 @@ const END: char = '\u{e001}';
 
 /// The key of a setting in a message, such as `Setting("width")`.
 ///
-/// A library does not know whether its caller sets a command-line flag, a parameter or a field. [`super::Error`] therefore
-/// stores the key, and [`super::Error::render`] spells it. [`render_settings`] does the same for other texts.
+/// A library does not know whether its caller sets a command-line flag, a parameter or a field. [`super::Error`]
+/// therefore stores the key, and [`super::Error::render`] replaces the key by its spelling. [`render_settings`]
+/// replaces the keys in other texts.
 ///
 /// ```
 /// use spikelane::error::{Error, ErrorKind, Setting};
@@ -37,7 +38,8 @@ pub(super) fn quoted(key: &str) -> String {
 
 /// Returns `text` with the key of each [`Setting`] replaced by `spell(key)`.
 ///
-/// A file name may contain the enclosing characters too. Only what they enclose in the form of a key is replaced.
+/// A file name may contain the enclosing characters too. The text between them is replaced only if it has the form of a
+/// key.
 pub fn render_settings<'a>(text: &'a str, spell: &dyn Fn(&str) -> String) -> Cow<'a, str> {
     if !text.contains(BEGIN) {
         return Cow::Borrowed(text);

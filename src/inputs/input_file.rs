@@ -13,8 +13,8 @@ pub const MAX_TEXT_BYTES: u64 = 16 << 20;
 /// A regular file, open for reading at any position and from any thread.
 ///
 /// The length is determined when the file is opened. Another process may change or shorten the file at any time. The
-/// bytes are therefore copied and never mapped. Reading after a new end then returns an error and does not raise a
-/// signal.
+/// bytes are therefore copied and never mapped. If the file was shortened, a read beyond its new end returns an error
+/// and does not raise a signal.
 #[derive(Debug)]
 pub struct InputFile {
     file: File,
@@ -71,7 +71,8 @@ impl InputFile {
 
     /// Returns a reader with its own position, which starts at the first byte.
     ///
-    /// The reader ends at the length of the file at opening. It returns an error if the file has been shortened since.
+    /// The reader ends at the length that the file had when it was opened. If the file has been shortened since, the
+    /// reader returns an error.
     pub fn reader(&self) -> InputReader<&Self> {
         InputReader { file: self, position: 0 }
     }
@@ -209,7 +210,7 @@ fn read_exact_at(file: &File, offset: u64, bytes: &mut [u8]) -> io::Result<()> {
 
 /// Reads with `seek` and `read`, because stable Rust has no positioned reads on WebAssembly.
 ///
-/// WebAssembly has no threads, so no other code can change the position between the two calls.
+/// WebAssembly has no threads, so no other code can change the position of the file between `seek` and `read`.
 #[cfg(not(any(unix, windows)))]
 fn read_exact_at(mut file: &File, offset: u64, bytes: &mut [u8]) -> io::Result<()> {
     file.seek(SeekFrom::Start(offset))?;

@@ -5,7 +5,7 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use super::input_file::{InputFile, InputReader};
 use crate::error::{Error, ErrorKind, Result};
 
-/// A reader of the lines of an [`InputFile`]. Only one line is in memory.
+/// A reader of the lines of an [`InputFile`]. Only one line is in memory at a time.
 #[derive(Debug)]
 pub struct InputLines<'a> {
     reader: BufReader<InputReader<&'a InputFile>>,

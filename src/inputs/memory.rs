@@ -6,9 +6,9 @@ use crate::error::{Error, ErrorKind, Result};
 
 /// Checks that the system can allocate `bytes` now.
 ///
-/// Some work allocates in other crates, or in code that cannot return an error. A failed allocation then aborts the
-/// process. Before such work, call this function with an upper bound of the memory. The memory is not reserved: other
-/// threads can allocate it before the work does.
+/// Some functions allocate in other crates, or in code that cannot return an error. A failed allocation then aborts the
+/// process. Before such a function, call `check_memory` with an upper bound of the memory. The memory is not reserved:
+/// another thread can allocate it first.
 ///
 /// # Errors
 /// Returns [`ErrorKind::Memory`] if the system cannot allocate the bytes.

@@ -15,14 +15,14 @@ const DEVICES: [&str; 6] = ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"];
 
 /// A file or folder name that comes from an untrusted file, for example `scene-0000`. `..`, `a/b` and `C:` are rejected.
 ///
-/// The rules are equal on all systems, so every system can read a data set that another system created.
+/// The rules for names are equal on all operating systems, so every system can read a data set from another system.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct PlainName(String);
 
 /// A path inside a folder: [`PlainName`]s separated by `/`, for example `train/spike/scene-0000.dat`.
 ///
-/// It is built from checked texts and from constants of the program, never from an unchecked text.
+/// An inner path is built from checked texts and from constants of the program, never from an unchecked text.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct InnerPath(String);
@@ -39,7 +39,7 @@ pub enum Access {
 }
 
 impl Access {
-    /// Returns the access for reading. `follow_links` states whether a link may leave the folder.
+    /// Returns the access mode for reading. If `follow_links` is true, a link may leave the folder.
     pub const fn for_reading(follow_links: bool) -> Self {
         if follow_links { Self::ReadThroughLinks } else { Self::Read }
     }
@@ -85,7 +85,7 @@ impl InnerPath {
     /// Accepts `text` as a path inside a folder. `subject` names the file and the key that contain `text`.
     ///
     /// # Errors
-    /// Returns an error of `kind` with the reason why `text` is not such a path.
+    /// Returns an error of `kind` with the reason why `text` is not a path inside a folder.
     pub fn parse(kind: ErrorKind, subject: impl fmt::Display, text: &str) -> Result<Self> {
         match text.split('/').find_map(name_fault) {
             None => Ok(Self(text.to_owned())),

@@ -68,8 +68,8 @@ impl Frame {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the number of samples differs from the number of pixels, or if a float is negative
-    /// or not finite. The error names the first such pixel.
+    /// Returns [`ErrorKind::Input`] if the number of samples differs from the number of pixels, or if a float is
+    /// negative or not finite. The error names the first pixel with an invalid float.
     pub fn new(geometry: Geometry, samples: OwnedSamples) -> Result<Self> {
         if samples.len() != geometry.pixels() {
             return Err(Error::new(ErrorKind::Input, "frame of light")
@@ -176,8 +176,8 @@ impl Frame {
 /// Returns the geometry that a file declares for its images.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Input`] if the size is not a valid geometry. The file contains the error, so the kind is not
-/// `Usage`.
+/// Returns [`ErrorKind::Input`] if the size is not a valid geometry. The kind is not `Usage`, because the invalid size
+/// comes from the file and not from the caller.
 pub fn declared_geometry(width: u64, height: u64, name: &str) -> Result<Geometry> {
     let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
     Geometry::new(side(width), side(height)).map_err(|_| {
@@ -204,7 +204,7 @@ fn check_light(geometry: Geometry, values: &[f32]) -> Result<()> {
 
 /// A sequence of frames of linear light at the camera's size.
 ///
-/// If the sample type of the input changes from frame to frame, the sample type of the frames changes too.
+/// If the sample type of the input changes from frame to frame, the sample type of the returned frames changes too.
 pub trait Source: Send {
     /// Returns width and height of every frame.
     fn geometry(&self) -> Geometry;
@@ -230,7 +230,8 @@ pub trait Source: Send {
     /// Returns the frames per second, or `None` if the input does not contain a rate.
     fn rate(&self) -> Option<Rate>;
 
-    /// Returns the conversion from stored values to light. Defaults that depend on the file type are not included.
+    /// Returns the conversion from stored values to light. [`FrontEnd::transfer`] is `Some`, even if the file type
+    /// determines the tone curve.
     ///
     /// The default implementation is for drawn frames and floats, because both contain linear light.
     fn front_end(&self) -> FrontEnd {

@@ -29,11 +29,11 @@ impl FrameTiming {
 
     /// Returns the timeline. The first present item of this list determines the timing:
     ///
-    /// 1. the readouts per frame,
-    /// 2. the frame rate,
+    /// 1. the readouts per frame that the user requests,
+    /// 2. the frame rate that the user requests,
     /// 3. the frame times of the source,
-    /// 4. the rate of the source,
-    /// 5. [`DEFAULT_READOUTS_PER_FRAME`].
+    /// 4. the frame rate of the source,
+    /// 5. the default [`DEFAULT_READOUTS_PER_FRAME`].
     ///
     /// # Errors
     /// Returns the errors of [`Timeline::from_readouts_per_frame`], [`Timeline::from_rates`] and [`Timeline::from_times`].

@@ -1,10 +1,9 @@
 //! The mapping from readouts to frames.
 //!
-//! Frames and readouts have different rates. Readout `i` is at `i / readout_rate` seconds, and frame `k` at `k /
-//! frame_rate` seconds.
-//! Both rates are fractions, so their ratio is a fraction. The mapping therefore has no drift, regardless of the length
-//! of the video.
-//! (With floats, errors appear after about a minute of 30000/1001 frames per second at 40 kHz.)
+//! Frames and readouts have different rates. Readout `i` is at `i / readout_rate` seconds, and frame `k` is at `k /
+//! frame_rate` seconds. Both rates are fractions of integers, so their ratio is exact. The mapping therefore has no
+//! drift, regardless of the length of the video. (A ratio in floats would select wrong frames after about a minute of
+//! 30000/1001 frames per second at 40 kHz.)
 
 use std::str::FromStr;
 use std::sync::Arc;
@@ -74,8 +73,8 @@ impl FramePosition {
 
 /// The mapping from readouts to frames.
 ///
-/// Readout `i` is at frame position `i * num / den`. If the frames have individual start times, these times determine the
-/// position.
+/// Readout `i` is at frame position `i * num / den`. If the frames have individual start times, the frame position
+/// follows from the start times instead.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Timeline {
     num: u64,
@@ -115,7 +114,7 @@ impl Timeline {
 
     /// Returns the timeline for `source` frames per second and `readout` readouts per second.
     ///
-    /// If the source has a higher rate than the readouts, some frames are never shown.
+    /// If the source has more frames than readouts per second, no readout shows some of the frames.
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if the ratio of the two rates does not fit in 64-bit integers.
@@ -137,8 +136,8 @@ impl Timeline {
     /// The first readout is at 0. The duration of the last frame equals the duration of the frame before the last.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if there are fewer than two start times, if the first is not 0, if they do not
-    /// increase, or if one exceeds 11 days.
+    /// Returns [`ErrorKind::Input`] if there are fewer than two start times, if the first start time is not 0, if the
+    /// start times do not increase, or if a start time exceeds 11 days.
     pub fn from_times(starts: &[u64], readout: Rate, interpolation: Interpolation) -> Result<Self> {
         const MAX_NANOSECONDS: u64 = 1_000_000_000_000_000;
         let rises = starts.windows(2).all(|w| w[0] < w[1]);
@@ -229,7 +228,8 @@ impl Timeline {
 
     /// Returns the first readout at or after the start of frame `frame`.
     ///
-    /// Returns `None` if there is no such readout ([`Timeline::first_frame`]) or if its index exceeds 64 bits.
+    /// Returns `None` if the timeline never reaches `frame` ([`Timeline::first_frame`]), or if the index of the readout
+    /// exceeds 64 bits.
     #[must_use]
     pub fn first_readout(&self, frame: u64) -> Option<u64> {
         if frame == 0 {
@@ -248,7 +248,7 @@ impl Timeline {
 
     /// Returns the number of readouts during `frames` frames.
     ///
-    /// The duration of the last frame equals the duration of the frame before the last.
+    /// The last frame is assumed to last as long as the frame before it.
     ///
     /// Returns `None` if the number is unlimited ([`Timeline::first_frame`]).
     #[must_use]

@@ -67,7 +67,7 @@ pub fn luminance(rgb: [f32; 3]) -> f32 {
 
 /// Returns [`srgb_code`] as a byte, where 255 is white.
 ///
-/// The function reads a table, which is faster than the formula. The result is equal.
+/// The function reads a table, which is faster than the formula of [`srgb_code`] and gives the same byte.
 pub fn srgb_byte(light: f32) -> u8 {
     let table = SRGB_BYTE_TABLE.get_or_init(SrgbByteTable::new);
     // The cast saturates and converts NaN to 0.
@@ -78,7 +78,8 @@ pub fn srgb_byte(light: f32) -> u8 {
     code
 }
 
-/// Number of steps into which the table divides the light. For each step it contains the code at which the search starts.
+/// Number of steps into which [`SrgbByteTable`] divides the light. For each step, the table contains the code at which
+/// the search for the code of a value starts.
 const SEARCH_STEPS: usize = 4096;
 
 static SRGB_BYTE_TABLE: std::sync::OnceLock<SrgbByteTable> = std::sync::OnceLock::new();

@@ -87,7 +87,7 @@ impl Header {
 /// Reads exactly `n` bytes and appends them. The allocated memory depends on the bytes that are read, not on `n`.
 fn read_exactly(name: &str, reader: &mut impl Read, bytes: &mut Vec<u8>, n: usize) -> Result<()> {
     let got = reader.by_ref().take(n as u64).read_to_end(bytes).map_err(|e| match e.kind() {
-        // A reader of compressed archives returns this kind if the archive itself is damaged.
+        // A decompressing reader returns `InvalidData` if the archive itself is damaged.
         std::io::ErrorKind::InvalidData => damaged_error(name, e),
         _ => Error::io(name, e),
     })?;
@@ -120,8 +120,8 @@ pub fn header_bytes(element: Element, shape: &[u64]) -> Vec<u8> {
     if let Some(first) = sides.first() {
         text.extend(std::iter::repeat_n(' ', 21 - first.len()));
     }
-    // Magic, version and length have 10 bytes, and the newline has 1 byte. If no padding is needed, the header has 64
-    // bytes of padding, as in NumPy.
+    // Magic, version and length have 10 bytes, and the newline has 1 byte. If the header is already aligned, 64 bytes
+    // of padding are added, as in NumPy.
     let padding = DATA_ALIGNMENT_BYTES - (11 + text.len()) % DATA_ALIGNMENT_BYTES;
     let length = text.len() + padding + 1;
     let mut bytes = MAGIC.to_vec();

@@ -1,8 +1,8 @@
 //! NumPy's file format: headers, elements and maps.
 //!
-//! [`Header`] reads versions 1 to 3, both byte orders and both axis orders. [`header_bytes`] writes headers equal to
-//! NumPy's, so the arrays can be mapped into memory. Light, streams, labels and camera maps all use this module to read
-//! and write arrays.
+//! [`Header`] reads versions 1 to 3, both byte orders and both axis orders. [`header_bytes`] writes the same bytes as
+//! NumPy, with padding that lets a program map the array into memory. Light, streams, labels and camera maps all use
+//! this module to read and write arrays.
 
 mod element;
 mod header;
@@ -45,7 +45,7 @@ pub fn map_to_bytes(map: &[f64], width: usize) -> Result<Vec<u8>> {
     to_bytes(Element::F64, &[rows as u64, width as u64], map.iter().map(|v| v.to_le_bytes()))
 }
 
-/// Largest number of values in a sensor map, which is 16 times the number of pixels of the largest known camera.
+/// Largest number of values in a sensor map: 16 times the number of pixels of a camera with 1000x1000 pixels.
 const MAX_MAP_VALUES: u64 = 1 << 24;
 
 /// Returns the header and the elements of an `.npy` file with one value per pixel.

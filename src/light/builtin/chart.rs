@@ -218,7 +218,7 @@ impl Disc {
         self.spokes(x, y).map_or(under, |spokes| mix(under, self.light(&spokes), spokes.inside))
     }
 
-    /// Returns the values of the pixel that do not depend on the rotation of the star.
+    /// Returns the values of the pixel at `(x, y)` that do not depend on the rotation of the star.
     ///
     /// Returns `None` outside the star and at its exact center.
     pub(super) fn spokes(&self, x: f32, y: f32) -> Option<Spokes> {
@@ -273,8 +273,8 @@ impl Bars {
 
     /// Returns the light of the bars for pixels with the horizontal center `x`.
     pub(super) fn light(&self, x: f32) -> f32 {
-        // `bright_length(x)` is the length of bright bars between 0 and x. The length within the pixel is therefore a
-        // difference.
+        // `bright_length(x)` is the length of bright bars between 0 and x. The length of bright bars within the pixel
+        // is the difference of `bright_length` at the two edges of the pixel.
         let at = x - self.offset + self.period;
         let bright = self.bright_length(at + 0.5) - self.bright_length(at - 0.5);
         mix(DARK_LIGHT, BRIGHT_LIGHT, bright.clamp(0.0, 1.0))

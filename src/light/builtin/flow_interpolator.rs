@@ -6,8 +6,9 @@
 //! at intermediate instants is computed by splatting (Baker et al., "A database and evaluation methodology for optical
 //! flow", IJCV 92, 2011, section 3.3.3).
 //!
-//! The estimate is wrong for repeated patterns, for transparency and for motion beyond the range of the pyramid.
-//! If no motion explains the two frames at least as well as the estimated motion, the light is blended.
+//! The estimate is wrong for repeated patterns, for transparency and for motion beyond the range of the pyramid. At
+//! pixels where a static scene explains the two frames better than the estimated motion, the light is blended without
+//! motion.
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::light::catmull_rom::catmull_rom;
@@ -199,7 +200,7 @@ pub struct FlowInterpolator {
     sqrt_light: (Plane, Plane),
     forward: MotionEstimate,
     backward: MotionEstimate,
-    /// Absolute difference of the frames without motion, averaged in a window around each pixel.
+    /// Absolute difference of the two frames at the same position, averaged in a window around each pixel.
     static_error: Plane,
 }
 
@@ -220,8 +221,8 @@ impl MotionEstimate {
     /// Moves the vector of each pixel by `share` of this vector, and returns the field of the moved vectors, multiplied
     /// by `sign`.
     ///
-    /// If several vectors arrive at one pixel, the vector with the smallest change is stored.
-    /// A pixel without an arriving vector keeps its own vector.
+    /// If the vectors of several pixels arrive at one pixel, the vector of the pixel with the smallest change along its
+    /// motion is stored. A pixel without an arriving vector keeps its own vector.
     fn splat(&self, share: f32, sign: f32) -> FlowField {
         let (field, change) = (&self.field, &self.change);
         let mut out = field.clone();

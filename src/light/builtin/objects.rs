@@ -1,10 +1,10 @@
 //! Random flat objects that move in front of a background.
 //!
-//! The scenes resemble the scenes of SPCS (random objects in front of a photograph), but the background is drawn too.
-//! The objects are discs and regular polygons with 3 to 6 corners. Each has a texture, a speed, a spin and a depth.
-//! A texture moves with its object. It has no detail finer than 4 pixels, which avoids aliasing. Edges are one pixel
-//! wide.
-//! An object that moves out of the image on one side returns on the opposite side.
+//! The scenes resemble the scenes of SPCS: random objects in front of a background. SPCS uses a photograph as
+//! background, and this module draws the background. The objects are discs and regular polygons with 3 to 6 corners.
+//! Each object has a texture, a speed, a spin and a depth. A texture moves with its object. It has no detail finer than
+//! 4 pixels, which avoids aliasing. Edges are one pixel wide. An object that moves out of the image on one side returns
+//! on the opposite side.
 
 use crate::draws::hash::mix64;
 use crate::error::{Error, ErrorKind, Result};
