@@ -11,10 +11,11 @@ use crate::presets::to_toml;
 /// The first bytes of the block. The number in the text is the version of the format.
 const MAGIC: &[u8; 8] = b"spkcam01";
 
-/// Returns the camera file of `camera` and its maps as bytes, which [`from_bytes`] reads. Equal cameras have equal bytes.
+/// Returns the camera file of `camera` and its maps as bytes that [`from_bytes`] reads. Equal cameras have equal bytes.
 ///
 /// The bytes start with eight magic bytes. Each following block has a length (64 bits, little-endian) and contents. The
-/// first block contains the text. The other blocks contain the name and the file of each map.
+/// first block contains the text of the camera file. For each map, one block contains the file name and the next block
+/// contains the file.
 ///
 /// # Errors
 /// Returns the errors of [`to_toml`].
@@ -33,7 +34,7 @@ pub fn to_bytes(camera: &Camera) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Returns the FNV-1a hash of `bytes`, which are the result of [`to_bytes`] or a text.
+/// Returns the FNV-1a hash of `bytes`, for example of the result of [`to_bytes`] or of a text.
 ///
 /// The hash identifies a camera. It does not depend on the machine or the version.
 #[must_use]
@@ -41,7 +42,7 @@ pub fn fingerprint(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
-/// Parses the result of [`to_bytes`]. The camera may have the effects of this library.
+/// Parses the result of [`to_bytes`]. The camera may only have effects of this library.
 ///
 /// # Errors
 /// Returns [`ErrorKind::Input`] if another version wrote the bytes or if bytes are missing. Also returns the errors of

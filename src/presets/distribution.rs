@@ -83,7 +83,7 @@ impl CameraDistribution {
         let table: Table = toml::from_str(text).map_err(|e| {
             Error::new(ErrorKind::Config, "camera distribution").found(e.to_string().trim_end())
         })?;
-        // Camera files that this crate writes contain this table even if the camera has no maps.
+        // Camera files that this crate writes contain the table `[maps]` even if the camera has no maps.
         if table.get("maps").is_some_and(|maps| maps.as_table().is_none_or(|maps| !maps.is_empty())) {
             return Err(Error::new(ErrorKind::Config, "maps")
                 .found("maps in a distribution")
@@ -270,8 +270,8 @@ mod tests {
             light.push((camera.sensor.thresholds_at_full_scale / 0.02).ln() / 30f64.ln());
             dark.push(camera.effect("dark_current").unwrap().get("mean").unwrap() / 0.5);
         }
-        // A uniform share has mean 1/2 and variance 1/12. The standard error is 0.0046 for the mean and 0.016 for the
-        // correlation. The tolerance is five standard errors.
+        // A uniform position in a range has mean 1/2 and variance 1/12. Over the drawn cameras, the standard error is
+        // 0.0046 for the mean and 0.016 for the correlation. The tolerance is five standard errors.
         for values in [&light, &dark] {
             let mean = values.iter().sum::<f64>() / n as f64;
             let second = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n as f64;

@@ -134,7 +134,7 @@ fn sensor(table: &SensorTable) -> Result<Sensor> {
     sensor.validate()
 }
 
-/// The keys of `[sensor]` that have units. The numbers of pixels are not included.
+/// The keys of `[sensor]` whose values have units. The keys for the number of pixels are not included.
 const SENSOR_UNITS: [(&str, Unit); 4] = [
     ("readout_rate", Unit::Hertz),
     ("capacitance", Unit::Femtofarad),

@@ -6,7 +6,7 @@ use toml::Value;
 use crate::error::{Error, ErrorKind, Result};
 use crate::sensor::{FrontEnd, FullScale, Transfer};
 
-/// A [`FrontEnd`] in the form of the camera file. Missing keys have default values.
+/// The `[light]` table of a camera file, which describes a [`FrontEnd`]. Missing keys have default values.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Table {

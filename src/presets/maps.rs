@@ -41,7 +41,7 @@ pub(super) trait MapSource {
     fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)>;
 }
 
-/// Map files in a folder. With `None`, there is no folder and no map can be read.
+/// Map files in the folder that contains the camera file. If the folder is `None`, no map can be read.
 pub(super) struct MapFolder<'a>(pub Option<&'a Path>);
 
 impl MapSource for MapFolder<'_> {

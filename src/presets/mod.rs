@@ -103,8 +103,8 @@ pub fn builtin(name: &str) -> Result<Camera> {
     from_toml(preset.text, None).map_err(|e| e.with_context(format_args!("preset {name}")))
 }
 
-/// Returns the built-in model with this name, or reads the camera file at this path. The camera may have the effects of
-/// this library.
+/// Returns the built-in model with this name, or reads the camera file at this path. The camera may only have effects
+/// of this library.
 ///
 /// # Examples
 /// ```

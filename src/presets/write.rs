@@ -63,8 +63,9 @@ pub struct CameraFiles {
 /// Returns the camera file of `camera`. [`super::from_toml`] parses this file.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Config`] if the size of a map differs from the sensor, or if the sensor's size was changed after
-/// a window was cut. Returns [`ErrorKind::Usage`] if the camera has maps and the build lacks the feature `maps`.
+/// Returns [`ErrorKind::Config`] if the size of a map differs from the sensor. Returns [`ErrorKind::Config`] if the
+/// sensor's size was changed after a window was cut from the sensor. Returns [`ErrorKind::Usage`] if the camera has
+/// maps and the build lacks the feature `maps`.
 pub fn to_toml(camera: &Camera) -> Result<CameraFiles> {
     camera.whole_sensor()?;
     let mut saved = Vec::new();

@@ -1,8 +1,9 @@
 //! Scores for the detail and the noise of an image, relative to a reference of the scene.
 //!
-//! If the noise is strong, the mean square error alone prefers a blurred image. These scores therefore separate detail
-//! from noise. They analyze the high-pass image: the image minus its mean over 3x3 pixels. The part that is proportional
-//! to the high-pass image of the reference is detail, and the remaining part is noise.
+//! If the noise is strong, a blurred image has a smaller mean square error than a sharp image. These scores therefore
+//! separate detail from noise. They analyze the high-pass image: the image minus its mean over 3x3 pixels. The detail
+//! is the part of the high-pass image that is proportional to the high-pass image of the reference. The noise is the
+//! remaining part.
 
 use std::ops::Range;
 
@@ -10,10 +11,10 @@ use crate::error::{Error, ErrorKind, Result, Setting};
 use crate::reconstruct::{psnr, span_rates};
 use crate::spikes::{Geometry, SpikeFramesRef};
 
-/// A pixel is an outlier if it differs from the median of its neighbors by more than this number of standard deviations.
+/// A pixel is an outlier if it exceeds the median of its neighbors by more than this number of standard deviations.
 const OUTLIER_DEVIATIONS: f64 = 6.0;
 
-/// The reference of a scene: the exact scene, or two independent observations of it.
+/// The reference for an image: the exact scene, or two independent observations of the scene.
 #[derive(Clone, Debug)]
 pub struct DetailReference {
     /// Two observations of the scene with independent noise. If there is no noise, both observations are equal.
@@ -22,7 +23,8 @@ pub struct DetailReference {
     pub mask: Option<Vec<bool>>,
     /// Whether outliers of the reference are part of the scene.
     ///
-    /// It is false for recordings, because some pixels of a camera are outliers in every image.
+    /// Set this field to `false` for recordings. Some pixels of a camera are outliers in every image, including the
+    /// reference, and these outliers are not part of the scene.
     pub is_scene: bool,
 }
 
@@ -37,25 +39,27 @@ pub struct DetailScores {
     /// Share of the reference's detail that the image contains. 1 means sharp, 0 means flat, and above 1 means
     /// exaggerated detail.
     pub slope: f64,
-    /// Standard deviation of the noise, relative to the mean of the reference. The noise is the part not proportional to
-    /// the reference.
+    /// Standard deviation of the noise, relative to the mean of the reference. The noise is the part of the image's
+    /// detail that is not proportional to the detail of the reference.
     pub noise: f64,
     /// Number of pixels that are outliers in this image but not in the scene.
     ///
-    /// An outlier exceeds the median of its neighbors by six standard deviations. The standard deviation is computed from
-    /// the differences between all pixels of this image and the medians of their neighbors.
+    /// An outlier exceeds the median of its neighbors by more than six standard deviations. The standard deviation is
+    /// computed from the differences between all pixels of this image and the medians of their neighbors.
     pub outliers: usize,
 }
 
 impl DetailReference {
-    /// Number of readouts that are required before the image's readouts, and also after the image's readouts.
+    /// Number of readouts that are required before the first readout of the image, and also after its last readout.
     pub const MIN_SIDE_READOUTS: usize = 20;
 
-    /// Returns the reference of a static scene, computed from the span rates before and after `own`. `own` contains the
-    /// image's readouts.
+    /// Returns the reference of a static scene. One observation is the [`span_rates`] of all readouts before
+    /// `used_readouts`, and the other observation is the [`span_rates`] of all readouts after. The image was computed
+    /// from `used_readouts`.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if there are fewer than 20 readouts before `own` or after `own`.
+    /// Returns [`ErrorKind::Usage`] if there are fewer than 20 readouts before `used_readouts` or after
+    /// `used_readouts`.
     pub fn from_surrounding(packed: SpikeFramesRef, used_readouts: Range<usize>) -> Result<Self> {
         let all = packed.readouts();
         if used_readouts.start < Self::MIN_SIDE_READOUTS || used_readouts.end + Self::MIN_SIDE_READOUTS > all
@@ -101,11 +105,11 @@ impl DetailScores {
 /// Let `p` be the image, and `a` and `b` the two observations. Let `h(x)` be `x` minus the mean of `x` over 3x3 pixels.
 /// The gain `g` is the slope of the least-squares line `p ~ g (a + b) / 2 + c` through the means over 5x5 pixels.
 ///
-/// * The slope is `<h(p), h(a) + h(b)> / (2 g <h(a), h(b)>)`. The two factors of each product have independent noise, so
-///   the noise of the observations does not reduce the slope.
+/// * The slope is `<h(p), h(a) + h(b)> / (2 g <h(a), h(b)>)`. The two factors of each product have independent noise,
+///   so the noise of the observations does not reduce the slope.
 /// * The noise is the standard deviation of `h(p) / g - slope (h(a) + h(b)) / 2` without the contribution of the
-///   observations. Subtracting the mean removes a ninth of a pixel's variance, and the factor `sqrt(9 / 8)` restores this
-///   share.
+///   observations. In `h`, the subtraction of the mean removes a ninth of the variance of independent noise, and the
+///   factor `sqrt(9 / 8)` restores it.
 ///
 /// # Errors
 /// Returns [`ErrorKind::Usage`] if the sizes differ or if a side is shorter than 8 pixels. Returns [`ErrorKind::Input`]
@@ -154,7 +158,7 @@ pub fn score_detail(
 /// The peak is the value that one pixel in 1,000 of the truth exceeds.
 ///
 /// # Errors
-/// Returns the errors of [`psnr`]. A dark truth has a peak of 0 and is therefore an error too.
+/// Returns the errors of [`psnr`]. Also returns an error if the truth is dark, because its peak is then 0.
 pub fn aligned_psnr(picture: &[f32], truth: &[f32]) -> Result<f64> {
     let wide = |v: &[f32]| -> Vec<f64> { v.iter().map(|x| f64::from(*x)).collect() };
     let line = LineFit::fit(&wide(picture), &wide(truth));
@@ -231,7 +235,7 @@ fn check(picture: &[f32], reference: &DetailReference, geometry: Geometry) -> Re
     Ok(())
 }
 
-/// Returns the pixels of the mask that are at least two pixels from the border.
+/// Returns the pixels of the mask `counted` that are at least two pixels from the border of the image.
 fn interior_pixels(geometry: Geometry, counted: Option<&[bool]>) -> Vec<usize> {
     let [width, height] = [geometry.width(), geometry.height()];
     let all = (2..height - 2).flat_map(|y| (2..width - 2).map(move |x| y * width + x));
@@ -242,8 +246,8 @@ fn select_pixels(values: &[f32], pixels: &[usize]) -> Vec<f32> {
     pixels.iter().map(|p| values[*p]).collect()
 }
 
-/// Returns the mean of each pixel's square window with radius `radius`. Pixels at the border have the value zero and are
-/// not used.
+/// Returns the mean of the square window around each pixel. The window extends `radius` pixels to each side. Pixels
+/// whose window crosses the border have the value zero, and no caller uses them.
 fn box_mean(values: &[f32], geometry: Geometry, radius: usize) -> Vec<f64> {
     let [width, height] = [geometry.width(), geometry.height()];
     let mut means = vec![0.0; values.len()];
@@ -327,8 +331,8 @@ mod tests {
         .unwrap()
     }
 
-    /// With 8,464 normal values, the standard error is 0.8 % for a deviation and 0.05 / sqrt(8,464) / 0.04 = 1.4 % for a
-    /// slope.
+    /// With 8,464 independent normal values, the standard error of a standard deviation is about 0.8 %, and the
+    /// standard error of the slope is about 1 %.
     #[test]
     fn slope_and_noise_of_a_noisy_sharp_picture_are_one_and_its_noise() {
         let (truth, grain) = (scene(), noise(1, 0.05));

@@ -12,7 +12,7 @@ const SSIM_SIGMA_PX: f64 = 1.5;
 /// `peak` is the value of full scale.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if the images differ in size or are empty, or if `peak` is not positive.
+/// Returns [`ErrorKind::Usage`] if the two images differ in size or are empty, or if `peak` is not positive.
 pub fn psnr(a: &[f32], b: &[f32], peak: f64) -> Result<f64> {
     check(a.len(), b.len(), a.len(), peak)?;
     let squares = a.iter().zip(b).map(|(&x, &y)| {

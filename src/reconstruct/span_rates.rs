@@ -11,13 +11,13 @@ use crate::spikes::{SpikeFramesRef, span_rate};
 /// The window contains `half_window` readouts before `center` and `half_window` readouts after `center`. It is shortened
 /// at the ends of the stream. The result is row-major with values from 0 to 1.
 ///
-/// The span starts and ends with spikes. For a steady pixel, the only error is therefore the rounding of both spikes to
-/// readouts. For a rate `f` and `n` intervals, the error is about `f^2 / (sqrt(6) n)`. It is smaller if `n / f` is close
-/// to an integer. The error of counting ([`crate::reconstruct::tfp()`]) in a window of `W` readouts is `1 / (sqrt(6) W)`,
-/// which is about `1 / f` times as large.
+/// The span starts and ends with spikes. For steady light, the only error is therefore the rounding of both spikes to
+/// readouts. For a rate `f` and `n` intervals, the error of the rate is about `f^2 / (sqrt(6) n)`. The error is smaller
+/// if `n / f` is close to an integer. In a window of `W` readouts, the error of counting spikes
+/// ([`crate::reconstruct::tfp()`]) is `1 / (sqrt(6) W)`, which is about `1 / f` times as large.
 ///
 /// A pixel with fewer than two spikes in the window has no span. Its rate is the number of spikes divided by the length
-/// `W` of the window, so 0 or 1/W. The true rate differs from this value by at most 1/W.
+/// `W` of the window, which is 0 or `1 / W`. The true rate differs from this value by at most `1 / W`.
 ///
 /// A false spike near an end of the window changes the span. The error is largest in dark pixels: two false spikes in
 /// successive readouts of a silent pixel give the rate 1.

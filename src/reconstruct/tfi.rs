@@ -10,7 +10,8 @@ use crate::spikes::{SpikeFramesRef, firing_pixels};
 /// within `search` readouts of `at`. If a spike is missing, the interval is set to `2 * search`, so the pixel is dark but
 /// not black. (SpikeCV uses the interval 40 with a search of 20.)
 ///
-/// Near the ends of a stream, a spike can be missing although the pixel is bright; see [`tfi_with_open_pixels`].
+/// Near the ends of a stream, a spike can be missing although the pixel is bright. [`tfi_with_open_pixels`] counts
+/// these pixels.
 ///
 /// # Errors
 /// Returns [`ErrorKind::Usage`] if `at` is not a readout of the stream or if `search` is zero.
@@ -24,22 +25,24 @@ pub fn tfi(packed: SpikeFramesRef, at: usize, search: usize) -> Result<Vec<f32>>
 pub struct Tfi {
     /// The image of [`tfi`].
     pub rates: Vec<f32>,
-    /// Number of open pixels. The interval of an open pixel is incomplete because the stream ends within the search.
+    /// Number of open pixels. The interval of an open pixel is incomplete because the stream ends within the search
+    /// range.
     pub open_pixels: usize,
     /// Sum of the squared highest possible rates of the open pixels.
     open_error: f64,
-    /// Sum of the rate variances of the other pixels. The variance is due to the rounding of spikes to readouts.
+    /// Sum of the variances of the rates of all pixels with a complete interval. The variance of a rate is due to the
+    /// rounding of spikes to readouts.
     rounding_error: f64,
 }
 
 impl Tfi {
     /// Returns whether the number of open pixels is small enough to compare the image with the scene.
     ///
-    /// Rounding gives an interval of `n` readouts a standard error of `1 / sqrt(6)` readouts. The standard error of its
-    /// rate is `n^-2 / sqrt(6)`. An open pixel with `s` silent readouts can have any rate up to `1 / s`. The image is
-    /// measurable if the sum of the squares of these rates is at most a quarter of the sum of the squared rounding
-    /// errors. The relative error of the mean square error is then at most a quarter, and the error of the PSNR of rates
-    /// is at most 1 dB.
+    /// Rounding gives an interval of `n` readouts a standard error of `1 / sqrt(6)` readouts. The standard error of the
+    /// rate `1 / n` is then `n^-2 / sqrt(6)`. An open pixel with `s` silent readouts can have any rate up to `1 / s`.
+    /// Let `O` be the sum of `1 / s^2` over the open pixels, and `R` the sum of `n^-4 / 6` over the complete intervals.
+    /// The image is measurable if `O <= R / 4`. The relative error of the mean square error is then at most a quarter,
+    /// and the error of the PSNR of rates is at most 1 dB.
     #[must_use]
     pub fn is_measurable(&self) -> bool {
         self.open_error <= 0.25 * self.rounding_error
@@ -59,8 +62,8 @@ pub fn tfi_with_open_pixels(packed: SpikeFramesRef, at: usize, search: usize) ->
     }
     let missing = 1.0 / (2.0 * search as f32);
     let last = packed.readouts() - 1;
-    // Per direction: the number of silent readouts up to the end of the stream, or `None` if the search ends before the
-    // stream.
+    // For each direction: the number of silent readouts up to the end of the stream. It is `None` if the search ends
+    // before the end of the stream.
     let cut = [(at < search).then_some(at + 1), (last - at < search).then_some(last - at + 1)];
     let mut tfi = Tfi {
         rates: Vec::with_capacity(packed.geometry().pixels()),
@@ -109,12 +112,12 @@ fn spike_distances(
     before.into_iter().zip(after).take(packed.geometry().pixels()).map(|(b, a)| [b, a])
 }
 
-/// Returns the length of the interval, or `None` if a spike was not found.
+/// Returns the length of the interval between two spikes, or `None` if one of the spikes was not found.
 fn interval([before, after]: [Option<u32>; 2]) -> Option<u32> {
     Some(before? + after?)
 }
 
-/// Returns the distance of the first spike of every pixel in a sequence of readouts.
+/// Returns, for every pixel, the distance in readouts to its first spike in the sequence `readouts`.
 ///
 /// The first readout of the sequence has the distance `start`. The search ends when every pixel has fired.
 fn distances(packed: SpikeFramesRef, readouts: impl Iterator<Item = usize>, start: u32) -> Vec<Option<u32>> {
@@ -122,7 +125,8 @@ fn distances(packed: SpikeFramesRef, readouts: impl Iterator<Item = usize>, star
     let mut intervals = vec![None; bytes * 8];
     let mut pending = vec![0xff_u8; bytes];
     if !packed.geometry().pixels().is_multiple_of(8) {
-        // Padding bits never fire. They are cleared, because the search otherwise would not end before the last readout.
+        // Padding bits never fire. They are cleared in `pending`, because otherwise the search would wait for them
+        // until the last readout.
         pending[bytes - 1] = (1 << (packed.geometry().pixels() % 8)) - 1;
     }
     let mut left = packed.geometry().pixels();

@@ -30,8 +30,8 @@ pub fn tfp(packed: SpikeFramesRef, center: usize, half_window: usize) -> Result<
 
 /// A window of [`tfp`] that moves along a stream.
 ///
-/// A move counts only the spikes of the frames that enter or leave the window. If the new window has fewer frames, a move
-/// counts the whole new window instead.
+/// [`Self::move_to`] counts only the spikes of the readouts that enter or leave the window. If the whole new window has
+/// fewer readouts, [`Self::move_to`] counts the whole new window instead.
 #[derive(Clone, Debug)]
 pub struct TfpSequence<'a> {
     packed: SpikeFramesRef<'a>,
@@ -49,7 +49,8 @@ impl<'a> TfpSequence<'a> {
             packed,
             half: half_window,
             window: 0..0,
-            // The last byte may contain padding bits. They should be zero, but the counts have entries for them.
+            // The last byte of a frame may contain padding bits, which should be zero. `counts` has entries for the
+            // padding bits too.
             counts: vec![0; packed.geometry().frame_bytes() * 8],
         }
     }
@@ -92,7 +93,7 @@ impl<'a> TfpSequence<'a> {
         self.tally(readouts).subtract(&mut self.counts);
     }
 
-    /// Returns the tally of a range of readouts, which is empty if the range is reversed.
+    /// Returns the tally of the range `readouts`. If the range is reversed, the tally is empty.
     fn tally(&self, readouts: std::ops::Range<usize>) -> Tally<'a> {
         let part = self.packed.slice(readouts.start..readouts.end.max(readouts.start));
         Tally::new(part.as_bytes(), self.packed.geometry().frame_bytes())

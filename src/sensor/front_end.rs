@@ -7,9 +7,10 @@ use crate::light::transfer::EXACT_LUMINANCE_WEIGHTS;
 /// The stored value that corresponds to light 1.0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FullScale {
-    /// This code of an 8-bit image. 255 means the largest code at any bit depth.
+    /// Light 1.0 is this code of an 8-bit image. At any other bit depth the code is scaled: 255 means the largest code.
     Code(f64),
-    /// The brightest pixel of each frame at the camera's size. A frame without light remains dark.
+    /// Light 1.0 is the brightest pixel of each frame, after the frame is resized to the camera's size. A frame without
+    /// light remains dark.
     Peak,
 }
 
@@ -27,10 +28,10 @@ impl std::fmt::Display for FullScale {
     }
 }
 
-/// The conversion from stored codes to light. It is the `[light]` table of a camera file.
+/// The conversion from stored codes to light, which a camera file describes in its `[light]` table.
 ///
-/// The default describes a real camera, whose pixels respond to light and not to codes. Each type of file is then
-/// converted by its own convention, and colors are summed as linear light.
+/// The default is for a real camera, whose pixels respond to light and not to codes. Each file is converted by the
+/// convention of its file type, and colors are summed as linear light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrontEnd {
     /// Tone curve of integer codes. `None` selects the curve of the file type: sRGB for images and video, linear for arrays.
@@ -39,10 +40,10 @@ pub struct FrontEnd {
     pub transfer: Option<Transfer>,
     /// Weights of red, green and blue, which sum to 1.
     pub luminance: [f64; 3],
-    /// Whether a color image is first converted to a gray code, rounded to an integer of the image's bit depth. The tone
-    /// curve of the gray code is then inverted.
+    /// Whether a color image is first converted to a gray code, rounded to an integer of the image's bit depth. The
+    /// tone curve is then inverted for the gray code.
     ///
-    /// Otherwise the tone curve of each color is inverted, and the linear colors are summed.
+    /// If this field is `false`, the tone curve of each color is inverted, and the linear colors are summed.
     pub gray_codes: bool,
     /// The definition of light 1.0.
     pub full_scale: FullScale,

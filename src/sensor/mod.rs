@@ -28,7 +28,7 @@ pub struct Sensor {
 impl Sensor {
     /// Returns a sensor with the circuit of the SCSim paper.
     ///
-    /// The capacitance is 4.348 fF and the swing is 3.3 V - 2.2 V. Full-scale light adds one threshold per readout.
+    /// The capacitance is 4.348 fF and the swing is 1.1 V. Full-scale light adds one threshold per readout.
     ///
     /// # Examples
     /// ```

@@ -11,7 +11,7 @@ pub enum Transfer {
     Linear,
     /// The curve of IEC 61966-2-1. It is linear for codes up to 0.04045 and a power function with exponent 2.4 above.
     Srgb,
-    /// Light is the code to the power of this exponent, which is positive and finite.
+    /// Light is the code to the power of the exponent in this variant. The exponent is positive and finite.
     Gamma(f64),
 }
 
@@ -40,8 +40,8 @@ impl Transfer {
 
     /// Returns the light of every 16-bit code. Code 65535 has light 1.0.
     ///
-    /// The values are floats, because adjacent dark 16-bit codes of sRGB differ by only a thirteenth of a linear 16-bit
-    /// step.
+    /// The light is returned as floats, because 16-bit integers are too coarse: adjacent dark 16-bit codes of sRGB
+    /// differ by only a thirteenth of a linear 16-bit step.
     #[must_use]
     pub fn table16(self) -> Vec<f32> {
         (0..=u16::MAX).map(|i| self.light(f64::from(i) / 65535.0) as f32).collect()
