@@ -44,8 +44,8 @@
 //! Without default features the crate opens no file, starts no thread and has no global state.
 //!
 //! # Platforms
-//! Linux, macOS, Windows and WebAssembly. On x86-64 the kernels use SSE4.1, AVX2 or AVX-512. On every other target,
-//! including WebAssembly, the kernels use portable lanes. The minimum Rust version is 1.89.
+//! The crate supports Linux, macOS, Windows and WebAssembly. On x86-64 the kernels use SSE4.1, AVX2 or AVX-512. On
+//! every other target, including WebAssembly, the kernels use portable lanes. The minimum Rust version is 1.89.
 //!
 //! # Other packages
 //! Files, scenes, measurements, calibration, data sets and the program are in separate packages: `spikelane-io`,

@@ -1,6 +1,7 @@
 //! Internal modules that the sibling packages and the tests of this package use.
 //!
-//! Any release may change or remove these items. If your program needs one of these items, ask for a public replacement.
+//! Any release may change or remove the items of this module. If your program needs an item, ask for a public
+//! replacement.
 
 pub use crate::setters::with_methods;
 

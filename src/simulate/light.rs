@@ -51,16 +51,17 @@ impl<'a> Light<'a> {
 
     /// Returns light between two frames. The light of readout `i` is `from + (to - from) * weights[i]`.
     ///
-    /// The call must run exactly one readout per weight. Weights must be within 0 to 1.
+    /// A call of the simulator must run exactly one readout per weight. Weights must be within 0 to 1.
     #[must_use]
     pub fn linear(from: impl Into<FrameRef<'a>>, to: impl Into<FrameRef<'a>>, weights: &'a [f32]) -> Self {
         Self(Source::Linear { from: from.into(), to: to.into(), weights })
     }
 
-    /// Returns the light of frames on a timeline. Readout 0 of the timeline is the first readout of the call.
+    /// Returns the light of frames on a timeline. Readout 0 of the timeline is the first readout of the call of the
+    /// simulator.
     ///
-    /// The call may run at most [`Timeline::readouts`] readouts. To continue with further frames in another call, pass
-    /// the last frame of this call as the first frame of the other call.
+    /// A call of the simulator may run at most [`Timeline::readouts`] readouts. To continue with further frames in
+    /// another call, pass the last frame of the earlier call as the first frame of the later call.
     #[must_use]
     pub fn sequence(frames: &'a [FrameRef<'a>], timeline: &'a Timeline) -> Self {
         Self(Source::Sequence { frames, timeline })

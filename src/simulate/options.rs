@@ -43,7 +43,8 @@ impl Default for SimulatorOptions {
 }
 
 impl SimulatorOptions {
-    /// Returns the default options: all seeds 0, light up to full scale, the fastest backend of this CPU, and one thread.
+    /// Returns the default options: all seeds are 0, the maximum light is full scale, the backend is the fastest of
+    /// this CPU, and one thread is used.
     #[must_use]
     pub fn new() -> Self {
         Self {

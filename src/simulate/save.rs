@@ -9,11 +9,12 @@ use crate::simulate::Simulator;
 /// The first bytes of a saved run. They identify the format and its version.
 const MAGIC: &[u8; 8] = b"spkrun02";
 
-/// Length of the magic and the header. The header contains five little-endian 64-bit words: the fingerprint of the
-/// camera, its three seeds, and the maximum light.
+/// Length in bytes of the magic and the header. The header contains five little-endian 64-bit words: the fingerprint of
+/// the camera, the three seeds, and the maximum light.
 const HEADER_BYTES: usize = 8 + 5 * 8;
 
-/// Length of the [`fingerprint`] that follows the header. It is the fingerprint of the bytes of the state, which follow.
+/// Length in bytes of the [`fingerprint`] after the header. It is the fingerprint of the bytes of the state, which are
+/// last in the saved run.
 const FINGERPRINT_BYTES: usize = 8;
 
 impl Simulator {
@@ -30,11 +31,11 @@ impl Simulator {
         bytes
     }
 
-    /// Restores the state from the result of [`Simulator::save`]. The following bits equal the bits that the saved
-    /// simulator would return.
+    /// Restores the state from the result of [`Simulator::save`]. This simulator then returns the bits that the saved
+    /// simulator would have returned next.
     ///
     /// # Errors
-    /// If the call fails, this simulator is unchanged.
+    /// If the call fails, this simulator is unchanged. Returns
     /// * [`ErrorKind::Usage`] if the version, the camera, the seeds or the maximum light differ.
     /// * [`ErrorKind::Corrupt`] if the bytes have changed since they were saved.
     /// * [`ErrorKind::Input`] if no run can produce the state.

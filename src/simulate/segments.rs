@@ -2,11 +2,12 @@
 
 use crate::kernels::{Segment, SegmentLight};
 
-/// Returns whether a batch ends before a segment of `readouts` readouts although it has space for `left` more readouts.
+/// Returns whether a batch ends before a segment of `readouts` readouts although the batch has space for `left` more
+/// readouts.
 ///
-/// `most` is the maximum number of readouts of a batch. Splitting a segment repeats the work at its start, and a short
-/// part runs at less than full speed. A batch therefore ends early if the segment fits in the next batch and half of this
-/// batch is full.
+/// `most` is the maximum number of readouts of a batch. A split segment pays the cost of its start twice, and a short
+/// part of a segment runs at less than full speed. A batch therefore ends early if the segment fits in the next batch
+/// and at least half of this batch is full.
 pub fn ends_batch_before(readouts: usize, left: usize, most: usize) -> bool {
     readouts > left && readouts <= most && 2 * left <= most
 }
@@ -67,8 +68,8 @@ mod tests {
     #[test]
     fn a_frame_that_does_not_fit_starts_the_next_batch_when_half_a_batch_is_full() {
         assert_eq!(cut(&[20, 20, 20, 20]), [[20, 20], [20, 20]]);
-        // The segments are split, because less than half of the batch is full or because the segment does not fit in any
-        // batch.
+        // The segments are split for one of two reasons: the batch is less than half full, or the segment does not fit
+        // in any batch.
         assert_eq!(cut(&[20, 30]), [vec![20, 28], vec![2]]);
         assert_eq!(cut(&[40, 100]), [vec![40, 8], vec![48], vec![44]]);
         assert_eq!(cut(&[48, 0, 1]), [[48], [1]]);

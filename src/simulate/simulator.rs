@@ -154,7 +154,7 @@ impl Simulator {
     /// ```
     ///
     /// # Errors
-    /// Returns an error if the state belongs to another plan, or if no run can produce a value of the state.
+    /// Returns an error if the state belongs to another plan, or if the state contains a value that no run can produce.
     pub fn set_state(&mut self, state: SimulatorState) -> Result<()> {
         if !state.fits(&self.state) {
             return Err(SimulatorState::foreign_error(FOREIGN_STATE));
@@ -220,12 +220,12 @@ impl Simulator {
 
     /// Does the same as [`Simulator::fill`] and reports progress to `observe`.
     ///
-    /// For a sequence, `observe` is called after each batch. For other light it is called once. The argument is the
-    /// number of readouts that are complete.
+    /// If the light is a sequence of frames, `observe` is called after each batch. For other light, `observe` is called
+    /// once. Its argument is the number of complete readouts.
     ///
     /// # Errors
-    /// Returns the errors of [`Simulator::fill`]. If `observe` returns an error, the call ends and returns this error.
-    /// `out` and the state then contain all complete readouts.
+    /// Returns the errors of [`Simulator::fill`]. If `observe` returns an error, `fill_observed` stops and returns this
+    /// error. `out` and the state then contain all complete readouts.
     pub fn fill_observed<'a>(
         &mut self,
         light: impl Into<Light<'a>>,

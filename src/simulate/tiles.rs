@@ -31,7 +31,8 @@ pub(super) fn gather_frame(tiles: &[Vec<u8>], pixels: usize, t: usize, plan: &Pl
         let bytes = pixels.min(plan.padded_pixels() - i * pixels) / 8;
         slot.copy_from_slice(&bits[t * bytes..][..slot.len()]);
     }
-    // Flipped bits may set padding bits, so the padding of the last byte is cleared.
+    // False or missed spikes are made by flipping bits, which may set padding bits. The padding of the last byte is
+    // therefore cleared.
     let used = plan.geometry().pixels() % 8;
     if let (Some(last), true) = (frame.last_mut(), used != 0) {
         *last &= (1 << used) - 1;

@@ -39,8 +39,9 @@ pub fn unpack(geometry: Geometry, packed: &[u8], bits: &mut [u8]) -> Result<()> 
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if the slices do not contain equal numbers of whole frames.
-/// Returns [`ErrorKind::Input`] if a byte has another value. The error contains the position of the byte.
+/// Returns [`ErrorKind::Usage`] if the slices do not contain equal numbers of whole frames. Returns
+/// [`ErrorKind::Input`] if a frame contains other bytes than 0 and 1, or 0 and 255. The error contains the position of
+/// the first invalid byte.
 pub fn pack(geometry: Geometry, bits: &[u8], packed: &mut [u8]) -> Result<()> {
     check(geometry, packed.len(), bits.len())?;
     let frames = packed.chunks_exact_mut(geometry.frame_bytes());
@@ -104,8 +105,8 @@ pub fn pack_frame(bits: &[u8], packed: &mut [u8]) -> Result<(), usize> {
     Err(bits.iter().position(|&b| b != 0 && b != top).unwrap_or_default())
 }
 
-/// Returns eight bits as eight bytes, lowest bit first. The mask leaves bit k in byte k. The addition carries each bit to
-/// bit 7.
+/// Returns eight bits as eight bytes, lowest bit first. The mask keeps bit k of `byte` in byte k. The addition carries
+/// this bit to bit 7 of byte k.
 pub fn unpack_byte(byte: u8) -> u64 {
     let selected = (u64::from(byte) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
     (selected + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101
@@ -113,8 +114,8 @@ pub fn unpack_byte(byte: u8) -> u64 {
 
 /// Returns eight bytes of 0 or 1 as eight bits.
 ///
-/// The product moves bit 8k to bit 56 + k. No two partial products have equal positions, because 8a - 7b = 8c - 7d has no
-/// solution below 8 other than a = c, b = d.
+/// In the product, bit 8a of `word` and bit 56 - 7b of the factor meet at bit 56 + 8a - 7b, where a and b are 0 to 7.
+/// For a = b = k, this is bit 56 + k. All 64 pairs (a, b) have different product bits, so no carry occurs.
 fn pack_word(word: u64) -> u8 {
     ((word & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
 }

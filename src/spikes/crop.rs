@@ -19,7 +19,7 @@ impl Crop {
     /// Returns the geometry of the rectangle.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within `whole`.
+    /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within `full`.
     pub fn geometry(&self, full: Geometry) -> Result<Geometry> {
         let inside =
             |start: usize, len, size| len > 0 && start.checked_add(len).is_some_and(|end| end <= size);
@@ -33,10 +33,10 @@ impl Crop {
     }
 
     /// Returns the values of the pixels in the rectangle, row by row. `values` contains one value per pixel of a sensor
-    /// of geometry `whole`.
+    /// of geometry `full`.
     ///
     /// # Panics
-    /// If the rectangle is not within the sensor, or if `values` lacks the value of a pixel in the rectangle.
+    /// Panics if the rectangle is not within the sensor, or if `values` lacks the value of a pixel in the rectangle.
     pub fn pick<T: Copy>(&self, full: Geometry, values: &[T]) -> Vec<T> {
         let rows = (self.row..self.row + self.height).map(|row| row * full.width() + self.col);
         rows.flat_map(|start| &values[start..start + self.width]).copied().collect()

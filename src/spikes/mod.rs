@@ -1,9 +1,9 @@
 //! The form of a bit-packed spike stream in memory.
 //!
-//! A **packed frame** contains one readout. Pixel `p = row * width + col` is bit `p % 8` (least significant bit first) of
-//! byte `p / 8`. Row 0 is the top row. If the number of pixels is not a multiple of 8, a frame ends with zero bits, so
-//! every frame starts at a byte. A stream is a sequence of frames without gaps. Files may use another order, which the
-//! stream formats convert.
+//! A **packed frame** contains one readout. Pixel `p = row * width + col` is bit `p % 8` (least significant bit first)
+//! of byte `p / 8`. Row 0 is the top row. If the number of pixels is not a multiple of 8, a frame ends with zero bits,
+//! so every frame starts at a byte. A stream is a sequence of frames without gaps. If a file has another order of bits
+//! or rows, its reader converts it to this order.
 
 mod bytes;
 mod crop;
@@ -18,7 +18,7 @@ use crate::error::{Error, ErrorKind, Result, Setting};
 
 /// Largest number of pixels of a sensor.
 ///
-/// The random draws address pairs of pixels with 32 bits. 2^28 pixels are sixty times the pixels of the largest camera.
+/// The random draws address pairs of pixels with 32 bits. 2^28 pixels are 268 times the pixels of a 1000x1000 camera.
 pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
 /// Width and height of a sensor in pixels. The text form is `width x height`.

@@ -271,7 +271,7 @@ impl ExactSizeIterator for Frames<'_> {}
 
 /// An owned stream of packed frames, for example the output of [`crate::Simulator::run`].
 ///
-/// The bytes equal the bytes of a `.dat` stream. [`crate::spikes`] describes the order of the bits.
+/// The bytes are equal to the contents of a `.dat` file. [`crate::spikes`] describes the order of the bits.
 ///
 /// # Examples
 /// ```
@@ -318,8 +318,8 @@ impl SpikeFrames {
     /// Packs an array of shape (readouts, height, width) in row-major order. The bytes are 0 and 1, or 0 and 255.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the length is not a multiple of the number of pixels, or if a byte has another
-    /// value. The error contains the readout, row and column of such a byte.
+    /// Returns [`ErrorKind::Input`] if the length is not a multiple of the number of pixels, or if a frame contains
+    /// other bytes than 0 and 1, or 0 and 255. The error contains the readout, row and column of the first invalid byte.
     pub fn from_dense(geometry: Geometry, dense: &[u8]) -> Result<Self> {
         if !dense.len().is_multiple_of(geometry.pixels()) {
             return Err(Error::new(ErrorKind::Input, "dense frames")

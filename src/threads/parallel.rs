@@ -9,7 +9,8 @@ use super::pool::Pool;
 use super::stop::{self, with_request, with_stop_check};
 use crate::error::Result;
 
-/// Interval between two calls of an observer. Stop requests are checked at the same interval.
+/// Interval between two calls of an observer. While the work runs on other threads, stop requests are checked at this
+/// interval.
 const OBSERVE_PERIOD: Duration = Duration::from_millis(50);
 
 /// Calls `work` with each item in parallel. The results have the order of the items.
@@ -21,7 +22,7 @@ where
     run(|| items.into_par_iter().map(with_stop_check(work)).collect())
 }
 
-/// Like [`map`], for work that may fail. The first error ends the work early.
+/// Calls `work` with each item in parallel, like [`map`]. `work` may fail, and the first error ends the work early.
 pub fn try_map<I, T>(items: I, work: impl Fn(I::Item) -> Result<T> + Sync + Send) -> Result<Vec<T>>
 where
     I: IntoParallelIterator + Send,
@@ -56,8 +57,9 @@ fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 
 /// Runs `work` on the pool while the calling thread calls `observe` about every 50 ms.
 ///
-/// If the calling thread belongs to the pool, `work` runs directly and `observe` is not called. If this thread waited
-/// instead, the pool would have one thread less. If there is no pool, `work` runs directly too.
+/// If the calling thread belongs to the pool, `work` runs directly on the calling thread and `observe` is not called.
+/// Otherwise the waiting thread would be missing from the pool. If there is no pool, `work` also runs on the calling
+/// thread.
 pub fn run_observed<T: Send>(observe: &mut dyn FnMut(), work: impl FnOnce() -> T + Send) -> T {
     if rayon::current_thread_index().is_some() {
         return work();

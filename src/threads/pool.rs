@@ -19,7 +19,6 @@ const MAX_THREADS: usize = 4096;
 ///
 /// Threads do not survive a `fork`, so a child process starts new threads at the next use. If the system starts fewer
 /// threads than requested, work runs on the started threads. If no thread starts, work runs on the calling thread.
-/// grants fewer threads than requested, work runs on those, or on the calling thread if it grants none.
 #[derive(Clone)]
 pub struct Pool {
     threads: usize,
@@ -43,7 +42,8 @@ impl Drop for ProcessThreads {
 }
 
 impl Pool {
-    /// Returns a pool of `threads` threads, which start at the first use. With 0 or 1, the calling thread does the work.
+    /// Returns a pool of `threads` threads. The threads start when the pool is first used. With 0 or 1, the calling
+    /// thread does the work.
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if `threads` exceeds 4096.
@@ -180,7 +180,7 @@ mod tests {
 
     use super::*;
 
-    /// Returns a function that starts threads like a system with at most `limit` running threads.
+    /// Returns a function that starts threads. It fails while `limit` threads run, like a system with this limit.
     fn limited_spawner(limit: usize) -> impl Fn(ThreadBuilder) -> io::Result<JoinHandle<()>> {
         let running = Arc::new(AtomicUsize::new(0));
         move |thread| {

@@ -1,4 +1,5 @@
-//! Dedicated threads. The caller can fall back to other means if the system cannot start a thread.
+//! Functions that start dedicated threads. If the system cannot start a thread, the caller can do the work in another
+//! way.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -40,7 +41,8 @@ pub fn spawn_scoped<'scope, I: Send + 'scope, T: Send + 'scope>(
     }
 }
 
-/// Calls `work` with each of 0 to `count - 1` on up to `threads` threads, including the calling thread.
+/// Calls `work` with each index from 0 to `count - 1`. The calls run on up to `threads` threads, including the calling
+/// thread.
 ///
 /// The results are in the order of the arguments.
 pub fn map_indexed<T: Send>(threads: usize, count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
@@ -81,7 +83,7 @@ pub fn map_indexed<T: Send>(threads: usize, count: usize, work: impl Fn(usize) -
     done.into_iter().map(|(_, t)| t).collect()
 }
 
-/// Returns the error for work that requires a separate thread. `work` completes the phrase "a thread to".
+/// Returns the error for work that requires a separate thread. `work` is a verb phrase that completes "a thread to".
 pub fn no_thread_error(work: &str) -> Error {
     Error::new(ErrorKind::Io, format_args!("a thread to {work}"))
         .found("the system's limit on threads")
@@ -90,8 +92,8 @@ pub fn no_thread_error(work: &str) -> Error {
 
 /// Sends the input to a thread that has started.
 ///
-/// If a thread does not start, its closure is dropped. The input is therefore not part of the closure but sent after the
-/// start. If the thread does not start, the caller still has the input.
+/// If a thread does not start, its closure is dropped. The input is therefore not part of the closure: it is sent after
+/// the thread has started. If the thread does not start, the caller still has the input.
 fn send_input<I>(give: &SyncSender<I>, input: I) -> std::result::Result<(), I> {
     give.send(input).map_err(|e| e.0)
 }

@@ -25,7 +25,7 @@ pub(super) struct StopRequest {
 struct StopPayload;
 
 impl StopRequest {
-    /// Returns whether a stop is requested. On the owner's thread, this function calls `should_stop`.
+    /// Returns whether a stop is requested. On the thread that called [`run_until`], this function calls `should_stop`.
     pub(super) fn is_raised(&self) -> bool {
         if !self.is_raised.load(Ordering::Relaxed) && self.is_own() && (self.should_stop)() {
             self.is_raised.store(true, Ordering::Relaxed);
@@ -40,13 +40,13 @@ impl StopRequest {
 
 /// Runs `work` until it ends or `should_stop` returns true.
 ///
-/// The calling thread calls `should_stop` whenever its work checks for a stop. While other threads work for the calling
-/// thread, it calls `should_stop` about every 50 ms. Each function of the library checks at least once per block of 128
-/// readouts, per row of a rendered picture and per item of parallel work.
+/// The calling thread calls `should_stop` whenever its work checks for a stop. While the calling thread waits for other
+/// threads, it calls `should_stop` about every 50 ms. Each function of the library checks at least once per block of
+/// 128 readouts, per row of a rendered picture and per item of parallel work.
 ///
-/// A stop unwinds the stack from such a check to this function, without the panic hook. A program that is built with
-/// `panic = "abort"` cannot unwind. In such a program, a stop aborts the process, and unfinished files keep their hidden
-/// names. Such a program should stop between calls instead.
+/// A stop unwinds the stack from [`check_stop`] to this function, without the panic hook. A program that is built with
+/// `panic = "abort"` cannot unwind: a stop aborts the process, and unfinished files keep their hidden names. A program
+/// with `panic = "abort"` should therefore stop between calls instead.
 ///
 /// # Errors
 /// Returns [`ErrorKind::Interrupted`] after a stop. Otherwise returns the error of `work`.
@@ -70,7 +70,8 @@ pub fn run_until<T>(
 /// Returns if no stop is requested. Otherwise unwinds to [`run_until`].
 pub fn check_stop() {
     let stop = CURRENT_REQUEST.with_borrow(|request| request.as_ref().is_some_and(|r| r.is_raised()));
-    // During a panic, values are being dropped, and a second unwind would abort the process.
+    // During a panic, destructors may call this function. A second unwind would abort the process, so the stop is
+    // ignored.
     if stop && !std::thread::panicking() {
         resume_unwind(Box::new(StopPayload));
     }
@@ -81,7 +82,8 @@ pub(super) fn current_request() -> Option<Arc<StopRequest>> {
     CURRENT_REQUEST.with_borrow(Clone::clone)
 }
 
-/// Wraps `work` for another thread. The stop request of this thread then applies to the other thread.
+/// Wraps `work` for another thread. The stop request of the calling thread then also applies to the thread that runs
+/// `work`.
 #[cfg(feature = "threads")]
 pub(super) fn with_request<T>(work: impl FnOnce() -> T + Send) -> impl FnOnce() -> T + Send {
     let request = current_request();
@@ -91,8 +93,8 @@ pub(super) fn with_request<T>(work: impl FnOnce() -> T + Send) -> impl FnOnce() 
     }
 }
 
-/// Wraps `work` for any thread. The stop request of this thread then applies to that thread, with a check before each
-/// item.
+/// Wraps `work` for any thread. The stop request of the calling thread then also applies to the thread that runs
+/// `work`, which checks for a stop before each item.
 #[cfg(feature = "threads")]
 pub(super) fn with_stop_check<I, T>(work: impl Fn(I) -> T + Sync + Send) -> impl Fn(I) -> T + Sync + Send {
     let request = current_request();
