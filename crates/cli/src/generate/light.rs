@@ -226,7 +226,7 @@ impl RunLight {
         let per_frame =
             (self.timeline != Timeline::first_frame()).then(|| self.readouts_per_frame_text(args, camera));
         LightFacts {
-            resize_mode: args.resize_mode.to_string(),
+            resize_mode: self.source.stored_geometry().map(|_| args.resize_mode.to_string()),
             motion: args.motion.clone(),
             interpolation: self.timeline.interpolation().to_string(),
             readouts_per_frame: per_frame,

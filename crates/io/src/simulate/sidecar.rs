@@ -15,9 +15,10 @@ use spikelane::effects::Camera;
 use spikelane::effects::definition::ParamKind;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::presets;
+use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::draws::Seeds;
-use spikelane::unstable::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, read_bytes};
+use spikelane::unstable::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, check_link, read_bytes};
 
 /// One stream file of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -88,8 +89,9 @@ pub struct LightFacts {
     /// The 8-bit code that represents light 1.0, or `peak` if the brightest pixel of each frame represents light 1.0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub full_scale: Option<String>,
-    /// How frames were resized to the camera's geometry.
-    pub resize_mode: String,
+    /// How frames were resized to the camera's geometry. `None` for drawn light.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resize_mode: Option<String>,
     /// The camera motion across a single image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<String>,
@@ -112,20 +114,32 @@ pub struct LightFacts {
 }
 
 impl LightFacts {
-    /// Returns the facts that `source` provides.
+    /// Returns the facts that `source` provides. Drawn light is not converted, so it has no facts about a conversion.
     #[must_use]
     pub fn from_source(source: &dyn Source) -> Self {
-        let used = source.front_end();
+        let used = conversion(source);
+        let transfer = used.and_then(|used| used.transfer).unwrap_or(Transfer::Linear);
         Self {
             source: source.describe(),
-            transfer: used.transfer.unwrap_or(Transfer::Linear).to_string(),
-            luminance: Some(used.luminance),
-            gray_codes: Some(used.gray_codes),
-            full_scale: Some(used.full_scale.to_string()),
+            transfer: transfer.to_string(),
+            luminance: used.map(|used| used.luminance),
+            gray_codes: used.map(|used| used.gray_codes),
+            full_scale: used.map(|used| used.full_scale.to_string()),
             source_rate: source.rate().map(|r| r.to_string()),
             ..Self::default()
         }
     }
+
+    /// Describes the light of `source` in one line: the conversion of stored values to light, or the drawn scene.
+    #[must_use]
+    pub fn summary(source: &dyn Source) -> String {
+        conversion(source).map_or_else(|| source.describe(), |used| used.to_string())
+    }
+}
+
+/// Returns the conversion of stored values to light, or `None` if the light is drawn at the camera's size.
+fn conversion(source: &dyn Source) -> Option<FrontEnd> {
+    source.stored_geometry().map(|_| source.front_end())
 }
 
 /// The nominal values of the sensor circuit.
