@@ -3,6 +3,7 @@
 pub(super) mod camera;
 pub(super) mod console;
 pub(super) mod images;
+pub(super) mod lighting;
 pub(super) mod limits;
 pub(super) mod output_claims;
 pub(super) mod output_stem;

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use clap::builder::PossibleValuesParser;
 use spikelane::{Camera, Error, ErrorKind, Result};
 use spikelane_io::light::open;
 use spikelane_io::light::{
@@ -11,10 +10,10 @@ use spikelane_io::light::{
     Transfer,
 };
 use spikelane_io::simulate::LightFacts;
-use spikelane_scene::Lighting;
 
 use crate::common::camera::exact_rate;
 use crate::common::console::recorded_path;
+use crate::common::lighting::LightingArg;
 use crate::common::progress::stop_flag;
 
 /// Built-in light, which needs no input.
@@ -46,22 +45,22 @@ pub(crate) struct LightArgs {
     /// Set the seed of the driving scene or of the objects [default: 0]
     #[arg(hide_short_help = true, long, value_name = "N", conflicts_with = "input", help_heading = "Light")]
     pub scene_seed: Option<u64>,
-    /// Set the lighting, such as dusk [default: noon]
+    /// Set the lighting, such as dusk, or random [default: noon]
     ///
-    /// With --scene-seed the default is random.
-    #[arg(hide_short_help = true, long, conflicts_with = "input", help_heading = "Light",
-          value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
-    pub lighting: Option<String>,
+    /// One of noon, low-sun, overcast, rain, tunnel, dusk, night and random. For random, the scene seed selects it.
+    #[arg(hide_short_help = true, long, value_name = "NAME", conflicts_with = "input", help_heading = "Light",
+          hide_possible_values = true, value_parser = LightingArg::parser())]
+    pub lighting: Option<LightingArg>,
     /// Stop after N readouts [default: at the end]
     ///
     /// Defaults of built-in light: 500 for drive, 4000 for chart and objects. A single image requires this flag
     /// or --readouts-per-frame.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Light")]
     pub readouts: Option<u64>,
-    /// Show each frame for N readouts [default: 20]
+    /// Show each frame for N readouts [default: from the input, else 20]
     ///
     /// By default, the times or the rate of the input determine it. Without them it is 20 readouts, one
-    /// millisecond at 20 kHz.
+    /// millisecond at 20 kHz. Built-in light has its own rate.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..),
           conflicts_with = "input_fps", help_heading = "Light")]
     pub readouts_per_frame: Option<u64>,
@@ -70,9 +69,9 @@ pub(crate) struct LightArgs {
     /// Examples: 25, 30000/1001. Built-in light is drawn at 2500 (drive) or 1000.
     #[arg(hide_short_help = true, long, value_name = "HZ", help_heading = "Light")]
     pub input_fps: Option<Rate>,
-    /// Interpolate frames: hold, linear or flow [default: linear]
+    /// Interpolate frames: hold, linear or flow [default: linear; built-in light: hold]
     ///
-    /// flow follows an estimated motion. hold changes all pixels at once. The default of built-in light is hold.
+    /// flow follows an estimated motion. hold changes all pixels at once.
     #[arg(long, value_name = "MODE", help_heading = "Light")]
     pub interpolation: Option<Interpolation>,
     /// Convert codes to light: linear, srgb or an exponent such as 2.2

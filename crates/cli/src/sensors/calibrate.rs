@@ -34,9 +34,9 @@ pub(crate) struct Args {
     /// The increment after a spike, which a reset reduces, loses this share.
     #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.002)]
     dead_time_fraction: f64,
-    /// Set the relative error of levels [default: 0.01]
+    /// Set the relative error of levels [default: from the set, else 0.01]
     ///
-    /// It is a standard deviation. The value in the set takes precedence over the default.
+    /// It is a standard deviation.
     #[arg(long, value_name = "SHARE")]
     light_uncertainty: Option<f64>,
     /// Limit the error of pixel gains [default: none]

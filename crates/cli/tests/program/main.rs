@@ -6,6 +6,7 @@ mod finite;
 mod program_support;
 
 mod dataset;
+mod defaults;
 mod errors;
 mod evaluate;
 mod finite_numbers;
