@@ -18,6 +18,8 @@ mod inputs_and_outputs;
 mod interruption;
 #[cfg(unix)]
 mod outputs;
+#[cfg(unix)]
+mod names;
 mod shards;
 mod simulate;
 mod streams;

@@ -57,20 +57,35 @@ impl StreamFacts {
     /// * [`ErrorKind::Input`] if the file is a link to a file in another folder and `access` does not permit such
     ///   links.
     pub fn path_beside(&self, sidecar: &Path, access: Access) -> Result<PathBuf> {
+        if let Some(path) = path_with_stem(sidecar, &self.file) {
+            check_link(sidecar.parent().unwrap_or(Path::new("")), &path, access)?;
+            return Ok(path);
+        }
         let name =
             PlainName::parse(ErrorKind::Config, format_args!("{}: file", sidecar.display()), &self.file)
                 .map_err(|e| {
                     e.expected("a file in the folder of the sidecar")
                         .remedy("select the stream instead of the sidecar")
                 })?;
-        path_beside(sidecar, &InnerPath::from(name), access)
+        // If the sidecar path has no folder, the returned path is relative to the current folder as well.
+        InnerPath::from(name).resolve_in(sidecar.parent().unwrap_or(Path::new("")), access)
     }
 }
 
-/// Returns the path of `inner` in the folder of the sidecar.
-fn path_beside(sidecar: &Path, inner: &InnerPath, access: Access) -> Result<PathBuf> {
-    // If the sidecar path has no folder, the returned path is relative to the current folder as well.
-    inner.resolve_in(sidecar.parent().unwrap_or(Path::new("")), access)
+/// Returns the path of the file `name` if `name` is not portable and begins with the stem of the sidecar.
+///
+/// A sidecar is UTF-8, so it cannot contain every file name. The stem is therefore copied from the path of the sidecar,
+/// which the user named. Only the ending comes from the sidecar, and it cannot contain a path.
+fn path_with_stem(sidecar: &Path, name: &str) -> Option<PathBuf> {
+    let is_plain = |text: &str| PlainName::parse(ErrorKind::Config, "file", text).is_ok();
+    if is_plain(name) && !name.contains(char::REPLACEMENT_CHARACTER) {
+        return None;
+    }
+    let stem = sidecar.file_stem()?;
+    let ending = name.strip_prefix(&*stem.to_string_lossy()).filter(|e| e.is_empty() || is_plain(e))?;
+    let mut file = stem.to_os_string();
+    file.push(ending);
+    Some(sidecar.with_file_name(file))
 }
 
 /// The source of the light, and how the light was read.
@@ -324,9 +339,14 @@ impl Sidecar {
         let name = |key: &str, text: &str| {
             PlainName::parse(ErrorKind::Config, format_args!("{}: images: {key}", path.display()), text)
         };
-        let folder = InnerPath::from(name("folder", &images.folder)?);
+        let parent = path.parent().unwrap_or(Path::new(""));
+        let folder = match path_with_stem(path, &images.folder) {
+            Some(folder) => folder,
+            None => InnerPath::from(name("folder", &images.folder)?).resolve_in(parent, access)?,
+        };
+        check_link(parent, &folder, access)?;
         let image =
-            |image: &'_ ImageFile| path_beside(path, &folder.join(name("file", &image.file)?), access);
+            |image: &'_ ImageFile| InnerPath::from(name("file", &image.file)?).resolve_in(&folder, access);
         images.files.iter().map(|file| Ok((image(file)?, file.digest.as_str()))).collect()
     }
 
