@@ -10,6 +10,7 @@ pub(super) mod output_stem;
 pub(super) mod progress;
 pub(super) mod readout_range;
 pub(super) mod seeds;
+pub(super) mod standard_streams;
 pub(super) mod stream;
 pub(super) mod threads;
 pub(super) mod video;

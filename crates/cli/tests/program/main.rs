@@ -17,9 +17,10 @@ mod inputs_and_outputs;
 #[cfg(unix)]
 mod interruption;
 #[cfg(unix)]
-mod outputs;
-#[cfg(unix)]
 mod names;
+#[cfg(unix)]
+mod outputs;
 mod shards;
 mod simulate;
+mod standard_streams;
 mod streams;
