@@ -125,6 +125,30 @@ impl Args {
         }
     }
 
+    /// Returns the readouts of the pictures whose windows exceed the stream.
+    fn cut_windows(&self, pictures: &[usize], readouts: usize) -> Vec<usize> {
+        let half = self.half_window();
+        let has_window = matches!(self.method, Method::Tfp | Method::Span);
+        let exceeds = |at: &usize| *at < half || at.saturating_add(half) >= readouts;
+        pictures.iter().copied().filter(|at| has_window && exceeds(at)).collect()
+    }
+
+    /// Prints a note if windows exceed the stream, because such pictures have more noise.
+    fn print_window_note(&self, short: &[usize], readouts: usize, out: &Console) {
+        let Some(&first) = short.first() else { return };
+        let (half, window) = (self.half_window(), 2 * self.half_window() + 1);
+        if readouts < window {
+            return out.print_message(format_args!(
+                "note: the stream has {readouts} readouts, fewer than the window of {window}"
+            ));
+        }
+        let used = first.saturating_add(half).min(readouts - 1) + 1 - first.saturating_sub(half);
+        out.print_message(format_args!(
+            "note: the window of {window} readouts exceeds the stream at {}: at readout {first}, {used} readouts are used",
+            count_text(short.len())
+        ));
+    }
+
     /// Returns the readouts of the pictures: a single readout, or the middle of each step.
     fn picture_readouts(&self, readouts: usize, many: bool) -> Vec<usize> {
         if !many || self.at.is_some() {
@@ -242,11 +266,13 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         count_text(moments.len()),
         reader.geometry()
     ));
+    let short = args.cut_windows(&moments, reader.readouts());
+    args.print_window_note(&short, reader.readouts(), out);
     print_cut_warning(&cut, out);
     out.print_event(&json!({
         "event": "done", "file": args.output.display().to_string(), "pictures": moments.len(),
         "method": args.method.name(), "white": white, "readouts": moments,
-        "not_measurable": cut,
+        "not_measurable": cut, "cut_windows": short,
     }))
 }
 
