@@ -35,10 +35,9 @@ fn printed_defaults(help: &str) -> Vec<(String, String)> {
     let mut defaults = Vec::new();
     let mut flag = String::new();
     for line in help.lines().map(str::trim) {
-        if let Some(name) = line.split_whitespace().take(2).find(|word| word.starts_with("--")) {
-            if line.starts_with('-') {
-                flag = name.to_owned();
-            }
+        let name = line.split_whitespace().take(2).find(|word| word.starts_with("--"));
+        if let Some(name) = name.filter(|_| line.starts_with('-')) {
+            flag = name.to_owned();
         }
         let Some((_, rest)) = line.split_once("[default: ") else { continue };
         let value = rest.split(']').next().unwrap_or_default().to_owned();
