@@ -144,13 +144,19 @@ pub fn skipped_files(folder: &Path, excluded: &Path) -> Result<Vec<PathBuf>> {
 /// If the path is not ASCII or has more than 60 bytes, only the hash distinguishes the names of similar paths. The
 /// hash then has 64 bits. With 32 bits, about a hundred of a million names would be duplicates.
 fn sequence_id(path: &Path, folder_name: &str) -> Result<PlainName> {
-    let text = path.to_string_lossy();
-    let readable = if text.is_empty() { folder_name } else { &*text };
+    // The manifest of a dataset is UTF-8, so it could not name the input.
+    let text = path.to_str().ok_or_else(|| {
+        Error::new(ErrorKind::Input, path.display())
+            .found("a name that is not UTF-8")
+            .expected("a name that the manifest can contain")
+            .remedy("rename the input")
+    })?;
+    let readable = if text.is_empty() { folder_name } else { text };
     let ascii: String =
         readable.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).take(60).collect();
     let ascii = ascii.trim_matches('-');
     let name = if ascii.is_empty() { "clip" } else { ascii };
-    let hash = RandomStream::from_name(&text).id();
+    let hash = RandomStream::from_name(text).id();
     let id = if text.is_ascii() && text.len() <= 60 {
         format!("{name}-{:08x}", hash as u32)
     } else {

@@ -178,9 +178,10 @@ impl Source for Drive {
 
     fn describe(&self) -> String {
         format!(
-            "driving scene {} ({}), {} readouts, up to {:.3} px per readout",
+            "driving scene {} ({}), white {} cd/m2, {} frames, up to {:.3} px per frame",
             self.scene.seed(),
             self.scene.lighting().name(),
+            self.white_cd_m2,
             self.plan.readouts.len(),
             self.plan.max_px_per_readout
         )

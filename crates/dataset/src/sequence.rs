@@ -212,7 +212,12 @@ fn simulate_streams(
     sidecar.camera = Some(CameraFacts::new(&camera)?);
     let electrons = camera.operating_point(0.0).electrons;
     sidecar.images = keeper.facts();
+    let resize_mode = match &options.content {
+        Content::Inputs(inputs) => Some(inputs.resize_mode.to_string()),
+        Content::Scenes(_) => None,
+    };
     sidecar.light = Some(LightFacts {
+        resize_mode,
         interpolation: timeline.interpolation().to_string(),
         readouts_per_frame: timeline.readouts(1).map(|n| n.to_string()),
         frames: outcome.frames,

@@ -75,7 +75,7 @@ struct CameraPass {
 /// but at most `max_readouts`.
 ///
 /// # Errors
-/// If a recording cannot be read, or if the set has fewer than two uniform levels.
+/// If a recording cannot be read, if the set has fewer than two uniform levels, or if the light has another unit.
 pub fn compare_gray_levels(
     set: &RecordingSet,
     cameras: &[Camera],
@@ -90,6 +90,7 @@ pub fn compare_gray_levels(
             .found(format_args!("{} uniform levels", levels.len()))
             .expected("at least two; histograms require gray 0, 120, 180 and 240"));
     }
+    set.check_light_unit()?;
     let lights: Vec<f64> = levels.iter().map(|l| l.0).collect();
     let chosen = nearest_levels(&lights);
     let parts = cameras.len() as f64 + 2.0;

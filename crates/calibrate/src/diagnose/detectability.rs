@@ -41,6 +41,7 @@ pub fn detectability(
 ) -> Result<DetectabilityReport> {
     let kept = options.cache.map(Kept::open).transpose()?;
     progress("reading", 0.0);
+    set.check_light_unit()?;
     let both = Both::read([set, set], [RecordingPart::Whole; 2], options.readout_selection)?;
     let base = BaseModel::of(&both, options.camera)?;
     let library = Catalog::new();

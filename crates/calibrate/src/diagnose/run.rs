@@ -68,8 +68,8 @@ pub struct DiagnoseOptions<'a> {
 /// the middle, and the second half judges.
 ///
 /// # Errors
-/// If a recording cannot be read or is too short, or the protocols of the sets differ. If the cache folder cannot be
-/// created or written to.
+/// If a recording cannot be read or is too short, or the protocols of the sets differ. If the light of a set has another
+/// unit. If the cache folder cannot be created or written to.
 pub fn diagnose(
     set: &RecordingSet,
     holdout: Option<&RecordingSet>,
@@ -105,6 +105,9 @@ pub fn diagnose_with_preliminary(
     let held_out = Held { second_set: holdout.is_some(), alone };
     let kept = options.cache.map(Kept::open).transpose()?;
     progress("reading", 0.0);
+    if options.null_model.is_none() {
+        [Some(set), holdout].into_iter().flatten().try_for_each(RecordingSet::check_light_unit)?;
+    }
     let mut diagnosis = match options.null_model {
         Some(reference) => shared(sets, parts, held_out, reference, options, progress)?,
         None => by_itself(sets, parts, held_out, options, kept.as_ref(), progress, on_preliminary)?,

@@ -1,5 +1,7 @@
 //! Checks of a recording set that need the recorded data.
 
+use std::ops::Range;
+
 use super::observations::{LightLevel, Observations};
 use super::recording_set::Stimulus;
 use spikelane::error::{Error, ErrorKind, Result};
@@ -102,7 +104,9 @@ pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
             .remedy("add a dark recording and flat fields at 0.1, 0.3 and 0.6 of saturation"));
     }
     check_spike_counts(&lit)?;
-    check_light_unit(levels)?;
+    // Rate maps of unknown length are not checked, because they can have another unit.
+    let streams: Vec<LevelRate> = levels.iter().filter(|l| l.readouts > 0).map(LevelRate::from).collect();
+    check_light_unit(&streams, 0.5..2.0)?;
     check_monotonic(levels)?;
     check_orientation(observed)
 }
@@ -125,81 +129,122 @@ fn check_spike_counts(lit: &[&LightLevel]) -> Result<()> {
     Ok(())
 }
 
+/// Rate of a uniform level.
+#[derive(Clone, Copy)]
+pub(crate) struct LevelRate<'a> {
+    /// File name of the recording.
+    pub name: &'a str,
+    /// Stated light.
+    pub light: f64,
+    /// Rate of an average pixel in spikes per readout.
+    pub rate: f64,
+}
+
+impl<'a> From<&'a LightLevel> for LevelRate<'a> {
+    fn from(level: &'a LightLevel) -> Self {
+        Self { name: &level.name, light: level.light, rate: level.median_rate() }
+    }
+}
+
+impl LevelRate<'_> {
+    fn is_usable(&self) -> bool {
+        self.rate <= SATURATION_RATE
+    }
+}
+
 /// Checks the unit of the light. Light 1 causes one spike per readout, so the rate of a level must nearly equal its light.
-/// The check finds levels that are stated in percent, gray values or lux. Rate maps of unknown length are not checked,
-/// because they can have another unit.
-fn check_light_unit(levels: &[LightLevel]) -> Result<()> {
-    let streams: Vec<(&LightLevel, f64)> =
-        levels.iter().filter(|l| l.readouts > 0).map(|l| (l, l.median_rate())).collect();
-    let usable = |l: &&(&LightLevel, f64)| l.1 <= SATURATION_RATE && l.0.light > 0.0;
-    let (Some((_, dark)), Some((level, rate))) = (streams.first(), streams.iter().rfind(usable)) else {
+/// `levels` are in ascending order of light.
+///
+/// The check finds levels that are stated in percent, gray values, lux or any other unit. The error states the factor
+/// that converts the levels. This factor is the slope of the rates. If the rates are not linear in the light, no factor
+/// can be estimated, and the error names the level that contradicts the others. A slope inside `accepted` can be the gain
+/// of the camera.
+pub(crate) fn check_light_unit(levels: &[LevelRate], accepted: Range<f64>) -> Result<()> {
+    let usable: Vec<LevelRate> = levels.iter().copied().filter(LevelRate::is_usable).collect();
+    let (Some(dark), Some(bright)) = (levels.first(), usable.last()) else { return Ok(()) };
+    if bright.light <= dark.light || bright.light <= 0.0 {
         return Ok(());
+    }
+    let slope = (bright.rate - dark.rate) / (bright.light - dark.light);
+    if accepted.contains(&slope) {
+        return Ok(());
+    }
+    let factor = check_linearity(&usable)?;
+    // Without spikes in lit levels, the rates contain no information about the unit.
+    let remedy = if factor > 0.0 {
+        let inverse =
+            if factor < 1.0 { format!(" (1/{})", significant(1.0 / factor)) } else { String::new() };
+        format!(
+            "multiply all levels by {}{inverse}; the factor is estimated from the rates of {} levels",
+            significant(factor),
+            usable.len()
+        )
+    } else {
+        "check the light of the files in the recording set".to_owned()
     };
-    let lowest = streams[0].0.light;
-    if level.light <= lowest {
-        return Ok(());
-    }
-    let slope = (rate - dark) / (level.light - lowest);
-    if (0.5..2.0).contains(&slope) {
-        return Ok(());
-    }
-    Err(set_error(&level.name)
-        .found(format_args!("rate {rate:.4} at light {}", level.light))
+    Err(set_error(bright.name)
+        .found(format_args!("rate {:.4} at light {}", bright.rate, bright.light))
         .expected("light as a fraction of the light that gives one spike per readout, and a similar rate")
-        .remedy(format_args!("multiply all levels by {slope:.4}")))
+        .remedy(remedy))
+}
+
+/// Formats a positive number with at most three significant digits.
+fn significant(x: f64) -> String {
+    let digits = (2.0 - x.log10().floor()).clamp(0.0, 12.0) as usize;
+    let text = format!("{x:.digits$}");
+    if digits > 0 { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// Checks that more light causes more spikes, nearly in proportion.
 fn check_monotonic(levels: &[LightLevel]) -> Result<()> {
-    let medians: Vec<(&LightLevel, f64)> =
-        levels.iter().map(|l| (l, l.median_rate())).filter(|(_, m)| *m <= SATURATION_RATE).collect();
-    if medians.len() >= 4 {
+    let rates: Vec<LevelRate> = levels.iter().map(LevelRate::from).filter(LevelRate::is_usable).collect();
+    if rates.len() >= 4 {
         // If the light of two adjacent levels differs by less than the uncertainty, their order can be wrong. The fit
         // of the pixels finds which level is wrong.
-        return check_linearity(&medians);
+        return check_linearity(&rates).map(drop);
     }
-    for pair in medians.windows(2) {
-        if pair[1].1 < pair[0].1 {
-            return Err(contradiction_error(pair[1].0).found(format_args!(
+    for pair in rates.windows(2) {
+        if pair[1].rate < pair[0].rate {
+            return Err(contradiction_error(&pair[1]).found(format_args!(
                 "rate {:.5} at light {}, but rate {:.5} at light {}",
-                pair[1].1, pair[1].0.light, pair[0].1, pair[0].0.light
+                pair[1].rate, pair[1].light, pair[0].rate, pair[0].light
             )));
         }
     }
     Ok(())
 }
 
-/// Checks that four or more levels lie on a line. The error names the level that is off the line through the other
-/// levels, even if a neighbor of this level also contradicts it.
+/// Checks that the levels lie on a line, and returns the slope of this line. The error names the level that is off the
+/// line through the other levels, even if a neighbor of this level also contradicts it.
 ///
 /// Smaller deviations are errors of the lamps, and the fit of the pixels finds them.
-fn check_linearity(medians: &[(&LightLevel, f64)]) -> Result<()> {
+fn check_linearity(levels: &[LevelRate]) -> Result<f64> {
     // Theil's line has the median of all slopes. A few wrong levels do not change this median.
     let mut slopes = Vec::new();
-    for (i, p) in medians.iter().enumerate() {
-        slopes.extend(medians[i + 1..].iter().map(|q| (q.1 - p.1) / (q.0.light - p.0.light)));
+    for (i, p) in levels.iter().enumerate() {
+        slopes.extend(levels[i + 1..].iter().map(|q| (q.rate - p.rate) / (q.light - p.light)));
     }
     let slope = median(&mut slopes);
-    let at = |(l, m): &(&LightLevel, f64)| m - slope * l.light;
-    let offset = median(&mut medians.iter().map(at).collect::<Vec<_>>());
-    let lowest = medians.iter().find(|(l, _)| l.light > 0.0).map_or(0.0, |(_, m)| *m);
-    for (level, median) in medians {
+    let at = |l: &LevelRate| l.rate - slope * l.light;
+    let offset = median(&mut levels.iter().map(at).collect::<Vec<_>>());
+    let lowest = levels.iter().find(|l| l.light > 0.0).map_or(0.0, |l| l.rate);
+    for level in levels {
         let expected = slope * level.light + offset;
         // The light of the dark level is exact. If the dark level is off the line, a wrong lit level may have tilted the
         // line. The dark level therefore has the tolerance of a lit level. The fit of the pixels finds the wrong level.
         let scale = if level.light == 0.0 { expected.max(lowest) } else { expected };
-        if (median - expected).abs() > 0.12 * scale + 0.003 {
+        if (level.rate - expected).abs() > 0.12 * scale + 0.003 {
             return Err(contradiction_error(level).found(format_args!(
-                "rate {median:.5} at light {}, where the other levels give {expected:.5}",
-                level.light
+                "rate {:.5} at light {}, where the other levels give {expected:.5}",
+                level.rate, level.light
             )));
         }
     }
-    Ok(())
+    Ok(slope)
 }
 
-fn contradiction_error(level: &LightLevel) -> Error {
-    set_error(&level.name)
+fn contradiction_error(level: &LevelRate) -> Error {
+    set_error(level.name)
         .expected("rates that increase with the light as at the other levels")
         .remedy("check the light of this file in the recording set; levels are fractions of saturation")
 }

@@ -1,11 +1,13 @@
 //! Recording sets. A set lists the recordings of one camera, and the light of each recording.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::check::{LevelRate, check_light_unit};
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::spikes::Geometry;
+use spikelane::spikes::{Geometry, count_spikes};
 use spikelane::unstable::inputs;
 use spikelane_io::formats::{Layout, StreamReader};
 
@@ -90,14 +92,15 @@ impl Stimulus {
         }
     }
 
-    fn check(self, file: &str) -> Result<()> {
+    /// Returns an error if a level is not a number from 0 to `max_level`, or if a length is 0.
+    fn check(self, file: &str, max_level: f64) -> Result<()> {
         let (levels, length) = match self {
             Self::Level(level) => ([level, level], 1),
             Self::Scene(StimulusPattern::Square { high, low, half_period }) => ([high, low], half_period),
             Self::Scene(StimulusPattern::Checkerboard { high, low, cell }) => ([high, low], cell),
             Self::Scene(StimulusPattern::StaticUnknown {}) => ([0.0, 0.0], 1),
         };
-        if levels.iter().any(|l| !(0.0..=100.0).contains(l)) || length == 0 {
+        if levels.iter().any(|l| !(0.0..=max_level).contains(l)) || length == 0 {
             return Err(Error::new(ErrorKind::Config, format_args!("light of {file}"))
                 .found(match self {
                     Self::Level(level) => level.to_string(),
@@ -105,11 +108,23 @@ impl Stimulus {
                         format!("levels {} and {}, length {length}", levels[0], levels[1])
                     }
                 })
-                .expected("levels from 0 to 100 times saturation, and lengths above zero"));
+                .expected(match max_level {
+                    f64::MAX => "levels of 0 or more, and lengths above zero".to_owned(),
+                    _ => format!("levels from 0 to {max_level} times saturation, and lengths above zero"),
+                }));
         }
         Ok(())
     }
 }
+
+/// Largest light of a rate map, in units of saturation. The unit of a rate map of unknown length is not checked.
+const MAX_MAP_LIGHT: f64 = 100.0;
+
+/// Number of readouts of each recording from which [`RecordingSet::check_light_unit`] computes a rate.
+const UNIT_CHECK_READOUTS: usize = 1000;
+
+/// Gains that [`RecordingSet::check_light_unit`] attributes to the camera. Percent, gray values and lux are outside.
+const PLAUSIBLE_GAINS: Range<f64> = 0.1..10.0;
 
 /// The line that `spikelane record --template` writes in place of an unknown light.
 pub const UNSPECIFIED_LIGHT: &str = "light = \"?\"";
@@ -243,6 +258,30 @@ impl RecordingSet {
         StreamReader::open(&self.folder.join(&recording.file), layout, Some(self.geometry()?))
     }
 
+    /// Checks the unit of the light by the rates at the start of each uniform recording. The error states the factor that
+    /// converts the levels.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Input`] if the rates differ from the light by more than a factor of ten, or if a stream cannot be
+    /// read.
+    pub(crate) fn check_light_unit(&self) -> Result<()> {
+        let mut levels = Vec::new();
+        for recording in &self.recordings {
+            let Some(light) = recording.light.level() else { continue };
+            let reader = self.reader(recording)?;
+            let readouts = reader.readouts().min(UNIT_CHECK_READOUTS);
+            let mut frames = reader.frames(0..readouts)?;
+            let mut spikes = 0;
+            while let Some(frame) = frames.next_frame() {
+                spikes += count_spikes(frame?);
+            }
+            let rate = spikes as f64 / (readouts * reader.geometry().pixels()) as f64;
+            levels.push(LevelRate { name: &recording.file, light, rate });
+        }
+        levels.sort_by(|a, b| a.light.total_cmp(&b.light));
+        check_light_unit(&levels, PLAUSIBLE_GAINS)
+    }
+
     fn check(&self) -> Result<()> {
         self.geometry()?;
         if !(self.readout_hz.is_finite() && self.readout_hz > 0.0) {
@@ -251,10 +290,11 @@ impl RecordingSet {
                 .expected("readouts per second, a positive number"));
         }
         for recording in &self.recordings {
-            recording.light.check(&recording.file)?;
+            // Levels in another unit can be large. `check_light_unit` finds them.
+            recording.light.check(&recording.file, f64::MAX)?;
         }
         for map in &self.rate_maps {
-            Stimulus::Level(map.light).check(&map.file)?;
+            Stimulus::Level(map.light).check(&map.file, MAX_MAP_LIGHT)?;
         }
         self.check_uncertainties()?;
         if self.recordings.is_empty() && self.rate_maps.is_empty() {

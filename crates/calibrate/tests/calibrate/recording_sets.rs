@@ -7,6 +7,7 @@ use spikelane::effects::find;
 use spikelane::spikes::Geometry;
 use spikelane::{Camera, Seeds, presets};
 use spikelane_calibrate::compare::compare_gray_levels;
+use spikelane_calibrate::diagnose::{DiagnoseOptions, diagnose};
 use spikelane_calibrate::{
     CalibrateOptions, Observations, Protocol, RecordingSet, SneeOptions, Stimulus, StimulusPattern,
     calibrate, estimate_snee, import_maps, measure_levels, predict_precision,
@@ -221,15 +222,52 @@ fn slow_pixel_rates_are_averaged_over_phases() {
     assert!((mean / rate - 1.0).abs() < 2e-3, "{mean}");
 }
 
+/// Writes a set whose levels are `factor` times the levels of the set at `path`.
+fn with_levels_times(path: &std::path::Path, factor: f64) -> std::path::PathBuf {
+    let line = |line: &str| match line.strip_prefix("light = ").and_then(|l| l.parse::<f64>().ok()) {
+        Some(light) => format!("light = {}\n", light * factor),
+        None => format!("{line}\n"),
+    };
+    let text: String = std::fs::read_to_string(path).unwrap().lines().map(line).collect();
+    let scaled = path.with_file_name(format!("times_{factor}.toml"));
+    std::fs::write(&scaled, text).unwrap();
+    scaled
+}
+
 #[test]
-fn levels_given_in_percent_are_refused() {
-    let (folder, path) = record(&flats(&[0.0, 0.1, 0.3], 500));
-    let text = std::fs::read_to_string(&path).unwrap();
-    let text = text.replace("light = 0.1", "light = 10").replace("light = 0.3", "light = 30");
-    let path = folder.path().join("percent.toml");
-    std::fs::write(&path, text).unwrap();
-    let text = refusal_message(&path);
-    assert!(text.contains("multiply all levels by 0.0"), "{text}");
+fn the_factor_of_levels_in_another_unit_is_estimated() {
+    let (_folder, path) = record(&flats(&[0.0, 0.03, 0.1, 0.3, 0.6], 1000));
+    for unit in [0.02, 100.0, 255.0, 400.0, 1e6] {
+        let text = refusal_message(&with_levels_times(&path, unit));
+        let factor = text.split("multiply all levels by ").nth(1).and_then(|t| t.split([' ', ';']).next());
+        let factor: f64 = factor.unwrap_or_else(|| panic!("{text}")).parse().unwrap();
+        // The mean gain of the camera is part of the factor.
+        assert!((factor * unit - 1.0).abs() < 0.03, "{unit}: {text}");
+        assert!(text.contains("estimated from the rates of 5 levels"), "{text}");
+    }
+}
+
+#[test]
+fn levels_in_another_unit_that_contradict_each_other_get_no_factor() {
+    let (folder, path) = record(&flats(&[0.0, 0.03, 0.1, 0.3, 0.6], 1000));
+    let scaled = with_levels_times(&path, 400.0);
+    let text = std::fs::read_to_string(&scaled).unwrap().replace("light = 120", "light = 200");
+    let wrong = folder.path().join("wrong.toml");
+    std::fs::write(&wrong, text).unwrap();
+    let text = refusal_message(&wrong);
+    assert!(text.contains("flat_0.3") && !text.contains("multiply"), "{text}");
+}
+
+#[test]
+fn compare_and_diagnose_refuse_levels_in_another_unit() {
+    let (_folder, path) = record(&flats(&[0.0, 0.1, 0.3], 500));
+    let set = RecordingSet::open(&with_levels_times(&path, 400.0)).unwrap();
+    let compared = compare_gray_levels(&set, &[], SEEDS, 100, &mut |_, _| {});
+    let options = DiagnoseOptions::default();
+    let diagnosed = diagnose(&set, None, options, &mut |_, _| {});
+    for text in [compared.unwrap_err().to_string(), diagnosed.unwrap_err().to_string()] {
+        assert!(text.contains("multiply all levels by 0.0025"), "{text}");
+    }
 }
 
 #[test]

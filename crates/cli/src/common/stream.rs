@@ -1,9 +1,10 @@
 //! Flags that describe a stream file.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::console::Console;
+use super::standard_streams::{is_dash, read_stdin};
 use clap::builder::PossibleValuesParser;
 use spikelane::unstable::kernels::dispatch;
 use spikelane::unstable::threads;
@@ -12,6 +13,7 @@ use spikelane_calibrate::RecordingSet;
 use spikelane_io::formats::{
     GeometryOrigin, Layout, LayoutGuesses, MissingFrames, OpenOptions, StreamReader,
 };
+use spikelane_io::simulate::Sidecar;
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct StreamArgs {
@@ -43,6 +45,19 @@ pub(crate) struct StreamArgs {
         help_heading = "Stream"
     )]
     pub missing_frames: MissingFrames,
+}
+
+/// An open stream.
+pub(crate) struct OpenedStream {
+    pub reader: StreamReader,
+    pub guesses: LayoutGuesses,
+    /// Length of the file or of standard input in bytes.
+    pub bytes: u64,
+}
+
+/// Returns the sidecar of the stream at `path` and the path of the sidecar. Standard input has no sidecar.
+pub(crate) fn sidecar_beside(path: &Path) -> Option<(PathBuf, Sidecar)> {
+    if is_dash(path) { None } else { Sidecar::read_beside(path).ok().flatten() }
 }
 
 /// Returns the size if both sides are given, and `None` if neither side is given.
@@ -87,20 +102,22 @@ pub(crate) fn count_spikes(reader: &StreamReader, readouts: Range<usize>) -> Res
 impl StreamArgs {
     /// Opens the stream and prints its warnings.
     pub(crate) fn open(&self, path: &Path, out: &Console) -> Result<StreamReader> {
-        self.open_with_guesses(path, out).map(|(reader, _)| reader)
+        self.open_with_guesses(path, out).map(|opened| opened.reader)
     }
 
     /// Opens the stream as [`open`](Self::open) does. Also returns the layout guesses that were compared.
-    pub(crate) fn open_with_guesses(
-        &self,
-        path: &Path,
-        out: &Console,
-    ) -> Result<(StreamReader, LayoutGuesses)> {
+    pub(crate) fn open_with_guesses(&self, path: &Path, out: &Console) -> Result<OpenedStream> {
         let geometry = parse_size(path.display(), self.width, self.height)?;
         let layout = self.layout.as_deref().map(Layout::parse).transpose()?;
-        let reader =
-            OpenOptions { layout, geometry, key: self.key.clone(), missing_frames: self.missing_frames }
-                .open(path)?;
+        let options =
+            OpenOptions { layout, geometry, key: self.key.clone(), missing_frames: self.missing_frames };
+        let (reader, bytes) = if is_dash(path) {
+            let bytes = read_stdin()?;
+            let len = bytes.len() as u64;
+            (options.from_bytes("standard input", bytes)?, len)
+        } else {
+            (options.open(path)?, std::fs::metadata(path).map_or(0, |m| m.len()))
+        };
         if let GeometryOrigin::Dataset(file) = reader.origin() {
             out.print_message(format_args!(
                 "{}: {} from {}",
@@ -109,9 +126,9 @@ impl StreamArgs {
                 file.display()
             ));
         }
-        let readings = reader.layout_guesses()?;
-        print_stream_warnings(&reader, &readings, out);
-        Ok((reader, readings))
+        let guesses = reader.layout_guesses()?;
+        print_stream_warnings(&reader, &guesses, out);
+        Ok(OpenedStream { reader, guesses, bytes })
     }
 }
 

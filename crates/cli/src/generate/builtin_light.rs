@@ -9,6 +9,7 @@ use spikelane_io::light::{
 use spikelane_scene::{self as scene, KeyframePlan, Lighting, Scene, SceneOptions};
 
 use super::light::{LightArgs, RunLight};
+use crate::common::lighting::LightingArg;
 
 /// Default frames per second of the chart, the objects and a camera motion. At 20 kHz a frame lasts 20 readouts. In this
 /// time the fastest bar of a 400-pixel chart moves one pixel.
@@ -98,11 +99,10 @@ impl LightArgs {
         let (rate, timeline) = self.builtin_timeline(readout, DRIVE_FRAMES_PER_S)?;
         let readouts = self.readouts.unwrap_or(DRIVE_READOUTS);
         let frames = self.frame_count(&timeline, readouts);
-        let lighting = self.lighting.as_deref().and_then(Lighting::from_name);
         let options = SceneOptions {
             width: camera.sensor.geometry.width() as u32,
             height: camera.sensor.geometry.height() as u32,
-            lighting: lighting.or(self.scene_seed.is_none().then_some(DEFAULT_LIGHTING)),
+            lighting: self.lighting.unwrap_or(LightingArg::Fixed(DEFAULT_LIGHTING)).fixed(),
             duration_s: (frames as f64 / rate.hz()).max(2e-3),
             ..SceneOptions::default()
         };

@@ -7,7 +7,7 @@ use indicatif::DecimalBytes;
 use serde_json::json;
 use spikelane::Result;
 use spikelane_io::light::Frame;
-use spikelane_io::simulate::RunOptions;
+use spikelane_io::simulate::{LightFacts, RunOptions};
 
 use super::light::RunLight;
 use crate::common::console::Console;
@@ -28,7 +28,8 @@ pub(crate) fn print_forecast(
     let readouts = job.expected_readouts(frames).or(job.readouts);
     let streams = 1 + u64::from(clean);
     let (frame_s, readout_s) = (frame_seconds(&mut light)?, readout_seconds(job)? * streams as f64);
-    let light_text = format!("{}; light: {}", light.source.describe(), light.source.front_end());
+    let (source, summary) = (light.source.describe(), LightFacts::summary(&*light.source));
+    let light_text = if source == summary { source } else { format!("{source}; light: {summary}") };
     let space = free
         .map_or("free space unknown".to_owned(), |free| format!("{} free on the disk", DecimalBytes(free)));
     let Some(readouts) = readouts else {

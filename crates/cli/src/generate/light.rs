@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use clap::builder::PossibleValuesParser;
 use spikelane::{Camera, Error, ErrorKind, Result};
 use spikelane_io::light::open;
 use spikelane_io::light::{
@@ -11,10 +10,10 @@ use spikelane_io::light::{
     Transfer,
 };
 use spikelane_io::simulate::LightFacts;
-use spikelane_scene::Lighting;
 
 use crate::common::camera::exact_rate;
 use crate::common::console::recorded_path;
+use crate::common::lighting::LightingArg;
 use crate::common::progress::stop_flag;
 
 /// Built-in light, which needs no input.
@@ -49,10 +48,11 @@ pub(crate) struct LightArgs {
     pub scene_seed: Option<u64>,
     /// Set the lighting of the driving scene, such as dusk [default: noon]
     ///
-    /// With --scene-seed, the default lighting is random.
-    #[arg(hide_short_help = true, long, conflicts_with = "input", help_heading = "Light",
-          value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
-    pub lighting: Option<String>,
+    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk, night or random. If the lighting is random, the scene
+    /// seed selects the lighting.
+    #[arg(hide_short_help = true, long, value_name = "NAME", conflicts_with = "input", help_heading = "Light",
+          hide_possible_values = true, value_parser = LightingArg::parser())]
+    pub lighting: Option<LightingArg>,
     /// Stop after N readouts [default: end of input]
     ///
     /// The default for built-in light is 500 readouts for drive and 4000 readouts for chart and objects. A single
@@ -232,7 +232,7 @@ impl RunLight {
         let per_frame =
             (self.timeline != Timeline::first_frame()).then(|| self.readouts_per_frame_text(args, camera));
         LightFacts {
-            resize_mode: args.resize_mode.to_string(),
+            resize_mode: self.source.stored_geometry().map(|_| args.resize_mode.to_string()),
             motion: args.motion.clone(),
             interpolation: self.timeline.interpolation().to_string(),
             readouts_per_frame: per_frame,

@@ -6,9 +6,10 @@ use clap::builder::PossibleValuesParser;
 use serde_json::json;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::storage;
-use spikelane_scene::{Lighting, RenderedFrame, SamplesPerPixel, Scene, SceneOptions, labels};
+use spikelane_scene::{RenderedFrame, SamplesPerPixel, Scene, SceneOptions, labels};
 
 use crate::common::console::Console;
+use crate::common::lighting::LightingArg;
 use crate::common::output_claims;
 use crate::common::progress::{CountProgress, stop_flag};
 use crate::common::seeds::SceneSeed;
@@ -45,11 +46,12 @@ pub(crate) struct Args {
     pub output: PathBuf,
     #[command(flatten)]
     pub seeds: SceneSeed,
-    /// Set the lighting, such as dusk [default: random]
+    /// Set the lighting, such as dusk
     ///
-    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk or night.
-    #[arg(long, value_name = "NAME", hide_possible_values = true, value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
-    pub lighting: Option<String>,
+    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk, night or random. If the lighting is random, the scene
+    /// seed selects the lighting.
+    #[arg(long, value_name = "NAME", hide_possible_values = true, default_value = "random", value_parser = LightingArg::parser())]
+    pub lighting: LightingArg,
     /// Set the number of frames
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: u32,
@@ -87,7 +89,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let options = SceneOptions {
         width: args.width,
         height: args.height,
-        lighting: args.lighting.as_deref().and_then(Lighting::from_name),
+        lighting: args.lighting.fixed(),
         duration_s: f64::from(args.frames) / args.fps,
         ..SceneOptions::default()
     };

@@ -10,7 +10,7 @@ use spikelane::{Backend, Camera, Error, ErrorKind, Plan, Result, Seeds};
 use spikelane_io::formats::{Layout, OpenOptions, StreamSummary};
 use spikelane_io::light::Frame;
 use spikelane_io::simulate::{
-    CameraFacts, LightTap, ReadAhead, RunObserver, RunOptions, RunSummary, Sidecar, StreamFacts,
+    CameraFacts, LightFacts, LightTap, ReadAhead, RunObserver, RunOptions, RunSummary, Sidecar, StreamFacts,
     run as run_source, save_camera,
 };
 use spikelane_io::storage;
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let needed = required_bytes(args, &job, &light, layout)?;
     let free = storage::free_space(&absolute_path(&names.stream))?;
     let event = json!({
-        "event": "start", "source": light.source.describe(), "light": light.source.front_end().to_string(), "camera": camera.name,
+        "event": "start", "source": light.source.describe(), "light": LightFacts::summary(&*light.source), "camera": camera.name,
         "width": camera.sensor.geometry.width(), "height": camera.sensor.geometry.height(),
         "free_bytes": free, "backend": job.backend.name(), "threads": job.threads, "layout": layout.name(),
     });
@@ -165,7 +165,7 @@ fn run_simulation(
     out: &Console,
 ) -> Result<()> {
     let facts = light.facts(&args.light, &job.camera);
-    let front_end = light.source.front_end();
+    let light_summary = LightFacts::summary(&*light.source);
     let (layout, clean) = (job.layout, args.clean.then_some(names.clean_stream.as_path()));
     let mut progress = CountProgress::new(out, stop.clone());
     let mut source = ReadAhead::new(light.source, stop);
@@ -191,7 +191,7 @@ fn run_simulation(
         images,
         clean: outcome.clean.as_ref().map(facts_of),
         seeds: Some(Sidecar::seed_facts(job.seeds)),
-        light: Some(spikelane_io::simulate::LightFacts {
+        light: Some(LightFacts {
             frames: outcome.frames,
             max_light: outcome.max_light,
             frames_above_max_light: outcome.frames_above_max_light,
@@ -208,7 +208,7 @@ fn run_simulation(
     sidecar.write(&names.sidecar, args.force)?;
     summary::RunReport {
         options: job,
-        light: front_end,
+        light: light_summary,
         outcome: &outcome,
         sidecar: &sidecar,
         names,

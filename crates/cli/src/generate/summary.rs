@@ -3,7 +3,6 @@
 use indicatif::DecimalBytes;
 use serde_json::{Value, json};
 use spikelane::Result;
-use spikelane::sensor::FrontEnd;
 use spikelane_io::formats::StreamSummary;
 use spikelane_io::simulate::{RunOptions, RunSummary, Sidecar};
 
@@ -17,7 +16,8 @@ const SATURATION_THRESHOLDS: f64 = 1.5;
 /// A finished simulation.
 pub(crate) struct RunReport<'a> {
     pub options: &'a RunOptions,
-    pub light: FrontEnd,
+    /// Description of the light in one line.
+    pub light: String,
     pub outcome: &'a RunSummary,
     pub sidecar: &'a Sidecar,
     pub names: &'a OutputNames,
@@ -31,7 +31,8 @@ impl RunReport<'_> {
         let line = |what: &str, w: &StreamSummary, rate: f64| {
             format!("{what}  {}  {}, mean rate {rate:.4}", w.path.display(), DecimalBytes(w.bytes))
         };
-        // The first line names the transfer function, because it is the most frequent cause of a wrong brightness.
+        // The first line describes the light, because its transfer function is the most frequent cause of a wrong
+        // brightness.
         let noisy = line("noisy  ", &o.noisy, self.sidecar.stream.mean_rate);
         out.print_message(format_args!("{noisy}; light: {}", self.light));
         if let (Some(written), Some(facts)) = (&o.clean, &self.sidecar.clean) {

@@ -8,6 +8,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory as _, FromArgMatches as _};
 
 use crate::command::Cli;
+use crate::common::standard_streams::refuse_dash;
 use spikelane::error::printable;
 
 /// Two examples of each command.
@@ -77,6 +78,7 @@ pub(crate) fn command() -> clap::Command {
     let command = Cli::command()
         .help_template(HELP_TEMPLATE)
         .before_help(shown(&["", "simulate lake.mp4 -o out/lake"]));
+    let command = refuse_dash(command);
     COMMAND_EXAMPLES.iter().fold(command, |command, (name, examples)| {
         command.mut_subcommand(name, |c| c.help_template(HELP_TEMPLATE).before_help(shown(examples)))
     })
@@ -146,6 +148,64 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Calls `visit` with the names and the definition of every command, from the first subcommand on.
+    fn for_each_command(
+        path: &[String],
+        command: &clap::Command,
+        visit: &mut dyn FnMut(&[String], &clap::Command),
+    ) {
+        for sub in command.get_subcommands() {
+            let path = [path, &[sub.get_name().to_owned()]].concat();
+            visit(&path, sub);
+            for_each_command(&path, sub, visit);
+        }
+    }
+
+    #[test]
+    fn a_dash_is_a_stream_or_an_error_in_every_path_argument() {
+        let mut tree = command();
+        tree.build();
+        let (mut streams, mut refused) = (Vec::new(), 0);
+        for_each_command(&[], &tree, &mut |path, command| {
+            for arg in command.get_arguments() {
+                let is_path =
+                    arg.get_value_parser().type_id() == clap::builder::ValueParser::path_buf().type_id();
+                if !is_path {
+                    continue;
+                }
+                let mut words = vec!["spikelane".to_owned()];
+                words.extend_from_slice(path);
+                match arg.get_long() {
+                    Some(flag) => words.extend([format!("--{flag}"), "-".to_owned()]),
+                    None => words.extend(vec!["-".to_owned(); arg.get_index().unwrap()]),
+                }
+                let error = command_error(&words);
+                if error.as_ref().is_some_and(|e| e.to_string().contains("./-")) {
+                    refused += 1;
+                } else {
+                    streams.push(format!("{} {}", path.join(" "), arg.get_id()));
+                }
+            }
+        });
+        streams.sort();
+        let expected = [
+            "convert input",
+            "convert output",
+            "inspect file",
+            "live input",
+            "measure file",
+            "reconstruct file",
+            "reconstruct output",
+            "simulate input",
+        ];
+        assert_eq!(streams, expected);
+        assert!(refused > 30, "{refused}");
+    }
+
+    fn command_error(words: &[String]) -> Option<clap::Error> {
+        command().try_get_matches_from(words).err()
     }
 
     #[test]

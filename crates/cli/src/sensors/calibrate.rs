@@ -34,10 +34,9 @@ pub(crate) struct Args {
     /// The reset after a spike reduces the charge of the next readout by this share.
     #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.002)]
     dead_time_fraction: f64,
-    /// Set the relative standard error of stated levels [default: 0.01]
+    /// Set the relative error of levels [default: from the set, else 0.01]
     ///
-    /// The error is the standard deviation of the stated light of a level, divided by this light. A value of
-    /// light_uncertainty in the recording set replaces the default.
+    /// The error is the standard deviation of the stated light of a level, divided by this light.
     #[arg(long, value_name = "SHARE")]
     light_uncertainty: Option<f64>,
     /// Limit the relative error of pixel gains [default: none]

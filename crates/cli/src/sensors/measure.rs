@@ -6,7 +6,6 @@ use clap::Args as ClapArgs;
 use serde_json::json;
 
 use spikelane::error::Result;
-use spikelane_io::simulate::Sidecar;
 use spikelane_io::storage::write_small;
 use spikelane_measure::report::{Curve, PageElement, Table, bar_plot, heat_map, page};
 use spikelane_measure::{
@@ -17,7 +16,7 @@ use spikelane_measure::{
 use crate::common::console::{Console, recorded_path};
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
-use crate::common::stream::StreamArgs;
+use crate::common::stream::{StreamArgs, sidecar_beside};
 
 /// Measure a stream of a uniform, dark or static scene in terms of EMVA 1288
 ///
@@ -26,7 +25,7 @@ use crate::common::stream::StreamArgs;
 /// the measured value by less than two errors.
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Args {
-    /// Measure this stream file
+    /// Measure this stream file, or - for standard input
     file: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
@@ -52,7 +51,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     drop(progress);
     let statistics = &recording.statistics;
     let measurement = recording.report()?;
-    let hz = Sidecar::read_beside(&args.file).ok().flatten().and_then(|(_, sidecar)| sidecar.readout_hz);
+    let hz = sidecar_beside(&args.file).and_then(|(_, sidecar)| sidecar.readout_hz);
     let mut rows = statistic_rows(&measurement.summary, &measurement.statistics);
     rows.push(["scene".to_owned(), motion_text(measurement.scene_motion), String::new(), String::new()]);
     rows.extend(measurement.frame_total_lines.iter().map(|l| spectral_line_row(l, hz)));

@@ -7,7 +7,8 @@ use indicatif::DecimalBytes;
 use serde_json::json;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::{
-    EVENTS_LAYOUT, Layout, OpenOptions, StreamSummary, StreamWriter, convert, sidecar_path, write_events,
+    EVENTS_LAYOUT, Layout, OpenOptions, StreamSummary, StreamWriter, convert, convert_to, sidecar_path,
+    write_events,
 };
 use spikelane_io::simulate::{Sidecar, StreamFacts};
 use spikelane_io::storage::OutputSet;
@@ -17,16 +18,19 @@ use crate::common::console::{Console, command_line};
 use crate::common::output_claims;
 use crate::common::progress::{CountProgress, stop_flag};
 use crate::common::readout_range::{CropArg, ReadoutRange};
-use crate::common::stream::{StreamArgs, file_name};
+use crate::common::standard_streams::{StreamOutput, is_dash, refuse_json};
+use crate::common::stream::{StreamArgs, file_name, sidecar_beside};
 
 /// Convert a stream, or a part of it, to another layout
 ///
 /// The command writes the stream OUTPUT and a sidecar, which has the extension .json.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Read this stream file
+    /// Read this stream file, or - for standard input
     input: PathBuf,
-    /// Write this stream file
+    /// Write this stream file, or - for standard output
+    ///
+    /// A stream on standard output has no sidecar.
     output: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
@@ -96,11 +100,43 @@ impl OutputForm {
 }
 
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    if is_dash(&args.output) { write_to_stdout(args, out) } else { write_files(args, out) }
+}
+
+/// Writes the stream to standard output.
+fn write_to_stdout(args: &Args, out: &Console) -> Result<()> {
+    refuse_json(out.json())?;
+    let layout = match args.to.as_deref() {
+        Some(EVENTS_LAYOUT) => {
+            return Err(Error::new(ErrorKind::Usage, "--to events")
+                .found("standard output")
+                .expected("a file, because the spikes are counted before the header is written"));
+        }
+        name => name.map(Layout::parse).transpose()?.unwrap_or_default(),
+    };
+    let reader = args.stream.open(&args.input, out)?;
+    let mut stop = CountProgress::new(out, stop_flag()?);
+    let mut stdout = StreamOutput::default();
+    let range = args.readouts.resolve(reader.readouts());
+    let written = convert_to(&reader, range, args.crop.map(|r| r.0), layout, |bytes| {
+        stdout.write(bytes)?;
+        stop.update(0, None)?;
+        if stdout.is_closed {
+            Err(Error::new(ErrorKind::Io, "standard output").found("a closed pipe"))
+        } else {
+            Ok(())
+        }
+    });
+    // A reader that closes the pipe has enough bytes.
+    if stdout.is_closed { Ok(()) } else { written.map_err(|e| stop.error_or_interrupt(e)) }
+}
+
+fn write_files(args: &Args, out: &Console) -> Result<()> {
     let (form, sidecar) = (args.output_form()?, args.sidecar());
     // The claim lasts until the sidecar has its final name.
     let _claim = args.claim(&sidecar)?;
     let reader = args.stream.open(&args.input, out)?;
-    let original = Sidecar::read_beside(&args.input).ok().flatten().map(|(_, sidecar)| sidecar);
+    let original = sidecar_beside(&args.input).map(|(_, sidecar)| sidecar);
     let range = args.readouts.resolve(reader.readouts());
     reader.frames(range.clone())?;
     let crop = args.crop.map(|r| r.0);

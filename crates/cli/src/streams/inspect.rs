@@ -4,11 +4,10 @@ use std::path::PathBuf;
 
 use indicatif::DecimalBytes;
 use serde_json::json;
-use spikelane::Result;
 use spikelane::reconstruct::tfp;
 use spikelane::spikes::SpikeFramesRef;
+use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::{LayoutGuess, LayoutGuesses, StreamReader};
-use spikelane_io::simulate::Sidecar;
 use spikelane_io::storage;
 use spikelane_measure::report::insert_present;
 use spikelane_measure::{Accumulator, MeasureOptions, summarize};
@@ -17,7 +16,8 @@ use crate::common::console::Console;
 use crate::common::images::{encode_png, frames_around, gray_image, white_rate};
 use crate::common::output_claims;
 use crate::common::readout_range::ReadoutRange;
-use crate::common::stream::{StreamArgs, file_name};
+use crate::common::standard_streams::is_dash;
+use crate::common::stream::{OpenedStream, StreamArgs, file_name, sidecar_beside};
 use spikelane::unstable::inputs;
 
 /// Number of bytes of packed frames that one read returns.
@@ -29,7 +29,7 @@ const HALF_WINDOW_READOUTS: usize = 80;
 /// Print size, layout, length, rates and defective pixels of a stream file
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Inspect this stream file (.dat, .npy, .npz)
+    /// Inspect this stream file (.dat, .npy, .npz), or - for standard input
     file: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
@@ -64,8 +64,13 @@ fn guess_json((r, is_selected): (&LayoutGuess, bool)) -> serde_json::Value {
 
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let _claim = args.png.as_ref().map(|png| output_claims::claim([png], args.force)).transpose()?;
-    let (reader, readings) = args.stream.open_with_guesses(&args.file, out)?;
-    let sidecar = Sidecar::read_beside(&args.file).ok().flatten();
+    if args.digest && is_dash(&args.file) {
+        return Err(Error::new(ErrorKind::Usage, "--digest")
+            .found("a stream from standard input")
+            .expected("a file, whose sidecar has the digest"));
+    }
+    let OpenedStream { reader, guesses: readings, bytes } = args.stream.open_with_guesses(&args.file, out)?;
+    let sidecar = sidecar_beside(&args.file);
     let range = args.readouts.resolve(reader.readouts());
     let measured = count_stream(&reader, range.clone())?;
     let digest = args.digest.then(|| storage::Digest::hash_file(&args.file)).transpose()?;
@@ -78,7 +83,6 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         let image = gray_image(&rates, white_rate(&rates), reader.geometry());
         storage::write_small(path, &encode_png(&image)?, args.force)?;
     }
-    let bytes = std::fs::metadata(&args.file).map_or(0, |m| m.len());
     let (leading, trailing) = reader.partial_frame_bytes();
     let event = json!({
         "file": args.file.display().to_string(), "bytes": bytes, "layout": reader.layout().name(),

@@ -13,6 +13,7 @@ use crate::common::console::Console;
 use crate::common::images::{frames_around, sample_readouts, white_rate};
 use crate::common::output_claims;
 use crate::common::progress::{CountProgress, stop_flag};
+use crate::common::standard_streams::{is_dash, refuse_json};
 use crate::common::stream::StreamArgs;
 use crate::common::video::{FrameEncoding, VideoWriter};
 use spikelane::unstable::inputs;
@@ -21,7 +22,7 @@ use spikelane::unstable::threads;
 mod npy_sink;
 mod sinks;
 
-use sinks::{FolderSink, GrayScale, PictureSink, PngSink, VideoSink};
+use sinks::{FolderSink, GrayScale, PictureSink, PngSink, StdoutSink, VideoSink};
 
 /// Number of pictures that a thread reconstructs per batch. The pictures of a batch are written when it is complete.
 const BATCH_PICTURES: usize = 4;
@@ -32,9 +33,11 @@ const BATCH_PICTURES: usize = 4;
 /// .mov, .avi, .webm). Values of an array are spikes per readout, or for isi the length of an interval in readouts.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Read this stream file
+    /// Read this stream file, or - for standard input
     file: PathBuf,
     /// Write a .png, an .npy, a video or a folder
+    ///
+    /// - writes a PNG to standard output.
     #[arg(short, long, value_name = "PATH")]
     output: PathBuf,
     #[command(flatten)]
@@ -125,6 +128,30 @@ impl Args {
         }
     }
 
+    /// Returns the readouts of the pictures whose windows exceed the stream.
+    fn cut_windows(&self, pictures: &[usize], readouts: usize) -> Vec<usize> {
+        let half = self.half_window();
+        let has_window = matches!(self.method, Method::Tfp | Method::Span);
+        let exceeds = |at: &usize| *at < half || at.saturating_add(half) >= readouts;
+        pictures.iter().copied().filter(|at| has_window && exceeds(at)).collect()
+    }
+
+    /// Prints a note if windows exceed the stream, because such pictures have more noise.
+    fn print_window_note(&self, short: &[usize], readouts: usize, out: &Console) {
+        let Some(&first) = short.first() else { return };
+        let (half, window) = (self.half_window(), 2 * self.half_window() + 1);
+        if readouts < window {
+            return out.print_message(format_args!(
+                "note: the stream has {readouts} readouts, fewer than the window of {window}"
+            ));
+        }
+        let used = first.saturating_add(half).min(readouts - 1) + 1 - first.saturating_sub(half);
+        out.print_message(format_args!(
+            "note: the window of {window} readouts exceeds the stream at {}: at readout {first}, {used} readouts are used",
+            count_text(short.len())
+        ));
+    }
+
     /// Returns the readouts of the pictures: a single readout, or the middle of each step.
     fn picture_readouts(&self, readouts: usize, many: bool) -> Vec<usize> {
         if !many || self.at.is_some() {
@@ -136,6 +163,7 @@ impl Args {
 
 /// Kind of output. The output name determines it.
 enum OutputKind {
+    Stdout,
     Png,
     Npy,
     Video,
@@ -143,6 +171,9 @@ enum OutputKind {
 }
 
 fn output_kind(path: &Path) -> Result<OutputKind> {
+    if is_dash(path) {
+        return Ok(OutputKind::Stdout);
+    }
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     match ending.as_deref() {
         Some("png") => Ok(OutputKind::Png),
@@ -158,6 +189,9 @@ fn output_kind(path: &Path) -> Result<OutputKind> {
 
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let target = output_kind(&args.output)?;
+    if matches!(target, OutputKind::Stdout) {
+        refuse_json(out.json())?;
+    }
     let reader = args.stream.open(&args.file, out)?;
     let geometry = reader.geometry();
     // Memory for a picture, a sorted copy of it, its gray levels, and their encoding.
@@ -166,27 +200,29 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         return Err(Error::new(ErrorKind::Usage, "--white").expected("a positive number"));
     }
     let many = match target {
-        OutputKind::Png if args.every.is_some() => {
+        OutputKind::Png | OutputKind::Stdout if args.every.is_some() => {
             return Err(Error::new(ErrorKind::Usage, "--every")
                 .found("one image to write")
                 .expected("a folder, .npy or a video as output"));
         }
-        OutputKind::Png => false,
+        OutputKind::Png | OutputKind::Stdout => false,
         OutputKind::Npy => args.every.is_some(),
         OutputKind::Video | OutputKind::Folder => true,
     };
     let moments = args.picture_readouts(reader.readouts(), many);
     let _claim = match target {
+        OutputKind::Stdout => None,
         OutputKind::Folder => {
             sinks::check_empty_folder(&args.output, args.force)?;
-            output_claims::claim_folder(&args.output)?
+            Some(output_claims::claim_folder(&args.output)?)
         }
-        _ => output_claims::claim([&args.output], args.force)?,
+        _ => Some(output_claims::claim([&args.output], args.force)?),
     };
     let first = args.reconstruct_at(&reader, moments[0])?;
     let white = args.white.unwrap_or_else(|| white_rate(&first.0));
     let shown = GrayScale { white, geometry: reader.geometry() };
     let mut sink: Box<dyn PictureSink> = match target {
+        OutputKind::Stdout => Box::new(StdoutSink { gray_scale: shown }),
         OutputKind::Png => {
             Box::new(PngSink { path: args.output.clone(), force: args.force, gray_scale: shown })
         }
@@ -233,11 +269,13 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         count_text(moments.len()),
         reader.geometry()
     ));
+    let short = args.cut_windows(&moments, reader.readouts());
+    args.print_window_note(&short, reader.readouts(), out);
     print_cut_warning(&cut, out);
     out.print_event(&json!({
         "event": "done", "file": args.output.display().to_string(), "pictures": moments.len(),
         "method": args.method.name(), "white": white, "readouts": moments,
-        "not_measurable": cut,
+        "not_measurable": cut, "cut_windows": short,
     }))
 }
 

@@ -6,6 +6,7 @@ mod finite;
 mod program_support;
 
 mod dataset;
+mod defaults;
 mod errors;
 mod evaluate;
 mod finite_numbers;
@@ -15,9 +16,12 @@ mod inputs;
 mod inputs_and_outputs;
 #[cfg(unix)]
 mod interruption;
+#[cfg(unix)]
+mod names;
 mod older_files;
 #[cfg(unix)]
 mod outputs;
 mod shards;
 mod simulate;
+mod standard_streams;
 mod streams;

@@ -307,3 +307,34 @@ fn a_motion_that_does_not_move_writes_the_stream_of_the_still_picture() {
         assert_eq!(place.read("still.dat"), place.read("moved.dat"), "{size}");
     }
 }
+
+#[test]
+fn the_light_is_described_as_what_it_is() {
+    let place = TestFolder::new();
+    place.picture("gray.png", 32, 24, 128);
+    let base = "simulate --width 32 --height 24 --readouts 20 --force -o a";
+    for (flags, words) in [
+        ("", "driving scene 0 (noon), white "),
+        ("--builtin-light chart", "built-in test chart"),
+        ("--builtin-light objects", "random objects of seed 0"),
+    ] {
+        let ran = place.run_ok(&format!("{base} {flags}"));
+        assert!(
+            ran.stderr.contains(&format!("light: {words}").replace("light: random", "random")),
+            "{}",
+            ran.stderr
+        );
+        assert!(!ran.stderr.contains("codes") && !ran.stderr.contains("luminance"), "{}", ran.stderr);
+        let forecast = place.run_ok(&format!("{base} {flags} --dry-run")).stdout;
+        assert!(forecast.contains(words) && !forecast.contains("codes"), "{forecast}");
+        let light = &place.json("a.json")["light"];
+        assert_eq!(light["transfer"], "linear");
+        for key in ["luminance", "gray_codes", "full_scale", "resize_mode"] {
+            assert!(light.get(key).is_none(), "{flags}: {light}");
+        }
+    }
+    let ran = place.run_ok(&format!("{base} gray.png"));
+    assert!(ran.stderr.contains("sRGB curve inverted"), "{}", ran.stderr);
+    let light = &place.json("a.json")["light"];
+    assert_eq!((&light["resize_mode"], &light["full_scale"]), (&"cover".into(), &"255".into()));
+}

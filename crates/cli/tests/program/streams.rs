@@ -185,3 +185,58 @@ fn inspect_calls_no_pixel_dead_after_ten_readouts() {
     assert_eq!(event["dead_pixels"], 0);
     assert!(event["silent_pixels"].as_u64() > Some(0), "{event}");
 }
+
+/// Returns the header text and the values of an array of little-endian f32.
+fn read_npy(bytes: &[u8]) -> (String, Vec<f32>) {
+    let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let values = bytes[header..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    (String::from_utf8(bytes[10..header].to_vec()).unwrap(), values)
+}
+
+#[test]
+fn arrays_of_reconstruct_have_the_shape_of_their_images() {
+    let place = TestFolder::new();
+    place.run_ok("simulate --builtin-light chart --width 32 --height 24 --readouts 200 -o c");
+    place.run_ok("reconstruct c.dat -o one.npy --window 41 --at 60");
+    let (header, one) = read_npy(&place.read("one.npy"));
+    assert!(header.contains("'<f4'") && header.contains("'fortran_order': False"), "{header}");
+    assert!(header.contains("'shape': (24, 32)"), "{header}");
+    // TFP is the mean of the readouts in the window.
+    place.run_ok("convert c.dat bits.npy --readouts 40..81");
+    let spikes = place.read("bits.npy");
+    let frames = &spikes[spikes.len() - 41 * 24 * 32..];
+    for (p, rate) in one.iter().enumerate() {
+        let count: u32 = frames.iter().skip(p).step_by(24 * 32).map(|&b| u32::from(b)).sum();
+        assert!((rate - count as f32 / 41.0).abs() < 1e-6, "pixel {p}");
+    }
+    place.run_ok("reconstruct c.dat -o many.npy --window 41 --every 40");
+    let (header, many) = read_npy(&place.read("many.npy"));
+    assert!(header.contains("'shape': (5, 24, 32)"), "{header}");
+    assert_eq!((many.len(), &many[24 * 32..2 * 24 * 32]), (5 * 24 * 32, &one[..]));
+    for name in ["x.npz", "x.tif", "x.jpg"] {
+        place.run_refused(&format!("reconstruct c.dat -o {name}"), 2, &[name, ".png, .npy, .mp4"]);
+    }
+}
+
+#[test]
+fn a_window_that_exceeds_the_stream_is_reported() {
+    let place = TestFolder::new();
+    place.run_ok("simulate --builtin-light chart --width 32 --height 24 --readouts 20 -o c");
+    let stderr = |line: &str| place.run_ok(&format!("{line} --force")).stderr;
+    let short = stderr("reconstruct c.dat -o a.png --window 100");
+    assert!(short.contains("the stream has 20 readouts, fewer than the window of 101"), "{short}");
+    let edge = stderr("reconstruct c.dat -o a.png --window 9 --at 2");
+    assert!(edge.contains("window of 9") && edge.contains("at readout 2, 7 readouts are used"), "{edge}");
+    let whole = stderr("reconstruct c.dat -o a.png --window 9");
+    assert!(!whole.contains("note"), "{whole}");
+    assert!(!stderr("reconstruct c.dat -o a --every 4 --window 4").contains("fewer"));
+    place.run_refused("reconstruct c.dat -o b.png --at 20", 2, &["readout 20", "less than 20"]);
+    let scores = place.run_ok("evaluate c.dat --window 100").stdout;
+    assert!(scores.contains("the stream has 20 of the 101 readouts"), "{scores}");
+    place.run_refused("evaluate c.dat --at 20", 2, &["less than 20"]);
+    place.run_refused("evaluate c.dat --window 100 --every 2", 4, &["20 readouts", "--window"]);
+    for range in ["30..", "10..30", "30..40"] {
+        place.run_refused(&format!("inspect c.dat --readouts {range}"), 2, &["20"]);
+        place.run_refused(&format!("convert c.dat d.dat --readouts {range}"), 2, &["20"]);
+    }
+}

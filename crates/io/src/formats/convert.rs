@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::mpsc;
 
 use crate::formats::layouts::copy_bits;
-use crate::formats::{StreamReader, StreamSummary, StreamWriter};
+use crate::formats::{Codec, Layout, StreamReader, StreamSummary, StreamWriter};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::{Crop, Geometry};
 use spikelane::unstable::threads;
@@ -52,6 +52,35 @@ pub fn convert(
         progress(writer.written())
     })?;
     writer.finish()
+}
+
+/// Writes the frames of `readouts`, reduced to `crop`, from `reader` in `layout` to `output`, header included. This
+/// function is for outputs that are not files, such as standard output.
+///
+/// `output` receives consecutive parts of the stream.
+///
+/// # Errors
+/// * [`ErrorKind::Usage`] if the range is empty, if the range or the crop exceeds the stream, or if the layout does not
+///   support the geometry.
+/// * Errors of the reader and of `output`.
+pub fn convert_to(
+    reader: &StreamReader,
+    readouts: Range<usize>,
+    crop: Option<Crop>,
+    layout: Layout,
+    mut output: impl FnMut(&[u8]) -> Result<()>,
+) -> Result<()> {
+    let geometry = crop.map_or(Ok(reader.geometry()), |c| c.geometry(reader.geometry()))?;
+    let codec = Codec::new(layout, geometry)?;
+    // A range beyond the end of the stream must fail before the header is written.
+    reader.frames(readouts.clone())?;
+    output(&layout.header(geometry, readouts.len() as u64)?)?;
+    let mut encoded = Vec::new();
+    for_each_batch(reader, readouts, crop, |packed| {
+        encoded.resize(packed.len() / geometry.frame_bytes() * codec.frame_bytes(), 0);
+        codec.encode(packed, &mut encoded)?;
+        output(&encoded)
+    })
 }
 
 /// Passes the packed frames of `readouts`, reduced to `crop`, to `take` in batches of about 1 MiB. While `take`

@@ -19,7 +19,7 @@ mod size;
 mod source;
 mod writer;
 
-pub use convert::convert;
+pub use convert::{convert, convert_to};
 pub use events::EVENTS_LAYOUT;
 pub use events::write_events;
 pub use frames::StreamFrames;

@@ -91,7 +91,7 @@ impl StreamReader {
             listed.push("...".to_owned());
         }
         let one = numbers.len() == 1;
-        let (are, number) = if one { ("readout is", "number") } else { ("readouts are", "numbers") };
+        let (are, number) = if one { ("is", "number") } else { ("are", "numbers") };
         let missing = Setting("missing_frames");
         let what = match (policy, one) {
             (MissingFrames::Mark, true) => {
@@ -109,7 +109,7 @@ impl StreamReader {
             }
         };
         self.warn(format!(
-            "{} of {all} {are} missing, {number} {}: {what}",
+            "{} of {all} readouts {are} missing, {number} {}: {what}",
             numbers.len(),
             listed.join(", ")
         ));

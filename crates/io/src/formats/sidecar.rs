@@ -59,9 +59,9 @@ pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
 /// layouts may share a stem. The clean stream `STEM.clean.dat` shares `STEM.json` with `STEM.dat`.
 fn candidates(path: &Path) -> Vec<PathBuf> {
     let mut paths = vec![sidecar_path(path), path.with_extension("json")];
-    let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
-    if let Some(stem) = stem.strip_suffix(".clean") {
-        paths.push(path.with_file_name(format!("{stem}.json")));
+    let stem = path.with_extension("");
+    if stem.extension().is_some_and(|ending| ending == "clean") {
+        paths.push(stem.with_extension("json"));
     }
     paths
 }

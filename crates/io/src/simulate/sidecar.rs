@@ -15,9 +15,10 @@ use spikelane::effects::Camera;
 use spikelane::effects::definition::ParamKind;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::presets;
+use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::draws::Seeds;
-use spikelane::unstable::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, read_bytes};
+use spikelane::unstable::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, check_link, read_bytes};
 
 /// One stream file of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -56,20 +57,35 @@ impl StreamFacts {
     /// * [`ErrorKind::Input`] if the file is a link to a file in another folder and `access` does not permit such
     ///   links.
     pub fn path_beside(&self, sidecar: &Path, access: Access) -> Result<PathBuf> {
+        if let Some(path) = path_with_stem(sidecar, &self.file) {
+            check_link(sidecar.parent().unwrap_or(Path::new("")), &path, access)?;
+            return Ok(path);
+        }
         let name =
             PlainName::parse(ErrorKind::Config, format_args!("{}: file", sidecar.display()), &self.file)
                 .map_err(|e| {
                     e.expected("a file in the folder of the sidecar")
                         .remedy("select the stream instead of the sidecar")
                 })?;
-        path_beside(sidecar, &InnerPath::from(name), access)
+        // If the sidecar path has no folder, the returned path is relative to the current folder as well.
+        InnerPath::from(name).resolve_in(sidecar.parent().unwrap_or(Path::new("")), access)
     }
 }
 
-/// Returns the path of `inner` in the folder of the sidecar.
-fn path_beside(sidecar: &Path, inner: &InnerPath, access: Access) -> Result<PathBuf> {
-    // If the sidecar path has no folder, the returned path is relative to the current folder as well.
-    inner.resolve_in(sidecar.parent().unwrap_or(Path::new("")), access)
+/// Returns the path of the file `name` if `name` is not portable and begins with the stem of the sidecar.
+///
+/// A sidecar is UTF-8, so it cannot contain every file name. The stem is therefore copied from the path of the sidecar,
+/// which the user named. Only the ending comes from the sidecar, and it cannot contain a path.
+fn path_with_stem(sidecar: &Path, name: &str) -> Option<PathBuf> {
+    let is_plain = |text: &str| PlainName::parse(ErrorKind::Config, "file", text).is_ok();
+    if is_plain(name) && !name.contains(char::REPLACEMENT_CHARACTER) {
+        return None;
+    }
+    let stem = sidecar.file_stem()?;
+    let ending = name.strip_prefix(&*stem.to_string_lossy()).filter(|e| e.is_empty() || is_plain(e))?;
+    let mut file = stem.to_os_string();
+    file.push(ending);
+    Some(sidecar.with_file_name(file))
 }
 
 /// The source of the light, and how the light was read.
@@ -88,8 +104,9 @@ pub struct LightFacts {
     /// The 8-bit code that represents light 1.0, or `peak` if the brightest pixel of each frame represents light 1.0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub full_scale: Option<String>,
-    /// How frames were resized to the camera's geometry.
-    pub resize_mode: String,
+    /// How frames were resized to the camera's geometry. `None` for drawn light.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resize_mode: Option<String>,
     /// The camera motion across a single image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<String>,
@@ -112,20 +129,32 @@ pub struct LightFacts {
 }
 
 impl LightFacts {
-    /// Returns the facts that `source` provides.
+    /// Returns the facts that `source` provides. Drawn light is not converted, so it has no facts about a conversion.
     #[must_use]
     pub fn from_source(source: &dyn Source) -> Self {
-        let used = source.front_end();
+        let used = conversion(source);
+        let transfer = used.and_then(|used| used.transfer).unwrap_or(Transfer::Linear);
         Self {
             source: source.describe(),
-            transfer: used.transfer.unwrap_or(Transfer::Linear).to_string(),
-            luminance: Some(used.luminance),
-            gray_codes: Some(used.gray_codes),
-            full_scale: Some(used.full_scale.to_string()),
+            transfer: transfer.to_string(),
+            luminance: used.map(|used| used.luminance),
+            gray_codes: used.map(|used| used.gray_codes),
+            full_scale: used.map(|used| used.full_scale.to_string()),
             source_rate: source.rate().map(|r| r.to_string()),
             ..Self::default()
         }
     }
+
+    /// Describes the light of `source` in one line: the conversion of stored values to light, or the drawn scene.
+    #[must_use]
+    pub fn summary(source: &dyn Source) -> String {
+        conversion(source).map_or_else(|| source.describe(), |used| used.to_string())
+    }
+}
+
+/// Returns the conversion of stored values to light, or `None` if the light is drawn at the camera's size.
+fn conversion(source: &dyn Source) -> Option<FrontEnd> {
+    source.stored_geometry().map(|_| source.front_end())
 }
 
 /// The nominal values of the sensor circuit.
@@ -312,9 +341,14 @@ impl Sidecar {
         let name = |key: &str, text: &str| {
             PlainName::parse(ErrorKind::Config, format_args!("{}: images: {key}", path.display()), text)
         };
-        let folder = InnerPath::from(name("folder", &images.folder)?);
+        let parent = path.parent().unwrap_or(Path::new(""));
+        let folder = match path_with_stem(path, &images.folder) {
+            Some(folder) => folder,
+            None => InnerPath::from(name("folder", &images.folder)?).resolve_in(parent, access)?,
+        };
+        check_link(parent, &folder, access)?;
         let image =
-            |image: &'_ ImageFile| path_beside(path, &folder.join(name("file", &image.file)?), access);
+            |image: &'_ ImageFile| InnerPath::from(name("file", &image.file)?).resolve_in(&folder, access);
         images.files.iter().map(|file| Ok((image(file)?, file.digest.as_str()))).collect()
     }
 

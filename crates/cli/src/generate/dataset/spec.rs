@@ -6,6 +6,7 @@ use clap::builder::PossibleValuesParser;
 
 use crate::common::camera::CameraArgs;
 use crate::common::console::Console;
+use crate::common::lighting::LightingArg;
 use crate::common::seeds::{SceneSeed, SeedArgs};
 use crate::common::threads::ThreadArgs;
 use spikelane::Result;
@@ -15,7 +16,6 @@ use spikelane_dataset::{
 };
 use spikelane_io::light::{Interpolation, ResizeMode, Transfer};
 use spikelane_io::simulate::ImageFormat;
-use spikelane_scene::Lighting;
 
 /// The specification of a dataset.
 #[derive(clap::Args, Clone, Debug)]
@@ -70,12 +70,13 @@ pub(crate) struct DatasetSpec {
         help_heading = "Scenes"
     )]
     pub(crate) label_every: Option<u32>,
-    /// Set the lighting, such as dusk [default: random]
+    /// Set the lighting, such as dusk
     ///
-    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk or night.
-    #[arg(long, hide_possible_values = true, value_name = "NAME", conflicts_with = "inputs", help_heading = "Scenes",
-          value_parser = PossibleValuesParser::new(Lighting::ALL.map(Lighting::name)))]
-    pub(crate) lighting: Option<String>,
+    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk, night or random. If the lighting is random, the scene
+    /// seed selects the lighting.
+    #[arg(long, hide_possible_values = true, value_name = "NAME", default_value = "random", conflicts_with = "inputs",
+          help_heading = "Scenes", value_parser = LightingArg::parser())]
+    pub(crate) lighting: LightingArg,
     /// Set the flicker frequency of lamps in Hz [default: no flicker]
     #[arg(
         hide_short_help = true,
@@ -308,7 +309,7 @@ impl DatasetSpec {
             images_per_scene: self.images_per_scene.unwrap_or(known.images_per_scene),
             readouts_per_image: self.readouts_per_image.unwrap_or(known.readouts_per_image),
             label_every: self.label_every.unwrap_or(known.label_every),
-            lighting: self.lighting.as_deref().and_then(Lighting::from_name).into_iter().collect(),
+            lighting: self.lighting.fixed().into_iter().collect(),
             flicker_hz: self.flicker_hz,
             vehicles: self.vehicles,
             speed_kmh: self.speed_kmh,

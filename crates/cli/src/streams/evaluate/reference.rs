@@ -119,7 +119,8 @@ fn curve_from_json(sidecar_json: &Value, clear: &Path, from: &'static str) -> Op
         let transfer = value.as_str()?.parse().ok()?;
         Some(ReferenceCurve { transfer: Some(transfer), source: from, full_scale_rate: full })
     };
-    let name = |path: Option<&Path>| path?.file_name()?.to_str().map(str::to_owned);
+    // A sidecar records names that are not UTF-8 with replacement characters.
+    let name = |path: Option<&Path>| Some(path?.file_name()?.to_string_lossy().into_owned());
     let (file, folder) = (name(Some(clear)), name(clear.parent()));
     let is = |value: &Value, wanted: &Option<String>| wanted.is_some() && value.as_str() == wanted.as_deref();
     let (images, truth, light) =
@@ -139,9 +140,9 @@ fn curve_from_json(sidecar_json: &Value, clear: &Path, from: &'static str) -> Op
 /// Whether `words`, a description of a source in the form `PATH: ...`, describes this image or its folder.
 fn is_source(words: &str, clear: &Path) -> bool {
     let Some((path, _)) = words.rsplit_once(": ") else { return false };
-    let source = Path::new(path).file_name();
-    let folder = clear.parent().and_then(Path::file_name);
-    source.is_some() && (source == clear.file_name() || source == folder)
+    let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let source = name(Path::new(path));
+    source.is_some() && (source == name(clear) || source == clear.parent().and_then(name))
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::common::images::{encode_png, gray_image};
+use crate::common::standard_streams::StreamOutput;
 use crate::common::video::VideoWriter;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::storage;
@@ -42,6 +43,25 @@ impl PictureSink for PngSink {
 
     fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
         storage::write_small(&self.path, encoded, self.force)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Writes one picture as PNG to standard output.
+pub(super) struct StdoutSink {
+    pub gray_scale: GrayScale,
+}
+
+impl PictureSink for StdoutSink {
+    fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
+        encode_png(&self.gray_scale.image(values))
+    }
+
+    fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
+        StreamOutput::default().write(encoded)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

@@ -1,6 +1,6 @@
 //! Layouts of streams in files: names, frame sizes and headers.
 
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 
 /// Size limit of all frames of a stream in bytes. File offsets have 63 bits, and 1 MiB is reserved for the header.
@@ -134,7 +134,7 @@ impl Layout {
         Err(Error::new(ErrorKind::Usage, path.display())
             .found(format_args!("layout {layout} with the file extension .{}", ending.unwrap_or_default()))
             .expected(format_args!("a name that ends in .{name}"))
-            .remedy(format_args!("correct the name, or omit {}", Setting("layout"))))
+            .remedy("correct the name, or choose another layout"))
     }
 
     /// Returns a warning if other programs misread streams of this layout and geometry, or `None` otherwise.
