@@ -38,6 +38,14 @@ pub(super) fn quoted(key: &str) -> String {
 /// Returns `text` with the key of each [`Setting`] replaced by `spell(key)`.
 ///
 /// A file name may contain the enclosing characters too. Only what they enclose in the form of a key is replaced.
+///
+/// # Examples
+/// ```
+/// use spikelane::error::{Setting, render_settings};
+/// let text = format!("{} has no effect on still images", Setting("frame_rate"));
+/// let flag = |key: &str| format!("--{}", key.replace('_', "-"));
+/// assert_eq!(render_settings(&text, &flag), "--frame-rate has no effect on still images");
+/// ```
 pub fn render_settings<'a>(text: &'a str, spell: &dyn Fn(&str) -> String) -> Cow<'a, str> {
     if !text.contains(BEGIN) {
         return Cow::Borrowed(text);

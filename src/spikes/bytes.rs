@@ -111,6 +111,16 @@ pub fn unpack_byte(byte: u8) -> u64 {
     (selected + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101
 }
 
+/// Returns the positions of the set bits of `word` in ascending order. Bit 0 is the lowest bit.
+#[inline(always)]
+pub fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let at = (word != 0).then(|| word.trailing_zeros());
+        word &= word.wrapping_sub(1);
+        at
+    })
+}
+
 /// Returns eight bytes of 0 or 1 as eight bits.
 ///
 /// The product moves bit 8k to bit 56 + k. No two partial products have equal positions, because 8a - 7b = 8c - 7d has no

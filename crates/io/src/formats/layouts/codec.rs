@@ -2,7 +2,8 @@
 
 use super::layout::Layout;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
-use spikelane::spikes::{Geometry, pack_frame, unpack_frame};
+use spikelane::spikes::Geometry;
+use spikelane::unstable::spikes::{pack_frame, unpack_frame};
 
 /// A layout with a geometry that it supports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
