@@ -13,6 +13,13 @@ use std::io;
 pub use setting::{Setting, render_settings};
 
 /// The kind of an error. `docs/reference/errors.md` lists the exit code of each kind.
+///
+/// # Examples
+/// ```
+/// use spikelane::{ErrorKind, Geometry};
+/// let kind = Geometry::new(0, 250).unwrap_err().kind();
+/// assert_eq!((kind, kind.name(), kind.exit_code()), (ErrorKind::Usage, "usage", 2));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorKind {
@@ -44,6 +51,11 @@ pub enum ErrorKind {
 
 impl ErrorKind {
     /// Returns the name of the kind in the program's JSON.
+    ///
+    /// # Examples
+    /// ```
+    /// assert_eq!(spikelane::ErrorKind::Corrupt.name(), "corrupt");
+    /// ```
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -63,6 +75,12 @@ impl ErrorKind {
     }
 
     /// Returns the exit code of the program for this kind of error.
+    ///
+    /// # Examples
+    /// ```
+    /// // 75 is `EX_TEMPFAIL` of `sysexits.h`: a queue should run the work again.
+    /// assert_eq!(spikelane::ErrorKind::Requeue.exit_code(), 75);
+    /// ```
     #[must_use]
     pub const fn exit_code(self) -> u8 {
         match self {
@@ -84,6 +102,20 @@ impl ErrorKind {
 }
 
 /// An error: `subject: found ..., expected ...; remedy`.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Error, ErrorKind};
+/// let error = Error::new(ErrorKind::Input, "light.npy")
+///     .found("2 axes")
+///     .expected("3 axes: frames, height and width")
+///     .remedy("add an axis with `a[None]`");
+/// assert_eq!(
+///     error.to_string(),
+///     "light.npy: found 2 axes, expected 3 axes: frames, height and width; add an axis with `a[None]`",
+/// );
+/// assert_eq!((error.kind(), &*error.subject()), (ErrorKind::Input, "light.npy"));
+/// ```
 #[derive(Debug)]
 pub struct Error {
     kind: ErrorKind,
@@ -95,9 +127,28 @@ pub struct Error {
 }
 
 /// A result whose error type is this crate's [`Error`].
+///
+/// # Examples
+/// ```
+/// /// Returns the number of bytes of one second of the camera.
+/// fn bytes_per_second(width: u32, height: u32, readout_hz: f64) -> spikelane::Result<f64> {
+///     let sensor = spikelane::Sensor::new(width, height, readout_hz)?;
+///     Ok(sensor.geometry.frame_bytes() as f64 * sensor.readout_hz)
+/// }
+/// assert_eq!(bytes_per_second(400, 250, 20_000.0)?, 250e6);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// The parts of the message of an [`Error`]. A part that was not set is empty.
+///
+/// # Examples
+/// ```
+/// let error = spikelane::Geometry::new(0, 250).unwrap_err();
+/// let parts = error.parts();
+/// assert_eq!((&*parts.subject, &*parts.found), ("sensor size", "0x250"));
+/// assert_eq!(parts.remedy, "set `width` and `height` in pixels");
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ErrorParts<'a> {
@@ -115,6 +166,13 @@ pub struct ErrorParts<'a> {
 
 impl Error {
     /// Returns an error of `kind` about `subject` (a file, a key or an argument).
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Error, ErrorKind};
+    /// let error = Error::new(ErrorKind::Config, "camera.toml");
+    /// assert_eq!(error.to_string(), "camera.toml");
+    /// ```
     #[must_use]
     pub fn new(kind: ErrorKind, subject: impl fmt::Display) -> Self {
         Self {
@@ -131,6 +189,15 @@ impl Error {
     ///
     /// If `source` wraps an [`Error`] of this crate, the wrapped error is returned unchanged. Implementations of
     /// [`std::io::Read`] in this crate wrap their errors in this way.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Error, ErrorKind};
+    /// let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
+    /// let error = Error::io("out.dat", full);
+    /// assert_eq!(error.kind(), ErrorKind::Space);
+    /// assert_eq!(error.io_error().map(std::io::Error::kind), Some(std::io::ErrorKind::StorageFull));
+    /// ```
     #[must_use]
     pub fn io(subject: impl fmt::Display, source: std::io::Error) -> Self {
         let source = match source.downcast::<Self>() {
@@ -163,6 +230,13 @@ impl Error {
     }
 
     /// Sets the description of what was found.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Error, ErrorKind};
+    /// let error = Error::new(ErrorKind::Usage, "threads").found(5000);
+    /// assert_eq!(error.to_string(), "threads: found 5000");
+    /// ```
     #[must_use]
     pub fn found(mut self, found: impl fmt::Display) -> Self {
         self.found = found.to_string();
@@ -170,6 +244,13 @@ impl Error {
     }
 
     /// Sets the description of what was expected.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Error, ErrorKind};
+    /// let error = Error::new(ErrorKind::Usage, "threads").expected(format_args!("at most {}", 4096));
+    /// assert_eq!(error.to_string(), "threads: expected at most 4096");
+    /// ```
     #[must_use]
     pub fn expected(mut self, expected: impl fmt::Display) -> Self {
         self.expected = expected.to_string();
@@ -177,6 +258,13 @@ impl Error {
     }
 
     /// Sets the action that solves the problem.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Error, ErrorKind};
+    /// let error = Error::new(ErrorKind::Exists, "out.dat").remedy("choose another name");
+    /// assert_eq!(error.to_string(), "out.dat: choose another name");
+    /// ```
     #[must_use]
     pub fn remedy(mut self, remedy: impl fmt::Display) -> Self {
         self.remedy = remedy.to_string();
@@ -199,6 +287,13 @@ impl Error {
 
     /// Sets the remedy to the element of `names` that is most similar to `word`. If no element is similar enough, the
     /// remedy is unchanged.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Error, ErrorKind};
+    /// let error = Error::new(ErrorKind::Usage, "color").found("gren").with_suggestion("gren", ["red", "green"]);
+    /// assert_eq!(error.to_string(), "color: found gren; did you mean green?");
+    /// ```
     #[must_use]
     pub fn with_suggestion<'a>(self, word: &str, names: impl IntoIterator<Item = &'a str>) -> Self {
         match nearest::nearest(word, names) {
@@ -208,6 +303,12 @@ impl Error {
     }
 
     /// Returns this error with `outer` and a colon before the subject: `outer: subject`.
+    ///
+    /// # Examples
+    /// ```
+    /// let read = |name: &str| spikelane::Geometry::new(0, 250).map_err(|e| e.with_context(name));
+    /// assert_eq!(read("camera.toml").unwrap_err().subject(), "camera.toml: sensor size");
+    /// ```
     #[must_use]
     pub fn with_context(mut self, outer: impl fmt::Display) -> Self {
         self.subject = format!("{outer}: {}", self.subject);
@@ -225,24 +326,50 @@ impl Error {
     }
 
     /// Returns the kind of error.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{ErrorKind, Sensor};
+    /// let error = Sensor::new(400, 250, -1.0).unwrap_err();
+    /// assert_eq!(error.kind(), ErrorKind::Config);
+    /// ```
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {
         self.kind
     }
 
     /// Returns the subject of the error.
+    ///
+    /// # Examples
+    /// ```
+    /// let error = spikelane::Sensor::new(400, 250, -1.0).unwrap_err();
+    /// assert_eq!(error.subject(), "readout rate (Hz)");
+    /// ```
     #[must_use]
     pub fn subject(&self) -> Cow<'_, str> {
         render_settings(&self.subject, &setting::quoted)
     }
 
     /// Returns all parts of the message, with each [`Setting`] in backticks.
+    ///
+    /// # Examples
+    /// ```
+    /// let error = spikelane::Sensor::new(400, 250, -1.0).unwrap_err();
+    /// assert_eq!((&*error.parts().found, &*error.parts().expected), ("-1", "a positive number"));
+    /// ```
     #[must_use]
     pub fn parts(&self) -> ErrorParts<'_> {
         self.render_parts(&setting::quoted)
     }
 
     /// Returns all parts of the message, with the key of each [`Setting`] spelled by `spell`.
+    ///
+    /// # Examples
+    /// ```
+    /// let error = spikelane::Geometry::new(0, 250).unwrap_err();
+    /// let parts = error.render_parts(&|key| format!("{key}="));
+    /// assert_eq!(parts.remedy, "set width= and height= in pixels");
+    /// ```
     #[must_use]
     pub fn render_parts(&self, spell: &dyn Fn(&str) -> String) -> ErrorParts<'_> {
         let render = |part| render_settings(part, spell);
@@ -256,6 +383,14 @@ impl Error {
     }
 
     /// Returns the error of the operating system that caused this error, or `None`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Error, ErrorKind};
+    /// let missing = std::fs::File::open("no/such/file").map_err(|e| Error::io("no/such/file", e)).unwrap_err();
+    /// assert_eq!(missing.io_error().map(|e| e.kind()), Some(std::io::ErrorKind::NotFound));
+    /// assert!(Error::new(ErrorKind::Usage, "width").io_error().is_none());
+    /// ```
     #[must_use]
     pub fn io_error(&self) -> Option<&std::io::Error> {
         self.source.as_ref()
@@ -266,6 +401,13 @@ impl Error {
     /// Returns the message with the key of each [`Setting`] spelled by `spell`.
     ///
     /// Characters of names and files are not escaped; see [`printable`].
+    ///
+    /// # Examples
+    /// ```
+    /// let error = spikelane::Geometry::new(0, 250).unwrap_err();
+    /// let message = error.render(&|key| format!("--{key}"));
+    /// assert!(message.ends_with("set --width and --height in pixels"));
+    /// ```
     #[must_use]
     pub fn render(&self, spell: &dyn Fn(&str) -> String) -> String {
         let mut message = self.subject.clone();
@@ -295,6 +437,14 @@ impl fmt::Display for Error {
 ///
 /// Control characters other than line feeds and tabs are escaped in the form `\u{1b}`. Characters that change the
 /// direction of text and invisible line separators are escaped too.
+///
+/// # Examples
+/// ```
+/// use spikelane::error::printable;
+/// assert_eq!(printable("größe\t光"), "größe\t光");
+/// // A file name must not send commands to the terminal.
+/// assert_eq!(printable("a\u{1b}[2J.dat"), r"a\u{1b}[2J.dat");
+/// ```
 pub fn printable(text: &str) -> Cow<'_, str> {
     let is_unsafe = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')

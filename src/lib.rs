@@ -74,7 +74,7 @@ pub mod unstable;
 
 #[cfg(feature = "image")]
 pub use conversions::gray_image;
-pub use draws::pattern_rng::PatternRng;
+pub use draws::pattern_rng::{PatternRng, PixelRng};
 pub use draws::{RandomStream, Seeds};
 pub use effects::{Camera, Effect};
 pub use error::{Error, ErrorKind, Result};

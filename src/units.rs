@@ -13,6 +13,15 @@ pub(crate) const ELECTRON_FC: f64 = 1.602_176_634e-4;
 pub const BOLTZMANN_J_PER_K: f64 = 1.380_649e-23;
 
 /// The unit in which a parameter is stored.
+///
+/// # Examples
+/// ```
+/// use spikelane::units::Unit;
+/// assert_eq!(Unit::Hertz.parse("20 kHz")?, 20_000.0);
+/// assert_eq!(Unit::Dimensionless.parse("25 %")?, 0.25);
+/// assert_eq!(Unit::Femtofarad.format(4.348), "4.348 fF");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// No dimension: a ratio, a probability or a count.
@@ -42,6 +51,12 @@ type Suffixes = &'static [(&'static str, f64)];
 
 impl Unit {
     /// Returns the symbol of the stored unit, which is empty for [`Unit::Dimensionless`].
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::units::Unit;
+    /// assert_eq!((Unit::Volt.symbol(), Unit::Dimensionless.symbol()), ("V", ""));
+    /// ```
     #[must_use]
     pub fn symbol(self) -> &'static str {
         self.suffixes().first().map_or("", |s| s.0)
@@ -65,6 +80,16 @@ impl Unit {
     /// Parses `text`: a number followed by one of this unit's symbols.
     ///
     /// A dimensionless value has no symbol or the symbol `%`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::units::Unit;
+    /// assert_eq!(Unit::Volt.parse("500 mV")?, 0.5);
+    ///
+    /// let error = Unit::Volt.parse("500").unwrap_err();
+    /// assert_eq!(error.to_string(), "quantity: found \"500\", expected a number with its unit (V, mV, uV, nV)");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Config`] if the number is malformed or not finite, or if its unit is missing or wrong.
@@ -93,6 +118,13 @@ impl Unit {
     }
 
     /// Returns `value` with its symbol, in a form that [`Unit::parse`] reads back exactly.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::units::Unit;
+    /// assert_eq!(Unit::Picoampere.format(0.4442), "0.4442 pA");
+    /// assert_eq!(Unit::Dimensionless.format(0.02), "0.02");
+    /// ```
     #[must_use]
     pub fn format(self, value: f64) -> String {
         match self.symbol() {

@@ -35,6 +35,10 @@ pub mod light {
     pub use crate::light::frame::declared_geometry;
     pub use crate::light::transfer::srgb_byte;
 }
+/// Conversions of single frames, bytes and words of spike bits. These functions do not check lengths.
+pub mod spikes {
+    pub use crate::spikes::bytes::{pack_frame, set_bits, unpack_byte, unpack_frame};
+}
 /// The division of a run into segments.
 pub mod simulate {
     pub use crate::simulate::segments::ends_batch_before;

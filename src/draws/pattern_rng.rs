@@ -10,6 +10,16 @@ use crate::draws::{RandomStream, Seeds};
 ///
 /// The generator reserves [`PatternRng::DRAWS_PER_PIXEL`] outputs for each pixel. [`PatternRng::pixel`] can therefore
 /// jump to any pixel. The values of a pixel do not depend on which pixels are drawn before it.
+///
+/// # Examples
+/// ```
+/// use spikelane::{PatternRng, RandomStream, Seeds};
+/// let seeds = Seeds { camera: 7, ..Seeds::default() };
+/// let mut pattern = PatternRng::new(seeds, RandomStream::from_name("my_effect"));
+/// let normals: Vec<f64> = pattern.normals().take(100).collect();
+/// // The draws of pixel 42 do not depend on the draws of other pixels.
+/// assert_eq!(pattern.pixel(42).normal(), normals[42]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct PatternRng {
     origin: Pcg64,
@@ -21,6 +31,18 @@ impl PatternRng {
     pub const DRAWS_PER_PIXEL: u64 = 4;
 
     /// Returns the draws of `stream` for the camera seed.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{PatternRng, RandomStream, Seeds};
+    /// let normal = |camera| {
+    ///     let seeds = Seeds { camera, ..Seeds::default() };
+    ///     PatternRng::new(seeds, RandomStream::from_name("my_effect")).pixel(0).normal()
+    /// };
+    /// // Each camera has its own fixed pattern.
+    /// assert_eq!(normal(1), normal(1));
+    /// assert_ne!(normal(1), normal(2));
+    /// ```
     #[must_use]
     pub fn new(seeds: Seeds, stream: RandomStream) -> Self {
         let state = u128::from(mix64(seeds.camera)) << 64 | u128::from(mix64(!seeds.camera));
@@ -68,6 +90,19 @@ impl PatternRng {
 }
 
 /// The draws of one pixel.
+///
+/// # Examples
+/// ```
+/// use spikelane::{PatternRng, PixelRng, RandomStream, Seeds};
+/// /// Draws a hot pixel with probability `share`.
+/// fn is_hot(draws: &mut PixelRng<'_>, share: f64) -> bool {
+///     draws.uniform() < share
+/// }
+/// let pattern = PatternRng::new(Seeds::default(), RandomStream::from_name("my_hot_pixels"));
+/// let hot = pattern.per_pixel(|draws| is_hot(draws, 0.1)).take(10_000).filter(|hot| *hot).count();
+/// // A tenth of 10,000 pixels, within five standard deviations of 30 pixels.
+/// assert!((850..1150).contains(&hot));
+/// ```
 #[derive(Debug)]
 pub struct PixelRng<'a> {
     rng: &'a mut Pcg64,

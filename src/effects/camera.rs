@@ -19,6 +19,17 @@ use super::{bias_voltage, dark_current, prnu, saturation_clamp, start_phase};
 /// Measured per-pixel maps. Each map replaces a fixed pattern that effects draw.
 ///
 /// Each map has one value per pixel, row-major, top row first.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Seeds, Sensor, Simulator};
+/// let mut camera = Camera::ideal(Sensor::new(4, 1, 20_000.0)?);
+/// // One value per pixel. Pixel 3 is insensitive.
+/// camera.maps.gain = Some(vec![1.0, 1.0, 0.5, 0.0]);
+/// let spikes = Simulator::new(&camera, Seeds::default())?.run(&[255u8; 4], 2)?;
+/// assert_eq!(spikes.to_dense(), [1, 1, 0, 0, 1, 1, 1, 0]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Maps {
     /// Conversion gain relative to the nominal one.
@@ -32,6 +43,19 @@ pub struct Maps {
 }
 
 /// A sensor with its effects, measured maps and front end.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Sensor, effects};
+/// let camera = Camera::ideal(Sensor::new(64, 48, 20_000.0)?)
+///     .with_effect(effects::find("shot_noise")?.typical())
+///     .with_effect(effects::find("prnu")?.neutral().with_value("sigma", 0.02)?);
+/// // The order of the effects does not depend on the order of the calls.
+/// assert_eq!(camera.effects().iter().map(|effect| effect.name()).collect::<Vec<_>>(), ["prnu", "shot_noise"]);
+/// assert!(camera.effect("dark_current").is_none());
+/// assert!(camera.without_effect("prnu").effect("prnu").is_none());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Name in reports.
@@ -57,6 +81,16 @@ const PATTERN_BYTES_PER_PIXEL: usize = 16 * size_of::<f64>();
 
 impl Camera {
     /// Returns a camera without imperfections whose pixels start without charge.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Seeds, Sensor, Simulator};
+    /// let camera = Camera::ideal(Sensor::new(4, 2, 20_000.0)?);
+    /// // A third of full scale: all pixels fire together at every third readout.
+    /// let spikes = Simulator::new(&camera, Seeds::default())?.run(&[85u8; 8], 9)?;
+    /// assert_eq!(spikes.as_bytes(), [0, 0, 0xff, 0, 0, 0xff, 0, 0, 0xff]);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn ideal(sensor: Sensor) -> Self {
         Self {
@@ -104,6 +138,17 @@ impl Camera {
 
     /// Returns the noise-free twin of this camera. It has the same sensor, saturation clamp and start phase, but no other
     /// effect.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Sensor, effects};
+    /// let camera = Camera::ideal(Sensor::new(64, 48, 20_000.0)?)
+    ///     .with_effect(effects::find("start_phase")?.typical())
+    ///     .with_effect(effects::find("shot_noise")?.typical());
+    /// let twin = camera.clean_twin();
+    /// assert_eq!(twin.effects(), [effects::find("start_phase")?.typical()]);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn clean_twin(&self) -> Self {
         let mut twin = Self::ideal(self.sensor);
@@ -123,6 +168,23 @@ impl Camera {
     }
 
     /// Hashes the exact value of every property that affects the recorded bits. `name` and `source` are excluded.
+    ///
+    /// # Examples
+    /// ```
+    /// use std::hash::{DefaultHasher, Hasher};
+    /// use spikelane::{Camera, Sensor};
+    /// let hash = |camera: &Camera| {
+    ///     let mut hasher = DefaultHasher::new();
+    ///     camera.hash_exactly(&mut hasher);
+    ///     hasher.finish()
+    /// };
+    /// let camera = Camera::ideal(Sensor::new(64, 48, 20_000.0)?);
+    /// let mut renamed = camera.clone();
+    /// renamed.name = "another name".into();
+    /// assert_eq!(hash(&renamed), hash(&camera));
+    /// assert_ne!(hash(&Camera::ideal(Sensor::new(64, 48, 20_001.0)?)), hash(&camera));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     pub fn hash_exactly(&self, into: &mut impl Hasher) {
         let Self { name: _, source: _, sensor, front_end: light, effects, maps, window } = self;
         // `Debug` writes every float with enough digits to distinguish it from all other floats.
@@ -141,6 +203,18 @@ impl Camera {
     /// Returns the operating point of a nominal pixel.
     ///
     /// `increment` is the mean charge per readout in nominal thresholds, including the charge of the dark current.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Sensor, effects};
+    /// // 4.783 fC is a threshold. A dark current of 1 pA adds 0.05 fC in a readout of 50 us.
+    /// let dark = effects::find("dark_current")?.neutral().with_text("mean", "1 pA")?;
+    /// let camera = Camera::ideal(Sensor::new(64, 48, 20_000.0)?).with_effect(dark);
+    /// let point = camera.operating_point(0.2);
+    /// assert!((point.from_dark - 0.05 / 4.783).abs() < 1e-5);
+    /// assert_eq!(point.from_light, 0.2 - point.from_dark);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn operating_point(&self, increment: f64) -> OperatingPoint {
         let mut circuit = Circuit::without_maps(&self.sensor);
@@ -161,6 +235,17 @@ impl Camera {
     }
 
     /// Draws the fixed pattern of `seeds.camera` and collects the operations of all effects.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Seeds, Sensor, effects};
+    /// let prnu = effects::find("prnu")?.neutral().with_value("sigma", 0.02)?;
+    /// let camera = Camera::ideal(Sensor::new(100, 100, 20_000.0)?).with_effect(prnu);
+    /// let model = camera.model(Seeds { camera: 7, ..Seeds::default() })?;
+    /// let variance = model.circuit.gain.iter().map(|gain| (gain - 1.0).powi(2)).sum::<f64>() / 10_000.0;
+    /// assert!((variance.sqrt() - 0.02).abs() < 0.001);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Config`] if

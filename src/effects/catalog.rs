@@ -10,6 +10,16 @@ use super::definition::{Definition, Param, ParamKind};
 /// A catalog contains the effects of this library ([`ALL`]) first, then the added effects in the order of addition.
 /// Functions that read cameras or diagnose sensors require a catalog, for example [`Catalog::load`] and
 /// `crate::diagnose::DiagnoseOptions`. The simulation of a camera requires no catalog.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::{self, Catalog, Definition};
+/// static GLOW: Definition = Definition::new("glow", "Electronics shine on the pixels.", "an example", &[]);
+/// let catalog = Catalog::new().with_definition(&GLOW)?;
+/// assert_eq!(catalog.find("glow")?.summary, "Electronics shine on the pixels.");
+/// assert_eq!(catalog.all().count(), effects::ALL.len() + 1);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Catalog {
     extra_definitions: Vec<&'static Definition>,
@@ -17,12 +27,27 @@ pub struct Catalog {
 
 impl Catalog {
     /// Returns a catalog with the effects of this library only.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::{self, Catalog};
+    /// assert!(Catalog::new().all().eq(effects::ALL.iter().copied()));
+    /// ```
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
     /// Returns this catalog with `definition` added. A catalog that already contains `definition` is unchanged.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::{Catalog, Definition};
+    /// static SECOND_PRNU: Definition = Definition::new("prnu", "A name that the library uses.", "an example", &[]);
+    /// let error = Catalog::new().with_definition(&SECOND_PRNU).unwrap_err();
+    /// assert_eq!(error.kind(), spikelane::ErrorKind::Config);
+    /// assert_eq!(error.parts().remedy, "rename your effect");
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Config`] if another effect has the same name, or if the definition contradicts itself. A
@@ -110,6 +135,16 @@ fn check_values(param: &Param) -> Result<()> {
 }
 
 /// Returns the effect of this library called `name`.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects;
+/// assert_eq!(effects::find("flicker")?.params.len(), 3);
+///
+/// let error = effects::find("fliker").unwrap_err();
+/// assert_eq!(error.parts().remedy, "did you mean flicker?");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// Returns [`ErrorKind::Config`] if no effect is called `name`. The error lists the names of all effects.

@@ -5,6 +5,17 @@ use crate::spikes::Geometry;
 use crate::units::ELECTRON_FC;
 
 /// Circuit constants per pixel, row-major, top row first. Each map has one value per pixel.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::circuit::Circuit;
+/// let mut circuit = Circuit::nominal(&spikelane::Sensor::new(4, 1, 20_000.0)?);
+/// // An effect edits the maps, for example the gain of the last column.
+/// circuit.gain[3] *= 0.9;
+/// assert_eq!(circuit.gain, [1.0, 1.0, 1.0, 0.9]);
+/// assert_eq!(circuit.capacitance_ff, [4.348; 4]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Circuit {
     /// Width and height.
@@ -36,6 +47,16 @@ pub struct Circuit {
 
 impl Circuit {
     /// Returns a circuit in which every pixel is nominal.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::circuit::Circuit;
+    /// let sensor = spikelane::Sensor::new(64, 48, 20_000.0)?;
+    /// let circuit = Circuit::nominal(&sensor);
+    /// assert!(circuit.swing_v.iter().all(|swing| *swing == sensor.swing_v));
+    /// assert!(circuit.dark_pa.iter().all(|current| *current == 0.0));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn nominal(sensor: &Sensor) -> Self {
         let n = sensor.geometry.pixels();
@@ -68,6 +89,13 @@ impl Circuit {
     }
 
     /// Returns the number of pixels.
+    ///
+    /// # Examples
+    /// ```
+    /// let circuit = spikelane::effects::Circuit::nominal(&spikelane::Sensor::new(64, 48, 20_000.0)?);
+    /// assert_eq!(circuit.pixels(), 64 * 48);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn pixels(&self) -> usize {
         self.geometry.pixels()
@@ -76,12 +104,27 @@ impl Circuit {
     /// Returns the nominal threshold in femtocoulombs.
     ///
     /// Full-scale light adds this charge per readout if the sensitivity is 1.
+    ///
+    /// # Examples
+    /// ```
+    /// let circuit = spikelane::effects::Circuit::nominal(&spikelane::Sensor::new(64, 48, 20_000.0)?);
+    /// assert_eq!(circuit.threshold_fc(), 4.348 * 1.1); // fF times V
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn threshold_fc(&self) -> f64 {
         self.nominal_ff * self.nominal_v
     }
 
     /// Returns the number of electrons in a nominal threshold.
+    ///
+    /// # Examples
+    /// ```
+    /// let circuit = spikelane::effects::Circuit::nominal(&spikelane::Sensor::new(64, 48, 20_000.0)?);
+    /// // 4.783 fC divided by 1.602e-4 fC.
+    /// assert_eq!(circuit.electrons().round(), 29_852.0);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn electrons(&self) -> f64 {
         self.threshold_fc() / ELECTRON_FC
@@ -90,12 +133,28 @@ impl Circuit {
     /// Converts a current in picoamperes to nominal thresholds per readout.
     ///
     /// The charge is `current_pa * period_s * 1e3` femtocoulombs, because 1 pA during 1 ms is 1 fC.
+    ///
+    /// # Examples
+    /// ```
+    /// let circuit = spikelane::effects::Circuit::nominal(&spikelane::Sensor::new(64, 48, 20_000.0)?);
+    /// // A current that fills the threshold in 100 readouts of 50 us.
+    /// let current_pa = circuit.threshold_fc() / (100.0 * 0.05);
+    /// assert!((circuit.thresholds_per_readout(current_pa) - 0.01).abs() < 1e-12);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn thresholds_per_readout(&self, current_pa: f64) -> f64 {
         current_pa * self.period_s * 1e3 / self.threshold_fc()
     }
 
     /// Multiplies each of `values` by `1 + sigma z`, where `z` is the standard normal value of its pixel.
+    ///
+    /// # Examples
+    /// ```
+    /// let mut gains = [1.0, 1.0, 2.0];
+    /// spikelane::effects::Circuit::apply_spread(&mut gains, 0.25, &[1.0, -1.0, 2.0]);
+    /// assert_eq!(gains, [1.25, 0.75, 3.0]);
+    /// ```
     pub fn apply_spread(values: &mut [f64], sigma: f64, normals: &[f64]) {
         for (value, z) in values.iter_mut().zip(normals) {
             *value *= 1.0 + sigma * z;

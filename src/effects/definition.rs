@@ -13,9 +13,33 @@ pub use super::param::{Param, ParamKind};
 pub use super::search_spec::{SearchScale, SearchSpec};
 
 /// The values of an effect's parameters, in the order of [`Definition::params`].
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::definition::Values;
+/// use spikelane::{Sensor, effects, pixel::Op};
+/// /// Returns the operations of a leak whose only parameter is the share of the charge per readout.
+/// fn ops(values: Values<'_>, _: &Sensor) -> Vec<Op> {
+///     vec![Op::Leak { fraction: values[0] }]
+/// }
+/// let leak = effects::find("leak")?.typical();
+/// let sensor = Sensor::new(8, 1, 20_000.0)?;
+/// assert_eq!(ops(leak.values(), &sensor), (leak.definition().ops)(leak.values(), &sensor));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 pub type Values<'a> = &'a [f64];
 
 /// The conditions for which moments are predicted: a nominal pixel with a given mean increment per readout.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Sensor};
+/// let point = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).operating_point(0.25);
+/// // Without dark current, a quarter of full scale adds a quarter of a threshold per readout.
+/// assert_eq!((point.light, point.from_light, point.from_dark), (0.25, 0.25, 0.0));
+/// assert_eq!((point.swing_v, point.period_s), (1.1, 50e-6));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct OperatingPoint {
@@ -38,6 +62,17 @@ pub struct OperatingPoint {
 impl OperatingPoint {
     /// Returns the mean charge per readout in nominal thresholds. Below saturation it equals the ideal rate in spikes per
     /// readout.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Sensor, effects};
+    /// let dark = effects::find("dark_current")?.typical();
+    /// let camera = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).with_effect(dark);
+    /// let point = camera.operating_point(0.25);
+    /// assert!(point.from_dark > 0.0);
+    /// assert!((point.increment() - 0.25).abs() < 1e-12);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn increment(&self) -> f64 {
         self.from_light + self.from_dark
@@ -45,6 +80,19 @@ impl OperatingPoint {
 }
 
 /// The changes of the spike statistics that an effect causes, to lowest order in the strength of the effect.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::{Moments, OperatingPoint};
+/// /// Predicts the moments of a light leak that adds `values[0]` thresholds per readout.
+/// fn moments(values: &[f64], _: &OperatingPoint) -> Option<Moments> {
+///     Some(Moments::default().with_rate(values[0]))
+/// }
+/// let point = spikelane::Camera::ideal(spikelane::Sensor::new(8, 1, 20_000.0)?).operating_point(0.25);
+/// let predicted = moments(&[0.01], &point).expect("a closed form");
+/// assert_eq!((predicted.rate, predicted.spatial_variance), (0.01, 0.0));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Moments {
@@ -62,6 +110,12 @@ pub struct Moments {
 
 impl Moments {
     /// Returns these moments with `rate` as the added rate, in spikes per readout.
+    ///
+    /// # Examples
+    /// ```
+    /// let moments = spikelane::effects::Moments::default().with_rate(-0.01);
+    /// assert_eq!((moments.rate, moments.phase_variance), (-0.01, 0.0));
+    /// ```
     #[must_use]
     pub fn with_rate(self, rate: f64) -> Self {
         Self { rate, ..self }
@@ -69,12 +123,26 @@ impl Moments {
 
     /// Returns these moments with `phase_variance` as the added variance of the charge between two spikes, in thresholds
     /// squared.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::Moments;
+    /// // Independent noise of the threshold: the variances of two sources add.
+    /// let moments = Moments::default().with_phase_variance(0.3f64.powi(2) + 0.4f64.powi(2));
+    /// assert_eq!(moments.phase_variance, 0.25);
+    /// ```
     #[must_use]
     pub fn with_phase_variance(self, phase_variance: f64) -> Self {
         Self { phase_variance, ..self }
     }
 
     /// Returns these moments with `spatial_variance` as the added variance of the relative rate between pixels.
+    ///
+    /// # Examples
+    /// ```
+    /// let moments = spikelane::effects::Moments::default().with_spatial_variance(0.25);
+    /// assert_eq!((moments.rate, moments.spatial_variance), (0.0, 0.25));
+    /// ```
     #[must_use]
     pub fn with_spatial_variance(self, spatial_variance: f64) -> Self {
         Self { spatial_variance, ..self }
@@ -85,6 +153,15 @@ impl Moments {
 ///
 /// Such an effect changes some readouts or some pixels and leaves the others unchanged. A recording with only a few
 /// events contains almost no information about the effect.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::{self, EventKind};
+/// assert_eq!(effects::find("dropped_readouts")?.event_kind, Some(EventKind::DroppedReadouts));
+/// assert_eq!(effects::find("hot_pixels")?.event_kind, Some(EventKind::Pixels));
+/// assert_eq!(effects::find("shot_noise")?.event_kind, None);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventKind {
     /// Whole readouts are lost. A diagnosis locates the lost readouts.
@@ -96,12 +173,47 @@ pub enum EventKind {
 }
 
 /// A function that edits the circuit of every pixel once. The edit does not slow down the readouts.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::Circuit;
+/// use spikelane::effects::definition::{Definition, EditFn};
+/// use spikelane::{Camera, Seeds, Sensor};
+/// const SHADE_FIRST_ROW: EditFn = |_, sensor, circuit: &mut Circuit, _| {
+///     circuit.gain[..sensor.geometry.width()].fill(0.5);
+/// };
+/// static SHADE: Definition = Definition::new("shade", "A shadow.", "an example", &[]).with_edit(SHADE_FIRST_ROW);
+/// let camera = Camera::ideal(Sensor::new(2, 2, 20_000.0)?).with_effect(SHADE.typical());
+/// assert_eq!(camera.model(Seeds::default())?.circuit.gain, [0.5, 0.5, 1.0, 1.0]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 pub type EditFn = fn(Values<'_>, &Sensor, &mut Circuit, &mut PatternRng);
 
 /// Returns the operations that the simulator executes at every readout.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::definition::OpsFn;
+/// use spikelane::{Sensor, pixel::Op};
+/// // A leak of 20 % per second.
+/// const LEAK: OpsFn = |_, sensor| vec![Op::Leak { fraction: 0.2 * sensor.period_s() }];
+/// assert_eq!(LEAK(&[], &Sensor::new(8, 1, 20_000.0)?), [Op::Leak { fraction: 1e-5 }]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 pub type OpsFn = fn(Values<'_>, &Sensor) -> Vec<Op>;
 
 /// A function that predicts how an effect changes the spike statistics. It returns `None` if there is no closed form.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::Moments;
+/// use spikelane::effects::definition::MomentsFn;
+/// // A factor of the light changes the rate in proportion to the charge of the light.
+/// const DIMMED: MomentsFn = |values, at| Some(Moments::default().with_rate(-values[0] * at.from_light));
+/// let point = spikelane::Camera::ideal(spikelane::Sensor::new(8, 1, 20_000.0)?).operating_point(0.25);
+/// assert_eq!(DIMMED(&[0.5], &point).map(|moments| moments.rate), Some(-0.125));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 pub type MomentsFn = fn(Values<'_>, &OperatingPoint) -> Option<Moments>;
 
 /// The definition of an effect, which is the extension point of the model.
@@ -191,6 +303,15 @@ impl Definition {
     ///
     /// `name` consists of lowercase letters, digits and `_`. `summary` is one sentence that describes the physics, and
     /// `source` is the source of the formula.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::Definition;
+    /// static NOTHING: Definition = Definition::new("nothing", "It changes nothing.", "an example", &[]);
+    /// assert!(NOTHING.typical().is_neutral());
+    /// assert!(NOTHING.typical().is_fixed_pattern(&spikelane::Sensor::new(8, 1, 20_000.0)?));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn new(
         name: &'static str,
@@ -215,6 +336,26 @@ impl Definition {
     }
 
     /// Returns this effect with a function that edits the circuit of every pixel.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::{Circuit, Definition, Param};
+    /// use spikelane::units::Unit;
+    /// use spikelane::{Camera, PatternRng, Seeds, Sensor};
+    ///
+    /// /// Draws one gain per pixel.
+    /// fn edit(values: &[f64], _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
+    ///     for (gain, normal) in circuit.gain.iter_mut().zip(pattern.normals()) {
+    ///         *gain *= 1.0 + values[0] * normal;
+    ///     }
+    /// }
+    /// const SIGMA: Param = Param::number("sigma", Unit::Dimensionless, (0.0, 0.5), 0.0, 0.02, "spread of gain");
+    /// static SPREAD: Definition = Definition::new("spread", "Gains differ.", "an example", &[SIGMA]).with_edit(edit);
+    ///
+    /// let camera = Camera::ideal(Sensor::new(64, 48, 20_000.0)?).with_effect(SPREAD.neutral());
+    /// assert!(camera.model(Seeds::default())?.circuit.gain.iter().all(|gain| *gain == 1.0));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn with_edit(mut self, edit: EditFn) -> Self {
         self.edit = edit;
@@ -222,6 +363,17 @@ impl Definition {
     }
 
     /// Returns this effect with a function that returns the operations of every readout.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Seeds, Sensor, Simulator, effects::Definition, pixel::Op};
+    /// // Every spike is lost in the readout circuit.
+    /// static MUTE: Definition = Definition::new("mute", "No spike is reported.", "an example", &[])
+    ///     .with_ops(|_, _| vec![Op::Flip { missed_spikes: 1.0, false_spikes: 0.0 }]);
+    /// let camera = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).with_effect(MUTE.typical());
+    /// assert_eq!(Simulator::new(&camera, Seeds::default())?.run(&[255u8; 8], 10)?.spikes(), 0);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn with_ops(mut self, ops: OpsFn) -> Self {
         self.ops = ops;
@@ -229,6 +381,16 @@ impl Definition {
     }
 
     /// Returns this effect with a function that predicts its moments.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::{Definition, Moments};
+    /// static MUTE: Definition = Definition::new("mute", "No spike is reported.", "an example", &[])
+    ///     .with_moments(|_, at| Some(Moments::default().with_rate(-at.increment())));
+    /// let point = spikelane::Camera::ideal(spikelane::Sensor::new(8, 1, 20_000.0)?).operating_point(0.25);
+    /// assert_eq!(MUTE.typical().moments(&point).map(|moments| moments.rate), Some(-0.25));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn with_moments(mut self, moments: MomentsFn) -> Self {
         self.moments = moments;
@@ -236,6 +398,14 @@ impl Definition {
     }
 
     /// Marks this effect as one that a static scene under unknown light cannot distinguish from the scene or the light level.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects;
+    /// // Under unknown light, dark corners can be a property of the scene.
+    /// assert!(effects::find("vignetting")?.is_scene_like);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn scene_like(mut self) -> Self {
         self.is_scene_like = true;
@@ -243,6 +413,14 @@ impl Definition {
     }
 
     /// Marks this effect as invisible below an onset strength and fast-growing above the onset strength.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects;
+    /// // A limit of the stored charge has no effect until a pixel reaches the limit.
+    /// assert!(effects::find("saturation_clamp")?.has_onset);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn with_onset(mut self) -> Self {
         self.has_onset = true;
@@ -250,6 +428,14 @@ impl Definition {
     }
 
     /// Marks the parameter of this effect as part of the base model.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects;
+    /// // The base model of a diagnosis includes the dead time.
+    /// assert!(effects::find("dead_time")?.is_base_model);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn in_base_model(mut self) -> Self {
         self.is_base_model = true;
@@ -257,6 +443,13 @@ impl Definition {
     }
 
     /// Marks this effect as one that changes how statistics depend on the spreads of gain, dark current and threshold.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects;
+    /// assert!(effects::find("gain_dark_correlation")?.couples_spreads);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn with_coupled_spreads(mut self) -> Self {
         self.couples_spreads = true;
@@ -264,6 +457,14 @@ impl Definition {
     }
 
     /// Marks this effect as one that consists of discrete events.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::{Definition, EventKind};
+    /// static LOSS: Definition = Definition::new("loss", "Readouts are lost.", "an example", &[])
+    ///     .with_event_kind(EventKind::DroppedReadouts);
+    /// assert_eq!(LOSS.event_kind, Some(EventKind::DroppedReadouts));
+    /// ```
     #[must_use]
     pub const fn with_event_kind(mut self, events: EventKind) -> Self {
         self.event_kind = Some(events);
@@ -273,17 +474,42 @@ impl Definition {
     /// Returns the parameters that a diagnosis searches. The amplitude is the first parameter.
     ///
     /// The result is empty for an effect that a diagnosis never searches.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects;
+    /// let keys: Vec<_> = effects::find("flicker")?.searched_params().map(|(param, _)| param.key).collect();
+    /// // The amplitude is the first key. A diagnosis does not search the phase.
+    /// assert_eq!(keys, ["depth", "frequency_hz"]);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     pub fn searched_params(&self) -> impl Iterator<Item = (&'static Param, SearchSpec)> + use<> {
         self.params.iter().filter_map(|p| Some((p, p.search?)))
     }
 
     /// Returns the random stream of this effect's fixed pattern.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{RandomStream, effects};
+    /// assert_eq!(effects::find("prnu")?.stream(), RandomStream::from_name("prnu"));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn stream(&self) -> RandomStream {
         RandomStream::from_name(self.name)
     }
 
     /// Returns the index of parameter `key` in [`Definition::params`].
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects;
+    /// let flicker = effects::find("flicker")?;
+    /// assert_eq!(flicker.param_index("phase")?, 2);
+    /// assert_eq!(flicker.param_index("phas").unwrap_err().parts().remedy, "did you mean phase?");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Config`] if the effect has no parameter `key`. The error lists the keys of all parameters.

@@ -10,6 +10,17 @@ use super::circuit::Circuit;
 ///
 /// Each term is a pair of widths. The first width is in units of the pixel's own threshold, and the second width is in
 /// nominal thresholds.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Seeds, Sensor, effects};
+/// let phase = effects::find("start_phase")?.neutral().with_value("share", 1.0)?;
+/// let camera = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).with_effect(phase);
+/// let phases = camera.model(Seeds::default())?.start_phases();
+/// // The charge is uniform from 0 to the pixel's own threshold, here 1.5 nominal thresholds.
+/// assert_eq!([0.0, 0.5].map(|u| phases.charge(1.5, u, 0.0)), [0.0, 0.75]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StartPhases(Vec<(f64, f64)>);
 
@@ -34,6 +45,17 @@ impl StartPhases {
 }
 
 /// A camera whose fixed pattern has been drawn. Plans are compiled from a model.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Seeds, Sensor, effects};
+/// let dead = effects::find("dead_pixels")?.neutral().with_value("fraction", 1.0)?;
+/// let model = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).with_effect(dead).model(Seeds::default())?;
+/// assert_eq!(model.circuit.pixels(), 8);
+/// // Dead pixels collect no charge, whatever the light.
+/// assert_eq!((model.law(3).gain, model.law(3).dark), (0.0, 0.0));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     /// The circuit constants of every pixel.

@@ -9,6 +9,16 @@ use super::search_spec::SearchSpec;
 const UNLIMITED_WORD: &str = "unlimited";
 
 /// The type of a parameter's value.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::definition::ParamKind;
+/// use spikelane::{effects, units::Unit};
+/// let params = effects::find("dark_current")?.params;
+/// assert_eq!(params[0].kind, ParamKind::Number { unit: Unit::Picoampere, low: -1e3, high: 1e6 });
+/// assert_eq!(params[2].kind, ParamKind::Choice(&["kept", "zero"]));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ParamKind {
     /// A number with a unit, in `[low, high]`.
@@ -25,6 +35,17 @@ pub enum ParamKind {
 }
 
 /// A parameter of an effect, created with [`Param::number`] or [`Param::choice`].
+///
+/// # Examples
+/// ```
+/// use spikelane::effects;
+/// // The parameters of all effects that are voltages.
+/// let voltages = effects::ALL.iter().flat_map(|effect| effect.params).filter(|param| param.range().ends_with(" V"));
+/// for param in voltages {
+///     assert_eq!(param.parse(&param.format(param.typical))?, param.typical, "{}", param.key);
+/// }
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Param {
@@ -51,6 +72,18 @@ pub struct Param {
 
 impl Param {
     /// Returns a number with its unit, bounds, neutral and typical value.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{effects::Param, units::Unit};
+    /// const DEPTH: Param = Param::number("depth", Unit::Volt, (0.0, 0.5), 0.0, 0.01, "depth of the dip");
+    /// assert_eq!(DEPTH.range(), "0 V to 0.5 V");
+    /// assert_eq!(DEPTH.parse("20 mV")?, 0.02);
+    ///
+    /// let error = DEPTH.parse("600 mV").unwrap_err();
+    /// assert_eq!(error.to_string(), "depth: found 0.6 V, expected 0 V to 0.5 V");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn number(
         key: &'static str,
@@ -73,6 +106,17 @@ impl Param {
 
     /// Returns a parameter whose value is one of `words`. The first word is the neutral value, and `typical` is the
     /// index of a word.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::Param;
+    /// const EDGE: Param = Param::choice("edge", &["none", "left", "right"], 1, "affected edge of the sensor");
+    /// // The stored value is the index of the word.
+    /// assert_eq!(EDGE.parse("right")?, 2.0);
+    /// assert_eq!(EDGE.format(EDGE.typical), "left");
+    /// assert_eq!(EDGE.range(), "none or left or right");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub const fn choice(
         key: &'static str,

@@ -12,6 +12,20 @@ impl Camera {
     /// sensor. Pixels outside `crop` do not affect pixels inside `crop`. `maps` still contains the maps of the whole
     /// sensor. If this camera is a window, the result is a window of the same whole sensor.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::spikes::Crop;
+    /// use spikelane::{Camera, Geometry, Seeds, Sensor, effects};
+    /// let camera = Camera::ideal(Sensor::new(400, 250, 20_000.0)?).with_effect(effects::find("prnu")?.typical());
+    /// let crop = Crop { row: 100, col: 200, width: 32, height: 24 };
+    /// let part = camera.window(crop)?;
+    /// assert_eq!(part.sensor.geometry, Geometry::new(32, 24)?);
+    /// // The pixels have the gains that they have in the whole sensor.
+    /// let gains = |camera: &Camera| camera.model(Seeds::default()).map(|model| model.circuit.gain);
+    /// assert_eq!(gains(&part)?, crop.pick(camera.sensor.geometry, &gains(&camera)?));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within this camera.
     /// Returns the errors of [`Self::whole_sensor`].
@@ -30,6 +44,17 @@ impl Camera {
     /// Returns the whole sensor of which this camera is a window, and the rectangle of the window.
     ///
     /// Returns `None` if this camera is not a window.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::spikes::Crop;
+    /// use spikelane::{Camera, Sensor};
+    /// let camera = Camera::ideal(Sensor::new(400, 250, 20_000.0)?);
+    /// let crop = Crop { row: 100, col: 200, width: 32, height: 24 };
+    /// assert_eq!(camera.window(crop)?.whole_sensor()?, Some((camera.clone(), crop)));
+    /// assert_eq!(camera.whole_sensor()?, None);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Config`] if the size of the sensor was changed after the window was cut.

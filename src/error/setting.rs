@@ -40,6 +40,14 @@ pub(super) fn quoted(key: &str) -> String {
 ///
 /// A file name may contain the enclosing characters too. The text between them is replaced only if it has the form of a
 /// key.
+///
+/// # Examples
+/// ```
+/// use spikelane::error::{Setting, render_settings};
+/// let text = format!("{} has no effect on still images", Setting("frame_rate"));
+/// let flag = |key: &str| format!("--{}", key.replace('_', "-"));
+/// assert_eq!(render_settings(&text, &flag), "--frame-rate has no effect on still images");
+/// ```
 pub fn render_settings<'a>(text: &'a str, spell: &dyn Fn(&str) -> String) -> Cow<'a, str> {
     if !text.contains(BEGIN) {
         return Cow::Borrowed(text);

@@ -3,6 +3,21 @@ use std::str::FromStr;
 use crate::error::{Error, ErrorKind, Result};
 
 /// An implementation of the kernels. All backends return equal bits, but their speed differs.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Backend, Camera, Sensor, SimulatorOptions};
+/// assert_eq!("portable".parse::<Backend>()?, Backend::Portable);
+/// assert_eq!(Backend::Sse41.to_string(), "sse4.1");
+///
+/// // The bits do not depend on the instruction set.
+/// let camera = Camera::ideal(Sensor::new(32, 24, 20_000.0)?);
+/// let record = |backend| SimulatorOptions::new().backend(backend).build(&camera)?.run(&[40u8; 32 * 24], 10);
+/// for backend in Backend::ALL.into_iter().filter(|backend| backend.is_available()) {
+///     assert_eq!(record(backend)?, record(Backend::Reference)?);
+/// }
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Backend {
     /// Plain scalar loops, used as the reference in tests of the other backends.
@@ -54,6 +69,17 @@ impl Backend {
 
     /// Returns the backend that the environment variable `SPIKELANE_BACKEND` names, or `None` if the variable is not set.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Backend;
+    /// if let Some(backend) = Backend::from_environment()?
+    ///     && backend.is_available()
+    /// {
+    ///     assert_eq!(Backend::best(), backend);
+    /// }
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if no backend has this name.
     pub fn from_environment() -> Result<Option<Self>> {
@@ -63,6 +89,11 @@ impl Backend {
 
     /// Returns the backend that the environment variable `SPIKELANE_BACKEND` names, if the CPU can run this backend.
     /// Otherwise returns the fastest backend of this CPU.
+    ///
+    /// # Examples
+    /// ```
+    /// assert!(spikelane::Backend::best().is_available());
+    /// ```
     #[must_use]
     pub fn best() -> Self {
         let forced = Self::from_environment().ok().flatten().filter(|b| b.is_available());

@@ -7,6 +7,19 @@ use crate::kernels::modulation::Modulation;
 use crate::plan::{Plan, SimulatorState};
 
 /// The linear light of one frame as one value per pixel, row-major, top row first.
+///
+/// # Examples
+/// ```
+/// use spikelane::simulate::Samples;
+/// use spikelane::{Camera, Seeds, Sensor, Simulator};
+/// let camera = Camera::ideal(Sensor::new(8, 1, 20_000.0)?);
+/// // The same light, 2/5 of full scale, in three types of samples.
+/// for samples in [Samples::U8(&[102; 8]), Samples::U16(&[26214; 8]), Samples::F32(&[0.4; 8])] {
+///     assert_eq!(samples.len(), 8);
+///     assert_eq!(Simulator::new(&camera, Seeds::default())?.run(samples, 6)?.spikes(), 2 * 8);
+/// }
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Samples<'a> {
     /// 255 is full scale.

@@ -10,6 +10,15 @@ use crate::spikes::MAX_PIXELS;
 /// The light of the pixels of a frame as linear samples, row-major, top row first.
 ///
 /// A sample is proportional to the light. Full scale is 255, 65535 or 1.0. Only `F32` can store light above full scale.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::OwnedSamples;
+/// use spikelane::simulate::Samples;
+/// let samples = OwnedSamples::U8(vec![0, 128, 255]);
+/// assert_eq!(samples.len(), 3);
+/// assert_eq!(samples.as_samples(), Samples::U8(&[0, 128, 255]));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum OwnedSamples {
     /// Full scale is 255.
@@ -49,6 +58,19 @@ impl OwnedSamples {
 }
 
 /// A frame of linear light. Its samples have been validated.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane::light::{Frame, OwnedSamples};
+/// let frame = Frame::new(Geometry::new(2, 1)?, OwnedSamples::U8(vec![51, 255]))?;
+/// assert_eq!((frame.get(0, 0), frame.max()), (0.2, 1.0));
+/// assert_eq!(frame.to_f32(), [0.2, 1.0]);
+///
+/// let negative = Frame::new(Geometry::new(2, 1)?, OwnedSamples::F32(vec![0.5, -0.5])).unwrap_err();
+/// assert_eq!(negative.subject(), "pixel row 0, col 1");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     geometry: Geometry,
@@ -84,6 +106,14 @@ impl Frame {
     }
 
     /// Returns a frame without light, for example as the first argument of [`Source::next_frame`].
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, light::Frame};
+    /// let frame = Frame::dark(Geometry::new(64, 48)?);
+    /// assert_eq!((frame.samples().len(), frame.max()), (64 * 48, 0.0));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn dark(geometry: Geometry) -> Self {
         Self { geometry, samples: OwnedSamples::U8(vec![0; geometry.pixels()]) }
@@ -145,6 +175,18 @@ impl Frame {
     ///
     /// If both frames have integer samples, the result has 16-bit samples, rounded to nearest. Otherwise it has floats.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane::light::{Frame, OwnedSamples};
+    /// let geometry = Geometry::new(2, 1)?;
+    /// let dark = Frame::dark(geometry);
+    /// let bright = Frame::new(geometry, OwnedSamples::F32(vec![1.0, 2.0]))?;
+    /// assert_eq!(Frame::blend(&dark, &bright, 0.25)?.to_f32(), [0.25, 0.5]);
+    /// assert_eq!(Frame::blend(&dark, &bright, 1.5).unwrap_err().kind(), spikelane::ErrorKind::Usage);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if the sizes differ or if `weight` is outside 0 to 1.
     pub fn blend(a: &Self, b: &Self, weight: f32) -> Result<Self> {
@@ -205,6 +247,41 @@ fn check_light(geometry: Geometry, values: &[f32]) -> Result<()> {
 /// A sequence of frames of linear light at the camera's size.
 ///
 /// If the sample type of the input changes from frame to frame, the sample type of the returned frames changes too.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{Frame, OwnedSamples, Rate, Source};
+/// use spikelane::{Geometry, Result};
+///
+/// /// A flash: one bright frame, then darkness.
+/// struct Flash(u64);
+///
+/// impl Source for Flash {
+///     fn geometry(&self) -> Geometry {
+///         Geometry::new(4, 2).expect("a valid size")
+///     }
+///     fn frames(&self) -> Option<u64> {
+///         None
+///     }
+///     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
+///         let light = if self.0 == 0 { 1.0 } else { 0.0 };
+///         *into = Frame::new(self.geometry(), OwnedSamples::F32(vec![light; self.geometry().pixels()]))?;
+///         self.0 += 1;
+///         Ok(true)
+///     }
+///     fn rate(&self) -> Option<Rate> {
+///         None
+///     }
+///     fn describe(&self) -> String {
+///         "a flash".into()
+///     }
+/// }
+///
+/// let (mut flash, mut frame) = (Flash(0), Frame::dark(Geometry::new(4, 2)?));
+/// let light: Vec<f32> = (0..3).map(|_| flash.next_frame(&mut frame).map(|_| frame.max())).collect::<Result<_>>()?;
+/// assert_eq!(light, [1.0, 0.0, 0.0]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 pub trait Source: Send {
     /// Returns width and height of every frame.
     fn geometry(&self) -> Geometry;

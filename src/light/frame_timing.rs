@@ -11,6 +11,22 @@ use crate::error::Result;
 pub const DEFAULT_READOUTS_PER_FRAME: u64 = 20;
 
 /// The frame timing that the user requests. A field that is `None` uses the timing of the source.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane::light::{Chart, FrameTiming, Interpolation, Rate};
+/// let chart = Chart::new(Geometry::new(64, 48)?, Rate::new(1000, 1)?, None)?;
+/// let readout = Rate::new(20_000, 1)?;
+/// let readouts_per_frame = |timing: FrameTiming| {
+///     Ok::<_, spikelane::Error>(timing.timeline(&chart, readout, Interpolation::Linear)?.first_readout(1))
+/// };
+/// // By default the source determines the rate: 1,000 frames per second.
+/// assert_eq!(readouts_per_frame(FrameTiming::default())?, Some(20));
+/// let slow = FrameTiming { frame_rate: Some(Rate::new(50, 1)?), ..FrameTiming::default() };
+/// assert_eq!(readouts_per_frame(slow)?, Some(400));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameTiming {
     /// Number of readouts per frame.

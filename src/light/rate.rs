@@ -5,6 +5,17 @@ use std::str::FromStr;
 use crate::error::{Error, ErrorKind, Result};
 
 /// An exact positive number of events per second.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::Rate;
+/// let ntsc: Rate = "29.97".parse()?;
+/// assert_eq!(ntsc.as_fraction(), (30_000, 1001));
+/// // The time of frame 30,000 in seconds is exact.
+/// assert_eq!(ntsc.seconds(30_000), 1001.0);
+/// assert_eq!("-25".parse::<Rate>().unwrap_err().kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Rate {
     pub(super) num: u64,
@@ -13,6 +24,16 @@ pub struct Rate {
 
 impl Rate {
     /// Returns the rate of `num / den` events per second, in lowest terms.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::Rate;
+    /// // Five frames in two seconds.
+    /// let rate = Rate::new(10, 4)?;
+    /// assert_eq!((rate.to_string(), rate.hz()), ("5/2".to_string(), 2.5));
+    /// assert_eq!(Rate::new(25, 0).unwrap_err().parts().found, "`25/0`");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if either number is zero or greater than 10^12.

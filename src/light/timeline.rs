@@ -12,6 +12,16 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::light::rate::{Rate, gcd};
 
 /// The method that computes the light between two frames.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::Interpolation;
+/// assert_eq!("linear".parse::<Interpolation>()?, Interpolation::Linear);
+/// assert_eq!(Interpolation::default().to_string(), "hold");
+/// let error = "cubic".parse::<Interpolation>().unwrap_err();
+/// assert_eq!(error.to_string(), "frame interpolation: found `cubic`, expected hold, linear or flow");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Interpolation {
@@ -51,6 +61,17 @@ impl std::fmt::Display for Interpolation {
 }
 
 /// The position of a readout between frame `frame` and the next frame.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{Interpolation, Timeline};
+/// let timeline = Timeline::from_readouts_per_frame(4, Interpolation::Linear)?;
+/// let position = timeline.position(11);
+/// // Readout 11 is three quarters of the way from frame 2 to frame 3.
+/// assert_eq!((position.frame, position.numerator, position.denominator), (2, 3, 4));
+/// assert_eq!(position.weight(), 0.75);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct FramePosition {
@@ -75,6 +96,17 @@ impl FramePosition {
 ///
 /// Readout `i` is at frame position `i * num / den`. If the frames have individual start times, the frame position
 /// follows from the start times instead.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{Interpolation, Rate, Timeline};
+/// // A video of 25 frames per second and a camera of 20,000 readouts per second.
+/// let timeline = Timeline::from_rates(Rate::new(25, 1)?, Rate::new(20_000, 1)?, Interpolation::Hold)?;
+/// assert_eq!(timeline.readouts(10), Some(8000));
+/// assert_eq!(timeline.position(799).frame, 0);
+/// assert_eq!(timeline.first_readout(1), Some(800));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Timeline {
     num: u64,
@@ -87,6 +119,14 @@ pub struct Timeline {
 
 impl Timeline {
     /// Returns a timeline that shows the first frame at every readout.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::Timeline;
+    /// let timeline = Timeline::first_frame();
+    /// assert_eq!(timeline.position(1_000_000).frame, 0);
+    /// assert_eq!(timeline.first_readout(1), None);
+    /// ```
     #[must_use]
     pub const fn first_frame() -> Self {
         Self { num: 0, den: 1, interpolation: Interpolation::Hold, starts: None }
@@ -116,6 +156,16 @@ impl Timeline {
     ///
     /// If the source has more frames than readouts per second, no readout shows some of the frames.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::{Interpolation, Rate, Timeline};
+    /// let (ntsc, readout) = ("29.97".parse()?, Rate::new(40_000, 1)?);
+    /// let timeline = Timeline::from_rates(ntsc, readout, Interpolation::Linear)?;
+    /// // 30,000 frames last exactly 1,001 seconds.
+    /// assert_eq!(timeline.readouts(30_000), Some(1001 * 40_000));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if the ratio of the two rates does not fit in 64-bit integers.
     pub fn from_rates(source: Rate, readout: Rate, interpolation: Interpolation) -> Result<Self> {
@@ -134,6 +184,20 @@ impl Timeline {
     /// Returns the timeline on which frame `k` starts at `starts[k]` nanoseconds, with `readout` readouts per second.
     ///
     /// The first readout is at 0. The duration of the last frame equals the duration of the frame before the last.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::{Interpolation, Rate, Timeline};
+    /// // Frames at 0 ms, 1 ms and 3 ms, and a readout every millisecond.
+    /// let readout = Rate::new(1000, 1)?;
+    /// let timeline = Timeline::from_times(&[0, 1_000_000, 3_000_000], readout, Interpolation::Linear)?;
+    /// let position = timeline.position(2);
+    /// assert_eq!((position.frame, position.weight()), (1, 0.5));
+    ///
+    /// let error = Timeline::from_times(&[5, 3], readout, Interpolation::Linear).unwrap_err();
+    /// assert_eq!(error.kind(), spikelane::ErrorKind::Input);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Input`] if there are fewer than two start times, if the first start time is not 0, if the
@@ -211,6 +275,16 @@ impl Timeline {
     }
 
     /// Returns the frame position of readout `readout` for a source of `frames` frames whose last frame persists.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::{Interpolation, Timeline};
+    /// let timeline = Timeline::from_readouts_per_frame(20, Interpolation::Linear)?;
+    /// // The last of three frames persists.
+    /// assert_eq!(timeline.position_within(1000, 3)?.frame, 2);
+    /// assert_eq!(timeline.position(1000).frame, 50);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Input`] if `frames` is zero.

@@ -17,6 +17,15 @@ pub const LUMINANCE_WEIGHTS: [f32; 3] =
 pub(crate) const EXACT_LUMINANCE_WEIGHTS: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// A transfer function with its lookup tables. The 16-bit table is computed when it is first used.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{ToneCurve, Transfer};
+/// let curve = ToneCurve::new(Transfer::Gamma(2.0));
+/// // Code 51 is a fifth of full scale and has a 25th of the light: 65535 / 25, rounded.
+/// assert_eq!(curve.table8()[51], 2621);
+/// assert_eq!(curve.table16()[65535], 1.0);
+/// ```
 #[derive(Debug)]
 pub struct ToneCurve {
     transfer: Transfer,
@@ -26,6 +35,14 @@ pub struct ToneCurve {
 
 impl ToneCurve {
     /// Returns the tone curve of `transfer`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::{ToneCurve, Transfer};
+    /// let curve = ToneCurve::new(Transfer::Linear);
+    /// assert_eq!(curve.transfer(), Transfer::Linear);
+    /// assert!(curve.table8().iter().enumerate().all(|(code, light)| usize::from(*light) == 257 * code));
+    /// ```
     #[must_use]
     pub fn new(transfer: Transfer) -> Self {
         Self { transfer, table8: transfer.table8(), table16: OnceLock::new() }
@@ -53,6 +70,15 @@ impl ToneCurve {
 /// Returns the sRGB code of `light` (IEC 61966-2-1). Code and light are 0 to 1, and other light is clamped.
 ///
 /// This function is the inverse of [`Transfer::Srgb`].
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{Transfer, srgb_code};
+/// // A fifth of the light needs almost half of the codes.
+/// let code = srgb_code(0.2);
+/// assert_eq!((code * 255.0).round(), 124.0);
+/// assert!((Transfer::Srgb.light(code.into()) - 0.2).abs() < 1e-6);
+/// ```
 #[must_use]
 pub fn srgb_code(light: f32) -> f32 {
     let x = light.clamp(0.0, 1.0);
@@ -60,6 +86,13 @@ pub fn srgb_code(light: f32) -> f32 {
 }
 
 /// Returns the luminance of linear red, green and blue.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{LUMINANCE_WEIGHTS, luminance};
+/// assert_eq!(luminance([0.0, 1.0, 0.0]), LUMINANCE_WEIGHTS[1]);
+/// assert!((luminance([0.5; 3]) - 0.5).abs() < 1e-6);
+/// ```
 #[must_use]
 pub fn luminance(rgb: [f32; 3]) -> f32 {
     LUMINANCE_WEIGHTS[0] * rgb[0] + LUMINANCE_WEIGHTS[1] * rgb[1] + LUMINANCE_WEIGHTS[2] * rgb[2]

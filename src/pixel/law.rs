@@ -4,6 +4,16 @@ use crate::pixel::{Adaptation, Lag, NoiseSampling, Schedule, SlowNoise, Surround
 ///
 /// Charges are in nominal thresholds of the sensor, and light is in full scales. The unit of a value "in own
 /// thresholds" is [`Law::threshold`].
+///
+/// # Examples
+/// ```
+/// use spikelane::pixel::{Law, NoNoise};
+/// let law = Law { dark: 0.05, ..Law::IDEAL };
+/// let mut pixel = law.initial_state(0.0, &mut NoNoise);
+/// // The light adds 0.2 thresholds per readout, and the dark current adds 0.05: a spike at every fourth readout.
+/// let bits: Vec<bool> = (0..8).map(|_| law.step(&mut pixel, 0.2, &mut NoNoise)).collect();
+/// assert_eq!(bits, [false, false, false, true, false, false, false, true]);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Law {
     /// The pixel's own threshold, `(C + C_S)(V_d + V_S)`.
@@ -67,6 +77,15 @@ pub struct Law {
 }
 
 /// The state of a pixel between two readouts.
+///
+/// # Examples
+/// ```
+/// use spikelane::pixel::{Law, NoNoise};
+/// let mut state = Law::IDEAL.initial_state(0.5, &mut NoNoise);
+/// Law::IDEAL.step(&mut state, 0.75, &mut NoNoise);
+/// // 1.25 thresholds of charge cause a spike, and the remainder persists.
+/// assert_eq!((state.fired, state.charge, state.readout), (true, 0.25, 1));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelState {
     /// Stored charge in nominal thresholds.
@@ -90,6 +109,30 @@ pub struct PixelState {
 }
 
 /// A source of the random values that a law draws.
+///
+/// # Examples
+/// ```
+/// use spikelane::pixel::{Law, NoiseSource};
+///
+/// /// Draws the same values in turn.
+/// struct Cycle(std::iter::Cycle<std::array::IntoIter<f64, 2>>);
+///
+/// impl NoiseSource for Cycle {
+///     fn normal(&mut self) -> f64 {
+///         self.0.next().unwrap_or_default()
+///     }
+///     fn poisson(&mut self, mean: f64) -> f64 {
+///         mean.round()
+///     }
+///     fn uniform(&mut self) -> f64 {
+///         0.5
+///     }
+/// }
+///
+/// let law = Law { threshold_noise: 0.1, ..Law::IDEAL };
+/// let state = law.initial_state(0.0, &mut Cycle([1.0, -1.0].into_iter().cycle()));
+/// assert_eq!(state.frozen_noise, 0.1);
+/// ```
 pub trait NoiseSource {
     /// Returns a standard normal value.
     fn normal(&mut self) -> f64;
@@ -97,6 +140,30 @@ pub trait NoiseSource {
     fn poisson(&mut self, mean: f64) -> f64;
     /// Returns a uniform value in [0, 1).
     fn uniform(&mut self) -> f64;
+}
+
+/// A source without noise: normal values are 0, counts equal their mean, and uniform values are 0.5.
+///
+/// # Examples
+/// ```
+/// use spikelane::pixel::{NoNoise, NoiseSource};
+/// assert_eq!((NoNoise.normal(), NoNoise.poisson(2.5), NoNoise.uniform()), (0.0, 2.5, 0.5));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NoNoise;
+
+impl NoiseSource for NoNoise {
+    fn normal(&mut self) -> f64 {
+        0.0
+    }
+
+    fn poisson(&mut self, mean: f64) -> f64 {
+        mean
+    }
+
+    fn uniform(&mut self) -> f64 {
+        0.5
+    }
 }
 
 impl Law {
@@ -301,22 +368,9 @@ impl Law {
 mod tests {
     use super::*;
 
-    struct Silent;
-    impl NoiseSource for Silent {
-        fn normal(&mut self) -> f64 {
-            0.0
-        }
-        fn poisson(&mut self, mean: f64) -> f64 {
-            mean
-        }
-        fn uniform(&mut self) -> f64 {
-            0.5
-        }
-    }
-
     fn intervals(law: Law, light: f64, readouts: usize) -> Vec<usize> {
-        let mut state = law.initial_state(0.0, &mut Silent);
-        let times: Vec<_> = (0..readouts).filter(|_| law.step(&mut state, light, &mut Silent)).collect();
+        let mut state = law.initial_state(0.0, &mut NoNoise);
+        let times: Vec<_> = (0..readouts).filter(|_| law.step(&mut state, light, &mut NoNoise)).collect();
         times.windows(2).map(|w| w[1] - w[0]).collect()
     }
 

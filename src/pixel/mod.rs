@@ -8,11 +8,23 @@ mod law;
 mod pixel_array;
 mod terms;
 
-pub use law::{Law, NoiseSource, PixelState};
+pub use law::{Law, NoNoise, NoiseSource, PixelState};
 pub use pixel_array::PixelArray;
 pub use terms::{Adaptation, Lag, Schedule, SlowNoise, Surround, Telegraph};
 
 /// The instants at which the threshold noise is drawn.
+///
+/// # Examples
+/// ```
+/// use spikelane::pixel::{Law, NoiseSampling};
+/// assert_eq!(Law::IDEAL.noise_sampling, NoiseSampling::EveryReset);
+///
+/// use spikelane::effects;
+/// // The effect `thermal_noise` selects the instants with a word.
+/// let noise = effects::find("thermal_noise")?.typical().with_text("noise_sampling", "every-readout")?;
+/// assert_eq!(noise.get("noise_sampling")?, 1.0);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NoiseSampling {
     /// The noise is drawn at every readout, as in Algorithm 1 of the SCSim paper. A low draw then makes a pixel fire
@@ -23,6 +35,17 @@ pub enum NoiseSampling {
 }
 
 /// The unit in which light is counted for shot noise.
+///
+/// # Examples
+/// ```
+/// use spikelane::pixel::{Op, Quanta};
+/// use spikelane::{Camera, Seeds, Sensor};
+/// let mut model = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).model(Seeds::default())?;
+/// model.ops.push(Op::LightQuanta { quanta: Quanta::Photons(1000.0), strength: 1.0 });
+/// // Full-scale light adds a threshold per readout, which is 1,000 photons.
+/// assert_eq!((model.law(0).quanta_light, model.law(0).quantum), (1000.0, 1e-3));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quanta {
     /// Electrons, which are counted after the pixel's gain. The nominal circuit determines their number per threshold.
@@ -38,6 +61,20 @@ pub enum Quanta {
 /// vector kernels destructure the operations and their constants without `..`. If a variant is added, the compiler
 /// therefore reports most functions that must handle the new variant. It does not report `Law::max_threshold_offset` and
 /// `Dynamics::moves_threshold`.
+///
+/// # Examples
+/// ```
+/// use spikelane::pixel::Op;
+/// use spikelane::{Camera, Plan, Seeds, Sensor, Simulator};
+/// let seeds = Seeds::default();
+/// let mut model = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).model(seeds)?;
+/// // A hard reset: a spike clears the charge that exceeds the threshold.
+/// model.ops.push(Op::Remainder { lost: 1.0 });
+/// let mut simulator = Simulator::from_plan(Plan::from_model(&model, seeds, 1.0)?);
+/// // At 2/5 of full scale, the charge after three readouts is 6/5 of the threshold.
+/// assert_eq!(simulator.run(&[102u8; 8], 30)?.spikes(), 8 * 30 / 3);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Op {
     /// The light arrives in quanta.

@@ -6,6 +6,17 @@ use crate::pixel::{Law, NoiseSource, PixelState, Surround};
 ///
 /// It is the reference for crosstalk, row noise, spike coupling and supply droop. Light and bits are row-major and
 /// contain one value per law.
+///
+/// # Examples
+/// ```
+/// use spikelane::pixel::{Law, NoNoise, PixelArray};
+/// let law = Law { crosstalk: 0.4, ..Law::IDEAL };
+/// let mut pixels = PixelArray::new(vec![law; 3], 3, &[0.0; 3], &mut NoNoise);
+/// // The middle pixel gives a tenth of its light to each of its two neighbors and keeps eight tenths.
+/// let bits: Vec<_> = (0..10).map(|_| pixels.step(&[0.0, 0.5, 0.0], &mut NoNoise)).collect();
+/// let spikes = |p: usize| bits.iter().filter(|readout| readout[p]).count();
+/// assert_eq!([0, 1, 2].map(spikes), [0, 4, 0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct PixelArray {
     laws: Vec<Law>,
@@ -15,6 +26,14 @@ pub struct PixelArray {
 
 impl PixelArray {
     /// Returns pixels that were just switched on and contain `charges`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::pixel::{Law, NoNoise, PixelArray};
+    /// // Two rows of two pixels. The charge of one pixel is already at its threshold.
+    /// let mut pixels = PixelArray::new(vec![Law::IDEAL; 4], 2, &[0.0, 0.0, 1.0, 0.0], &mut NoNoise);
+    /// assert_eq!(pixels.step(&[0.0; 4], &mut NoNoise), [false, false, true, false]);
+    /// ```
     ///
     /// # Panics
     /// Panics if `laws` is empty, if its length is not a multiple of `width`, or if `charges` and `laws` differ in

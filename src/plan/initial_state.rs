@@ -91,6 +91,15 @@ impl StartDraws for ScalarDraws {
 
 impl Plan {
     /// Returns the state of the pixels before the first readout.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Plan, Seeds, Sensor, Simulator};
+    /// let plan = Plan::new(&Camera::ideal(Sensor::new(32, 24, 20_000.0)?), Seeds::default())?;
+    /// assert_eq!(plan.initial_state().readout(), 0);
+    /// assert_eq!(*Simulator::from_plan(plan.clone()).state(), plan.initial_state());
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn initial_state(&self) -> SimulatorState {
         self.initial_state_with(&ScalarDraws)

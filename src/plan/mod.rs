@@ -110,6 +110,22 @@ impl NoiseRngs {
 static COUNT_TABLES: LazyLock<poisson::PoissonTables> = LazyLock::new(poisson::PoissonTables::new);
 
 /// A validated plan: tables, rules and random generators. Running a plan cannot fail.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Plan, Seeds, Sensor, Simulator};
+/// let camera = Camera::ideal(Sensor::new(32, 24, 20_000.0)?);
+/// let plan = Plan::new(&camera, Seeds::default())?;
+/// assert_eq!((plan.geometry(), plan.max_light()), (camera.sensor.geometry, 1.0));
+///
+/// // Recordings of the same camera share the tables of one plan.
+/// for sequence in 0..3 {
+///     let seeds = Seeds { sequence, ..plan.seeds() };
+///     let spikes = Simulator::from_plan(plan.with_seeds(seeds)?).run(&[255u8; 32 * 24], 1)?;
+///     assert_eq!(spikes.spikes(), 32 * 24);
+/// }
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     geometry: Geometry,
@@ -129,6 +145,20 @@ pub struct Plan {
 impl Plan {
     /// Plans `camera` for light of at most full scale (1.0).
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, ErrorKind, Plan, Seeds, Sensor, effects};
+    /// let prnu = effects::find("prnu")?.neutral();
+    /// let camera = Camera::ideal(Sensor::new(32, 24, 20_000.0)?).with_effect(prnu.with_value("sigma", 0.02)?);
+    /// assert_eq!(Plan::new(&camera, Seeds { camera: 7, ..Seeds::default() })?.seeds().camera, 7);
+    ///
+    /// let mut faulty = camera;
+    /// faulty.maps.gain = Some(vec![1.0; 5]);
+    /// let error = Plan::new(&faulty, Seeds::default()).unwrap_err();
+    /// assert_eq!((error.kind(), &*error.subject()), (ErrorKind::Config, "gain map"));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns the errors of [`Plan::with_max_light`].
     pub fn new(camera: &Camera, seeds: Seeds) -> Result<Self> {
@@ -136,6 +166,20 @@ impl Plan {
     }
 
     /// Plans `camera` for light of at most `max_light`, in full scales. Brighter light is clamped to `max_light`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Plan, Seeds, Sensor, Simulator};
+    /// // A pixel of this sensor needs two full scales of light to fire at every readout.
+    /// let sensor = Sensor { thresholds_at_full_scale: 0.5, ..Sensor::new(8, 1, 20_000.0)? };
+    /// let spikes = |max_light| {
+    ///     let plan = Plan::with_max_light(&Camera::ideal(sensor), Seeds::default(), max_light)?;
+    ///     Ok::<_, spikelane::Error>(Simulator::from_plan(plan).run(&[2.0f32; 8], 10)?.spikes())
+    /// };
+    /// assert_eq!((spikes(1.0)?, spikes(2.0)?), (8 * 5, 8 * 10));
+    /// assert_eq!(spikes(-1.0).unwrap_err().kind(), spikelane::ErrorKind::Usage);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// * [`ErrorKind::Usage`] if `max_light` is negative or not finite, or if a window is not within the sensor.
@@ -155,6 +199,18 @@ impl Plan {
     }
 
     /// Plans a model. The fixed pattern of a model is already drawn.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Plan, Seeds, Sensor, Simulator};
+    /// let seeds = Seeds::default();
+    /// let mut model = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).model(seeds)?;
+    /// model.circuit.gain[0] = 0.5;
+    /// let mut simulator = Simulator::from_plan(Plan::from_model(&model, seeds, 1.0)?);
+    /// // Light of a fifth of full scale: one spike of pixel 0, and two spikes of each other pixel.
+    /// assert_eq!(simulator.run(&[51u8; 8], 10)?.spikes(), 1 + 7 * 2);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns the errors of [`Plan::with_max_light`].
@@ -194,6 +250,19 @@ impl Plan {
     ///
     /// The result equals a new plan with these seeds. It shares the tables of this plan, so the call is much faster than
     /// planning.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Plan, Seeds, Sensor};
+    /// let camera = Camera::ideal(Sensor::new(32, 24, 20_000.0)?);
+    /// let [first, second] = [0, 1].map(|sequence| Seeds { camera: 1, shot: 2, sequence });
+    /// let plan = Plan::new(&camera, first)?;
+    /// assert_eq!(plan.with_seeds(second)?, Plan::new(&camera, second)?);
+    ///
+    /// let other_camera = plan.with_seeds(Seeds { camera: 9, ..first });
+    /// assert_eq!(other_camera.unwrap_err().kind(), spikelane::ErrorKind::Usage);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if `seeds.camera` differs from the seed of this plan. Another camera seed would

@@ -3,6 +3,22 @@
 use crate::error::{Error, ErrorKind, Result};
 
 /// The state of the pixels. Each column has one entry per pixel and is padded like the tables.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Seeds, Sensor, Simulator, SimulatorState};
+/// let camera = Camera::ideal(Sensor::new(32, 24, 20_000.0)?);
+/// let light = [51u8; 32 * 24];
+/// let mut simulator = Simulator::new(&camera, Seeds::default())?;
+/// simulator.run(&light, 7)?;
+/// let saved = simulator.state().to_bytes();
+///
+/// let mut resumed = Simulator::new(&camera, Seeds::default())?;
+/// resumed.set_state(SimulatorState::from_bytes(&saved, resumed.state())?)?;
+/// assert_eq!(resumed.state().readout(), 7);
+/// assert_eq!(resumed.run(&light, 5)?, simulator.run(&light, 5)?);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SimulatorState {
     /// Index of the next readout.
@@ -228,6 +244,19 @@ impl SimulatorState {
     }
 
     /// Parses the result of [`SimulatorState::to_bytes`] for a plan whose initial state is `like`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Plan, Seeds, Sensor, SimulatorState};
+    /// let plan = |width| Plan::new(&Camera::ideal(Sensor::new(width, 24, 20_000.0)?), Seeds::default());
+    /// let like = plan(32)?.initial_state();
+    /// assert_eq!(SimulatorState::from_bytes(&like.to_bytes(), &like)?, like);
+    ///
+    /// let other_size = plan(64)?.initial_state().to_bytes();
+    /// let error = SimulatorState::from_bytes(&other_size, &like).unwrap_err();
+    /// assert_eq!(error.kind(), spikelane::ErrorKind::Input);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Input`] if the bytes are not a saved state or if they are the state of another plan.

@@ -15,6 +15,17 @@ impl Plan {
     /// The new plan contains the tables and the start distribution of the window's pixels. Its seeds and generators
     /// equal the seeds and generators of this plan.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::spikes::Crop;
+    /// use spikelane::{Camera, Plan, Seeds, Sensor, effects};
+    /// let camera = Camera::ideal(Sensor::new(64, 48, 20_000.0)?).with_effect(effects::find("prnu")?.typical());
+    /// let plan = Plan::new(&camera, Seeds::default())?;
+    /// let crop = Crop { row: 8, col: 16, width: 32, height: 24 };
+    /// assert_eq!(plan.window(crop)?, Plan::new(&camera.window(crop)?, Seeds::default())?);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the rectangle is empty or not within the sensor.
     pub fn window(&self, crop: Crop) -> Result<Self> {

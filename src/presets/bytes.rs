@@ -17,6 +17,15 @@ const MAGIC: &[u8; 8] = b"spkcam01";
 /// first block contains the text of the camera file. For each map, one block contains the file name and the next block
 /// contains the file.
 ///
+/// # Examples
+/// ```
+/// use spikelane::presets;
+/// let mut camera = presets::builtin("physical")?;
+/// camera.sensor.readout_hz = 40_000.0;
+/// assert_eq!(presets::from_bytes(&presets::to_bytes(&camera)?)?, camera);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// Returns the errors of [`to_toml`].
 pub fn to_bytes(camera: &Camera) -> Result<Vec<u8>> {
@@ -37,12 +46,36 @@ pub fn to_bytes(camera: &Camera) -> Result<Vec<u8>> {
 /// Returns the FNV-1a hash of `bytes`, for example of the result of [`to_bytes`] or of a text.
 ///
 /// The hash identifies a camera. It does not depend on the machine or the version.
+///
+/// # Examples
+/// ```
+/// use spikelane::presets;
+/// let camera = presets::builtin("physical")?;
+/// let mut other = camera.clone();
+/// other.sensor.swing_v += 0.001;
+/// let of = |camera| Ok::<_, spikelane::Error>(presets::fingerprint(&presets::to_bytes(camera)?));
+/// assert_ne!(of(&camera)?, of(&other)?);
+/// // The FNV-1a hash of "a".
+/// assert_eq!(presets::fingerprint(b"a"), 0xaf63_dc4c_8601_ec8c);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[must_use]
 pub fn fingerprint(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
 /// Parses the result of [`to_bytes`]. The camera may only have effects of this library.
+///
+/// # Examples
+/// ```
+/// use spikelane::presets;
+/// let bytes = presets::to_bytes(&presets::builtin("physical")?)?;
+/// assert_eq!(presets::from_bytes(&bytes)?.name, "physical");
+///
+/// let error = presets::from_bytes(&bytes[..20]).unwrap_err();
+/// assert_eq!((error.kind(), &*error.parts().found), (spikelane::ErrorKind::Input, "truncated data"));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// Returns [`ErrorKind::Input`] if another version wrote the bytes or if bytes are missing. Also returns the errors of

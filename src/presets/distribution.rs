@@ -17,6 +17,19 @@ use crate::units::Unit;
 ///
 /// The text of a distribution is a camera file. Each number of `[sensor]` or of an effect may be a table: `{ uniform =
 /// [low, high] }` or `{ log_uniform = [low, high] }`. If the number has a unit, the bounds have this unit too.
+///
+/// # Examples
+/// ```
+/// use spikelane::presets::CameraDistribution;
+/// let text = "[sensor]\nwidth = 32\nheight = 24\n[effects.prnu]\nsigma = { uniform = [0.01, 0.03] }";
+/// let cameras = CameraDistribution::parse(text)?;
+/// for seed in 0..5 {
+///     let prnu = cameras.draw(seed)?.effect("prnu").cloned().expect("the text has this effect");
+///     assert!((0.01..=0.03).contains(&prnu.get("sigma")?));
+/// }
+/// assert_eq!(cameras.draw(3)?, cameras.draw(3)?);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraDistribution {
     text: String,
@@ -26,6 +39,19 @@ pub struct CameraDistribution {
 }
 
 /// A number of the camera file and the range from which it is drawn.
+///
+/// # Examples
+/// ```
+/// use spikelane::presets::CameraDistribution;
+/// use spikelane::units::Unit;
+/// let text = "[sensor]\nswing = { log_uniform = [\"500 mV\", \"2 V\"] }";
+/// let cameras = CameraDistribution::parse(text)?;
+/// let range = &cameras.ranges()[0];
+/// assert_eq!((range.key.as_str(), range.unit, range.low), ("sensor.swing", Unit::Volt, 0.5));
+/// // The middle of a logarithmic range is the geometric mean of its bounds.
+/// assert!((range.at(0.5) - 1.0).abs() < 1e-12);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ParamRange {
@@ -71,6 +97,19 @@ impl CameraDistribution {
     ///
     /// A camera file without ranges and maps is a distribution that always returns the same camera.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::presets::CameraDistribution;
+    /// let text = "[effects.dark_current]\nmean = { uniform = [\"0.1 pA\", \"1 pA\"] }";
+    /// let cameras = CameraDistribution::parse(text)?;
+    /// assert_eq!((cameras.ranges()[0].low, cameras.ranges()[0].high), (0.1, 1.0));
+    ///
+    /// let without_unit = "[effects.dark_current]\nmean = { uniform = [0.1, 1.0] }";
+    /// let error = CameraDistribution::parse(without_unit).unwrap_err();
+    /// assert_eq!(error.kind(), spikelane::ErrorKind::Config);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns [`ErrorKind::Config`] if the text refers to maps, because maps belong to one camera. Returns
     /// [`ErrorKind::Config`] if the bounds of a range are not two increasing numbers, or if the bounds of a logarithmic
@@ -105,6 +144,18 @@ impl CameraDistribution {
     }
 
     /// Reads the distribution in the file at `path`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::presets::CameraDistribution;
+    /// # let folder = tempfile::tempdir().expect("a temporary folder");
+    /// # let path = folder.path().join("cameras.toml");
+    /// # let write = |text: &str| std::fs::write(&path, text).map_err(|e| spikelane::Error::io(path.display(), e));
+    /// write("[effects.prnu]\nsigma = { uniform = [0.01, 0.03] }")?;
+    /// let cameras = CameraDistribution::load(&path)?;
+    /// assert_eq!(cameras.ranges()[0].key, "effects.prnu.sigma");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns an error if the file cannot be read, is not a regular file or is larger than 16 MiB.

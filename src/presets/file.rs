@@ -65,6 +65,26 @@ struct SensorTable {
 
 /// Parses the text of a camera file. `folder` contains the map files.
 ///
+/// # Examples
+/// ```
+/// use spikelane::presets;
+/// let text = "
+/// [sensor]
+/// width = 64
+/// height = 48
+/// readout_rate = \"40 kHz\"
+/// [effects.prnu]
+/// sigma = 0.02
+/// ";
+/// let camera = presets::from_toml(text, None)?;
+/// assert_eq!(camera.sensor.readout_hz, 40_000.0);
+/// assert_eq!(camera.effects()[0].get("sigma")?, 0.02);
+///
+/// let error = presets::from_toml("[sensor]\nreadout_rate = 40000", None).unwrap_err();
+/// assert!(error.to_string().contains("a number with its unit (Hz, kHz, MHz)"));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// Returns [`ErrorKind::Config`] if
 /// * the text is not TOML,

@@ -21,6 +21,16 @@ use crate::inputs;
 use crate::sensor::Sensor;
 
 /// A built-in model: its name and the text of its file.
+///
+/// # Examples
+/// ```
+/// use spikelane::presets;
+/// for preset in presets::ALL {
+///     let camera = presets::from_toml(preset.text, None)?;
+///     assert_eq!(camera.name, preset.name);
+/// }
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Preset {
@@ -55,6 +65,16 @@ presets![
 ];
 
 /// The geometry and readout rate of a known camera.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Sensor, presets};
+/// let fast = presets::SENSOR_FORMATS.iter().find(|format| format.readout_hz > 30_000.0).expect("a fast camera");
+/// let (width, height) = fast.size;
+/// assert_eq!(fast.name, "400x250-40k");
+/// assert_eq!(Sensor::new(width, height, fast.readout_hz)?.period_s(), 25e-6);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SensorFormat {

@@ -51,6 +51,20 @@ impl Value {
 }
 
 /// The text of a camera file, and the map files of the camera.
+///
+/// # Examples
+/// ```
+/// # #[cfg(feature = "maps")] {
+/// use spikelane::{Camera, Sensor, presets};
+/// let mut camera = Camera::ideal(Sensor::new(32, 24, 20_000.0)?);
+/// camera.maps.gain = Some(vec![1.0; 32 * 24]);
+/// let files = presets::to_toml(&camera)?;
+/// assert!(files.text.contains("gain.npy"));
+/// assert_eq!(files.maps[0].0, "gain.npy");
+/// assert!(files.maps[0].1.starts_with(b"\x93NUMPY"));
+/// # }
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CameraFiles {
@@ -61,6 +75,16 @@ pub struct CameraFiles {
 }
 
 /// Returns the camera file of `camera`. [`super::from_toml`] parses this file.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Sensor, effects, presets};
+/// let camera = Camera::ideal(Sensor::new(32, 24, 20_000.0)?).with_effect(effects::find("prnu")?.typical());
+/// let text = presets::to_toml(&camera)?.text;
+/// assert!(text.contains("readout_rate = \"20000 Hz\""));
+/// assert_eq!(presets::from_toml(&text, None)?, camera);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// Returns [`ErrorKind::Config`] if the size of a map differs from the sensor. Returns [`ErrorKind::Config`] if the

@@ -15,6 +15,23 @@ use crate::spikes::{Geometry, SpikeFramesRef};
 const OUTLIER_DEVIATIONS: f64 = 6.0;
 
 /// The reference for an image: the exact scene, or two independent observations of the scene.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane::light::{Chart, Rate};
+/// use spikelane::reconstruct::{DetailReference, score_detail};
+/// let geometry = Geometry::new(64, 48)?;
+/// let scene = Chart::new(geometry, Rate::new(1000, 1)?, None)?.frame_at(0.0).to_f32();
+/// // Compare only the upper half.
+/// let mask = (0..geometry.pixels()).map(|p| p < geometry.pixels() / 2).collect();
+/// let observations = [scene.clone(), scene.clone()];
+/// let reference = DetailReference { observations, mask: Some(mask), is_scene: true };
+/// let mut picture = scene;
+/// picture[geometry.pixels() - 1] = 1e6;
+/// assert!((score_detail(&picture, &reference, geometry)?.slope - 1.0).abs() < 1e-6);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct DetailReference {
     /// Two observations of the scene with independent noise. If there is no noise, both observations are equal.
@@ -29,6 +46,20 @@ pub struct DetailReference {
 }
 
 /// The scores of an image.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane::light::{Chart, Rate};
+/// use spikelane::reconstruct::{DetailReference, gaussian_blur, score_detail};
+/// let geometry = Geometry::new(64, 48)?;
+/// let scene = Chart::new(geometry, Rate::new(1000, 1)?, None)?.frame_at(0.0).to_f32();
+/// let reference = DetailReference { observations: [scene.clone(), scene.clone()], mask: None, is_scene: true };
+/// let [sharp, blurred] = [scene.clone(), gaussian_blur(&scene, geometry, 1.0)]
+///     .map(|picture| score_detail(&picture, &reference, geometry));
+/// assert!(blurred?.slope < 0.7 * sharp?.slope);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DetailScores {
     /// Peak signal-to-noise ratio in decibels after a linear least-squares fit of the image to the reference. It is
@@ -56,6 +87,20 @@ impl DetailReference {
     /// Returns the reference of a static scene. One observation is the [`span_rates`] of all readouts before
     /// `used_readouts`, and the other observation is the [`span_rates`] of all readouts after. The image was computed
     /// from `used_readouts`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::reconstruct::DetailReference;
+    /// use spikelane::{Geometry, SpikeFrames};
+    /// // One pixel of eight fires at every second readout.
+    /// let spikes = SpikeFrames::new(Geometry::new(8, 1)?, [1, 0].repeat(50))?;
+    /// let reference = DetailReference::from_surrounding(spikes.view(), 40..60)?;
+    /// assert_eq!(reference.observations.map(|rates| rates[0]), [0.5, 0.5]);
+    ///
+    /// let error = DetailReference::from_surrounding(spikes.view(), 10..90).unwrap_err();
+    /// assert_eq!(error.kind(), spikelane::ErrorKind::Usage);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if there are fewer than 20 readouts before `used_readouts` or after
@@ -88,6 +133,15 @@ impl DetailReference {
 
 impl DetailScores {
     /// Returns the mean of each score, or `None` for an empty slice. The mean of `outliers` is rounded.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::reconstruct::DetailScores;
+    /// let score = |slope| DetailScores { aligned_psnr_db: 30.0, slope, noise: 0.1, outliers: 2 };
+    /// let mean = DetailScores::average(&[score(0.5), score(1.0)]);
+    /// assert_eq!(mean, Some(score(0.75)));
+    /// assert_eq!(DetailScores::average(&[]), None);
+    /// ```
     #[must_use]
     pub fn average(all: &[Self]) -> Option<Self> {
         let mean = |f: fn(&Self) -> f64| all.iter().map(f).sum::<f64>() / all.len() as f64;
@@ -110,6 +164,21 @@ impl DetailScores {
 /// * The noise is the standard deviation of `h(p) / g - slope (h(a) + h(b)) / 2` without the contribution of the
 ///   observations. In `h`, the subtraction of the mean removes a ninth of the variance of independent noise, and the
 ///   factor `sqrt(9 / 8)` restores it.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane::light::{Chart, Rate};
+/// use spikelane::reconstruct::{DetailReference, score_detail};
+/// let geometry = Geometry::new(64, 48)?;
+/// let scene = Chart::new(geometry, Rate::new(1000, 1)?, None)?.frame_at(0.0).to_f32();
+/// let reference = DetailReference { observations: [scene.clone(), scene.clone()], mask: None, is_scene: true };
+/// // Another unit and another offset do not change the scores.
+/// let picture: Vec<f32> = scene.iter().map(|light| 3.0 * light + 1.0).collect();
+/// let scores = score_detail(&picture, &reference, geometry)?;
+/// assert!((scores.slope - 1.0).abs() < 1e-4 && scores.noise < 1e-3);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// Returns [`ErrorKind::Usage`] if the sizes differ or if a side is shorter than 8 pixels. Returns [`ErrorKind::Input`]
@@ -157,6 +226,17 @@ pub fn score_detail(
 ///
 /// The peak is the value that one pixel in 1,000 of the truth exceeds.
 ///
+/// # Examples
+/// ```
+/// use spikelane::reconstruct::{aligned_psnr, psnr};
+/// let truth = [0.0, 0.25, 0.5, 1.0];
+/// let picture = truth.map(|light| 0.5 * light + 0.125);
+/// // The image differs from the truth only in scale and offset.
+/// assert!(aligned_psnr(&picture, &truth)? > 100.0);
+/// assert!(psnr(&picture, &truth, 1.0)? < 15.0);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// Returns the errors of [`psnr`]. Also returns an error if the truth is dark, because its peak is then 0.
 pub fn aligned_psnr(picture: &[f32], truth: &[f32]) -> Result<f64> {
@@ -176,6 +256,19 @@ fn peak(truth: &[f32]) -> f32 {
 /// Returns the image blurred with a Gaussian of `sigma` pixels. Outside the image, the border values are repeated.
 ///
 /// A blurred image is a baseline: no score should prefer it to the original.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, reconstruct::gaussian_blur};
+/// let geometry = Geometry::new(15, 15)?;
+/// let mut dot = vec![0.0; geometry.pixels()];
+/// dot[7 * 15 + 7] = 1.0;
+/// let blurred = gaussian_blur(&dot, geometry, 2.0);
+/// // The total light is unchanged. The peak of a Gaussian is 1 / (2 pi sigma^2).
+/// assert!((blurred.iter().sum::<f32>() - 1.0).abs() < 1e-3);
+/// assert!((blurred[7 * 15 + 7] - 0.0398).abs() < 1e-3);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[must_use]
 pub fn gaussian_blur(picture: &[f32], geometry: Geometry, sigma: f64) -> Vec<f32> {
     let reach = (3.0 * sigma).ceil() as usize;

@@ -11,6 +11,17 @@ const SSIM_SIGMA_PX: f64 = 1.5;
 ///
 /// `peak` is the value of full scale.
 ///
+/// # Examples
+/// ```
+/// use spikelane::reconstruct::psnr;
+/// // An error of a tenth of full scale is 20 dB below full scale.
+/// let db = psnr(&[0.5, 0.5], &[0.6, 0.4], 1.0)?;
+/// assert!((db - 20.0).abs() < 1e-5);
+/// assert_eq!(psnr(&[0.5], &[0.5], 1.0)?, f64::INFINITY);
+/// assert_eq!(psnr(&[0.5], &[0.5, 0.5], 1.0).unwrap_err().kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// Returns [`ErrorKind::Usage`] if the two images differ in size or are empty, or if `peak` is not positive.
 pub fn psnr(a: &[f32], b: &[f32], peak: f64) -> Result<f64> {
@@ -28,6 +39,17 @@ pub fn psnr(a: &[f32], b: &[f32], peak: f64) -> Result<f64> {
 /// The definition is from Wang, Bovik, Sheikh and Simoncelli (2004), with K1 = 0.01, K2 = 0.03 and population variances.
 /// The window is a Gaussian of 11x11 pixels with sigma 1.5. The result is the mean of all windows that are entirely
 /// inside the image. `peak` is the value of full scale.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{Chart, Rate};
+/// use spikelane::reconstruct::{gaussian_blur, ssim};
+/// let geometry = spikelane::Geometry::new(64, 48)?;
+/// let scene = Chart::new(geometry, Rate::new(1000, 1)?, None)?.frame_at(0.0).to_f32();
+/// assert!((ssim(&scene, &scene, geometry, 1.0)? - 1.0).abs() < 1e-12);
+/// assert!(ssim(&scene, &gaussian_blur(&scene, geometry, 1.5), geometry, 1.0)? < 0.9);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// Returns [`ErrorKind::Usage`] if the images do not have the size of `geometry`, if a side is shorter than 11 pixels,

@@ -22,6 +22,19 @@ use crate::spikes::{SpikeFramesRef, span_rate};
 /// A false spike near an end of the window changes the span. The error is largest in dark pixels: two false spikes in
 /// successive readouts of a silent pixel give the rate 1.
 ///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, SpikeFramesRef, reconstruct};
+/// // One pixel of eight fires at the readouts 1, 4 and 7.
+/// let bytes = [0, 1, 0, 0, 1, 0, 0, 1, 0, 0];
+/// let stream = SpikeFramesRef::new(Geometry::new(8, 1)?, &bytes)?;
+/// let rates = reconstruct::span_rates(stream, 5, 5)?;
+/// // Two intervals in six readouts. Counting gives 3 spikes in 10 readouts.
+/// assert_eq!(rates[..2], [2.0 / 6.0, 0.0]);
+/// assert_eq!(reconstruct::tfp(stream, 5, 5)?[0], 0.3);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if `center` is not a readout of the stream.
 pub fn span_rates(packed: SpikeFramesRef, center: usize, half_window: usize) -> Result<Vec<f32>> {

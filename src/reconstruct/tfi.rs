@@ -13,6 +13,18 @@ use crate::spikes::{SpikeFramesRef, firing_pixels};
 /// Near the ends of a stream, a spike can be missing although the pixel is bright. [`tfi_with_open_pixels`] counts
 /// these pixels.
 ///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, SpikeFramesRef, reconstruct};
+/// // One pixel of eight fires at the readouts 0, 4 and 8.
+/// let bytes = [1, 0, 0, 0, 1, 0, 0, 0, 1];
+/// let stream = SpikeFramesRef::new(Geometry::new(8, 1)?, &bytes)?;
+/// // Readout 5 is in an interval of 4 readouts. A pixel without spikes has an interval of twice the search.
+/// assert_eq!(reconstruct::tfi(stream, 5, 20)?[..2], [1.0 / 4.0, 1.0 / 40.0]);
+/// assert_eq!(reconstruct::tfi(stream, 9, 20).unwrap_err().kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// Returns [`ErrorKind::Usage`] if `at` is not a readout of the stream or if `search` is zero.
 pub fn tfi(packed: SpikeFramesRef, at: usize, search: usize) -> Result<Vec<f32>> {
@@ -20,6 +32,18 @@ pub fn tfi(packed: SpikeFramesRef, at: usize, search: usize) -> Result<Vec<f32>>
 }
 
 /// A TFI image, and the number of pixels whose interval is incomplete because the stream ends.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, SpikeFramesRef, reconstruct};
+/// // The other seven pixels have no spikes: their intervals start before the stream or end after it.
+/// let bytes = [1, 0, 1, 0, 1];
+/// let stream = SpikeFramesRef::new(Geometry::new(8, 1)?, &bytes)?;
+/// let image = reconstruct::tfi_with_open_pixels(stream, 2, 20)?;
+/// assert_eq!((image.rates[0], image.open_pixels), (0.5, 7));
+/// assert!(!image.is_measurable());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Tfi {
@@ -50,6 +74,18 @@ impl Tfi {
 }
 
 /// Returns the image of [`tfi`], and the number of open pixels.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Seeds, Sensor, Simulator, reconstruct};
+/// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(32, 24, 20_000.0)?), Seeds::default())?;
+/// // A fifth of full scale, so 100 readouts contain complete intervals of all pixels.
+/// let spikes = simulator.run(&[51u8; 32 * 24], 100)?;
+/// let image = reconstruct::tfi_with_open_pixels(spikes.view(), 50, 20)?;
+/// assert_eq!(image.open_pixels, 0);
+/// assert!(image.is_measurable() && image.rates.iter().all(|rate| *rate == 0.2));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// Returns the errors of [`tfi`].
@@ -87,6 +123,16 @@ pub fn tfi_with_open_pixels(packed: SpikeFramesRef, at: usize, search: usize) ->
 /// Returns the length in readouts of the interval that contains readout `at`, row-major.
 ///
 /// The length is 0 if the first or the last spike of the interval is not in the stream.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, SpikeFramesRef, reconstruct};
+/// // Pixel 0 fires at the readouts 0 and 3, and pixel 1 fires once.
+/// let bytes = [0b01, 0b10, 0b00, 0b01];
+/// let stream = SpikeFramesRef::new(Geometry::new(8, 1)?, &bytes)?;
+/// assert_eq!(reconstruct::isi_map(stream, 2)?[..3], [3, 0, 0]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// Returns [`ErrorKind::Usage`] if `at` is not a readout of the stream.

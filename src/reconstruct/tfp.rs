@@ -32,6 +32,22 @@ pub fn tfp(packed: SpikeFramesRef, center: usize, half_window: usize) -> Result<
 ///
 /// [`Self::move_to`] counts only the spikes of the readouts that enter or leave the window. If the whole new window has
 /// fewer readouts, [`Self::move_to`] counts the whole new window instead.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, SpikeFramesRef, reconstruct};
+/// // One pixel of eight fires at every second readout, then at every readout.
+/// let bytes = [1, 0, 1, 0, 1, 0, 1, 1, 1, 1];
+/// let stream = SpikeFramesRef::new(Geometry::new(8, 1)?, &bytes)?;
+/// let mut window = reconstruct::TfpSequence::new(stream, 1);
+/// let mut rates = Vec::new();
+/// for center in [1, 7, 8] {
+///     window.move_to(center)?;
+///     rates.push(window.image()[0]);
+/// }
+/// assert_eq!(rates, [2.0 / 3.0, 1.0, 1.0]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct TfpSequence<'a> {
     packed: SpikeFramesRef<'a>,
@@ -43,6 +59,18 @@ pub struct TfpSequence<'a> {
 
 impl<'a> TfpSequence<'a> {
     /// Returns an empty window. [`Self::move_to`] sets its position.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::reconstruct::{TfpSequence, tfp};
+    /// use spikelane::{Geometry, SpikeFramesRef};
+    /// let stream = SpikeFramesRef::new(Geometry::new(8, 1)?, &[3, 1, 0, 1, 3])?;
+    /// let mut window = TfpSequence::new(stream, 1);
+    /// assert_eq!(window.image(), [0.0; 8]);
+    /// window.move_to(3)?;
+    /// assert_eq!(window.image(), tfp(stream, 3, 1)?);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn new(packed: SpikeFramesRef<'a>, half_window: usize) -> Self {
         Self {

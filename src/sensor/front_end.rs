@@ -5,6 +5,14 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::light::transfer::EXACT_LUMINANCE_WEIGHTS;
 
 /// The stored value that corresponds to light 1.0.
+///
+/// # Examples
+/// ```
+/// use spikelane::sensor::FullScale;
+/// assert_eq!(FullScale::MAX_CODE, FullScale::Code(255.0));
+/// assert_eq!(FullScale::Code(256.0).to_string(), "256");
+/// assert_eq!(FullScale::Peak.to_string(), "peak");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FullScale {
     /// Light 1.0 is this code of an 8-bit image. At any other bit depth the code is scaled: 255 means the largest code.
@@ -32,6 +40,19 @@ impl std::fmt::Display for FullScale {
 ///
 /// The default is for a real camera, whose pixels respond to light and not to codes. Each file is converted by the
 /// convention of its file type, and colors are summed as linear light.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::Transfer;
+/// use spikelane::sensor::{FrontEnd, FullScale};
+/// let transfer = Some(Transfer::Gamma(2.2));
+/// let front_end = FrontEnd { transfer, full_scale: FullScale::Peak, ..FrontEnd::default() };
+/// assert!(front_end.to_string().starts_with("exponent 2.2 inverted, luminance 0.2126 0.7152 0.0722"));
+///
+/// let mut camera = spikelane::Camera::ideal(spikelane::Sensor::new(64, 48, 20_000.0)?);
+/// camera.front_end = front_end;
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrontEnd {
     /// Tone curve of integer codes. `None` selects the curve of the file type: sRGB for images and video, linear for arrays.
@@ -62,6 +83,17 @@ impl Default for FrontEnd {
 
 impl FrontEnd {
     /// Returns this front end if its values are valid.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::sensor::FrontEnd;
+    /// let equal_weights = FrontEnd { luminance: [1.0 / 3.0; 3], ..FrontEnd::default() };
+    /// assert_eq!(equal_weights.validate()?, equal_weights);
+    ///
+    /// let too_bright = FrontEnd { luminance: [1.0; 3], ..FrontEnd::default() };
+    /// assert_eq!(too_bright.validate().unwrap_err().kind(), spikelane::ErrorKind::Config);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Config`] if a weight is negative, if the weights do not sum to 1 within 0.001, or if full scale is

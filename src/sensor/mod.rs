@@ -11,6 +11,15 @@ use crate::spikes::Geometry;
 use crate::units::ELECTRON_FC;
 
 /// A sensor with identical pixels. Effects make the pixels differ.
+///
+/// # Examples
+/// ```
+/// use spikelane::Sensor;
+/// let sensor = Sensor { capacitance_ff: 5.0, ..Sensor::new(400, 250, 20_000.0)? }.validate()?;
+/// // The threshold charge in femtocoulombs: 5 fF times 1.1 V.
+/// assert_eq!(sensor.capacitance_ff * sensor.swing_v, 5.5);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
     /// Width and height in pixels.
@@ -52,6 +61,15 @@ impl Sensor {
 
     /// Returns this sensor if its values are valid.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Sensor;
+    /// let sensor = Sensor::new(400, 250, 20_000.0)?;
+    /// let error = Sensor { readout_hz: 0.0, ..sensor }.validate().unwrap_err();
+    /// assert_eq!(error.to_string(), "readout rate (Hz): found 0, expected a positive number");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns [`ErrorKind::Config`] if the rate, the capacitance or the swing is not positive and finite,
     /// or if the sensitivity is negative or not finite.
@@ -76,12 +94,25 @@ impl Sensor {
     }
 
     /// Returns the duration of a readout in seconds.
+    ///
+    /// # Examples
+    /// ```
+    /// let sensor = spikelane::Sensor::new(400, 250, 40_000.0)?;
+    /// assert_eq!(sensor.period_s(), 25e-6);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn period_s(&self) -> f64 {
         1.0 / self.readout_hz
     }
 
     /// Returns the number of electrons in a charge of `charge_fc` femtocoulombs.
+    ///
+    /// # Examples
+    /// ```
+    /// // The elementary charge is 1.602e-4 fC, so a femtocoulomb has about 6,242 electrons.
+    /// assert_eq!(spikelane::Sensor::electrons_from_fc(1.0).round(), 6242.0);
+    /// ```
     #[must_use]
     pub fn electrons_from_fc(charge_fc: f64) -> f64 {
         charge_fc / ELECTRON_FC

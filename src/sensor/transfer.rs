@@ -5,6 +5,19 @@ use std::str::FromStr;
 use crate::error::{Error, ErrorKind, Result};
 
 /// The function that converts codes, 0 to 1, to light, 0 to 1.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::Transfer;
+/// // A code of one half is much less than half of the light.
+/// assert_eq!(Transfer::Linear.light(0.5), 0.5);
+/// assert_eq!(Transfer::Gamma(2.0).light(0.5), 0.25);
+/// assert_eq!((Transfer::Srgb.light(0.5) * 1000.0).round(), 214.0);
+///
+/// assert_eq!("2.2".parse::<Transfer>()?, Transfer::Gamma(2.2));
+/// assert_eq!("rec709".parse::<Transfer>().unwrap_err().kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Transfer {
     /// Light equals the code.
@@ -33,6 +46,14 @@ impl Transfer {
     }
 
     /// Returns the light of every 8-bit code as 16-bit values, rounded to nearest.
+    ///
+    /// # Examples
+    /// ```
+    /// let table = spikelane::light::Transfer::Srgb.table8();
+    /// assert_eq!((table[0], table[255]), (0, 65535));
+    /// // sRGB assigns more than half of its codes to the darkest quarter of the light.
+    /// assert!(table[136] < 65535 / 4);
+    /// ```
     #[must_use]
     pub fn table8(self) -> [u16; 256] {
         std::array::from_fn(|i| (self.light(i as f64 / 255.0) * 65535.0 + 0.5) as u16)

@@ -29,12 +29,31 @@ pub struct FrameRef<'a> {
 
 impl<'a> FrameRef<'a> {
     /// Returns a frame without gaps between rows. It needs as many samples as the sensor has pixels.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::FrameRef;
+    /// use spikelane::simulate::Samples;
+    /// let light = vec![0u16, 65535];
+    /// assert_eq!(FrameRef::new(&light).samples(), Samples::U16(&[0, 65535]));
+    /// ```
     #[must_use]
     pub fn new(samples: impl Into<Samples<'a>>) -> Self {
         Self { samples: samples.into(), stride: None }
     }
 
     /// Returns a frame whose rows start `stride` samples apart.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, FrameRef, Seeds, Sensor, Simulator};
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(3, 2, 20_000.0)?), Seeds::default())?;
+    /// // Three pixels of each row, and one sample of padding that is not light.
+    /// let padded = [255u8, 0, 0, 99, 0, 0, 255, 99];
+    /// let spikes = simulator.run(FrameRef::with_stride(&padded, 4), 1)?;
+    /// assert_eq!(spikes.to_dense(), [1, 0, 0, 0, 0, 1]);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn with_stride(samples: impl Into<Samples<'a>>, stride: usize) -> Self {
         Self { samples: samples.into(), stride: Some(stride) }

@@ -1,7 +1,7 @@
 //! The light of a run: the form that callers pass, and the form that kernels use.
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::kernels::{Segment, SegmentLight};
+use crate::kernels::{Samples, Segment, SegmentLight};
 use crate::light::Timeline;
 use crate::simulate::FrameRef;
 use crate::simulate::frame_ref::DenseFrame;
@@ -10,7 +10,7 @@ use crate::spikes::Geometry;
 
 /// The light during the readouts of one call.
 ///
-/// Samples, a [`FrameRef`] or a [`Frame`](crate::light::Frame) convert to light that is constant during the whole call.
+/// [`Samples`], a slice of samples, a [`FrameRef`] or a [`Frame`](crate::light::Frame) convert to light that is constant during the whole call.
 ///
 /// # Examples
 /// ```
@@ -44,6 +44,15 @@ enum Source<'a> {
 
 impl<'a> Light<'a> {
     /// Returns light that is `frame` at every readout.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Light, Seeds, Sensor, Simulator};
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(4, 2, 20_000.0)?), Seeds::default())?;
+    /// // Half of full scale: every pixel fires at every second readout.
+    /// assert_eq!(simulator.run(Light::hold(&[0.5f32; 8]), 10)?.spikes(), 5 * 8);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn hold(frame: impl Into<FrameRef<'a>>) -> Self {
         Self(Source::Hold(frame.into()))
@@ -52,6 +61,19 @@ impl<'a> Light<'a> {
     /// Returns light between two frames. The light of readout `i` is `from + (to - from) * weights[i]`.
     ///
     /// A call of the simulator must run exactly one readout per weight. Weights must be within 0 to 1.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Light, Seeds, Sensor, Simulator};
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(8, 1, 20_000.0)?), Seeds::default())?;
+    /// let light = Light::linear(&[0.0f32; 8], &[1.0f32; 8], &[0.25, 0.25, 0.5, 1.0]);
+    /// // The charge reaches the threshold at the third readout and again at the fourth readout.
+    /// assert_eq!(simulator.run(light.clone(), 4)?.as_bytes(), [0x00, 0x00, 0xff, 0xff]);
+    ///
+    /// let error = simulator.run(light, 5).unwrap_err();
+    /// assert_eq!(error.kind(), spikelane::ErrorKind::Usage);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn linear(from: impl Into<FrameRef<'a>>, to: impl Into<FrameRef<'a>>, weights: &'a [f32]) -> Self {
         Self(Source::Linear { from: from.into(), to: to.into(), weights })
@@ -62,9 +84,28 @@ impl<'a> Light<'a> {
     ///
     /// A call of the simulator may run at most [`Timeline::readouts`] readouts. To continue with further frames in
     /// another call, pass the last frame of the earlier call as the first frame of the later call.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::{Interpolation, Timeline};
+    /// use spikelane::{Camera, FrameRef, Light, Seeds, Sensor, Simulator};
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(8, 1, 20_000.0)?), Seeds::default())?;
+    /// let (dark, bright) = ([0u8; 8], [255u8; 8]);
+    /// let frames = [FrameRef::new(&dark), FrameRef::new(&bright)];
+    /// let timeline = Timeline::from_readouts_per_frame(2, Interpolation::Hold)?;
+    /// let spikes = simulator.run(Light::sequence(&frames, &timeline), 4)?;
+    /// assert_eq!(spikes.as_bytes(), [0x00, 0x00, 0xff, 0xff]);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn sequence(frames: &'a [FrameRef<'a>], timeline: &'a Timeline) -> Self {
         Self(Source::Sequence { frames, timeline })
+    }
+}
+
+impl<'a> From<Samples<'a>> for Light<'a> {
+    fn from(samples: Samples<'a>) -> Self {
+        Self::hold(samples)
     }
 }
 

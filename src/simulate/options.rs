@@ -45,6 +45,15 @@ impl Default for SimulatorOptions {
 impl SimulatorOptions {
     /// Returns the default options: all seeds are 0, the maximum light is full scale, the backend is the fastest of
     /// this CPU, and one thread is used.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Backend, Camera, Seeds, Sensor, SimulatorOptions};
+    /// let simulator = SimulatorOptions::new().build(&Camera::ideal(Sensor::new(32, 24, 20_000.0)?))?;
+    /// assert_eq!(simulator.plan().seeds(), Seeds::default());
+    /// assert_eq!((simulator.plan().max_light(), simulator.backend()), (1.0, Backend::best()));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -80,6 +89,16 @@ impl SimulatorOptions {
     }
 
     /// Sets the number of threads of the simulator, at least 1. With the default 1, the calling thread does all work.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Sensor, SimulatorOptions};
+    /// let camera = Camera::ideal(Sensor::new(128, 96, 20_000.0)?);
+    /// let record = |threads| SimulatorOptions::new().threads(threads).build(&camera)?.run(&[40u8; 128 * 96], 20);
+    /// // The bits do not depend on the number of threads.
+    /// assert_eq!(record(2)?, record(1)?);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[cfg(feature = "threads")]
     #[must_use]
     pub fn threads(mut self, threads: usize) -> Self {
@@ -105,6 +124,15 @@ impl SimulatorOptions {
     }
 
     /// Returns a simulator of `plan` before its first readout. The plan determines the seeds and the maximum light.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Backend, Camera, Plan, Seeds, Sensor, SimulatorOptions};
+    /// let plan = Plan::new(&Camera::ideal(Sensor::new(8, 1, 20_000.0)?), Seeds::default())?;
+    /// let simulator = SimulatorOptions::new().backend(Backend::Portable).build_from_plan(plan)?;
+    /// assert_eq!(simulator.backend(), Backend::Portable);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns the errors of [`SimulatorOptions::build`] that concern the backend and the threads.

@@ -22,6 +22,24 @@ impl Simulator {
     /// bytes.
     ///
     /// `camera_fingerprint` is the [`crate::presets::fingerprint`] of the bytes of the camera.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Seeds, Simulator, presets};
+    /// let mut camera = presets::builtin("scsim-paper")?;
+    /// camera.sensor.geometry = spikelane::Geometry::new(32, 24)?;
+    /// let fingerprint = presets::fingerprint(&presets::to_bytes(&camera)?);
+    /// let light = [51u8; 32 * 24];
+    ///
+    /// let mut simulator = Simulator::new(&camera, Seeds::default())?;
+    /// simulator.run(&light, 7)?;
+    /// let saved = simulator.save(fingerprint);
+    ///
+    /// let mut resumed = Simulator::new(&camera, Seeds::default())?;
+    /// resumed.restore(fingerprint, &saved)?;
+    /// assert_eq!(resumed.run(&light, 20)?, simulator.run(&light, 20)?);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn save(&self, camera_fingerprint: u64) -> Vec<u8> {
         let mut bytes = header(self, camera_fingerprint);
@@ -33,6 +51,18 @@ impl Simulator {
 
     /// Restores the state from the result of [`Simulator::save`]. This simulator then returns the bits that the saved
     /// simulator would have returned next.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, ErrorKind, Seeds, Sensor, Simulator};
+    /// let camera = Camera::ideal(Sensor::new(32, 24, 20_000.0)?);
+    /// let saved = Simulator::new(&camera, Seeds { sequence: 1, ..Seeds::default() })?.save(0);
+    ///
+    /// let error = Simulator::new(&camera, Seeds::default())?.restore(0, &saved).unwrap_err();
+    /// assert_eq!(error.kind(), ErrorKind::Usage);
+    /// assert_eq!(error.parts().found, "a state of other seeds");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// If the call fails, this simulator is unchanged. Returns

@@ -24,6 +24,20 @@ const READOUTS_PER_GATHER: usize = 8;
 ///
 /// Results depend only on the plan, the light and the state. The state can be cloned with the simulator, saved with
 /// [`SimulatorState::to_bytes`], and restored at any readout.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Seeds, Sensor, Simulator};
+/// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(8, 1, 20_000.0)?), Seeds::default())?;
+/// // A quarter of full scale for 6 readouts, then full scale for 2 readouts. The charge persists.
+/// assert_eq!(simulator.run(&[0.25f32; 8], 6)?.spikes(), 8);
+/// assert_eq!(simulator.run(&[1.0f32; 8], 2)?.spikes(), 2 * 8);
+/// assert_eq!(simulator.state().readout(), 8);
+///
+/// let error = simulator.run(&[1.0f32; 7], 2).unwrap_err();
+/// assert!(error.to_string().contains("found 7 samples, expected 8 samples"));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Simulator {
     plan: Plan,
@@ -59,6 +73,16 @@ impl Simulator {
     }
 
     /// Returns a simulator of `plan` before the first readout.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Plan, Seeds, Sensor, Simulator};
+    /// let plan = Plan::new(&Camera::ideal(Sensor::new(8, 1, 20_000.0)?), Seeds::default())?;
+    /// let [mut bright, mut dim] = [plan.clone(), plan].map(Simulator::from_plan);
+    /// assert_eq!(bright.run(&[255u8; 8], 5)?.spikes(), 5 * 8);
+    /// assert_eq!(dim.run(&[51u8; 8], 5)?.spikes(), 8);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     #[must_use]
     pub fn from_plan(plan: Plan) -> Self {
         let tile = tile_pixels(&plan, 1);
@@ -223,6 +247,23 @@ impl Simulator {
     /// If the light is a sequence of frames, `observe` is called after each batch. For other light, `observe` is called
     /// once. Its argument is the number of complete readouts.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::{Interpolation, Timeline};
+    /// use spikelane::{Camera, FrameRef, Light, Seeds, Sensor, Simulator};
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(8, 1, 20_000.0)?), Seeds::default())?;
+    /// let light = [51u8; 8];
+    /// let frames = [FrameRef::new(&light); 4];
+    /// let timeline = Timeline::from_readouts_per_frame(100, Interpolation::Hold)?;
+    /// let (mut packed, mut done) = ([0; 400], Vec::new());
+    /// simulator.fill_observed(Light::sequence(&frames, &timeline), &mut packed, &mut |readouts| {
+    ///     done.push(readouts);
+    ///     Ok(())
+    /// })?;
+    /// assert!(done.is_sorted() && done.last() == Some(&400));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns the errors of [`Simulator::fill`]. If `observe` returns an error, `fill_observed` stops and returns this
     /// error. `out` and the state then contain all complete readouts.
@@ -245,6 +286,21 @@ impl Simulator {
     /// Simulates exactly `readouts` readouts of `light` and returns the number of frames written to `out`.
     ///
     /// Readouts that the camera drops are not written. The light also advances during a dropped readout.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Seeds, Sensor, Simulator, effects};
+    /// let losses = effects::find("dropped_readouts")?.neutral().with_value("probability", 0.5)?;
+    /// let camera = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).with_effect(losses);
+    /// let mut simulator = Simulator::new(&camera, Seeds::default())?;
+    /// let mut packed = [0; 1000];
+    /// let written = simulator.advance(&[255u8; 8], 1000, &mut packed)?;
+    /// // Half of the readouts are lost, within five standard deviations of 16 readouts.
+    /// assert!((420..580).contains(&written));
+    /// assert_eq!(simulator.state().readout(), 1000);
+    /// assert_eq!(spikelane::spikes::count_spikes(&packed), 8 * written as u64);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns the errors of [`Simulator::fill`]. `out` must have space for all `readouts` readouts.
@@ -317,6 +373,7 @@ impl Simulator {
     ///
     /// This function is for callers of [`crate::unstable::kernels`] and checks nothing. The light must be valid, and
     /// `out` must have space for every readout.
+    #[doc(hidden)]
     pub fn run_segments(&mut self, segments: &[Segment<'_>], out: &mut [u8]) -> usize {
         let bytes = self.plan.geometry().frame_bytes();
         // If coupled pixels are in several tiles, each tile needs the spikes of the other tiles after every readout. A

@@ -112,6 +112,16 @@ pub fn unpack_byte(byte: u8) -> u64 {
     (selected + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101
 }
 
+/// Returns the positions of the set bits of `word` in ascending order. Bit 0 is the lowest bit.
+#[inline(always)]
+pub fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let at = (word != 0).then(|| word.trailing_zeros());
+        word &= word.wrapping_sub(1);
+        at
+    })
+}
+
 /// Returns eight bytes of 0 or 1 as eight bits.
 ///
 /// In the product, bit 8a of `word` and bit 56 - 7b of the factor meet at bit 56 + 8a - 7b, where a and b are 0 to 7.

@@ -1,7 +1,20 @@
 use crate::error::{Error, ErrorKind, Result};
 use crate::spikes::Geometry;
 
-/// A rectangle of pixels. `x` is counted from the left, and `y` from the top.
+/// A rectangle of pixels. Rows are counted from the top, and columns from the left.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, spikes::Crop};
+/// let full = Geometry::new(4, 2)?;
+/// let crop = Crop { row: 1, col: 2, width: 2, height: 1 };
+/// assert_eq!(crop.geometry(full)?, Geometry::new(2, 1)?);
+/// assert_eq!(crop.pick(full, &[0, 1, 2, 3, 10, 11, 12, 13]), [12, 13]);
+///
+/// let error = Crop { col: 3, ..crop }.geometry(full).unwrap_err();
+/// assert_eq!(error.to_string(), "crop: found 2x1 at row 1, col 3, expected a rectangle of pixels within 4x2");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Crop {

@@ -5,16 +5,16 @@
 //! so every frame starts at a byte. A stream is a sequence of frames without gaps. If a file has another order of bits
 //! or rows, its reader converts it to this order.
 
-mod bytes;
+pub(crate) mod bytes;
 mod crop;
 mod spike_frames;
 
 pub use bytes::{pack, unpack};
-pub use bytes::{pack_frame, unpack_byte, unpack_frame};
 pub use crop::Crop;
 pub use spike_frames::{Frames, Spike, SpikeFrame, SpikeFrames, SpikeFramesRef};
 
 use crate::error::{Error, ErrorKind, Result, Setting};
+use bytes::set_bits;
 
 /// Largest number of pixels of a sensor.
 ///
@@ -22,6 +22,17 @@ use crate::error::{Error, ErrorKind, Result, Setting};
 pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
 /// Width and height of a sensor in pixels. The text form is `width x height`.
+///
+/// # Examples
+/// ```
+/// use spikelane::{ErrorKind, Geometry};
+/// let geometry = Geometry::new(13, 3)?;
+/// assert_eq!(geometry.to_string(), "13x3");
+/// // 39 pixels need five bytes. The last bit of the fifth byte is padding.
+/// assert_eq!((geometry.pixels(), geometry.frame_bytes()), (39, 5));
+/// assert_eq!(Geometry::new(0, 3).unwrap_err().kind(), ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Geometry {
     width: u32,
@@ -94,21 +105,24 @@ pub fn bit(frame: &[u8], p: usize) -> bool {
 }
 
 /// Sets bit `p` of a packed frame.
+///
+/// # Examples
+/// ```
+/// let mut frame = [0u8; 2];
+/// spikelane::spikes::set_bit(&mut frame, 9);
+/// assert_eq!(frame, [0b0000_0000, 0b0000_0010]);
+/// ```
 pub fn set_bit(frame: &mut [u8], p: usize) {
     frame[p / 8] |= 1 << (p % 8);
 }
 
-/// Returns the positions of the set bits of `word` in ascending order. Bit 0 is the lowest bit.
-#[inline(always)]
-pub fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
-    std::iter::from_fn(move || {
-        let at = (word != 0).then(|| word.trailing_zeros());
-        word &= word.wrapping_sub(1);
-        at
-    })
-}
-
 /// Returns the indices of the pixels that fire in a packed frame, in ascending order.
+///
+/// # Examples
+/// ```
+/// let frame = [0b0000_0001, 0b1000_0000];
+/// assert_eq!(spikelane::spikes::firing_pixels(&frame).collect::<Vec<_>>(), [0, 15]);
+/// ```
 #[inline]
 pub fn firing_pixels(frame: &[u8]) -> impl Iterator<Item = usize> {
     frame.chunks(8).enumerate().flat_map(|(w, bytes)| {
@@ -122,6 +136,14 @@ pub fn firing_pixels(frame: &[u8]) -> impl Iterator<Item = usize> {
 ///
 /// `first` and `last` are the readouts of the first and the last spike. Returns `None` if there are fewer than two
 /// spikes. A pixel has at most one spike per readout, so the rate is in `(0, 1]`.
+///
+/// # Examples
+/// ```
+/// use spikelane::spikes::span_rate;
+/// // Three spikes at the readouts 10, 20 and 30: two intervals in 20 readouts.
+/// assert_eq!(span_rate(3, 10, 30), Some(0.1));
+/// assert_eq!(span_rate(1, 10, 10), None);
+/// ```
 #[must_use]
 #[inline]
 pub fn span_rate(spikes: u32, first: u32, last: u32) -> Option<f64> {

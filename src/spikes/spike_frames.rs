@@ -6,6 +6,18 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::spikes::{Geometry, bit, count_spikes, firing_pixels, pack, set_bit, unpack};
 
 /// One spike of a stream.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, Spike, SpikeFrames};
+/// let late = Spike { readout: 1, row: 0, col: 3 };
+/// let early = Spike { readout: 0, row: 1, col: 0 };
+/// let frames = SpikeFrames::from_spikes(Geometry::new(4, 2)?, 2, [late, early])?;
+/// // Spikes are ordered by readout, then by row and column.
+/// assert_eq!(frames.iter_spikes().collect::<Vec<_>>(), [early, late]);
+/// assert!(early < late);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Spike {
@@ -36,6 +48,17 @@ pub struct SpikeFrame<'a> {
 
 impl<'a> SpikeFrame<'a> {
     /// Returns a view of `bytes` as one packed frame of `geometry`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, SpikeFrame};
+    /// let geometry = Geometry::new(4, 2)?;
+    /// assert!(SpikeFrame::new(geometry, &[0b1000_0000])?.get(1, 3));
+    ///
+    /// let error = SpikeFrame::new(geometry, &[0, 0]).unwrap_err();
+    /// assert_eq!(error.kind(), spikelane::ErrorKind::Input);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Input`] if the length differs from [`Geometry::frame_bytes`].
@@ -116,6 +139,16 @@ pub struct SpikeFramesRef<'a> {
 impl<'a> SpikeFramesRef<'a> {
     /// Returns a view of `bytes` as whole frames of `geometry`.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, SpikeFramesRef};
+    /// // The first three readouts of a camera with 16x1 pixels: two bytes per readout.
+    /// let bytes = [0xff, 0x00, 0x0f, 0x00, 0x01, 0x00];
+    /// let stream = SpikeFramesRef::new(Geometry::new(16, 1)?, &bytes)?;
+    /// assert_eq!((stream.readouts(), stream.spikes()), (3, 8 + 4 + 1));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns [`ErrorKind::Input`] if the length is not a multiple of [`Geometry::frame_bytes`].
     pub fn new(geometry: Geometry, bytes: &'a [u8]) -> Result<Self> {
@@ -148,6 +181,14 @@ impl<'a> SpikeFramesRef<'a> {
     }
 
     /// Returns the readouts of `range`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, SpikeFramesRef};
+    /// let stream = SpikeFramesRef::new(Geometry::new(8, 1)?, &[1, 2, 4, 8])?;
+    /// assert_eq!(stream.slice(1..3).as_bytes(), [2, 4]);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Panics
     /// If the range exceeds the number of readouts.
@@ -239,6 +280,16 @@ impl fmt::Debug for SpikeFramesRef<'_> {
 }
 
 /// An iterator over the frames of a stream in order; see [`SpikeFrames::iter`].
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, SpikeFrames};
+/// let frames = SpikeFrames::new(Geometry::new(8, 1)?, vec![0b1, 0b11, 0b111])?;
+/// assert_eq!(frames.iter().len(), 3);
+/// let newest_first: Vec<u64> = frames.iter().rev().map(|frame| frame.spikes()).collect();
+/// assert_eq!(newest_first, [3, 2, 1]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Frames<'a> {
     geometry: Geometry,
@@ -297,6 +348,17 @@ pub struct SpikeFrames {
 impl SpikeFrames {
     /// Returns a stream of whole frames of `geometry`.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, SpikeFrames};
+    /// let geometry = Geometry::new(400, 250)?; // 12,500 bytes per readout
+    /// assert_eq!(SpikeFrames::new(geometry, vec![0; 25_000])?.readouts(), 2);
+    ///
+    /// let error = SpikeFrames::new(geometry, vec![0; 25_001]).unwrap_err();
+    /// assert!(error.to_string().contains("a multiple of 12500 bytes"));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns [`ErrorKind::Input`] if the length is not a multiple of [`Geometry::frame_bytes`].
     pub fn new(geometry: Geometry, bytes: Vec<u8>) -> Result<Self> {
@@ -305,6 +367,16 @@ impl SpikeFrames {
     }
 
     /// Returns a stream of `readouts` readouts without spikes.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, SpikeFrames};
+    /// let mut frames = SpikeFrames::zeros(Geometry::new(8, 1)?, 100)?;
+    /// frames.as_bytes_mut()[42] = 0b0001_0000;
+    /// assert!(frames.get(42, 0, 4));
+    /// assert_eq!((frames.readouts(), frames.spikes()), (100, 1));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Memory`] if the system cannot allocate the memory.
@@ -316,6 +388,19 @@ impl SpikeFrames {
     }
 
     /// Packs an array of shape (readouts, height, width) in row-major order. The bytes are 0 and 1, or 0 and 255.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, SpikeFrames};
+    /// let geometry = Geometry::new(3, 2)?;
+    /// // Shape (readouts, height, width) = (2, 2, 3).
+    /// let frames = SpikeFrames::from_dense(geometry, &[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1])?;
+    /// assert!(frames.get(0, 0, 0) && frames.get(1, 1, 2));
+    ///
+    /// let error = SpikeFrames::from_dense(geometry, &[0, 0, 0, 0, 2, 0]).unwrap_err();
+    /// assert_eq!(error.to_string(), "readout 0, row 1, col 1: found 2, expected 0 and 1, or 0 and 255");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Input`] if the length is not a multiple of the number of pixels, or if a frame contains
@@ -336,6 +421,20 @@ impl SpikeFrames {
     }
 
     /// Returns a stream of `readouts` readouts with the given spikes. The spikes may be in any order and may be repeated.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, Spike, SpikeFrames};
+    /// let geometry = Geometry::new(4, 2)?;
+    /// let diagonal = (0..2).map(|i| Spike { readout: i, row: i, col: i });
+    /// let frames = SpikeFrames::from_spikes(geometry, 2, diagonal)?;
+    /// assert_eq!(frames.as_bytes(), [0b0000_0001, 0b0010_0000]);
+    ///
+    /// let outside = Spike { readout: 2, row: 0, col: 0 };
+    /// let error = SpikeFrames::from_spikes(geometry, 2, [outside]).unwrap_err();
+    /// assert_eq!(error.kind(), spikelane::ErrorKind::Input);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Input`] if a spike is outside the stream. Returns [`ErrorKind::Memory`] if the system cannot
@@ -442,6 +541,16 @@ impl SpikeFrames {
     }
 
     /// Appends the readouts of `other`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, SpikeFrames};
+    /// let geometry = Geometry::new(8, 1)?;
+    /// let mut all = SpikeFrames::new(geometry, vec![1, 2])?;
+    /// all.append(SpikeFrames::new(geometry, vec![4])?.view())?;
+    /// assert_eq!(all.as_bytes(), [1, 2, 4]);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if the geometry of `other` differs.

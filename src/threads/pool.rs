@@ -19,6 +19,19 @@ const MAX_THREADS: usize = 4096;
 ///
 /// Threads do not survive a `fork`, so a child process starts new threads at the next use. If the system starts fewer
 /// threads than requested, work runs on the started threads. If no thread starts, work runs on the calling thread.
+///
+/// # Examples
+/// ```
+/// use spikelane::simulate::Pool;
+/// use spikelane::{Camera, Sensor, SimulatorOptions};
+/// let pool = Pool::new(2)?;
+/// let camera = Camera::ideal(Sensor::new(128, 96, 20_000.0)?);
+/// // Two simulators share two threads.
+/// let options = SimulatorOptions::new().pool(&pool);
+/// let (mut left, mut right) = (options.build(&camera)?, options.build(&camera)?);
+/// assert_eq!(left.run(&[40u8; 128 * 96], 20)?, right.run(&[40u8; 128 * 96], 20)?);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct Pool {
     threads: usize,
@@ -44,6 +57,15 @@ impl Drop for ProcessThreads {
 impl Pool {
     /// Returns a pool of `threads` threads. The threads start when the pool is first used. With 0 or 1, the calling
     /// thread does the work.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::simulate::Pool;
+    /// assert_eq!(Pool::new(4)?.threads(), 4);
+    /// let error = Pool::new(5000).unwrap_err();
+    /// assert_eq!(error.to_string(), "threads: found 5000, expected at most 4096; use the number of cores");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if `threads` exceeds 4096.
@@ -83,6 +105,17 @@ impl Pool {
     }
 
     /// Calls `work` with each item, in parallel.
+    ///
+    /// # Examples
+    /// ```
+    /// use std::sync::atomic::{AtomicU64, Ordering};
+    /// let sum = AtomicU64::new(0);
+    /// spikelane::simulate::Pool::new(2)?.for_each((1..=100).collect(), |n| {
+    ///     sum.fetch_add(n, Ordering::Relaxed);
+    /// });
+    /// assert_eq!(sum.into_inner(), 5050);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     pub fn for_each<I: Send>(&self, items: Vec<I>, work: impl Fn(I) + Sync + Send) {
         if self.threads == 1 {
             return items.into_iter().for_each(work);

@@ -6,6 +6,15 @@ use crate::formulas::fit::PixelFit;
 use spikelane_measure::Estimate;
 
 /// Moments over the pixels. Each moment has a standard error.
+///
+/// # Examples
+/// ```
+/// use spikelane_calibrate::{Population, fit_line};
+/// // Two pixels whose gains are 0.9 and 1.1.
+/// let fits = [0.9, 1.1].map(|a| fit_line(&[(0.0, 0.0, 1e-9), (1.0, a, 1e-9)]).expect("two light levels"));
+/// let population = Population::from_fits(fits.iter());
+/// assert!((population.mean_a.value - 1.0).abs() < 1e-9);
+/// ```
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Population {
@@ -81,7 +90,6 @@ fn corrected_spread(deviations: impl Iterator<Item = (f64, f64)>) -> Estimate {
 ///
 /// If the covariance does not exceed its own error, the returned error is an upper bound. The value is still computed
 /// from the covariance. It is 0 if the covariance is negative.
-/// from the covariance, and is 0 if that is negative.
 #[must_use]
 pub fn threshold_spread(covariance: Estimate) -> Estimate {
     let c = covariance.value;

@@ -62,6 +62,16 @@ impl Lamp {
 }
 
 /// Options of the default estimator.
+///
+/// # Examples
+/// ```
+/// use spikelane_calibrate::{CalibrateOptions, NoiseSampling};
+/// let options = CalibrateOptions::default()
+///     .with_light_uncertainty(Some(0.005))
+///     .with_noise_sampling(Some(NoiseSampling::EveryReset));
+/// assert_eq!((options.capacitance_ff, options.swing_v), (4.348, 1.1));
+/// assert_eq!(options.light_uncertainty, Some(0.005));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct CalibrateOptions {
     /// Share of the first increment after a spike that is lost in the reset.

@@ -36,6 +36,19 @@ pub struct Input {
 /// Links to folders are not followed. Hidden entries are skipped. The folder `excluded`, which is the output folder,
 /// is also skipped.
 ///
+/// # Examples
+/// ```
+/// use spikelane_dataset::discover_inputs;
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// for name in ["b.mp4", "a.npy", "notes.txt"] {
+///     std::fs::write(folder.path().join(name), []).map_err(|e| spikelane::Error::io(name, e))?;
+/// }
+/// let inputs = discover_inputs(folder.path(), &folder.path().join("out"))?;
+/// let paths: Vec<_> = inputs.iter().map(|input| input.path.display().to_string()).collect();
+/// assert_eq!(paths, ["a.npy", "b.mp4"]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// * [`ErrorKind::Io`] if a folder cannot be listed.
 /// * [`ErrorKind::Input`] if no input is found.

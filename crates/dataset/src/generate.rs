@@ -74,6 +74,20 @@ pub struct DatasetReport {
 /// Estimates the cost of a dataset. Nothing is written. If the dataset is resumed, only the remaining sequences are
 /// counted.
 ///
+/// # Examples
+/// ```
+/// use std::path::Path;
+/// use spikelane_dataset::{Access, DatasetOptions, config, estimate};
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// let text = "format_version = 1\n[scenes]\npreset = \"tiny\"\nsequences = 3";
+/// let options = config::from_toml(text, Path::new(""), Access::Read)?;
+/// let options = DatasetOptions { output: folder.path().join("set"), ..options };
+/// assert_eq!(estimate(&options)?.sequences, 3);
+/// // An estimate writes nothing.
+/// assert!(!options.output.exists());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// * The errors of [`DatasetOptions::check`].
 /// * [`ErrorKind::Exists`] if the dataset exists and `resume` is false.

@@ -63,6 +63,20 @@ impl NeighborPair {
 /// Per-pixel counts of a band of rows.
 ///
 /// Maps are row-major and contain one entry per pixel of the band. Readout 0 is the first readout of the stream.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, SpikeFramesRef};
+/// use spikelane_measure::{Accumulator, MeasureOptions, NO_SPIKE};
+/// let geometry = Geometry::new(8, 1)?;
+/// let mut sums = Accumulator::new(geometry, &MeasureOptions::without_intervals())?;
+/// // Pixel 0 fires at the readouts 1 and 3.
+/// sums.push(SpikeFramesRef::new(geometry, &[0, 1, 0, 1])?)?;
+/// let counts = sums.finish().counts.expect("the options select counts");
+/// assert_eq!((counts.count[0], counts.first_spike[0], counts.last_spike[0]), (2, 1, 3));
+/// assert_eq!((counts.count[1], counts.first_spike[1]), (0, NO_SPIKE));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Counts {

@@ -20,6 +20,14 @@ const MAX_FALSE_DEAD_PROBABILITY: f64 = 0.01;
 /// * `f T > 2`, because a regular pixel would then have fired.
 ///
 /// For a rate of 0.2 and 100,000 pixels both conditions hold after 153 readouts.
+///
+/// # Examples
+/// ```
+/// use spikelane_measure::is_dead_if_silent;
+/// // At a rate of 0.2, 153 silent readouts prove that one of 100,000 pixels is dead.
+/// assert!(is_dead_if_silent(0.2, 153, 100_000));
+/// assert!(!is_dead_if_silent(0.2, 152, 100_000));
+/// ```
 #[must_use]
 pub fn is_dead_if_silent(rate: f64, readouts: u32, pixels: usize) -> bool {
     let (min_rate, readouts) = (MIN_NEIGHBOR_RATE_SHARE * rate.clamp(0.0, 1.0), f64::from(readouts));

@@ -4,6 +4,13 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
 /// A value with its standard error.
+///
+/// # Examples
+/// ```
+/// use spikelane_measure::Estimate;
+/// let estimate = Estimate { value: 10.3, error: 0.1, samples: 25 };
+/// assert!((estimate.sigmas_from(10.0) - 3.0).abs() < 1e-9);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Estimate {
     /// The value; NaN if nothing was measured.
@@ -19,6 +26,15 @@ impl Estimate {
     ///
     /// The standard error is `sd / sqrt(n)`, where `sd^2` is the unbiased variance. It is valid for independent
     /// samples.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane_measure::Estimate;
+    /// let mean = Estimate::mean([1.0, 2.0, 3.0, f64::NAN]);
+    /// // The variance of three samples is 1, so the error of the mean is 1 / sqrt(3).
+    /// assert_eq!((mean.value, mean.samples), (2.0, 3));
+    /// assert!((mean.error - 1.0 / 3f64.sqrt()).abs() < 1e-12);
+    /// ```
     #[must_use]
     pub fn mean(samples: impl IntoIterator<Item = f64>) -> Self {
         // Welford's update needs one pass. It loses no digits if the mean is large.
@@ -129,6 +145,13 @@ pub fn finite_values(map: &[f64]) -> Vec<f64> {
 /// Returns the median of finite values, or NaN if `values` is empty. Reorders the values.
 ///
 /// For an even number of values the median is the mean of the two middle values.
+///
+/// # Examples
+/// ```
+/// assert_eq!(spikelane_measure::median(&mut [3.0, 1.0, 100.0]), 3.0);
+/// assert_eq!(spikelane_measure::median(&mut [4.0, 1.0, 3.0, 2.0]), 2.5);
+/// assert!(spikelane_measure::median(&mut []).is_nan());
+/// ```
 #[must_use]
 pub fn median(values: &mut [f64]) -> f64 {
     let (n, upper) = (values.len(), upper_median(values));
@@ -152,6 +175,13 @@ pub fn upper_median(values: &mut [f64]) -> f64 {
 ///
 /// The robust deviation is `1.4826` times the median absolute deviation. For a normal distribution it equals the
 /// standard deviation, and its relative standard error is `1.17 / sqrt(n)` for `n` values.
+///
+/// # Examples
+/// ```
+/// // The outlier changes neither the median nor the robust deviation.
+/// let (median, spread) = spikelane_measure::median_and_spread(&mut [1.0, 2.0, 3.0, 4.0, 1000.0]);
+/// assert_eq!((median, spread), (3.0, 1.4826));
+/// ```
 #[must_use]
 pub fn median_and_spread(values: &mut [f64]) -> (f64, f64) {
     let center = median(values);
@@ -163,6 +193,13 @@ pub fn median_and_spread(values: &mut [f64]) -> (f64, f64) {
 ///
 /// The standard error is the Winsorized standard deviation divided by `(1 - 2 trim) sqrt(n)` for `n` values (Tukey and
 /// McLaughlin 1963).
+///
+/// # Examples
+/// ```
+/// // A fifth of the values is removed at each end.
+/// let mean = spikelane_measure::trimmed_mean(&[-1000.0, 1.0, 2.0, 3.0, 1000.0], 0.2);
+/// assert_eq!(mean.value, 2.0);
+/// ```
 #[must_use]
 pub fn trimmed_mean(map: &[f64], trim: f64) -> Estimate {
     let mut values = finite_values(map);

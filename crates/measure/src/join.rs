@@ -11,6 +11,22 @@ impl Statistics {
     ///
     /// The result equals the statistics of one accumulator for all rows.
     ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, SpikeFramesRef};
+    /// use spikelane_measure::{Accumulator, MeasureOptions, Statistics};
+    /// let geometry = Geometry::new(8, 2)?;
+    /// let frames = SpikeFramesRef::new(geometry, &[1, 3, 0, 2])?;
+    /// let measure = |rows| {
+    ///     let options = MeasureOptions::default().with_frames(false).with_rows(Some(rows));
+    ///     let mut sums = Accumulator::new(geometry, &options)?;
+    ///     sums.push(frames)?;
+    ///     Ok::<_, spikelane::Error>(sums.finish())
+    /// };
+    /// assert_eq!(Statistics::join(vec![measure(0..1)?, measure(1..2)?])?, measure(0..2)?);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`ErrorKind::Usage`] if `parts` is empty, or if the bands or the options of the parts do not match.
     pub fn join(parts: Vec<Self>) -> Result<Self> {

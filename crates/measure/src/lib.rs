@@ -67,6 +67,21 @@ pub use {estimate::upper_median, spectrum::squared_magnitudes};
 pub(crate) const MAX_READOUTS: u32 = 1 << 28;
 
 /// Accumulates the sums of statistics over the frames of a stream.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, SpikeFramesRef};
+/// use spikelane_measure::{Accumulator, MeasureOptions};
+/// let geometry = Geometry::new(8, 1)?;
+/// let mut whole = Accumulator::new(geometry, &MeasureOptions::default())?;
+/// whole.push(SpikeFramesRef::new(geometry, &[1, 0, 1, 0])?)?;
+/// // The size of the batches does not change the result.
+/// let mut parts = Accumulator::new(geometry, &MeasureOptions::default())?;
+/// parts.push(SpikeFramesRef::new(geometry, &[1])?)?;
+/// parts.push(SpikeFramesRef::new(geometry, &[0, 1, 0])?)?;
+/// assert_eq!(parts.finish(), whole.finish());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 pub struct Accumulator {
     geometry: Geometry,
     rows: Range<usize>,
@@ -209,6 +224,21 @@ impl Accumulator {
 }
 
 /// Statistics of a stream or of a band of its rows. A family that was not measured is `None`.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, SpikeFramesRef};
+/// use spikelane_measure::{Accumulator, MeasureOptions};
+/// let geometry = Geometry::new(8, 1)?;
+/// let mut sums = Accumulator::new(geometry, &MeasureOptions::frames_only())?;
+/// sums.push(SpikeFramesRef::new(geometry, &[0b11, 0b1, 0b111])?)?;
+/// let statistics = sums.finish();
+/// // Spikes in each readout, and pixels that differ between successive readouts.
+/// let frames = statistics.frames.expect("the options select frame statistics");
+/// assert_eq!((frames.totals, frames.distances), (vec![2, 1, 3], vec![1, 2]));
+/// assert!(statistics.counts.is_none());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Statistics {

@@ -7,6 +7,16 @@ use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 
 /// Selects the statistics to measure, and their parameters.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane_measure::{Accumulator, MeasureOptions};
+/// let options = MeasureOptions::default().with_lags(vec![1, 2, 100]);
+/// let error = Accumulator::new(Geometry::new(8, 1)?, &options).err().expect("lags are 1 to 64");
+/// assert_eq!(error.kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeasureOptions {
     /// Whether to measure [`Counts`](super::Counts).

@@ -90,6 +90,18 @@ pub fn squared_magnitudes(
 ///
 /// The mean of each segment is subtracted.
 ///
+/// # Examples
+/// ```
+/// // Frame totals with a period of 4 readouts.
+/// let totals = [100, 110, 100, 90].repeat(16);
+/// let spectrum = spikelane_measure::spectrum(&totals, 32)?;
+/// // The largest power is at a quarter of a cycle per readout: bin 8 of 32.
+/// let max = spectrum.power.iter().copied().fold(0.0, f64::max);
+/// assert_eq!(spectrum.power.iter().position(|power| *power == max), Some(8));
+/// assert_eq!(spikelane_measure::spectrum(&totals, 7).unwrap_err().kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`ErrorKind::Usage`] if `segment` is odd, below 8 or greater than the number of totals.
 pub fn spectrum(totals: &[u32], segment: usize) -> Result<Spectrum> {

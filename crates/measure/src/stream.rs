@@ -15,6 +15,18 @@ const BATCH_READOUTS: usize = 496;
 ///
 /// Calls `tell` with the number of readouts measured so far. Memory does not grow with the length of the stream.
 ///
+/// # Examples
+/// ```
+/// use spikelane_io::formats::StreamReader;
+/// use spikelane_measure::{MeasureOptions, measure_stream};
+/// let geometry = spikelane::Geometry::new(8, 2)?;
+/// let reader = StreamReader::from_bytes("mine", [0xff, 0xff, 0, 0].repeat(50), None, Some(geometry))?;
+/// let statistics = measure_stream(&reader, &MeasureOptions::without_intervals(), &mut |_| {})?;
+/// let counts = statistics.counts.expect("the options select counts");
+/// assert!(counts.rate().iter().all(|rate| *rate == 0.5));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// If the stream cannot be read, or if it is longer than an [`Accumulator`] accepts.
 pub fn measure_stream(

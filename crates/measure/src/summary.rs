@@ -80,6 +80,22 @@ pub struct Summary {
 /// The quantities are defined for a uniform target. In other scenes, the content of the scene increases the
 /// non-uniformities, and the edges in the scene are counted as outliers.
 ///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Seeds, Sensor, Simulator};
+/// use spikelane_measure::{Accumulator, MeasureOptions, summarize};
+/// let sensor = Sensor::new(32, 24, 20_000.0)?;
+/// let mut simulator = Simulator::new(&Camera::ideal(sensor), Seeds::default())?;
+/// let spikes = simulator.run(&[51u8; 32 * 24], 500)?;
+/// let mut sums = Accumulator::new(sensor.geometry, &MeasureOptions::default())?;
+/// sums.push(spikes.view())?;
+/// let summary = summarize(&sums.finish())?;
+/// // A fifth of full scale, and no pixel of an ideal camera differs from the others.
+/// assert!((summary.signal.value - 0.2).abs() < 1e-9);
+/// assert!(summary.defects.dead.is_empty() && summary.defects.hot.is_empty());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`ErrorKind::Usage`] if counts are missing, if only a band of rows was measured, or if there are no readouts.
 pub fn summarize(statistics: &Statistics) -> Result<Summary> {

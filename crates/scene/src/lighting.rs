@@ -11,6 +11,15 @@ use super::random::Draws;
 pub(super) const LAMP_RANGE_M: f32 = 26.0;
 
 /// A time of day and weather.
+///
+/// # Examples
+/// ```
+/// use spikelane_scene::Lighting;
+/// for lighting in Lighting::ALL {
+///     assert_eq!(Lighting::from_name(lighting.name()), Some(lighting));
+/// }
+/// assert_eq!(Lighting::from_name("noon"), Some(Lighting::Noon));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Lighting {

@@ -12,6 +12,16 @@ const MAX_DRIVE_M: f64 = 5_000.0;
 pub(super) const MIN_RANDOM_SPEED_KMH: f64 = 45.0;
 
 /// Options of a scene. If an option is `None`, the seed determines the option.
+///
+/// # Examples
+/// ```
+/// use spikelane_scene::SceneOptions;
+/// let options = SceneOptions::default().with_speed_kmh(Some(50.0)).with_vehicles(Some(0));
+/// options.check()?;
+/// let error = options.with_speed_kmh(Some(500.0)).check().unwrap_err();
+/// assert_eq!(error.kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneOptions {
     /// Number of columns of the image.

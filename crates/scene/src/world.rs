@@ -22,6 +22,16 @@ use spikelane::error::{Error, ErrorKind, Result};
 const ROAD_BEHIND_M: f64 = 120.0;
 const ROAD_AHEAD_M: f64 = 420.0;
 /// A random city with traffic and light, and a camera that drives through the city.
+///
+/// # Examples
+/// ```
+/// use spikelane_scene::{Lighting, Scene, SceneOptions};
+/// let options = SceneOptions::default().with_lighting(Some(Lighting::Dusk)).with_duration_s(1.0);
+/// let scene = Scene::from_seed(7, &options)?;
+/// assert_eq!((scene.lighting(), scene.duration_s()), (Lighting::Dusk, 1.0));
+/// assert_eq!(scene.camera(2.0).unwrap_err().parts().expected, "0 to 1 s");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Scene {
     pub(super) seed: u64,

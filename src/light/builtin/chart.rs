@@ -20,6 +20,21 @@ use crate::spikes::Geometry;
 pub const WEDGE_LEVELS: [f32; 10] = [0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0];
 
 /// The chart as a sequence of frames with 16-bit samples. The sequence is finite or endless.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane::light::{Chart, Frame, Rate, Source};
+/// // Two frames at 1,000 frames per second.
+/// let mut chart = Chart::new(Geometry::new(64, 48)?, Rate::new(1000, 1)?, Some(2))?;
+/// let mut frame = Frame::dark(chart.geometry());
+/// let mut frames = Vec::new();
+/// while chart.next_frame(&mut frame)? {
+///     frames.push(frame.clone());
+/// }
+/// assert_eq!(frames, [chart.frame_at(0.0), chart.frame_at(0.001)]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Chart {
     geometry: Geometry,
@@ -31,6 +46,18 @@ pub struct Chart {
 
 impl Chart {
     /// Returns a chart with `rate` frames per second. The chart is endless if `frames` is `None`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane::light::{Chart, Rate, Source};
+    /// let endless = Chart::new(Geometry::new(64, 48)?, Rate::new(1000, 1)?, None)?;
+    /// assert_eq!(endless.frames(), None);
+    ///
+    /// let error = Chart::new(Geometry::new(15, 48)?, Rate::new(1000, 1)?, None).unwrap_err();
+    /// assert_eq!(error.to_string(), "test chart: found 15x48, expected at least 16x16 pixels");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if a side is shorter than 16 pixels.
@@ -44,6 +71,20 @@ impl Chart {
     }
 
     /// Returns the rows and columns of step `step` of the wedge.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane::light::{Chart, Rate};
+    /// let chart = Chart::new(Geometry::new(64, 48)?, Rate::new(1000, 1)?, None)?;
+    /// // The steps 0 and 9 of the gray wedge are black and white.
+    /// let light = |step| {
+    ///     let [rows, cols] = chart.wedge_step(step);
+    ///     chart.frame_at(0.0).get(rows.start, cols.start)
+    /// };
+    /// assert_eq!((light(0), light(9)), (0.0, 1.0));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Panics
     /// If `step` is not the index of a step.

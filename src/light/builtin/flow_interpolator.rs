@@ -191,6 +191,25 @@ fn refine_level(a: &Plane, b: &Plane, mut field: FlowField) -> FlowField {
 }
 
 /// Two frames and the estimated motion between them.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane::light::{FlowInterpolator, Frame, OwnedSamples};
+/// let geometry = Geometry::new(32, 24)?;
+/// // A bright spot that moves four pixels to the right.
+/// let spot = |center: f32| {
+///     let light = |p: usize| {
+///         let (x, y) = ((p % 32) as f32 - center, (p / 32) as f32 - 12.0);
+///         (-(x * x + y * y) / 18.0).exp()
+///     };
+///     Frame::new(geometry, OwnedSamples::F32((0..geometry.pixels()).map(light).collect()))
+/// };
+/// let middle = FlowInterpolator::new(&spot(14.0)?, &spot(18.0)?)?.interpolate(0.5)?;
+/// // Halfway, the spot is at column 16. Linear interpolation would reduce its light to 80 %.
+/// assert!(middle.get(12, 16) > 0.95);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct FlowInterpolator {
     geometry: Geometry,

@@ -129,6 +129,19 @@ impl PosedObject<'_> {
 }
 
 /// The objects and their background as a finite sequence of frames with 16-bit samples.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane::light::{Objects, Rate, Source};
+/// let scene = |seed| Objects::new(Geometry::new(64, 48)?, Rate::new(1000, 1)?, 10, seed, 5);
+/// assert_eq!(scene(7)?.frames(), Some(10));
+/// // The seed determines the scene, and the objects move.
+/// assert_eq!(scene(7)?.frame_at(0.5), scene(7)?.frame_at(0.5));
+/// assert_ne!(scene(7)?.frame_at(0.5), scene(8)?.frame_at(0.5));
+/// assert_ne!(scene(7)?.frame_at(0.5), scene(7)?.frame_at(0.6));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Objects {
     geometry: Geometry,
@@ -143,6 +156,21 @@ pub struct Objects {
 
 impl Objects {
     /// Returns a source of `frames` frames at `rate` with `count` objects drawn from `seed`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane::light::{Frame, Objects, Rate, Source};
+    /// let rate = Rate::new(1000, 1)?;
+    /// let mut objects = Objects::new(Geometry::new(64, 48)?, rate, 2, 7, 5)?;
+    /// let mut frame = Frame::dark(objects.geometry());
+    /// let frames = std::iter::from_fn(|| objects.next_frame(&mut frame).map(|more| more.then_some(())).transpose());
+    /// assert_eq!(frames.count(), 2);
+    ///
+    /// let error = Objects::new(Geometry::new(8, 8)?, rate, 2, 7, 5).unwrap_err();
+    /// assert_eq!(error.kind(), spikelane::ErrorKind::Usage);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns [`ErrorKind::Usage`] if a side is shorter than 16 pixels.

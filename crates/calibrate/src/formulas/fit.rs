@@ -10,6 +10,14 @@
 /// The noise that determines the variance of a rate, `var f = f^2 s / N + f^4 / (6 N^2)`.
 ///
 /// The first term is the phase noise. The second term is the quantization of the first and last spike to readouts.
+///
+/// # Examples
+/// ```
+/// use spikelane_calibrate::RateWeighting;
+/// // Without noise, only the rounding of spikes to readouts remains: f^4 / (6 N^2).
+/// let noiseless = RateWeighting { threshold_variance: 0.0, light_variance: 0.0, dark_variance: 0.0 };
+/// assert!((noiseless.variance(0.2, 100.0, 1.0) - 0.2f64.powi(4) / (6.0 * 100.0 * 100.0)).abs() < 1e-18);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateWeighting {
     /// Variance per spike that the threshold noise causes, in thresholds squared.
@@ -105,6 +113,17 @@ impl PixelFit {
 
 /// Fits a line to points `(light, x, variance)` by weighted least squares. Returns `None` if the points have fewer than
 /// two different light levels.
+///
+/// # Examples
+/// ```
+/// use spikelane_calibrate::fit_line;
+/// // Points (light, charge per readout, variance) on the line x = 0.9 light + 0.01.
+/// let line = |light: f64| (light, 0.9 * light + 0.01, 1e-6);
+/// let fit = fit_line(&[0.0, 0.3, 0.6].map(line)).expect("three light levels");
+/// assert!((fit.a - 0.9).abs() < 1e-9 && (fit.d - 0.01).abs() < 1e-9);
+/// assert_eq!(fit.degrees_of_freedom, 1);
+/// assert!(fit_line(&[line(0.3), line(0.3)]).is_none());
+/// ```
 #[must_use]
 pub fn fit_line(points: &[(f64, f64, f64)]) -> Option<PixelFit> {
     let (mut s0, mut s1, mut s2, mut y0, mut y1) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -140,6 +159,14 @@ pub fn fit_line(points: &[(f64, f64, f64)]) -> Option<PixelFit> {
 ///
 /// The line is exact, because an optimum of this linear program passes through two of the points. The points are few
 /// enough to try all pairs. Returns `None` if the points have fewer than two different light levels.
+///
+/// # Examples
+/// ```
+/// use spikelane_calibrate::fit_line_least_absolute;
+/// // One of four points is wrong. The line passes through the others.
+/// let points = [(0.0, 0.0, 1.0), (0.25, 0.5, 1.0), (0.5, 7.0, 1.0), (1.0, 2.0, 1.0)];
+/// assert_eq!(fit_line_least_absolute(&points), Some((2.0, 0.0)));
+/// ```
 #[must_use]
 pub fn fit_line_least_absolute(points: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
     let mut best: Option<(f64, f64, f64)> = None;

@@ -41,6 +41,14 @@ pub struct LightLevel {
 impl LightLevel {
     /// Creates a level from three values of each pixel: the spike count, the first spike and the last spike. `first` and
     /// `last` contain readout numbers, or `u32::MAX` for a pixel without spikes.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane_calibrate::LightLevel;
+    /// // Pixel 0 fires three times in the readouts 10 to 30, and pixel 1 never fires.
+    /// let level = LightLevel::from_counts("flat.dat", 0.1, 100, vec![3, 0], &[10, u32::MAX], &[30, u32::MAX]);
+    /// assert_eq!(level.rate, [0.1, 0.0]);
+    /// ```
     #[must_use]
     pub fn from_counts(
         name: &str,

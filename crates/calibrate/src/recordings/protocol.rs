@@ -18,6 +18,18 @@ use spikelane_io::simulate::{CameraFacts, LightFacts, Sidecar, StreamFacts};
 pub(crate) const BATCH_READOUTS: usize = 496;
 
 /// A plan of recordings: the light of each recording, and the common length.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Sensor};
+/// use spikelane_calibrate::Protocol;
+/// let plan = Protocol::gray_levels(1000);
+/// assert_eq!(plan.recordings.len(), 25);
+/// // 25 recordings of 1,000 readouts of 12,500 bytes.
+/// let camera = Camera::ideal(Sensor::new(400, 250, 20_000.0)?);
+/// assert_eq!(plan.recording_bytes(&camera), 25 * 1000 * 12_500);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Protocol {
     /// File stem and light of each recording. Light 1 is the full scale of the camera.
@@ -207,6 +219,21 @@ pub struct Precision {
 ///
 /// Each uniform level of the plan is recorded for `readouts` readouts. The errors are computed from the Fisher information
 /// of rates from spike times, with the noise of the camera. Returns `None` if the levels cannot separate `a` from `d`.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Sensor, effects};
+/// use spikelane_calibrate::{Protocol, predict_precision};
+/// let noise = effects::find("shot_noise")?.typical();
+/// let camera = Camera::ideal(Sensor::new(400, 250, 20_000.0)?).with_effect(noise);
+/// let error = |readouts| {
+///     let precision = predict_precision(&Protocol::recommended(readouts), &camera, readouts);
+///     precision.expect("the levels separate gain and dark rate").gain_error
+/// };
+/// // Longer recordings have smaller errors.
+/// assert!(error(20_000) < error(2_000));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[must_use]
 pub fn predict_precision(protocol: &Protocol, camera: &Camera, readouts: u32) -> Option<Precision> {
     let zero = camera.operating_point(0.0);

@@ -12,6 +12,15 @@ use spikelane::unstable::inputs;
 use spikelane_io::formats::{Layout, StreamReader};
 
 /// The light in front of the camera. Light 1 causes one spike per readout.
+///
+/// # Examples
+/// ```
+/// use spikelane_calibrate::{Stimulus, StimulusPattern};
+/// let board = Stimulus::Scene(StimulusPattern::Checkerboard { high: 0.8, low: 0.1, cell: 8 });
+/// assert_eq!(board.level_at(0, 0, 0), Some(0.8));
+/// assert_eq!(board.level_at(0, 8, 0), Some(0.1));
+/// assert_eq!(Stimulus::Level(0.3).level_at(5, 5, 100), Some(0.3));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(untagged)]
 #[non_exhaustive]
@@ -210,6 +219,20 @@ impl RecordingSet {
     }
 
     /// Reads and checks the text of a set. Paths are relative to `folder`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane_calibrate::{RecordingSet, Stimulus, UNSPECIFIED_LIGHT};
+    /// let text = "width = 400\nheight = 250\nreadout_hz = 20000\n[[recording]]\nfile = \"dark.dat\"\nlight = 0.0\n";
+    /// let set = RecordingSet::parse(text, "recordings".into())?;
+    /// assert_eq!((set.recordings[0].file.as_str(), set.recordings[0].light), ("dark.dat", Stimulus::Level(0.0)));
+    ///
+    /// // The template contains a placeholder for each light level.
+    /// let template = text.replace("light = 0.0", UNSPECIFIED_LIGHT);
+    /// let error = RecordingSet::parse(&template, "recordings".into()).unwrap_err();
+    /// assert_eq!(error.subject(), "line 6");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// If the text does not describe a set. See [`RecordingSet::open`].

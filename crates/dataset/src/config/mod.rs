@@ -21,6 +21,18 @@ pub struct DatasetText {
 /// Returns the text of a `dataset.toml`. [`from_toml`] restores all options from the text, except the output folder,
 /// the number of threads and `resume`.
 ///
+/// # Examples
+/// ```
+/// use std::path::Path;
+/// use spikelane_dataset::{Access, config};
+/// let short = "format_version = 1\n[scenes]\npreset = \"tiny\"";
+/// let options = config::from_toml(short, Path::new(""), Access::Read)?;
+/// // The text contains every option of the preset, and it restores the options.
+/// let text = config::to_toml(&options)?.text;
+/// assert_eq!(config::from_toml(&text, Path::new(""), Access::Read)?.content, options.content);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// * The errors of [`spikelane::presets::to_toml`].
 /// * [`ErrorKind::Config`] if two cameras have different maps with the same name.
@@ -39,6 +51,19 @@ pub fn to_toml(options: &DatasetOptions) -> Result<DatasetText> {
 /// or its subfolders.
 ///
 /// In the result, the output folder is empty, the number of threads is one, and `resume` is false.
+///
+/// # Examples
+/// ```
+/// use std::path::Path;
+/// use spikelane_dataset::{Access, Content, config};
+/// let text = "format_version = 1\n[scenes]\npreset = \"tiny\"\nsequences = 3";
+/// let options = config::from_toml(text, Path::new(""), Access::Read)?;
+/// assert!(matches!(options.content, Content::Scenes(scenes) if scenes.sequences == 3));
+///
+/// let error = config::from_toml("sed = 1", Path::new(""), Access::Read).unwrap_err();
+/// assert_eq!(error.parts().remedy, "did you mean seed?");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// [`ErrorKind::Config`] if the text has another version, an unknown key, or an invalid value.

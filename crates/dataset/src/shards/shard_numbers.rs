@@ -6,6 +6,15 @@ use spikelane::error::{Error, ErrorKind, Result, Setting};
 ///
 /// The text is either `all`, or a list of numbers and ranges that are separated by commas.
 ///
+/// # Examples
+/// ```
+/// use spikelane_dataset::shards::shard_numbers::parse_shards;
+/// assert_eq!(parse_shards("3,7-9", 10)?, [3, 7, 8, 9]);
+/// assert_eq!(parse_shards("all", 3)?, [0, 1, 2]);
+/// assert_eq!(parse_shards("7-12", 10).unwrap_err().kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`ErrorKind::Usage`] if the text is invalid, or if a number is not less than `shards`.
 pub fn parse_shards(text: &str, shards: u64) -> Result<Vec<u64>> {
@@ -33,6 +42,12 @@ pub fn parse_shards(text: &str, shards: u64) -> Result<Vec<u64>> {
 }
 
 /// Formats numbers as a list that Slurm's `--array=` accepts. `numbers` must be in ascending order.
+///
+/// # Examples
+/// ```
+/// use spikelane_dataset::shards::shard_numbers::format_shards;
+/// assert_eq!(format_shards(&[3, 7, 8, 9]), "3,7-9");
+/// ```
 #[must_use]
 pub fn format_shards(numbers: &[u64]) -> String {
     let mut runs: Vec<(u64, u64)> = Vec::new();

@@ -12,6 +12,14 @@ use spikelane_io::simulate::ImageFormat;
 use spikelane_scene::{Lighting, SamplesPerPixel};
 
 /// Folder layout and ground-truth codes that the loader of a framework expects.
+///
+/// # Examples
+/// ```
+/// use spikelane_dataset::DatasetLayout;
+/// assert_eq!("spike-zoo".parse::<DatasetLayout>()?, DatasetLayout::SpikeZoo);
+/// assert_eq!(DatasetLayout::default().to_string(), "spikecv");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DatasetLayout {
@@ -70,6 +78,14 @@ pub struct ReferenceImageOptions {
 }
 
 /// Options of random driving scenes.
+///
+/// # Examples
+/// ```
+/// use spikelane_dataset::SceneContent;
+/// let scenes = SceneContent::tiny().with_sequences(3).with_label_every(0);
+/// assert_eq!((scenes.sequences, scenes.label_every), (3, 0));
+/// assert_ne!(SceneContent::tiny(), SceneContent::rhdd());
+/// ```
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SceneContent {

@@ -20,6 +20,14 @@ pub use html_report::html_report;
 const MAX_SHOWN_IMAGES: usize = 12;
 
 /// Quantiles of a quantity. The values are from the sequences or boxes that have the quantity.
+///
+/// # Examples
+/// ```
+/// use spikelane_dataset::statistics::QuantileSummary;
+/// let values = (0..=100).map(f64::from).chain([f64::NAN]).collect();
+/// let summary = QuantileSummary::from_values(values).expect("finite values");
+/// assert_eq!((summary.count, summary.p10, summary.median, summary.max), (101, 10.0, 50.0, 100.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct QuantileSummary {
     /// Number of sequences or boxes that have the quantity.
@@ -147,6 +155,12 @@ fn histogram(values: &[f64]) -> Option<Vec<(f64, f64)>> {
 }
 
 /// Formats a number for human readers. An integer is exact, and another number has four significant digits.
+///
+/// # Examples
+/// ```
+/// use spikelane_dataset::statistics::format_number;
+/// assert_eq!([12_500.0, 0.2, 2.0 / 3.0].map(format_number), ["12500", "0.2", "0.6667"]);
+/// ```
 #[must_use]
 pub fn format_number(value: f64) -> String {
     if value.fract() == 0.0 && value.abs() < 1e15 {

@@ -27,6 +27,21 @@ fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
 /// After each batch, `progress` receives the number of readouts written. If `progress` returns an error, the
 /// conversion stops and the incomplete output is removed.
 ///
+/// # Examples
+/// ```
+/// use spikelane::{Geometry, spikes::Crop};
+/// use spikelane_io::formats::{Layout, StreamReader, StreamWriter, convert};
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// # let path = folder.path().join("part.npy");
+/// // Three readouts of 8x2 pixels. The right half of the readouts 1 and 2 becomes an array of bytes.
+/// let reader = StreamReader::from_bytes("mine", vec![0, 0, 0xf0, 0, 0, 0], None, Some(Geometry::new(8, 2)?))?;
+/// let crop = Crop { row: 0, col: 4, width: 4, height: 2 };
+/// let writer = StreamWriter::create(&path, Layout::NpyBytes, Geometry::new(4, 2)?, 2, false)?;
+/// assert_eq!(convert(&reader, 1..3, Some(crop), writer, |_| Ok(()))?.spikes, 4);
+/// assert_eq!(StreamReader::open(&path, None, None)?.readouts(), 2);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// * [`ErrorKind::Usage`] if the writer has another geometry or number of readouts, or if the range or the crop
 ///   exceeds the stream.

@@ -25,6 +25,19 @@ pub const EVENTS_LAYOUT: &str = "events";
 /// The stream is read twice. The first pass counts the spikes, so that the file can be created with its final length.
 /// `progress` receives the number of readouts written. During the first pass this number is 0.
 ///
+/// # Examples
+/// ```
+/// use spikelane_io::formats::{StreamReader, write_events};
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// # let path = folder.path().join("events.npy");
+/// let geometry = spikelane::Geometry::new(8, 1)?;
+/// let reader = StreamReader::from_bytes("mine", vec![0b1000_0001, 0, 0b10], None, Some(geometry))?;
+/// let summary = write_events(&reader, 0..3, None, &path, false, |_| Ok(()))?;
+/// // A header of 128 bytes, and three rows (x, y, t) of 32-bit integers.
+/// assert_eq!((summary.spikes, summary.bytes), (3, 128 + 3 * 3 * 4));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream, or if the number of readouts exceeds 2^31 - 1.
 /// * [`ErrorKind::Exists`], [`ErrorKind::Space`] and others as in

@@ -14,6 +14,19 @@ use spikelane::spikes::Geometry;
 use spikelane::unstable::npy;
 
 /// Options for opening a stream. The reader determines options that are `None` from the file and the files beside it.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane_io::formats::{GeometryOrigin, Layout, OpenOptions};
+/// let geometry = Some(Geometry::new(8, 1)?);
+/// let options = OpenOptions::default().with_layout(Some(Layout::DatMsb)).with_geometry(geometry);
+/// let reader = options.from_bytes("mine", vec![0b1000_0000])?;
+/// // The most significant bit is pixel 0.
+/// assert!(reader.read(0..1)?.get(0, 0, 0));
+/// assert_eq!(*reader.origin(), GeometryOrigin::Caller);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OpenOptions {
     /// Layout of the file.

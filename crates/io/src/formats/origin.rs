@@ -5,6 +5,14 @@ use std::path::PathBuf;
 use spikelane::error::{Error, ErrorKind};
 
 /// How the reader handles frames that are missing in a recording.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::formats::MissingFrames;
+/// assert_eq!("drop".parse::<MissingFrames>()?, MissingFrames::Drop);
+/// assert_eq!(MissingFrames::default(), MissingFrames::Mark);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MissingFrames {

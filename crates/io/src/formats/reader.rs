@@ -7,12 +7,30 @@ use super::source::{BufferPool, ByteSource, FrameOffsets};
 use crate::formats::{Codec, Layout};
 use crate::storage::READ_BYTES;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
-use spikelane::spikes::Geometry;
+use spikelane::spikes::{Geometry, SpikeFrames};
 
 /// Maximum number of missing frames that a warning lists.
 const MAX_LISTED_READOUTS: usize = 12;
 
 /// An open stream. Frames can be read in any order and by several threads at the same time.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::formats::StreamReader;
+/// let geometry = spikelane::Geometry::new(8, 2)?;
+/// // Two readouts and one byte of a third readout.
+/// let reader = StreamReader::from_bytes("mine", vec![1, 0, 0, 128, 7], None, Some(geometry))?;
+/// assert_eq!(reader.readouts(), 2);
+/// assert!(reader.warnings()[0].contains("1 bytes after the 2 whole readouts are ignored"));
+///
+/// let mut frames = reader.frames(0..2)?;
+/// let mut spikes = 0;
+/// while let Some(frame) = frames.next_frame() {
+///     spikes += spikelane::spikes::count_spikes(frame?);
+/// }
+/// assert_eq!(spikes, 2);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct StreamReader {
     pub(super) source: ByteSource,
@@ -178,6 +196,26 @@ impl StreamReader {
     #[must_use]
     pub const fn partial_frame_bytes(&self) -> (usize, usize) {
         (self.leading_bytes, self.trailing_bytes)
+    }
+
+    /// Returns the readouts of a range in memory.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane_io::formats::StreamReader;
+    /// let reader = StreamReader::from_bytes("mine", vec![1, 3, 7], None, Some(spikelane::Geometry::new(8, 1)?))?;
+    /// assert_eq!(reader.read(1..3)?.spikes(), 2 + 3);
+    /// assert_eq!(reader.read(1..4).unwrap_err().kind(), spikelane::ErrorKind::Usage);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`read_frames`](Self::read_frames). Also [`ErrorKind::Memory`] if the system cannot allocate the memory.
+    pub fn read(&self, readouts: Range<usize>) -> Result<SpikeFrames> {
+        self.check(&readouts)?;
+        let mut frames = SpikeFrames::zeros(self.geometry(), readouts.len())?;
+        self.read_frames(readouts.start, frames.as_bytes_mut())?;
+        Ok(frames)
     }
 
     /// Reads the packed frame of readout `i` into `packed`.

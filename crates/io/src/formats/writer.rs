@@ -63,9 +63,8 @@ impl StreamWriter {
     /// ```
     /// use spikelane::Geometry;
     /// use spikelane_io::formats::{Layout, StreamReader, StreamWriter};
-    /// let folder = std::env::temp_dir().join(format!("spikelane-example-{}", std::process::id()));
-    /// std::fs::create_dir_all(&folder).map_err(|e| spikelane::Error::io("a folder", e))?;
-    /// let (path, geometry) = (folder.join("run.dat"), Geometry::new(8, 2)?);
+    /// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+    /// let (path, geometry) = (folder.path().join("run.dat"), Geometry::new(8, 2)?);
     /// let mut writer = StreamWriter::create(&path, Layout::Dat, geometry, 2, true)?;
     /// writer.write_frames(0, &[1, 0, 0, 128])?;
     /// writer.finish()?;
@@ -73,7 +72,6 @@ impl StreamWriter {
     /// let mut frame = [0; 2];
     /// reader.read_frame(1, &mut frame)?;
     /// assert_eq!(frame, [0, 128]);
-    /// # std::fs::remove_dir_all(&folder).map_err(|e| spikelane::Error::io("a folder", e))?;
     /// # Ok::<(), spikelane::Error>(())
     /// ```
     ///
@@ -119,6 +117,21 @@ impl StreamWriter {
     ///
     /// Space is reserved while the stream grows, so [`write_frames`](Self::write_frames) can fail because the disk is
     /// full.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane_io::formats::{Layout, StreamReader, StreamWriter};
+    /// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+    /// # let path = folder.path().join("run.npy");
+    /// let mut writer = StreamWriter::create_growing(&path, Layout::NpyBits, spikelane::Geometry::new(8, 1)?, false)?;
+    /// for frame in 0..5 {
+    ///     writer.write_frames(frame, &[1 << frame])?;
+    /// }
+    /// assert_eq!(writer.finish()?.spikes, 5);
+    /// // The header of the array contains the shape and the layout.
+    /// assert_eq!(StreamReader::open(&path, Some(Layout::NpyBits), None)?.readouts(), 5);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// As [`create`](Self::create).
@@ -288,6 +301,13 @@ impl StreamWriter {
 
 /// Returns the path of the sidecar that describes only this stream. For `STEM.dat`, the path is `STEM.dat.json`. The
 /// reader tries this path first.
+///
+/// # Examples
+/// ```
+/// use std::path::Path;
+/// use spikelane_io::formats::sidecar_path;
+/// assert_eq!(sidecar_path(Path::new("out/run.dat")), Path::new("out/run.dat.json"));
+/// ```
 pub fn sidecar_path(path: &Path) -> PathBuf {
     let mut json_path = path.as_os_str().to_os_string();
     json_path.push(".json");

@@ -13,6 +13,16 @@ use spikelane::light::{Frame, OwnedSamples};
 use spikelane::spikes::Geometry;
 
 /// A motion of the camera. The camera starts at its rest position, which shows the same view as a still image.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::light::CameraMotion;
+/// let motion: CameraMotion = "pan=120,0:rotate=30".parse()?;
+/// assert_eq!((motion.pan, motion.zoom, motion.rotate), ([120.0, 0.0], 1.0, 30.0));
+/// let error = "pan=120".parse::<CameraMotion>().unwrap_err();
+/// assert_eq!(error.parts().found, "`pan=120`");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CameraMotion {

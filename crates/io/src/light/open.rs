@@ -36,6 +36,18 @@ const VIDEO_EXTENSIONS: [&str; 16] = [
 const SUPPORTED_INPUTS: &str = "a folder of images, a PNG, JPEG, TIFF, EXR, BMP, PNM or WEBP image, .npy, .npz, .y4m, a video with an extension that ffmpeg reads, or - for y4m or npy on standard input";
 
 /// Options for reading a light input.
+///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Geometry, Sensor};
+/// use spikelane_io::light::{InputOptions, ResizeMode, Transfer};
+/// let camera = Camera::ideal(Sensor::new(400, 250, 20_000.0)?);
+/// let options = InputOptions::from_camera(&camera)
+///     .with_resize_mode(ResizeMode::Stretch)
+///     .with_transfer(Some(Transfer::Gamma(2.2)));
+/// assert_eq!(options.camera, Geometry::new(400, 250)?);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct InputOptions {
     /// The camera's size. Every frame is converted to this size.
@@ -111,10 +123,15 @@ pub struct MotionClip {
 ///
 /// # Examples
 /// ```
-/// use spikelane_io::light::{InputOptions, open};
-/// let options = InputOptions::new(spikelane::Geometry::new(400, 250)?);
-/// let missing = open(std::path::Path::new("nowhere/lake.png"), &options);
-/// assert!(missing.is_err());
+/// use spikelane_io::light::{Frame, InputOptions, open};
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// let path = folder.path().join("white.pgm");
+/// std::fs::write(&path, "P2 2 1 255 255 255").map_err(|e| spikelane::Error::io("white.pgm", e))?;
+/// let mut source = open(&path, &InputOptions::new(spikelane::Geometry::new(4, 2)?))?;
+/// let mut frame = Frame::dark(source.geometry());
+/// source.next_frame(&mut frame)?;
+/// // The image fills the camera. White has the light 1.
+/// assert_eq!((frame.geometry().pixels(), frame.get(1, 3)), (8, 1.0));
 /// # Ok::<(), spikelane::Error>(())
 /// ```
 ///
@@ -167,6 +184,20 @@ fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
 }
 
 /// Opens a stream in y4m or npy format. The first byte determines the format.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::light::{Frame, InputOptions, open_reader};
+/// let options = InputOptions::new(spikelane::Geometry::new(4, 2)?);
+/// // A gray video of one frame.
+/// let mut y4m = b"YUV4MPEG2 W4 H2 F25:1 Cmono\nFRAME\n".to_vec();
+/// y4m.extend([255; 8]);
+/// let mut source = open_reader(Box::new(std::io::Cursor::new(y4m)), "a pipe", &options)?;
+/// let mut frame = Frame::dark(source.geometry());
+/// assert!(source.next_frame(&mut frame)?);
+/// assert_eq!((frame.get(0, 0), source.rate().map(|rate| rate.hz())), (1.0, Some(25.0)));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// * [`ErrorKind::Input`] if the stream is neither y4m nor npy.

@@ -15,6 +15,18 @@ use spikelane::light::{Frame, OwnedSamples};
 use spikelane::spikes::Geometry;
 
 /// How an image is converted to the camera's size.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane_io::light::{Frame, OwnedSamples, ResizeMode};
+/// let wide = Frame::new(Geometry::new(4, 1)?, OwnedSamples::F32(vec![0.0, 0.5, 0.5, 1.0]))?;
+/// let small = Geometry::new(2, 1)?;
+/// // A crop keeps the pixels in the middle.
+/// assert_eq!(ResizeMode::Crop.apply(wide, small)?.to_f32(), [0.5, 0.5]);
+/// assert_eq!("cover".parse::<ResizeMode>()?, ResizeMode::default());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ResizeMode {
     /// The largest centered part with the aspect ratio of the camera, scaled to the camera's size.

@@ -12,6 +12,23 @@ use spikelane::unstable::kernels::Segment;
 ///
 /// Readouts that the camera drops elapse but produce no frame. Unlike [`crate::simulate::run`], the stream does not
 /// add readouts at the end to replace dropped readouts.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{Chart, Interpolation, Rate, Timeline};
+/// use spikelane::{Camera, Geometry, Seeds, Sensor};
+/// use spikelane_io::simulate::{ReadoutStream, RunOptions};
+/// let mut chart = Chart::new(Geometry::new(64, 48)?, Rate::new(1000, 1)?, Some(3))?;
+/// let timeline = Timeline::from_readouts_per_frame(20, Interpolation::Hold)?;
+/// let options = RunOptions::new(Camera::ideal(Sensor::new(64, 48, 20_000.0)?), Seeds::default(), timeline);
+/// let mut stream = ReadoutStream::new(&options, &mut chart)?;
+/// let (mut packed, mut indices, mut total) = (Vec::new(), Vec::new(), 0);
+/// while stream.fill(25, &mut packed, &mut indices)? > 0 {
+///     total += packed.len() / stream.geometry().frame_bytes();
+/// }
+/// assert_eq!(total, 60);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 pub struct ReadoutStream<'a> {
     feeder: LightFeeder<'a>,
     simulator: Simulator,

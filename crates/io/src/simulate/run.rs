@@ -28,6 +28,20 @@ pub(super) const MAX_BUFFER_BYTES: usize = 32 << 20;
 const FLOAT_MAX_LIGHT: f64 = 2.0;
 
 /// Options of a run.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{Interpolation, Timeline};
+/// use spikelane::{Camera, Seeds, Sensor};
+/// use spikelane_io::simulate::RunOptions;
+/// let camera = Camera::ideal(Sensor::new(64, 48, 20_000.0)?);
+/// let timeline = Timeline::from_readouts_per_frame(20, Interpolation::Linear)?;
+/// let mut options = RunOptions::new(camera, Seeds::default(), timeline);
+/// assert_eq!(options.expected_readouts(Some(10)), Some(200));
+/// options.readouts = Some(50);
+/// assert_eq!(options.expected_readouts(Some(10)), Some(50));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct RunOptions {
     /// The camera.
@@ -170,6 +184,24 @@ pub struct RunSummary {
 /// Memory use does not depend on the length of the stream. After each batch, `progress` receives the number of
 /// simulated readouts and the expected total number. If `progress` returns an error, the run stops and all output
 /// files are removed.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::{Chart, Interpolation, Rate, Timeline};
+/// use spikelane::{Camera, Geometry, Seeds, Sensor};
+/// use spikelane_io::formats::StreamReader;
+/// use spikelane_io::simulate::{RunObserver, RunOptions, run};
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// # let path = folder.path().join("run.dat");
+/// let geometry = Geometry::new(64, 48)?;
+/// let mut chart = Chart::new(geometry, Rate::new(1000, 1)?, Some(3))?;
+/// let timeline = Timeline::from_rates(Rate::new(1000, 1)?, Rate::new(20_000, 1)?, Interpolation::Linear)?;
+/// let options = RunOptions::new(Camera::ideal(Sensor::new(64, 48, 20_000.0)?), Seeds::default(), timeline);
+/// let summary = run(&options, &mut chart, &path, None, RunObserver::default())?;
+/// assert_eq!((summary.readouts, summary.frames), (3 * 20, 3));
+/// assert_eq!(StreamReader::open(&path, None, Some(geometry))?.readouts(), 60);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// * [`ErrorKind::Usage`] if the run would never end.

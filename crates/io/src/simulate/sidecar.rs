@@ -365,6 +365,18 @@ impl Sidecar {
 /// The maps are written beside the camera file. The camera file refers to each map by relative path and digest, so the
 /// folder can be moved.
 ///
+/// # Examples
+/// ```
+/// use spikelane::{Camera, Sensor, presets};
+/// use spikelane_io::simulate::save_camera;
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// let mut camera = Camera::ideal(Sensor::new(4, 2, 20_000.0)?);
+/// camera.maps.gain = Some(vec![1.0, 0.9, 1.1, 1.0, 1.0, 1.0, 1.0, 1.0]);
+/// let path = save_camera(&camera, folder.path(), false)?;
+/// assert_eq!(presets::load(&path.display().to_string())?, camera);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`ErrorKind::Exists`] if a file exists and `force` is false. Also errors of the operating system.
 pub fn save_camera(camera: &Camera, folder: &Path, force: bool) -> Result<PathBuf> {

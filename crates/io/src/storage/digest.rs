@@ -9,6 +9,17 @@ use spikelane::unstable::inputs::{self, InputFile};
 pub(crate) const READ_BYTES: usize = 512 << 10;
 
 /// An incremental BLAKE3 digest. Its text is `blake3:` and 64 hex digits.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::storage::Digest;
+/// let mut digest = Digest::new();
+/// digest.update(b"spike");
+/// digest.update(b"lane");
+/// assert_eq!(digest.to_text(), Digest::hash_bytes(b"spikelane"));
+/// // The BLAKE3 digest of zero bytes.
+/// assert!(Digest::new().to_text().starts_with("blake3:af1349b9f5f9a1a6"));
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Digest(blake3::Hasher);
 

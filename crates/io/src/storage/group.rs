@@ -10,6 +10,20 @@ use spikelane::error::{Error, Result};
 /// Files that are first written under hidden names and then renamed together.
 ///
 /// If the disk is full or a stop is requested before `commit`, all existing files are unchanged.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::storage::FileGroup;
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// let [image, list] = ["image.bin", "list.txt"].map(|name| folder.path().join(name));
+/// let mut group = FileGroup::new(false);
+/// group.write(&image, &[1, 2, 3])?;
+/// assert!(!image.exists());
+/// group.write(&list, b"image.bin\n")?;
+/// group.commit()?;
+/// assert!(image.exists() && list.exists());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct FileGroup {
     force: bool,

@@ -37,6 +37,18 @@ use spikelane::error::{Error, Result};
 ///
 /// Other processes read either the old file or the complete new file.
 ///
+/// # Examples
+/// ```
+/// use spikelane_io::storage::write_small;
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// let path = folder.path().join("notes.txt");
+/// write_small(&path, b"first", false)?;
+/// let error = write_small(&path, b"second", false).unwrap_err();
+/// assert_eq!(error.kind(), spikelane::ErrorKind::Exists);
+/// assert_eq!(std::fs::read(&path).map_err(|e| spikelane::Error::io("notes", e))?, b"first");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// * [`ErrorKind::Exists`](spikelane::ErrorKind::Exists) if `path` exists and `force` is false.
 /// * [`ErrorKind::Space`](spikelane::ErrorKind::Space) if the disk is full.
@@ -61,7 +73,8 @@ pub fn write_small_unsynced(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Checks that the files `names` in `folder` may be written. Callers check before a long computation, so that a
 /// conflict is reported early.
 ///
-/// # Errors [`ErrorKind::Exists`](spikelane::ErrorKind::Exists) if a file exists and `force` is false, or if an
+/// # Errors
+/// [`ErrorKind::Exists`](spikelane::ErrorKind::Exists) if a file exists and `force` is false, or if an
 /// existing entry is not a regular file.
 pub fn refuse_existing(folder: &Path, names: &[&str], force: bool) -> Result<()> {
     names.iter().try_for_each(|name| partial_file::refuse_existing(&folder.join(name), force))

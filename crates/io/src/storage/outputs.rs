@@ -15,6 +15,19 @@ const FOLDER_LOCK: &str = "folder";
 ///
 /// Keep the set until the last file has its final name. When the set is dropped, the folders that the set created are
 /// removed if they are empty.
+///
+/// # Examples
+/// ```
+/// use spikelane::ErrorKind;
+/// use spikelane_io::formats::OutputSet;
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// let path = folder.path().join("run.dat");
+/// let claim = OutputSet::claim([&path], false)?;
+/// // As long as the claim exists, nobody else can write the file.
+/// assert_eq!(OutputSet::claim([&path], false).unwrap_err().kind(), ErrorKind::Busy);
+/// drop(claim);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Debug)]
 #[must_use = "the claim ends when the set is dropped"]
 pub struct OutputSet {

@@ -21,6 +21,20 @@ const WINDOW_ALIGN_BYTES: u64 = 64 << 10;
 /// A new file of known length. Its blocks are reserved on the disk, and its content is written through mapped windows.
 ///
 /// If the writer is dropped before [`finish`](Self::finish), the file is removed.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::storage::FileWriter;
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// let path = folder.path().join("data.bin");
+/// let mut writer = FileWriter::create(&path, 5, false)?;
+/// writer.write_all(&[1, 2, 3])?;
+/// writer.write_all(&[4, 5])?;
+/// assert!(!path.exists());
+/// assert_eq!(writer.finish()?.bytes, 5);
+/// assert!(path.exists());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct FileWriter {
     // Fields are dropped in the order of declaration, and the mapping must be dropped before the file.

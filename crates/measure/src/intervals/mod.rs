@@ -22,8 +22,9 @@ use pixel::PixelSums;
 pub(super) use readout_sums::DeviationSum;
 use readout_sums::REFERENCE_INTERVALS;
 use readout_sums::ReadoutSums;
-use spikelane::spikes::{Geometry, set_bits};
+use spikelane::spikes::Geometry;
 use spikelane::unstable::kernels::{BLOCK_WORDS, BitOps, I16Lanes, OVERRUN, Positions, Task, dispatch_task};
+use spikelane::unstable::spikes::set_bits;
 
 pub(super) use decode::MAX_LAG_INTERVALS;
 pub use histogram::IntervalHistogram;

@@ -76,6 +76,11 @@ pub(super) fn local_median_residual(map: &[f64], width: usize) -> Vec<f64> {
 }
 
 /// Returns the pixels whose value is in `range`, in ascending order.
+///
+/// # Examples
+/// ```
+/// assert_eq!(spikelane_measure::select_rate(&[0.1, 0.5, 0.2, 0.9], &(0.15..0.6)), [1, 2]);
+/// ```
 #[must_use]
 pub fn select_rate(map: &[f64], range: &Range<f64>) -> Vec<usize> {
     let inside = map.iter().enumerate().filter(|(_, x)| range.contains(*x));
@@ -111,6 +116,12 @@ pub fn select_uniform(
 
 /// Returns, for each pixel, the mean of the finite entries in the square box around the pixel. The box extends `radius`
 /// pixels to each side. The mean is NaN if the box has no finite entry.
+///
+/// # Examples
+/// ```
+/// // A row of three pixels. A box with radius 1 includes the neighbors.
+/// assert_eq!(spikelane_measure::box_means(&[0.0, 3.0, 6.0], 3, 1), [1.5, 3.0, 4.5]);
+/// ```
 #[must_use]
 pub fn box_means(map: &[f64], width: usize, radius: usize) -> Vec<f64> {
     let mean = |p: usize| {

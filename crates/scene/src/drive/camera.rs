@@ -34,6 +34,18 @@ pub struct Pose {
 }
 
 /// Intrinsics and pose of the camera at one instant.
+///
+/// # Examples
+/// ```
+/// use spikelane_scene::{Scene, SceneOptions};
+/// let camera = Scene::from_seed(7, &SceneOptions::default())?.camera(0.0)?;
+/// // A point 10 m ahead on the optical axis is at the principal point.
+/// let ahead = camera.pose.position + camera.pose.rotation.transpose().z_axis * 10.0;
+/// let [col, row, depth_m] = camera.project(ahead).expect("a point in front of the camera");
+/// let [x, y] = camera.intrinsics.center_px;
+/// assert!((col - x).abs() < 1e-6 && (row - y).abs() < 1e-6 && (depth_m - 10.0).abs() < 1e-6);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PinholeCamera {

@@ -41,6 +41,15 @@ pub fn kitti_flow(flow: &Flow, occluded_too: bool) -> Result<Vec<u8>> {
 /// Encodes depth as 16-bit gray. A depth of 1 m has code 256. Code 0 represents unknown depth, which applies to the
 /// sky and to depths of 255.99 m or more.
 ///
+/// # Examples
+/// ```
+/// let png = spikelane_scene::labels::kitti_depth(&[1.0, f32::INFINITY], 2, 1)?;
+/// assert!(png.starts_with(b"\x89PNG"));
+/// let error = spikelane_scene::labels::kitti_depth(&[1.0], 2, 1).unwrap_err();
+/// assert_eq!(error.kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the number of values is not width times height.
 pub fn kitti_depth(depth_m: &[f32], width: usize, height: usize) -> Result<Vec<u8>> {

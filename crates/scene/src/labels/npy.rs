@@ -29,6 +29,16 @@ pub fn npy_depth(labels: &Labels) -> Result<Vec<u8>> {
 
 /// Encodes an array of `f32`.
 ///
+/// # Examples
+/// ```
+/// use spikelane_scene::labels::npy_f32;
+/// let bytes = npy_f32(&[1, 2], &[0.5, 2.0])?;
+/// assert!(bytes.starts_with(b"\x93NUMPY"));
+/// assert!(bytes.ends_with(&[0.5f32.to_le_bytes(), 2.0f32.to_le_bytes()].concat()));
+/// assert_eq!(npy_f32(&[2, 2], &[0.5]).unwrap_err().kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the number of values does not match the shape.
 pub fn npy_f32(shape: &[usize], data: &[f32]) -> Result<Vec<u8>> {

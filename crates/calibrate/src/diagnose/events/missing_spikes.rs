@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::diagnose::recording::bits::BANDS;
 use crate::diagnose::recording::bits::{PixelBits, count_between};
-use spikelane::spikes::set_bits;
+use spikelane::unstable::spikes::set_bits;
 use spikelane::unstable::threads;
 
 /// Mean interval from which on a missing spike shows: twice 2.3 less one is more than three.

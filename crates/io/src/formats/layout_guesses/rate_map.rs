@@ -2,8 +2,8 @@
 
 use crate::formats::{Codec, Layout};
 use spikelane::error::Result;
-use spikelane::spikes::unpack_byte;
 use spikelane::unstable::inputs;
+use spikelane::unstable::spikes::unpack_byte;
 
 /// A correlation is significant if it exceeds the standard error of the correlation of independent pixels by this
 /// factor.

@@ -2,9 +2,22 @@
 
 use super::layout::Layout;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
-use spikelane::spikes::{Geometry, pack_frame, unpack_frame};
+use spikelane::spikes::Geometry;
+use spikelane::unstable::spikes::{pack_frame, unpack_frame};
 
 /// A layout with a geometry that it supports.
+///
+/// # Examples
+/// ```
+/// use spikelane::Geometry;
+/// use spikelane_io::formats::{Codec, Layout};
+/// // A row of 400 pixels is stored as 416 bits.
+/// assert_eq!(Codec::new(Layout::Rows416, Geometry::new(400, 250)?)?.frame_bytes(), 416 / 8 * 250);
+///
+/// let error = Codec::new(Layout::Rows416, Geometry::new(640, 480)?).unwrap_err();
+/// assert_eq!(error.kind(), spikelane::ErrorKind::Usage);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Codec {
     layout: Layout,

@@ -7,6 +7,17 @@ use spikelane::spikes::Geometry;
 const MAX_DATA_BYTES: u64 = i64::MAX as u64 - (1 << 20);
 
 /// The encoding of the frames of a stream in a file.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::formats::Layout;
+/// assert_eq!(Layout::parse("dat-top")?, Layout::DatTop);
+/// assert_eq!(Layout::DatTop.other_bit_order(), Some(Layout::DatTopMsb));
+///
+/// let error = Layout::parse("npy-bit").unwrap_err();
+/// assert_eq!(error.parts().remedy, "did you mean npy-bits?");
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Layout {
@@ -109,6 +120,17 @@ impl Layout {
 
     /// Returns the layout for the file `path`. The layout is `requested` if given, and otherwise the default layout of
     /// the file extension.
+    ///
+    /// # Examples
+    /// ```
+    /// use std::path::Path;
+    /// use spikelane_io::formats::Layout;
+    /// assert_eq!(Layout::for_path(Path::new("run.npy"), None)?, Layout::NpyBytes);
+    /// assert_eq!(Layout::for_path(Path::new("run.bin"), Some(Layout::Rows416))?, Layout::Rows416);
+    /// let error = Layout::for_path(Path::new("run.mp4"), None).unwrap_err();
+    /// assert_eq!(error.parts().found, "the file extension .mp4");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
     ///
     /// # Errors
     /// [`ErrorKind::Usage`] if `requested` does not match the extension, or if no layout uses the extension.

@@ -6,6 +6,14 @@ use std::cmp::Ordering;
 ///
 /// Names that differ only in leading zeros are equal in this order. In that case the bytes of the names are compared,
 /// so that the order is total.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::light::natural_order::natural_cmp;
+/// let mut names = ["img10.png", "img2.png", "img1.png"];
+/// names.sort_by(|a, b| natural_cmp(a, b));
+/// assert_eq!(names, ["img1.png", "img2.png", "img10.png"]);
+/// ```
 #[must_use]
 pub fn natural_cmp(a: &str, b: &str) -> Ordering {
     let (mut x, mut y) = (a.as_bytes(), b.as_bytes());

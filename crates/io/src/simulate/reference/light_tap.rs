@@ -43,6 +43,18 @@ impl LightTap<'_> {
 
 /// Returns the light of readout `readout`. `source` must be unread, and `timeline` maps readouts to its frames.
 ///
+/// # Examples
+/// ```
+/// use spikelane::light::{Chart, Frame, Interpolation, Rate, Timeline};
+/// use spikelane_io::simulate::light_at;
+/// let mut chart = Chart::new(spikelane::Geometry::new(64, 48)?, Rate::new(1000, 1)?, Some(2))?;
+/// let [first, second] = [0.0, 0.001].map(|seconds| chart.frame_at(seconds));
+/// let timeline = Timeline::from_readouts_per_frame(20, Interpolation::Linear)?;
+/// // Readout 10 is halfway between the two frames.
+/// assert_eq!(light_at(&mut chart, timeline, 10)?.max(), Frame::blend(&first, &second, 0.5)?.max());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
 /// # Errors
 /// [`ErrorKind::Input`] if the source ends before this readout. Also errors of the source.
 pub fn light_at(source: &mut dyn Source, timeline: Timeline, readout: u64) -> Result<Frame> {
