@@ -76,12 +76,11 @@ fn corrected_spread(deviations: impl Iterator<Item = (f64, f64)>) -> Estimate {
 /// `d = D/phi`.
 ///
 /// `g` is the gain and `D` the dark current, in nominal thresholds per readout. `g`, `D` and the threshold `phi` are
-/// independent of each other. Then `cov = E(1/phi^2) / E(1/phi)^2 - 1`. For a normal `phi` this is `s^2 + 6 s^4` plus
-/// terms of the sixth power.
+/// independent of each other. The relative covariance of `a` and `d` is then `E(1/phi^2) / E(1/phi)^2 - 1`. For a
+/// normal `phi` it is `s^2 + 6 s^4` plus terms of the sixth power.
 ///
 /// If the covariance does not exceed its own error, the returned error is an upper bound. The value is still computed
 /// from the covariance. It is 0 if the covariance is negative.
-/// from the covariance, and is 0 if that is negative.
 #[must_use]
 pub fn threshold_spread(covariance: Estimate) -> Estimate {
     let c = covariance.value;

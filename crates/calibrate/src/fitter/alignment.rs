@@ -105,8 +105,8 @@ pub(super) fn align_levels(levels: &[StatedLevel]) -> Option<Alignment> {
     })
 }
 
-/// Returns the line for which the sum of the `kept` smallest squared distances is least. The candidates are all lines
-/// through two levels. With a dark level, the candidates are all lines through the dark level and one lit level.
+/// Returns the line for which the sum of the `kept_count` smallest squared distances is least. The candidates are all
+/// lines through two levels. With a dark level, the candidates are all lines through the dark level and one lit level.
 fn fit_trimmed_line(lit: &[StatedLevel], dark: Option<&StatedLevel>, kept_count: usize) -> (f64, f64) {
     let mut best = (f64::INFINITY, (1.0, 0.0));
     for (i, p) in lit.iter().enumerate() {

@@ -11,8 +11,8 @@ const CHI2_CAUTION_RATIO: f64 = 1.5;
 const UNFITTED_CAUTION_SHARE: f64 = 0.01;
 
 impl Calibration {
-    /// Returns one sentence. It reports whether the camera follows its recordings, the error of its gain, and the number
-    /// of cautions.
+    /// Returns one sentence. It reports whether the camera agrees with its recordings, the relative error of its mean
+    /// gain, and the number of cautions.
     #[must_use]
     pub fn verdict(&self) -> String {
         let gain = self.population.mean_a;

@@ -172,7 +172,8 @@ fn check_monotonic(levels: &[LightLevel]) -> Result<()> {
 /// Checks that four or more levels lie on a line. The error names the level that is off the line through the other
 /// levels, even if a neighbor of this level also contradicts it.
 ///
-/// Smaller deviations are errors of the lamps, and the fit of the pixels finds them.
+/// The check accepts smaller deviations from the line. They are errors of the lamps, and the fit of the pixels finds
+/// them.
 fn check_linearity(medians: &[(&LightLevel, f64)]) -> Result<()> {
     // Theil's line has the median of all slopes. A few wrong levels do not change this median.
     let mut slopes = Vec::new();

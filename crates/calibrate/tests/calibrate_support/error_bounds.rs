@@ -80,7 +80,7 @@ fn best_pixel_variances(lab: &Laboratory) -> [f64; 2] {
         let x = shot.light + n.dark;
         let spikes = x * f64::from(shot.readouts);
         let phase = n.sigma_t * n.sigma_t + shot.light / x / n.photons;
-        // The variance is the noise of the spikes between the ends, plus the rounding of both ends.
+        // The variance of a rate is the phase noise of the spikes, plus the rounding of the first and last spike.
         let w = 1.0 / (x * x * phase / spikes + x.powi(4) / (6.0 * spikes * spikes));
         aa += w * shot.light * shot.light;
         ad += w * shot.light;
