@@ -53,8 +53,8 @@ impl Population {
         }
     }
 
-    /// Adds the errors that all pixels share. `scale` is the relative error of the scale of the light. `shift` is the error
-    /// of the light's zero.
+    /// Adds the errors that all pixels share. `scale` is the relative error of the scale of the light. `shift` is the
+    /// error of the zero point of the light.
     pub(super) fn add_shared_errors(&mut self, scale: f64, shift: f64) {
         for e in [&mut self.mean_a, &mut self.sd_a] {
             e.error = e.error.hypot(scale * e.value);

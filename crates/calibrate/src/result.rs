@@ -65,7 +65,7 @@ impl Lamp {
 /// Options of the default estimator.
 #[derive(Clone, Copy, Debug)]
 pub struct CalibrateOptions {
-    /// Share of a charge increment that a reset loses. The increment is the first increment after a spike.
+    /// Dead time: the first charge increment after a spike is reduced by this share.
     pub dead_time_fraction: f64,
     /// Relative standard deviation of every light level. `None` selects the value of the set, or 0.01 if the set has none.
     pub light_uncertainty: Option<f64>,
@@ -148,7 +148,7 @@ pub struct Calibration {
     pub hot_pixels: Vec<usize>,
     /// Pixels whose rates are not a linear function of the light.
     pub poor_fit_pixels: Vec<usize>,
-    /// Assumed share of a charge increment that a reset loses. The increment is the first increment after a spike.
+    /// Assumed dead time: the first charge increment after a spike is reduced by this share.
     pub dead_time_fraction: f64,
     /// Sentences about the quantities that the data identify or do not identify.
     pub notes: Vec<String>,

@@ -124,7 +124,7 @@ impl EdgeCounts {
     }
 }
 
-/// If the distance of a threshold from an edge of the box is smaller, the threshold counts as at the edge. The solver's
+/// A threshold counts as at an edge of the box if its distance from the edge is smaller than this value. The solver's
 /// tolerance of 1e-8 limits only the error of the objective, and the objective is nearly constant within the box.
 const EDGE_TOLERANCE: f64 = 1e-4;
 

@@ -15,7 +15,7 @@
 //!
 //! * `f`: rate in spikes per readout. `T`: number of readouts.
 //! * `x`: charge per readout, in thresholds of the pixel.
-//! * `r`: share of a charge increment that a reset loses. The increment is the first increment after a spike.
+//! * `r`: dead time. The first charge increment after a spike is reduced by this share.
 //! * `sigma`: standard deviation of the threshold noise, in thresholds. [`noise_rate_gain`](crate::noise_rate_gain)
 //!   defines `psi`.
 //! * `a` and `d`: gain and dark rate of a pixel, in units of its own threshold per readout. `g` and `D`: gain and dark

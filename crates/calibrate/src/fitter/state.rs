@@ -23,7 +23,8 @@ use spikelane_measure::Estimate;
 pub(super) struct NoiseEstimate {
     /// Variance of the threshold noise of a nominal pixel, in thresholds squared.
     pub(super) threshold_variance: f64,
-    /// Variance per spike that the quanta of light cause, `1 / K`, in thresholds squared.
+    /// Variance per spike that the quanta of light cause, in thresholds squared. It is `1 / K` for `K` quanta per
+    /// spike.
     pub(super) inverse_light_quanta: f64,
     pub(super) inverse_dark_quanta: f64,
     pub(super) noise_sampling: NoiseSampling,

@@ -16,7 +16,8 @@
 pub struct RateWeighting {
     /// Variance per spike that the threshold noise causes, in thresholds squared.
     pub threshold_variance: f64,
-    /// Variance per spike that the quanta of light cause, `1 / K`, in thresholds squared.
+    /// Variance per spike that the quanta of light cause, in thresholds squared. It is `1 / K` for `K` quanta per
+    /// spike.
     pub light_variance: f64,
     /// Variance per spike that the quanta of the dark current cause, in thresholds squared.
     pub dark_variance: f64,

@@ -3,8 +3,8 @@
 use crate::result::{Calibration, Lamp};
 use spikelane_measure::Estimate;
 
-/// If the typical chi-square per degree of freedom exceeds this ratio, a caution about the straight lines is issued. For a
-/// hundred pixels the error of the typical chi-square is about 10 %.
+/// If the typical chi-square per degree of freedom exceeds this ratio, a caution about nonlinear pixel responses is
+/// issued. For a hundred pixels the error of the typical chi-square is about 10 %.
 const CHI2_CAUTION_RATIO: f64 = 1.5;
 
 /// If the share of unfitted pixels exceeds this value, a caution is issued.

@@ -172,10 +172,11 @@ fn check_monotonic(levels: &[LightLevel]) -> Result<()> {
 /// Checks that four or more levels lie on a line. The error names the level that is off the line through the other
 /// levels, even if a neighbor of this level also contradicts it.
 ///
-/// The check accepts smaller deviations from the line. They are errors of the lamps, and the fit of the pixels finds
-/// them.
+/// The check accepts deviations of up to 12 % from the line. They are errors of the lamps, and the fit of the pixels
+/// finds them.
 fn check_linearity(medians: &[(&LightLevel, f64)]) -> Result<()> {
-    // Theil's line has the median of all slopes. A few wrong levels do not change this median.
+    // The slope of Theil's line is the median of the slopes between all pairs of levels. A few wrong levels hardly
+    // change this median.
     let mut slopes = Vec::new();
     for (i, p) in medians.iter().enumerate() {
         slopes.extend(medians[i + 1..].iter().map(|q| (q.1 - p.1) / (q.0.light - p.0.light)));

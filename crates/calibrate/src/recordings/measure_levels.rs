@@ -38,7 +38,7 @@ pub type ProgressCallback<'a> = &'a mut dyn FnMut(&str, f64);
 /// * If a checkerboard or the fixed pattern shows a wrong geometry or an upside-down layout.
 pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Result<Observations> {
     let geometry = set.geometry()?;
-    // The results need 16 bytes or less per pixel and recording for counts and rates, and six maps.
+    // For each pixel, the counts and rates of a recording need at most 16 bytes. Six maps are added once.
     let result_bytes = 16 * set.recordings.len() + 6 * size_of::<f64>();
     inputs::check_memory(format_args!("recordings of {geometry} pixels"), result_bytes * geometry.pixels())?;
     let readers = set.recordings.iter().map(|r| set.reader(r)).collect::<Result<Vec<_>>>()?;

@@ -15,8 +15,8 @@ const SURROUNDING_RADIUS_PX: usize = 5;
 /// two pixels brightens one pixel and darkens another pixel nearby.
 const SHIFTS: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (3, 0)];
 
-/// Largest chi-square of an area of 11x11 pixels without motion. This chi-square is a sum of six squares with one
-/// degree of freedom each. By chance, one area in ten thousand exceeds the limit.
+/// An area of 11x11 pixels with a larger chi-square counts as moving. The chi-square is a sum of six squares with one
+/// degree of freedom each. Without motion, one area in ten thousand exceeds this limit by chance.
 const MOTION_CHI2_LIMIT: f64 = 27.86;
 
 /// Largest change of the logarithm of a rate. Larger changes occur in pixels that turn dark or bright, and they are
