@@ -1,11 +1,11 @@
 //! Benchmark of the calibration. Its table is part of docs/why/calibration.md.
 //!
-//! The simulated camera has known parameters. The table lists the errors of `a` and `d` and the run times, for the
-//! default estimator and for the estimator of the paper. `a` is the gain of a pixel in thresholds per readout at full
+//! The simulated camera has known parameters. For the default estimator and for the estimator of the SCSim paper, the
+//! table lists the run time and the errors of `a` and `d`. `a` is the gain of a pixel in thresholds per readout at full
 //! light. `d` is the dark rate of a pixel in thresholds per readout.
 //!
-//! `cargo bench --bench calibrate -- WIDTH HEIGHT READOUTS...` prints the table for one sensor size. Without arguments
-//! the benchmark runs the sizes of the page, which takes half an hour, and writes the table into the page.
+//! `cargo bench --bench calibrate -- WIDTH HEIGHT READOUTS...` prints the table for one sensor size. Without arguments,
+//! the benchmark runs half an hour and writes the table for all sensor sizes into docs/why/calibration.md.
 
 #[path = "../tests/calibrate_support/mod.rs"]
 mod calibrate_support;
@@ -34,8 +34,8 @@ const POPULATION: &str = "
 |---|---|---|---|---|---|---|---|---|
 ";
 
-/// Returns a row of the population table. Means and spreads are compared with the means and spreads of the simulated
-/// pixels. The noise is compared with the parameters of its distribution.
+/// Returns a row of the population table. Fitted means and spreads are compared with the means and spreads of the
+/// simulated pixels. Fitted noise is compared with the noise parameters of the simulation.
 fn population_rows(found: &Calibration, truth: &[Pixel], name: &str) -> String {
     let (mean_a, sd_a) = mean_and_sd(truth.iter().map(Pixel::a));
     let (mean_d, sd_d) = mean_and_sd(truth.iter().map(Pixel::d));

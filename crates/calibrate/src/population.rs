@@ -62,8 +62,8 @@ impl Population {
         }
     }
 
-    /// Adds the errors that all pixels share. `scale` is the relative error of the scale of the light. `shift` is the error
-    /// of the light's zero.
+    /// Adds the errors that all pixels share. `scale` is the relative error of the scale of the light. `shift` is the
+    /// error of the zero point of the light.
     pub(super) fn add_shared_errors(&mut self, scale: f64, shift: f64) {
         for e in [&mut self.mean_a, &mut self.sd_a] {
             e.error = e.error.hypot(scale * e.value);
@@ -85,8 +85,8 @@ fn corrected_spread(deviations: impl Iterator<Item = (f64, f64)>) -> Estimate {
 /// `d = D/phi`.
 ///
 /// `g` is the gain and `D` the dark current, in nominal thresholds per readout. `g`, `D` and the threshold `phi` are
-/// independent of each other. Then `cov = E(1/phi^2) / E(1/phi)^2 - 1`. For a normal `phi` this is `s^2 + 6 s^4` plus
-/// terms of the sixth power.
+/// independent of each other. The relative covariance of `a` and `d` is then `E(1/phi^2) / E(1/phi)^2 - 1`. For a
+/// normal `phi` it is `s^2 + 6 s^4` plus terms of the sixth power.
 ///
 /// If the covariance does not exceed its own error, the returned error is an upper bound. The value is still computed
 /// from the covariance. It is 0 if the covariance is negative.

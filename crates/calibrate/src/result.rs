@@ -42,7 +42,8 @@ pub struct Lamp {
     pub readouts: u32,
     /// Mean rate of the pixels that have a fitted line, in spikes per readout.
     pub mean_rate: f64,
-    /// Robust spread of the rates of these pixels about their lines at the found light, divided by the mean rate.
+    /// Robust spread of the rates about the fitted lines at the found light, divided by the mean rate. Pixels without a
+    /// fitted line are excluded.
     pub rate_scatter: f64,
 }
 
@@ -74,7 +75,7 @@ impl Lamp {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct CalibrateOptions {
-    /// Share of the first increment after a spike that is lost in the reset.
+    /// Dead time: the first charge increment after a spike is reduced by this share.
     pub dead_time_fraction: f64,
     /// Relative standard deviation of every light level. `None` selects the value of the set, or 0.01 if the set has none.
     pub light_uncertainty: Option<f64>,
@@ -83,9 +84,10 @@ pub struct CalibrateOptions {
     /// Nominal capacitance in femtofarads. It determines the units of the camera. If the data do not determine the
     /// noise, it also determines the assumed noise.
     pub capacitance_ff: f64,
-    /// Nominal swing in volts. It is used in the same way as the capacitance.
+    /// Nominal swing in volts. It determines the units of the camera. If the data do not determine the noise, it also
+    /// determines the assumed noise.
     pub swing_v: f64,
-    /// Largest accepted median, over the pixels, of the relative standard error of `a`. `None` accepts any error.
+    /// Largest accepted relative standard error of the gain `a` of the median pixel. `None` accepts any error.
     pub max_gain_error: Option<f64>,
 }
 
@@ -135,13 +137,15 @@ pub struct Calibration {
     /// Whether the data or the options determine when the noise is redrawn. If false, the nominal rule applies: the
     /// noise is redrawn at every reset.
     pub is_noise_sampling_identified: bool,
-    /// Fitted rate bias divided by the bias of noise that is redrawn at every readout. In theory it is 1 or 0.
+    /// Fitted rate bias divided by the bias of noise that is redrawn at every readout. In theory it is 1 if the noise
+    /// is redrawn at every readout, and 0 otherwise.
     pub bias_share: Estimate,
     /// The light levels in ascending order of light.
     pub lamps: Vec<Lamp>,
     /// Relative standard error of the scale that all levels share. No recording determines this scale.
     ///
-    /// The errors of the population's gain and of the electrons include this error. The errors of single pixels do not.
+    /// `light_scale_error` is included in the errors of the population's gain and of the electrons. It is not included
+    /// in the errors of single pixels.
     pub light_scale_error: f64,
     /// Nonlinearity of the found levels as a function of the stated levels: the relative deviation at light 1 minus the
     /// relative deviation in the dark. `None` with fewer than three lit levels.
@@ -154,11 +158,12 @@ pub struct Calibration {
     pub hot_pixels: Vec<usize>,
     /// Pixels whose rates are not a linear function of the light.
     pub poor_fit_pixels: Vec<usize>,
-    /// Assumed share of the first increment after a spike that is lost in the reset.
+    /// Assumed dead time: the first charge increment after a spike is reduced by this share.
     pub dead_time_fraction: f64,
     /// Sentences about the quantities that the data identify or do not identify.
     pub notes: Vec<String>,
-    /// Result of the estimator of the paper for the same data, if it was run. It is reported for comparison only.
+    /// Result of the estimator of the SCSim paper for the same data, if this estimator was run. Reports compare it with
+    /// the default estimator.
     pub snee: Option<SneeMaps>,
 }
 
@@ -167,13 +172,13 @@ impl Calibration {
     ///
     /// Pixels without a fit have the means of the population. Dead pixels have a gain and a dark current of zero.
     ///
-    /// No recording determines how `a` and `d` of a single pixel split into gain, dark current and threshold `phi`. Each
-    /// threshold is therefore drawn from its posterior, with one fixed seed. `a` and `d` are adjusted, because the noise of
-    /// the drawn threshold changes the rate.
+    /// No recording determines how `a` and `d` of a single pixel split into gain, dark current and threshold `phi`.
+    /// Each threshold is therefore drawn from its posterior, with one fixed seed. The noise of the drawn threshold
+    /// changes the rate, so `a` and `d` are adjusted.
     ///
-    /// The posterior means would have a smaller spread than the thresholds. The mean of the resulting noise, `E[1 / phi^2]`,
-    /// would be too small by three times the variance of the posterior. This is 0.4 % for the published spreads. The whole
-    /// spread of the thresholds is assigned to the voltage.
+    /// If the camera used the posterior means, its thresholds would have too small a spread. The mean of the resulting
+    /// noise, `E[1 / phi^2]`, would be too small by three times the variance of the posterior. This is 0.4 % for the
+    /// published spreads. The whole spread of the thresholds is assigned to the voltage.
     ///
     /// # Errors
     /// If a value is out of the range of its effect.

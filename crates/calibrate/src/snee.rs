@@ -30,7 +30,8 @@ use spikelane::unstable::threads;
 /// Options of the estimator of the paper.
 #[derive(Clone, Copy, Debug)]
 pub struct SneeOptions {
-    /// Half width of the box of `phi`. The box is centered at the nominal value 1.
+    /// Half width of the box, which is the range of allowed thresholds `phi`. The box is centered at the nominal
+    /// threshold 1.
     pub box_half_width: f64,
     /// Relative spread of the capacitance. It is used to split `phi`.
     pub sigma_c: f64,
@@ -99,7 +100,8 @@ pub struct SneeMaps {
     pub light_scale: f64,
 }
 
-/// Numbers of pixels with a threshold at an edge of the box, inside the box, or without a solution.
+/// Numbers of pixels whose threshold is at an edge of the box of allowed thresholds, inside the box, or without a
+/// solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[non_exhaustive]
 pub struct EdgeCounts {
@@ -114,7 +116,7 @@ pub struct EdgeCounts {
 }
 
 impl EdgeCounts {
-    /// Returns the share of the solved pixels whose threshold is at an edge of the box.
+    /// Returns the share of the solved pixels whose threshold is at an edge of the box of allowed thresholds.
     #[must_use]
     pub fn edge_share(&self) -> f64 {
         let edge = self.at_lower_edge + self.at_upper_edge;
@@ -122,8 +124,8 @@ impl EdgeCounts {
     }
 }
 
-/// A threshold closer to an edge than this distance counts as at the edge. The solver's tolerance of 1e-8 limits only the
-/// error of the objective, and the objective is flat along the box.
+/// A threshold counts as at an edge of the box if its distance from the edge is smaller than this value. The solver's
+/// tolerance of 1e-8 limits only the error of the objective, and the objective is nearly constant within the box.
 const EDGE_TOLERANCE: f64 = 1e-4;
 
 impl SneeMaps {
@@ -150,7 +152,7 @@ impl SneeMaps {
     }
 }
 
-/// Runs the estimator of the paper on the levels of `observed` that were measured from streams.
+/// Runs the estimator of the SCSim paper on the levels of `observed` that were measured from streams.
 ///
 /// # Errors
 /// * [`ErrorKind::Input`] if there are fewer than three streams or no lit level.

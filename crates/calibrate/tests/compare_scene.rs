@@ -88,7 +88,8 @@ fn auc_is_low_for_the_recording_camera_and_high_for_a_noisier_one() {
     assert_eq!(comparison.cameras[0].name, "physical");
 }
 
-/// The variances of such a scene would be NaN, and the first model in the list would be the nearest.
+/// If the comparison accepted this scene, its variances would be NaN, and the first model in the list would be the
+/// nearest.
 #[test]
 fn a_scene_whose_pixels_fire_six_times_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -188,7 +188,7 @@ fn effects_beside_dropped_or_repeated_readouts_are_found() {
     }
 }
 
-/// The test uses strong noise in some of the pixels, because it resembles lost readouts.
+/// The test uses strong noise in some of the pixels, because such noise resembles lost readouts.
 #[test]
 fn strong_noise_in_some_pixels_is_not_reported_as_dropped_readouts() {
     let diagnosis = diagnose_hidden(&[("two populations of threshold noise", 4.0)], 81);

@@ -7,8 +7,8 @@ use hidden_sensor::{CATALOG_KINDS, Kind, OUTSIDE_KINDS, Physics, Scene, Sensor, 
 
 /// Returns a recording of a small sensor. The effect has half of its largest strength.
 ///
-/// The rarest event occurs 2.5 times in a thousand readouts on average. The probability that a recording does not contain
-/// it is 0.7 %. The recording with the fixed seed contains it.
+/// The rarest event of all effects occurs 2.5 times in a thousand readouts on average. The probability that a recording
+/// of 2,000 readouts does not contain it is 0.7 %. The recording with the fixed seed contains it.
 fn bits(kind: Option<&Kind>, scene: Scene) -> Vec<u8> {
     let mut physics = Physics::default();
     if let Some(kind) = kind {

@@ -12,7 +12,7 @@ use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
 use spikelane_measure::{Accumulator, MeasureOptions, Statistics, measure_stream};
 
-/// Gray levels on a scale of 0 to 255 at which interval histograms are compared. The paper uses the same levels.
+/// Gray levels on a scale of 0 to 255 at which interval histograms are compared. The SCSim paper uses the same levels.
 const HISTOGRAM_GRAY_LEVELS: [f64; 4] = [0.0, 120.0, 180.0, 240.0];
 
 /// Longest interval in readouts that has its own bin. The intervals of dark pixels are long.
@@ -30,7 +30,8 @@ pub struct CameraDistance {
     pub histograms: Vec<Vec<f64>>,
     /// Root mean square of the difference between the two responses, in spikes per readout.
     pub response_distance: f64,
-    /// Total variation distance of each histogram, 0 to 1. It is half the sum of the absolute differences.
+    /// Total variation distance of each histogram from the histogram of the measured camera, 0 to 1. It is half the sum
+    /// of the absolute differences between the two histograms.
     pub histogram_distance: Vec<f64>,
 }
 
@@ -48,8 +49,8 @@ pub struct GrayComparison {
     pub simulated_camera: Option<String>,
     /// Distances between the two halves of the measured recordings. Only temporal noise causes them.
     pub noise_floor: NoiseFloor,
-    /// Distances between the nearest model and the same model with another fixed pattern. Two cameras of one kind
-    /// differ in the same way.
+    /// Distances between the nearest model and the same model with another fixed pattern. Two real cameras of the same
+    /// type also differ in their fixed patterns.
     pub fixed_pattern_floor: NoiseFloor,
     /// The models in order of increasing response distance.
     pub models: Vec<CameraDistance>,
@@ -166,7 +167,8 @@ fn sum(counts: &[u32]) -> f64 {
     counts.iter().map(|n| f64::from(*n)).sum()
 }
 
-/// Returns the difference between the mean rates of the two halves, in spikes per readout.
+/// Returns the mean rate in the first half of a recording minus the mean rate in the second half, in spikes per
+/// readout.
 fn half_rate_difference(statistics: &Statistics) -> f64 {
     let (Some(counts), Some(early)) = (&statistics.counts, &statistics.counts_before_split) else {
         return 0.0;

@@ -118,7 +118,7 @@ impl GrayComparison {
     }
 }
 
-/// Returns the shortest length for which at least `share` of the intervals are not longer.
+/// Returns the shortest length that at least the share `share` of the intervals do not exceed.
 fn quantile_length(shares: &[f64], share: f64) -> usize {
     let mut sum = 0.0;
     shares

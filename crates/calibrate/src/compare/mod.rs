@@ -1,7 +1,7 @@
 //! Compares simulated cameras with a measured camera.
 //!
 //! [`compare_gray_levels`] compares the responses to uniform light levels, and the interval histograms at single levels.
-//! [`compare_static_scene`] compares the temporal noise with one recording of an unknown static scene.
+//! [`compare_static_scene`] compares the temporal noise in one recording of an unknown static scene.
 //! [`compare_realism`] tests whether a discriminator can distinguish simulated recordings from a real recording.
 
 mod gray;

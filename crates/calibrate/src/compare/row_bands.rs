@@ -1,8 +1,8 @@
 //! Tests whether the ranking of models is consistent in all bands of rows of a scene.
 //!
-//! The errors of single statistics are computed from the scatter of the pixels, as if the pixels were independent. These
-//! errors omit effects that rows share, such as the time of readout and the supply. Such effects can exceed all
-//! differences between models.
+//! The errors of single statistics are computed from the scatter of the pixels, as if the pixels were independent.
+//! These errors omit effects that the pixels of a row share, such as the readout time and the supply voltage. Shared
+//! effects can exceed all differences between models.
 
 use serde::Serialize;
 
@@ -33,7 +33,8 @@ pub(super) struct RowBands<'a> {
     measured_bands: Vec<SceneStatistics>,
     /// Statistics of the recording without band `i`, for each band `i`.
     measured_without_band: Vec<SceneStatistics>,
-    /// For each added model, its distance without band `i`, for each band `i`. Models are in the order of addition.
+    /// Distances of the added models, in the order of addition. Entry `i` of a model is its distance computed without
+    /// band `i`.
     distances_without_band: Vec<Vec<f64>>,
 }
 
@@ -74,8 +75,8 @@ impl<'a> RowBands<'a> {
         self.distances_without_band.push(without);
     }
 
-    /// Sorts the models by distance and sets the excess distance of each model and its error. Returns the bands. `models`
-    /// are the added models in the order of addition.
+    /// Sorts the models by distance. Sets the excess distance of each model and the error of this excess. Returns the
+    /// bands. `models` are the added models in the order of addition.
     pub(crate) fn rank(self, models: &mut [SceneStatistics]) -> Vec<RowBand> {
         let by_distance = |a: &usize, b: &usize| models[*a].distance.total_cmp(&models[*b].distance);
         if let Some(first) = (0..models.len()).min_by(by_distance) {

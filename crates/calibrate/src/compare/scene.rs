@@ -124,7 +124,8 @@ pub fn compare_static_scene(
 /// and have a rate of 0.05 to 0.45 spikes per readout.
 ///
 /// Static surroundings have the same brightness in both halves of the recording. The noise of the pixel itself is not a
-/// criterion, because it is compared later. Selecting by it would remove the tails of its distribution.
+/// criterion, because this noise is compared later. Selecting pixels by their noise would remove the tails of the noise
+/// distribution.
 fn static_pixels(statistics: &Statistics) -> Vec<usize> {
     let (Some(counts), Some(early)) = (&statistics.counts, &statistics.counts_before_split) else {
         return Vec::new();
@@ -172,8 +173,8 @@ fn simulate_at_rates(
     // The rate of a pixel without spikes is NaN. The light of such a pixel is set to 0.
     let samples: Vec<f32> = samples.into_iter().map(|s| if s.is_finite() { s } else { 0.0 }).collect();
     let mut simulator = Simulator::new(&flat, seeds)?;
-    // In some models all pixels start in phase and lose the common phase only after some readouts. The real camera had lost
-    // it before the recording started, so these readouts are discarded.
+    // In some models all pixels start in phase and lose the common phase only after some readouts. A real camera has
+    // lost the common phase before a recording starts, so the first simulated readouts are discarded.
     let mut bits = inputs::zeroed_vec("simulated readouts", BATCH_READOUTS * geometry.frame_bytes())?;
     simulator.fill(&samples, &mut bits[..LEAD_READOUTS * geometry.frame_bytes()])?;
     let mut accumulator = Accumulator::new(geometry, options)?;

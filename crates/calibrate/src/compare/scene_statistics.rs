@@ -17,7 +17,8 @@ pub struct SceneStatistics {
     ///
     /// The lags `n` are 1, 8, 16, 24 and 32. NaN is serialized as null.
     pub lag_variance: Vec<Estimate>,
-    /// Share of the intervals that differ from the pixel's mean interval rounded down and from the mean rounded up.
+    /// Share of the intervals that equal neither the pixel's mean interval rounded down nor the mean interval rounded
+    /// up.
     pub outlier_share: Estimate,
     /// `|ln(model / measured)|` of `D(1)`, `D(8)` and the outlier share. Infinite if the model has no outliers.
     pub distance_terms: [f64; 3],

@@ -105,8 +105,8 @@ pub(super) fn align_levels(levels: &[StatedLevel]) -> Option<Alignment> {
     })
 }
 
-/// Returns the line for which the sum of the `kept` smallest squared distances is least. The candidates are all lines
-/// through two levels. With a dark level, the candidates are all lines through the dark level and one lit level.
+/// Returns the line for which the sum of the `kept_count` smallest squared distances is least. The candidates are all
+/// lines through two levels. With a dark level, the candidates are all lines through the dark level and one lit level.
 fn fit_trimmed_line(lit: &[StatedLevel], dark: Option<&StatedLevel>, kept_count: usize) -> (f64, f64) {
     let mut best = (f64::INFINITY, (1.0, 0.0));
     for (i, p) in lit.iter().enumerate() {
@@ -213,7 +213,8 @@ mod tests {
         assert!(align_levels(&levels_with_errors(&[0.0, 0.1, 0.3, 0.5, 0.8], &off, 0.0)).is_none());
     }
 
-    /// Creates a dark level and lit levels with an error of 1 %. Their found light is wrong by `off` percent.
+    /// Creates a dark level and lit levels with a stated error of 1 %. The found light of lit level `i` is wrong by
+    /// `off[i]` percent.
     fn levels_with_dark(off: &[f64]) -> Vec<StatedLevel> {
         let dark = StatedLevel { found_light: 0.0, stated_light: 0.0, sd: 1e-12 };
         let lit = off.iter().enumerate().map(|(k, e)| {

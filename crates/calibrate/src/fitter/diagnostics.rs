@@ -10,13 +10,15 @@ use spikelane_measure::{Estimate, median_and_spread};
 /// Smallest number of fitted pixels for which spreads are estimated.
 const MIN_FITTED_PIXELS: usize = 8;
 
-/// Typical nonlinearity of responses and of stated lamps: the relative deviation at full light minus that near the dark.
+/// Typical nonlinearity of responses and of stated light. It is the relative deviation from a line at full light minus
+/// the relative deviation near the dark.
 const TYPICAL_NONLINEARITY: f64 = 0.02;
 
 /// Returns the likely size of a nonlinearity that is not significant.
 ///
-/// Let `t` be the relative trend, `e` its standard error and `b` the typical nonlinearity. The squared size is
-/// `max(t^2 - e^2, 0) b^2 / (b^2 + e^2)`. `e^2` is subtracted, because chance alone contributes `e^2` to `t^2`.
+/// Let `t` be the relative trend, `e` its standard error and `b` the typical nonlinearity. The squared size of the
+/// nonlinearity is `max(t^2 - e^2, 0) b^2 / (b^2 + e^2)`. `e^2` is subtracted, because chance alone contributes `e^2`
+/// to `t^2`.
 pub(super) fn expected_nonlinearity(bend: Estimate) -> f64 {
     let (typical_variance, error) = (TYPICAL_NONLINEARITY.powi(2), bend.error.powi(2));
     ((bend.value.powi(2) - error).max(0.0) * typical_variance / (typical_variance + error)).sqrt()
@@ -27,7 +29,8 @@ pub(super) fn expected_nonlinearity(bend: Estimate) -> f64 {
 const CHI2_WARNING_RATIO: f64 = 2.0;
 
 impl Fitter<'_> {
-    /// Returns an error unless at least [`MIN_FITTED_PIXELS`] pixels have a line, because a spread requires several pixels.
+    /// Returns an error if fewer than [`MIN_FITTED_PIXELS`] pixels have a fitted line, because a spread requires
+    /// several pixels.
     pub(super) fn check_fitted_pixels(&self) -> Result<()> {
         let known = self.fits.iter().filter(|f| f.a.is_finite()).count();
         if known >= MIN_FITTED_PIXELS {
@@ -125,8 +128,8 @@ impl Fitter<'_> {
         }
     }
 
-    /// Returns the trend of the relative deviations of the trusted lit levels as a function of the light. The weights are
-    /// the stated uncertainties. Returns `None` with fewer than three such levels.
+    /// Returns the trend of the relative deviations of the trusted lit levels as a function of the light. The weights
+    /// are the stated uncertainties. Returns `None` with fewer than three trusted lit levels.
     ///
     /// A nonlinearity that all pixels share does not appear as a misfit of single pixels, because the fitted levels absorb
     /// it.

@@ -15,7 +15,7 @@
 //!
 //! * `f`: rate in spikes per readout. `T`: number of readouts.
 //! * `x`: charge per readout, in thresholds of the pixel.
-//! * `r`: share of the first increment after a spike that is lost in the reset.
+//! * `r`: dead time. The first charge increment after a spike is reduced by this share.
 //! * `sigma`: standard deviation of the threshold noise, in thresholds. [`noise_rate_gain`](crate::noise_rate_gain)
 //!   defines `psi`.
 //! * `a` and `d`: gain and dark rate of a pixel, in units of its own threshold per readout. `g` and `D`: gain and dark
@@ -59,8 +59,8 @@ pub fn calibrate(observed: &Observations, options: &CalibrateOptions) -> Result<
     fitter.fit_and_align_levels()?;
     fitter.check_fitted_pixels()?;
     if options.noise_sampling.is_none() {
-        // Pixels with a low threshold have more relative noise and a higher dark rate. If all pixels had the same noise,
-        // a threshold spread of 4.5 % would reduce the fitted share of the bias by 13 %.
+        // Pixels with a low threshold have more relative noise and a higher dark rate. If all pixels had the same
+        // noise, a threshold spread of 4.5 % would reduce the fitted rate bias by 13 %.
         fitter.fit(false);
         fitter.update_threshold_posteriors();
         fitter.measure_noise();
@@ -81,7 +81,7 @@ pub fn calibrate(observed: &Observations, options: &CalibrateOptions) -> Result<
 }
 
 impl Fitter<'_> {
-    /// Fits the levels and the pixels. If `test` is true, the share of the rate bias is fitted too.
+    /// Fits the levels and the pixels. If `test` is true, also fits [`Calibration::bias_share`].
     fn fit(&mut self, test: bool) {
         self.iterate_until_converged(test);
         self.fits = threads::map(0..self.fits.len(), |p| self.fit_pixel(p));
@@ -106,7 +106,8 @@ impl Fitter<'_> {
             worse = fit.chi2 / f64::from(fit.degrees_of_freedom);
             fit = PixelFit { a, d, is_robust: true, ..fit };
         }
-        // If the levels disagree by more than their errors, the error of the line is multiplied by the same factor.
+        // `worse` is the ratio of the chi-square to its expectation. The variances of the line are multiplied by this
+        // ratio.
         fit.var_a *= worse;
         fit.var_d *= worse;
         fit.cov *= worse;
@@ -254,8 +255,8 @@ fn check_precision(fitter: &Fitter<'_>, population: &Population, options: &Calib
         return Ok(());
     }
     let readouts = fitter.observed.levels.iter().map(|l| l.readouts).max().unwrap_or(0);
-    // Phase noise decreases as the square root of the number of readouts, more slowly than quantization. The number is
-    // computed for phase noise only and is therefore conservative.
+    // The relative phase noise is inversely proportional to the square root of the number of readouts. Quantization
+    // decreases faster. The required number is computed for phase noise only and is therefore conservative.
     let needed = f64::from(readouts) * (reached / max_gain_error).powi(2);
     Err(Error::new(ErrorKind::Input, "precision of the gain")
         .found(format_args!("{reached:.2e} with {readouts} readouts per level"))

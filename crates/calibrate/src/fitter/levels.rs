@@ -94,8 +94,8 @@ impl Fitter<'_> {
             ))
     }
 
-    /// Fits lines and levels in turn until the levels converge. If `test` is true, the share of the rate bias is fitted
-    /// too.
+    /// Fits lines and levels in turn until the levels converge. If `test` is true, also fits the bias share, which is
+    /// the rate bias divided by the bias of noise that is redrawn at every readout.
     pub(super) fn iterate_until_converged(&mut self, test: bool) {
         for _ in 0..MAX_ITERATIONS {
             self.fits = threads::map(0..self.fits.len(), |p| self.weighted_line(p));
@@ -106,7 +106,7 @@ impl Fitter<'_> {
         }
     }
 
-    /// Returns the chi-square of the median pixel divided by the chi-square of a model that fits. The result is at least 1.
+    /// Returns the median over the pixels of chi-square divided by its expected median. The result is at least 1.
     fn median_chi2_ratio(&self) -> f64 {
         let mut all: Vec<f64> =
             self.fits.iter().filter_map(crate::formulas::fit::PixelFit::chi2_ratio).collect();
@@ -116,7 +116,7 @@ impl Fitter<'_> {
     /// Changes the deviations of the light levels by one Gauss-Newton step. Returns the largest step divided by the light.
     ///
     /// All pixels share the deviations. The line of every pixel is eliminated from the equations. The prior of a
-    /// deviation is normal with the standard deviation of the level.
+    /// deviation is normal with the standard deviation `level_sd` of the level.
     fn fit_levels(&mut self, test: bool) -> f64 {
         let k = self.observed.levels.len() + usize::from(test);
         // All parts have the same size and are added in order, so the sums do not depend on the number of threads.
@@ -167,8 +167,8 @@ impl Fitter<'_> {
             return;
         }
         let mut points = self.points(p);
-        // If a pixel has fewer than two spikes, its rate is computed from its count. Only slow pixels have such rates, so
-        // they would bias the test of the bias share and are removed.
+        // If a pixel has fewer than two spikes, its rate is computed from its count. Only slow pixels have such rates,
+        // so they would distort the fitted bias share and are removed.
         points.retain(|q| q.is_timed || !test);
         // The line is fitted with the weights of the equations below. With other weights, a part of the residuals would look
         // like a common change of all levels.

@@ -14,7 +14,7 @@ use spikelane_measure::{Estimate, median, median_and_spread};
 
 /// The growth of the interval variance of a level, and the contributions of the noise sources to this growth.
 struct VarianceGrowth {
-    /// Phase variance per spike, in thresholds squared. The unit is each pixel's own threshold.
+    /// Phase variance per spike, in squared thresholds of the pixel itself.
     variance_per_spike: Estimate,
     /// Variance per spike that `sigma^2 = 1` would cause, where `sigma` is the noise of a nominal pixel.
     threshold_coefficient: f64,
@@ -72,11 +72,12 @@ impl Fitter<'_> {
             threads::map(&self.observed.levels, |level| self.draw_phase_correction(level));
     }
 
-    /// Returns a correction factor for the rate that low draws add, at the median rate of a level. The factor accounts for
-    /// correlated phases.
+    /// Returns a correction factor for correlated phases, at the median rate of a level. It multiplies the rate that
+    /// low threshold draws add.
     ///
-    /// The factor is the mean over all periods. It is therefore applied only if the periods of the pixels differ by half
-    /// a readout or more. Otherwise it is 1, because the added rate is then only a ten-thousandth.
+    /// The factor is the mean over all periods. It is therefore applied only if the periods of the pixels differ by
+    /// half a readout or more. In brighter light the factor is 1, because low draws then add only a ten-thousandth of
+    /// the rate.
     fn draw_phase_correction(&self, level: &LightLevel) -> f64 {
         let fitted =
             level.rate.iter().zip(&self.fits).filter(|(rate, fit)| **rate > 0.0 && fit.d.is_finite());
@@ -131,7 +132,8 @@ impl Fitter<'_> {
         self.noise.inverse_light_quanta = 1.0 / nominal;
         match lit.first() {
             Some(g) => {
-                // An error of the assumed quanta changes the value by an unknown amount, so the error is NaN.
+                // An error of the assumed quanta changes the threshold noise by an unknown amount, so the error of the
+                // threshold noise is NaN.
                 self.set_noise(
                     ((g.variance_per_spike.value - g.light_coefficient / nominal) / g.threshold_coefficient)
                         .max(0.0),
@@ -169,7 +171,8 @@ impl Fitter<'_> {
             0.5 * raw.max(1e-12)
         };
         let (mut mean, mut unit) = (raw, 1.0);
-        // A dark level contains only threshold noise. Its variance is refined in each iteration, so more are needed.
+        // A dark level contains only threshold noise. Its variance is refined in each iteration, so dark levels need
+        // more iterations.
         for _ in 0..if level.light == 0.0 { 8 } else { 1 } {
             let of_pixel = |p: &usize| {
                 let [charge, unit] = self.unit_noise_means(*p, level.rate[*p], square.sqrt());
@@ -191,8 +194,8 @@ impl Fitter<'_> {
         Some(VarianceGrowth { variance_per_spike: s, threshold_coefficient: unit, light_coefficient: light })
     }
 
-    /// Returns a correction factor for the growth of the variance of a level, at the median rate of `good`. The factor
-    /// accounts for correlated phases.
+    /// Returns a correction factor for correlated phases, at the median rate of the pixels `good`. It divides the
+    /// growth of the interval variance of a level.
     ///
     /// The correction is 0.1 % at 24 readouts per spike, 0.4 % at 12 and 1 % at 8. It varies little from pixel to pixel,
     /// so all pixels use the same value.
@@ -225,8 +228,8 @@ impl Fitter<'_> {
     }
 }
 
-/// Returns `ratio`, the ratio for correlated phases to independent phases, or 1 if it is implausible. If the noise is too
-/// small for the integrals, the computed ratio is not usable.
+/// Returns `ratio` if it is plausible, otherwise 1. `ratio` is a quantity for correlated phases divided by the same
+/// quantity for independent phases. If the noise is too small for the integrals, the computed ratio can be implausible.
 fn ratio_or_one(ratio: f64) -> f64 {
     if (0.5..2.0).contains(&ratio) { ratio } else { 1.0 }
 }

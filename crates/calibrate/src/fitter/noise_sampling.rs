@@ -1,19 +1,20 @@
-//! Chooses how threshold noise is redrawn. If the data do not determine the rule, nominal noise is used.
+//! Chooses when threshold noise is redrawn: at every readout or at every reset. If the data do not determine this rule,
+//! nominal noise is used.
 
 use super::state::{Fitter, NoiseEstimate};
 use spikelane::pixel::NoiseSampling;
 use spikelane::sensor::Sensor;
 use spikelane_measure::Estimate;
 
-/// Largest distance of the bias share from the chosen rule, in standard errors of the share.
+/// Largest distance of the fitted bias share from the share of the chosen rule, 0 or 1, in standard errors.
 const AGREEMENT_Z_THRESHOLD: f64 = 4.0;
-/// Smallest distance of the bias share from the other rule, in standard errors of the share. If the standard error is
-/// correct, one choice in thirty thousand is wrong.
+/// Smallest distance of the fitted bias share from the share of the rejected rule, 0 or 1, in standard errors. If the
+/// standard error is correct, one choice in thirty thousand is wrong.
 const EXCLUSION_Z_THRESHOLD: f64 = 4.0;
 
 impl Fitter<'_> {
-    /// Chooses the rule that agrees with the fitted share of the rate bias. Share 1 means that the noise is redrawn at
-    /// every readout. Share 0 means that it is constant between resets.
+    /// Chooses the rule whose bias share is nearest to the fitted bias share. Share 1 means that the noise is redrawn
+    /// at every readout. Share 0 means that the noise is constant between resets.
     pub(super) fn choose_noise_sampling(&mut self) {
         let share = self.bias_share;
         let frozen = share.value.is_nan() || share.value < 0.5;
@@ -47,9 +48,10 @@ impl Fitter<'_> {
 
     /// Sets nominal noise. Call this method if the rule is unknown.
     ///
-    /// Each rule leads to another estimate of the threshold noise, and the true value is between the two estimates. The
-    /// nominal value is clamped to this range, and its error covers both estimates. The quanta are computed from the
-    /// remaining variance. They are therefore unknown too and are set to their nominal value.
+    /// The estimate of the threshold noise depends on whether the noise is redrawn at every readout or at every reset.
+    /// The true noise is between these two estimates. The nominal noise is clamped to this range, and its error covers
+    /// both estimates. The quanta are computed from the remaining variance. They are therefore unknown too and are set
+    /// to their nominal value.
     pub(super) fn use_nominal_noise(&mut self) {
         let previous = self.noise;
         let frozen = self.sigma_t;

@@ -1,13 +1,13 @@
-//! Posterior error of the line through the light levels. A lamp that agrees with the other lamps can still be wrong, so
-//! another line can be right.
+//! Posterior error of the line through the light levels. A lamp that agrees with the other lamps can still be wrong.
+//! Another line can therefore be right.
 //!
 //! The prior of each lit lamp has two cases. With probability 0.9 the lamp is as accurate as stated. With probability
-//! 0.1 it deviates by up to 12 %, and all deviations are equally likely. Of three lamps, two lamps that differ by 3
-//! standard deviations can both be right, and another pair can also be right. The posterior of the scale then has two
-//! peaks, and the error must cover both peaks.
+//! 0.1 it deviates by up to 12 %, and all deviations are equally likely. For example, three lamps can form two pairs,
+//! and the lamps of each pair can differ by 3 standard deviations. Either pair can then be right. The posterior of the
+//! scale then has two peaks, and the error must cover both peaks.
 //!
-//! The posterior is summed on a grid of lines. If its root mean square deviation from the chosen line exceeds the error
-//! of the line, it replaces this error.
+//! The posterior is summed on a grid of lines. The result is the posterior root mean square deviation from the chosen
+//! line. If this deviation exceeds the error of the chosen line, it replaces the error.
 
 /// A lit or dark level: its found light, its stated light, and the standard deviation of the stated light.
 #[derive(Clone, Copy, Debug)]
@@ -20,8 +20,8 @@ pub(super) struct StatedLevel {
 /// Prior probability that a lamp is wrong.
 const OUTLIER_PRIOR: f64 = 0.1;
 
-/// Largest relative deviation of a wrong lamp. It is the 10 % that a set may contain plus the deviation of a lamp that is
-/// as accurate as stated.
+/// Largest relative deviation of a wrong lamp. A recording set may contain deviations of up to 10 %. The other 2 % are
+/// for the deviation of a lamp that is as accurate as stated.
 const MAX_RELATIVE_DEVIATION: f64 = 0.12;
 
 /// Step of the grid in standard errors of the line.
@@ -29,8 +29,8 @@ const GRID_STEP: f64 = 0.25;
 /// Maximum number of grid steps to each side of the chosen line.
 const MAX_GRID_STEPS: i32 = 400;
 
-/// Returns the root mean square deviations from `line`: of the scale (relative) and of the shift. `errors` are the errors
-/// of scale and shift under the assumption that the chosen levels are right.
+/// Returns the root mean square deviations of the posterior lines from `line`: the relative deviation of the scale, and
+/// the deviation of the shift. `errors` are the errors of scale and shift if the chosen levels are right.
 pub(super) fn scale_posterior(
     lit: &[StatedLevel],
     dark: Option<&StatedLevel>,
@@ -71,14 +71,16 @@ fn half_width_steps(range: f64, step: f64) -> i32 {
     ((range / step).ceil() as i32).clamp(1, MAX_GRID_STEPS)
 }
 
-/// Returns the log density of the deviation of a lamp from a line, in units of the lamp's stated standard deviation. The
-/// density is a mixture of a normal distribution and a uniform distribution over the possible deviations.
+/// Returns the log density of a lamp's deviation from a line. The deviation is in units of the lamp's stated standard
+/// deviation. The density is a mixture of a normal distribution and a uniform distribution over the possible
+/// deviations.
 fn log_density(l: &StatedLevel, scale: f64, shift: f64) -> f64 {
     let deviation = scale * l.found_light + shift - l.stated_light;
     let z = deviation / l.sd;
     let right = (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt();
     let within = deviation.abs() <= MAX_RELATIVE_DEVIATION * l.stated_light;
-    // Outside the range the density is small but not zero, so that a set with such a lamp still has a best line.
+    // Outside the range of possible deviations the density is small but not zero. A set with a lamp outside the range
+    // therefore still has a best line.
     let off = l.sd / (2.0 * MAX_RELATIVE_DEVIATION * l.stated_light) * if within { 1.0 } else { 1e-6 };
     ((1.0 - OUTLIER_PRIOR) * right + OUTLIER_PRIOR * off).ln()
 }

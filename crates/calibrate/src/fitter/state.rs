@@ -23,7 +23,8 @@ use spikelane_measure::Estimate;
 pub(super) struct NoiseEstimate {
     /// Variance of the threshold noise of a nominal pixel, in thresholds squared.
     pub(super) threshold_variance: f64,
-    /// Variance per spike that the quanta of light cause, `1 / K`, in thresholds squared.
+    /// Variance per spike that the quanta of light cause, in thresholds squared. It is `1 / K` for `K` quanta per
+    /// spike.
     pub(super) inverse_light_quanta: f64,
     pub(super) inverse_dark_quanta: f64,
     pub(super) noise_sampling: NoiseSampling,
@@ -52,7 +53,7 @@ pub(super) struct Fitter<'a> {
     pub(super) fits: Vec<PixelFit>,
     pub(super) threshold_posteriors: Vec<[f64; 2]>,
     pub(super) level_offsets: Vec<Estimate>,
-    /// Standard deviation of each level about its stated light. It is large if the stated light is ignored.
+    /// Standard deviation of each level about its stated light. It is large if the fit ignores the stated light.
     pub(super) level_sd: Vec<f64>,
     /// Whether each level is off the line through the other levels.
     pub(super) is_outlier: Vec<bool>,
@@ -63,7 +64,8 @@ pub(super) struct Fitter<'a> {
     /// Ratio of the typical chi-square of a pixel to its expectation. It is 1 if the model fits.
     pub(super) chi2_scale: f64,
     pub(super) is_noise_sampling_identified: bool,
-    /// For each level, the correction factor for the rate that low draws add. It accounts for correlated phases.
+    /// For each level, the correction factor for correlated phases. It multiplies the rate that low threshold draws
+    /// add.
     pub(super) phase_corrections: Vec<f64>,
     pub(super) bias_share: Estimate,
     pub(super) sigma_t: Estimate,
@@ -127,7 +129,8 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    /// Returns the increment at which a pixel fires at the rate `f`, computed from the charge balance.
+    /// Returns the charge per readout at which a pixel fires at the rate `f`. The charge is computed from the charge
+    /// balance, in thresholds of the pixel.
     pub(super) fn increment(&self, f: f64, sigma: f64) -> f64 {
         (f - self.rate_bias(f, sigma)) / (1.0 - self.noise.dead_time_fraction * f)
     }
@@ -145,9 +148,9 @@ impl<'a> Fitter<'a> {
         levels.filter_map(|(k, level)| self.point(p, k, level)).collect()
     }
 
-    /// Returns the means of functions of a pixel's threshold over the posterior of the threshold, by three-point
-    /// Gauss-Hermite quadrature. The second value of each pair is the change of the function if the threshold changes by
-    /// its standard deviation.
+    /// Returns two values for each result of `function`: its mean and its sensitivity. The mean is over the posterior
+    /// of the threshold of pixel `p`, by three-point Gauss-Hermite quadrature. The sensitivity is the change of the
+    /// result if the threshold changes by its standard deviation.
     pub(super) fn mean_over_threshold<const N: usize>(
         &self,
         p: usize,
@@ -231,8 +234,9 @@ impl<'a> Fitter<'a> {
 
 /// Returns the rate that noise redrawn at every readout adds to a pixel that fires at the rate `f`.
 ///
-/// A spike consumes the share `1 - sigma^2 psi(x / sigma) / x` of the threshold on average. Therefore
-/// `x = f - sigma^2 psi(x / sigma) f / x`. Two iterations suffice, because the bias is only half a percent.
+/// At a charge of `x` thresholds per readout, an average spike consumes the share `1 - sigma^2 psi(x / sigma) / x` of
+/// the threshold. Therefore `x = f - sigma^2 psi(x / sigma) f / x`. Two iterations suffice, because the added rate is
+/// only half a percent.
 fn sampling_rate_bias(f: f64, sigma: f64) -> f64 {
     if sigma <= 0.0 || f <= 0.0 {
         return 0.0;

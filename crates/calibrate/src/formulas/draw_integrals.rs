@@ -28,7 +28,8 @@ pub(crate) struct DrawIntegrals {
 }
 
 impl DrawIntegrals {
-    /// Computes the integrals by the midpoint rule. The cells end at the values of `y` for which the integrals are needed.
+    /// Computes the integrals by the midpoint rule. The boundaries of the cells are the values of `y` for which the
+    /// integrals are needed.
     pub(crate) fn new(kappa: f64, step: f64, harmonics: i32) -> Self {
         let first = -(8.0 * kappa).ceil() as i32;
         // The number of cells is odd, so the cells end at half steps.

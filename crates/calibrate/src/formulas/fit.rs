@@ -7,9 +7,11 @@
 //! * `s`: phase variance per spike, in thresholds squared.
 //! * `K`: quanta of light per spike.
 
-/// The noise that determines the variance of a rate, `var f = f^2 s / N + f^4 / (6 N^2)`.
+/// The noise of a rate `f` from `N` intervals. The variance of the rate is `f^2 s / N + f^4 / (6 N^2)`, where `s` is
+/// the phase variance per spike.
 ///
-/// The first term is the phase noise. The second term is the quantization of the first and last spike to readouts.
+/// The term `f^2 s / N` is the phase noise. The term `f^4 / (6 N^2)` is the rounding of the first and last spike to
+/// whole readouts.
 ///
 /// # Examples
 /// ```
@@ -22,7 +24,8 @@
 pub struct RateWeighting {
     /// Variance per spike that the threshold noise causes, in thresholds squared.
     pub threshold_variance: f64,
-    /// Variance per spike that the quanta of light cause, `1 / K`, in thresholds squared.
+    /// Variance per spike that the quanta of light cause, in thresholds squared. It is `1 / K` for `K` quanta per
+    /// spike.
     pub light_variance: f64,
     /// Variance per spike that the quanta of the dark current cause, in thresholds squared.
     pub dark_variance: f64,
@@ -39,14 +42,15 @@ impl RateWeighting {
     }
 }
 
-/// Corrects a rate `f`, computed from the spike times of `intervals` intervals, for the bias that the two ends cause.
+/// Returns a corrected rate. The rate `f` was computed from the spike times of `intervals` intervals. The rounding of
+/// the first and the last spike to readouts causes a bias of `f`.
 ///
 /// A spike is read up to one readout after the charge crosses the threshold. For the first and the last spike of a
 /// window, this delay is not uniformly distributed. Write the period as `1/f = k + r` with `k` whole readouts and a
-/// remainder `r`. The first crossing is uniform over one period after the start, and the last crossing is uniform over one
-/// period before the end. The remainder of `r` readouts favors late first crossings and early last crossings. The span
-/// is therefore too short by `f r (1 - r)` readouts on average. The bias is up to 0.4 standard errors of a single rate. It
-/// is equal for all pixels of a level.
+/// remainder `r`. The first crossing is uniform over one period after the start, and the last crossing is uniform over
+/// one period before the end. The remainder of `r` readouts favors late first crossings and early last crossings. The
+/// time from the first to the last spike is therefore too short by `f r (1 - r)` readouts on average. The bias is up to
+/// 0.4 standard errors of a single rate. It is equal for all pixels of a level.
 #[must_use]
 pub(crate) fn correct_end_bias(f: f64, intervals: f64) -> f64 {
     let r = (1.0 / f).fract();
@@ -157,8 +161,8 @@ pub fn fit_line(points: &[(f64, f64, f64)]) -> Option<PixelFit> {
 
 /// Returns the line `(a, d)` with the least sum of weighted absolute residuals for points `(light, x, variance)`.
 ///
-/// The line is exact, because an optimum of this linear program passes through two of the points. The points are few
-/// enough to try all pairs. Returns `None` if the points have fewer than two different light levels.
+/// The line is an exact optimum, because an optimum of this linear program passes through two of the points. The points
+/// are few enough to try all pairs. Returns `None` if the points have fewer than two different light levels.
 ///
 /// # Examples
 /// ```

@@ -26,9 +26,10 @@
 //! on earlier draws.
 //!
 //! If noise spreads the phase over a whole readout between two spikes, the phases of spikes are independent. The
-//! variance of a span is then `n (kappa^2 nu + w^2) + q`. In brighter light the phases are correlated. In the published
-//! camera the phase stays correlated for two spikes at 24 readouts per spike, and for fourteen spikes at 8 readouts per
-//! spike. For some `c`, the phases of spikes at certain distances then agree more often than by chance.
+//! variance of a span of `n` intervals is then `n (kappa^2 nu + w^2) + q`. In brighter light the phases are correlated.
+//! In the published camera the phase stays correlated for two spikes at 24 readouts per spike, and for fourteen spikes
+//! at 8 readouts per spike. For some `c`, the phases of spikes at certain distances then agree more often than by
+//! chance.
 //!
 //! # Method
 //! The functions return means over all `c`, because the values of `c` of the pixels of one level differ by more than a
@@ -56,7 +57,8 @@ const MIN_DRAW_SD: f64 = 0.005;
 /// The Markov chain of the phase, written as operators on Fourier series.
 struct PhaseChain {
     harmonics: i32,
-    /// Transition from the phase of one spike to the phase of the next spike, weighted by `v^m` for `m` of 0, 1 and 2.
+    /// Transition from the phase of one spike to the phase of the next spike, weighted by `v^m` of the draw `v`, for
+    /// `m` of 0, 1 and 2.
     link: [DMatrix<Complex64>; 3],
     /// Transition from the phase of the first spike of a span to the next phase, weighted by `(v - y)^m`.
     start: [DMatrix<Complex64>; 3],
@@ -66,8 +68,8 @@ struct PhaseChain {
     quanta: Moments,
 }
 
-/// Returns the ratio of the fitted growth of the variance per spike to the growth for independent phases. The growth for
-/// independent phases is `nu sigma^2 + quanta`.
+/// Returns a ratio: the fitted growth of the variance per spike, divided by the growth for independent phases. The
+/// growth for independent phases is `nu kappa^2 + w^2`.
 ///
 /// The growth is fitted by least squares to spans of `lags` intervals. `kappa` is the standard deviation of the threshold
 /// noise, and `w` the standard deviation that the quanta of one spike cause. Both are divided by the increment of one
@@ -86,9 +88,10 @@ pub fn interval_growth_ratio(kappa: f64, w: f64, lags: &[u32]) -> f64 {
     slope / chain.independent_variance(w)
 }
 
-/// Returns the ratio of the mean draw at which a pixel fires to the mean for independent phases.
+/// Returns the mean of the draws at which a pixel fires, divided by this mean for independent phases.
 ///
-/// The rate that low draws add is multiplied by the same ratio. [`interval_growth_ratio`] defines `kappa` and `w`.
+/// The rate that low threshold draws add is multiplied by the returned ratio. [`interval_growth_ratio`] defines `kappa`
+/// and `w`.
 #[must_use]
 pub(crate) fn mean_draw_ratio(kappa: f64, w: f64) -> f64 {
     if kappa.hypot(w) > 1.0 {
@@ -126,7 +129,7 @@ impl PhaseChain {
         (-self.harmonics..=self.harmonics).map(f64::from).enumerate()
     }
 
-    /// Sets the means of `(-w e)^m exp(-2 pi i k w e)` for `m` of 0, 1 and 2.
+    /// Sets the means of `(-w e)^m exp(-2 pi i k w e)` over a standard normal `e`, for `m` of 0, 1 and 2.
     fn add_quanta(&mut self, w: f64) {
         for (i, k) in self.orders() {
             let angle = 2.0 * PI * k * w;
@@ -137,8 +140,8 @@ impl PhaseChain {
         }
     }
 
-    /// Adds the `i`-th phase to the operators. For every readout of the approach, the function adds the integrals over the
-    /// draws below `y`.
+    /// Adds the `i`-th phase to the operators. For every readout while the charge approaches the threshold, the
+    /// function adds the integrals over the draws below `y`. `y` is the charge above the threshold.
     fn add_phase(&mut self, draws: &DrawIntegrals, i: i32, step: f64) {
         let n = draws.orders;
         let (mut link, mut start) = (vec![[Complex64::from(0.0); 3]; n], vec![[Complex64::from(0.0); 3]; n]);

@@ -76,8 +76,8 @@ fn normal_cdf(y: f64) -> f64 {
     0.5 * libm::erfc(-y / std::f64::consts::SQRT_2)
 }
 
-/// Returns `psi(g)` and `nu(g)`, computed by the midpoint rule. For such integrands the error decreases faster than any
-/// power of the step.
+/// Returns `psi(g)` and `nu(g)`, computed by the midpoint rule. For these smooth integrands the error decreases faster
+/// than any power of the step.
 fn gain_and_variance(g: f64) -> (f64, f64) {
     // The charge can be a whole increment above the threshold, so the range is extended by `g`.
     let (low, high) = (-8.0 - g, 8.0);
@@ -97,8 +97,8 @@ fn gain_and_variance(g: f64) -> (f64, f64) {
     (first, (second / g - mean * mean).max(0.0))
 }
 
-/// Returns the probability that no earlier readout of the approach fired. It is the product of `Phi(y + i g)` over
-/// `i >= 1`.
+/// Returns the probability that no draw of an earlier readout fired while the charge approached the threshold. It is
+/// the product of `Phi(y + i g)` over `i >= 1`.
 fn survival_probability(y: f64, g: f64) -> f64 {
     let mut log = 0.0;
     let mut at = y + g;

@@ -139,8 +139,8 @@ impl Calibration {
 impl Calibration {
     /// Writes the files of a calibration into `folder`, which is created if necessary.
     ///
-    /// The files are `camera.toml` with its maps, the maps of the fit, those of the paper's estimator if it was run,
-    /// `calibration.json` and `report.html`.
+    /// The files are `camera.toml` with its maps, the maps of the fit, `calibration.json` and `report.html`. If the
+    /// estimator of the SCSim paper was run, its maps are written too.
     ///
     /// # Errors
     /// If a file exists and `force` is not set, or if a file cannot be written.

@@ -185,8 +185,9 @@ fn histogram_figure(title: &str, unit: &str, map: &[f64]) -> Result<PageElement>
     Ok(PageElement::figure(plot, "Share of the pixels, between the 0.1th and the 99.9th percentile."))
 }
 
-/// Compares the estimator of the paper with the default estimator. Lists the quantities that both estimators determine,
-/// and the quantities for which the paper's estimator only returns the bounds of its box.
+/// Compares the estimator of the SCSim paper with the default estimator. Both estimators determine some of the listed
+/// quantities. For the other quantities, the values of the paper's estimator depend on the limits that it sets for the
+/// threshold.
 fn snee_comparison(c: &Calibration, paper: &SneeMaps) -> Result<Vec<PageElement>> {
     let mut table = Table::new(&["quantity", "paper: mean", "spread", "default: mean", "spread"]);
     let p = &c.population;

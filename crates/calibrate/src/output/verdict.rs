@@ -3,16 +3,16 @@
 use crate::result::{Calibration, Lamp};
 use spikelane_measure::Estimate;
 
-/// If the typical chi-square per degree of freedom exceeds this ratio, a caution about the straight lines is issued. For a
-/// hundred pixels the error of the typical chi-square is about 10 %.
+/// If the typical chi-square per degree of freedom exceeds this ratio, a caution about nonlinear pixel responses is
+/// issued. For a hundred pixels the error of the typical chi-square is about 10 %.
 const CHI2_CAUTION_RATIO: f64 = 1.5;
 
 /// If the share of unfitted pixels exceeds this value, a caution is issued.
 const UNFITTED_CAUTION_SHARE: f64 = 0.01;
 
 impl Calibration {
-    /// Returns one sentence. It reports whether the camera follows its recordings, the error of its gain, and the number
-    /// of cautions.
+    /// Returns one sentence. It reports whether the camera agrees with its recordings, the relative error of its mean
+    /// gain, and the number of cautions.
     #[must_use]
     pub fn verdict(&self) -> String {
         let gain = self.population.mean_a;

@@ -217,9 +217,11 @@ fn check_monotonic(levels: &[LightLevel]) -> Result<()> {
 /// Checks that the levels lie on a line, and returns the slope of this line. The error names the level that is off the
 /// line through the other levels, even if a neighbor of this level also contradicts it.
 ///
-/// Smaller deviations are errors of the lamps, and the fit of the pixels finds them.
+/// The check accepts deviations of up to 12 % from the line. They are errors of the lamps, and the fit of the pixels
+/// finds them.
 fn check_linearity(levels: &[LevelRate]) -> Result<f64> {
-    // Theil's line has the median of all slopes. A few wrong levels do not change this median.
+    // The slope of Theil's line is the median of the slopes between all pairs of levels. A few wrong levels hardly
+    // change this median.
     let mut slopes = Vec::new();
     for (i, p) in levels.iter().enumerate() {
         slopes.extend(levels[i + 1..].iter().map(|q| (q.rate - p.rate) / (q.light - p.light)));

@@ -64,8 +64,8 @@ pub(crate) fn mean_rate_change(level: &LightLevel, early: &[u32]) -> Option<Esti
 }
 
 impl LightLevel {
-    /// Sets the drift statistics of the level. `early` contains the number of spikes of each pixel in the first half of the
-    /// readouts, rounded down.
+    /// Sets the drift statistics of the level. `early` contains the number of spikes of each pixel in the first half of
+    /// the readouts. If the number of readouts is odd, the first half is the shorter half.
     #[must_use]
     pub fn with_first_half(mut self, early: &[u32]) -> Self {
         self.drifting_share = drifting_share(&self, early);

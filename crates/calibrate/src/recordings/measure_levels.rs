@@ -38,7 +38,7 @@ pub type ProgressCallback<'a> = &'a mut dyn FnMut(&str, f64);
 /// * If a checkerboard or the fixed pattern shows a wrong geometry or an upside-down layout.
 pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Result<Observations> {
     let geometry = set.geometry()?;
-    // Memory contains counts and rates of each recording, at most 16 bytes per pixel, and six maps.
+    // For each pixel, the counts and rates of a recording need at most 16 bytes. Six maps are added once.
     let result_bytes = 16 * set.recordings.len() + 6 * size_of::<f64>();
     inputs::check_memory(format_args!("recordings of {geometry} pixels"), result_bytes * geometry.pixels())?;
     let readers = set.recordings.iter().map(|r| set.reader(r)).collect::<Result<Vec<_>>>()?;
@@ -124,7 +124,7 @@ fn level_from_statistics(name: &str, light: f64, statistics: &Statistics) -> Lig
     level
 }
 
-/// Returns the shortest lag, in intervals, of the fit of the growth of the variance of spike times.
+/// Returns the shortest lag, in intervals, at which the growth of the variance of spike times is fitted.
 ///
 /// The lag is 4 if most pixels have enough spikes for the lags 4, 8 and 16. In a short dark recording most pixels have
 /// too few spikes. The lag is then 1 if the mean intervals of the pixels spread by more than half a readout. With this
@@ -136,8 +136,8 @@ fn shortest_lag(level: &LightLevel) -> u32 {
     if median(&mut spikes) < 32.0 && spread > 0.5 { 1 } else { 4 }
 }
 
-/// Returns the lags at which the growth is fitted for most pixels. No lag exceeds half the number of intervals of the
-/// median pixel.
+/// Returns the lags, in intervals, at which the growth of the variance of spike times is fitted for most pixels. No lag
+/// exceeds half the number of intervals of the median pixel.
 fn fitted_lags(level: &LightLevel, shortest: u32) -> Vec<u32> {
     let mut spikes: Vec<f64> = level.spikes.iter().map(|n| f64::from(*n)).collect();
     let half = 0.5 * (median(&mut spikes) - 1.0);

@@ -26,13 +26,14 @@ pub struct LightLevel {
     pub readouts: u32,
     /// Number of spikes of each pixel.
     pub spikes: Vec<u32>,
-    /// Rate of each pixel in spikes per readout, computed from spike times. With fewer than two spikes it is computed
-    /// from the count.
+    /// Rate of each pixel in spikes per readout, computed from spike times. For a pixel with fewer than two spikes, it
+    /// is computed from the spike count.
     pub rate: Vec<f64>,
-    /// Share of the pixels whose spike counts differ between the halves by more than a static scene allows.
+    /// Share of the pixels whose spike counts differ between the halves of the recording by more than a static scene
+    /// allows.
     pub drifting_share: f64,
-    /// Change of the mean rate of all pixels between the first and the second half, divided by the mean rate. `None` if
-    /// unknown.
+    /// Change of the mean rate of all pixels between the first and the second half of the recording, divided by the
+    /// mean rate. `None` if unknown.
     pub rate_change: Option<Estimate>,
     /// Phase noise per spike. It is measured only for dim levels.
     pub interval_noise: Option<IntervalNoise>,
@@ -102,6 +103,6 @@ pub struct Observations {
     pub readout_hz: f64,
     /// The levels in ascending order of light.
     pub levels: Vec<LightLevel>,
-    /// File names of the recordings with other light. The estimators do not use these recordings.
+    /// File names of the recordings whose light is not uniform. The estimators do not use these recordings.
     pub other_recordings: Vec<String>,
 }

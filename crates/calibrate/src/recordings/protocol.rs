@@ -73,8 +73,8 @@ impl Protocol {
     /// recording set.
     ///
     /// Each recording is a `.dat` stream with a sidecar. The recording set is the file `recordings.toml`. In this file,
-    /// light 1 causes one spike per readout. Each recording has another sequence number, so the noise of the recordings
-    /// differs.
+    /// light 1 causes one spike per readout. Each recording has its own sequence number, so the noise differs between
+    /// recordings.
     ///
     /// # Errors
     /// * If the camera cannot be simulated, or if the plan is empty or contains an unknown scene.

@@ -90,7 +90,7 @@ pub fn import_maps(archive: &Path, folder: &Path, force: bool) -> Result<PathBuf
     Ok(path)
 }
 
-/// Returns the shape and the values of an array of the archive: the first of `names` that the archive contains.
+/// Reads the first of the arrays `names` that the archive contains. Returns the shape and the values of this array.
 fn read_map(path: &Path, names: &[&str]) -> Result<([u64; 2], Vec<f64>)> {
     let name = path.display().to_string();
     let mut archive = Archive::new(&name, BufReader::new(InputFile::open(path)?.into_reader()))?;

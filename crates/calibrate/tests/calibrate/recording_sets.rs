@@ -202,8 +202,8 @@ fn a_level_off_by_10_percent_is_reported_and_ignored() {
     );
 }
 
-/// The test fails if a rate is computed from the count whenever a pixel has fewer than three spikes. A pixel would then
-/// be counted if it fires twice and timed if it fires three times, and the mean rate would be 0.00225.
+/// The true rate is 0.0025. The test fails if a rate is computed from the count whenever a pixel has fewer than three
+/// spikes. Pixels that fire twice would then have a rate from the count, and the mean rate would be 0.00225.
 #[test]
 fn slow_pixel_rates_are_averaged_over_phases() {
     let (rate, readouts, phases) = (0.0025, 1000, 4096);

@@ -62,7 +62,8 @@ fn a_camera_of_known_truth_is_recovered_near_the_bound() {
 }
 
 /// Returns the deviations of three estimates from the truth, in standard errors of the estimates. The estimates are the
-/// spread of the thresholds, the threshold noise and the electrons. The cameras differ in pixels and noise.
+/// spread of the thresholds, the threshold noise and the electrons. The cameras differ in their pixels and in the noise
+/// draws.
 ///
 /// The dark level and three dim levels contain all information about the noise. The bright level determines the gain.
 fn calibrated_noise(width: u32, height: u32, readouts: u32, cameras: u64) -> Vec<[f64; 3]> {

@@ -53,7 +53,7 @@ fn calibrate_and_resimulate(
     first.into_iter().map(|(key, a)| (key.clone(), [a, second[&key]])).collect()
 }
 
-/// Compares pairs of cameras: an original camera and its calibration. Each round has another fixed pattern.
+/// Compares pairs of cameras: an original camera and its calibration. The rounds have different fixed patterns.
 ///
 /// The result for each statistic is its mean difference divided by the standard error over the rounds. This error
 /// includes the noise of both recordings and all errors of the calibrations. If all rounds had the same pattern, the
@@ -106,8 +106,8 @@ struct Row {
     line: String,
 }
 
-/// Statistics in descending order of `|t|`. The counts are the number of single differences, and the number of single
-/// differences that exceed three stated errors.
+/// Statistics in descending order of `|t|`. `difference_counts` contains the number of differences of single pairs, and
+/// the number of these differences that exceed three stated errors.
 struct Compared {
     all: Vec<Row>,
     difference_counts: [usize; 2],

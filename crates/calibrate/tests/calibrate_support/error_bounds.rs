@@ -5,7 +5,7 @@
 //! * Scale of the light: `u / sqrt(n)`, for `n` correct lamps with the relative uncertainty `u`.
 //! * Mean over `N` pixels: `sd / sqrt(N)`. Spread of `N` pixels: `sd / sqrt(2 N)`. The variance `sd^2` includes the
 //!   variance of each pixel's error.
-//! * Noise: relative error `1 / sqrt(2 M)`, for `M` spikes that each show the variance once.
+//! * Noise: relative error `1 / sqrt(2 M)`, for `M` spikes. Each spike is one sample of the variance.
 //!
 //! No estimate reaches the bound of the noise, because spike times are rounded to readouts. The rounding is as large as
 //! the noise of a dark interval, and a hundred times the noise of a bright interval. In addition, phases are correlated.
@@ -45,7 +45,8 @@ pub(crate) fn best_errors(lab: &Laboratory) -> [f64; 6] {
     ]
 }
 
-/// Returns the smallest relative error of a level. It is the error of the scale, which no recording determines.
+/// Returns the smallest relative error of a level. It is the error of the common scale of all levels. No recording
+/// determines this scale.
 pub(crate) fn best_level_error(lab: &Laboratory) -> f64 {
     best_alignment_errors(lab)[0]
 }
@@ -80,7 +81,7 @@ fn best_pixel_variances(lab: &Laboratory) -> [f64; 2] {
         let x = shot.light + n.dark;
         let spikes = x * f64::from(shot.readouts);
         let phase = n.sigma_t * n.sigma_t + shot.light / x / n.photons;
-        // The variance is the noise of the spikes between the ends, plus the rounding of both ends.
+        // The variance of a rate is the phase noise of the spikes, plus the rounding of the first and last spike.
         let w = 1.0 / (x * x * phase / spikes + x.powi(4) / (6.0 * spikes * spikes));
         aa += w * shot.light * shot.light;
         ad += w * shot.light;

@@ -209,7 +209,8 @@ pub(crate) fn level_from_times(times: &[Vec<u32>], light: f64, readouts: u32, di
             .with_first_half(&early);
     if dim {
         let map = times.par_iter().map(|t| phase_variance_slope(t)).collect();
-        // Only dark levels can have too few spikes for these lags. In the dark the lags make no difference.
+        // Only dark levels can have too few spikes for lags of up to 16 intervals. In the dark the choice of lags makes
+        // no difference.
         level.interval_noise = Some(spikelane_calibrate::IntervalNoise { map, lags: vec![4, 8, 16] });
     }
     level

@@ -68,8 +68,8 @@ impl Firing {
     }
 
     /// Returns the rate that the noise adds, divided by the variance of the noise. Above `g = 4` a single draw decides
-    /// whether a pixel fires, and all draws are equally likely to fire within 0.3 %. The exact value 1 is then more accurate
-    /// than the simulated mean.
+    /// whether a pixel fires. All draws are then equally likely to fire, to within 0.3 %. The exact gain 1 is therefore
+    /// more accurate than the simulated mean.
     pub(crate) fn gain(&self, g: f64) -> f64 {
         if g > 4.0 { 1.0 } else { self.at(g, 2) }
     }

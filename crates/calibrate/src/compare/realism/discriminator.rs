@@ -23,7 +23,7 @@ const MAX_NEWTON_STEPS: usize = 30;
 /// Newton's method ends when no weight changes by more than this value.
 const NEWTON_TOLERANCE: f64 = 1e-7;
 
-/// Number of bootstrap samples from which an interval is computed. Each sample draws places with replacement.
+/// Number of bootstrap samples for the 95 % interval of the AUC. Each sample draws places with replacement.
 const BOOTSTRAP_SAMPLES: usize = 400;
 
 /// Input of the discriminator: one window.
@@ -46,7 +46,7 @@ pub struct Auc {
     pub high: f64,
 }
 
-/// Returns the score of each window. The score comes from the regression that was not fitted on the place of the window.
+/// Returns a score for each window. The regression that computes the score was fitted only to windows at other places.
 pub(super) fn out_of_fold_scores(all: &[LabeledWindow]) -> Vec<f64> {
     let mut scores = vec![0.0; all.len()];
     for fold in 0..FOLD_COUNT {
@@ -59,7 +59,7 @@ pub(super) fn out_of_fold_scores(all: &[LabeledWindow]) -> Vec<f64> {
     scores
 }
 
-/// Returns the AUC of `scores` and its interval. The interval is computed by drawing places with replacement.
+/// Returns the AUC of `scores` and its 95 % interval. The bootstrap for this interval draws places with replacement.
 pub(super) fn auc_with_interval(all: &[LabeledWindow], scores: &[f64]) -> Auc {
     let value = auc_value(all, scores);
     let places = 1 + all.iter().map(|s| s.place).max().unwrap_or(0);
@@ -157,8 +157,8 @@ impl LogisticModel {
 mod tests {
     use super::*;
 
-    /// Creates windows of two kinds. The means of the first value differ between the kinds by `apart` standard
-    /// deviations. The second value is noise.
+    /// Creates windows of two kinds, each with two values. The means of the first value differ between the kinds by
+    /// `separation` standard deviations. The second value is noise.
     fn windows(separation: f64) -> Vec<LabeledWindow> {
         let mut random = Pcg64Mcg::seed_from_u64(7);
         let mut normal = || (0..12).map(|_| random.next_u64() as f64 / u64::MAX as f64).sum::<f64>() - 6.0;

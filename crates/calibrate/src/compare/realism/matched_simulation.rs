@@ -70,8 +70,8 @@ impl<'a> MatchedSimulation<'a> {
         let [first, last] = [&first, &last].map(FrameRef::new);
         let mut simulator = Simulator::new(&self.camera, seeds)?;
         let bytes = self.geometry.frame_bytes();
-        // In some models all pixels start in phase and lose the common phase only after some readouts. The real camera had
-        // lost it before the recording started, so these readouts are discarded.
+        // In some models all pixels start in phase and lose the common phase only after some readouts. A real camera
+        // has lost the common phase before a recording starts, so the first simulated readouts are discarded.
         simulator.fill(first, &mut inputs::zeroed_vec("simulated readouts", LEAD_READOUTS * bytes)?)?;
         let mut packed = inputs::zeroed_vec("simulated readouts", self.readouts * bytes)?;
         let weights: Vec<f32> = (0..self.readouts).map(|t| t as f32 / self.readouts as f32).collect();

@@ -2,7 +2,8 @@
 //!
 //! Every pixel of a simulated camera receives the light that reproduces the measured rate of this pixel. The fixed
 //! pattern of the simulated camera is removed, because the measured rates contain the pattern of the real camera. A
-//! discriminator compares features of small windows of both recordings ([`RealismComparison`]).
+//! discriminator compares features of small windows of the real recording with features of small windows of the
+//! simulated recordings ([`RealismComparison`]).
 
 mod discriminator;
 mod html_report;
@@ -33,7 +34,7 @@ use spikelane_io::formats::StreamReader;
 /// Smallest number of places that a comparison requires.
 const MIN_PLACES: usize = 12;
 
-/// Largest half width of the 95 % interval of the AUC for which a result is conclusive.
+/// Largest half width of the 95 % interval of the AUC at which a comparison is conclusive.
 const MAX_DECISIVE_HALF_INTERVAL: f64 = 0.07;
 
 /// Options of a comparison with a recording.
@@ -324,7 +325,7 @@ fn compare_camera(
 
 type SubsetFilter = (String, Box<dyn Fn(&WindowSample) -> bool>);
 
-/// Returns name and condition of six subsets: the thirds of the windows by row, and the thirds by rate.
+/// Returns the name and the condition of six subsets of the windows: three thirds by row and three thirds by rate.
 fn row_and_rate_subsets(real: &[WindowSample]) -> Vec<SubsetFilter> {
     let mut rows: Vec<usize> = real.iter().map(|s| s.row).collect();
     let mut rates: Vec<f64> = real.iter().map(|s| s.mean_rate).collect();

@@ -1,5 +1,5 @@
-//! Detects motion of the scene. If neighboring pixels share a slow change of rate, its cause is the scene and not the
-//! camera.
+//! Detects motion of the scene. If neighboring pixels share a slow change of rate, the scene causes this change and not
+//! the camera.
 
 use super::spike_times::SpikeTimes;
 use crate::compare::steady_pixels::steady_pixels;
@@ -11,20 +11,20 @@ use spikelane_measure::box_means;
 /// Distance in pixels from the center of the square surroundings to each side.
 const SURROUNDING_RADIUS_PX: usize = 5;
 
-/// Shifts (rows, columns) at which the changes of two pixels are compared. An edge or a grain that moves by one or two
-/// pixels brightens one pixel and darkens another pixel nearby.
+/// Shifts (rows, columns) at which the rate changes of two pixels are compared. An edge or a grain that moves by one or
+/// two pixels brightens one pixel and darkens another pixel nearby.
 const SHIFTS: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (3, 0)];
 
-/// Upper limit of the chi-square, which is the sum of six squares with one degree of freedom each. Without motion, one in
-/// ten thousand surroundings exceeds it.
+/// An area of 11x11 pixels with a larger chi-square counts as moving. The chi-square is a sum of six squares with one
+/// degree of freedom each. Without motion, one area in ten thousand exceeds this limit by chance.
 const MOTION_CHI2_LIMIT: f64 = 27.86;
 
 /// Largest change of the logarithm of a rate. Larger changes occur in pixels that turn dark or bright, and they are
 /// clamped to this value.
 const MAX_LOG_RATE_CHANGE: f64 = 0.5;
 
-/// Returns, for each pixel, whether nothing moves around the pixel in the first `max_readouts` readouts. The function
-/// applies the rule of [`compare_realism`](super::compare_realism).
+/// Returns, for each pixel, whether nothing moves around the pixel in the first `max_readouts` readouts.
+/// [`compare_realism`](super::compare_realism) excludes all other pixels.
 ///
 /// Two conditions must hold for the 11x11 pixels around the pixel:
 /// * The mean spike counts of the two halves of the recording agree.
@@ -41,8 +41,8 @@ pub fn static_pixels(recording: &StreamReader, max_readouts: usize) -> Result<Ve
 
 /// Slow rate changes of a recording.
 pub(super) struct Motion {
-    /// Increase of the logarithm of the mean rate around each pixel, between the first and the second half of the
-    /// spikes. It is 0 if no pixel fires there.
+    /// Increase of the logarithm of the rate between the first and the second half of a pixel's intervals, as a mean
+    /// over 11x11 pixels. It is 0 if none of these pixels has two intervals.
     pub(super) drift: Vec<f64>,
     /// Whether nothing moves around each pixel.
     pub(super) is_static: Vec<bool>,
@@ -80,11 +80,11 @@ fn balanced_pixels(times: &SpikeTimes) -> Vec<bool> {
     steady_pixels(&count(0, half), &count(half, 2 * half), times.geometry.width())
 }
 
-/// Adds a chi-square for the pairs of neighbors at one shift. It is the squared sum of the products of two changes,
-/// divided by the sum of the squared products.
+/// Adds to `shared` a chi-square for the pairs of pixels at one shift. The chi-square is the squared sum of the
+/// products of the two rate changes, divided by the sum of the squared products.
 ///
-/// If the changes of pixels are independent, the chi-square has one degree of freedom. The sizes of the changes do not
-/// matter.
+/// If the rate changes of pixels are independent, the chi-square has one degree of freedom. It does not depend on the
+/// scale of the rate changes.
 fn add_squares(shared: &mut [f64], away: &[f64], geometry: Geometry, (down, right): (usize, usize)) {
     let (width, height) = (geometry.width(), geometry.height());
     let product = |p: usize| {
@@ -164,7 +164,8 @@ mod tests {
         0.05 * (0.8 + 0.4 * uniform(&mut state))
     }
 
-    /// The tolerance allows for the one in ten thousand surroundings that exceeds the limit by chance.
+    /// By chance, one in ten thousand areas of 11x11 pixels exceeds the chi-square limit. The tolerance allows for such
+    /// areas.
     #[test]
     fn pixel_noise_is_not_reported_as_motion() {
         for width in [0.0, 0.05, 0.2] {
@@ -175,9 +176,9 @@ mod tests {
         }
     }
 
-    /// The test requires detection in most surroundings, which implies detection in nearly every window. For a grain of one
-    /// pixel, motion would be detected in only a sixth of the surroundings. The 121 products with a correlation of one half
-    /// then have a chi-square of about 30.
+    /// The test requires detection in most areas of 11x11 pixels, which implies detection in nearly every window. For a
+    /// grain of one pixel, motion would be detected in only a sixth of the areas. In that case the 121 products have a
+    /// correlation of one half and a chi-square of about 30.
     #[test]
     fn a_fine_grain_that_moves_by_two_rows_is_motion() {
         let moving_times = simulate_times(
@@ -190,8 +191,8 @@ mod tests {
         assert!(static_share(&moving_times) < 0.25, "{}", static_share(&moving_times));
     }
 
-    /// The tolerance is twice the error of the mean. A pixel has three intervals of 20 readouts in each half, so its error
-    /// is 3 %. The mean of 121 pixels divides the error by eleven.
+    /// The tolerance is twice the error of the mean rate change. A pixel has three intervals of 20 readouts in each
+    /// half, so the error of its rate change is 3 %. The mean over 121 pixels has an eleventh of this error.
     #[test]
     fn uniform_rise_is_drift_not_motion() {
         let rising =

@@ -21,7 +21,7 @@ pub struct RecordingStatistics {
     /// Variance of the total length of `n` successive intervals about `n` times the pixel's mean interval, for `n` of 1,
     /// 8, 16 and 32. The unit is readouts squared.
     ///
-    /// The value is the mean over the pixels with more than `1.5 n` spikes. `None` if there is no such pixel.
+    /// The value is the mean over the pixels with more than `1.5 n` spikes. `None` if no pixel has so many spikes.
     pub lag_variance: [Option<f64>; VARIANCE_LAGS.len()],
     /// Share of the intervals that are shorter than the pixel's mean interval rounded down.
     pub early_interval_share: f64,

@@ -93,8 +93,8 @@ pub(super) struct WindowSampler<'a> {
 }
 
 impl WindowSampler<'_> {
-    /// Computes the features of all windows. Places are visited in row-major order. A place has one window after another
-    /// in time, and these windows do not overlap.
+    /// Computes the features of all windows. A place is an area of the sensor, and places are visited in row-major
+    /// order. The windows of a place follow each other in time without overlap.
     pub(super) fn samples(&self, times: &SpikeTimes, lines: &[RateFit]) -> Vec<WindowSample> {
         let WindowSize { side, readouts } = self.window;
         let (across, down) = (times.geometry.width() / side, self.rows.len() / side);
@@ -138,8 +138,8 @@ impl WindowPixels<'_> {
         (self.top + row) * self.times.geometry.width() + self.left + column
     }
 
-    /// Returns whether a pixel is used. Nothing must move around it, and its rate must be high enough for intervals
-    /// within a window.
+    /// Returns whether a pixel is used. Nothing must move around the pixel, and its rate must be high enough for at
+    /// least one interval per window.
     fn is_used(&self, p: usize) -> bool {
         let rate = self.lines[p].rate;
         self.used_pixels[p] && rate * self.readouts as f64 >= 1.5 && rate <= 1.0
@@ -186,8 +186,8 @@ impl WindowPixels<'_> {
         interval_counts.iter().map(|n| n / sum).collect()
     }
 
-    /// Returns the share of intervals below the pixel's mean interval rounded down, and the share above the mean
-    /// interval rounded up.
+    /// Returns the share of the intervals that are shorter than the pixel's mean interval rounded down. Also returns
+    /// the share of the intervals that are longer than the mean interval rounded up.
     fn off_lattice_shares(&self, all: &[(usize, usize, usize)]) -> [f64; 2] {
         let (mut early, mut late, mut count) = (0.0, 0.0, 0.0);
         for (_, _, p) in all {
@@ -202,12 +202,12 @@ impl WindowPixels<'_> {
         [early / count, late / count]
     }
 
-    /// Returns the variance of the total length of `n` successive intervals about `n` mean intervals of the pixel, in two
-    /// units.
+    /// Returns a variance in two units: the variance of the total length of `n` successive intervals about `n` mean
+    /// intervals of the pixel.
     ///
-    /// The first value is in readouts squared. The second value is in thresholds squared, after subtracting the
-    /// quantization of 1/6 readout squared. The first value depends on the light, because it depends on the rate. If the
-    /// noise is a noise of the charge, the second value does not depend on the light.
+    /// The first variance is in readouts squared. The second variance is in thresholds squared, after subtracting the
+    /// quantization variance of 1/6 readout squared. The first variance depends on the light, because it depends on the
+    /// rate. If the noise is a noise of the charge, the second variance does not depend on the light.
     fn lag_variance(&self, all: &[(usize, usize, usize)], n: usize) -> [f64; 2] {
         let (mut sum, mut above, mut count) = (0.0, 0.0, 0.0);
         for (_, _, p) in all {
@@ -262,8 +262,8 @@ impl WindowPixels<'_> {
         (coincidences - expected) / scale
     }
 
-    /// Returns the variances of the spike totals of rows, of columns and of the window. Each is divided by the variance
-    /// for independent pixels. The spectrum of the window's totals is appended.
+    /// Returns the variances of the spike totals of rows, of columns and of the window. Each variance is divided by the
+    /// variance for independent pixels. The spectrum of the spike totals of the window is appended.
     fn total_variances(&self, all: &[(usize, usize, usize)]) -> Vec<f64> {
         let n = self.readouts;
         let (mut rows, mut columns) = (vec![0.0; self.side * n], vec![0.0; self.side * n]);
@@ -287,8 +287,9 @@ impl WindowPixels<'_> {
         values
     }
 
-    /// Returns the variance over pixels of the change between the two halves of a window, and the correlation of the
-    /// changes of neighbors. The mean change is subtracted first.
+    /// Let the change of a pixel be its spike count in the second half of a window minus its spike count in the first
+    /// half. Returns the variance of the changes of all pixels, and the correlation between the changes of neighbors.
+    /// The mean change is subtracted first.
     fn half_changes(&self, all: &[(usize, usize, usize)]) -> [f64; 2] {
         let middle = self.from + self.readouts / 2;
         let change = |p: usize| {
@@ -320,7 +321,8 @@ impl WindowPixels<'_> {
     }
 }
 
-/// Returns the mean over lines of a ratio: the variance of a line's totals divided by the variance for independent pixels.
+/// Returns the mean over all rows or columns of a ratio. The ratio is the variance of the spike totals of the row or
+/// column, divided by the variance for independent pixels.
 fn variance_ratio(lines: &[f64], readouts: usize, own_variances: &[f64]) -> f64 {
     let ratios =
         lines.chunks_exact(readouts).zip(own_variances).filter(|(_, own_variance)| **own_variance > 0.0);
@@ -334,8 +336,8 @@ fn variance(all: &[f64]) -> f64 {
     all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0)
 }
 
-/// Returns the power of `totals` in bands of equal width. The bands cover all frequencies up to half a cycle per readout.
-/// For white totals, the power of every band equals the variance of the totals.
+/// Returns the power of `totals` in bands of equal width. The bands cover all frequencies up to half a cycle per
+/// readout. If the totals are white noise, the power of every band equals the variance of the totals.
 fn band_powers(totals: &[f64]) -> [f64; SPECTRUM_BAND_COUNT] {
     let n = totals.len();
     let mean = totals.iter().sum::<f64>() / n as f64;
