@@ -12,7 +12,7 @@ use spikelane::unstable::threads;
 /// Number of bytes of packed frames in one batch.
 const BATCH_BYTES: usize = 1 << 20;
 
-/// Copies the rectangle `crop` of the packed frame `from` to the packed frame `to`. `of` is the geometry of `from`.
+/// Copies the rectangle `crop` of the packed frame `from` to the packed frame `to`. `from` has the size `geometry`.
 fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
     to.fill(0);
     for row in 0..crop.height {
@@ -28,8 +28,8 @@ fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
 /// conversion stops and the incomplete output is removed.
 ///
 /// # Errors
-/// * [`ErrorKind::Usage`] if the writer has another geometry or number of readouts, or if the range or the crop
-///   exceeds the stream.
+/// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream of `reader`.
+/// * [`ErrorKind::Usage`] if the geometry or the number of readouts of `writer` differs from the copied frames.
 /// * Errors of the reader, the writer and `progress`.
 pub fn convert(
     reader: &StreamReader,

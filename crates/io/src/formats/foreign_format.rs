@@ -1,7 +1,8 @@
 //! Detects files that are not spike streams by their first bytes.
 //!
-//! A headerless stream can begin with any bytes, so each signature has at least four bytes. If the caller names a
-//! layout, text files and signatures shorter than eight bytes are not rejected.
+//! A file with one of the listed signatures is rejected. A headerless stream can begin with any bytes, so each
+//! signature has at least four bytes. If the caller names a layout, text files and files with signatures shorter than
+//! eight bytes are accepted.
 
 use spikelane::error::{Error, ErrorKind};
 use spikelane::unstable::npy::MAGIC as ARRAY_MAGIC;

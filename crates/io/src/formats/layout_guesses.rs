@@ -1,10 +1,10 @@
 //! Compares the current layout and geometry of a stream with alternatives that have the same file length.
 //!
 //! With a wrong geometry or layout, the file length is often still a whole number of frames, but the decoded frames
-//! look like noise. In an image, each row resembles the row above. The rate map is therefore compared with itself
-//! shifted by one row. The correlation is at least 0.9 in most scenes under the right guess, and at most 0.3 under a
-//! wrong guess. Uniform and dark recordings have a low correlation under every guess, so a guess is reported as wrong
-//! only if an alternative is clearly better.
+//! look like noise. In an image, each row resembles the row above. The rate map (the number of spikes of each pixel)
+//! is therefore compared with itself shifted by one row. The correlation is at least 0.9 in most scenes under the
+//! right guess, and at most 0.3 under a wrong guess. Uniform and dark recordings have a low correlation under every
+//! guess, so a guess is reported as wrong only if an alternative is clearly better.
 
 use crate::formats::layouts::{self, ReadoutAxis};
 use crate::formats::{Codec, GeometryOrigin, Layout, StreamReader, size};
@@ -65,8 +65,8 @@ pub struct LayoutGuesses {
 }
 
 impl LayoutGuess {
-    /// Returns whether a reading with row length `width` and row correlation `rows` is clearly better than this guess.
-    /// `map` is the rate map from which `rows` was computed.
+    /// Returns whether another guess, with row length `width` and row correlation `rows`, is clearly better than this
+    /// guess. `map` is the rate map from which `rows` was computed.
     fn is_beaten_by(&self, map: &RateMap, width: usize, rows: Option<f64>) -> bool {
         let chance = CHANCE_Z_THRESHOLD / (map.pixels() as f64).sqrt();
         rows.is_some_and(|c| {
@@ -294,8 +294,8 @@ impl StreamReader {
         )))
     }
 
-    /// Computes the byte-edge ratio of the current bit order. Also returns a guess with the reversed bit order if the
-    /// reversed order fits the rate map clearly better.
+    /// Returns `current` with the byte-edge ratio of its bit order. Also returns a guess with the reversed bit order if
+    /// the reversed order fits the rate map clearly better.
     fn compare_bit_orders(&self, current: LayoutGuess, map: &RateMap) -> (LayoutGuess, Option<LayoutGuess>) {
         let Some(layout) = self.layout().other_bit_order() else { return (current, None) };
         let seams = map.byte_edges();

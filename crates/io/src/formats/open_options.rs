@@ -71,14 +71,14 @@ impl OpenOptions {
     /// If layout or geometry is `None`, the following sources are used in this order:
     /// * the sidecar beside the file: `STEM.dat.json`, else `STEM.json` (also for `STEM.clean.dat`),
     /// * the header of a `.npy` or `.npz` file,
-    /// * the camera of the layout,
+    /// * the geometry of the camera, if the layout belongs to one camera,
     /// * a `config.yaml` in the folder of the file or in one of its parent folders.
     ///
     /// A headerless file without a known layout is read as `dat`. If a recording ends inside a readout, the reader
     /// ignores the partial readout. [`StreamReader::warnings`] reports the bytes of the partial readout.
     ///
     /// # Errors
-    /// * [`ErrorKind::Input`] if the file is empty, has another geometry or is not a stream.
+    /// * [`ErrorKind::Input`] if the file is empty, is not a stream or does not match the requested geometry.
     /// * [`ErrorKind::Usage`] if the geometry or the order of axes cannot be determined.
     /// * [`ErrorKind::Config`] if a required sidecar is invalid.
     /// * [`ErrorKind::Io`] if the file cannot be read.

@@ -117,7 +117,8 @@ impl StreamReader {
         self.missing_frames = numbers;
     }
 
-    /// Returns the number of readouts in the file, including missing readouts that were removed.
+    /// Returns the number of readouts from the first to the last frame in the file. Missing readouts count even if the
+    /// reader omits them.
     pub(super) fn numbered_readouts(&self) -> usize {
         self.readouts + self.omitted_readouts
     }

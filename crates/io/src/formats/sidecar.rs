@@ -10,7 +10,8 @@ use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::{Access, MAX_TEXT_BYTES, check_link, read_bytes};
 
-/// The facts about a stream in its sidecar. Fields of missing keys are `None`, and unknown keys are ignored.
+/// Facts about a stream, read from the sidecar of the stream. Fields of missing keys are `None`, and unknown keys are
+/// ignored.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct SidecarFacts {
     pub(super) geometry: Option<Geometry>,

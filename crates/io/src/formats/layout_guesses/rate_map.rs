@@ -5,8 +5,8 @@ use spikelane::error::Result;
 use spikelane::spikes::unpack_byte;
 use spikelane::unstable::inputs;
 
-/// A correlation is significant if it exceeds the standard error of the correlation of independent pixels by this
-/// factor.
+/// A correlation is significant if it exceeds this number of standard errors. The standard error is computed for
+/// independent pixels.
 pub(super) const CHANCE_Z_THRESHOLD: f64 = 6.0;
 
 /// Approximate number of pixel pairs per correlation. With so many pairs, independent pixels have a correlation of 0
@@ -193,8 +193,8 @@ impl ByteEdges {
     /// Returns the byte-edge ratio of the reversed bit order if the reversed order is clearly right, or `None`
     /// otherwise.
     ///
-    /// The reversed order is clearly right under two conditions. Its ratio must be much closer to 1, and it must win
-    /// at significantly more byte edges than by chance.
+    /// The reversed order is clearly right under two conditions. Its byte-edge ratio must be much closer to 1 than the
+    /// ratio of the current order. It must also fit better at significantly more byte edges than expected by chance.
     pub(super) fn reversed_order_ratio(&self) -> Option<f64> {
         let (here, other) = (self.ratio(self.lsb_first_sum)?, self.ratio(self.msb_first_sum)?);
         let clear = here > 1.5 && other < 0.7 * here && other < (here + 1.0) / 2.0;

@@ -6,10 +6,10 @@
 //! numbered from 1 to 500. A frame begins with the tag (line 500, channel 0) and ends with the tag (line 500, channel
 //! 3), as in `sps_parser.py` of SpikeCV.
 //!
-//! The camera vendor has not published the order of the other tags. The writer decreases the line to 1 in channels 0
-//! and 1. Then the writer increases the line from 1 in channels 2 and 3. This is the simplest order that has the
-//! required first and last tags and uses each tag once. The reader of SpikeCV and the reader of this crate accept
-//! every order.
+//! The camera vendor has not published the order of the tags inside a frame. In channels 0 and 1, the writer
+//! decreases the line number from 500 to 1. In channels 2 and 3, the writer increases the line number from 1 to 500.
+//! This is the simplest order that has the required first and last tags and uses each tag once. The reader of SpikeCV
+//! and the reader of this crate accept every order.
 
 use super::copy_bits;
 use crate::formats::source::ByteSource;
