@@ -106,8 +106,8 @@ pub(super) fn for_each_batch(
     })
 }
 
-/// Reads the packed frames of `readouts` into `frames`. If `crop` is given, the whole frames are read into `whole`,
-/// and only the crop is copied to `frames`.
+/// Reads the packed frames of `readouts` into `frames`. If `crop` is given, the whole frames are read into
+/// `full_frames`, and only the crop is copied to `frames`.
 fn read(
     reader: &StreamReader,
     readouts: Range<usize>,

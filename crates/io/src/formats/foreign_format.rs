@@ -57,7 +57,8 @@ const FORMATS: &[(Signature, &str, &str)] = &[
 /// Returns the foreign format of a file that begins with `bytes`. Returns `None` for NumPy formats and for unknown
 /// content.
 pub(super) fn detect(bytes: &[u8]) -> Option<ForeignFormat> {
-    // The packed spikes of an array may equal the signature of a format that begins with arbitrary bytes.
+    // NumPy files are never foreign. Some signatures do not start at offset 0, so the packed spikes in a NumPy file may
+    // equal such a signature.
     if bytes.starts_with(ARRAY_MAGIC) || bytes.starts_with(ARCHIVE_MAGIC) {
         return None;
     }

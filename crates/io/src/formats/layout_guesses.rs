@@ -71,7 +71,7 @@ impl LayoutGuess {
         let chance = CHANCE_Z_THRESHOLD / (map.pixels() as f64).sqrt();
         rows.is_some_and(|c| {
             let here = self.row_correlation.unwrap_or(0.0);
-            // If bright and dark rows alternate, the scene has such a texture, and the guess is not wrong.
+            // Alternating bright and dark rows are a texture of the scene, and no sign of a wrong guess.
             let fits_worse = here < c / 2.0 && here > ALTERNATING_ROWS_CORRELATION;
             c >= MIN_ROW_CORRELATION && c > chance && fits_worse && map.is_peak(width, c)
         })
@@ -279,7 +279,7 @@ impl StreamReader {
         })?;
         let map = RateMap::from_counts(counts, b);
         // In the wrong axis order, one of the two image axes is the readout axis. The image can still vary smoothly
-        // along the other image axis. Therefore the smaller of the two correlations decides.
+        // along the other image axis. Therefore the smaller of the correlations along the two image axes decides.
         let both = |map: &RateMap| Some(map.row_correlation()?.min(map.correlation(1)?));
         let wrong = LayoutGuess { row_correlation: both(here), ..*current };
         let better = wrong.is_beaten_by(&map, b, both(&map).filter(|_| wrong.row_correlation.is_some()));

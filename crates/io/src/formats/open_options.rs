@@ -333,8 +333,8 @@ impl ReaderBuilder<'_> {
             geometry,
             readouts_first: self.options.layout == Some(Layout::NpyBytes),
         };
-        // The `config.yaml` may not describe this archive. If its geometry does not match the array, the archive is
-        // read without the `config.yaml`.
+        // The `config.yaml` may belong to other files. If its geometry does not match the array, the archive is read
+        // without the `config.yaml`.
         let (read, origin) = match above.filter(|_| known.is_none()) {
             Some(g) => match layouts::read_archive(&self.name, source, entry(Some(g))) {
                 Ok(read) => (Ok(read), self.known_geometry(Layout::Dat).map(|s| s.1)),

@@ -110,8 +110,8 @@ fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFacts> {
         Some(name) => Some(Layout::parse(&name).map_err(|_| bad(format!("layout '{name}'")))?),
         None => None,
     };
-    // A `STEM.npy` may have the camera of `STEM.dat`, whose sidecar is `STEM.json`, but has another layout. Therefore
-    // only the geometry is used.
+    // The sidecar of `STEM.dat` is `STEM.json`, and it may also be found for `STEM.npy`. The two streams may be from
+    // one camera, but have different layouts. Therefore only the geometry is used.
     let described = keys.file.as_deref().map_or(stream, Path::new);
     if described.extension() != stream.extension() {
         return Ok(SidecarFacts { geometry, ..SidecarFacts::default() });

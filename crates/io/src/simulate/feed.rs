@@ -156,7 +156,7 @@ impl<'a> LightFeeder<'a> {
     /// Returns the light of up to `readouts` readouts. Returns an empty list at the end of the source or at the limit.
     ///
     /// No further frame is added once the frames of the batch occupy more than `room` bytes. A batch may end before a
-    /// frame whose readouts do not fit completely. The batch must then contain at least half of the readouts; see
+    /// frame whose readouts do not fit completely, but only if the batch then contains at least half of `readouts`; see
     /// [`ends_batch_before`].
     pub(crate) fn next_pieces(&mut self, readouts: usize, room: usize) -> Result<Vec<LightPiece>> {
         let (mut pieces, mut left, mut held_readouts) = (Vec::new(), readouts as u64, 0);

@@ -194,7 +194,7 @@ impl CameraFacts {
     }
 }
 
-/// The sidecar of a stream. Sidecars that other programs write may contain only the first keys.
+/// The sidecar of a stream. Sidecars that other programs write may omit all keys that are optional or have a default.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Sidecar {
     /// Width in pixels.
@@ -297,7 +297,7 @@ impl Sidecar {
     /// Returns the sidecar of a stream and the path of the sidecar, or `None` if no sidecar exists.
     ///
     /// # Errors
-    /// As [`Sidecar::read`]. Also [`ErrorKind::Input`] if the sidecar is a link to a file in another folder.
+    /// Errors of [`Sidecar::read`]. Also [`ErrorKind::Input`] if the sidecar is a link to a file in another folder.
     pub fn read_beside(stream: &Path) -> Result<Option<(PathBuf, Self)>> {
         find_sidecar(stream)?.map(|path| Self::read(&path).map(|sidecar| (path, sidecar))).transpose()
     }
@@ -328,8 +328,8 @@ impl Sidecar {
 
 /// Writes `camera` to `camera.toml` in `folder`. Returns the path of the camera file. A missing folder is created.
 ///
-/// The maps are written beside the camera file. The camera file refers to each map by relative path and digest, so the
-/// folder can be moved.
+/// The maps of the camera are written beside the camera file. The camera file refers to each map by relative path and
+/// digest, so the folder can be moved.
 ///
 /// # Errors
 /// [`ErrorKind::Exists`] if a file exists and `force` is false. Also errors of the operating system.

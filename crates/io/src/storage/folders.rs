@@ -14,7 +14,8 @@ use spikelane::unstable::threads;
 /// addition, the journal of the file system can commit several files at once.
 const MAX_CONCURRENT_SYNCS: usize = 8;
 
-/// Creates the parent folders of `inner` below `root`. Returns the path of `inner` for writing.
+/// Creates the parent folders of `inner` below `root`. Returns the path at which `inner` can be written, `root`
+/// joined with `inner`.
 ///
 /// # Errors
 /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if a part of the path is a link. Also errors of the operating

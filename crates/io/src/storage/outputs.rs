@@ -49,7 +49,8 @@ impl OutputSet {
         Ok(set)
     }
 
-    /// Locks a folder whose file names are not known yet. Creates the folder and its parents.
+    /// Creates a folder and its parents, and locks the folder. The names of the output files in the folder need not be
+    /// known yet.
     ///
     /// # Errors
     /// * [`ErrorKind::Busy`] if another process has locked the folder.

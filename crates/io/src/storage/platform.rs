@@ -171,8 +171,8 @@ pub fn open_no_follow(options: &mut OpenOptions, path: &Path) -> Result<File> {
             }
         })
     };
-    // On these systems, the check and the open are separate calls. If another process creates a link between the two
-    // calls, the link is followed.
+    // On systems other than Unix, the check and the open are separate calls. If another process creates a link between
+    // the two calls, the link is followed.
     #[cfg(not(unix))]
     let opened = match std::fs::symlink_metadata(path) {
         Ok(metadata) if metadata.is_symlink() => Err(refused("a symbolic link")),

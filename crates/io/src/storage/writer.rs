@@ -209,8 +209,8 @@ impl FileWriter {
         Ok(Window { map, offset: start })
     }
 
-    /// Starts writing the window before `offset` to the disk. Only one window is written, because a larger range would
-    /// also remove recently written pages that are read soon.
+    /// Starts writing the bytes of one window before `offset` to the disk. A larger range would also remove pages from
+    /// the cache that were written recently and are soon read.
     fn write_back_before(&self, offset: u64) {
         let start = offset.saturating_sub(WINDOW_BYTES as u64);
         write_back(self.partial.file(), start, offset - start);

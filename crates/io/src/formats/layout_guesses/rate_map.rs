@@ -114,7 +114,8 @@ impl RateMap {
         let chance = 2.0 / (self.counts.len() as f64).sqrt();
         let near = (width / 8).max(3);
         let at = |d: usize| [width.checked_sub(d), Some(width + d)].into_iter().flatten();
-        // Slanted edges can shift the peak by up to two pixels, so lags with a distance below 3 are not compared.
+        // Slanted edges can shift the peak by up to two pixels. Therefore `c` is only compared with lags that differ
+        // from `width` by at least 3.
         let highest =
             (3..near).flat_map(at).all(|lag| self.correlation(lag).is_none_or(|side| side <= c + chance));
         let far = near..=width - near;
@@ -136,8 +137,8 @@ impl RateMap {
                     (sum, pairs) = (sum + difference(p, p + 1), pairs + 1);
                 }
             }
-            // The last pixel of a row and the first pixel of the next row are not neighbors, so such byte edges are
-            // skipped.
+            // The last pixel of a row and the first pixel of the next row are not neighbors, so the byte edge between
+            // these two pixels is skipped.
             let ends = [first, first + 7, first + 8, first + 15];
             let in_row = ends.windows(2).all(|w| w[0] % self.stride < w[1] % self.stride);
             if ends[3] >= self.counts.len() || !in_row || !ends.into_iter().all(is_pixel) {

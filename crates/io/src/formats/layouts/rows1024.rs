@@ -148,8 +148,8 @@ pub(crate) fn find(source: &ByteSource, len: usize) -> Result<Option<FrameScan>>
             at += FRAME_BYTES;
             continue;
         }
-        // If bytes are missing in the previous frame, pixels of the following frame can match its last tag by chance.
-        // Therefore all tags of the previous frame are checked.
+        // If bytes are missing in the previous frame, pixels of the following frame can match the last tag of the
+        // previous frame by chance. Therefore all tags of the previous frame are checked.
         if let Some(last) = frames.last().copied().flatten()
             && !window.is_frame(last)?
         {

@@ -62,7 +62,8 @@ pub fn light_at(source: &mut dyn Source, timeline: Timeline, readout: u64) -> Re
 /// Samples the light near the middle of a run.
 ///
 /// If the length of the run is unknown, the sampler samples the readouts whose numbers are powers of two. Only the
-/// last two samples are stored. For a run of N readouts, one of the two numbers is between 2/3 and 4/3 of N / 2.
+/// last two samples are stored. For a run of N readouts, the readout number of one of these samples is between 2/3
+/// and 4/3 of N / 2.
 pub(in crate::simulate) struct LightSampler {
     next_readout: u64,
     is_length_known: bool,
