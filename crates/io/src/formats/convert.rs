@@ -21,8 +21,8 @@ fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
     }
 }
 
-/// Writes the frames of `readouts`, reduced to `crop`, from `reader` to `writer`, then finishes `writer`. Memory use
-/// does not depend on the length of the stream.
+/// Copies the frames of `readouts` from `reader` to `writer`, then finishes `writer`. If `crop` is given, only this
+/// rectangle of each frame is copied. Memory use does not depend on the length of the stream.
 ///
 /// After each batch, `progress` receives the number of readouts written. If `progress` returns an error, the
 /// conversion stops and the incomplete output is removed.
@@ -54,8 +54,8 @@ pub fn convert(
     writer.finish()
 }
 
-/// Passes the packed frames of `readouts`, reduced to `crop`, to `take` in batches of about 1 MiB. While `take`
-/// processes a batch, a second thread reads the next batch.
+/// Passes the packed frames of `readouts` to `take` in batches of about 1 MiB. If `crop` is given, the frames contain
+/// only this rectangle. While `take` processes a batch, a second thread reads the next batch.
 ///
 /// # Errors
 /// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream.

@@ -29,7 +29,8 @@ const MATLAB_REMEDY: &str = "convert the file with SciPy: python3 -c \"import sc
 const TOPIC_REMEDY: &str = "export the topic of the spikes as a NumPy array first";
 const GIT_LFS_REMEDY: &str = "run 'git lfs pull' to download the file";
 
-/// A signature: every part is an offset in the file and the bytes at this offset.
+/// A list of parts. Each part is an offset in the file and the bytes at this offset. A file has the format if all
+/// parts match.
 type Signature = &'static [(usize, &'static [u8])];
 
 /// Formats that users of spike cameras work with: signature, name, remedy.
@@ -47,7 +48,8 @@ const FORMATS: &[(Signature, &str, &str)] = &[
     (&[(0, b"\xff\xd8\xff"), (6, b"Exif\0")], "a JPEG picture", LIGHT_REMEDY),
     (&[(0, b"II*\0")], "a TIFF picture", LIGHT_REMEDY),
     (&[(0, b"MM\0*")], "a TIFF picture", LIGHT_REMEDY),
-    // In the first signature the flag byte is 0. In the second signature the flag for a stored file name is set.
+    // In the first signature, the flag byte of the gzip header is 0. In the second signature, the flag byte states that
+    // the header contains a file name.
     (&[(0, b"\x1f\x8b\x08\0")], "a gzip archive", UNPACK_REMEDY),
     (&[(0, b"\x1f\x8b\x08\x08")], "a gzip archive", UNPACK_REMEDY),
     (&[(0, b"PK\x05\x06")], "an empty zip archive", UNPACK_REMEDY),

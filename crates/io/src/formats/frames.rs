@@ -6,7 +6,7 @@ use super::reader::StreamReader;
 use spikelane::error::Result;
 use spikelane::unstable::inputs;
 
-/// Number of bytes of packed frames that [`Frames`] reads in one block.
+/// Number of bytes of packed frames that [`StreamFrames`] reads in one block.
 const BUFFER_BYTES: usize = 256 << 10;
 
 /// The frames of a range of readouts; see [`StreamReader::frames`].
@@ -22,10 +22,10 @@ pub struct StreamFrames<'a> {
 }
 
 impl StreamFrames<'_> {
-    /// Returns the next packed frame, or `None` after the last frame. Frames are read in blocks, so a returned error
-    /// can belong to a later frame of the block.
+    /// Returns the next packed frame, or `None` after the last frame. Frames are read in blocks, so an error can be
+    /// returned before the frame that caused the error is reached.
     ///
-    /// [`Frames`] does not implement [`Iterator`], because the returned frame borrows a buffer that the next call
+    /// [`StreamFrames`] does not implement [`Iterator`], because the returned frame borrows a buffer that the next call
     /// overwrites.
     pub fn next_frame(&mut self) -> Option<Result<&[u8]>> {
         if self.next >= self.end {

@@ -22,7 +22,8 @@ const SAMPLE_READOUTS: usize = 64;
 /// A row correlation below this value does not indicate an image.
 const MIN_ROW_CORRELATION: f64 = 0.2;
 
-/// A row correlation below this value means that bright and dark rows alternate. Noise never has such a correlation.
+/// A row correlation below this value means that bright and dark rows alternate. Noise never has a correlation below
+/// this value.
 const ALTERNATING_ROWS_CORRELATION: f64 = -0.6;
 
 /// The largest number of alternatives in the result.
@@ -46,8 +47,8 @@ pub struct LayoutGuess {
     /// Mean difference between neighboring pixels in different bytes, divided by the mean difference between
     /// neighboring pixels in the same byte.
     ///
-    /// The ratio is 1 in the right bit order. The ratio is `None` if all pixels have the same rate, or if a byte does
-    /// not contain eight pixels.
+    /// The byte-edge ratio is about 1 in the right bit order. The ratio is `None` if all pixels have the same rate, or
+    /// if a byte does not contain eight pixels.
     pub byte_edge_ratio: Option<f64>,
 }
 

@@ -176,7 +176,7 @@ impl ReaderBuilder<'_> {
         Ok(reader)
     }
 
-    /// Adds a warning or returns an error if the stream and its sidecar differ.
+    /// Compares the stream with its sidecar. A difference results in a warning or in an error.
     fn check_sidecar(&self, reader: &mut StreamReader, wanted: Option<Layout>) -> Result<()> {
         if let (Some(sidecar_geometry), Some(path)) = (self.facts.geometry, &self.facts.path)
             && sidecar_geometry != reader.geometry()

@@ -20,8 +20,8 @@ use spikelane::unstable::plan::Plan;
 /// Number of readouts per write. A write contains two batches of the simulator.
 const BATCH_READOUTS: usize = 256;
 
-/// Size limit in bytes of the buffer of light and of the buffer of packed readouts. With this limit, memory use
-/// depends neither on the length of a stream nor on the number of frames.
+/// Size limit in bytes of each of two buffers: the buffer of light and the buffer of packed readouts. With this
+/// limit, memory use depends neither on the length of a stream nor on the number of frames.
 pub(super) const MAX_BUFFER_BYTES: usize = 32 << 20;
 
 /// The maximum light of the plan if the samples are floats and the caller gives no maximum.
@@ -290,8 +290,8 @@ struct KernelTotals {
     time: Duration,
 }
 
-/// Simulates `segments` and writes the readouts that the camera did not drop to stream `i`. Stream `i` has at most
-/// `limit` readouts afterwards.
+/// Simulates `segments`, and writes to stream `i` the readouts that were not dropped by the camera. Stream `i` has at
+/// most `limit` readouts afterwards.
 fn step(
     writing: &mut BatchWriter<'_>,
     i: usize,

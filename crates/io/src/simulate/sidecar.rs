@@ -49,7 +49,7 @@ impl StreamFacts {
         }
     }
 
-    /// Returns the path of the file. The file is in the folder of the sidecar, whose path is `sidecar`.
+    /// Returns the path of the file in the folder of the sidecar. `sidecar` is the path of the sidecar.
     ///
     /// # Errors
     /// * [`ErrorKind::Config`] if the name in the sidecar is not a plain file name.
@@ -82,7 +82,7 @@ pub struct LightFacts {
     /// Weights of red, green and blue in the luminance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub luminance: Option<[f64; 3]>,
-    /// Whether color was converted to a rounded gray code before the transfer function was reversed.
+    /// Whether color was converted to a rounded gray code before the inverse of the transfer function was applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gray_codes: Option<bool>,
     /// The 8-bit code that represents light 1.0, or `peak` if the brightest pixel of each frame represents light 1.0.
@@ -194,7 +194,8 @@ impl CameraFacts {
     }
 }
 
-/// The sidecar of a stream. Sidecars that other programs write may omit all keys that are optional or have a default.
+/// The sidecar of a stream. A key whose field is an `Option` or has a default may be missing in the file, for example
+/// if another program wrote the sidecar.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Sidecar {
     /// Width in pixels.
@@ -226,8 +227,8 @@ pub struct Sidecar {
     /// The reference images.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub images: Option<ImageFacts>,
-    /// The description of the original stream, if this stream was converted. It contains the range, the crop and the
-    /// sidecar of the original.
+    /// The description of the original stream, if this stream was converted. It contains the copied range, the crop and
+    /// the sidecar of the original stream.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub converted_from: Option<Value>,
     /// Version of the crate that wrote the sidecar.

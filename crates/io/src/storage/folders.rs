@@ -142,7 +142,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
 
-    /// Links occur at each position of the path. In every case, the content of the link's target must remain.
+    /// The test puts a link at each position of a path. In every case, the content of the link's target must remain.
     #[test]
     fn removal_never_follows_a_link() {
         let top = tempfile::tempdir().unwrap();

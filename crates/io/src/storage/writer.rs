@@ -111,7 +111,7 @@ impl FileWriter {
     /// Returns the `len` bytes that start at `offset`, for writing or reading.
     ///
     /// Sequential calls are fast, because one mapping contains 64 MiB. When the window moves, the operating system
-    /// starts writing the previous bytes to the disk.
+    /// starts writing the bytes of the previous window to the disk.
     ///
     /// # Errors
     /// [`ErrorKind::Usage`] if the range exceeds the file. Also errors of the operating system.
@@ -143,8 +143,8 @@ impl FileWriter {
     /// Writes bytes from another buffer with a system call. A system call is faster than a copy to a mapping, because
     /// the copy causes one page fault per page.
     ///
-    /// When sequential writes cross a window boundary, the operating system starts writing the previous bytes to the
-    /// disk.
+    /// When sequential writes cross a window boundary, the operating system starts writing the bytes before the
+    /// boundary to the disk.
     ///
     /// # Errors
     /// As [`window`](Self::window).
@@ -171,8 +171,8 @@ impl FileWriter {
     /// Syncs the file and renames it to its final name.
     ///
     /// # Errors
-    /// * [`ErrorKind::Exists`] if another process has created a file at this path and `force` is false. The file of
-    ///   the other process is unchanged, and the new file is removed.
+    /// * [`ErrorKind::Exists`] if another process has created a file at this path and `force` is false. The file of the
+    ///   other process is unchanged, and the file of this writer is removed.
     /// * Other errors of the operating system.
     pub fn finish(self) -> Result<FileSummary> {
         self.finish_replacing(&[])

@@ -307,8 +307,8 @@ fn a_motion_at_rest_is_the_still_picture_for_every_size() {
     }
 }
 
-/// The pan is slow, so frame 1 must differ little from the still image in frame 0. The image is a ramp of about one
-/// code per pixel, so a pan of 0.001 pixels changes each pixel by about 0.001 codes.
+/// The pan is slow, so frame 1 must differ little from the still image in frame 0. The image is a ramp of two codes per
+/// column and one code per row, so a pan of 0.001 pixels changes a pixel by far less than one code.
 #[test]
 fn a_slow_pan_leaves_the_still_picture_without_a_jump() {
     let dir = TempDir::new().unwrap();

@@ -69,8 +69,8 @@ impl RateMap {
         }
     }
 
-    /// Returns the correlation between pixels `p` and `p + lag`. Returns `None` if one of the two groups of pixels has
-    /// zero variance.
+    /// Returns the correlation between pixels `p` and `p + lag`. Returns `None` if the rates of all pixels `p`, or of
+    /// all pixels `p + lag`, are equal.
     pub(super) fn correlation(&self, lag: usize) -> Option<f64> {
         let has_all_pixels = self.is_pixel.iter().all(|p| *p);
         let here = |p: usize| {

@@ -128,8 +128,8 @@ pub(crate) struct FrameScan {
     pub(crate) trailing: usize,
 }
 
-/// Finds all frames in the first `len` bytes. Returns `None` if the first two frame lengths do not contain the start
-/// of a whole frame.
+/// Finds all frames in the first `len` bytes. Returns `None` if no whole frame starts in the first two frame lengths
+/// of the file.
 ///
 /// If the bytes after a frame are not a frame, the next whole frame is searched at every byte offset. The bytes up to
 /// the next whole frame count as missing frames. The number of missing frames is the number of these bytes divided by

@@ -4,7 +4,8 @@ use crate::light::{Frame, Source, Timeline};
 use crate::simulate::feed::{LightFeeder, LightPiece, next_frame};
 use spikelane::error::{Error, ErrorKind, Result};
 
-/// The light of one readout near the middle of a run. Programs display this light beside the result.
+/// The light of one readout near the middle of a run. Programs display this light beside an image that is
+/// reconstructed from the stream.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LightSample {
