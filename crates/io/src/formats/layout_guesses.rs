@@ -29,7 +29,8 @@ const ALTERNATING_ROWS_CORRELATION: f64 = -0.6;
 /// The largest number of alternatives in the result.
 const MAX_LISTED_GUESSES: usize = 3;
 
-/// The largest array, in bytes, for which the other axis order is examined. The examination reads the whole array.
+/// The largest array, in bytes, for which the last axis is examined as a possible readout axis. The examination reads
+/// the whole array.
 const MAX_TRANSPOSED_BYTES: usize = 256 << 20;
 
 /// A combination of layout and geometry with which a file can be read.
@@ -189,7 +190,7 @@ impl StreamReader {
         Ok(RateMap::from_bits(codec, bits))
     }
 
-    /// Adds guesses with the same layout and number of pixels, but with another width and height.
+    /// Adds guesses that differ from `current` in width and height, but not in the layout and number of pixels.
     fn add_other_shapes(&self, map: &RateMap, current: &LayoutGuess, guesses: &mut Vec<(LayoutGuess, bool)>) {
         let geometry = self.geometry();
         let (pixels, width) = (geometry.pixels(), geometry.width());
@@ -216,7 +217,7 @@ impl StreamReader {
         }
     }
 
-    /// Adds guesses for known cameras and data sets whose frames have another byte length.
+    /// Adds guesses for known cameras and data sets, if their frames differ from the current frames in byte length.
     fn add_other_cameras(&self, current: &LayoutGuess, guesses: &mut Vec<(LayoutGuess, bool)>) -> Result<()> {
         for (width, height, layout) in size::KNOWN_SIZES {
             let Ok(geometry) = Geometry::new(width, height) else { continue };
@@ -256,7 +257,7 @@ impl StreamReader {
         Ok(())
     }
 
-    /// Returns the guess that the last axis of an array is the readout axis. Returns `None` if the geometry was not
+    /// Returns the guess in which the last axis of an array is the readout axis. Returns `None` if the geometry was not
     /// determined from the header, or if the array is too large.
     fn transposed_guess(&self, current: &LayoutGuess, here: &RateMap) -> Result<Option<(LayoutGuess, bool)>> {
         let (a, b, c) = (self.readouts(), self.geometry().height(), self.geometry().width());

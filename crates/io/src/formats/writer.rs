@@ -17,7 +17,7 @@ const PIECE_BYTES: usize = 128 << 10;
 const CONCURRENT_PIECE_BYTES: usize = 1 << 20;
 
 /// Number of bytes that a stream of unknown length reserves at first. Each later reservation adds a quarter of the
-/// current length, but at most [`MAX_RESERVED_AHEAD_BYTES`]. Such growth needs few system calls and reserves little
+/// current length, but at most [`MAX_RESERVED_AHEAD_BYTES`]. This growth needs few system calls and reserves little
 /// unused space.
 const INITIAL_RESERVED_BYTES: u64 = 16 << 20;
 const MAX_RESERVED_AHEAD_BYTES: u64 = 1 << 30;

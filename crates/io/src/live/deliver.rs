@@ -68,8 +68,8 @@ impl<'s, C: Clock> Deliverer<'s, C> {
             let _ = self.bursts.sender.send(burst);
         }
         let Self { sink, stop, bursts, mut report, .. } = self;
-        // The channel must be closed before the sink waits for its consumer. Otherwise the simulating thread would
-        // continue.
+        // The channel must be closed before the sink waits for its consumer. Otherwise the thread that simulates
+        // readouts would continue to simulate.
         drop(bursts);
         report.consumer_left &= !stop.is_raised();
         sink.finish()?;

@@ -138,8 +138,8 @@ impl<'a> LightFeeder<'a> {
         Ok(Some(Arc::new(frame)))
     }
 
-    /// Advances to frame `index`. Frames without a readout are read and skipped. Returns `false` at the end of the
-    /// source.
+    /// Advances to frame `index`. Frames between the current frame and frame `index` are read and skipped. Returns
+    /// `false` at the end of the source.
     fn advance(&mut self, index: u64) -> Result<bool> {
         while self.index < index {
             let next = match self.next_frame.take() {

@@ -8,7 +8,8 @@ use spikelane::error::Result;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::kernels::Segment;
 
-/// A run whose readouts are returned in memory, a part per call. The readouts equal those of [`crate::simulate::run`].
+/// A run whose readouts are returned in memory, a part per call. The readouts equal the readouts of
+/// [`crate::simulate::run`].
 ///
 /// A readout that the camera drops still elapses, but produces no frame. Unlike [`crate::simulate::run`], the stream
 /// does not add readouts at the end to replace dropped readouts.

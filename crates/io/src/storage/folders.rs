@@ -84,8 +84,8 @@ fn is_partial(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".partial")
 }
 
-/// Removes entries with names `.NAME.partial` directly in the folder `inner` below `root`. Processes that were killed
-/// did not remove these entries. Subfolders are not searched.
+/// Removes entries with names `.NAME.partial` directly in the folder `inner` below `root`. These entries remain if a
+/// process is killed. Subfolders are not searched.
 ///
 /// No other process may write to this folder at the same time.
 ///

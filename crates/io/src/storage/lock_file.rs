@@ -62,8 +62,8 @@ impl LockFile {
                 }
                 Ok(()) => {}
             }
-            // Only the process that has the lock removes the lock file. If `path` still refers to the locked file,
-            // this remains true until the lock is released. Otherwise the next attempt opens the new file.
+            // Only the process that has the lock removes the lock file. If `path` refers to the locked file now, `path`
+            // refers to it until the lock is released. Otherwise the next attempt opens the new file.
             if !is_still_at(&file, path) {
                 continue;
             }

@@ -116,7 +116,7 @@ fn make_folder_error(folder: &Path, found: impl std::fmt::Display) -> Error {
 impl Drop for MadeFolders {
     fn drop(&mut self) {
         for folder in self.0.iter().rev() {
-            // `remove_dir` fails if the folder is not empty. Such a folder must not be removed, so the error is
+            // `remove_dir` fails if the folder is not empty. A folder that is not empty must remain, so the error is
             // ignored.
             let _ = fs::remove_dir(folder);
         }

@@ -89,8 +89,8 @@ impl PartialFile {
         self.commit_replacing(&[])
     }
 
-    /// As [`commit`](Self::commit), but removes the files in `stale` before the rename. The new file invalidates the
-    /// files in `stale`.
+    /// Commits the file as [`commit`](Self::commit) does, but removes the files in `stale` before the rename. The new
+    /// file invalidates the files in `stale`.
     pub(super) fn commit_replacing(self, stale: &[&Path]) -> Result<Duration> {
         let start = Instant::now();
         self.sync()?;

@@ -1,5 +1,5 @@
-//! File operations that differ between operating systems. These are reservation, positioned writes, write-back and the
-//! identity of files.
+//! File operations that differ between operating systems: reservation, positioned writes, write-back and the identity
+//! of files.
 //!
 //! On Linux, each function is one system call. On other systems, other calls provide the same guarantees. If a system
 //! cannot provide a guarantee, the comment of the function describes the difference.

@@ -178,8 +178,8 @@ impl FileWriter {
         self.finish_replacing(&[])
     }
 
-    /// As [`finish`](Self::finish), but removes the files in `stale` before the rename. The new file invalidates the
-    /// files in `stale`.
+    /// Finishes the file as [`finish`](Self::finish) does, but removes the files in `stale` before the rename. The new
+    /// file invalidates the files in `stale`.
     pub(crate) fn finish_replacing(mut self, stale: &[&Path]) -> Result<FileSummary> {
         self.window = None;
         let path = self.path().to_path_buf();

@@ -17,7 +17,7 @@ impl Draws {
     }
 }
 
-/// Returns packed frames. Each pixel starts with a random charge, adds `rate` per readout and fires at 1.
+/// Returns packed frames. Each pixel starts with a random charge, adds `rate` per readout and fires at a charge of 1.
 fn fire(g: Geometry, readouts: usize, seed: u64, rate: impl Fn(usize, usize, &mut Draws) -> f64) -> Vec<u8> {
     let mut draws = Draws(seed);
     let mut packed = vec![0; readouts * g.frame_bytes()];

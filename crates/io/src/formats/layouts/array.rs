@@ -32,7 +32,8 @@ impl ReadoutAxis {
         }
     }
 
-    /// Returns the number of readouts and the geometry of an array of this shape, or `None` if they are invalid.
+    /// Returns the number of readouts and the geometry of an array of this shape. Returns `None` if the number of
+    /// readouts or the geometry is invalid.
     pub(crate) fn readouts_and_geometry(self, [a, b, c]: [u64; 3]) -> Option<(u64, Geometry)> {
         let (readouts, height, width) = match self {
             Self::First => (a, b, c),

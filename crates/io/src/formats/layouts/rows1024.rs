@@ -62,12 +62,12 @@ fn are_ends(first: &[u8], last: &[u8]) -> bool {
 }
 
 /// Returns whether all tags are valid. A check of the first tag alone is not sufficient, because random pixels match
-/// its 12 bits at one in 4,096 positions.
+/// the 12 bits of a tag at one in 4,096 positions.
 fn is_frame(file: &[u8]) -> bool {
     is_framed(file) && file.chunks_exact(HALF_ROW_BYTES).all(|h| (1..=500).contains(&tag(h).0))
 }
 
-/// A section of a file that is stored in memory. The section moves along the file during the search for frames.
+/// The part of a file that is currently in memory. The part moves along the file during the search for frames.
 struct Window<'a> {
     source: &'a ByteSource,
     /// Number of bytes at the start of the file in which frames are searched.

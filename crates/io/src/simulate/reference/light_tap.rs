@@ -42,7 +42,8 @@ impl LightTap<'_> {
     }
 }
 
-/// Returns the light of readout `readout`. `source` must be unread, and `timeline` maps readouts to its frames.
+/// Returns the light of readout `readout`. `source` must be unread, and `timeline` maps readouts to frames of
+/// `source`.
 ///
 /// # Errors
 /// [`ErrorKind::Input`] if the source ends before this readout. Also errors of the source.
