@@ -29,7 +29,7 @@ fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
 ///
 /// # Errors
 /// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream of `reader`.
-/// * [`ErrorKind::Usage`] if the geometry or the number of readouts of `writer` differs from the copied frames.
+/// * [`ErrorKind::Usage`] if `writer` expects another geometry or number of readouts than the copied frames have.
 /// * Errors of the reader, the writer and `progress`.
 pub fn convert(
     reader: &StreamReader,

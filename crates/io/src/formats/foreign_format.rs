@@ -29,8 +29,8 @@ const MATLAB_REMEDY: &str = "convert the file with SciPy: python3 -c \"import sc
 const TOPIC_REMEDY: &str = "export the topic of the spikes as a NumPy array first";
 const GIT_LFS_REMEDY: &str = "run 'git lfs pull' to download the file";
 
-/// A list of parts. Each part is an offset in the file and the bytes at this offset. A file has the format if all
-/// parts match.
+/// The signature of a format is a list of parts. Each part is an offset in the file and the bytes at this offset. A
+/// file has the format if all parts match.
 type Signature = &'static [(usize, &'static [u8])];
 
 /// Formats that users of spike cameras work with: signature, name, remedy.

@@ -73,7 +73,7 @@ impl LayoutGuess {
         let chance = CHANCE_Z_THRESHOLD / (map.pixels() as f64).sqrt();
         rows.is_some_and(|c| {
             let here = self.row_correlation.unwrap_or(0.0);
-            // Alternating bright and dark rows are a texture of the scene, and no sign of a wrong guess.
+            // Alternating bright and dark rows are a texture of the scene. They do not indicate a wrong guess.
             let fits_worse = here < c / 2.0 && here > ALTERNATING_ROWS_CORRELATION;
             c >= MIN_ROW_CORRELATION && c > chance && fits_worse && map.is_peak(width, c)
         })

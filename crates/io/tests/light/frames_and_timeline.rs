@@ -135,9 +135,9 @@ proptest! {
         prop_assert_eq!(line.readouts(7), Some(7 * n));
     }
 
-    /// The rates `source` and `readout` are frames and readouts per second. The position of readout `i` is `i * source
-    /// / readout` frames and must be in [frame, frame + 1). The test multiplies both sides by the denominators and
-    /// compares 128-bit integers.
+    /// The rates `source` and `readout` are frames and readouts per second. Readout `i` is at the position
+    /// `i * source / readout` frames, which must be in [frame, frame + 1). The test multiplies both sides by the
+    /// denominators and compares 128-bit integers.
     #[test]
     fn a_readout_falls_into_its_frame(
         s in (1_u64..200_000, 1_u64..2_000),
