@@ -33,7 +33,8 @@ impl<R: Read + Seek> Archive<R> {
     /// Returns the names of the arrays without the ending `.npy`, as NumPy lists the names.
     #[must_use]
     pub fn array_names(&self) -> Vec<String> {
-        // Entries whose names cannot be decoded are skipped, because `entry` cannot look them up.
+        // The archive can contain entries whose names cannot be decoded. These entries are skipped, because `entry`
+        // cannot find them by name.
         let names = self.zip.file_names().flatten();
         names.filter_map(|name| name.strip_suffix(".npy").map(str::to_owned)).collect()
     }

@@ -16,7 +16,8 @@ pub struct Stdin {
     stop: Arc<AtomicBool>,
 }
 
-/// The reader is unbuffered. `poll` would not report bytes that are already in a buffer.
+/// The program reads standard input without a buffer, because `poll` would not report bytes that are already in a
+/// buffer.
 #[cfg(unix)]
 type Source = std::fs::File;
 #[cfg(not(unix))]

@@ -12,7 +12,7 @@ use spikelane::unstable::threads;
 /// Number of bytes of packed frames in one batch.
 const BATCH_BYTES: usize = 1 << 20;
 
-/// Copies the rectangle `crop` of the packed frame `from` to the packed frame `to`. `of` is the geometry of `from`.
+/// Copies the rectangle `crop` of the packed frame `from` to the packed frame `to`. `from` has the size `geometry`.
 fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
     to.fill(0);
     for row in 0..crop.height {
@@ -21,8 +21,8 @@ fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
     }
 }
 
-/// Writes the frames of `readouts`, reduced to `crop`, from `reader` to `writer`, then finishes `writer`. Memory use
-/// does not depend on the length of the stream.
+/// Copies the frames of `readouts` from `reader` to `writer`, then finishes `writer`. If `crop` is given, only this
+/// rectangle of each frame is copied. Memory use does not depend on the length of the stream.
 ///
 /// After each batch, `progress` receives the number of readouts written. If `progress` returns an error, the
 /// conversion stops and the incomplete output is removed.
@@ -43,8 +43,8 @@ fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
 /// ```
 ///
 /// # Errors
-/// * [`ErrorKind::Usage`] if the writer has another geometry or number of readouts, or if the range or the crop
-///   exceeds the stream.
+/// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream of `reader`.
+/// * [`ErrorKind::Usage`] if `writer` expects another geometry or number of readouts than the copied frames have.
 /// * Errors of the reader, the writer and `progress`.
 pub fn convert(
     reader: &StreamReader,
@@ -98,8 +98,8 @@ pub fn convert_to(
     })
 }
 
-/// Passes the packed frames of `readouts`, reduced to `crop`, to `take` in batches of about 1 MiB. While `take`
-/// processes a batch, a second thread reads the next batch.
+/// Passes the packed frames of `readouts` to `take` in batches of about 1 MiB. If `crop` is given, the frames contain
+/// only this rectangle. While `take` processes a batch, a second thread reads the next batch.
 ///
 /// # Errors
 /// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream.
@@ -150,8 +150,8 @@ pub(super) fn for_each_batch(
     })
 }
 
-/// Reads the packed frames of `readouts` into `frames`. If `crop` is given, the whole frames are read into `whole`,
-/// and only the crop is copied to `frames`.
+/// Reads the packed frames of `readouts` into `frames`. If `crop` is given, the whole frames are read into
+/// `full_frames`, and only the crop is copied to `frames`.
 fn read(
     reader: &StreamReader,
     readouts: Range<usize>,

@@ -9,8 +9,8 @@ use spikelane::unstable::inputs::read_bytes;
 
 const CONFIG_FILE_NAME: &str = "config.yaml";
 
-/// Maximum number of folders that are searched. The first is the folder of the stream. In `SET/SPLIT/spike/ID.dat`,
-/// `SET` is the third.
+/// Maximum number of folders that are searched. The first folder is the folder of the stream. For a stream
+/// `SET/SPLIT/spike/ID.dat`, `SET` is the third folder.
 const MAX_PARENT_FOLDERS: usize = 4;
 
 /// Size limit of a configuration file. A SpikeCV configuration is never larger.

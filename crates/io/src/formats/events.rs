@@ -16,7 +16,8 @@ const EVENT_BYTES: u64 = 12;
 /// The layout name of event lists in arguments and sidecars.
 pub const EVENTS_LAYOUT: &str = "events";
 
-/// Writes the spikes of `readouts` of `reader`, cropped, as an `.npy` array of events.
+/// Writes the spikes in the range `readouts` of a stream as an `.npy` array of events. If `crop` is given, only
+/// spikes in this rectangle are written.
 ///
 /// The array has shape (N, 3) and elements of type little-endian `i32`. The columns contain x, y and the readout
 /// number. x and y are 0 at the upper left corner of the crop. Readouts are numbered from 0 at the start of
@@ -40,7 +41,7 @@ pub const EVENTS_LAYOUT: &str = "events";
 ///
 /// # Errors
 /// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream, or if the number of readouts exceeds 2^31 - 1.
-/// * [`ErrorKind::Exists`], [`ErrorKind::Space`] and others as in
+/// * [`ErrorKind::Exists`], [`ErrorKind::Space`] and the other file errors of
 ///   [`StreamWriter::create`](super::StreamWriter::create).
 /// * Errors of the reader and of `progress`.
 pub fn write_events(

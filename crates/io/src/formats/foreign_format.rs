@@ -1,7 +1,8 @@
 //! Detects files that are not spike streams by their first bytes.
 //!
-//! A headerless stream can begin with any bytes, so each signature has at least four bytes. If the caller names a
-//! layout, text files and signatures shorter than eight bytes are not rejected.
+//! A file with one of the listed signatures is rejected. A headerless stream can begin with any bytes, so each
+//! signature has at least four bytes. If the caller names a layout, text files and files with signatures shorter than
+//! eight bytes are accepted.
 
 use spikelane::error::{Error, ErrorKind};
 use spikelane::unstable::npy::MAGIC as ARRAY_MAGIC;
@@ -28,7 +29,8 @@ const MATLAB_REMEDY: &str = "convert the file with SciPy: python3 -c \"import sc
 const TOPIC_REMEDY: &str = "export the topic of the spikes as a NumPy array first";
 const GIT_LFS_REMEDY: &str = "run 'git lfs pull' to download the file";
 
-/// A signature: every part is an offset in the file and the bytes at this offset.
+/// The signature of a format is a list of parts. Each part is an offset in the file and the bytes at this offset. A
+/// file has the format if all parts match.
 type Signature = &'static [(usize, &'static [u8])];
 
 /// Formats that users of spike cameras work with: signature, name, remedy.
@@ -46,7 +48,8 @@ const FORMATS: &[(Signature, &str, &str)] = &[
     (&[(0, b"\xff\xd8\xff"), (6, b"Exif\0")], "a JPEG picture", LIGHT_REMEDY),
     (&[(0, b"II*\0")], "a TIFF picture", LIGHT_REMEDY),
     (&[(0, b"MM\0*")], "a TIFF picture", LIGHT_REMEDY),
-    // In the first signature the flag byte is 0. In the second signature the flag for a stored file name is set.
+    // In the first signature, the flag byte of the gzip header is 0. In the second signature, the flag byte states that
+    // the header contains a file name.
     (&[(0, b"\x1f\x8b\x08\0")], "a gzip archive", UNPACK_REMEDY),
     (&[(0, b"\x1f\x8b\x08\x08")], "a gzip archive", UNPACK_REMEDY),
     (&[(0, b"PK\x05\x06")], "an empty zip archive", UNPACK_REMEDY),
@@ -56,7 +59,8 @@ const FORMATS: &[(Signature, &str, &str)] = &[
 /// Returns the foreign format of a file that begins with `bytes`. Returns `None` for NumPy formats and for unknown
 /// content.
 pub(super) fn detect(bytes: &[u8]) -> Option<ForeignFormat> {
-    // The packed spikes of an array may equal the signature of a format that begins with arbitrary bytes.
+    // NumPy files are never foreign. Some signatures do not start at offset 0, so the packed spikes in a NumPy file may
+    // equal such a signature.
     if bytes.starts_with(ARRAY_MAGIC) || bytes.starts_with(ARCHIVE_MAGIC) {
         return None;
     }

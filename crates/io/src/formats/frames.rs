@@ -22,8 +22,8 @@ pub struct StreamFrames<'a> {
 }
 
 impl StreamFrames<'_> {
-    /// Returns the next packed frame, or `None` after the last frame. Frames are read in blocks, so a returned error
-    /// can belong to a later frame of the block.
+    /// Returns the next packed frame, or `None` after the last frame. Frames are read in blocks, so an error can be
+    /// returned before the frame that caused the error is reached.
     ///
     /// `StreamFrames` does not implement [`Iterator`], because the returned frame borrows a buffer that the next call
     /// overwrites.

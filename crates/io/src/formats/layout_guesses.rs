@@ -1,10 +1,10 @@
 //! Compares the current layout and geometry of a stream with alternatives that have the same file length.
 //!
 //! With a wrong geometry or layout, the file length is often still a whole number of frames, but the decoded frames
-//! look like noise. In an image, each row resembles the row above. The rate map is therefore compared with itself
-//! shifted by one row. The correlation is at least 0.9 in most scenes under the right guess, and at most 0.3 under a
-//! wrong guess. Uniform and dark recordings have a low correlation under every guess, so a guess is reported as wrong
-//! only if an alternative is clearly better.
+//! look like noise. In an image, each row resembles the row above. The rate map (the number of spikes of each pixel)
+//! is therefore compared with itself shifted by one row. The correlation is at least 0.9 in most scenes under the
+//! right guess, and at most 0.3 under a wrong guess. Uniform and dark recordings have a low correlation under every
+//! guess, so a guess is reported as wrong only if an alternative is clearly better.
 
 use crate::formats::layouts::{self, ReadoutAxis};
 use crate::formats::{Codec, GeometryOrigin, Layout, StreamReader, size};
@@ -22,13 +22,15 @@ const SAMPLE_READOUTS: usize = 64;
 /// A row correlation below this value does not indicate an image.
 const MIN_ROW_CORRELATION: f64 = 0.2;
 
-/// A row correlation below this value means that bright and dark rows alternate. Noise never has such a correlation.
+/// A row correlation below this value means that bright and dark rows alternate. Noise never has a correlation below
+/// this value.
 const ALTERNATING_ROWS_CORRELATION: f64 = -0.6;
 
 /// The largest number of alternatives in the result.
 const MAX_LISTED_GUESSES: usize = 3;
 
-/// The largest array, in bytes, for which the other axis order is examined. The examination reads the whole array.
+/// The largest array, in bytes, for which the last axis is examined as a possible readout axis. The examination reads
+/// the whole array.
 const MAX_TRANSPOSED_BYTES: usize = 256 << 20;
 
 /// A combination of layout and geometry with which a file can be read.
@@ -46,8 +48,8 @@ pub struct LayoutGuess {
     /// Mean difference between neighboring pixels in different bytes, divided by the mean difference between
     /// neighboring pixels in the same byte.
     ///
-    /// The ratio is 1 in the right bit order. The ratio is `None` if all pixels have the same rate, or if a byte does
-    /// not contain eight pixels.
+    /// The byte-edge ratio is about 1 in the right bit order. The ratio is `None` if all pixels have the same rate, or
+    /// if a byte does not contain eight pixels.
     pub byte_edge_ratio: Option<f64>,
 }
 
@@ -65,13 +67,13 @@ pub struct LayoutGuesses {
 }
 
 impl LayoutGuess {
-    /// Returns whether a reading with row length `width` and row correlation `rows` is clearly better than this guess.
-    /// `map` is the rate map from which `rows` was computed.
+    /// Returns whether another guess, with row length `width` and row correlation `rows`, is clearly better than this
+    /// guess. `map` is the rate map from which `rows` was computed.
     fn is_beaten_by(&self, map: &RateMap, width: usize, rows: Option<f64>) -> bool {
         let chance = CHANCE_Z_THRESHOLD / (map.pixels() as f64).sqrt();
         rows.is_some_and(|c| {
             let here = self.row_correlation.unwrap_or(0.0);
-            // If bright and dark rows alternate, the scene has such a texture, and the guess is not wrong.
+            // Alternating bright and dark rows are a texture of the scene. They do not indicate a wrong guess.
             let fits_worse = here < c / 2.0 && here > ALTERNATING_ROWS_CORRELATION;
             c >= MIN_ROW_CORRELATION && c > chance && fits_worse && map.is_peak(width, c)
         })
@@ -188,7 +190,7 @@ impl StreamReader {
         Ok(RateMap::from_bits(codec, bits))
     }
 
-    /// Adds guesses with the same layout and number of pixels, but with another width and height.
+    /// Adds guesses that differ from `current` in width and height, but not in the layout and number of pixels.
     fn add_other_shapes(&self, map: &RateMap, current: &LayoutGuess, guesses: &mut Vec<(LayoutGuess, bool)>) {
         let geometry = self.geometry();
         let (pixels, width) = (geometry.pixels(), geometry.width());
@@ -215,7 +217,7 @@ impl StreamReader {
         }
     }
 
-    /// Adds guesses for known cameras and data sets whose frames have another byte length.
+    /// Adds guesses for known cameras and data sets, if their frames differ from the current frames in byte length.
     fn add_other_cameras(&self, current: &LayoutGuess, guesses: &mut Vec<(LayoutGuess, bool)>) -> Result<()> {
         for (width, height, layout) in size::KNOWN_SIZES {
             let Ok(geometry) = Geometry::new(width, height) else { continue };
@@ -255,7 +257,7 @@ impl StreamReader {
         Ok(())
     }
 
-    /// Returns the guess that the last axis of an array is the readout axis. Returns `None` if the geometry was not
+    /// Returns the guess in which the last axis of an array is the readout axis. Returns `None` if the geometry was not
     /// determined from the header, or if the array is too large.
     fn transposed_guess(&self, current: &LayoutGuess, here: &RateMap) -> Result<Option<(LayoutGuess, bool)>> {
         let (a, b, c) = (self.readouts(), self.geometry().height(), self.geometry().width());
@@ -279,7 +281,7 @@ impl StreamReader {
         })?;
         let map = RateMap::from_counts(counts, b);
         // In the wrong axis order, one of the two image axes is the readout axis. The image can still vary smoothly
-        // along the other image axis. Therefore the smaller of the two correlations decides.
+        // along the other image axis. Therefore the smaller of the correlations along the two image axes decides.
         let both = |map: &RateMap| Some(map.row_correlation()?.min(map.correlation(1)?));
         let wrong = LayoutGuess { row_correlation: both(here), ..*current };
         let better = wrong.is_beaten_by(&map, b, both(&map).filter(|_| wrong.row_correlation.is_some()));
@@ -294,8 +296,8 @@ impl StreamReader {
         )))
     }
 
-    /// Computes the byte-edge ratio of the current bit order. Also returns a guess with the reversed bit order if the
-    /// reversed order fits the rate map clearly better.
+    /// Returns `current` with the byte-edge ratio of its bit order. Also returns a guess with the reversed bit order if
+    /// the reversed order fits the rate map clearly better.
     fn compare_bit_orders(&self, current: LayoutGuess, map: &RateMap) -> (LayoutGuess, Option<LayoutGuess>) {
         let Some(layout) = self.layout().other_bit_order() else { return (current, None) };
         let seams = map.byte_edges();

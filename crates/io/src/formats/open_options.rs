@@ -84,14 +84,14 @@ impl OpenOptions {
     /// If layout or geometry is `None`, the following sources are used in this order:
     /// * the sidecar beside the file: `STEM.dat.json`, else `STEM.json` (also for `STEM.clean.dat`),
     /// * the header of a `.npy` or `.npz` file,
-    /// * the camera of the layout,
+    /// * the geometry of the camera, if the layout belongs to one camera,
     /// * a `config.yaml` in the folder of the file or in one of its parent folders.
     ///
     /// A headerless file without a known layout is read as `dat`. If a recording ends inside a readout, the reader
     /// ignores the partial readout. [`StreamReader::warnings`] reports the bytes of the partial readout.
     ///
     /// # Errors
-    /// * [`ErrorKind::Input`] if the file is empty, has another geometry or is not a stream.
+    /// * [`ErrorKind::Input`] if the file is empty, is not a stream or does not match the requested geometry.
     /// * [`ErrorKind::Usage`] if the geometry or the order of axes cannot be determined.
     /// * [`ErrorKind::Config`] if a required sidecar is invalid.
     /// * [`ErrorKind::Io`] if the file cannot be read.
@@ -189,7 +189,7 @@ impl ReaderBuilder<'_> {
         Ok(reader)
     }
 
-    /// Adds a warning or returns an error if the stream and its sidecar differ.
+    /// Compares the stream with its sidecar. A difference results in a warning or in an error.
     fn check_sidecar(&self, reader: &mut StreamReader, wanted: Option<Layout>) -> Result<()> {
         if let (Some(sidecar_geometry), Some(path)) = (self.facts.geometry, &self.facts.path)
             && sidecar_geometry != reader.geometry()
@@ -346,8 +346,8 @@ impl ReaderBuilder<'_> {
             geometry,
             readouts_first: self.options.layout == Some(Layout::NpyBytes),
         };
-        // The `config.yaml` may not describe this archive. If its geometry does not match the array, the archive is
-        // read without the `config.yaml`.
+        // The `config.yaml` may belong to other files. If its geometry does not match the array, the archive is read
+        // without the `config.yaml`.
         let (read, origin) = match above.filter(|_| known.is_none()) {
             Some(g) => match layouts::read_archive(&self.name, source, entry(Some(g))) {
                 Ok(read) => (Ok(read), self.known_geometry(Layout::Dat).map(|s| s.1)),

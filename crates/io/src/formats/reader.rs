@@ -98,7 +98,8 @@ impl StreamReader {
         }
     }
 
-    /// Stores the numbers of the missing frames among `all` frames, and adds a warning.
+    /// Stores the numbers of the missing frames, and adds a warning. `all` is the number of frames, including the
+    /// missing frames.
     pub(super) fn set_missing_frames(&mut self, numbers: Vec<usize>, all: usize, policy: MissingFrames) {
         if numbers.is_empty() {
             return;
@@ -135,7 +136,8 @@ impl StreamReader {
         self.missing_frames = numbers;
     }
 
-    /// Returns the number of readouts in the file, including missing readouts that were removed.
+    /// Returns the number of readouts from the first to the last frame in the file. Missing readouts count even if the
+    /// reader omits them.
     pub(super) fn numbered_readouts(&self) -> usize {
         self.readouts + self.omitted_readouts
     }
@@ -234,8 +236,8 @@ impl StreamReader {
     /// Fills `packed` with consecutive packed frames, starting at readout `first`.
     ///
     /// # Errors
-    /// * [`ErrorKind::Usage`] if a frame is not in the stream, or if the length of `packed` is not a whole number of
-    ///   frames.
+    /// * [`ErrorKind::Usage`] if a requested frame is not in the stream, or if the length of `packed` is not a whole
+    ///   number of frames.
     /// * [`ErrorKind::Input`] as in [`Layout::decode_frame`].
     pub fn read_frames(&self, first: usize, packed: &mut [u8]) -> Result<()> {
         let size = self.geometry().frame_bytes();

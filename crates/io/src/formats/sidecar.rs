@@ -10,7 +10,8 @@ use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::{Access, MAX_TEXT_BYTES, check_link, read_bytes};
 
-/// The facts about a stream in its sidecar. Fields of missing keys are `None`, and unknown keys are ignored.
+/// Facts about a stream, read from the sidecar of the stream. Fields of missing keys are `None`, and unknown keys are
+/// ignored.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct SidecarFacts {
     pub(super) geometry: Option<Geometry>,
@@ -109,8 +110,8 @@ fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFacts> {
         Some(name) => Some(Layout::parse(&name).map_err(|_| bad(format!("layout '{name}'")))?),
         None => None,
     };
-    // A `STEM.npy` may have the camera of `STEM.dat`, whose sidecar is `STEM.json`, but has another layout. Therefore
-    // only the geometry is used.
+    // The sidecar of `STEM.dat` is `STEM.json`, and it may also be found for `STEM.npy`. The two streams may be from
+    // one camera, but have different layouts. Therefore only the geometry is used.
     let described = keys.file.as_deref().map_or(stream, Path::new);
     if described.extension() != stream.extension() {
         return Ok(SidecarFacts { geometry, ..SidecarFacts::default() });

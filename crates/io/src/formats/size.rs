@@ -16,8 +16,8 @@ pub(super) const KNOWN_SIZES: [(u32, u32, Layout); 5] = [
 /// Returns the number of whole frames in `data` bytes of a headerless file.
 ///
 /// A recording may end inside a frame. However, the file length may be a whole number of frames of a known camera, or
-/// of the sidecar's geometry `told`. In that case, the requested geometry is probably wrong, and the function returns
-/// an error.
+/// of the layout and geometry `declared` in the sidecar. In that case, the geometry of `codec` is probably wrong, and
+/// the function returns an error.
 pub(super) fn whole_readouts(
     name: &str,
     codec: &Codec,

@@ -17,7 +17,7 @@ const PIECE_BYTES: usize = 128 << 10;
 const CONCURRENT_PIECE_BYTES: usize = 1 << 20;
 
 /// Number of bytes that a stream of unknown length reserves at first. Each later reservation adds a quarter of the
-/// current length, but at most [`MAX_RESERVED_AHEAD_BYTES`]. Such growth needs few system calls and reserves little
+/// current length, but at most [`MAX_RESERVED_AHEAD_BYTES`]. This growth needs few system calls and reserves little
 /// unused space.
 const INITIAL_RESERVED_BYTES: u64 = 16 << 20;
 const MAX_RESERVED_AHEAD_BYTES: u64 = 1 << 30;
@@ -218,7 +218,7 @@ impl StreamWriter {
     ///
     /// # Errors
     /// [`ErrorKind::Usage`] if `first` differs from [`written`](Self::written), if the length of `packed` is not a
-    /// whole number of frames, or if `packed` contains more frames than are missing.
+    /// whole number of frames, or if `packed` contains more frames than remain to be written.
     pub fn write_frames(&mut self, first: u64, packed: &[u8]) -> Result<()> {
         let size = self.geometry().frame_bytes();
         let frames = (packed.len() / size) as u64;
@@ -273,8 +273,8 @@ impl StreamWriter {
     /// Syncs the stream to the disk and renames it to its final name.
     ///
     /// # Errors
-    /// * [`ErrorKind::Usage`] if frames are missing. No file remains in this case.
-    /// * Errors of the system during sync and rename.
+    /// * [`ErrorKind::Usage`] if some frames were not written. The incomplete file is then removed.
+    /// * Errors of the operating system when the file is synced or renamed.
     pub fn finish(mut self) -> Result<StreamSummary> {
         if self.is_growing && self.written > 0 {
             self.trim_to_written()?;

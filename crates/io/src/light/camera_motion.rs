@@ -87,8 +87,9 @@ impl CameraMotion {
         Some(())
     }
 
-    /// Returns two numbers for frame `index` at `rate` frames per second: the time in seconds, and the factor of
-    /// `pan`.
+    /// Returns two numbers for frame `index` at `rate` frames per second. The first number is the time in seconds. The
+    /// second number is multiplied by `pan` to compute the displacement: the time in seconds, or `index` if the pan is
+    /// per frame.
     fn time(&self, rate: Rate, index: u64) -> (f64, f64) {
         let seconds = index as f64 / rate.hz();
         (seconds, if self.pan_per_frame { index as f64 } else { seconds })

@@ -58,8 +58,8 @@ pub struct InputOptions {
     pub front_end: FrontEnd,
     /// The declared transfer function. It overrides the transfer function of the front end and also applies to EXR.
     ///
-    /// If `transfer` is `None`, the transfer function of the front end applies. If the front end has none either,
-    /// images and videos are sRGB, and arrays and EXR are linear.
+    /// If `transfer` is `None`, the transfer function of the front end applies. If the front end has no transfer
+    /// function either, images and videos are sRGB, and arrays and EXR are linear.
     pub transfer: Option<Transfer>,
     /// A camera motion across a single image.
     pub motion_clip: Option<MotionClip>,

@@ -1,9 +1,9 @@
 //! Resizing of images to the camera's size, in linear light.
 //!
-//! Averaging stored codes would darken fine bright details, so images are linearized first. The filter is the triangle
-//! filter of the `image` crate. The filter width is proportional to the reduction factor, so a reduced pixel is the
-//! average of its area, and the filter never rings. Sharper filters have negative lobes, which can produce negative
-//! light.
+//! Images are linearized before they are resized, because averaging stored codes would darken fine bright details.
+//! The filter is the triangle filter of the `image` crate. The filter width is proportional to the reduction factor,
+//! so a reduced pixel is the average of its area, and the filter never rings. Sharper filters have negative lobes,
+//! which can produce negative light.
 
 use std::str::FromStr;
 
@@ -29,7 +29,7 @@ use spikelane::spikes::Geometry;
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ResizeMode {
-    /// The largest centered part with the aspect ratio of the camera, scaled to the camera's size.
+    /// The largest centered part of the image with the aspect ratio of the camera, scaled to the camera's size.
     #[default]
     Cover,
     /// The whole image, scaled to the camera's size. The horizontal and the vertical scale can differ.
@@ -98,7 +98,7 @@ impl ResizeMode {
         (part as f64 / picture.pixels() as f64).min(1.0)
     }
 
-    /// Returns a note for the user if less than 90 % of the pixels of an image are selected.
+    /// Returns a note for the user if the resize mode shows less than 90 % of the pixels of an image.
     #[must_use]
     pub fn crop_note(self, picture: Geometry, camera: Geometry) -> Option<String> {
         const MIN_UNREPORTED_SHARE: f64 = 0.9;

@@ -1,4 +1,4 @@
-//! A source whose light is relative to the full scale of a front end.
+//! A source whose light is divided by the full scale of a front end.
 
 use spikelane::error::Result;
 use spikelane::light::Rate;

@@ -17,8 +17,8 @@ const MAX_RECORDING_SECONDS: f64 = 1e5;
 /// Size limit of the file in bytes per frame. The limit includes comments.
 const MAX_LINE_BYTES: u64 = 1 << 10;
 
-/// Returns the path of the timestamp file in an image folder. If the folder has none, returns the path of the
-/// timestamp file in the parent folder.
+/// Returns the path of the timestamp file in an image folder. If the image folder contains no timestamp file, returns
+/// the path of the timestamp file in the parent folder.
 pub(super) fn find_beside(folder: &Path) -> Option<PathBuf> {
     let in_folder = folder.join(TIMESTAMPS_FILE_NAME);
     let above = || std::path::absolute(folder).ok()?.parent().map(|up| up.join(TIMESTAMPS_FILE_NAME));

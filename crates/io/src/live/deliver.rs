@@ -21,16 +21,16 @@ pub(super) struct Burst {
     pub elapsed_readouts: u64,
 }
 
-/// One end of the channel between the simulating thread and the delivering thread. Full bursts are sent to the
-/// delivering thread, and empty bursts are sent back.
+/// One end of the two-way channel between the simulating thread and the delivering thread. The simulating thread
+/// sends full bursts. The delivering thread returns the empty bursts.
 pub(super) struct BurstChannel {
     pub sender: Sender<Burst>,
     pub receiver: Receiver<Burst>,
 }
 
 impl BurstChannel {
-    /// Creates both ends of the channel. The first belongs to the simulating thread, the second to the delivering
-    /// thread.
+    /// Creates both ends of the channel. The first returned end belongs to the simulating thread, and the second to the
+    /// delivering thread.
     pub(super) fn new() -> (Self, Self) {
         let ((full, due), (empty, spare)) = (channel(), channel());
         (Self { sender: full, receiver: spare }, Self { sender: empty, receiver: due })
@@ -68,8 +68,8 @@ impl<'s, C: Clock> Deliverer<'s, C> {
             let _ = self.bursts.sender.send(burst);
         }
         let Self { sink, stop, bursts, mut report, .. } = self;
-        // The channel must be closed before the sink waits for its consumer. Otherwise the simulating thread would
-        // continue.
+        // The channel must be closed before the sink waits for its consumer. Otherwise the thread that simulates
+        // readouts would continue to simulate.
         drop(bursts);
         report.consumer_left &= !stop.is_raised();
         sink.finish()?;

@@ -41,7 +41,8 @@ impl Lateness {
     /// Returns the smallest delay `d` such that at least the fraction `quantile` (0 to 1) of all delays is at most
     /// `d`.
     ///
-    /// The result exceeds the exact value by at most 1/128. If no delay was recorded, the result is zero.
+    /// The returned delay exceeds the exact quantile by at most 1/128 of the quantile. If no delay was recorded, the
+    /// returned delay is zero.
     #[must_use]
     pub fn quantile(&self, quantile: f64) -> Duration {
         Duration::from_micros(self.delays.value_at_quantile(quantile)).min(self.max)

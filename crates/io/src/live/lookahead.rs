@@ -10,16 +10,16 @@ use crate::live::sink::StopFlag;
 use crate::simulate::ReadoutStream;
 use spikelane::error::Result;
 
-/// Number of readouts per step if at most a quarter of the target is missing. If both threads share a core, the system
-/// can switch threads only between steps, so a delivery may have to wait for one step. At 20 kHz, 24 readouts last 1.2
-/// ms, and their simulation takes about 0.6 ms.
+/// Number of readouts that are simulated per step if at least three quarters of `target_bursts` are in flight. If
+/// both threads share a core, the system can switch threads only between steps, so a delivery may have to wait for
+/// one step. At 20 kHz, 24 readouts last 1.2 ms, and their simulation takes about 0.6 ms.
 const STEP_READOUTS: usize = 24;
 
-/// Number of readouts per step if more than a quarter of the target is missing.
+/// Number of readouts that are simulated per step if one quarter to three quarters of `target_bursts` are in flight.
 const LONG_STEP_READOUTS: usize = 48;
 
-/// Number of readouts per step if more than three quarters of the target are missing. This is the batch size of the
-/// kernels.
+/// Number of readouts that are simulated per step if less than a quarter of `target_bursts` are in flight. The
+/// kernels simulate batches of 128 readouts.
 const CATCH_UP_STEP_READOUTS: usize = 128;
 
 /// Simulates readouts and sends them in bursts.
@@ -84,7 +84,7 @@ impl<'r, 's> Lookahead<'r, 's> {
                 continue;
             }
             self.simulate(stop)?;
-            // If the next burst is overdue, the delivery thread may be waiting for the core of this thread.
+            // If the next burst is overdue, the delivery thread may be waiting for the core on which this thread runs.
             if clock.now() >= self.rate.due_time(self.elapsed_readouts + self.rate.burst_readouts as u64) {
                 std::thread::yield_now();
             }

@@ -23,7 +23,7 @@ pub struct PipeSink {
 
 impl PipeSink {
     /// Creates a sink that writes to `into`. The queue contains up to `bursts` bursts (at least 1). Error messages
-    /// refer to the sink as `about`.
+    /// refer to the sink as `description`.
     ///
     /// # Errors
     /// If the system cannot start a thread.

@@ -9,8 +9,8 @@ use crate::storage::SharedMemory;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 
-/// The first word contains the bytes `SPKRING1`. The writer stores this word after all other header words, so a ring
-/// with this word is ready.
+/// The first word of a ring contains the bytes `SPKRING1`. The writer stores this word after all other header words,
+/// so the header of a ring with this word is complete.
 const MAGIC: u64 = u64::from_le_bytes(*b"SPKRING1");
 
 /// Number of words in the header. Words that the writer changes and words that the reader changes are in separate

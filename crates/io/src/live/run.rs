@@ -15,8 +15,8 @@ use spikelane::unstable::threads;
 /// The run ends when the source ends, the consumer disconnects or `stop` is raised. A separate thread delivers the
 /// readouts. If a core is free, deliveries therefore do not wait for the simulation.
 ///
-/// `clock` starts when the first readouts are ready. The first readout starts at this instant. The calling thread
-/// calls `progress` with the number of elapsed readouts.
+/// `clock` is called when the first readouts have been simulated, and returns a clock that starts at 0. The first
+/// readout begins at time 0 of this clock. The calling thread calls `progress` with the number of elapsed readouts.
 ///
 /// # Errors
 /// * [`ErrorKind::Usage`] if the rate is invalid.

@@ -1,8 +1,8 @@
 //! Writes batches of packed readouts to files.
 //!
-//! Encoding, hashing and the first write to new pages together take about as long as the kernel on two cores. If a run
-//! has more than one thread, a separate thread therefore writes while the kernel fills the next buffer. The written
-//! bytes are the same with and without a separate thread.
+//! Writing a batch consists of encoding, hashing and the first write to new pages. It takes about as long as the
+//! simulation kernel takes on two cores. If a run has more than one thread, a separate thread therefore writes while
+//! the kernel fills the next buffer. The written bytes are the same with and without a separate thread.
 
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 
@@ -61,8 +61,8 @@ fn thread_ended_error() -> Error {
     Error::new(ErrorKind::Io, "writing").found("a thread that ended")
 }
 
-/// Calls `work` with a writer for `streams`. If `beside` is true and the system can start a thread, a separate thread
-/// writes. Otherwise the calling thread writes.
+/// Calls `work` with a writer for `streams`. If `in_background` is true and the system can start a thread, a separate
+/// thread writes. Otherwise the calling thread writes.
 ///
 /// # Errors
 /// Errors of the files and of `work`.

@@ -138,8 +138,8 @@ impl<'a> LightFeeder<'a> {
         Ok(Some(Arc::new(frame)))
     }
 
-    /// Advances to frame `index`. Frames without a readout are read and skipped. Returns `false` at the end of the
-    /// source.
+    /// Advances to frame `index`. Frames between the current frame and frame `index` are read and skipped. Returns
+    /// `false` at the end of the source.
     fn advance(&mut self, index: u64) -> Result<bool> {
         while self.index < index {
             let next = match self.next_frame.take() {
@@ -156,7 +156,7 @@ impl<'a> LightFeeder<'a> {
     /// Returns the light of up to `readouts` readouts. Returns an empty list at the end of the source or at the limit.
     ///
     /// No further frame is added once the frames of the batch occupy more than `room` bytes. A batch may end before a
-    /// frame whose readouts do not fit completely. The batch must then contain at least half of the readouts; see
+    /// frame whose readouts do not fit completely, but only if the batch then contains at least half of `readouts`; see
     /// [`ends_batch_before`].
     pub(crate) fn next_pieces(&mut self, readouts: usize, room: usize) -> Result<Vec<LightPiece>> {
         let (mut pieces, mut left, mut held_readouts) = (Vec::new(), readouts as u64, 0);

@@ -18,8 +18,8 @@ const STOP_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// A source that a separate thread reads. If the system cannot start a thread, the calling thread reads the source.
 ///
-/// A stop request takes effect even if the input blocks, such as a pipe without a writer. The reading thread then ends
-/// after the next frame is read.
+/// A stop request takes effect even while a read from the input blocks, for example a read from a pipe without a
+/// writer. The reading thread then ends after the next frame is read.
 pub struct ReadAhead {
     frames: FrameFeed,
     stop: Arc<AtomicBool>,

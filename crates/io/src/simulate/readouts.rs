@@ -8,10 +8,11 @@ use spikelane::error::Result;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::kernels::Segment;
 
-/// A run whose readouts are returned in memory, a part per call. The readouts equal those of [`crate::simulate::run`].
+/// A run whose readouts are returned in memory, a part per call. The readouts equal the readouts of
+/// [`crate::simulate::run`].
 ///
-/// Readouts that the camera drops elapse but produce no frame. Unlike [`crate::simulate::run`], the stream does not
-/// add readouts at the end to replace dropped readouts.
+/// A readout that the camera drops still elapses, but produces no frame. Unlike [`crate::simulate::run`], the stream
+/// does not add readouts at the end to replace dropped readouts.
 ///
 /// # Examples
 /// ```
@@ -39,8 +40,8 @@ impl<'a> ReadoutStream<'a> {
     /// `None`, the stream never ends.
     ///
     /// # Errors
-    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the source has no frame. Otherwise errors of the plan and
-    /// the source.
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the source has no frame. Also errors of the plan and the
+    /// source.
     pub fn new(options: &RunOptions, source: &'a mut dyn Source) -> Result<Self> {
         let PreparedRun { feeder, noisy: simulator, .. } = options.prepare(source, false)?;
         Ok(Self { feeder, simulator })

@@ -20,8 +20,8 @@ use spikelane::unstable::plan::Plan;
 /// Number of readouts per write. A write contains two batches of the simulator.
 const BATCH_READOUTS: usize = 256;
 
-/// Size limit in bytes of the buffer of light and of the buffer of packed readouts. With this limit, memory use
-/// depends neither on the length of a stream nor on the number of frames.
+/// Size limit in bytes of each of two buffers: the buffer of light and the buffer of packed readouts. With this
+/// limit, memory use depends neither on the length of a stream nor on the number of frames.
 pub(super) const MAX_BUFFER_BYTES: usize = 32 << 20;
 
 /// The maximum light of the plan if the samples are floats and the caller gives no maximum.
@@ -57,8 +57,8 @@ pub struct RunOptions {
     pub readouts: Option<u64>,
     /// The maximum light in units of full scale. Brighter light is clipped. The default is 1.
     ///
-    /// If the first frame of the source contains floats and the camera's plan supports a maximum of 2, the default is
-    /// 2.
+    /// If the first frame of the source contains floats and the camera's plan supports a maximum light of 2, the
+    /// default is 2.
     pub max_light: Option<f64>,
     /// The layout of the stream files.
     pub layout: Layout,
@@ -145,8 +145,8 @@ pub(super) struct PreparedRun<'a> {
 pub struct RunObserver<'a> {
     /// Receives the light of some readouts before the files get their names.
     pub light_tap: Option<LightTap<'a>>,
-    /// Receives the number of readouts so far and the expected number after each batch. If it returns an error, the
-    /// run stops and no files remain.
+    /// The function that receives the number of readouts so far and the expected number after each batch. If the
+    /// function returns an error, the run stops and no files remain.
     pub progress: Option<&'a mut dyn FnMut(u64, Option<u64>) -> Result<()>>,
 }
 
@@ -322,8 +322,8 @@ struct KernelTotals {
     time: Duration,
 }
 
-/// Simulates `segments` and writes the readouts that the camera did not drop to stream `i`. Stream `i` has at most
-/// `limit` readouts afterwards.
+/// Simulates `segments`, and writes to stream `i` the readouts that were not dropped by the camera. Stream `i` has at
+/// most `limit` readouts afterwards.
 fn step(
     writing: &mut BatchWriter<'_>,
     i: usize,
@@ -344,7 +344,8 @@ fn step(
     })
 }
 
-/// Renames all files to their final names. If a rename fails, all other files are removed.
+/// Renames the files of all streams to their final names. If a rename fails, the files that were already renamed are
+/// removed.
 fn finish(job: &RunOptions, streams: Vec<StreamWriter>) -> Result<(Vec<StreamSummary>, Duration)> {
     job.stale_files.iter().try_for_each(|path| storage::remove_stale(path))?;
     let (mut files, mut synced) = (Vec::new(), Duration::ZERO);

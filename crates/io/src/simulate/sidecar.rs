@@ -50,7 +50,7 @@ impl StreamFacts {
         }
     }
 
-    /// Returns the path of the file. The file is in the folder of the sidecar, whose path is `sidecar`.
+    /// Returns the path of the file in the folder of the sidecar. `sidecar` is the path of the sidecar.
     ///
     /// # Errors
     /// * [`ErrorKind::Config`] if the name in the sidecar is not a plain file name.
@@ -98,7 +98,7 @@ pub struct LightFacts {
     /// Weights of red, green and blue in the luminance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub luminance: Option<[f64; 3]>,
-    /// Whether color was converted to a rounded gray code before the transfer function was reversed.
+    /// Whether color was converted to a rounded gray code before the inverse of the transfer function was applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gray_codes: Option<bool>,
     /// The 8-bit code that represents light 1.0, or `peak` if the brightest pixel of each frame represents light 1.0.
@@ -223,7 +223,8 @@ impl CameraFacts {
     }
 }
 
-/// The sidecar of a stream. Sidecars that other programs write may contain only the first keys.
+/// The sidecar of a stream. A key whose field is an `Option` or has a default may be missing in the file, for example
+/// if another program wrote the sidecar.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Sidecar {
     /// Width in pixels.
@@ -255,8 +256,8 @@ pub struct Sidecar {
     /// The reference images.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub images: Option<ImageFacts>,
-    /// The description of the original stream, if this stream was converted. It contains the range, the crop and the
-    /// sidecar of the original.
+    /// The description of the original stream, if this stream was converted. It contains the copied range, the crop and
+    /// the sidecar of the original stream.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub converted_from: Option<Value>,
     /// Version of the crate that wrote the sidecar.
@@ -326,7 +327,7 @@ impl Sidecar {
     /// Returns the sidecar of a stream and the path of the sidecar, or `None` if no sidecar exists.
     ///
     /// # Errors
-    /// As [`Sidecar::read`]. Also [`ErrorKind::Input`] if the sidecar is a link to a file in another folder.
+    /// Errors of [`Sidecar::read`]. Also [`ErrorKind::Input`] if the sidecar is a link to a file in another folder.
     pub fn read_beside(stream: &Path) -> Result<Option<(PathBuf, Self)>> {
         find_sidecar(stream)?.map(|path| Self::read(&path).map(|sidecar| (path, sidecar))).transpose()
     }
@@ -362,8 +363,8 @@ impl Sidecar {
 
 /// Writes `camera` to `camera.toml` in `folder`. Returns the path of the camera file. A missing folder is created.
 ///
-/// The maps are written beside the camera file. The camera file refers to each map by relative path and digest, so the
-/// folder can be moved.
+/// The maps of the camera are written beside the camera file. The camera file refers to each map by relative path and
+/// digest, so the folder can be moved.
 ///
 /// # Examples
 /// ```

@@ -52,7 +52,7 @@ impl Digest {
     /// Returns the digest of a file, as `blake3:<hex>`. Memory use does not depend on the length of the file.
     ///
     /// # Errors
-    /// If the file is not a regular file, cannot be read, or is truncated during the read.
+    /// Returns an error if the file is not a regular file, cannot be read, or is truncated during the read.
     pub fn hash_file(path: &Path) -> Result<String> {
         let file = InputFile::open(path)?;
         let mut digest = Self::new();

@@ -14,7 +14,8 @@ use spikelane::unstable::threads;
 /// addition, the journal of the file system can commit several files at once.
 const MAX_CONCURRENT_SYNCS: usize = 8;
 
-/// Creates the parent folders of `inner` below `root`. Returns the path of `inner` for writing.
+/// Creates the parent folders of `inner` below `root`. Returns the path at which `inner` can be written, `root`
+/// joined with `inner`.
 ///
 /// # Errors
 /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if a part of the path is a link. Also errors of the operating
@@ -83,8 +84,8 @@ fn is_partial(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".partial")
 }
 
-/// Removes entries with names `.NAME.partial` directly in the folder `inner` below `root`. Processes that were killed
-/// did not remove these entries. Subfolders are not searched.
+/// Removes entries with names `.NAME.partial` directly in the folder `inner` below `root`. These entries remain if a
+/// process is killed. Subfolders are not searched.
 ///
 /// No other process may write to this folder at the same time.
 ///
@@ -141,7 +142,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
 
-    /// Links occur at each position of the path. In every case, the content of the link's target must remain.
+    /// The test puts a link at each position of a path. In every case, the content of the link's target must remain.
     #[test]
     fn removal_never_follows_a_link() {
         let top = tempfile::tempdir().unwrap();

@@ -30,7 +30,7 @@ pub(super) struct LockFile {
 const PROCESS_PREFIX: &str = "process ";
 
 impl LockFile {
-    /// Acquires the lock on `output`. The folder of `output` must exist. Error messages name `whole`, which is either
+    /// Acquires the lock on `output`. The folder of `output` must exist. Error messages name `claimed`, which is either
     /// `output` or a folder.
     ///
     /// # Errors
@@ -62,8 +62,8 @@ impl LockFile {
                 }
                 Ok(()) => {}
             }
-            // Only the process that has the lock removes the lock file. If `path` still refers to the locked file,
-            // this remains true until the lock is released. Otherwise the next attempt opens the new file.
+            // Only the process that has the lock removes the lock file. If `path` refers to the locked file now, `path`
+            // refers to it until the lock is released. Otherwise the next attempt opens the new file.
             if !is_still_at(&file, path) {
                 continue;
             }
@@ -71,8 +71,9 @@ impl LockFile {
                 if read_process_id(path).is_none() {
                     return Err(not_a_lock_error(path, "a file with other content"));
                 }
-                // An existing lock file is removed and created again, and it is never overwritten. If the file belongs
-                // to another user and cannot be removed, the lock on the existing file is used.
+                // An existing lock file is never overwritten. Instead it is removed, and the next attempt creates a new
+                // lock file. If the file belongs to another user and cannot be removed, the lock on the existing file
+                // is used.
                 if fs::remove_file(path).is_ok() {
                     continue;
                 }
@@ -96,8 +97,8 @@ impl LockFile {
 
 impl Drop for LockFile {
     fn drop(&mut self) {
-        // If the lock were released first, another process could acquire it and this process would remove the other
-        // process's file; see `acquire`.
+        // The lock file is removed while the lock is still held. After a release, another process could create its own
+        // lock file, which this process would then remove; see `acquire`.
         if let Some(path) = &self.path {
             let _ = fs::remove_file(path);
         }
@@ -139,7 +140,7 @@ fn is_still_at(file: &File, path: &Path) -> bool {
 
 /// Returns the process id in a lock file. Returns `None` if the file is not a lock file.
 ///
-/// Returns 0 if the process was killed before the process had written its id.
+/// Returns 0 if the process that created the lock file was killed before the process had written its id.
 pub(super) fn read_process_id(path: &Path) -> Option<u32> {
     let small = fs::symlink_metadata(path).is_ok_and(|m| m.is_file() && m.len() < 64);
     let text = if small { fs::read_to_string(path).ok()? } else { return None };

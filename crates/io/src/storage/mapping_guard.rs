@@ -1,9 +1,9 @@
 //! Protects mappings of files that another process may truncate.
 //!
-//! If a process accesses a mapped file beyond its new end, the system raises SIGBUS, which ends the process by
-//! default. If the mapping is registered, the signal handler replaces the mapping with anonymous memory and sets a
-//! flag. The access then succeeds, and the owner of the mapping can report an error. The handler passes every other
-//! SIGBUS to the previous handler.
+//! If another process truncates a mapped file, an access beyond the new end of the file raises SIGBUS. By default,
+//! SIGBUS ends the process. If the mapping is registered, the signal handler replaces the mapping with anonymous
+//! memory and sets a flag. The access then succeeds, and the owner of the mapping can report an error. The handler
+//! passes every other SIGBUS to the previous handler.
 #![allow(unsafe_code, reason = "handlers of signals are unsafe by their nature")]
 
 use std::io;
@@ -51,7 +51,8 @@ mod unix {
     use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicUsize, Ordering};
     use std::sync::{Mutex, OnceLock, PoisonError};
 
-    /// A list entry. Entries are never freed, because the signal handler may read the list at any time.
+    /// An entry of the list of registered mappings. Entries are never freed, because the signal handler may read the
+    /// list at any time.
     #[derive(Debug)]
     pub(super) struct Entry {
         /// Address of the mapping, or 0 if the entry is free.
@@ -62,7 +63,8 @@ mod unix {
     }
 
     static FIRST_ENTRY: AtomicPtr<Entry> = AtomicPtr::new(ptr::null_mut());
-    /// Locked while the list changes. The signal handler only reads the list and does not need the lock.
+    /// The lock of the list of registered mappings. Changes of the list require the lock. The signal handler only reads
+    /// the list and does not need the lock.
     static LIST_LOCK: Mutex<()> = Mutex::new(());
     /// The SIGBUS handler that was installed before this handler.
     static PREVIOUS_HANDLER: OnceLock<libc::sigaction> = OnceLock::new();

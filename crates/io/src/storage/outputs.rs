@@ -62,7 +62,8 @@ impl OutputSet {
         Ok(set)
     }
 
-    /// Locks a folder whose file names are not known yet. Creates the folder and its parents.
+    /// Creates a folder and its parents, and locks the folder. The names of the output files in the folder need not be
+    /// known yet.
     ///
     /// # Errors
     /// * [`ErrorKind::Busy`] if another process has locked the folder.
@@ -128,7 +129,7 @@ fn make_folder_error(folder: &Path, found: impl std::fmt::Display) -> Error {
 impl Drop for MadeFolders {
     fn drop(&mut self) {
         for folder in self.0.iter().rev() {
-            // `remove_dir` fails if the folder is not empty. Such a folder must not be removed, so the error is
+            // `remove_dir` fails if the folder is not empty. A folder that is not empty must remain, so the error is
             // ignored.
             let _ = fs::remove_dir(folder);
         }

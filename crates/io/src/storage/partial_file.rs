@@ -14,7 +14,8 @@ static NEXT_FILE_NUMBER: AtomicU64 = AtomicU64::new(0);
 
 /// A hidden file beside its final path. If this value is dropped before `commit`, the hidden file is removed.
 ///
-/// The process has a lock on the file. The lock shows other processes that the file is still being written.
+/// The process that writes the file has a lock on the file. The lock shows other processes that the file is still
+/// being written.
 #[derive(Debug)]
 pub struct PartialFile {
     file: File,
@@ -88,8 +89,8 @@ impl PartialFile {
         self.commit_replacing(&[])
     }
 
-    /// As [`commit`](Self::commit), but removes the files in `stale` before the rename. The new file invalidates the
-    /// files in `stale`.
+    /// Commits the file as [`commit`](Self::commit) does, but removes the files in `stale` before the rename. The new
+    /// file invalidates the files in `stale`.
     pub(super) fn commit_replacing(self, stale: &[&Path]) -> Result<Duration> {
         let start = Instant::now();
         self.sync()?;
@@ -206,7 +207,7 @@ fn rename_new(hidden: &Path, path: &Path) -> Result<()> {
     match rename_no_replace(hidden, path) {
         Ok(()) => Ok(()),
         Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Err(exists_error(path)),
-        // File systems without the flag for such renames (NFS, some FUSE) support hard links. The creation of a hard
+        // File systems that cannot rename without replacing (NFS, some FUSE) support hard links. The creation of a hard
         // link does not replace an existing entry either.
         Err(e) if matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => {
             link_then_unlink(hidden, path)

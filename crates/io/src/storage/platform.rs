@@ -1,5 +1,5 @@
-//! File operations that differ between operating systems. These are reservation, positioned writes, write-back and the
-//! identity of files.
+//! File operations that differ between operating systems: reservation, positioned writes, write-back and the identity
+//! of files.
 //!
 //! On Linux, each function is one system call. On other systems, other calls provide the same guarantees. If a system
 //! cannot provide a guarantee, the comment of the function describes the difference.
@@ -171,8 +171,8 @@ pub fn open_no_follow(options: &mut OpenOptions, path: &Path) -> Result<File> {
             }
         })
     };
-    // On these systems, the check and the open are separate calls. If another process creates a link between the two
-    // calls, the link is followed.
+    // On systems other than Unix, the check and the open are separate calls. If another process creates a link between
+    // the two calls, the link is followed.
     #[cfg(not(unix))]
     let opened = match std::fs::symlink_metadata(path) {
         Ok(metadata) if metadata.is_symlink() => Err(refused("a symbolic link")),

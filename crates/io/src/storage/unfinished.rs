@@ -133,8 +133,8 @@ fn process_id(name: &str) -> Option<u32> {
     number.split('-').next()?.parse().ok()
 }
 
-/// Returns whether a name has the form `.NAME.PID-N.partial`. A file with such a name is locked by the process that
-/// writes the file.
+/// Returns whether a name has the form `.NAME.PID-N.partial`. A file with a name of this form is locked by the
+/// process that writes the file.
 #[must_use]
 pub fn is_numbered(name: &str) -> bool {
     let number = stem(name).and_then(|stem| stem.rsplit_once('.')).and_then(|(_, n)| n.split_once('-'));

@@ -7,7 +7,8 @@ use memmap2::MmapMut;
 /// Minimum size in bytes of a buffer that is mapped separately. A separate mapping can use large pages.
 const MIN_LARGE_PAGE_BYTES: usize = 4 << 20;
 
-/// Words that are initialized to zero. Large buffers use large pages if the system supports large pages.
+/// A buffer of words that are initialized to zero. A large buffer uses large pages if the system supports large
+/// pages.
 ///
 /// A readout of a large sensor occupies several small pages. Code that reads one word per readout would therefore have
 /// a TLB miss for every readout. On a virtual machine, the TLB misses took an eighth of the computation time of

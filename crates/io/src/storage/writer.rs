@@ -125,7 +125,7 @@ impl FileWriter {
     /// Returns the `len` bytes that start at `offset`, for writing or reading.
     ///
     /// Sequential calls are fast, because one mapping contains 64 MiB. When the window moves, the operating system
-    /// starts writing the previous bytes to the disk.
+    /// starts writing the bytes of the previous window to the disk.
     ///
     /// # Errors
     /// [`ErrorKind::Usage`] if the range exceeds the file. Also errors of the operating system.
@@ -157,8 +157,8 @@ impl FileWriter {
     /// Writes bytes from another buffer with a system call. A system call is faster than a copy to a mapping, because
     /// the copy causes one page fault per page.
     ///
-    /// When sequential writes cross a window boundary, the operating system starts writing the previous bytes to the
-    /// disk.
+    /// When sequential writes cross a window boundary, the operating system starts writing the bytes before the
+    /// boundary to the disk.
     ///
     /// # Errors
     /// As [`window`](Self::window).
@@ -185,15 +185,15 @@ impl FileWriter {
     /// Syncs the file and renames it to its final name.
     ///
     /// # Errors
-    /// * [`ErrorKind::Exists`] if another process has created a file at this path and `force` is false. The file of
-    ///   the other process is unchanged, and the new file is removed.
+    /// * [`ErrorKind::Exists`] if another process has created a file at this path and `force` is false. The file of the
+    ///   other process is unchanged, and the file of this writer is removed.
     /// * Other errors of the operating system.
     pub fn finish(self) -> Result<FileSummary> {
         self.finish_replacing(&[])
     }
 
-    /// As [`finish`](Self::finish), but removes the files in `stale` before the rename. The new file invalidates the
-    /// files in `stale`.
+    /// Finishes the file as [`finish`](Self::finish) does, but removes the files in `stale` before the rename. The new
+    /// file invalidates the files in `stale`.
     pub(crate) fn finish_replacing(mut self, stale: &[&Path]) -> Result<FileSummary> {
         self.window = None;
         let path = self.path().to_path_buf();
@@ -223,8 +223,8 @@ impl FileWriter {
         Ok(Window { map, offset: start })
     }
 
-    /// Starts writing the window before `offset` to the disk. Only one window is written, because a larger range would
-    /// also remove recently written pages that are read soon.
+    /// Starts writing the bytes of one window before `offset` to the disk. A larger range would also remove pages from
+    /// the cache that were written recently and are soon read.
     fn write_back_before(&self, offset: u64) {
         let start = offset.saturating_sub(WINDOW_BYTES as u64);
         write_back(self.partial.file(), start, offset - start);

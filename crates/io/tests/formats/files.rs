@@ -174,8 +174,8 @@ fn a_recording_that_starts_mid_frame_is_synchronized() {
 #[test]
 fn pixels_that_look_like_a_tag_do_not_mislead_the_frame_search() {
     let g = geometry(1000, 1000);
-    // After the cut, the search first examines bits 112 to 127 of a row. In every row, these pixels have the value of
-    // the first tag.
+    // In every row, bits 112 to 127 have the value of the first tag. The first tag of the file is cut off, so the
+    // search meets these bits before a real first tag.
     let mut packed = vec![0; 2 * 125_000];
     for row in packed.chunks_exact_mut(125) {
         row[14..16].copy_from_slice(&(500u16 << 4).to_le_bytes());

@@ -17,7 +17,7 @@ impl Draws {
     }
 }
 
-/// Returns packed frames. Each pixel starts with a random charge, adds `rate` per readout and fires at 1.
+/// Returns packed frames. Each pixel starts with a random charge, adds `rate` per readout and fires at a charge of 1.
 fn fire(g: Geometry, readouts: usize, seed: u64, rate: impl Fn(usize, usize, &mut Draws) -> f64) -> Vec<u8> {
     let mut draws = Draws(seed);
     let mut packed = vec![0; readouts * g.frame_bytes()];
@@ -136,8 +136,8 @@ fn swapped_sides_and_wrong_shapes_are_detected() {
         let reader = StreamReader::from_bytes("s", bytes.clone(), None, Some(geometry(w, h))).unwrap();
         let readings = reader.layout_guesses().unwrap();
         if (w, h) == (32, 96) {
-            // If the rows have half the width, the map cannot be distinguished from a texture that changes at every
-            // second row.
+            // If the assumed width is half the true width, the rate map cannot be distinguished from a texture that
+            // changes at every second row.
             continue;
         }
         let better = readings.better_guess.unwrap_or_else(|| panic!("{w}x{h}: {readings:?}"));

@@ -76,7 +76,7 @@ fn check_rule(layout: Layout, g: Geometry, seed: u64) {
 }
 
 fn any_size() -> impl Strategy<Value = Geometry> {
-    // Half of the widths are multiples of 8, so that the faster code for such widths is tested as well.
+    // Half of the widths are multiples of 8, so that the faster code for multiples of 8 is tested as well.
     let width = prop_oneof![1u32..200, (1u32..40).prop_map(|w| w * 8)];
     (width, 1u32..40).prop_map(|(w, h)| Geometry::new(w, h).unwrap())
 }

@@ -102,7 +102,8 @@ fn a_jpeg_is_read_near_its_light() {
     let dir = TempDir::new().unwrap();
     let path = put(&dir, "f.jpg", gray(16, 16, 188));
     let light = read(&path, &camera(16, 16)).unwrap()[0].get(8, 8);
-    // The decoded code of a uniform JPEG may differ by one or two codes. At this code, one code is 0.006 in light.
+    // The decoded code of a uniform JPEG may differ by one or two codes. Near this code, a difference of one code is
+    // 0.006 in light.
     assert!((light - 0.5029).abs() < 0.013, "{light}");
 }
 
@@ -274,7 +275,8 @@ fn a_quarter_turn_is_clockwise_and_zoom_magnifies() {
     options.motion_clip = motion_clip("zoom=1000:pan=0,0", 2);
     let near = read(&path, &options).unwrap();
     let sum = |f: &Frame| f.to_f32().iter().sum::<f32>();
-    // The area is multiplied by 1000^0.2 = 3.98. Bilinear edges on an 8x8 grid cause an error of a few percent.
+    // In one frame, the area of the square is multiplied by 1000^0.2 = 3.98. Bilinear edges on an 8x8 grid cause an
+    // error of a few percent.
     assert!((sum(&near[1]) / sum(&near[0]) - 3.98).abs() < 0.4, "{}", sum(&near[1]));
 }
 
@@ -305,8 +307,8 @@ fn a_motion_at_rest_is_the_still_picture_for_every_size() {
     }
 }
 
-/// The pan is slow, so frame 1 must differ little from the still image in frame 0. The image is a ramp of one code per
-/// pixel, so a pan of 0.001 pixels changes it by 0.001 codes.
+/// The pan is slow, so frame 1 must differ little from the still image in frame 0. The image is a ramp of two codes per
+/// column and one code per row, so a pan of 0.001 pixels changes a pixel by far less than one code.
 #[test]
 fn a_slow_pan_leaves_the_still_picture_without_a_jump() {
     let dir = TempDir::new().unwrap();

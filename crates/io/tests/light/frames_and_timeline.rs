@@ -135,7 +135,8 @@ proptest! {
         prop_assert_eq!(line.readouts(7), Some(7 * n));
     }
 
-    /// The position `i * source / readout` must be in [frame, frame + 1). The test multiplies both sides by the
+    /// The rates `source` and `readout` are frames and readouts per second. Readout `i` is at the position
+    /// `i * source / readout` frames, which must be in [frame, frame + 1). The test multiplies both sides by the
     /// denominators and compares 128-bit integers.
     #[test]
     fn a_readout_falls_into_its_frame(

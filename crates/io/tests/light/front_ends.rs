@@ -14,8 +14,8 @@ fn opencv([r, g, b]: [u8; 3]) -> f64 {
     f64::from((9798 * u32::from(r) + 19235 * u32::from(g) + 3735 * u32::from(b) + 16384) >> 15)
 }
 
-/// Returns the light of a color as the original program computes it, in units of full scale. `peak` is the largest
-/// gray code of the image.
+/// Returns the light of a color in units of full scale. The function computes the light like the program that the
+/// preset `name` models. `peak` is the largest gray code of the image.
 fn expected(name: &str, color: [u8; 3], peak: f64) -> f64 {
     match name {
         "spcs" | "scsim-code" | "scsim-paper" => pillow(color) / 255.0,

@@ -227,7 +227,7 @@ fn light(header: &str, planes: &[u8], size: (u32, u32)) -> Vec<f32> {
     frames(&mut *source).unwrap()[0].to_f32()
 }
 
-/// The tolerance contains one rounding error to 16 bits in the table and one in the output.
+/// The tolerance is two steps of a 16-bit sample: one for rounding in the table and one for rounding in the output.
 const STEP: f32 = 2.0 / 65535.0;
 
 #[test]
@@ -385,8 +385,8 @@ fn ramp(dir: &TempDir, pixels: &str, scale: u16, tags: &[&str]) -> PathBuf {
 }
 
 /// The matrix does not affect neutral gray. The codes are decoded without loss, so the only errors are the rounding
-/// errors of the 16-bit table and of the 16-bit sample. Both are much smaller than half a 10-bit code, which is 5e-4
-/// in light.
+/// errors of the 16-bit table and of the 16-bit sample. These two errors are much smaller than half a 10-bit code,
+/// which is 5e-4 in light.
 #[test]
 fn ffmpeg_decodes_gray_of_any_depth_range_and_matrix_within_half_a_code() {
     if !ffmpeg() {
@@ -433,8 +433,9 @@ fn ffmpeg_decodes_gray_of_any_depth_range_and_matrix_within_half_a_code() {
 
 /// Decodes a saturated color that is encoded according to each standard, with 10 bits and limited range.
 ///
-/// For this color, an error of half a code in Y', Cb and Cr changes R', G' and B' by at most 0.5 / 876 + 0.94 x 2 x
-/// 0.5 / 896 = 0.0016 in linear light. A wrong matrix changes R', G' and B' by at least 0.01.
+/// Each code has a rounding error of up to 0.5. Full swing is 876 codes for Y', and 896 codes for Cb and Cr. The
+/// largest factor of Cb or Cr in the conversion to R'G'B' is 2 x 0.94. Each of R', G' and B' therefore changes by at
+/// most 0.5 / 876 + 2 x 0.94 x 0.5 / 896 = 0.0016. A wrong matrix changes R', G' and B' by at least 0.01.
 #[test]
 fn ten_bit_colors_are_decoded_with_the_declared_matrix() {
     if !ffmpeg() {

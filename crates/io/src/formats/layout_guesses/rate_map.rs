@@ -5,8 +5,8 @@ use spikelane::error::Result;
 use spikelane::unstable::inputs;
 use spikelane::unstable::spikes::unpack_byte;
 
-/// A correlation is significant if it exceeds the standard error of the correlation of independent pixels by this
-/// factor.
+/// A correlation is significant if it exceeds this number of standard errors. The standard error is computed for
+/// independent pixels.
 pub(super) const CHANCE_Z_THRESHOLD: f64 = 6.0;
 
 /// Approximate number of pixel pairs per correlation. With so many pairs, independent pixels have a correlation of 0
@@ -69,8 +69,8 @@ impl RateMap {
         }
     }
 
-    /// Returns the correlation between pixels `p` and `p + lag`. Returns `None` if one of the two groups of pixels has
-    /// zero variance.
+    /// Returns the correlation between pixels `p` and `p + lag`. Returns `None` if the rates of all pixels `p`, or of
+    /// all pixels `p + lag`, are equal.
     pub(super) fn correlation(&self, lag: usize) -> Option<f64> {
         let has_all_pixels = self.is_pixel.iter().all(|p| *p);
         let here = |p: usize| {
@@ -114,7 +114,8 @@ impl RateMap {
         let chance = 2.0 / (self.counts.len() as f64).sqrt();
         let near = (width / 8).max(3);
         let at = |d: usize| [width.checked_sub(d), Some(width + d)].into_iter().flatten();
-        // Slanted edges can shift the peak by up to two pixels, so lags with a distance below 3 are not compared.
+        // Slanted edges can shift the peak by up to two pixels. Therefore `c` is only compared with lags that differ
+        // from `width` by at least 3.
         let highest =
             (3..near).flat_map(at).all(|lag| self.correlation(lag).is_none_or(|side| side <= c + chance));
         let far = near..=width - near;
@@ -136,8 +137,8 @@ impl RateMap {
                     (sum, pairs) = (sum + difference(p, p + 1), pairs + 1);
                 }
             }
-            // The last pixel of a row and the first pixel of the next row are not neighbors, so such byte edges are
-            // skipped.
+            // The last pixel of a row and the first pixel of the next row are not neighbors, so the byte edge between
+            // these two pixels is skipped.
             let ends = [first, first + 7, first + 8, first + 15];
             let in_row = ends.windows(2).all(|w| w[0] % self.stride < w[1] % self.stride);
             if ends[3] >= self.counts.len() || !in_row || !ends.into_iter().all(is_pixel) {
@@ -193,8 +194,8 @@ impl ByteEdges {
     /// Returns the byte-edge ratio of the reversed bit order if the reversed order is clearly right, or `None`
     /// otherwise.
     ///
-    /// The reversed order is clearly right under two conditions. Its ratio must be much closer to 1, and it must win
-    /// at significantly more byte edges than by chance.
+    /// The reversed order is clearly right under two conditions. Its byte-edge ratio must be much closer to 1 than the
+    /// ratio of the current order. It must also fit better at significantly more byte edges than expected by chance.
     pub(super) fn reversed_order_ratio(&self) -> Option<f64> {
         let (here, other) = (self.ratio(self.lsb_first_sum)?, self.ratio(self.msb_first_sum)?);
         let clear = here > 1.5 && other < 0.7 * here && other < (here + 1.0) / 2.0;

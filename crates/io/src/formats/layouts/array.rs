@@ -32,7 +32,8 @@ impl ReadoutAxis {
         }
     }
 
-    /// Returns the number of readouts and the geometry of an array of this shape, or `None` if they are invalid.
+    /// Returns the number of readouts and the geometry of an array of this shape. Returns `None` if the number of
+    /// readouts or the geometry is invalid.
     pub(crate) fn readouts_and_geometry(self, [a, b, c]: [u64; 3]) -> Option<(u64, Geometry)> {
         let (readouts, height, width) = match self {
             Self::First => (a, b, c),
@@ -59,7 +60,7 @@ pub(crate) struct PackedStream {
 /// Packs the elements of `array`, which `source` reads in storage order.
 ///
 /// # Errors
-/// * [`ErrorKind::Input`] if values other than 0 and 1, or 0 and 255, occur.
+/// * [`ErrorKind::Input`] unless all values are 0 or 1, or all values are 0 or 255.
 /// * [`ErrorKind::Input`] if `source` ends early, or if the packed stream exceeds 1 GiB.
 pub(crate) fn pack(
     name: &str,
@@ -150,8 +151,8 @@ fn not_binary_error(name: &str, value: f64, readout: usize, (row, col): (usize, 
         .remedy("simulate an array of light first")
 }
 
-/// Returns whether the array is stored in the encoding of `npy-bytes`. The frames of such a file are read in place
-/// instead of packed in memory.
+/// Returns whether the array is stored in the encoding of `npy-bytes`. Frames in this encoding are read directly from
+/// the file. The frames of other arrays are packed in memory.
 pub(crate) const fn is_mapped(array: &ArrayHeader, axes: ReadoutAxis) -> bool {
     let bytes = matches!(array.element, Element::Bool | Element::U8 | Element::I8);
     bytes && !array.is_fortran_order && matches!(axes, ReadoutAxis::First)

@@ -4,8 +4,8 @@
 /// `to` are unchanged.
 ///
 /// The copy has three steps. The first step fills the first byte of the destination. The second step copies 64-bit
-/// words. Each word is built by a 64-bit load, the byte after the loaded word and a shift, and the compiler vectorizes
-/// this loop. The last step copies the remaining bits.
+/// words. Each word is shifted together from a 64-bit load and the next byte. The compiler vectorizes the loop over
+/// words. The last step copies the remaining bits.
 pub(crate) fn copy_bits(to: &mut [u8], to_bit: usize, from: &[u8], from_bit: usize, n: usize) {
     let (mut t, mut f, end) = (to_bit, from_bit, to_bit + n);
     if !t.is_multiple_of(8) && t < end {

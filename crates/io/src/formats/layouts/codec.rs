@@ -86,7 +86,7 @@ impl Codec {
     ///
     /// # Errors
     /// * [`ErrorKind::Usage`] if the slices do not contain the same number of whole frames.
-    /// * [`ErrorKind::Input`] if a frame in layout `npy-bytes` contains values other than 0 and 1, or 0 and 255.
+    /// * [`ErrorKind::Input`] if a frame in layout `npy-bytes` does not consist of 0 and 1 only, or of 0 and 255 only.
     /// * [`ErrorKind::Input`] if a frame in layout `rows1024` lacks its first or last tag.
     pub fn decode(&self, file: &[u8], packed: &mut [u8]) -> Result<()> {
         let size = self.geometry.frame_bytes();

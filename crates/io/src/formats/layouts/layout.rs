@@ -99,7 +99,8 @@ impl Layout {
 
     /// Returns the layout that has the opposite bit order and is otherwise equal.
     ///
-    /// Returns `None` if bytes are not packed bits, or if the camera of the layout defines the bit order.
+    /// Returns `None` if the bytes of a layout are not packed bits, or if the camera of the layout defines the bit
+    /// order.
     #[must_use]
     pub const fn other_bit_order(self) -> Option<Self> {
         match self {

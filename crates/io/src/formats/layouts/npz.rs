@@ -22,7 +22,8 @@ use spikelane::unstable::npy::{Element, Header};
 
 pub(crate) use crate::ARCHIVE_MAGIC as MAGIC;
 
-/// The largest compression ratio of deflate. If a header declares more data, the header is invalid.
+/// The largest compression ratio of deflate. A header is invalid if it declares more data than this ratio times the
+/// length of the archive.
 const MAX_RATIO: u64 = 1032;
 
 /// What the caller specifies about an archive.

@@ -6,10 +6,10 @@
 //! numbered from 1 to 500. A frame begins with the tag (line 500, channel 0) and ends with the tag (line 500, channel
 //! 3), as in `sps_parser.py` of SpikeCV.
 //!
-//! The camera vendor has not published the order of the other tags. The writer decreases the line to 1 in channels 0
-//! and 1. Then the writer increases the line from 1 in channels 2 and 3. This is the simplest order that has the
-//! required first and last tags and uses each tag once. The reader of SpikeCV and the reader of this crate accept
-//! every order.
+//! The camera vendor has not published the order of the tags inside a frame. In channels 0 and 1, the writer
+//! decreases the line number from 500 to 1. In channels 2 and 3, the writer increases the line number from 1 to 500.
+//! This is the simplest order that has the required first and last tags and uses each tag once. The reader of SpikeCV
+//! and the reader of this crate accept every order.
 
 use super::copy_bits;
 use crate::formats::source::ByteSource;
@@ -62,12 +62,12 @@ fn are_ends(first: &[u8], last: &[u8]) -> bool {
 }
 
 /// Returns whether all tags are valid. A check of the first tag alone is not sufficient, because random pixels match
-/// its 12 bits at one in 4,096 positions.
+/// the 12 bits of a tag at one in 4,096 positions.
 fn is_frame(file: &[u8]) -> bool {
     is_framed(file) && file.chunks_exact(HALF_ROW_BYTES).all(|h| (1..=500).contains(&tag(h).0))
 }
 
-/// A section of a file that is stored in memory. The section moves along the file during the search for frames.
+/// The part of a file that is currently in memory. The part moves along the file during the search for frames.
 struct Window<'a> {
     source: &'a ByteSource,
     /// Number of bytes at the start of the file in which frames are searched.
@@ -128,8 +128,8 @@ pub(crate) struct FrameScan {
     pub(crate) trailing: usize,
 }
 
-/// Finds all frames in the first `len` bytes. Returns `None` if the first two frame lengths do not contain the start
-/// of a whole frame.
+/// Finds all frames in the first `len` bytes. Returns `None` if no whole frame starts in the first two frame lengths
+/// of the file.
 ///
 /// If the bytes after a frame are not a frame, the next whole frame is searched at every byte offset. The bytes up to
 /// the next whole frame count as missing frames. The number of missing frames is the number of these bytes divided by
@@ -148,8 +148,8 @@ pub(crate) fn find(source: &ByteSource, len: usize) -> Result<Option<FrameScan>>
             at += FRAME_BYTES;
             continue;
         }
-        // If bytes are missing in the previous frame, pixels of the following frame can match its last tag by chance.
-        // Therefore all tags of the previous frame are checked.
+        // If bytes are missing in the previous frame, pixels of the following frame can match the last tag of the
+        // previous frame by chance. Therefore all tags of the previous frame are checked.
         if let Some(last) = frames.last().copied().flatten()
             && !window.is_frame(last)?
         {

@@ -1,9 +1,9 @@
 //! The rows of the 400x250 camera. Each row has 400 pixel bits and 16 header bits.
 //!
-//! The bottom row comes first, as in `.dat`. SpikeCV (`with_head`) and Spike-Zoo (`remove_head`) read such a file with
-//! a width of 416 pixels and remove the last 16 columns. By default, both programs then flip the frame vertically. The
-//! meaning of the header bits is not public. The writer sets the header bits to zero, and the reader ignores the
-//! header bits.
+//! The bottom row comes first, as in `.dat`. SpikeCV (`with_head`) and Spike-Zoo (`remove_head`) read a file of this
+//! layout with a width of 416 pixels and remove the last 16 columns. By default, SpikeCV and Spike-Zoo then flip the
+//! frame vertically. The meaning of the header bits is not public. The writer sets the header bits to zero, and the
+//! reader ignores the header bits.
 
 /// Number of rows of a frame.
 const ROWS: usize = 250;

@@ -1,7 +1,7 @@
 //! NumPy arrays (`.npy`) of numbers with shape `(T, H, W)`, or `(H, W)` for one frame.
 //!
-//! `u8`, `u16`, `bool` and floats have a default value of full scale. Other integer types require an explicit value of
-//! full scale.
+//! Full scale is the array value that represents light 1.0. It has a default value for `u8`, `u16`, `bool` and
+//! floats. For other integer types, the caller must give a value.
 //!
 //! Arrays in both byte orders are read frame by frame, so memory use does not depend on the number of frames. Bytes
 //! after the array are ignored, as in NumPy.
@@ -39,7 +39,7 @@ impl ArraySource {
     /// Opens a file and checks its length.
     ///
     /// # Errors
-    /// As [`ArraySource::from_reader`]. Also [`ErrorKind::Input`] if the file ends before the end of the array.
+    /// Errors of [`ArraySource::from_reader`]. Also [`ErrorKind::Input`] if the file ends before the end of the array.
     pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, transfer: Option<Transfer>) -> Result<Self> {
         let name = path.display().to_string();
         let file = InputFile::open(path)?;
@@ -59,11 +59,11 @@ impl ArraySource {
     /// Reads an array from a stream. Error messages refer to the stream as `name`. If `transfer` is `None`, integers
     /// are linear.
     ///
-    /// If the element type has no default full scale, this function succeeds. [`ArraySource::with_scale`] and the
-    /// reading of frames report the missing full scale.
+    /// An element type without a default full scale is not an error of this function. [`ArraySource::with_scale`] and
+    /// the reading of frames report the missing full scale.
     ///
     /// # Errors
-    /// * As [`ArrayReader::new`].
+    /// * Errors of [`ArrayReader::new`].
     /// * [`ErrorKind::Usage`] if a nonlinear transfer function is given for floats, which are always linear.
     /// * [`ErrorKind::Input`] if the mode is [`ResizeMode::Crop`] and the frames are smaller than the camera.
     pub fn from_reader(

@@ -21,7 +21,8 @@ use spikelane::unstable::threads;
 /// Bytes of a decompressed block.
 const INFLATED_BYTES: usize = 1 << 16;
 
-/// Opens the only array of an archive. [`ArraySource`] would return equal frames for the uncompressed array.
+/// Opens the only array of an archive. The frames equal the frames that [`ArraySource`] reads from the uncompressed
+/// array.
 ///
 /// # Errors
 /// * [`ErrorKind::Input`] if the file is not an archive or does not contain exactly one array.

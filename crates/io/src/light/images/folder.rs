@@ -162,7 +162,7 @@ impl Source for ImageFolder {
             return Ok(false);
         };
         let frame = image_file::read(file, &self.linear)?;
-        // The file may have changed since the folder was listed, so the kind and the size are checked again.
+        // The file may have changed since the folder was listed, so the size of the image is checked again.
         check_same_size(file, frame.geometry(), &self.files[0], self.size)?;
         *into = self.resize_mode.apply(frame, self.camera)?;
         self.next += 1;

@@ -33,13 +33,14 @@ pub struct Linearization {
 }
 
 impl Linearization {
-    /// Uses the declared transfer function. If `declared` is `None`, integers are sRGB and floats are linear.
+    /// Creates the conversion with the declared transfer function. If `declared` is `None`, integers are sRGB and
+    /// floats are linear.
     #[must_use]
     pub fn new(declared: Option<Transfer>) -> Self {
         Self::from_front_end(&FrontEnd::default(), declared)
     }
 
-    /// Uses the conversion of a camera's front end. The transfer function `declared` overrides the transfer function
+    /// Creates the conversion of a camera's front end. The transfer function `declared` overrides the transfer function
     /// of the front end.
     ///
     /// The transfer function of the front end applies only to integer codes. The transfer function `declared` also
@@ -56,7 +57,8 @@ impl Linearization {
         }
     }
 
-    /// Returns the front end that is used for float or integer codes. Its transfer function is always set.
+    /// Returns the front end that converts float codes (if `floats` is true) or integer codes. The `transfer` field of
+    /// the returned front end is never `None`.
     #[must_use]
     pub fn front_end_for(&self, floats: bool) -> FrontEnd {
         if !floats {

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 /// Maximum number of missing numbers that a note lists.
 const MAX_LISTED_NUMBERS: usize = 8;
 
-/// Returns a note that lists the missing numbers. Returns `None` if no number is missing, or if the numbers do not
-/// increase in regular steps.
+/// Returns a note that lists the numbers that are missing between the numbers in the file names. Returns `None` if no
+/// number is missing, or if the numbers do not increase in regular steps.
 pub(in crate::light) fn missing_numbers_note(files: &[PathBuf]) -> Option<String> {
     let names: Vec<NumberedName<'_>> =
         files.iter().filter_map(|f| NumberedName::parse(f.file_stem()?.to_str()?)).collect();

@@ -4,8 +4,8 @@ use std::cmp::Ordering;
 
 /// Compares two names. Sequences of ASCII digits compare as numbers of any length.
 ///
-/// Names that differ only in leading zeros are equal in this order. In that case the bytes of the names are compared,
-/// so that the order is total.
+/// If two names differ only in leading zeros, their numbers are equal. The function then compares the bytes of the
+/// names, so that the order is total.
 ///
 /// # Examples
 /// ```

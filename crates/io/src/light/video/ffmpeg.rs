@@ -84,7 +84,8 @@ impl FfmpegProcess {
 
 impl Drop for FfmpegProcess {
     fn drop(&mut self) {
-        // Both results are ignored, because the process may have ended already and `drop` cannot report errors.
+        // The errors of `kill` and `wait` are ignored, because the process may have ended already and `drop` cannot
+        // report errors.
         let _ = self.child.kill();
         let _ = self.child.wait();
         if let Some(complaints) = self.stderr_lines.take() {
@@ -129,7 +130,7 @@ impl FfmpegSource {
     /// # Errors
     /// * [`ErrorKind::Io`] if the file cannot be read.
     /// * [`ErrorKind::Tool`] if ffmpeg is missing or cannot decode the file.
-    /// * Otherwise as [`crate::light::y4m::Y4mReader::new`].
+    /// * Errors of [`crate::light::y4m::Y4mReader::new`], which reads the output of ffmpeg.
     pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, linear: Linearization) -> Result<Self> {
         Self::open_with("ffmpeg", path, camera, fit, linear)
     }

@@ -187,7 +187,8 @@ const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegvid
 /// Returns the arguments of ffmpeg and ffprobe for the input `path`. The arguments prevent access to other files and
 /// to the network.
 pub(super) fn single_file_args(path: &Path) -> [OsString; 6] {
-    // Without the prefix, a name with a colon would be a protocol, and a name with a leading dash would be an option.
+    // Without the prefix `file:`, a name with a colon would be a protocol, and a name with a leading dash would be an
+    // option.
     let mut input = OsString::from("file:");
     input.push(path);
     let [formats, protocols] = ["-format_whitelist", "-protocol_whitelist"].map(OsString::from);

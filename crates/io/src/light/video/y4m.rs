@@ -41,7 +41,8 @@ impl Y4mSource {
     /// Opens a file and counts its frames. The frames are not decoded.
     ///
     /// # Errors
-    /// As [`Y4mReader::new`]. Also [`ErrorKind::Input`] if the last frame is truncated or the file contains no frame.
+    /// Errors of [`Y4mReader::new`]. Also [`ErrorKind::Input`] if the last frame is truncated or the file contains no
+    /// frame.
     pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, linear: Linearization) -> Result<Self> {
         let name = path.display().to_string();
         let input = Box::new(InputFile::open(path)?.into_reader());
@@ -57,8 +58,8 @@ impl Y4mSource {
     /// Reads a video from a stream. Error messages refer to the stream as `name`.
     ///
     /// # Errors
-    /// As [`Y4mReader::new`]. Also [`ErrorKind::Input`] if the mode is [`ResizeMode::Crop`] and the video is smaller
-    /// than the camera.
+    /// Errors of [`Y4mReader::new`]. Also [`ErrorKind::Input`] if the mode is [`ResizeMode::Crop`] and the video is
+    /// smaller than the camera.
     pub fn from_reader(
         reader: Box<dyn Read + Send>,
         name: &str,
@@ -325,8 +326,9 @@ fn tokens(header: &[u8]) -> impl Iterator<Item = &[u8]> {
 /// Replaces the name of a color space of more than 8 bits by a name that the decoder supports. Returns the original
 /// number of bits.
 ///
-/// The decoder supports only 10 and 12 bits, and only 12 bits for mono. The decoder only computes the number of bytes
-/// per sample from this name. Therefore the names of 12-bit color spaces also work for other depths.
+/// The decoder supports only color spaces of 10 and 12 bits, and only 12 bits for mono. From the name of the color
+/// space, the decoder only computes the number of bytes per sample. Therefore the names of 12-bit color spaces also
+/// work for other depths.
 fn replace_deep_color_space(header: &mut Vec<u8>) -> Option<usize> {
     let token = tokens(header).find(|t| t.first() == Some(&b'C'))?;
     let space = str::from_utf8(&token[1..]).ok()?;

@@ -21,8 +21,8 @@ pub enum Matrix {
     Gbr,
 }
 
-/// Properties of a stream that override its header. If a property is `None`, the header or the height of the video
-/// determines the property.
+/// Encoding of the samples of a video stream. Each property overrides the header of the stream. If a property is
+/// `None`, the header or the height of the video determines the property.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::light) struct SampleEncoding {
     pub(in crate::light) matrix: Option<Matrix>,

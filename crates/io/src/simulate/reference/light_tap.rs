@@ -4,7 +4,8 @@ use crate::light::{Frame, Source, Timeline};
 use crate::simulate::feed::{LightFeeder, LightPiece, next_frame};
 use spikelane::error::{Error, ErrorKind, Result};
 
-/// The light of one readout near the middle of a run. Programs display this light beside the result.
+/// The light of one readout near the middle of a run. Programs display this light beside an image that is
+/// reconstructed from the stream.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LightSample {
@@ -41,7 +42,8 @@ impl LightTap<'_> {
     }
 }
 
-/// Returns the light of readout `readout`. `source` must be unread, and `timeline` maps readouts to its frames.
+/// Returns the light of readout `readout`. `source` must be unread, and `timeline` maps readouts to frames of
+/// `source`.
 ///
 /// # Examples
 /// ```
@@ -74,7 +76,8 @@ pub fn light_at(source: &mut dyn Source, timeline: Timeline, readout: u64) -> Re
 /// Samples the light near the middle of a run.
 ///
 /// If the length of the run is unknown, the sampler samples the readouts whose numbers are powers of two. Only the
-/// last two samples are stored. For a run of N readouts, one of the two numbers is between 2/3 and 4/3 of N / 2.
+/// last two samples are stored. For a run of N readouts, the readout number of one of these samples is between 2/3
+/// and 4/3 of N / 2.
 pub(in crate::simulate) struct LightSampler {
     next_readout: u64,
     is_length_known: bool,
