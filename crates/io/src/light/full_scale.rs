@@ -2,7 +2,7 @@
 
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 
-/// If no full scale is given, float values above this limit are rejected, because they are probably integer codes.
+/// If no full scale is given, float values above this limit may be integer codes.
 const MAX_FLOAT_LIGHT: f32 = 32.0;
 
 /// Returns `full_scale` if it is finite and positive.
@@ -22,10 +22,15 @@ pub fn check_full_scale(full_scale: f64) -> Result<f64> {
 /// Checks float values for which no full scale was given. `name` names the array, and `frame` is the index of the frame.
 ///
 /// # Errors
-/// [`ErrorKind::Input`] if a value is so large that the values are probably codes.
+/// [`ErrorKind::Input`] if the values are probably codes: one of them is above 32, and most values above 0 exceed 1.0.
+/// Lamps and highlights may be brighter, because most light beside them is at most 1.0.
 pub fn check_float_light(values: &[f32], name: &str, frame: u64) -> Result<()> {
     let max_value = values.iter().copied().fold(0.0, f32::max);
     if max_value <= MAX_FLOAT_LIGHT || max_value.is_infinite() {
+        return Ok(());
+    }
+    let count = |limit: f32| values.iter().filter(|&&v| v > limit).count();
+    if 2 * count(1.0) <= count(0.0) {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Input, name)
@@ -42,10 +47,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn floats_above_the_limit_are_codes_and_bright_floats_are_light() {
+    fn floats_above_the_limit_are_codes() {
         for (value, is_light) in [(0.0, true), (1.0, true), (32.0, true), (32.1, false), (255.0, false)] {
-            assert_eq!(check_float_light(&[0.5, value, 0.25], "a", 0).is_ok(), is_light, "{value}");
+            let values = [0.0, 0.0, 0.0, value, value / 2.0, 1.0];
+            assert_eq!(check_float_light(&values, "a", 0).is_ok(), is_light, "{value}");
         }
+    }
+
+    #[test]
+    fn lamps_in_a_scene_are_light() {
+        assert!(check_float_light(&[0.02, 0.3, 0.0, 4000.0, 0.9], "a", 0).is_ok());
     }
 
     #[test]
