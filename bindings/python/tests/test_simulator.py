@@ -38,7 +38,7 @@ def test_an_ideal_pixel_counts_its_light_exactly():
 
 
 def test_frames_one_by_one_are_frames_together(camera, clip):
-    together = sl.Simulator(camera).run(clip, readouts_per_frame=4)
+    together = sl.Simulator(camera).run(clip, readouts_per_frame=4, interpolation="hold")
     single = sl.Simulator(camera)
     apart = np.concatenate([single.run(frame, 4) for frame in clip])
     np.testing.assert_array_equal(together, apart)
@@ -115,13 +115,13 @@ def test_views_with_gaps_are_read_as_what_they_show(camera, clip):
 
 
 def test_a_state_goes_on_with_the_same_bits(camera, clip):
-    whole = sl.Simulator(camera, seed=2).run(clip, readouts_per_frame=6)
+    whole = sl.Simulator(camera, seed=2).run(clip, readouts_per_frame=6, interpolation="hold")
     first = sl.Simulator(camera, seed=2)
-    first.run(clip[:2], readouts_per_frame=6)
+    first.run(clip[:2], readouts_per_frame=6, interpolation="hold")
     second = sl.Simulator(camera, seed=2)
     second.restore(first.state())
     assert second.next_readout == 12
-    assert second.run(clip[2:], readouts_per_frame=6) == whole[12:]
+    assert second.run(clip[2:], readouts_per_frame=6, interpolation="hold") == whole[12:]
 
 
 def test_a_restart_is_a_new_simulator(camera, clip):

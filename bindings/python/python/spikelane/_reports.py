@@ -277,7 +277,7 @@ def measure(
     Raises the errors of ``open_stream``.
     """
     if isinstance(stream, str | os.PathLike):
-        stream = _native.open_stream(os.fspath(stream), height=height, width=width)
+        stream = _native.open_stream(stream, height=height, width=width)
     said = json.loads(_native.measure(stream, height, width, progress))
     shape = tuple(said["shape"])
     defects = said["defects"]
@@ -315,8 +315,8 @@ def calibrate(
     Raises SpikelaneError when the set is bad, FileExistsError unless ``force``.
     """
     text, camera = _native.calibrate(
-        os.fspath(recordings),
-        None if out is None else os.fspath(out),
+        recordings,
+        out,
         dead_time_fraction,
         light_uncertainty,
         max_gain_error,
@@ -377,12 +377,12 @@ def diagnose(
     as in ``measure``. Raises SpikelaneError when a set is bad, FileExistsError unless ``force``.
     """
     text, found = _native.diagnose(
-        os.fspath(recordings),
+        recordings,
         camera,
-        None if holdout is None else os.fspath(holdout),
+        holdout,
         seed,
         all_readouts,
-        None if out is None else os.fspath(out),
+        out,
         force,
         progress,
     )
