@@ -146,7 +146,9 @@ pub fn reject_unknown(unknown: Option<&Bound<'_, PyDict>>, path: &str) -> PyResu
 
 macro_rules! arguments {
     ($($name:ident: $type:ty = $check:ident $([$range:expr])? ($remedy:literal);)*) => {
-        $(pub fn $name<'a>(value: &'a Bound<'_, PyAny>) -> PyResult<$type> {
+        // Only text needs the lifetime.
+        $(#[allow(clippy::needless_lifetimes)]
+        pub fn $name<'a>(value: &'a Bound<'_, PyAny>) -> PyResult<$type> {
             $check(value, stringify!($name), $($range,)? $remedy)
         })*
 
@@ -161,10 +163,13 @@ macro_rules! arguments {
 
         /// The same arguments. None means that the argument was not passed.
         pub mod optional {
+            // The macro makes every argument optional, and not all of them are.
             #![allow(dead_code)]
             use super::*;
 
-            $(pub fn $name<'a>(value: &'a Bound<'_, PyAny>) -> PyResult<Option<$type>> {
+            // Only text needs the lifetime.
+        $(#[allow(clippy::needless_lifetimes)]
+        pub fn $name<'a>(value: &'a Bound<'_, PyAny>) -> PyResult<Option<$type>> {
                 if value.is_none() { Ok(None) } else { super::$name(value).map(Some) }
             })*
         }

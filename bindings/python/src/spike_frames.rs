@@ -111,12 +111,16 @@ impl SpikeFrames {
         let bytes = if is_bool { array.call_method1("view", ("uint8",))? } else { array.clone() };
         let dense = borrow_bytes(&bytes, "array")?;
         let &[readouts, height, width] = dense.shape() else {
-            return Err(usage_error(
-                "array",
-                format_args!("shape {}", shape_text(dense.shape())),
-                "(readouts, height, width)",
-                "pass array[None] for a single frame, or SpikeFrames.from_packed(array, height, width) for packed spikes",
-            ));
+            let remedy = match dense.shape() {
+                [_, 1, _, _] => "pass array[:, 0]",
+                [_, _, _, 1] => "pass array[..., 0]",
+                [_, _] => {
+                    "pass array[None] for a single frame, or SpikeFrames.from_packed(array, height, width) for packed spikes"
+                }
+                _ => "pass one stream, with a readout on the first axis",
+            };
+            let found = format!("shape {}", shape_text(dense.shape()));
+            return Err(usage_error("array", found, "(readouts, height, width)", remedy));
         };
         let geometry = geometry(height, width)?;
         let packed = zeros(py, &[readouts, geometry.frame_bytes()])?;

@@ -63,24 +63,24 @@ pub fn unpack_into(
 /// Raises SpikelaneError if a byte is neither 0 nor 1. The message contains the position of this byte. Raises
 /// SpikelaneTypeError for another dtype.
 #[pyfunction]
-pub fn pack<'py>(py: Python<'py>, bits: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-    let bits = borrow_bytes(bits, "bits")?;
-    let (rest, geometry) = match *bits.shape() {
+pub fn pack<'py>(py: Python<'py>, dense: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+    let dense = borrow_bytes(dense, "dense")?;
+    let (rest, geometry) = match *dense.shape() {
         [ref rest @ .., height, width] => (rest.to_vec(), geometry(height, width)?),
         ref other => {
             let found = format!("shape {}", shape_text(other));
             return Err(usage_error(
-                "bits",
+                "dense",
                 found,
                 "(..., H, W)",
-                "give the readouts as arrays of height and width",
+                "pass the readouts as arrays of height and width",
             ));
         }
     };
     let shape: Vec<usize> = rest.into_iter().chain([geometry.frame_bytes()]).collect();
     let out = zeros(py, &shape)?;
     let mut target = out.clone().try_readwrite()?;
-    let (from, to) = (bits.as_slice()?, target.as_slice_mut()?);
+    let (from, to) = (dense.as_slice()?, target.as_slice_mut()?);
     // The interpreter's lock is held. Without the lock the input would have to be copied, which takes as long as
     // packing.
     pack_into(geometry, from, to)?;

@@ -326,6 +326,20 @@ def test_a_tensor_on_the_cpu_is_light_and_spikes():
         sl.Simulator(CAMERA).fill(GRAY, Tensor(np.empty((20, 384), np.uint8)))
 
 
+def test_an_array_of_another_library_is_read_through_dlpack():
+    on_cpu = SimpleNamespace(__dlpack__=GRAY.__dlpack__, __dlpack_device__=GRAY.__dlpack_device__)
+    assert sl.Simulator(CAMERA).run(on_cpu, 20) == sl.Simulator(CAMERA).run(GRAY, 20)
+    on_cuda = SimpleNamespace(__dlpack__=GRAY.__dlpack__, __dlpack_device__=lambda: (2, 0))
+    with pytest.raises(sl.SpikelaneTypeError, match=r"on another device.* copy it to the CPU first"):
+        sl.Simulator(CAMERA).run(on_cuda, 20)
+
+
+@pytest.mark.parametrize(("axis", "remedy"), [(1, r"array\[:, 0\]"), (3, r"array\[\.\.\., 0\]")])
+def test_dense_spikes_with_a_channel_axis_name_the_index(axis, remedy):
+    with pytest.raises(sl.SpikelaneError, match=remedy):
+        sl.SpikeFrames.from_dense(np.expand_dims(np.zeros((5, 4, 6), np.uint8), axis))
+
+
 def test_a_torch_tensor_is_light_and_its_state_names_the_call():
     torch = pytest.importorskip("torch")
     expected = sl.Simulator(CAMERA).run(GRAY, 20)
