@@ -3,7 +3,7 @@
 //! Every error contains its subject, what was found, what was expected, and a remedy. The kind of an error determines the
 //! exit code of the program.
 
-mod nearest;
+pub(crate) mod nearest;
 mod setting;
 
 use std::borrow::Cow;

@@ -9,6 +9,10 @@ pub use crate::setters::with_methods;
 pub mod draws {
     pub use crate::draws::*;
 }
+/// Suggestions for misspelled names.
+pub mod error {
+    pub use crate::error::nearest::nearest;
+}
 /// Input files, file names from inputs, and allocations whose size depends on an input.
 pub mod inputs {
     pub use crate::inputs::*;

@@ -119,9 +119,9 @@ def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
     clips = np.random.default_rng(2).integers(0, 200, (64, 41, 96, 96), np.uint8)
     turn = [0]
 
-    def run(bits: bool, out: np.ndarray) -> None:
+    def run(dense: bool, out: np.ndarray) -> None:
         turn[0] += 64
-        sl.simulate_batch(camera, clips, sequences=range(turn[0], turn[0] + 64), bits=bits, out=out)
+        sl.simulate_batch(camera, clips, sequences=range(turn[0], turn[0] + 64), dense=dense, out=out)
 
     packed, bits = np.empty((64, 41, 1152), np.uint8), np.empty((64, 41, 96, 96), np.uint8)
     times = {"packed": best(lambda: run(False, packed)), "one byte per pixel": best(lambda: run(True, bits))}
@@ -176,8 +176,14 @@ def crops(table: Table, spikezoo: Path | None, spikecv: Path | None) -> None:
         )
         seconds = best(lambda: [convert(clip[0], 1.0, 1.0, 41) for clip in full]) * 4
         held = clips[:, :1]
-        ours = best(lambda: sl.simulate_batch(camera, held, 41, sequences=range(64), bits=False, out=packed))
-        unpacked = best(lambda: sl.simulate_batch(camera, held, 41, sequences=range(64), out=bits))
+        ours = best(
+            lambda: sl.simulate_batch(
+                camera, held, 41, sequences=range(64), interpolation="hold", dense=False, out=packed
+            )
+        )
+        unpacked = best(
+            lambda: sl.simulate_batch(camera, held, 41, sequences=range(64), interpolation="hold", out=bits)
+        )
         table.row(
             "SpikeCV `img_to_spike`, one image held, without noise",
             f"{64 / seconds:.0f} crops/s",

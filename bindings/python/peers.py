@@ -162,7 +162,7 @@ def ours_call() -> tuple[Work, int]:
     camera = sl.Camera.preset("physical").with_shape(HEIGHT, WIDTH)
     simulator, light = sl.Simulator(camera), clip(512)
     out = np.empty((512, HEIGHT * WIDTH // 8), np.uint8)
-    return lambda: simulator.fill(light, out, readouts_per_frame=1), 512
+    return lambda: simulator.fill(light, out, readouts_per_frame=1, interpolation="hold"), 512
 
 
 def ours_program(folder: Path) -> tuple[Work, int]:

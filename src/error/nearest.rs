@@ -7,7 +7,7 @@ use strsim::osa_distance;
 /// The distance counts insertions, deletions, substitutions and swaps of neighbors. Returns `None` if the smallest
 /// distance exceeds `min(ceil(letters / 3), 4)`, where `letters` is the number of letters of `word`. Case is ignored,
 /// and spaces and underscores are replaced by hyphens.
-pub(super) fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let normalize = |name: &str| name.to_lowercase().replace([' ', '_'], "-");
     let word = normalize(word);
     let allowed = word.chars().count().div_ceil(3).min(4);

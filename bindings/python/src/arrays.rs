@@ -1,15 +1,20 @@
 //! Conversion of NumPy arrays to frames of light and to buffers.
 
 use numpy::{
-    Element, PyArray1, PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
+    BorrowError, Element, PyArray1, PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
     PyUntypedArray, PyUntypedArrayMethods as _,
 };
+use pyo3::PyTypeInfo as _;
 use pyo3::prelude::*;
+use pyo3::types::IntoPyDict as _;
 use spikelane::Geometry;
+use spikelane::error::Setting;
+use spikelane_io::light::full_scale::{check_float_light, check_full_scale};
 use spikelane_io::simulate::FrameRef;
 use spikelane_io::simulate::Samples;
 
-use crate::error::{OrRaise as _, type_error, usage_error};
+use crate::argument::describe;
+use crate::error::{OrRaise as _, type_error, usage_error, warn};
 
 /// Frames of light that no other code changes while Rust reads the samples.
 ///
@@ -40,9 +45,35 @@ pub enum CopyPolicy {
     IfNeeded,
 }
 
+/// The scale of the values of light.
+#[derive(Clone, Copy)]
+pub struct LightScale {
+    /// The value that is full scale, if the caller gave one.
+    pub full_scale: Option<f64>,
+    /// The light at which the sensor clips, in full scales. `None` for light that is not simulated, which raises no
+    /// warnings.
+    pub max_light: Option<f64>,
+}
+
 impl<'py> LightArray<'py> {
-    /// Converts `array` to light. `name` names the argument in errors.
-    pub fn from_array(array: &Bound<'py, PyAny>, name: &str, copies: CopyPolicy) -> PyResult<Self> {
+    /// Converts `array` to light and checks the values. `name` names the argument in errors.
+    pub fn from_array(
+        array: &Bound<'py, PyAny>,
+        name: &str,
+        copies: CopyPolicy,
+        scale: LightScale,
+    ) -> PyResult<Self> {
+        let array = to_numpy(array, name, LIGHT_TYPES)?;
+        let array = match scale.full_scale {
+            Some(full_scale) => divide(&array, name, check_full_scale(full_scale).or_raise()?)?,
+            None => array,
+        };
+        let light = Self::from_numpy(&array, name, copies)?;
+        light.check_values(name, scale)?;
+        Ok(light)
+    }
+
+    fn from_numpy(array: &Bound<'py, PyAny>, name: &str, copies: CopyPolicy) -> PyResult<Self> {
         if let Ok(frames) = FrameArray::try_from_array(array, name, copies) {
             return frames.map(Self::U8);
         }
@@ -53,6 +84,24 @@ impl<'py> LightArray<'py> {
             return frames.map(Self::F32);
         }
         Err(light_type_error(array, name))
+    }
+
+    /// Checks that the values are light. Light that the sensor clips, and integers that are probably a mask, raise a
+    /// warning.
+    fn check_values(&self, name: &str, scale: LightScale) -> PyResult<()> {
+        match self {
+            Self::U8(_) | Self::U16(_) if scale.max_light.is_none() => Ok(()),
+            Self::U8(frames) => warn_of_mask(name, frames.contiguous.as_slice()?.iter().copied().max(), 255),
+            Self::U16(frames) => {
+                warn_of_mask(name, frames.contiguous.as_slice()?.iter().copied().max(), 65535)
+            }
+            Self::F32(frames) => {
+                let (height, width) = self.size();
+                let values = frames.contiguous.as_slice()?;
+                let is_single = self.is_single();
+                check_float_values(values, name, (height, width), is_single, scale)
+            }
+        }
     }
 
     fn shape(&self) -> &[usize] {
@@ -90,14 +139,18 @@ impl<'py> LightArray<'py> {
         if self.size() == (height, width) {
             return Ok(());
         }
-        let remedy = color_remedy(self.shape())
-            .unwrap_or("resize the frames, or the camera with Camera.with_shape or Camera.window");
-        Err(usage_error(
-            name,
-            format_args!("shape {}", shape_text(self.shape())),
-            format_args!("({height}, {width}) or (N, {height}, {width}), the size of the camera"),
-            remedy,
-        ))
+        let expected = format!("({height}, {width}) or (N, {height}, {width}), the size of the camera");
+        Err(shape_error(name, self.shape(), Some((height, width)), expected))
+    }
+
+    /// Rejects colors on the last axis. Use it if the size of the frames is unknown.
+    pub fn check_gray(&self, name: &str) -> PyResult<()> {
+        match *self.shape() {
+            [_, rows, 3 | 4] if rows >= MIN_IMAGE_SIDE => {
+                Err(shape_error(name, self.shape(), None, "gray images (N, H, W)"))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Returns the frames. Their size must equal `geometry`.
@@ -123,12 +176,7 @@ impl<'py, T: Element + Copy> FrameArray<'py, T> {
 
     fn from_typed_array(array: &Bound<'py, PyArrayDyn<T>>, name: &str, copies: CopyPolicy) -> PyResult<Self> {
         if !matches!(array.ndim(), 2 | 3) {
-            return Err(usage_error(
-                name,
-                format_args!("shape {}", shape_text(array.shape())),
-                "one frame (H, W) or frames (N, H, W)",
-                color_remedy(array.shape()).unwrap_or("index or reshape the array"),
-            ));
+            return Err(shape_error(name, array.shape(), None, "one frame (H, W) or frames (N, H, W)"));
         }
         let busy = |_| {
             usage_error(
@@ -156,10 +204,127 @@ impl<'py, T: Element + Copy> FrameArray<'py, T> {
     }
 }
 
-/// Returns what to do if the last axis looks like colors.
-fn color_remedy(shape: &[usize]) -> Option<&'static str> {
-    let is_color = shape.len() > 2 && matches!(shape.last(), Some(3 | 4));
-    is_color.then_some("convert colors to light first, for example `rgb @ weights`")
+/// A last axis of 3 or 4 after an axis of at least this length is read as colors, not as columns.
+const MIN_IMAGE_SIDE: usize = 16;
+
+/// Returns the error for light of a wrong shape. The remedy depends on what the shape looks like.
+///
+/// `size` is the height and width that the camera has, if it is known.
+pub fn shape_error(
+    name: &str,
+    shape: &[usize],
+    size: Option<(usize, usize)>,
+    expected: impl std::fmt::Display,
+) -> PyErr {
+    let is_size = |height, width| size.is_none_or(|size| size == (height, width));
+    let weights = "[0.2126, 0.7152, 0.0722]";
+    let (guess, remedy) = match *shape {
+        [.., h, w, colors @ (3 | 4)] if is_size(h, w) || h.min(w) >= MIN_IMAGE_SIDE => {
+            let rgb = if colors == 3 { name.to_owned() } else { format!("{name}[..., :3]") };
+            (": an RGB image?", format!("weight its colors: ({rgb} @ {weights}).astype({name}.dtype)"))
+        }
+        [_, colors @ (3 | 4), _, _] => {
+            let rgb = if colors == 3 { name.to_owned() } else { format!("{name}[:, :3]") };
+            let sum = format!("numpy.einsum('nchw,c->nhw', {rgb}, {weights}).astype({name}.dtype)");
+            (": RGB images?", format!("weight their colors: {sum}"))
+        }
+        [_, 1, _, _] => (": a channel axis?", format!("pass {name}[:, 0]")),
+        [.., 1] if shape.len() > 2 => (": a channel axis?", format!("pass {name}[..., 0]")),
+        [.., h, w] if size == Some((w, h)) => {
+            (": (width, height)?", format!("swap the axes: {name}.swapaxes(-1, -2)"))
+        }
+        [_, _, _, _] => ("", "pass one clip, or several to spikelane.simulate_batch".to_owned()),
+        [_] => ("", format!("pass {name}.reshape(height, width)")),
+        [_, _] | [_, _, _] => {
+            ("", "resize the light, or the camera: camera.with_shape(height, width)".to_owned())
+        }
+        _ => ("", "index or reshape the array".to_owned()),
+    };
+    usage_error(name, format_args!("shape {}{guess}", shape_text(shape)), expected, remedy)
+}
+
+/// The element types of light.
+const LIGHT_TYPES: &str = "a NumPy array of uint8, uint16 or float32";
+
+/// The element type of spikes.
+const SPIKE_TYPES: &str = "a NumPy array of uint8";
+
+/// Returns `value` if it is a NumPy array. Returns a NumPy array with the memory of a tensor on the CPU.
+///
+/// Another object raises SpikelaneTypeError. `name` names the argument, and `expected` names the accepted arrays.
+pub fn to_numpy<'py>(value: &Bound<'py, PyAny>, name: &str, expected: &str) -> PyResult<Bound<'py, PyAny>> {
+    if value.get_type().is(PyUntypedArray::type_object(value.py())) {
+        return Ok(value.clone());
+    }
+    value.py().import("spikelane._arrays")?.call_method1("to_numpy", (value, name, expected))
+}
+
+/// Returns `array / full_scale` as float32. The quotient is rounded from float64, as for arrays in files.
+fn divide<'py>(array: &Bound<'py, PyAny>, name: &str, full_scale: f64) -> PyResult<Bound<'py, PyAny>> {
+    let dtype = array.getattr("dtype")?;
+    if !matches!(dtype.getattr("kind")?.extract::<&str>()?, "b" | "u" | "i" | "f") {
+        return Err(type_error(
+            name,
+            format_args!("an array of {dtype}"),
+            "real numbers",
+            "convert the array first",
+        ));
+    }
+    let py = array.py();
+    let options = [("dtype", "float64")].into_py_dict(py)?;
+    let quotient = py.import("numpy")?.call_method("divide", (array, full_scale), Some(&options))?;
+    quotient.call_method1("astype", ("float32",))
+}
+
+/// Warns if the light is a mask of 0 and 1, which is nearly black where full scale is 255 or 65535.
+fn warn_of_mask<T: Into<u32>>(name: &str, max_value: Option<T>, full_scale: u32) -> PyResult<()> {
+    if max_value.map(Into::into) != Some(1) {
+        return Ok(());
+    }
+    let remedy = format!("pass {}1 if 1 is full scale", Setting("full_scale"));
+    let expected = format!("light with full scale at {full_scale}");
+    warn(name, "integers of 0 and 1 only", expected, remedy)
+}
+
+/// Checks that floats are finite, not negative and not codes. Warns if the sensor clips most of a frame.
+fn check_float_values(
+    values: &[f32],
+    name: &str,
+    (height, width): (usize, usize),
+    is_single: bool,
+    scale: LightScale,
+) -> PyResult<()> {
+    let is_light = |v: f32| (0.0..=f32::MAX).contains(&v);
+    let max_light = scale.max_light.unwrap_or(f64::INFINITY) as f32;
+    let mut is_clipped = false;
+    for (i, frame) in values.chunks_exact((height * width).max(1)).enumerate() {
+        // Without a branch in the loop, the compiler uses vector instructions.
+        if !frame.iter().fold(true, |valid, &v| valid & is_light(v)) {
+            let p = frame.iter().position(|&v| !is_light(v)).unwrap_or(0);
+            let (row, col) = (p / width, p % width);
+            let place = if is_single { format!("[{row}, {col}]") } else { format!("[{i}, {row}, {col}]") };
+            let remedy = match frame[p] < 0.0 && frame[p].is_finite() {
+                true => format!("clip it: numpy.maximum({name}, 0)"),
+                false => format!("replace it: numpy.where(numpy.isfinite({name}), {name}, 0)"),
+            };
+            let expected = "light that is finite and not negative";
+            return Err(usage_error(format_args!("{name}{place}"), frame[p], expected, remedy));
+        }
+        if scale.full_scale.is_none() {
+            check_float_light(frame, name, i as u64).or_raise()?;
+        }
+        is_clipped |= 2 * frame.iter().filter(|&&v| v > max_light).count() > frame.len();
+    }
+    if !is_clipped {
+        return Ok(());
+    }
+    let (full_scale, limit) = (Setting("full_scale"), Setting("max_light"));
+    warn(
+        name,
+        format_args!("light above {max_light} in most of a frame"),
+        format_args!("at most {limit}{max_light}, where the sensor clips it"),
+        format_args!("pass {full_scale}255 if 255 is full scale, or {limit}10 to simulate light up to 10"),
+    )
 }
 
 /// Returns a shape as Python prints it.
@@ -185,18 +350,29 @@ pub fn copy_contiguous<'py, T: Element>(
 }
 
 fn light_type_error(array: &Bound<'_, PyAny>, name: &str) -> PyErr {
-    let expected = "a NumPy array of uint8, uint16 or float32";
-    let Ok(array) = array.cast::<PyUntypedArray>() else {
-        let kind = array.get_type().name().map_or_else(|_| "another object".to_owned(), |n| n.to_string());
-        let remedy = "give numpy.asarray(x), or tensor.numpy() of a tensor on the CPU";
-        return type_error(name, format_args!("a {kind}"), expected, remedy);
+    let text = |key: &str| array.getattr("dtype").and_then(|d| d.getattr(key)).map(|t| t.to_string());
+    let (kind, code) = (text("kind").unwrap_or_default(), text("str").unwrap_or_default());
+    let dtype = array.getattr("dtype").map(|dtype| dtype.to_string()).unwrap_or_default();
+    let full_scale = Setting("full_scale");
+    let remedy = match (kind.as_str(), code.trim_start_matches(['>', '<'])) {
+        (_, native @ ("u2" | "f4")) => {
+            let native = if native == "u2" { "uint16" } else { "float32" };
+            format!("pass {name}.astype(numpy.{native}), in the byte order of this machine")
+        }
+        ("f", _) => {
+            format!(
+                "pass {name}.astype(numpy.float32) if 1.0 is full scale, or else {full_scale}, for example {full_scale}255"
+            )
+        }
+        ("i" | "u", _) => {
+            format!(
+                "pass {name}.astype(numpy.uint8) if the values are 0 to 255, or else {full_scale}, for example {full_scale}4095"
+            )
+        }
+        ("b", _) => format!("pass {name}.astype(numpy.float32), where True is full scale"),
+        _ => format!("convert it to numbers, for example {name}.astype(numpy.float32)"),
     };
-    let dtype = array.dtype().to_string();
-    let remedy = match dtype.as_str() {
-        "float64" => "scale it so that 1.0 is full scale and give x.astype(numpy.float32)",
-        _ => "convert it with x.astype(...); full scale is 255, 65535 or 1.0",
-    };
-    type_error(name, format_args!("an array of {dtype}"), expected, remedy)
+    type_error(name, format_args!("an array of {dtype}"), LIGHT_TYPES, remedy)
 }
 
 /// Checks the shape of the caller's byte buffer, and checks that the buffer is contiguous and writable.
@@ -221,16 +397,23 @@ fn borrow_buffer<'py>(
     expected: &str,
 ) -> PyResult<PyReadwriteArrayDyn<'py, u8>> {
     let Ok(array) = out.cast::<PyArrayDyn<u8>>() else {
-        let found = out.getattr("dtype").map_or_else(|_| out.get_type().to_string(), |d| d.to_string());
-        let remedy = "pass numpy.empty(shape, numpy.uint8)";
-        return Err(type_error("out", found, "a NumPy array of uint8", remedy));
+        let (found, remedy) = match out.cast::<PyUntypedArray>() {
+            Ok(array) => {
+                (format!("an array of {}", array.dtype()), format!("numpy.empty({expected}, numpy.uint8)"))
+            }
+            Err(_) if out.hasattr("numpy")? => {
+                (describe(out), "out.numpy(), which shares its memory".to_owned())
+            }
+            Err(_) => (describe(out), format!("numpy.empty({expected}, numpy.uint8)")),
+        };
+        return Err(type_error("out", found, SPIKE_TYPES, format_args!("pass {remedy}")));
     };
     if !fits(array.shape()) {
         return Err(usage_error(
             "out",
             format_args!("shape {}", shape_text(array.shape())),
             format_args!("shape {expected}"),
-            "pass a buffer of that shape",
+            format_args!("pass numpy.empty({expected}, numpy.uint8)"),
         ));
     }
     if !array.is_c_contiguous() {
@@ -238,37 +421,67 @@ fn borrow_buffer<'py>(
             "out",
             "an array with gaps or another order",
             "a C-contiguous one, which is written in place",
-            "give numpy.empty(shape, numpy.uint8), or write into numpy.ascontiguousarray(out) and copy",
+            format_args!("pass numpy.empty({expected}, numpy.uint8), and copy the result"),
         ));
     }
-    array.try_readwrite().map_err(|e| {
-        usage_error("out", e, "an array that can be written and is not the light", "give another array")
+    array.try_readwrite().map_err(|error| match error {
+        BorrowError::NotWriteable => {
+            usage_error("out", "a read-only array", "an array that can be written", "pass out.copy()")
+        }
+        _ => usage_error("out", error, "an array that no other argument or call uses", "pass another array"),
     })
 }
 
 /// Borrows a contiguous array of bytes with any number of axes.
 ///
 /// Read or copy ([`copy_contiguous`]) the array only while the interpreter's lock is held.
-pub fn borrow_bytes<'py>(
-    array: &Bound<'py, PyAny>,
-    name: &str,
-) -> PyResult<numpy::PyReadonlyArrayDyn<'py, u8>> {
+pub fn borrow_bytes<'py>(array: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, u8>> {
+    let array = to_numpy(array, name, SPIKE_TYPES)?;
     let Ok(array) = array.cast::<PyArrayDyn<u8>>() else {
-        let found = array.getattr("dtype").map_or_else(|_| array.get_type().to_string(), |d| d.to_string());
-        let remedy = "give numpy.asarray(x, numpy.uint8)";
-        return Err(type_error(name, found, "a NumPy array of uint8", remedy));
+        let found = format!("an array of {}", array.getattr("dtype")?);
+        return Err(type_error(name, found, SPIKE_TYPES, format_args!("pass {name}.astype(numpy.uint8)")));
     };
     if !array.is_c_contiguous() {
         return Err(usage_error(
             name,
             "an array with gaps or another order",
             "a C-contiguous array",
-            "give numpy.ascontiguousarray(x)",
+            format_args!("pass numpy.ascontiguousarray({name})"),
         ));
     }
-    array
-        .try_readonly()
-        .map_err(|e| usage_error(name, e, "an array that nothing writes into", "wait, or give a copy"))
+    array.try_readonly().map_err(|error| {
+        usage_error(
+            name,
+            error,
+            "an array that no other call writes into",
+            "wait for the other call, or pass a copy",
+        )
+    })
+}
+
+/// Copies a map of the sensor: finite float64 values of this size.
+pub fn copy_map(map: &Bound<'_, PyAny>, name: &str, geometry: Geometry) -> PyResult<Vec<f64>> {
+    let (height, width) = (geometry.height(), geometry.width());
+    let expected = format!("a NumPy array of float64, ({height}, {width})");
+    let map = to_numpy(map, name, &expected)?;
+    let Ok(map) = map.cast::<PyArrayDyn<f64>>() else {
+        let found = format!("an array of {}", map.getattr("dtype")?);
+        return Err(type_error(name, found, expected, format_args!("pass {name}.astype(numpy.float64)")));
+    };
+    if map.shape() != [height, width] {
+        let found = format!("shape {}", shape_text(map.shape()));
+        return Err(usage_error(name, found, expected, "pass the map of the whole sensor"));
+    }
+    let values = copy_contiguous(map)?.as_slice()?.to_vec();
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(p) => {
+            let place = format!("{name}[{}, {}]", p / width, p % width);
+            let remedy =
+                format!("replace it: numpy.where(numpy.isfinite({name}), {name}, numpy.nanmean({name}))");
+            Err(usage_error(place, values[p], "a finite number", remedy))
+        }
+        None => Ok(values),
+    }
 }
 
 /// Sizes below this number of bytes are assumed to fit in memory. A check through NumPy takes longer than a small `push`.

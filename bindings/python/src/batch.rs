@@ -7,16 +7,21 @@ use std::time::Duration;
 
 use numpy::{PyArrayDyn, PyArrayMethods as _};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
 use spikelane::spikes::{self, Crop};
 use spikelane::{Error, ErrorKind, Geometry, Plan, Seeds, Simulator};
 use spikelane_io::light::{FlowInterpolator, Frame, Interpolation, OwnedSamples as Owned, Timeline};
 use spikelane_io::simulate::FrameRef;
 use spikelane_io::simulate::Samples;
 
-use crate::arrays::{CopyPolicy, LightArray, array_from_vec, check_buffer, geometry, zeros};
+use crate::argument::{self, describe};
+use crate::arrays::{
+    CopyPolicy, LightArray, LightScale, array_from_vec, check_buffer, geometry, shape_error, shape_text,
+    zeros,
+};
 use crate::camera::Camera;
-use crate::error::{OrRaise as _, usage_error};
-use crate::simulator::{check_threads, readout_count, timeline};
+use crate::error::{OrRaise as _, type_error, usage_error};
+use crate::simulator::{readout_count, timeline};
 use crate::watch::WorkMonitor;
 
 /// Interval between two checks for signals while other threads work.
@@ -42,11 +47,11 @@ struct BatchOptions {
 
 /// Simulates clips of equal size on `threads` threads. Each clip is a separate recording.
 ///
-/// Returns uint8 of shape (B, T, H, W) with one byte, 0 or 1, per pixel. With bits=False, returns bit-packed uint8 of
+/// Returns uint8 of shape (B, T, H, W) with one byte, 0 or 1, per pixel. With dense=False, returns bit-packed uint8 of
 /// shape (B, T, ceil(H * W / 8)). The interpreter's lock is released during the simulation.
 ///
 /// `clips` is an array (B, N, H, W) or a sequence of arrays (N, H, W). The types are uint8, uint16 or float32, as in
-/// `Simulator.push`. `camera` is one Camera for all clips, or a sequence with one camera per clip. `sequences` (one
+/// `Simulator.run`. `camera` is one Camera for all clips, or a sequence with one camera per clip. `sequences` (one
 /// integer per clip) and `seed` determine the temporal noise. `camera_seed` (one integer, or one per clip) determines the
 /// fixed pattern. The bits of a clip depend only on the camera, the seeds and the light of this clip. They never depend
 /// on the batch or the threads.
@@ -57,33 +62,35 @@ struct BatchOptions {
 ///
 /// `out` is an optional array that receives the spikes. `progress(done, total)` is called with numbers of clips. True
 /// shows a bar if tqdm is installed. Ctrl-C stops the batch. By default the clips are copied before the simulation. With
-/// copy=False they are not copied, as in `Simulator.push`.
+/// copy=False they are not copied, as in `Simulator.run`.
 ///
-/// Raises the errors of `Simulator.push`. The message of an error contains the number of the clip.
+/// Raises the errors of `Simulator.run`. The message of an error contains the number of the clip.
 #[pyfunction]
-#[pyo3(signature = (camera, clips, readouts_per_frame=1, *, sequences, seed=0, camera_seed=None, windows=None,
-    interpolation="hold", readouts=None, threads=1, bits=true, max_light=1.0, out=None, progress=None, copy=true))]
+#[pyo3(signature = (camera, clips, readouts_per_frame=1, *, sequences, seed=0, camera_seed=None, windows=None, interpolation="linear", full_scale=None, readouts=None, threads=1, dense=true, max_light=1.0, out=None, progress=None, copy=true, **unknown), text_signature = "(camera, clips, readouts_per_frame=1, *, sequences, seed=0, camera_seed=None, windows=None, interpolation=\"linear\", full_scale=None, readouts=None, threads=1, dense=True, max_light=1.0, out=None, progress=None, copy=True)")]
 pub fn simulate_batch<'py>(
     py: Python<'py>,
     camera: &Bound<'py, PyAny>,
     clips: &Bound<'py, PyAny>,
-    readouts_per_frame: u64,
+    #[pyo3(from_py_with = argument::readouts_per_frame)] readouts_per_frame: u64,
     sequences: &Bound<'py, PyAny>,
-    seed: u64,
+    #[pyo3(from_py_with = argument::seed)] seed: u64,
     camera_seed: Option<&Bound<'py, PyAny>>,
     windows: Option<&Bound<'py, PyAny>>,
-    interpolation: &str,
-    readouts: Option<usize>,
-    threads: usize,
-    bits: bool,
-    max_light: f64,
+    #[pyo3(from_py_with = argument::interpolation)] interpolation: &str,
+    #[pyo3(from_py_with = argument::optional::full_scale)] full_scale: Option<f64>,
+    #[pyo3(from_py_with = argument::optional::readouts)] readouts: Option<usize>,
+    #[pyo3(from_py_with = argument::threads)] threads: usize,
+    #[pyo3(from_py_with = argument::dense)] dense: bool,
+    #[pyo3(from_py_with = argument::max_light)] max_light: f64,
     out: Option<&Bound<'py, PyAny>>,
     progress: Option<Py<PyAny>>,
-    copy: bool,
+    #[pyo3(from_py_with = argument::copy)] copy: bool,
+    unknown: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-    check_threads(threads)?;
+    argument::reject_unknown(unknown, "simulate_batch")?;
     let timeline = timeline(readouts_per_frame, interpolation)?;
-    let lights = clip_lights(clips, if copy { CopyPolicy::All } else { CopyPolicy::IfNeeded })?;
+    let copies = if copy { CopyPolicy::All } else { CopyPolicy::IfNeeded };
+    let lights = clip_lights(clips, copies, LightScale { full_scale, max_light: Some(max_light) })?;
     let (height, width) = lights[0].size();
     let geometry = geometry(height, width)?;
     let cameras = one_or_each_camera(camera, lights.len())?;
@@ -98,26 +105,20 @@ pub fn simulate_batch<'py>(
     let crops = windows.map(|w| window_crops(w, lights.len(), height, width)).transpose()?;
     for (i, light) in lights.iter().enumerate() {
         let name = format!("clips[{i}]");
-        light.check_size(geometry, &name)?;
+        let size = if crops.is_none() { cameras[i].camera().sensor.geometry } else { geometry };
+        light.check_size(size, &name)?;
         if light.count() != lights[0].count() {
             let expected = format!("{}, as the first clip has", lights[0].count());
             return Err(usage_error(
                 name,
                 format_args!("{} frames", light.count()),
                 expected,
-                "give clips of one length",
+                "pass clips of one length",
             ));
-        }
-        if crops.is_none() && cameras[i].camera().sensor.geometry != geometry {
-            let found = format!(
-                "a camera of {} and clips of {geometry} pixels (W x H)",
-                cameras[i].camera().sensor.geometry
-            );
-            return Err(usage_error("camera", found, "one size", "resize the camera, or give windows"));
         }
     }
     let readouts = readout_count(readouts, timeline.readouts(lights[0].count() as u64).unwrap_or(u64::MAX))?;
-    let tail = if bits { vec![height, width] } else { vec![geometry.frame_bytes()] };
+    let tail = if dense { vec![height, width] } else { vec![geometry.frame_bytes()] };
     let shape: Vec<usize> = [lights.len(), readouts].into_iter().chain(tail).collect();
     let out = match out {
         None => zeros(py, &shape)?,
@@ -145,7 +146,7 @@ pub fn simulate_batch<'py>(
             }))
         })
         .collect::<PyResult<_>>()?;
-    let common = BatchOptions { geometry, timeline, max_light, unpacked: bits };
+    let common = BatchOptions { geometry, timeline, max_light, unpacked: dense };
     let mut watch = WorkMonitor::new(py, progress, "clips")?;
     let threads = threads.min(lights.len());
     let result = py.detach(|| run_batch(&items, &common, threads, &mut watch));
@@ -282,64 +283,69 @@ impl BatchWorker {
 }
 
 /// Converts a sequence of clips to light.
-fn clip_lights<'py>(clips: &Bound<'py, PyAny>, copies: CopyPolicy) -> PyResult<Vec<LightArray<'py>>> {
+fn clip_lights<'py>(
+    clips: &Bound<'py, PyAny>,
+    copies: CopyPolicy,
+    scale: LightScale,
+) -> PyResult<Vec<LightArray<'py>>> {
     let expected = "an array (B, N, H, W), or a sequence of arrays (N, H, W)";
-    let remedy = "give clips[None] for a single clip";
     let mut all = Vec::new();
-    for (i, clip) in clips.try_iter()?.enumerate() {
-        let clip = clip?;
-        let axes = clip.getattr("ndim").and_then(|n| n.extract::<usize>()).unwrap_or(0);
-        if axes != 3 {
-            return Err(usage_error(
-                format_args!("clips[{i}]"),
-                format_args!("{axes} axes"),
-                expected,
-                remedy,
-            ));
+    let Ok(sequence) = clips.try_iter() else {
+        return Err(type_error("clips", describe(clips), expected, "pass clips[None] for a single clip"));
+    };
+    for (i, clip) in sequence.enumerate() {
+        let (clip, name) = (clip?, format!("clips[{i}]"));
+        let shape = clip.getattr("shape").and_then(|shape| shape.extract::<Vec<usize>>()).ok();
+        match shape.as_deref() {
+            Some([_, _] | [_] | []) => {
+                let found = format!("shape {}", shape_text(shape.as_deref().unwrap_or_default()));
+                return Err(usage_error(name, found, expected, "pass clips[None] for a single clip"));
+            }
+            Some(shape) if shape.len() > 3 => return Err(shape_error(&name, shape, None, "(N, H, W)")),
+            _ => {}
         }
-        all.push(LightArray::from_array(&clip, &format!("clips[{i}]"), copies)?);
+        all.push(LightArray::from_array(&clip, &name, copies, scale)?);
     }
     if all.is_empty() {
-        return Err(usage_error("clips", "no clip", expected, "give at least one"));
+        return Err(usage_error("clips", "no clip", expected, "pass at least one"));
     }
     Ok(all)
 }
 
 /// Returns one camera per clip. `given` is one camera for all clips or a sequence of `count` cameras.
 fn one_or_each_camera(cameras: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Camera>> {
-    if let Ok(one) = cameras.cast::<Camera>() {
-        return Ok(vec![one.get().clone(); count]);
+    match cameras.try_iter() {
+        Ok(all) if !cameras.is_instance_of::<PyString>() => {
+            let all = all.map(|one| argument::camera(&one?)).collect::<PyResult<Vec<_>>>()?;
+            check_count(all, count, "camera")
+        }
+        _ => Ok(vec![argument::camera(cameras)?; count]),
     }
-    let wrong = |found: &Bound<'_, PyAny>| {
-        let expected = "a Camera, or one for each clip";
-        crate::error::type_error("camera", found.get_type(), expected, "give spikelane.Camera objects")
-    };
-    let Ok(all) = cameras.try_iter() else { return Err(wrong(cameras)) };
-    let camera = |one: PyResult<Bound<'_, PyAny>>| {
-        let one = one?;
-        one.cast::<Camera>().map(|c| c.get().clone()).map_err(|_| wrong(&one))
-    };
-    check_count(all.map(camera).collect::<PyResult<Vec<_>>>()?, count, "camera")
 }
 
-fn one_or_each_number(numbers: &Bound<'_, PyAny>, count: usize, name: &str) -> PyResult<Vec<u64>> {
-    let all: PyResult<Vec<u64>> = numbers.try_iter().and_then(|all| all.map(|n| n?.extract()).collect());
-    let all = all.map_err(|e| {
-        usage_error(
-            name,
-            e,
-            "an integer from 0 to 2**64 - 1 for each clip",
-            "give range(B), or a NumPy array of integers",
-        )
-    })?;
+fn one_or_each_number(given: &Bound<'_, PyAny>, count: usize, name: &str) -> PyResult<Vec<u64>> {
+    let expected = "an integer from 0 to 2**64 - 1 for each clip";
+    let all = numbers(given, name, expected, "pass range(len(clips)), or a list of integers")?;
     check_count(all, count, name)
+}
+
+/// Converts a sequence of integers that are not negative.
+fn numbers(given: &Bound<'_, PyAny>, name: &str, expected: &str, remedy: &str) -> PyResult<Vec<u64>> {
+    let Ok(all) = given.try_iter() else {
+        return Err(type_error(name, describe(given), expected, remedy));
+    };
+    let number = |(i, n): (usize, PyResult<Bound<'_, PyAny>>)| {
+        let n = n?;
+        n.extract().map_err(|_| usage_error(format_args!("{name}[{i}]"), describe(&n), expected, remedy))
+    };
+    all.enumerate().map(number).collect()
 }
 
 fn check_count<T>(all: Vec<T>, count: usize, name: &str) -> PyResult<Vec<T>> {
     if all.len() == count {
         return Ok(all);
     }
-    Err(usage_error(name, all.len(), format_args!("{count}, one for each clip"), "give as many as clips"))
+    Err(usage_error(name, all.len(), format_args!("{count}, one for each clip"), "pass as many as clips"))
 }
 
 fn window_crops(
@@ -348,36 +354,48 @@ fn window_crops(
     height: usize,
     width: usize,
 ) -> PyResult<Vec<Crop>> {
-    let place = |pair: Bound<'_, PyAny>| -> PyResult<Crop> {
-        let pair: Vec<usize> = pair.try_iter()?.map(|n| n?.extract()).collect::<PyResult<_>>()?;
-        match pair[..] {
-            [row, col] => Ok(Crop { row, col, width, height }),
-            _ => Err(pyo3::exceptions::PyValueError::new_err(format!("{} numbers", pair.len()))),
+    let wrong = |found: &Bound<'_, PyAny>, place: &str| {
+        let remedy = "pass a list such as [(0, 0)], or an integer array (B, 2)";
+        type_error(place, describe(found), "(row, col) for each clip", remedy)
+    };
+    let Ok(pairs) = windows.try_iter() else { return Err(wrong(windows, "windows")) };
+    let crop = |(i, pair): (usize, PyResult<Bound<'_, PyAny>>)| {
+        let pair = pair?;
+        let numbers =
+            pair.try_iter().and_then(|all| all.map(|n| n?.extract()).collect::<PyResult<Vec<usize>>>());
+        match numbers.as_deref() {
+            Ok(&[row, col]) => Ok(Crop { row, col, width, height }),
+            _ => Err(wrong(&pair, &format!("windows[{i}]"))),
         }
     };
-    let all: PyResult<Vec<Crop>> = windows.try_iter().and_then(|all| all.map(|p| place(p?)).collect());
-    let all = all
-        .map_err(|e| usage_error("windows", e, "(row, col) for each clip", "give an integer array (B, 2)"))?;
+    let all = pairs.enumerate().map(crop).collect::<PyResult<Vec<_>>>()?;
     check_count(all, count, "windows")
 }
 
 /// Returns the light at the given readouts of a clip: float32 of shape (len(readouts), H, W), where 1.0 is full scale.
 ///
-/// The sensor receives this light at these readouts in `Simulator.push`. `frames`, `readouts_per_frame` and
-/// `interpolation` have the meaning that they have in `Simulator.push`.
+/// The sensor receives this light at these readouts in `Simulator.run`. `frames`, `readouts_per_frame` and
+/// `interpolation` have the meaning that they have in `Simulator.run`.
 ///
 /// Raises SpikelaneError if the clip ends before a readout.
 #[pyfunction]
-#[pyo3(signature = (frames, readouts, readouts_per_frame=1, *, interpolation="hold"))]
+#[pyo3(signature = (frames, readouts, readouts_per_frame=1, *, interpolation="linear", full_scale=None, **unknown), text_signature = "(frames, readouts, readouts_per_frame=1, *, interpolation=\"linear\", full_scale=None)")]
 pub fn light_at<'py>(
     py: Python<'py>,
     frames: &Bound<'py, PyAny>,
-    readouts: Vec<u64>,
-    readouts_per_frame: u64,
-    interpolation: &str,
+    readouts: &Bound<'py, PyAny>,
+    #[pyo3(from_py_with = argument::readouts_per_frame)] readouts_per_frame: u64,
+    #[pyo3(from_py_with = argument::interpolation)] interpolation: &str,
+    #[pyo3(from_py_with = argument::optional::full_scale)] full_scale: Option<f64>,
+    unknown: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    argument::reject_unknown(unknown, "light_at")?;
     let timeline = timeline(readouts_per_frame, interpolation)?;
-    let light = LightArray::from_array(frames, "frames", CopyPolicy::All)?;
+    let scale = LightScale { full_scale, max_light: None };
+    let readouts =
+        numbers(readouts, "readouts", "an integer for each readout", "pass a list, for example [20]")?;
+    let light = LightArray::from_array(frames, "frames", CopyPolicy::All, scale)?;
+    light.check_gray("frames")?;
     let (height, width) = light.size();
     let geometry = geometry(height, width)?;
     let lasts = timeline.readouts(light.count() as u64).unwrap_or(u64::MAX);

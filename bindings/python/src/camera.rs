@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
-use numpy::{PyArrayDyn, PyReadonlyArray2};
+use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
 use spikelane::effects::definition::{Param, ParamKind};
@@ -11,6 +11,7 @@ use spikelane::spikes::Crop;
 use spikelane::{Effect, Plan, Seeds, Sensor};
 use spikelane_io::formats::OutputSet;
 
+use crate::argument;
 use crate::arrays;
 use crate::error::{OrRaise as _, type_error, usage_error};
 
@@ -107,7 +108,7 @@ impl Camera {
     ///
     /// `spikelane.presets()` lists the names. Raises SpikelaneError if there is no such camera.
     #[classmethod]
-    fn preset(_: &Bound<'_, PyType>, name: &str) -> PyResult<Self> {
+    fn preset(_: &Bound<'_, PyType>, #[pyo3(from_py_with = argument::name)] name: &str) -> PyResult<Self> {
         Self::new(spikelane::presets::builtin(name).or_raise()?)
     }
 
@@ -115,14 +116,18 @@ impl Camera {
     ///
     /// Raises FileNotFoundError, or SpikelaneError if the file is not a valid camera.
     #[classmethod]
-    fn load(_: &Bound<'_, PyType>, path: PathBuf) -> PyResult<Self> {
+    fn load(_: &Bound<'_, PyType>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> PyResult<Self> {
         Self::new(spikelane::effects::Catalog::new().load_camera(&path).or_raise()?)
     }
 
     /// Parses the text of a camera file. Maps are read from `folder`.
     #[classmethod]
     #[pyo3(signature = (text, folder=None))]
-    fn from_toml(_: &Bound<'_, PyType>, text: &str, folder: Option<PathBuf>) -> PyResult<Self> {
+    fn from_toml(
+        _: &Bound<'_, PyType>,
+        #[pyo3(from_py_with = argument::text)] text: &str,
+        #[pyo3(from_py_with = argument::optional::folder)] folder: Option<PathBuf>,
+    ) -> PyResult<Self> {
         Self::new(spikelane::presets::from_toml(text, folder.as_deref()).or_raise()?)
     }
 
@@ -139,7 +144,12 @@ impl Camera {
     /// The camera has `height` x `width` pixels and `readout_hz` readouts per second.
     #[classmethod]
     #[pyo3(signature = (height, width, readout_hz=20_000.0))]
-    fn ideal(_: &Bound<'_, PyType>, height: usize, width: usize, readout_hz: f64) -> PyResult<Self> {
+    fn ideal(
+        _: &Bound<'_, PyType>,
+        #[pyo3(from_py_with = argument::height)] height: usize,
+        #[pyo3(from_py_with = argument::width)] width: usize,
+        #[pyo3(from_py_with = argument::readout_hz)] readout_hz: f64,
+    ) -> PyResult<Self> {
         let geometry = arrays::geometry(height, width)?;
         let sensor = Sensor::new(geometry.width() as u32, geometry.height() as u32, readout_hz);
         Self::new(spikelane::Camera::ideal(sensor.or_raise()?))
@@ -154,7 +164,11 @@ impl Camera {
     /// Raises SpikelaneError if the effect, a parameter or a unit is wrong, or if a value is outside the range of the
     /// parameter.
     #[pyo3(signature = (name, /, **values))]
-    fn with_effect(&self, name: &str, values: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    fn with_effect(
+        &self,
+        #[pyo3(from_py_with = argument::name)] name: &str,
+        values: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
         let camera = self.camera();
         let definition = spikelane::effects::find(name).or_raise()?;
         let mut effect = camera.effect(name).cloned().unwrap_or_else(|| definition.neutral());
@@ -181,7 +195,7 @@ impl Camera {
     /// Returns this camera without the effect `name`. A camera that lacks the effect is unchanged.
     ///
     /// Raises SpikelaneError if there is no effect of this name.
-    fn without_effect(&self, name: &str) -> PyResult<Self> {
+    fn without_effect(&self, #[pyo3(from_py_with = argument::name)] name: &str) -> PyResult<Self> {
         spikelane::effects::find(name).or_raise()?;
         Self::new(self.camera().clone().without_effect(name))
     }
@@ -191,14 +205,18 @@ impl Camera {
     /// The properties are the readouts per second, the capacitance in fF, the voltage swing in V, and the exposure: the
     /// nominal thresholds that full-scale light adds per readout. With an exposure of 0.2, full-scale light fires at
     /// every fifth readout.
-    #[pyo3(signature = (*, readout_hz=None, capacitance_ff=None, swing_v=None, thresholds_at_full_scale=None))]
+    #[pyo3(signature = (*, readout_hz=None, capacitance_ff=None, swing_v=None, thresholds_at_full_scale=None, **unknown), text_signature = "($self, *, readout_hz=None, capacitance_ff=None, swing_v=None, thresholds_at_full_scale=None)")]
     fn with_sensor(
         &self,
-        readout_hz: Option<f64>,
-        capacitance_ff: Option<f64>,
-        swing_v: Option<f64>,
-        thresholds_at_full_scale: Option<f64>,
+        #[pyo3(from_py_with = argument::optional::readout_hz)] readout_hz: Option<f64>,
+        #[pyo3(from_py_with = argument::optional::capacitance_ff)] capacitance_ff: Option<f64>,
+        #[pyo3(from_py_with = argument::optional::swing_v)] swing_v: Option<f64>,
+        #[pyo3(from_py_with = argument::optional::thresholds_at_full_scale)] thresholds_at_full_scale: Option<
+            f64,
+        >,
+        unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        argument::reject_unknown(unknown, "Camera.with_sensor")?;
         let mut camera = self.camera().clone();
         let sensor = &mut camera.sensor;
         sensor.readout_hz = readout_hz.unwrap_or(sensor.readout_hz);
@@ -214,14 +232,16 @@ impl Camera {
     ///
     /// `gain` is relative to the nominal gain, `dark_pa` is in pA, `capacitance_ff` is in fF, and `swing_v` is in V. Maps
     /// that are not passed are unchanged.
-    #[pyo3(signature = (*, gain=None, dark_pa=None, capacitance_ff=None, swing_v=None))]
+    #[pyo3(signature = (*, gain=None, dark_pa=None, capacitance_ff=None, swing_v=None, **unknown), text_signature = "($self, *, gain=None, dark_pa=None, capacitance_ff=None, swing_v=None)")]
     fn with_maps(
         &self,
-        gain: Option<PyReadonlyArray2<'_, f64>>,
-        dark_pa: Option<PyReadonlyArray2<'_, f64>>,
-        capacitance_ff: Option<PyReadonlyArray2<'_, f64>>,
-        swing_v: Option<PyReadonlyArray2<'_, f64>>,
+        gain: Option<&Bound<'_, PyAny>>,
+        dark_pa: Option<&Bound<'_, PyAny>>,
+        capacitance_ff: Option<&Bound<'_, PyAny>>,
+        swing_v: Option<&Bound<'_, PyAny>>,
+        unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        argument::reject_unknown(unknown, "Camera.with_maps")?;
         let mut camera = self.camera().clone();
         let geometry = camera.sensor_geometry();
         let maps = &mut camera.maps;
@@ -232,21 +252,9 @@ impl Camera {
             ("swing_v", swing_v, &mut maps.swing_v),
         ];
         for (name, map, target) in all {
-            let Some(map) = map else { continue };
-            let map = map.as_array();
-            if map.dim() != (geometry.height(), geometry.width()) || map.iter().any(|v| !v.is_finite()) {
-                let shape = (geometry.height(), geometry.width());
-                let found =
-                    format!("an array of shape {:?}, or one with values that are not finite", map.dim());
-                let remedy = "give the map of the whole sensor";
-                return Err(usage_error(
-                    name,
-                    found,
-                    format_args!("finite numbers of shape {shape:?}"),
-                    remedy,
-                ));
+            if let Some(map) = map {
+                *target = Some(arrays::copy_map(map, name, geometry)?);
             }
-            *target = Some(map.iter().copied().collect());
         }
         Self::new(camera)
     }
@@ -256,14 +264,18 @@ impl Camera {
     /// `window` returns a part of the same camera instead.
     ///
     /// Raises SpikelaneError for a window, for a camera with maps, and for an invalid size.
-    fn with_shape(&self, height: usize, width: usize) -> PyResult<Self> {
+    fn with_shape(
+        &self,
+        #[pyo3(from_py_with = argument::height)] height: usize,
+        #[pyo3(from_py_with = argument::width)] width: usize,
+    ) -> PyResult<Self> {
         let mut camera = self.camera().clone();
         if camera.window_crop().is_some() || camera.maps != spikelane::effects::Maps::default() {
             return Err(usage_error(
                 "camera",
                 "a window, or a camera with maps",
                 "a whole sensor without maps",
-                "resize the camera first, or cut a window of it",
+                "resize the camera before you cut a window or add maps",
             ));
         }
         camera.sensor.geometry = arrays::geometry(height, width)?;
@@ -275,7 +287,13 @@ impl Camera {
     /// The fixed pattern equals the fixed pattern of the rectangle. The temporal noise is independent of this camera.
     ///
     /// Raises SpikelaneError if the rectangle is empty or not within the sensor.
-    fn window(&self, row: usize, col: usize, height: usize, width: usize) -> PyResult<Self> {
+    fn window(
+        &self,
+        #[pyo3(from_py_with = argument::row)] row: usize,
+        #[pyo3(from_py_with = argument::col)] col: usize,
+        #[pyo3(from_py_with = argument::height)] height: usize,
+        #[pyo3(from_py_with = argument::width)] width: usize,
+    ) -> PyResult<Self> {
         let crop = Crop { row, col, width, height };
         Self::new(self.camera().window(crop).or_raise()?)
     }
@@ -373,7 +391,11 @@ impl Camera {
     ///
     /// Raises FileExistsError if a file exists and `force` is false.
     #[pyo3(signature = (folder, force=false))]
-    fn save(&self, folder: PathBuf, force: bool) -> PyResult<PathBuf> {
+    fn save(
+        &self,
+        #[pyo3(from_py_with = argument::folder)] folder: PathBuf,
+        #[pyo3(from_py_with = argument::force)] force: bool,
+    ) -> PyResult<PathBuf> {
         // The claim must last until the last file has its final name.
         let _claim = OutputSet::claim([folder.join("camera.toml")], force).or_raise()?;
         spikelane_io::simulate::save_camera(self.camera(), &folder, force).or_raise()
@@ -383,35 +405,76 @@ impl Camera {
         Ok((py.get_type::<Self>().getattr("from_bytes")?, (self.to_bytes(py)?,)))
     }
 
+    /// Lists the sensor, the effects with their values, the maps and the source.
+    fn __str__(&self) -> String {
+        let camera = self.camera();
+        let (height, width) = self.shape();
+        let mut lines = vec![
+            format!("Camera {:?}", self.name()),
+            format!("  size       {height} x {width} pixels (height x width)"),
+        ];
+        if let Some(crop) = camera.window_crop() {
+            let whole = camera.sensor_geometry();
+            lines.push(format!(
+                "  window     row {}, col {} of {} x {} pixels",
+                crop.row,
+                crop.col,
+                whole.height(),
+                whole.width()
+            ));
+        }
+        let sensor = &camera.sensor;
+        lines.push(format!("  readouts   {} per second", sensor.readout_hz));
+        lines.push(format!("  full scale {} thresholds per readout", sensor.thresholds_at_full_scale));
+        lines.push(format!("  pixel      {} fF, {} V", sensor.capacitance_ff, sensor.swing_v));
+        lines.push(
+            format!("  effects    {}", if camera.effects().is_empty() { "none" } else { "" })
+                .trim_end()
+                .to_owned(),
+        );
+        for effect in camera.effects() {
+            let values = effect.definition().params.iter().zip(effect.values());
+            let values: Vec<String> =
+                values.map(|(param, &value)| format!("{} = {}", param.key, param.format(value))).collect();
+            lines.push(format!("    {}: {}", effect.name(), values.join(", ")));
+        }
+        let maps = self.map_names();
+        if !maps.is_empty() {
+            lines.push(format!("  maps       {}", maps.join(", ")));
+        }
+        if !self.source().is_empty() {
+            lines.push(format!("  source     {}", self.source()));
+        }
+        lines.join("\n")
+    }
+
     fn __repr__(&self) -> String {
         let (height, width) = self.shape();
-        let mut text = format!(
-            "<spikelane.Camera {:?}: {height} x {width} pixels, {} readouts/s, thresholds_at_full_scale={}",
+        let camera = self.camera();
+        let window = camera.window_crop().map(|c| format!(", window at row {}, col {}", c.row, c.col));
+        let maps = self.map_names();
+        let maps = if maps.is_empty() { String::new() } else { format!(", maps: {}", maps.join(", ")) };
+        format!(
+            "<spikelane.Camera {:?}, {height} x {width} pixels, {} readouts/s, {} effects{}{maps}>",
             self.name(),
             self.readout_hz(),
-            self.thresholds_at_full_scale()
-        );
-        let camera = self.camera();
-        if let Some(crop) = camera.window_crop() {
-            text += &format!("; window at row {}, col {}", crop.row, crop.col);
-        }
-        let effects: Vec<&str> = camera.effects().iter().map(Effect::name).collect();
-        text += &match &effects[..] {
-            [] => "; no effects".to_owned(),
-            names => format!("; effects: {}", names.join(", ")),
-        };
-        let maps = &camera.maps;
-        let maps = [
+            camera.effects().len(),
+            window.unwrap_or_default(),
+        )
+    }
+}
+
+impl Camera {
+    /// Returns the names of the measured maps.
+    fn map_names(&self) -> Vec<&'static str> {
+        let maps = &self.camera().maps;
+        let all = [
             ("gain", &maps.gain),
             ("dark_pa", &maps.dark_pa),
             ("capacitance_ff", &maps.capacitance_ff),
             ("swing_v", &maps.swing_v),
         ];
-        let maps: Vec<&str> = maps.iter().filter(|(_, map)| map.is_some()).map(|(name, _)| *name).collect();
-        if !maps.is_empty() {
-            text += &format!("; maps: {}", maps.join(", "));
-        }
-        text + ">"
+        all.iter().filter(|(_, map)| map.is_some()).map(|(name, _)| *name).collect()
     }
 }
 

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use spikelane::presets;
 
+use crate::argument;
 use crate::camera::Camera;
 use crate::error::OrRaise as _;
 
@@ -28,7 +29,7 @@ impl CameraDistribution {
     /// Raises SpikelaneError if the text is not a camera file with ranges.
     #[new]
     #[pyo3(signature = (text=None))]
-    fn new(text: Option<&str>) -> PyResult<Self> {
+    fn new(#[pyo3(from_py_with = argument::optional::text)] text: Option<&str>) -> PyResult<Self> {
         text.map_or_else(|| Ok(presets::CameraDistribution::default()), presets::CameraDistribution::parse)
             .or_raise()
             .map(Self)
@@ -36,12 +37,12 @@ impl CameraDistribution {
 
     /// Reads a .toml file.
     #[classmethod]
-    fn load(_: &Bound<'_, PyType>, path: PathBuf) -> PyResult<Self> {
+    fn load(_: &Bound<'_, PyType>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> PyResult<Self> {
         presets::CameraDistribution::load(&path).or_raise().map(Self)
     }
 
     /// Returns the camera of `seed`, 0 to 2**64 - 1. The camera of a seed is equal on every machine.
-    fn draw(&self, seed: u64) -> PyResult<Camera> {
+    fn draw(&self, #[pyo3(from_py_with = argument::seed)] seed: u64) -> PyResult<Camera> {
         Camera::new(self.0.draw(seed).or_raise()?)
     }
 
@@ -70,6 +71,20 @@ impl CameraDistribution {
     }
 
     fn __repr__(&self) -> String {
-        format!("<spikelane.CameraDistribution of {} ranges>", self.0.ranges().len())
+        let ranges = self.0.ranges();
+        let first = ranges.first().map_or(String::new(), |range| format!(" such as {}", range.key));
+        format!("<spikelane.CameraDistribution, {} ranges{first}>", ranges.len())
+    }
+
+    /// Lists the ranges.
+    fn __str__(&self) -> String {
+        let line = |range: &presets::ParamRange| {
+            let law = if range.is_logarithmic { "log_uniform" } else { "uniform" };
+            let text =
+                format!("  {}: {} to {} {} ({law})", range.key, range.low, range.high, range.unit.symbol());
+            text.replace("  (", " (")
+        };
+        let lines: Vec<String> = self.0.ranges().iter().map(line).collect();
+        format!("CameraDistribution\n{}", lines.join("\n"))
     }
 }

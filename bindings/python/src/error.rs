@@ -68,6 +68,21 @@ pub fn type_error(
     })
 }
 
+/// Raises a SpikelaneWarning. Its text has the form of an error.
+///
+pub fn warn(
+    subject: impl std::fmt::Display,
+    found: impl std::fmt::Display,
+    expected: impl std::fmt::Display,
+    remedy: impl std::fmt::Display,
+) -> PyResult<()> {
+    // Python prints a text once. An index would make a text for each clip.
+    let subject = subject.to_string();
+    let subject = subject.split('[').next().unwrap_or_default();
+    let text = message(&Error::new(ErrorKind::Usage, subject).found(found).expected(expected).remedy(remedy));
+    Python::attach(|py| py.import("spikelane._errors")?.call_method1("warn", (text,)).map(drop))
+}
+
 /// Conversion of results of the library to Python results.
 pub trait OrRaise<T> {
     /// Returns the value, or raises the exception.

@@ -3,6 +3,7 @@
 //! The docstrings of public functions agree with the stubs. Code that need not be fast is in the Python files of the
 //! package.
 
+mod argument;
 mod arrays;
 mod batch;
 mod camera;
@@ -21,6 +22,8 @@ use pyo3::prelude::*;
 /// Native part of the package; use the names in `spikelane`.
 #[pymodule(gil_used = false)]
 mod _native {
+    #[pymodule_export]
+    use super::argument::check_argument;
     #[pymodule_export]
     use super::batch::{light_at, simulate_batch};
     #[pymodule_export]

@@ -14,6 +14,7 @@ use spikelane_calibrate::{
 use spikelane_io::formats::{Layout, OutputSet, StreamReader};
 use spikelane_measure::{MeasuredRecording, high_pass};
 
+use crate::argument;
 use crate::arrays::shape_text;
 use crate::camera::Camera;
 use crate::error::usage_error;
@@ -41,8 +42,8 @@ fn claim_report_files(
 pub fn measure(
     py: Python<'_>,
     stream: &Bound<'_, PyAny>,
-    height: Option<usize>,
-    width: Option<usize>,
+    #[pyo3(from_py_with = argument::optional::height)] height: Option<usize>,
+    #[pyo3(from_py_with = argument::optional::width)] width: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let reader = if let Ok(stream) = stream.cast::<Stream>() {
@@ -80,13 +81,13 @@ pub fn measure(
     progress=None))]
 pub fn calibrate(
     py: Python<'_>,
-    recordings: PathBuf,
-    out: Option<PathBuf>,
-    dead_time_fraction: f64,
-    light_uncertainty: Option<f64>,
-    max_gain_error: Option<f64>,
-    snee: bool,
-    force: bool,
+    #[pyo3(from_py_with = argument::recordings)] recordings: PathBuf,
+    #[pyo3(from_py_with = argument::optional::folder)] out: Option<PathBuf>,
+    #[pyo3(from_py_with = argument::dead_time_fraction)] dead_time_fraction: f64,
+    #[pyo3(from_py_with = argument::optional::light_uncertainty)] light_uncertainty: Option<f64>,
+    #[pyo3(from_py_with = argument::optional::max_gain_error)] max_gain_error: Option<f64>,
+    #[pyo3(from_py_with = argument::snee)] snee: bool,
+    #[pyo3(from_py_with = argument::force)] force: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Camera)> {
     let (text, camera) =
@@ -120,16 +121,16 @@ pub fn calibrate(
     progress=None))]
 pub fn diagnose(
     py: Python<'_>,
-    recordings: PathBuf,
-    camera: Option<&Camera>,
-    holdout: Option<PathBuf>,
-    seed: u64,
-    all_readouts: bool,
-    out: Option<PathBuf>,
-    force: bool,
+    #[pyo3(from_py_with = argument::recordings)] recordings: PathBuf,
+    #[pyo3(from_py_with = argument::optional::camera)] camera: Option<Camera>,
+    #[pyo3(from_py_with = argument::optional::holdout)] holdout: Option<PathBuf>,
+    #[pyo3(from_py_with = argument::seed)] seed: u64,
+    #[pyo3(from_py_with = argument::all_readouts)] all_readouts: bool,
+    #[pyo3(from_py_with = argument::optional::folder)] out: Option<PathBuf>,
+    #[pyo3(from_py_with = argument::force)] force: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Camera)> {
-    let camera = camera.map(Camera::camera);
+    let camera = camera.as_ref().map(Camera::camera);
     let (text, diagnosed_camera) =
         run_interruptible(py, WorkMonitor::new(py, progress, "share")?, |report_progress| {
             let _claim =

@@ -5,9 +5,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use spikelane_scene::{Labels, Lighting, SamplesPerPixel, SceneOptions, Semantic};
 
+use crate::argument::{self, describe, suggestion};
 use crate::arrays::array_from_vec;
 use crate::error::{OrRaise as _, usage_error};
-use crate::simulator::check_threads;
 use crate::watch::{WorkMonitor, run_interruptible};
 
 type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;
@@ -24,6 +24,17 @@ pub struct Scene {
     options: SceneOptions,
 }
 
+fn samples_argument(value: &Bound<'_, PyAny>) -> PyResult<u8> {
+    match value.extract::<u8>() {
+        Ok(samples @ (4 | 16)) => Ok(samples),
+        _ => Err(usage_error("samples", describe(value), "4 or 16 color samples per pixel", "pass 4")),
+    }
+}
+
+fn samples_per_pixel(samples: u8) -> SamplesPerPixel {
+    if samples == 16 { SamplesPerPixel::Sixteen } else { SamplesPerPixel::Four }
+}
+
 #[pymethods]
 impl Scene {
     #[new]
@@ -31,27 +42,27 @@ impl Scene {
         vehicles=None, flicker_hz=None))]
     fn new(
         py: Python<'_>,
-        seed: u64,
-        height: u32,
-        width: u32,
-        fov_deg: Option<f64>,
-        lighting: Option<&str>,
-        duration_s: f64,
-        speed_kmh: Option<f64>,
-        vehicles: Option<u32>,
-        flicker_hz: Option<f64>,
+        #[pyo3(from_py_with = argument::seed)] seed: u64,
+        #[pyo3(from_py_with = argument::height)] height: usize,
+        #[pyo3(from_py_with = argument::width)] width: usize,
+        #[pyo3(from_py_with = argument::optional::fov_deg)] fov_deg: Option<f64>,
+        #[pyo3(from_py_with = argument::optional::lighting)] lighting: Option<&str>,
+        #[pyo3(from_py_with = argument::duration_s)] duration_s: f64,
+        #[pyo3(from_py_with = argument::optional::speed_kmh)] speed_kmh: Option<f64>,
+        #[pyo3(from_py_with = argument::optional::vehicles)] vehicles: Option<u32>,
+        #[pyo3(from_py_with = argument::optional::flicker_hz)] flicker_hz: Option<f64>,
     ) -> PyResult<Self> {
         let parse_lighting = |name: &str| {
             let names: Vec<_> = Lighting::ALL.iter().map(|l| l.name()).collect();
             let wrong = || {
-                usage_error("lighting", format_args!("{name:?}"), names.join(", "), "leave it to the seed")
+                usage_error("lighting", format_args!("{name:?}"), names.join(", "), suggestion(name, &names))
             };
             Lighting::from_name(name).ok_or_else(wrong)
         };
         let lighting = lighting.map(parse_lighting).transpose()?;
         let options = SceneOptions::default()
-            .with_width(width)
-            .with_height(height)
+            .with_width(u32::try_from(width).unwrap_or(u32::MAX))
+            .with_height(u32::try_from(height).unwrap_or(u32::MAX))
             .with_fov_deg(fov_deg)
             .with_lighting(lighting)
             .with_duration_s(duration_s)
@@ -92,18 +103,12 @@ impl Scene {
     fn _render<'py>(
         &self,
         py: Python<'py>,
-        t: f64,
-        samples: u8,
-        threads: usize,
+        #[pyo3(from_py_with = argument::t)] t: f64,
+        #[pyo3(from_py_with = samples_argument)] samples: u8,
+        #[pyo3(from_py_with = argument::threads)] threads: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
-        check_threads(threads)?;
-        let samples = match samples {
-            4 => SamplesPerPixel::Four,
-            16 => SamplesPerPixel::Sixteen,
-            other => return Err(usage_error("samples", other, "4 or 16 color samples a pixel", "give 4")),
-        };
         let (mut frame, boxes) = run_interruptible(py, WorkMonitor::new(py, None, "")?, |_| {
-            let drawn = self.scene.render(t, samples, threads)?;
+            let drawn = self.scene.render(t, samples_per_pixel(samples), threads)?;
             let boxes = self.scene.boxes(&drawn.labels)?;
             Ok((drawn, boxes))
         })?;
@@ -147,11 +152,10 @@ impl Scene {
     fn flow<'py>(
         &self,
         py: Python<'py>,
-        t: f64,
-        to: f64,
-        threads: usize,
+        #[pyo3(from_py_with = argument::t)] t: f64,
+        #[pyo3(from_py_with = argument::to)] to: f64,
+        #[pyo3(from_py_with = argument::threads)] threads: usize,
     ) -> PyResult<(Array<'py, f32>, Array<'py, bool>)> {
-        check_threads(threads)?;
         let flow = run_interruptible(py, WorkMonitor::new(py, None, "")?, |_| {
             let labels = |t| -> spikelane::Result<Labels> { self.scene.labels(t, threads) };
             self.scene.flow(&labels(t)?, &labels(to)?, threads)
@@ -167,7 +171,7 @@ impl Scene {
     /// Returns the light of `frames` frames as float32 (frames, H, W), where 1.0 is white. Highlights and lamps exceed
     /// 1.0.
     ///
-    /// The first frame is at `t` seconds, and `fps` is the number of frames per second. `Simulator.push` and
+    /// The first frame is at `t` seconds, and `fps` is the number of frames per second. `Simulator.run` and
     /// `simulate_batch` accept the returned array.
     ///
     /// Raises SpikelaneError if a frame is before the start or after the end of the drive. `progress(done, total)` is
@@ -176,29 +180,22 @@ impl Scene {
     fn clip<'py>(
         &self,
         py: Python<'py>,
-        t: f64,
-        frames: usize,
-        fps: f64,
-        samples: u8,
-        threads: usize,
+        #[pyo3(from_py_with = argument::t)] t: f64,
+        #[pyo3(from_py_with = argument::frames)] frames: usize,
+        #[pyo3(from_py_with = argument::fps)] fps: f64,
+        #[pyo3(from_py_with = samples_argument)] samples: u8,
+        #[pyo3(from_py_with = argument::threads)] threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-        check_threads(threads)?;
-        if !(fps.is_finite() && fps > 0.0) || frames == 0 {
-            return Err(usage_error(
-                "clip",
-                format_args!("{frames} frames at {fps} Hz"),
-                "at least one at a positive rate",
-                "",
-            ));
+        if !(fps.is_finite() && fps > 0.0) {
+            return Err(usage_error("fps", fps, "a finite number above 0", "pass the frames per second"));
         }
-        let samples = if samples == 16 { SamplesPerPixel::Sixteen } else { SamplesPerPixel::Four };
         let watch = WorkMonitor::new(py, progress, "frames")?;
         let white = self.scene.white_cd_m2();
         let (light, size) = run_interruptible(py, watch, |report_progress| {
             let (mut light, mut size) = (Vec::new(), (0, 0));
             for i in 0..frames {
-                let drawn = self.scene.render(t + i as f64 / fps, samples, threads)?;
+                let drawn = self.scene.render(t + i as f64 / fps, samples_per_pixel(samples), threads)?;
                 size = (drawn.labels.height, drawn.labels.width);
                 light.extend(drawn.light.iter().map(|l| l / white));
                 report_progress((i as f64 + 1.0) / frames as f64);
@@ -230,10 +227,13 @@ impl Scene {
 
     fn __repr__(&self) -> String {
         format!(
-            "<spikelane.Scene {}, {}, {} s>",
+            "<spikelane.Scene, seed {}, {}, {} s, {} vehicles, {} x {} pixels>",
             self.scene.seed(),
             self.scene.lighting().name(),
-            self.scene.duration_s()
+            self.scene.duration_s(),
+            self.scene.vehicles(),
+            self.options.height,
+            self.options.width
         )
     }
 }

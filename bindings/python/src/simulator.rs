@@ -8,7 +8,8 @@ use pyo3::types::{IntoPyDict as _, PyBytes, PyDict};
 use spikelane::{Backend, Geometry, Light, Seeds, spikes};
 use spikelane_io::light::{Interpolation, Timeline};
 
-use crate::arrays::{CopyPolicy, LightArray, check_buffer, check_frame_buffer, zeros};
+use crate::argument;
+use crate::arrays::{CopyPolicy, LightArray, LightScale, check_buffer, check_frame_buffer, zeros};
 use crate::camera::Camera;
 use crate::error::{OrRaise as _, usage_error};
 use crate::spike_frames::SpikeFrames;
@@ -24,7 +25,7 @@ const PIECE_BYTES: usize = 256 << 10;
 /// instruction set ("reference", "portable", "sse4.1", "avx2", "avx512"). The bits depend neither on the threads nor on
 /// the instruction set. Light is clamped to `max_light` full scales. Only float32 light can exceed 1.0.
 ///
-/// Only one thread at a time may call `push`. Other Python threads run during the call, because the interpreter's lock is
+/// Only one thread at a time may call `run`, `fill` or `run_dense`. Other Python threads run during the call, because the interpreter's lock is
 /// released. After a fork, the child process may continue with its copy of the simulator. A pickled simulator continues
 /// at its next readout.
 #[pyclass(frozen, module = "spikelane")]
@@ -45,18 +46,19 @@ struct SimulatorState {
 impl Simulator {
     /// Plans the camera. Raises SpikelaneError if the camera cannot be simulated.
     #[new]
-    #[pyo3(signature = (camera, *, seed=0, sequence=0, camera_seed=0, threads=1, backend=None, max_light=1.0))]
+    #[pyo3(signature = (camera, *, seed=0, sequence=0, camera_seed=0, threads=1, backend=None, max_light=1.0, **unknown), text_signature = "(camera, *, seed=0, sequence=0, camera_seed=0, threads=1, backend=None, max_light=1.0)")]
     fn new(
         py: Python<'_>,
-        camera: &Camera,
-        seed: u64,
-        sequence: u64,
-        camera_seed: u64,
-        threads: usize,
-        backend: Option<&str>,
-        max_light: f64,
+        #[pyo3(from_py_with = argument::camera)] camera: Camera,
+        #[pyo3(from_py_with = argument::seed)] seed: u64,
+        #[pyo3(from_py_with = argument::sequence)] sequence: u64,
+        #[pyo3(from_py_with = argument::camera_seed)] camera_seed: u64,
+        #[pyo3(from_py_with = argument::threads)] threads: usize,
+        #[pyo3(from_py_with = argument::optional::backend)] backend: Option<&str>,
+        #[pyo3(from_py_with = argument::max_light)] max_light: f64,
+        unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        check_threads(threads)?;
+        argument::reject_unknown(unknown, "Simulator")?;
         let seeds = Seeds { camera: camera_seed, shot: seed, sequence };
         let named_backend = backend.map(str::parse::<Backend>).transpose().or_raise()?;
         let simulator = py.detach(|| {
@@ -65,46 +67,40 @@ impl Simulator {
             named_backend.map_or(options.clone(), |backend| options.backend(backend)).build_from_plan(plan)
         });
         let inner = SimulatorState { simulator: simulator.or_raise()?, scratch: Vec::new() };
-        Ok(Self {
-            camera: camera.clone(),
-            threads,
-            backend: backend.map(str::to_owned),
-            max_light,
-            inner: Mutex::new(inner),
-        })
+        Ok(Self { camera, threads, backend: backend.map(str::to_owned), max_light, inner: Mutex::new(inner) })
     }
 
-    /// Simulates linear light and returns bit-packed spikes: uint8 of shape (T, ceil(H * W / 8)).
+    /// Simulates linear light and returns SpikeFrames.
     ///
-    /// `frames` is one frame (H, W) or several frames (N, H, W). The type is uint8 (full scale is 255), uint16 (65535),
-    /// or float32 (1.0, finite and not negative). Each frame lasts `readouts_per_frame` readouts, so T = N *
-    /// readouts_per_frame. If `readouts` is passed and is smaller, T = readouts. Between frames the light is constant
-    /// ("hold"), interpolated linearly ("linear"), or interpolated along the estimated motion ("flow"). After the start
-    /// of the last frame, the light is constant. To continue in another call, the first frame of the next call must be
-    /// the last frame of this call.
+    /// `light` is one frame (H, W) or several frames (N, H, W). The type is uint8 (full scale is 255), uint16 (65535), or
+    /// float32 (1.0, finite and not negative). A tensor on the CPU is light too. If `full_scale` is passed, the light is
+    /// `light / full_scale`, and any real type is accepted.
     ///
-    /// Pixel p = row * W + col is bit p % 8 (least significant bit first) of byte p // 8. `out` is an optional array that
-    /// receives the spikes: uint8, C-contiguous, with the shape of the result. `progress(done, total)` is called with
-    /// numbers of readouts. True shows a bar if tqdm is installed.
+    /// One frame is held for `readouts` readouts. Each of several frames lasts `readouts_per_frame` readouts. If `readouts`
+    /// is passed, the call ends after that number of readouts. Between frames the light is interpolated linearly ("linear"),
+    /// held ("hold"), or interpolated along the estimated motion ("flow"). After the start of the last frame, the light is
+    /// constant. To continue in another call, the first frame of the next call must be the last frame of this call.
     ///
-    /// By default the frames are copied before the simulation, so other threads may change the frames during the call.
-    /// With copy=False, contiguous frames are not copied, and no thread may write to the frames during the call. No
-    /// thread may write to `out` during the call. Ctrl-C stops the call between two readouts. The simulator then
-    /// continues after the last completed readout.
+    /// The light is copied before the simulation, so other threads may change it during the call. `progress(done, total)` is
+    /// called with numbers of readouts. True shows a bar if tqdm is installed. Ctrl-C stops the call between two readouts.
+    /// The simulator then continues after the last completed readout.
     ///
-    /// Raises SpikelaneError for wrong sizes or light, and SpikelaneTypeError (a TypeError) for other dtypes. The simulator is
-    /// then unchanged.
-    #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="hold", progress=None))]
+    /// Raises SpikelaneError for wrong sizes or light, and SpikelaneTypeError (a TypeError) for dtypes other than uint8, uint16
+    /// and float32. The simulator is then unchanged. Raises SpikelaneWarning for light that is mostly clipped.
+    #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="linear", full_scale=None, progress=None, **unknown), text_signature = "($self, light, readouts=None, *, readouts_per_frame=None, interpolation=\"linear\", full_scale=None, progress=None)")]
     fn run<'py>(
         &self,
         py: Python<'py>,
         light: &Bound<'py, PyAny>,
-        readouts: Option<i64>,
-        readouts_per_frame: Option<i64>,
-        interpolation: &str,
+        #[pyo3(from_py_with = argument::optional::readouts)] readouts: Option<usize>,
+        #[pyo3(from_py_with = argument::optional::readouts_per_frame)] readouts_per_frame: Option<u64>,
+        #[pyo3(from_py_with = argument::interpolation)] interpolation: &str,
+        #[pyo3(from_py_with = argument::optional::full_scale)] full_scale: Option<f64>,
         progress: Option<Py<PyAny>>,
+        unknown: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<SpikeFrames> {
-        let light = LightSequence::new(light, self.geometry(), readouts_per_frame, interpolation)?;
+        argument::reject_unknown(unknown, "Simulator.run")?;
+        let light = LightSequence::new(self, light, readouts_per_frame, interpolation, full_scale)?;
         let readouts = light.readouts(readouts)?;
         let mut inner = self.lock()?;
         let packed = zeros(py, &[readouts, self.geometry().frame_bytes()])?;
@@ -116,17 +112,20 @@ impl Simulator {
     ///
     /// `out` is uint8 of shape (readouts, ceil(H * W / 8)), C-contiguous and writable. No thread may access it during the call.
     /// The format is that of `SpikeFrames.packed`.
-    #[pyo3(signature = (light, out, *, readouts_per_frame=None, interpolation="hold", progress=None))]
+    #[pyo3(signature = (light, out, *, readouts_per_frame=None, interpolation="linear", full_scale=None, progress=None, **unknown), text_signature = "($self, light, out, *, readouts_per_frame=None, interpolation=\"linear\", full_scale=None, progress=None)")]
     fn fill<'py>(
         &self,
         py: Python<'py>,
         light: &Bound<'py, PyAny>,
         out: &Bound<'py, PyAny>,
-        readouts_per_frame: Option<i64>,
-        interpolation: &str,
+        #[pyo3(from_py_with = argument::optional::readouts_per_frame)] readouts_per_frame: Option<u64>,
+        #[pyo3(from_py_with = argument::interpolation)] interpolation: &str,
+        #[pyo3(from_py_with = argument::optional::full_scale)] full_scale: Option<f64>,
         progress: Option<Py<PyAny>>,
+        unknown: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<()> {
-        let light = LightSequence::new(light, self.geometry(), readouts_per_frame, interpolation)?;
+        argument::reject_unknown(unknown, "Simulator.fill")?;
+        let light = LightSequence::new(self, light, readouts_per_frame, interpolation, full_scale)?;
         let mut inner = self.lock()?;
         let readouts = check_frame_buffer(out, self.geometry().frame_bytes())?.shape()[0];
         light.check_duration("out", format_args!("room for {readouts} readouts"), readouts)?;
@@ -137,18 +136,21 @@ impl Simulator {
     ///
     /// `out` receives the result, if given: uint8, C-contiguous and writable, of that shape. No thread may access it during the
     /// call.
-    #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="hold", progress=None, out=None))]
+    #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="linear", full_scale=None, progress=None, out=None, **unknown), text_signature = "($self, light, readouts=None, *, readouts_per_frame=None, interpolation=\"linear\", full_scale=None, progress=None, out=None)")]
     fn run_dense<'py>(
         &self,
         py: Python<'py>,
         light: &Bound<'py, PyAny>,
-        readouts: Option<i64>,
-        readouts_per_frame: Option<i64>,
-        interpolation: &str,
+        #[pyo3(from_py_with = argument::optional::readouts)] readouts: Option<usize>,
+        #[pyo3(from_py_with = argument::optional::readouts_per_frame)] readouts_per_frame: Option<u64>,
+        #[pyo3(from_py_with = argument::interpolation)] interpolation: &str,
+        #[pyo3(from_py_with = argument::optional::full_scale)] full_scale: Option<f64>,
         progress: Option<Py<PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
+        unknown: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-        let light = LightSequence::new(light, self.geometry(), readouts_per_frame, interpolation)?;
+        argument::reject_unknown(unknown, "Simulator.run_dense")?;
+        let light = LightSequence::new(self, light, readouts_per_frame, interpolation, full_scale)?;
         let readouts = light.readouts(readouts)?;
         let mut inner = self.lock()?;
         let geometry = self.geometry();
@@ -216,7 +218,11 @@ impl Simulator {
     ///
     /// If `sequence` or `seed` is not passed, the simulator keeps its value.
     #[pyo3(signature = (sequence=None, seed=None))]
-    fn restart(&self, sequence: Option<u64>, seed: Option<u64>) -> PyResult<()> {
+    fn restart(
+        &self,
+        #[pyo3(from_py_with = argument::optional::sequence)] sequence: Option<u64>,
+        #[pyo3(from_py_with = argument::optional::seed)] seed: Option<u64>,
+    ) -> PyResult<()> {
         let mut inner = self.lock()?;
         let old = inner.simulator.plan().seeds();
         let seeds =
@@ -244,7 +250,17 @@ impl Simulator {
 
     fn __repr__(&self) -> String {
         let (height, width) = self.shape();
-        format!("<spikelane.Simulator of {:?}, {height} x {width} pixels>", self.camera.camera().name)
+        let name = &self.camera.camera().name;
+        let state = self.lock().map(|inner| {
+            let seeds = inner.simulator.plan().seeds();
+            let next = inner.simulator.state().readout();
+            format!(
+                ", seed={}, sequence={}, camera_seed={}, next readout {next}",
+                seeds.shot, seeds.sequence, seeds.camera
+            )
+        });
+        let state = state.unwrap_or_else(|_| ", at work".to_owned());
+        format!("<spikelane.Simulator of {name:?}, {height} x {width} pixels{state}>")
     }
 }
 
@@ -342,14 +358,16 @@ struct LightSequence<'py> {
 
 impl<'py> LightSequence<'py> {
     fn new(
+        simulator: &Simulator,
         light: &Bound<'py, PyAny>,
-        geometry: Geometry,
-        readouts_per_frame: Option<i64>,
+        readouts_per_frame: Option<u64>,
         interpolation: &str,
+        full_scale: Option<f64>,
     ) -> PyResult<Self> {
-        let array = LightArray::from_array(light, "light", CopyPolicy::All)?;
-        array.check_size(geometry, "light")?;
-        let interpolation = parse_interpolation(interpolation)?;
+        let scale = LightScale { full_scale, max_light: Some(simulator.max_light) };
+        let array = LightArray::from_array(light, "light", CopyPolicy::All, scale)?;
+        array.check_size(simulator.geometry(), "light")?;
+        let interpolation: Interpolation = interpolation.parse().or_raise()?;
         let readouts_per_frame = match (array.is_single(), readouts_per_frame) {
             (true, None) => None,
             (true, Some(found)) => {
@@ -361,20 +379,16 @@ impl<'py> LightSequence<'py> {
                 ));
             }
             (false, None) => {
-                return Err(usage_error(
-                    "readouts_per_frame",
-                    "none",
-                    "a number for frames of light (N, H, W)",
-                    "pass the readouts that each frame lasts, for example readouts_per_frame=20",
-                ));
+                let expected = format!("a number for {} frames of light (N, H, W)", array.count());
+                let remedy = match array.count() {
+                    3 => {
+                        "pass the readouts that each frame lasts, for example readouts_per_frame=20; for a color image (3, H, W), pass numpy.tensordot([0.2126, 0.7152, 0.0722], light, 1).astype(light.dtype)"
+                    }
+                    _ => "pass the readouts that each frame lasts, for example readouts_per_frame=20",
+                };
+                return Err(usage_error("readouts_per_frame", "none", expected, remedy));
             }
-            (false, Some(found)) => match u64::try_from(found) {
-                Ok(number @ 1..) => Some(number),
-                _ => {
-                    let remedy = "pass the readouts that each frame lasts";
-                    return Err(usage_error("readouts_per_frame", found, "at least 1", remedy));
-                }
-            },
+            (false, given) => given,
         };
         if array.count() == 0 {
             return Err(usage_error("light", "no frame", "at least one", "pass frames (N, H, W)"));
@@ -389,16 +403,13 @@ impl<'py> LightSequence<'py> {
     }
 
     /// Returns the number of readouts of a call.
-    fn readouts(&self, readouts: Option<i64>) -> PyResult<usize> {
-        let Some(found) = readouts else {
+    fn readouts(&self, readouts: Option<usize>) -> PyResult<usize> {
+        let Some(readouts) = readouts else {
             let expected = "a number for one frame of light (H, W)";
             let remedy = "pass readouts, for example run(light, 1000)";
             return self.duration().ok_or_else(|| usage_error("readouts", "none", expected, remedy));
         };
-        let Ok(readouts) = usize::try_from(found) else {
-            return Err(usage_error("readouts", found, "0 or more", "pass a number of readouts"));
-        };
-        self.check_duration("readouts", found, readouts)?;
+        self.check_duration("readouts", readouts, readouts)?;
         Ok(readouts)
     }
 
@@ -416,19 +427,12 @@ impl<'py> LightSequence<'py> {
 }
 
 fn busy_error(error: &dyn std::fmt::Display) -> PyErr {
-    usage_error("out", error, "an array of its own in one block", "pass another array")
+    usage_error("out", error, "an array that no other argument or call uses", "pass another array")
 }
 
 fn duration_error(name: &str, found: impl std::fmt::Display, duration: usize) -> PyErr {
     let expected = format!("at most {duration}, which the frames last");
     usage_error(name, found, expected, "pass more frames, or more readouts per frame")
-}
-
-fn parse_interpolation(text: &str) -> PyResult<Interpolation> {
-    text.parse().map_err(|_| {
-        let expected = "\"hold\", \"linear\" or \"flow\"";
-        usage_error("interpolation", format_args!("{text:?}"), expected, "pass one of them")
-    })
 }
 
 /// Returns the number of readouts to simulate. It is `readouts` if given, otherwise the total duration of the frames.
@@ -442,21 +446,5 @@ pub fn readout_count(readouts: Option<usize>, available: u64) -> PyResult<usize>
 
 /// Returns a timeline of frames with equal duration.
 pub fn timeline(readouts_per_frame: u64, interpolation: &str) -> PyResult<Timeline> {
-    if readouts_per_frame == 0 {
-        return Err(usage_error(
-            "readouts_per_frame",
-            0,
-            "at least 1",
-            "pass the readouts that each frame lasts",
-        ));
-    }
-    Timeline::from_readouts_per_frame(readouts_per_frame, parse_interpolation(interpolation)?).or_raise()
-}
-
-/// Rejects a number of threads outside 1 to 4096.
-pub fn check_threads(threads: usize) -> PyResult<()> {
-    if (1..=4096).contains(&threads) {
-        return Ok(());
-    }
-    Err(usage_error("threads", threads, "1 to 4096", "give the number of cores"))
+    Timeline::from_readouts_per_frame(readouts_per_frame, interpolation.parse().or_raise()?).or_raise()
 }

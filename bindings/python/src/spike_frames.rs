@@ -7,6 +7,7 @@ use pyo3::types::{PyBool, PySlice, PyType};
 use spikelane::Geometry;
 use spikelane::spikes::SpikeFramesRef;
 
+use crate::argument::{self, describe};
 use crate::arrays::{array_from_vec, borrow_bytes, geometry, shape_text, zeros};
 use crate::error::{OrRaise as _, type_error, usage_error};
 
@@ -42,24 +43,31 @@ impl SpikeFrames {
             return Ok((frames.borrow(spikes.py())?, frames.geometry));
         }
         let packed = borrow_bytes(spikes, "spikes")?;
-        let (Some(height), Some(width)) = size else {
-            return Err(usage_error(
-                "height and width",
-                "not both",
-                "both for an array of packed spikes",
-                "pass height and width, or SpikeFrames",
-            ));
-        };
-        let geometry = geometry(height, width)?;
-        match packed.shape() {
-            [_, .., bytes] if *bytes == geometry.frame_bytes() => Ok((packed, geometry)),
-            shape => Err(usage_error(
-                "spikes",
-                format_args!("shape {}", shape_text(shape)),
-                format_args!("(..., readouts, {}) for {geometry} pixels (W x H)", geometry.frame_bytes()),
-                "check height and width",
-            )),
+        if let (Some(height), Some(width)) = size {
+            let geometry = geometry(height, width)?;
+            if matches!(packed.shape(), [_, .., bytes] if *bytes == geometry.frame_bytes()) {
+                return Ok((packed, geometry));
+            }
         }
+        let shape = packed.shape();
+        let is_dense = match (shape, size) {
+            (&[_, .., h, w], (Some(height), Some(width))) => (h, w) == (height, width),
+            (shape, _) => shape.len() == 3,
+        };
+        let found = format!("shape {}{}", shape_text(shape), if is_dense { ": dense spikes?" } else { "" });
+        let expected = match size {
+            (Some(height), Some(width)) => {
+                let geometry = geometry(height, width)?;
+                format!("(..., readouts, {}) for {geometry} pixels (W x H)", geometry.frame_bytes())
+            }
+            _ => "SpikeFrames, or packed spikes together with height and width".to_owned(),
+        };
+        let remedy = match (is_dense, size) {
+            (true, _) => "pass SpikeFrames.from_dense(spikes)",
+            (false, (Some(_), Some(_))) => "check height and width",
+            _ => "pass SpikeFrames.from_packed(spikes, height, width)",
+        };
+        Err(usage_error("spikes", found, expected, remedy))
     }
 
     /// Checks that a size, if given, is the size of the frames.
@@ -103,18 +111,22 @@ impl SpikeFrames {
         let bytes = if is_bool { array.call_method1("view", ("uint8",))? } else { array.clone() };
         let dense = borrow_bytes(&bytes, "array")?;
         let &[readouts, height, width] = dense.shape() else {
-            return Err(usage_error(
-                "array",
-                format_args!("shape {}", shape_text(dense.shape())),
-                "(readouts, height, width)",
-                "pass frame[None] for a single frame",
-            ));
+            let remedy = match dense.shape() {
+                [_, 1, _, _] => "pass array[:, 0]",
+                [_, _, _, 1] => "pass array[..., 0]",
+                [_, _] => {
+                    "pass array[None] for a single frame, or SpikeFrames.from_packed(array, height, width) for packed spikes"
+                }
+                _ => "pass one stream, with a readout on the first axis",
+            };
+            let found = format!("shape {}", shape_text(dense.shape()));
+            return Err(usage_error("array", found, "(readouts, height, width)", remedy));
         };
         let geometry = geometry(height, width)?;
         let packed = zeros(py, &[readouts, geometry.frame_bytes()])?;
         let mut target = packed.try_readwrite()?;
         // The interpreter's lock stays held, because a copy would take as long as the packing.
-        spikelane::spikes::pack(geometry, dense.as_slice()?, target.as_slice_mut()?).or_raise()?;
+        crate::spikes::pack_into(geometry, dense.as_slice()?, target.as_slice_mut()?)?;
         drop(target);
         Ok(Self::new(packed, geometry))
     }
@@ -126,20 +138,25 @@ impl SpikeFrames {
     fn from_packed(
         _: &Bound<'_, PyType>,
         packed: &Bound<'_, PyAny>,
-        height: usize,
-        width: usize,
+        #[pyo3(from_py_with = argument::height)] height: usize,
+        #[pyo3(from_py_with = argument::width)] width: usize,
     ) -> PyResult<Self> {
         let geometry = geometry(height, width)?;
         let bytes = borrow_bytes(packed, "packed")?;
         if !matches!(bytes.shape(), [_, last] if *last == geometry.frame_bytes()) {
+            let is_dense = matches!(bytes.shape(), &[_, h, w] if (h, w) == (height, width));
             return Err(usage_error(
                 "packed",
-                format_args!("shape {}", shape_text(bytes.shape())),
+                format_args!(
+                    "shape {}{}",
+                    shape_text(bytes.shape()),
+                    if is_dense { ": dense spikes?" } else { "" }
+                ),
                 format_args!("(readouts, {}) for {geometry} pixels (W x H)", geometry.frame_bytes()),
-                "check height and width",
+                if is_dense { "pass SpikeFrames.from_dense(packed)" } else { "check height and width" },
             ));
         }
-        Ok(Self::new(packed.cast::<PyArrayDyn<u8>>()?.clone(), geometry))
+        Ok(Self::new((*bytes).clone(), geometry))
     }
 
     /// The packed frames, uint8 of shape (readouts, ceil(height * width / 8)): the memory of the stream, not a copy.
@@ -229,7 +246,7 @@ impl SpikeFrames {
         }
         let Ok(i) = index.extract::<isize>() else {
             let remedy = "index frames.to_dense() for rows and columns";
-            return Err(type_error("index", index.get_type(), "an integer or a slice of readouts", remedy));
+            return Err(type_error("index", describe(index), "an integer or a slice of readouts", remedy));
         };
         let readouts = self.readouts(py)?;
         let at = if i < 0 { i + readouts as isize } else { i };

@@ -2,9 +2,11 @@
 
 use numpy::{PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use spikelane::spikes::SpikeFramesRef;
 use spikelane::{Geometry, reconstruct};
 
+use crate::argument;
 use crate::arrays::{
     array_from_vec, borrow_bytes, check_buffer, copy_contiguous, geometry, shape_text, zeros,
 };
@@ -17,14 +19,16 @@ use crate::spike_frames::SpikeFrames;
 /// `out` is an optional array that receives the result: uint8, C-contiguous, with the shape of the result.
 /// Raises SpikelaneError for another shape, and SpikelaneTypeError for another dtype.
 #[pyfunction]
-#[pyo3(signature = (spikes, height=None, width=None, *, out=None))]
+#[pyo3(signature = (spikes, height=None, width=None, *, out=None, **unknown), text_signature = "(spikes, height=None, width=None, *, out=None)")]
 pub fn unpack<'py>(
     py: Python<'py>,
     spikes: &Bound<'py, PyAny>,
-    height: Option<usize>,
-    width: Option<usize>,
+    #[pyo3(from_py_with = argument::optional::height)] height: Option<usize>,
+    #[pyo3(from_py_with = argument::optional::width)] width: Option<usize>,
     out: Option<&Bound<'py, PyAny>>,
+    unknown: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+    argument::reject_unknown(unknown, "unpack")?;
     let (packed, geometry) = SpikeFrames::borrow_argument(spikes, (height, width))?;
     let rest = packed.shape().split_last().map_or(&[][..], |(_, rest)| rest);
     let shape: Vec<usize> = rest.iter().copied().chain([geometry.height(), geometry.width()]).collect();
@@ -59,29 +63,35 @@ pub fn unpack_into(
 /// Raises SpikelaneError if a byte is neither 0 nor 1. The message contains the position of this byte. Raises
 /// SpikelaneTypeError for another dtype.
 #[pyfunction]
-pub fn pack<'py>(py: Python<'py>, bits: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-    let bits = borrow_bytes(bits, "bits")?;
-    let (rest, geometry) = match *bits.shape() {
+pub fn pack<'py>(py: Python<'py>, dense: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+    let dense = borrow_bytes(dense, "dense")?;
+    let (rest, geometry) = match *dense.shape() {
         [ref rest @ .., height, width] => (rest.to_vec(), geometry(height, width)?),
         ref other => {
             let found = format!("shape {}", shape_text(other));
             return Err(usage_error(
-                "bits",
+                "dense",
                 found,
                 "(..., H, W)",
-                "give the readouts as arrays of height and width",
+                "pass the readouts as arrays of height and width",
             ));
         }
     };
     let shape: Vec<usize> = rest.into_iter().chain([geometry.frame_bytes()]).collect();
     let out = zeros(py, &shape)?;
     let mut target = out.clone().try_readwrite()?;
-    let (from, to) = (bits.as_slice()?, target.as_slice_mut()?);
+    let (from, to) = (dense.as_slice()?, target.as_slice_mut()?);
     // The interpreter's lock is held. Without the lock the input would have to be copied, which takes as long as
     // packing.
-    spikelane::spikes::pack(geometry, from, to).or_raise()?;
+    pack_into(geometry, from, to)?;
     drop(target);
     Ok(out)
+}
+
+/// Packs bytes of 0 and 1.
+pub fn pack_into(geometry: Geometry, dense: &[u8], packed: &mut [u8]) -> PyResult<()> {
+    let remedy = "pass (array > 0).astype(numpy.uint8) for a mask; packed spikes are packed already";
+    spikelane::spikes::pack(geometry, dense, packed).map_err(|error| error.remedy(remedy)).or_raise()
 }
 
 fn reconstruct_rates<'py>(
@@ -109,15 +119,17 @@ fn reconstruct_rates<'py>(
 ///
 /// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream.
 #[pyfunction]
-#[pyo3(signature = (spikes, height=None, width=None, *, at, half_window))]
+#[pyo3(signature = (spikes, height=None, width=None, *, at, half_window, **unknown), text_signature = "(spikes, height=None, width=None, *, at, half_window)")]
 pub fn tfp<'py>(
     py: Python<'py>,
     spikes: &Bound<'py, PyAny>,
-    height: Option<usize>,
-    width: Option<usize>,
-    at: usize,
-    half_window: usize,
+    #[pyo3(from_py_with = argument::optional::height)] height: Option<usize>,
+    #[pyo3(from_py_with = argument::optional::width)] width: Option<usize>,
+    #[pyo3(from_py_with = argument::at)] at: usize,
+    #[pyo3(from_py_with = argument::half_window)] half_window: usize,
+    unknown: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    argument::reject_unknown(unknown, "tfp")?;
     reconstruct_rates(py, spikes, (height, width), |p| reconstruct::tfp(p, at, half_window))
 }
 
@@ -129,15 +141,17 @@ pub fn tfp<'py>(
 /// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream or if
 /// `search` is 0.
 #[pyfunction]
-#[pyo3(signature = (spikes, height=None, width=None, *, at, search=20))]
+#[pyo3(signature = (spikes, height=None, width=None, *, at, search=20, **unknown), text_signature = "(spikes, height=None, width=None, *, at, search=20)")]
 pub fn tfi<'py>(
     py: Python<'py>,
     spikes: &Bound<'py, PyAny>,
-    height: Option<usize>,
-    width: Option<usize>,
-    at: usize,
-    search: usize,
+    #[pyo3(from_py_with = argument::optional::height)] height: Option<usize>,
+    #[pyo3(from_py_with = argument::optional::width)] width: Option<usize>,
+    #[pyo3(from_py_with = argument::at)] at: usize,
+    #[pyo3(from_py_with = argument::search)] search: usize,
+    unknown: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    argument::reject_unknown(unknown, "tfi")?;
     reconstruct_rates(py, spikes, (height, width), |p| reconstruct::tfi(p, at, search))
 }
 
@@ -149,14 +163,16 @@ pub fn tfi<'py>(
 ///
 /// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream.
 #[pyfunction]
-#[pyo3(signature = (spikes, height=None, width=None, *, at, half_window))]
+#[pyo3(signature = (spikes, height=None, width=None, *, at, half_window, **unknown), text_signature = "(spikes, height=None, width=None, *, at, half_window)")]
 pub fn span_rates<'py>(
     py: Python<'py>,
     spikes: &Bound<'py, PyAny>,
-    height: Option<usize>,
-    width: Option<usize>,
-    at: usize,
-    half_window: usize,
+    #[pyo3(from_py_with = argument::optional::height)] height: Option<usize>,
+    #[pyo3(from_py_with = argument::optional::width)] width: Option<usize>,
+    #[pyo3(from_py_with = argument::at)] at: usize,
+    #[pyo3(from_py_with = argument::half_window)] half_window: usize,
+    unknown: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    argument::reject_unknown(unknown, "span_rates")?;
     reconstruct_rates(py, spikes, (height, width), |p| reconstruct::span_rates(p, at, half_window))
 }

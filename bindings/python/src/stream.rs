@@ -10,14 +10,15 @@ use spikelane::{Geometry, spikes};
 use spikelane_io::formats::{Layout, OutputSet, StreamReader, StreamWriter};
 use spikelane_io::simulate::{Sidecar, StreamFacts};
 
+use crate::argument::{self, describe};
 use crate::arrays::{borrow_bytes, geometry, shape_text, zeros};
-use crate::error::{OrRaise as _, usage_error};
+use crate::error::{OrRaise as _, type_error, usage_error};
 use crate::spike_frames::SpikeFrames;
 use crate::watch::WorkMonitor;
 
 /// A recorded stream. `open_stream` opens a stream. Readouts are read on demand, in any order and from any thread.
 ///
-/// `stream[a:b]` is bit-packed uint8 (b - a, ceil(H * W / 8)). `stream[i]` is readout i, bit-packed. `stream.read_bits(a,
+/// `stream[a:b]` is bit-packed uint8 (b - a, ceil(H * W / 8)). `stream[i]` is readout i, bit-packed. `stream.read_dense(a,
 /// b)` returns bytes of 0 and 1. Use the stream in a `with` block, or call `close`.
 #[pyclass(frozen, module = "spikelane", sequence)]
 pub struct Stream {
@@ -91,11 +92,11 @@ impl Stream {
     /// Without `end`, all readouts from `first` to the last readout are returned. Raises SpikelaneError if a readout is
     /// not in the stream.
     #[pyo3(signature = (first=0, end=None))]
-    fn read_bits<'py>(
+    fn read_dense<'py>(
         &self,
         py: Python<'py>,
-        first: usize,
-        end: Option<usize>,
+        #[pyo3(from_py_with = argument::first)] first: usize,
+        #[pyo3(from_py_with = argument::optional::end)] end: Option<usize>,
     ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let reader = self.reader()?;
         let end = end.unwrap_or(reader.readouts());
@@ -129,7 +130,10 @@ impl Stream {
             let first = usize::try_from(indices.start).unwrap_or(0);
             return Ok(self.read_packed(py, first, first + indices.slicelength)?.into_any());
         }
-        let i: isize = index.extract()?;
+        let Ok(i) = index.extract::<isize>() else {
+            let remedy = "index stream.read_dense() for rows and columns";
+            return Err(type_error("index", describe(index), "an integer or a slice of readouts", remedy));
+        };
         let at = if i < 0 { i + readouts as isize } else { i };
         match usize::try_from(at).ok().filter(|t| *t < readouts) {
             Some(t) => self.read_packed(py, t, t + 1)?.get_item(0),
@@ -188,13 +192,15 @@ fn optional_geometry(height: Option<usize>, width: Option<usize>) -> PyResult<Op
 /// Raises FileNotFoundError and other OSErrors. Raises SpikelaneError if the file is truncated, if its size does not
 /// match, or if the height and width are unknown.
 #[pyfunction]
-#[pyo3(signature = (path, *, layout=None, height=None, width=None))]
+#[pyo3(signature = (path, *, layout=None, height=None, width=None, **unknown), text_signature = "(path, *, layout=None, height=None, width=None)")]
 pub fn open_stream(
-    path: PathBuf,
-    layout: Option<&str>,
-    height: Option<usize>,
-    width: Option<usize>,
+    #[pyo3(from_py_with = argument::path)] path: PathBuf,
+    #[pyo3(from_py_with = argument::optional::layout)] layout: Option<&str>,
+    #[pyo3(from_py_with = argument::optional::height)] height: Option<usize>,
+    #[pyo3(from_py_with = argument::optional::width)] width: Option<usize>,
+    unknown: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Stream> {
+    argument::reject_unknown(unknown, "open_stream")?;
     let layout = layout.map(Layout::parse).transpose().or_raise()?;
     let reader = StreamReader::open(&path, layout, optional_geometry(height, width)?).or_raise()?;
     let open_arguments = (layout.map(|l| l.name().to_owned()), height, width);
@@ -225,7 +231,9 @@ fn packed_stream<'py>(
                 None => "SpikeFrames, (T, H, W), or packed spikes with height and width".to_owned(),
             };
             let found = format!("shape {}", shape_text(shape));
-            Err(usage_error("spikes", found, expected, "check height and width"))
+            let remedy =
+                if size.is_some() { "check height and width" } else { "pass height=250, width=400 or so" };
+            Err(usage_error("spikes", found, expected, remedy))
         }
     }
 }
@@ -239,20 +247,21 @@ fn packed_stream<'py>(
 ///
 /// Raises FileExistsError if the file exists and `force` is false. Raises other OSErrors if writing fails.
 #[pyfunction]
-#[pyo3(signature = (path, spikes, *, height=None, width=None, layout="dat", readout_hz=None, sidecar=true, force=false,
-    progress=None))]
+#[pyo3(signature = (path, spikes, *, height=None, width=None, layout="dat", readout_hz=None, sidecar=true, force=false, progress=None, **unknown), text_signature = "(path, spikes, *, height=None, width=None, layout=\"dat\", readout_hz=None, sidecar=True, force=False, progress=None)")]
 pub fn write_stream(
     py: Python<'_>,
-    path: PathBuf,
+    #[pyo3(from_py_with = argument::path)] path: PathBuf,
     spikes: &Bound<'_, PyAny>,
-    height: Option<usize>,
-    width: Option<usize>,
-    layout: &str,
-    readout_hz: Option<f64>,
-    sidecar: bool,
-    force: bool,
+    #[pyo3(from_py_with = argument::optional::height)] height: Option<usize>,
+    #[pyo3(from_py_with = argument::optional::width)] width: Option<usize>,
+    #[pyo3(from_py_with = argument::layout)] layout: &str,
+    #[pyo3(from_py_with = argument::optional::readout_hz)] readout_hz: Option<f64>,
+    #[pyo3(from_py_with = argument::sidecar)] sidecar: bool,
+    #[pyo3(from_py_with = argument::force)] force: bool,
     progress: Option<Py<PyAny>>,
+    unknown: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<String> {
+    argument::reject_unknown(unknown, "write_stream")?;
     let layout = Layout::parse(layout).or_raise()?;
     let (packed, geometry) = packed_stream(py, spikes, optional_geometry(height, width)?)?;
     let from = packed.as_slice()?;

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBool;
 use spikelane::{Error, ErrorKind};
 
+use crate::argument::describe;
 use crate::error::type_error;
 
 /// Interval between two checks for signals, and between two progress reports.
@@ -30,7 +31,7 @@ impl WorkMonitor {
                 bar.call1((flag, unit))?.extract()?
             }
             Some(other) if !other.bind(py).is_callable() => {
-                let found = other.bind(py).get_type();
+                let found = describe(other.bind(py));
                 return Err(type_error(
                     "progress",
                     found,

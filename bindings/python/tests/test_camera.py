@@ -20,14 +20,30 @@ def test_every_preset_simulates():
         assert 0.1 < spikes.mean() < 0.9, name
 
 
-def test_a_camera_prints_its_size_rate_exposure_and_effects(camera):
+def test_the_repr_of_a_camera_is_one_line_of_name_size_and_rate(camera):
     whole = camera.with_maps(gain=np.ones((12, 20)))
-    text = repr(whole.window(2, 3, 5, 7))
-    for part in ('"physical"', "5 x 7 pixels", "20000 readouts/s", "row 2, col 3", "maps: gain"):
-        assert part in text, text
-    assert f"thresholds_at_full_scale={camera.thresholds_at_full_scale:g}" in text
-    assert f"effects: {', '.join(camera.effects)}" in text
-    assert "no effects" in repr(sl.Camera.ideal(3, 4)) and "maps" not in repr(camera)
+    assert repr(camera) == '<spikelane.Camera "physical", 12 x 20 pixels, 20000 readouts/s, 10 effects>'
+    assert repr(whole.window(2, 3, 5, 7)).endswith("10 effects, window at row 2, col 3, maps: gain>")
+    assert "0 effects" in repr(sl.Camera.ideal(3, 4))
+
+
+def test_a_printed_camera_lists_its_sensor_effects_with_values_maps_and_source(camera):
+    text = str(camera.with_maps(gain=np.ones((12, 20))).window(2, 3, 5, 7))
+    lines = text.splitlines()
+    assert lines[0] == 'Camera "physical"'
+    for line in (
+        "  size       5 x 7 pixels (height x width)",
+        "  window     row 2, col 3 of 12 x 20 pixels",
+        "  readouts   20000 per second",
+        "  full scale 1 thresholds per readout",
+        "  maps       gain",
+        f"  source     {camera.source}",
+    ):
+        assert line in lines, text
+    # A choice is printed as its word, and a quantity with its unit.
+    assert "    dark_current: mean = 0.469 pA, sigma = 0 pA, negative = kept" in lines
+    assert [line.strip().split(":")[0] for line in lines if line.startswith("    ")] == list(camera.effects)
+    assert "  effects    none" in str(sl.Camera.ideal(3, 4)).splitlines()
 
 
 def test_equal_cameras_are_equal_and_hash_alike(camera):

@@ -90,7 +90,7 @@ def test_a_distribution_draws_a_camera_for_each_clip(clips):
 
 def test_packed_items_and_shorter_ones(clips, physical):
     full = sl.ClipSampler(clips, physical, 5).item(2)["spikes"]
-    packed = sl.ClipSampler(clips, physical, 5, bits=False, readouts=8).item(2)["spikes"]
+    packed = sl.ClipSampler(clips, physical, 5, dense=False, readouts=8).item(2)["spikes"]
     np.testing.assert_array_equal(sl.unpack(packed, 30, 36), full[:8])
 
 

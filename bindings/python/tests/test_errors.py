@@ -45,7 +45,7 @@ def test_wrong_shapes_are_rejected(camera, shape):
 @pytest.mark.parametrize("shape", [(12, 20, 3), (12, 20, 4), (5, 12, 20, 3)])
 def test_the_error_for_color_images_names_the_conversion(camera, shape):
     error = error_of(camera, "run", np.zeros(shape, np.uint8), 1)
-    assert error.found == f"shape {shape}" and "`rgb @ weights`" in error.remedy
+    assert error.found == f"shape {shape}: an RGB image?" and "@ [0.2126, 0.7152, 0.0722]" in error.remedy
 
 
 @pytest.mark.parametrize("method", ["run", "run_dense"])
@@ -64,7 +64,7 @@ def test_the_error_for_invalid_light_names_the_pixel(camera, value):
     light = np.full((2, 12, 20), 0.5, np.float32)
     light[1, 3, 4] = value
     error = error_of(camera, "run", light, readouts_per_frame=1)
-    assert "frame 1" in error.subject and "row 3, col 4" in error.subject
+    assert error.subject == "light[1, 3, 4]" and "light" in error.remedy
 
 
 def test_light_without_frames_is_rejected(camera):
@@ -103,7 +103,7 @@ def test_numbers_out_of_range_are_rejected(camera, clip):
     assert "at most 35" in error_of(camera, "run", clip, 36, readouts_per_frame=7).expected
     assert error_of(camera, "run", clip[0], 1, interpolation="cubic").subject == "interpolation"
     error_of(camera, "run", clip, readouts_per_frame=2**62)
-    with pytest.raises(OverflowError):
+    with pytest.raises(sl.SpikelaneError, match="seed: found -1"):
         sl.Simulator(camera, seed=-1)
     for threads in (0, 100_000):
         with pytest.raises(sl.SpikelaneError, match="threads"):
@@ -161,7 +161,7 @@ def test_the_error_of_a_batch_names_the_wrong_clip(camera, clip):
     batch = np.stack([clip] * 3).astype(np.float32) / 255
     batch[2, 1, 5, 6] = np.nan
     for threads in (1, 2):
-        with pytest.raises(sl.SpikelaneError, match=r"clips\[2\].*frame 1.*row 5, col 6"):
+        with pytest.raises(sl.SpikelaneError, match=r"clips\[2\]\[1, 5, 6\]: found NaN"):
             sl.simulate_batch(camera, batch, sequences=range(3), threads=threads)
     good = np.stack([clip] * 3)
     wrong = [

@@ -36,7 +36,7 @@ def light(kind: str, shape: tuple[int, int]) -> tuple[np.ndarray, int, dict]:
     if kind == "bright":
         lit = np.float32(1.6) * np.arange(pixels, dtype=np.float32) / np.float32(pixels)
         frames = np.stack([lit, lit, lit, np.zeros_like(lit)])
-        return frames.reshape(4, *shape), 50, {}
+        return frames.reshape(4, *shape), 50, {"interpolation": "hold"}
     assert kind == "between"
     frames = np.stack([ramp(pixels), ramp(pixels)[::-1]])
     return frames.reshape(2, *shape), 200, {"readouts": 200, "interpolation": "linear"}

@@ -73,7 +73,7 @@ for wrong in (None, light.astype(float), light[:, :3], light[0, 0], light):
         raise SystemExit("no error")
 sl.write_stream("a.dat", spikes)
 with sl.open_stream("a.dat") as stream:
-    assert (stream.read_bits() == spikes.to_dense()).all()
+    assert (stream.read_dense() == spikes.to_dense()).all()
 assert pickle.loads(pickle.dumps(spikes)) == spikes
 sl.simulate_batch(camera, [light] * 4, sequences=range(4), threads=2)
 gc.collect()

@@ -70,7 +70,9 @@ def test_spike_zoo_and_python_read_each_other(zoo, tmp_path, shape):
     sl.write_stream(tmp_path / "a.dat", bits)
     np.testing.assert_array_equal(zoo.load_vidar_dat(tmp_path / "a.dat", shape[1], shape[2]), bits)
     zoo.save_vidar_dat(str(tmp_path / "b.dat"), bits)
-    np.testing.assert_array_equal(sl.open_stream(tmp_path / "b.dat", height=shape[1], width=shape[2]).read_bits(), bits)
+    np.testing.assert_array_equal(
+        sl.open_stream(tmp_path / "b.dat", height=shape[1], width=shape[2]).read_dense(), bits
+    )
     assert (tmp_path / "a.dat").read_bytes() == (tmp_path / "b.dat").read_bytes()
 
 
@@ -90,7 +92,9 @@ def test_spikecv_and_python_read_each_other(cv, tmp_path, shape):
         # If a frame fills whole bytes, the writer of SpikeCV appends eight zeros, and its reshape fails.
         assert "reshape" in str(error)
         return
-    np.testing.assert_array_equal(sl.open_stream(tmp_path / "b.dat", height=shape[1], width=shape[2]).read_bits(), bits)
+    np.testing.assert_array_equal(
+        sl.open_stream(tmp_path / "b.dat", height=shape[1], width=shape[2]).read_dense(), bits
+    )
 
 
 def test_examples_run(tmp_path):
@@ -100,7 +104,7 @@ def test_examples_run(tmp_path):
     finally:
         sys.path.pop(0)
     spikes = spikecv_stream.write(tmp_path)
-    np.testing.assert_array_equal(sl.open_stream(tmp_path / "light.dat").read_bits(), spikes)
+    np.testing.assert_array_equal(sl.open_stream(tmp_path / "light.dat").read_dense(), spikes)
     raw = np.fromfile(tmp_path / "light.dat", np.uint8).reshape(spikes.shape[0], -1)
     frames = np.unpackbits(raw, axis=1, bitorder="little").reshape(spikes.shape)
     np.testing.assert_array_equal(frames[:, ::-1], spikes.to_dense())

@@ -181,7 +181,7 @@ def test_light_in_any_memory_gives_the_same_bits(dtype, copied):
     expected = _simulator().run(frame, 60)
     for name, view in _views(frame).items():
         assert _simulator().run(view, 60) == expected, name
-        one = sl.simulate_batch(_simulator().camera, [view[None]], 60, sequences=[0], seed=7, bits=False, copy=copied)
+        one = sl.simulate_batch(_simulator().camera, [view[None]], 60, sequences=[0], seed=7, dense=False, copy=copied)
         np.testing.assert_array_equal(one[0], expected.packed, err_msg=name)
         np.testing.assert_array_equal(sl.light_at(view, [0]), sl.light_at(frame, [0]), err_msg=name)
 
@@ -218,7 +218,7 @@ def test_ctrl_c_stops_a_clip_of_a_batch_between_its_readouts():
         timer = _interrupt_when_called(0.3)
         with pytest.raises(KeyboardInterrupt):
             camera = sl.Camera.preset("physical")
-            sl.simulate_batch(camera, clips, 100_000, sequences=range(2), threads=threads, bits=False, out=out)
+            sl.simulate_batch(camera, clips, 100_000, sequences=range(2), threads=threads, dense=False, out=out)
         timer.join()
 
 

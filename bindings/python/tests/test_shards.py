@@ -45,7 +45,7 @@ def test_a_sequence_contains_the_files_of_the_program(packed: Path) -> None:
     plain = packed / "plain" / "sequences" / item["id"]
     for key, file in [("spikes", "stream.dat"), ("clean", "stream.clean.dat")]:
         with sl.open_stream(plain / file) as stream:
-            assert np.array_equal(item[key].numpy(), stream.read_bits())
+            assert np.array_equal(item[key].numpy(), stream.read_dense())
     assert item["spikes"].shape == (3, 24, 32)
     assert np.array_equal(item["labels-000002-depth.npy"].numpy(), np.load(plain / "labels/000002.depth.npy"))
     assert item["png"] == (plain / "reference.png").read_bytes()

@@ -38,7 +38,7 @@ def test_an_ideal_pixel_counts_its_light_exactly():
 
 
 def test_one_call_per_frame_equals_one_call_for_all_frames(camera, clip):
-    together = sl.Simulator(camera).run(clip, readouts_per_frame=4)
+    together = sl.Simulator(camera).run(clip, readouts_per_frame=4, interpolation="hold")
     single = sl.Simulator(camera)
     apart = np.concatenate([single.run(frame, 4) for frame in clip])
     np.testing.assert_array_equal(together, apart)
@@ -115,13 +115,13 @@ def test_views_with_gaps_equal_contiguous_copies(camera, clip):
 
 
 def test_a_restored_state_continues_with_the_same_bits(camera, clip):
-    whole = sl.Simulator(camera, seed=2).run(clip, readouts_per_frame=6)
+    whole = sl.Simulator(camera, seed=2).run(clip, readouts_per_frame=6, interpolation="hold")
     first = sl.Simulator(camera, seed=2)
-    first.run(clip[:2], readouts_per_frame=6)
+    first.run(clip[:2], readouts_per_frame=6, interpolation="hold")
     second = sl.Simulator(camera, seed=2)
     second.restore(first.state())
     assert second.next_readout == 12
-    assert second.run(clip[2:], readouts_per_frame=6) == whole[12:]
+    assert second.run(clip[2:], readouts_per_frame=6, interpolation="hold") == whole[12:]
 
 
 def test_a_restart_equals_a_new_simulator(camera, clip):

@@ -47,8 +47,8 @@ def test_every_layout_reads_back_equal(bits, tmp_path, layout):
         np.testing.assert_array_equal(stream[-4:], packed[-4:])
         np.testing.assert_array_equal(stream[-1], packed[-1])
         assert stream[9:3].shape == (0, 12)
-        np.testing.assert_array_equal(stream.read_bits(2, 5), bits[2:5])
-        np.testing.assert_array_equal(stream.read_bits(), bits)
+        np.testing.assert_array_equal(stream.read_dense(2, 5), bits[2:5])
+        np.testing.assert_array_equal(stream.read_dense(), bits)
     assert json.loads((tmp_path / "a.json").read_text())["digest"] == digest
 
 
@@ -68,7 +68,7 @@ def test_the_layouts_of_cameras_read_back_equal(tmp_path, layout, shape):
     bits = np.random.default_rng(6).integers(0, 2, (3, *shape), np.uint8)
     sl.write_stream(tmp_path / "a.dat", bits, layout=layout, sidecar=False)
     found = sl.open_stream(tmp_path / "a.dat", layout=layout)
-    np.testing.assert_array_equal(found.read_bits(), bits)
+    np.testing.assert_array_equal(found.read_dense(), bits)
     with pytest.raises(sl.SpikelaneError, match="layout"):
         sl.write_stream(tmp_path / "b.dat", bits[:, 1:].copy(), layout=layout)
 
@@ -89,7 +89,7 @@ def test_the_program_and_python_read_each_others_files(bits, tmp_path, program):
     run("verify", tmp_path / "a.dat")
     run("convert", tmp_path / "a.dat", tmp_path / "b.npy", "--to", "npy-bytes")
     np.testing.assert_array_equal(np.load(tmp_path / "b.npy"), bits)
-    np.testing.assert_array_equal(sl.open_stream(tmp_path / "b.npy").read_bits(), bits)
+    np.testing.assert_array_equal(sl.open_stream(tmp_path / "b.npy").read_dense(), bits)
 
 
 def test_the_error_of_a_closed_stream_names_the_cause(bits, tmp_path):
@@ -98,7 +98,7 @@ def test_the_error_of_a_closed_stream_names_the_cause(bits, tmp_path):
     stream.close()
     stream.close()
     assert stream.closed and "closed" in repr(stream)
-    for use in (lambda: stream[0], lambda: stream[:], stream.read_bits, lambda: len(stream), lambda: stream.shape):
+    for use in (lambda: stream[0], lambda: stream[:], stream.read_dense, lambda: len(stream), lambda: stream.shape):
         with pytest.raises(sl.SpikelaneError, match="closed stream"):
             use()
 
@@ -113,7 +113,7 @@ def test_indices_beyond_the_end_and_steps_are_rejected(bits, tmp_path):
     with pytest.raises(sl.SpikelaneError, match="step"):
         stream[::2]
     with pytest.raises(sl.SpikelaneError):
-        stream.read_bits(20, 31)
+        stream.read_dense(20, 31)
     with pytest.raises(TypeError):
         stream["a"]
 
@@ -122,7 +122,7 @@ def test_a_truncated_file_is_read_up_to_its_end(bits, tmp_path):
     sl.write_stream(tmp_path / "a.dat", bits)
     data = (tmp_path / "a.dat").read_bytes()
     (tmp_path / "a.dat").write_bytes(data[:-1])
-    np.testing.assert_array_equal(sl.open_stream(tmp_path / "a.dat").read_bits(), bits[:-1])
+    np.testing.assert_array_equal(sl.open_stream(tmp_path / "a.dat").read_dense(), bits[:-1])
 
 
 def test_files_without_a_size_and_empty_files_are_rejected(bits, tmp_path):

@@ -150,7 +150,7 @@ class Real:
 
 def recordings(folder: Path) -> dict[str, Real]:
     static = sl.open_stream(folder / "static_400x250x300.dat", width=400, height=250)
-    static = static.read_bits()
+    static = static.read_dense()
     dim = np.load(folder / "lowlight_250x250x120.npz")["spk"].astype(np.uint8)
     return {"still rows": Real(static, slice(100, 180)), "static": Real(static, slice(0, 250)), "low light": Real(dim, slice(0, 250))}
 

@@ -22,6 +22,7 @@ from ._errors import (
     SpikelaneFileNotFoundError,
     SpikelaneOSError,
     SpikelaneTypeError,
+    SpikelaneWarning,
 )
 from ._native import (
     Camera,
@@ -86,6 +87,7 @@ __all__ = [
     "SpikelaneFileNotFoundError",
     "SpikelaneOSError",
     "SpikelaneTypeError",
+    "SpikelaneWarning",
     "Statistic",
     "Stream",
     "UnexplainedStatistic",

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._errors import make_error
+from ._arrays import to_numpy
+from ._errors import SpikelaneError, make_error, type_error, usage_error
 
 __all__ = ["ClipSampler"]
 
@@ -32,9 +33,42 @@ def _hash(*words: int) -> int:
     return state
 
 
-def _usage_error(subject: str, found: object, expected: str, remedy: str) -> BaseException:
-    text = f"{subject}: found {found}, expected {expected}; {remedy}"
-    return make_error(text, ("usage", subject, str(found), expected, remedy), None, False)
+def crop_size(crop: Any) -> tuple[int, int] | None:
+    """The argument ``crop`` as (height, width)."""
+    if crop is None:
+        return None
+    expected = "a tuple (height, width)"
+    if isinstance(crop, int):
+        raise type_error("crop", f"{crop} (an int)", expected, f"pass crop=({crop}, {crop})")
+    try:
+        height, width = crop
+    except (TypeError, ValueError):
+        raise type_error("crop", repr(crop)[:60], expected, "pass crop=(48, 48) or so") from None
+    for i, (name, side) in enumerate((("height", height), ("width", width))):
+        try:
+            _native.check_argument(name, side)
+        except SpikelaneError as error:
+            raise _rename(error, name, f"crop[{i}]") from None
+    return int(height), int(width)
+
+
+def _readout_tuple(readouts: Any) -> tuple[int, ...] | None:
+    """The argument ``target_readouts``."""
+    if readouts is None:
+        return None
+    if isinstance(readouts, int):
+        raise type_error(
+            "target_readouts", f"{readouts} (an int)", "a sequence of readouts", f"pass target_readouts=[{readouts}]"
+        )
+    for readout in readouts:
+        _native.check_argument("at", readout)
+    return tuple(int(readout) for readout in readouts)
+
+
+def _rename(error: SpikelaneError, old: str, new: str) -> BaseException:
+    """The same error about an argument that has another name for the caller."""
+    fields = (error.kind, error.subject.replace(old, new, 1), error.found, error.expected, error.remedy)
+    return make_error(str(error).replace(old, new), fields, None, False)
 
 
 class ClipSampler:
@@ -42,7 +76,7 @@ class ClipSampler:
 
     An item is a dict with these keys:
 
-    - ``spikes``: uint8 (T, H, W) of 0 and 1, or packed (T, ceil(H * W / 8)) with ``bits=False``;
+    - ``spikes``: uint8 (T, H, W) of 0 and 1, or packed (T, ceil(H * W / 8)) with ``dense=False``;
     - ``light``: float32 (K, H, W), the linear light at the readouts ``target_readouts``, 1.0 at full scale;
     - ``clean``: like ``spikes``, but from the noise-free twin of the camera; only with ``clean=True``;
     - ``thresholds_at_full_scale``: charge that full-scale light adds per readout, in nominal thresholds;
@@ -50,7 +84,7 @@ class ClipSampler:
 
     ``clips`` is a sequence of (N, H, W) arrays of uint8, uint16 or float32: an array (B, N, H, W), a list, or any object
     with ``len`` and indexing. Each frame lasts ``readouts_per_frame`` readouts. ``interpolation`` has the values of
-    ``Simulator.run``. ``crop=(h, w)`` selects a random rectangle of each clip.
+    ``Simulator.run``; so is ``full_scale``. ``crop=(h, w)`` selects a random rectangle of each clip.
 
     ``camera`` is a Camera or a CameraDistribution. A Camera must have the size of the clips; a crop uses a window of the
     camera. A CameraDistribution draws a camera with the size of the crop for every item of every epoch.
@@ -72,30 +106,49 @@ class ClipSampler:
         *,
         crop: tuple[int, int] | None = None,
         seed: int = 0,
-        interpolation: str = "hold",
+        interpolation: str = "linear",
+        full_scale: float | None = None,
         readouts: int | None = None,
         target_readouts: Sequence[int] | None = None,
         clean: bool = False,
-        bits: bool = True,
+        dense: bool = True,
         camera_count: int | None = None,
         max_light: float = 1.0,
     ) -> None:
-        if not isinstance(camera, _native.Camera | _native.CameraDistribution):
-            raise _usage_error("camera", type(camera).__name__, "a Camera or a CameraDistribution", "pass one of them")
-        if camera_count is not None and camera_count < 1:
-            raise _usage_error("camera_count", camera_count, "at least 1", "omit it for a new camera per item")
+        if not isinstance(camera, _native.CameraDistribution):
+            _native.check_argument("camera", camera)
+        given = {
+            "readouts_per_frame": readouts_per_frame,
+            "seed": seed,
+            "interpolation": interpolation,
+            "full_scale": full_scale,
+            "readouts": readouts,
+            "clean": clean,
+            "dense": dense,
+            "camera_count": camera_count,
+            "max_light": max_light,
+        }
+        for name, value in given.items():
+            if value is not None or name not in ("full_scale", "readouts", "camera_count"):
+                _native.check_argument(name, value)
+        if not (hasattr(clips, "__len__") and hasattr(clips, "__getitem__")) or isinstance(clips, str | dict):
+            kind = f"a {type(clips).__name__}"
+            raise type_error(
+                "clips", kind, "an array (B, N, H, W), or a sequence of (N, H, W)", "pass a list of arrays"
+            )
         if len(clips) == 0:
-            raise _usage_error("clips", "no clip", "at least one", "pass arrays of shape (N, H, W)")
+            raise usage_error("clips", "no clip", "at least one", "pass arrays of shape (N, H, W)")
         self.clips = clips
         self.camera = camera
         self.readouts_per_frame = readouts_per_frame
-        self.crop = None if crop is None else (crop[0], crop[1])
+        self.crop = crop_size(crop)
         self.seed = seed
         self.interpolation = interpolation
+        self.full_scale = full_scale
         self.readouts = readouts
-        self.target_readouts = None if target_readouts is None else tuple(int(t) for t in target_readouts)
+        self.target_readouts = _readout_tuple(target_readouts)
         self.clean = clean
-        self.bits = bits
+        self.dense = dense
         self.camera_count = camera_count
         self.max_light = max_light
 
@@ -114,7 +167,7 @@ class ClipSampler:
         # All items share one fixed pattern unless `camera_count` requests several patterns.
         camera_seed = drawn if self.camera_count is not None else _hash(self.seed, 0xCA3E2C)
         if self.camera.shape != shape:
-            raise _usage_error(
+            raise usage_error(
                 "camera",
                 f"{self.camera.shape[0]} x {self.camera.shape[1]} pixels",
                 f"{shape[0]} x {shape[1]}, the size of the clips",
@@ -131,11 +184,10 @@ class ClipSampler:
         if not -length <= index < length:
             raise IndexError(f"found index {index}, expected -{length} to {length - 1}")
         index %= length
-        clip = np.asarray(self.clips[index])
+        clip = to_numpy(self.clips[index], f"clips[{index}]", "an array of uint8, uint16 or float32")
         if clip.ndim != 3:
-            raise _usage_error(
-                f"clips[{index}]", f"{clip.ndim} axes", "an array (N, H, W)", "pass clip[None] for a single image"
-            )
+            remedy = "pass clip[None] for one image" if clip.ndim == 2 else "pass gray frames: rgb @ weights for colors"
+            raise usage_error(f"clips[{index}]", f"shape {clip.shape}", "an array (N, H, W)", remedy)
         camera, camera_seed = self._item_camera(epoch, index, (clip.shape[1], clip.shape[2]))
         row, col = 0, 0
         if self.crop is not None:
@@ -143,17 +195,32 @@ class ClipSampler:
             margins = (clip.shape[1] - height, clip.shape[2] - width)
             if min(margins) < 0 or min(height, width) < 1:
                 found, whole = f"{height} x {width}", f"{clip.shape[1]} x {clip.shape[2]}"
-                raise _usage_error("crop", found, f"a part of the clip's {whole} pixels", "choose a smaller crop")
+                raise usage_error("crop", found, f"a part of the clip's {whole} pixels", "choose a smaller crop")
             row = _hash(self.seed, 0xC209, epoch, index) % (margins[0] + 1)
             col = _hash(self.seed, 0xC20A, epoch, index) % (margins[1] + 1)
             clip = clip[:, row : row + height, col : col + width]
         sequence = _hash(self.seed, 0x5E9, epoch, index)
-        spikes = self._simulate(camera, clip, camera_seed, sequence, row, col)
-        readouts = spikes.shape[0]
+        lasts = clip.shape[0] * self.readouts_per_frame
+        readouts = lasts if self.readouts is None else self.readouts
+        if readouts > lasts:
+            expected = f"at most {lasts}, which clips[{index}] lasts"
+            raise usage_error("readouts", readouts, expected, "pass fewer, or a larger readouts_per_frame")
         targets = (readouts // 2,) if self.target_readouts is None else self.target_readouts
+        place = f"[:, {row}:{row + clip.shape[1]}, {col}:{col + clip.shape[2]}]" if self.crop else ""
+        try:
+            # It checks the shape, and the readouts of `light` before the simulation of the spikes.
+            light = _native.light_at(
+                clip, targets, self.readouts_per_frame, interpolation=self.interpolation, full_scale=self.full_scale
+            )
+            spikes = self._simulate(camera, clip, camera_seed, sequence, row, col)
+        except SpikelaneError as error:
+            if error.subject == "readouts":
+                raise _rename(error, "readouts", "target_readouts") from None
+            name = "frames" if error.subject.startswith("frames") else "clips[0]"
+            raise _rename(error, name, f"clips[{index}]{place}") from None
         item: dict[str, Any] = {
             "spikes": spikes,
-            "light": _native.light_at(clip, targets, self.readouts_per_frame, interpolation=self.interpolation),
+            "light": light,
             "thresholds_at_full_scale": camera.thresholds_at_full_scale,
             "index": index,
             "camera_seed": camera_seed,
@@ -183,8 +250,9 @@ class ClipSampler:
             camera_seed=camera_seed,
             windows=[(row, col)] if self.crop is not None and camera.shape != self.crop else None,
             interpolation=self.interpolation,
+            full_scale=self.full_scale,
             readouts=self.readouts,
-            bits=self.bits,
+            dense=self.dense,
             max_light=self.max_light,
         )
         one: NDArray[np.uint8] = batch[0]
@@ -192,3 +260,7 @@ class ClipSampler:
 
     def __getitem__(self, index: int) -> dict[str, Any]:
         return self.item(index)
+
+    def __repr__(self) -> str:
+        crop = f", crop={self.crop}" if self.crop else ""
+        return f"<spikelane.ClipSampler of {len(self)} clips{crop}, seed={self.seed}, {self.camera!r}>"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno as _errno
+import warnings
+from pathlib import Path
 
 
 class SpikelaneError(ValueError):
@@ -39,6 +41,10 @@ class SpikelaneFileExistsError(SpikelaneOSError, FileExistsError):
     """A file exists and the call does not allow overwriting; also a FileExistsError."""
 
 
+class SpikelaneWarning(UserWarning):
+    """Light that is simulated, but probably not as the caller means it."""
+
+
 def make_error(
     message: str, fields: tuple[str, str, str, str, str], number: int | None, missing: bool
 ) -> BaseException:
@@ -53,6 +59,9 @@ def make_error(
         chosen, number = SpikelaneFileExistsError, number or _errno.EEXIST
     elif missing:
         chosen = SpikelaneFileNotFoundError
+        if not fields[4]:
+            remedy = f"check the path; relative paths start at {Path.cwd()}"
+            fields, message = (*fields[:4], remedy), f"{message}; {remedy}"
     elif kind in ("io", "space"):
         chosen = SpikelaneOSError
     error = chosen(message)
@@ -60,3 +69,23 @@ def make_error(
     if isinstance(error, OSError):
         error.errno = number
     return error
+
+
+def usage_error(subject: str, found: object, expected: str, remedy: str) -> BaseException:
+    """The exception for a wrong value of the argument ``subject``."""
+    return _error("usage", subject, found, expected, remedy)
+
+
+def type_error(subject: str, found: object, expected: str, remedy: str) -> BaseException:
+    """The exception for an argument of a wrong type."""
+    return _error("type", subject, found, expected, remedy)
+
+
+def _error(kind: str, subject: str, found: object, expected: str, remedy: str) -> BaseException:
+    text = f"{subject}: found {found}, expected {expected}; {remedy}"
+    return make_error(text, (kind, subject, str(found), expected, remedy), None, False)
+
+
+def warn(text: str) -> None:
+    """Warns at the line of the caller of this package."""
+    warnings.warn(text, SpikelaneWarning, stacklevel=2)

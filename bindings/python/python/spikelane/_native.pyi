@@ -18,6 +18,7 @@ __all__ = [
     "Stream",
     "__version__",
     "calibrate",
+    "check_argument",
     "command",
     "diagnose",
     "effects",
@@ -129,7 +130,8 @@ class Simulator:
         readouts: int | None = None,
         *,
         readouts_per_frame: int | None = None,
-        interpolation: str = "hold",
+        interpolation: str = "linear",
+        full_scale: float | None = None,
         progress: _Progress = None,
     ) -> SpikeFrames: ...
     def fill(
@@ -138,7 +140,8 @@ class Simulator:
         out: _Bytes,
         *,
         readouts_per_frame: int | None = None,
-        interpolation: str = "hold",
+        interpolation: str = "linear",
+        full_scale: float | None = None,
         progress: _Progress = None,
     ) -> None: ...
     def run_dense(
@@ -147,7 +150,8 @@ class Simulator:
         readouts: int | None = None,
         *,
         readouts_per_frame: int | None = None,
-        interpolation: str = "hold",
+        interpolation: str = "linear",
+        full_scale: float | None = None,
         progress: _Progress = None,
         out: _Bytes | None = None,
     ) -> _Bytes: ...
@@ -209,7 +213,7 @@ class Stream:
     def path(self) -> Path: ...
     @property
     def closed(self) -> bool: ...
-    def read_bits(self, first: int = 0, end: int | None = None) -> _Bytes: ...
+    def read_dense(self, first: int = 0, end: int | None = None) -> _Bytes: ...
     def close(self) -> None: ...
     def __len__(self) -> int: ...
     @overload
@@ -259,6 +263,7 @@ class Scene:
     def semantic_names() -> dict[int, str]: ...
     def __getnewargs_ex__(self) -> tuple[tuple[int, int, int], dict[str, Any]]: ...
 
+def check_argument(name: str, value: object) -> None: ...
 def command(args: Sequence[str]) -> int: ...
 def presets() -> list[str]: ...
 def effects() -> dict[str, dict[str, Any]]: ...
@@ -271,22 +276,28 @@ def simulate_batch(
     seed: int = 0,
     camera_seed: int | Iterable[int] | None = None,
     windows: Iterable[Iterable[int]] | None = None,
-    interpolation: str = "hold",
+    interpolation: str = "linear",
+    full_scale: float | None = None,
     readouts: int | None = None,
     threads: int = 1,
-    bits: bool = True,
+    dense: bool = True,
     max_light: float = 1.0,
     out: _Bytes | None = None,
     progress: _Progress = None,
     copy: bool = True,
 ) -> _Bytes: ...
 def light_at(
-    frames: _Light, readouts: Sequence[int], readouts_per_frame: int = 1, *, interpolation: str = "hold"
+    frames: _Light,
+    readouts: Sequence[int],
+    readouts_per_frame: int = 1,
+    *,
+    interpolation: str = "linear",
+    full_scale: float | None = None,
 ) -> NDArray[np.float32]: ...
 def unpack(
     spikes: SpikeFrames | _Bytes, height: int | None = None, width: int | None = None, *, out: _Bytes | None = None
 ) -> _Bytes: ...
-def pack(bits: _Bytes) -> _Bytes: ...
+def pack(dense: _Bytes) -> _Bytes: ...
 def tfp(
     spikes: SpikeFrames | _Bytes, height: int | None = None, width: int | None = None, *, at: int, half_window: int
 ) -> NDArray[np.float32]: ...

@@ -280,7 +280,7 @@ def measure(
     measurement. Raises the errors of ``open_stream``.
     """
     if isinstance(stream, str | os.PathLike):
-        stream = _native.open_stream(os.fspath(stream), height=height, width=width)
+        stream = _native.open_stream(stream, height=height, width=width)
     data = json.loads(_native.measure(stream, height, width, progress))
     shape = tuple(data["shape"])
     defects = data["defects"]
@@ -319,8 +319,8 @@ def calibrate(
     Raises SpikelaneError if the set is invalid, and FileExistsError if an output exists and ``force`` is false.
     """
     text, camera = _native.calibrate(
-        os.fspath(recordings),
-        None if out is None else os.fspath(out),
+        recordings,
+        out,
         dead_time_fraction,
         light_uncertainty,
         max_gain_error,
@@ -382,12 +382,12 @@ def diagnose(
     false.
     """
     text, found = _native.diagnose(
-        os.fspath(recordings),
+        recordings,
         camera,
-        None if holdout is None else os.fspath(holdout),
+        holdout,
         seed,
         all_readouts,
-        None if out is None else os.fspath(out),
+        out,
         force,
         progress,
     )

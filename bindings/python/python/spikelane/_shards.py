@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._clips import _hash, _usage_error
+from ._clips import _hash
+from ._errors import usage_error
 from ._native import unpack
 
 SPLITS = ("train", "validation", "test")
@@ -35,9 +36,7 @@ class ShardReader:
         seed: int,
     ) -> None:
         if split is not None and split not in SPLITS:
-            raise _usage_error(
-                "split", repr(split), "'train', 'validation', 'test' or None", "pass None for all sequences"
-            )
+            raise usage_error("split", repr(split), "'train', 'validation', 'test' or None", "pass None for all sequences")
         self.tars = _find_tars(source)
         self.split = split
         self.clean = clean
@@ -73,7 +72,7 @@ class ShardReader:
                 item["clean"] = _decode_spikes(files["clean.dat"], about)
             item.update({name: _decode_member(name, files[name]) for name in self.members})
         except KeyError as missing:
-            raise _usage_error(
+            raise usage_error(
                 str(path),
                 f"no {missing.args[0]} of {key}",
                 "a sequence that 'spikelane dataset run' packed",
@@ -87,7 +86,7 @@ def _find_tars(source: str | Path | Sequence[str | Path]) -> list[Path]:
         folder = Path(source)
         found = sorted(folder.glob("shards/*.tar")) or sorted(folder.glob("*.tar"))
         if not found:
-            raise _usage_error(
+            raise usage_error(
                 str(source),
                 "no tar",
                 "the folder of a data set that was planned with --pack",

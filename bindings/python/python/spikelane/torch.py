@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from torch.utils.data import Dataset, IterableDataset, get_worker_info
 
 from ._clips import ClipSampler, _hash
-from ._native import Camera, CameraDistribution
+from ._errors import usage_error
+from ._native import Camera, CameraDistribution, check_argument
 from ._shards import ShardReader
 
 __all__ = ["SpikeClipStream", "SpikeClips", "SpikeShards"]
@@ -51,13 +52,42 @@ class SpikeClips(Dataset[dict[str, Any]]):
     """
 
     def __init__(
-        self, clips: Clips, camera: Camera | CameraDistribution, readouts_per_frame: int = 1, **options: Any
+        self,
+        clips: Clips,
+        camera: Camera | CameraDistribution,
+        readouts_per_frame: int = 1,
+        *,
+        crop: tuple[int, int] | None = None,
+        seed: int = 0,
+        interpolation: str = "linear",
+        full_scale: float | None = None,
+        readouts: int | None = None,
+        target_readouts: Sequence[int] | None = None,
+        clean: bool = False,
+        dense: bool = True,
+        camera_count: int | None = None,
+        max_light: float = 1.0,
     ) -> None:
-        self.sampler = ClipSampler(clips, camera, readouts_per_frame, **options)
+        self.sampler = ClipSampler(
+            clips,
+            camera,
+            readouts_per_frame,
+            crop=crop,
+            seed=seed,
+            interpolation=interpolation,
+            full_scale=full_scale,
+            readouts=readouts,
+            target_readouts=target_readouts,
+            clean=clean,
+            dense=dense,
+            camera_count=camera_count,
+            max_light=max_light,
+        )
         self._epoch = _shared_zero()
 
     def set_epoch(self, epoch: int) -> None:
         """Sets the epoch, which is initially 0. Call this before each pass, as for the DistributedSampler of torch."""
+        check_argument("epoch", epoch)
         self._epoch[0] = epoch
 
     @property
@@ -71,6 +101,9 @@ class SpikeClips(Dataset[dict[str, Any]]):
     def __getitem__(self, index: int) -> dict[str, Any]:
         return _to_tensors(self.sampler.item(int(index), self.epoch))
 
+    def __repr__(self) -> str:
+        return f"<spikelane.torch.SpikeClips, epoch {self.epoch}, {self.sampler!r}>"
+
 
 def _worker_index_and_count() -> tuple[int, int]:
     """Returns the index of this worker and the number of workers."""
@@ -82,14 +115,17 @@ class _EpochDataset(IterableDataset[dict[str, Any]]):
     """A pass over the items of an epoch; process ``rank`` of ``ranks`` reads a part of the items."""
 
     def __init__(self, rank: int, ranks: int) -> None:
-        if not 0 <= rank < ranks:
-            raise ValueError(f"rank: found {rank} of {ranks}, expected 0 to {ranks - 1}; count ranks from 0")
+        check_argument("rank", rank)
+        check_argument("ranks", ranks)
+        if not rank < ranks:
+            raise usage_error("rank", f"{rank} of {ranks}", f"0 to {ranks - 1}", "count ranks from 0")
         self.rank = rank
         self.ranks = ranks
         self._epoch = _shared_zero()
 
     def set_epoch(self, epoch: int) -> None:
         """Sets the epoch, which is initially 0."""
+        check_argument("epoch", epoch)
         self._epoch[0] = epoch
 
     @property
@@ -112,13 +148,36 @@ class SpikeClipStream(_EpochDataset):
         camera: Camera | CameraDistribution,
         readouts_per_frame: int = 1,
         *,
+        crop: tuple[int, int] | None = None,
+        seed: int = 0,
+        interpolation: str = "linear",
+        full_scale: float | None = None,
+        readouts: int | None = None,
+        target_readouts: Sequence[int] | None = None,
+        clean: bool = False,
+        dense: bool = True,
+        camera_count: int | None = None,
+        max_light: float = 1.0,
         shuffle: bool = True,
         rank: int = 0,
         ranks: int = 1,
-        **options: Any,
     ) -> None:
         super().__init__(rank, ranks)
-        self.sampler = ClipSampler(clips, camera, readouts_per_frame, **options)
+        self.sampler = ClipSampler(
+            clips,
+            camera,
+            readouts_per_frame,
+            crop=crop,
+            seed=seed,
+            interpolation=interpolation,
+            full_scale=full_scale,
+            readouts=readouts,
+            target_readouts=target_readouts,
+            clean=clean,
+            dense=dense,
+            camera_count=camera_count,
+            max_light=max_light,
+        )
         self.shuffle = shuffle
 
     def __len__(self) -> int:
@@ -132,6 +191,10 @@ class SpikeClipStream(_EpochDataset):
         worker_index, workers = _worker_index_and_count()
         for index in order[self.rank :: self.ranks][worker_index::workers]:
             yield _to_tensors(self.sampler.item(index, epoch))
+
+    def __repr__(self) -> str:
+        part = f"rank {self.rank} of {self.ranks}, epoch {self.epoch}"
+        return f"<spikelane.torch.SpikeClipStream, {part}, {self.sampler!r}>"
 
 
 class SpikeShards(_EpochDataset):
@@ -174,3 +237,9 @@ class SpikeShards(_EpochDataset):
         tars = self.reader.part_tars(self.epoch, self.ranks * workers, self.rank * workers + worker_index)
         for item in self.reader.read_items(tars):
             yield _to_tensors(item)
+
+    def __repr__(self) -> str:
+        part = f"rank {self.rank} of {self.ranks}, epoch {self.epoch}"
+        return (
+            f"<spikelane.torch.SpikeShards, {part}, {len(self.reader.tars)} tars, split {self.reader.split or 'all'}>"
+        )

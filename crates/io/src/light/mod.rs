@@ -5,6 +5,7 @@
 
 mod arrays;
 pub mod camera_motion;
+pub mod full_scale;
 mod images;
 mod open;
 mod resize_mode;

@@ -17,12 +17,10 @@ use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 use spikelane::unstable::npy::Header;
 
+use crate::light::full_scale::{check_float_light, check_full_scale};
 use crate::light::resize_mode::ResizeMode;
 
 pub use spikelane::unstable::npy::{Element, MAGIC};
-
-/// If no full scale is given, float values above this limit are rejected, because they are probably integer codes.
-const MAX_FLOAT_LIGHT: f32 = 32.0;
 
 /// An array as a source of frames at the camera's size.
 pub struct ArraySource {
@@ -105,12 +103,7 @@ impl ArraySource {
     /// * [`ErrorKind::Usage`] if `scale` is not finite and positive.
     /// * [`ErrorKind::Input`] if `scale` is `None` and the element type has no default.
     pub fn with_scale(mut self, scale: Option<f64>) -> Result<Self> {
-        if let Some(scale) = scale.filter(|s| !(s.is_finite() && *s > 0.0)) {
-            return Err(Error::new(ErrorKind::Usage, Setting("full_scale"))
-                .found(scale)
-                .expected("a finite number above 0"));
-        }
-        self.scale = scale;
+        self.scale = scale.map(check_full_scale).transpose()?;
         self.check_scale()?;
         Ok(self)
     }
@@ -132,16 +125,7 @@ impl ArraySource {
     fn to_full_scale(&self, samples: OwnedSamples, frame: u64) -> Result<OwnedSamples> {
         let Some(scale) = self.scale else {
             if let OwnedSamples::F32(values) = &samples {
-                let max_value = values.iter().copied().fold(0.0, f32::max);
-                if max_value > MAX_FLOAT_LIGHT && max_value.is_finite() {
-                    return Err(Error::new(ErrorKind::Input, &self.reader.name)
-                        .found(format_args!("the value {max_value} in frame {frame}"))
-                        .expected("light with full scale at 1.0")
-                        .remedy(format_args!(
-                            "set {0} to 255 if 255 is full scale, or set {0} to 1 if the light is this bright",
-                            Setting("full_scale")
-                        )));
-                }
+                check_float_light(values, &self.reader.name, frame)?;
             }
             return Ok(samples);
         };

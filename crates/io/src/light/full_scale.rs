@@ -1,0 +1,69 @@
+//! Full scale of arrays: the number that represents light of 1.0.
+
+use spikelane::error::{Error, ErrorKind, Result, Setting};
+
+/// If no full scale is given, float values above this limit may be integer codes.
+const MAX_FLOAT_LIGHT: f32 = 32.0;
+
+/// Returns `full_scale` if it is finite and positive.
+///
+/// # Errors
+/// [`ErrorKind::Usage`] for another number.
+pub fn check_full_scale(full_scale: f64) -> Result<f64> {
+    if full_scale.is_finite() && full_scale > 0.0 {
+        return Ok(full_scale);
+    }
+    Err(Error::new(ErrorKind::Usage, Setting("full_scale"))
+        .found(full_scale)
+        .expected("a finite number above 0")
+        .remedy("set it to the number that is full scale in the array, for example 255"))
+}
+
+/// Checks float values for which no full scale was given. `name` names the array, and `frame` is the index of the frame.
+///
+/// # Errors
+/// [`ErrorKind::Input`] if the values are probably codes: one of them is above 32, and most values above 0 exceed 1.0.
+/// Lamps and highlights may be brighter, because most light beside them is at most 1.0.
+pub fn check_float_light(values: &[f32], name: &str, frame: u64) -> Result<()> {
+    let max_value = values.iter().copied().fold(0.0, f32::max);
+    if max_value <= MAX_FLOAT_LIGHT || max_value.is_infinite() {
+        return Ok(());
+    }
+    let count = |limit: f32| values.iter().filter(|&&v| v > limit).count();
+    if 2 * count(1.0) <= count(0.0) {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Input, name)
+        .found(format_args!("the value {max_value} in frame {frame}"))
+        .expected("light with full scale at 1.0")
+        .remedy(format_args!(
+            "set {} to 255 if 255 is full scale, or to 1 if the light is that bright",
+            Setting("full_scale")
+        )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn floats_above_the_limit_are_codes() {
+        for (value, is_light) in [(0.0, true), (1.0, true), (32.0, true), (32.1, false), (255.0, false)] {
+            let values = [0.0, 0.0, 0.0, value, value / 2.0, 1.0];
+            assert_eq!(check_float_light(&values, "a", 0).is_ok(), is_light, "{value}");
+        }
+    }
+
+    #[test]
+    fn lamps_in_a_scene_are_light() {
+        assert!(check_float_light(&[0.02, 0.3, 0.0, 4000.0, 0.9], "a", 0).is_ok());
+    }
+
+    #[test]
+    fn full_scale_is_finite_and_positive() {
+        assert_eq!(check_full_scale(255.0).unwrap(), 255.0);
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(check_full_scale(wrong).unwrap_err().kind(), ErrorKind::Usage, "{wrong}");
+        }
+    }
+}
