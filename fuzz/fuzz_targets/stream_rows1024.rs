@@ -1,7 +1,8 @@
 //! Tests `rows1024` with streams that are truncated and damaged at any position.
 //!
-//! The input determines the start and the end of a recording, its pixels, and the bytes that are overwritten. The oracle
-//! reads tags like SpikeCV's parser and checks every position at which a frame could start.
+//! The input determines the start and the end of a recording, its pixels, and the bytes that are overwritten. An
+//! independent decoder in this file reads tags like SpikeCV's parser and checks every position at which a frame could
+//! start.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -10,8 +10,8 @@ use spikelane::{Error, ErrorKind, Result};
 
 use crate::types::spl_status;
 
-/// The last failure of a thread: the status, the message and the parts of the message. The index of a part is its C
-/// constant.
+/// The last failure of a thread: the status, the message and the parts of the message. The index of a text in `texts`
+/// is its `SPL_ERROR_` constant.
 struct LastError {
     status: spl_status,
     texts: [CString; 5],

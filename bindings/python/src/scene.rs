@@ -12,7 +12,8 @@ use crate::watch::{WorkMonitor, run_interruptible};
 
 type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;
 
-/// A random driving scene: a city with traffic and lighting, and a camera in a moving car. It is a function of time.
+/// A random driving scene: a city with traffic and lighting, and a camera in a moving car. Light and labels are
+/// functions of time.
 ///
 /// The scene is determined by `seed` and the options. `height` and `width` are in pixels, and `fov_deg` is 5 to 150
 /// degrees. `lighting` is one of "noon", "low-sun", "overcast", "rain", "tunnel", "dusk", "night". `duration_s` is up to
@@ -80,14 +81,14 @@ impl Scene {
         self.scene.duration_s()
     }
 
-    /// Number of other vehicles. The instance numbers of these vehicles are 1 to this number.
+    /// Number of other vehicles, n. The instance numbers of these vehicles are 1 to n.
     #[getter]
     fn vehicles(&self) -> u32 {
         self.scene.vehicles()
     }
 
     /// Returns the light and the labels at `t` seconds as a dict. `spikelane.Scene.render` converts this dict to a
-    /// Rendered.
+    /// `Rendered` object.
     #[pyo3(signature = (t, samples=4, threads=1))]
     fn _render<'py>(
         &self,
@@ -167,7 +168,7 @@ impl Scene {
     /// Returns the light of `frames` frames as float32 (frames, H, W), where 1.0 is white. Highlights and lamps exceed
     /// 1.0.
     ///
-    /// The first frame is at `t` seconds, and `fps` is the number of frames per second. `Simulator.push` and
+    /// The first frame is at `t` seconds, and `fps` is the number of frames per second. `Simulator.run` and
     /// `simulate_batch` accept the returned array.
     ///
     /// Raises SpikelaneError if a frame is before the start or after the end of the drive. `progress(done, total)` is

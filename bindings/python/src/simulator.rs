@@ -24,9 +24,9 @@ const PIECE_BYTES: usize = 256 << 10;
 /// instruction set ("reference", "portable", "sse4.1", "avx2", "avx512"). The bits depend neither on the threads nor on
 /// the instruction set. Light is clamped to `max_light` full scales. Only float32 light can exceed 1.0.
 ///
-/// Only one thread at a time may call `push`. Other Python threads run during the call, because the interpreter's lock is
-/// released. After a fork, the child process may continue with its copy of the simulator. A pickled simulator continues
-/// at its next readout.
+/// Only one thread at a time may use a simulator. Other Python threads run during a simulation, because the
+/// interpreter's lock is released. After a fork, the child process may continue with its copy of the simulator. A
+/// pickled simulator continues at its next readout.
 #[pyclass(frozen, module = "spikelane")]
 pub struct Simulator {
     camera: Camera,
@@ -74,26 +74,23 @@ impl Simulator {
         })
     }
 
-    /// Simulates linear light and returns bit-packed spikes: uint8 of shape (T, ceil(H * W / 8)).
+    /// Simulates linear light and returns SpikeFrames, whose packed bytes are uint8 of shape (T, ceil(H * W / 8)).
     ///
-    /// `frames` is one frame (H, W) or several frames (N, H, W). The type is uint8 (full scale is 255), uint16 (65535),
-    /// or float32 (1.0, finite and not negative). Each frame lasts `readouts_per_frame` readouts, so T = N *
-    /// readouts_per_frame. If `readouts` is passed and is smaller, T = readouts. Between frames the light is constant
-    /// ("hold"), interpolated linearly ("linear"), or interpolated along the estimated motion ("flow"). After the start
-    /// of the last frame, the light is constant. To continue in another call, the first frame of the next call must be
-    /// the last frame of this call.
+    /// `light` is one frame (H, W), which lasts for all `readouts`, or several frames (N, H, W), which last
+    /// `readouts_per_frame` readouts each. The type is uint8 (full scale is 255), uint16 (65535), or float32 (1.0,
+    /// finite and not negative). The result has T = `readouts` readouts, or T = N * `readouts_per_frame` without
+    /// `readouts`. Between frames the light is constant ("hold"), interpolated linearly ("linear"), or interpolated
+    /// along the estimated motion ("flow"). After the start of the last frame, the light is constant. To continue in
+    /// another call, the first frame of the next call must be the last frame of this call.
     ///
-    /// Pixel p = row * W + col is bit p % 8 (least significant bit first) of byte p // 8. `out` is an optional array that
-    /// receives the spikes: uint8, C-contiguous, with the shape of the result. `progress(done, total)` is called with
-    /// numbers of readouts. True shows a bar if tqdm is installed.
+    /// Pixel p = row * W + col is bit p % 8 (least significant bit first) of byte p // 8. `progress(done, total)` is
+    /// called with numbers of readouts. If `progress` is True and tqdm is installed, a progress bar is shown.
     ///
-    /// By default the frames are copied before the simulation, so other threads may change the frames during the call.
-    /// With copy=False, contiguous frames are not copied, and no thread may write to the frames during the call. No
-    /// thread may write to `out` during the call. Ctrl-C stops the call between two readouts. The simulator then
-    /// continues after the last completed readout.
+    /// The frames are copied before the simulation, so other threads may change the frames during the call. Ctrl-C
+    /// stops the call between two readouts. The simulator then continues after the last completed readout.
     ///
-    /// Raises SpikelaneError for wrong sizes or light, and SpikelaneTypeError (a TypeError) for other dtypes. The simulator is
-    /// then unchanged.
+    /// Raises SpikelaneError for wrong sizes or light, and SpikelaneTypeError (a TypeError) for other dtypes. After
+    /// these errors the simulator is unchanged.
     #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="hold", progress=None))]
     fn run<'py>(
         &self,
@@ -112,10 +109,11 @@ impl Simulator {
         Ok(SpikeFrames::new(packed, self.geometry()))
     }
 
-    /// Does the same as `run`, but writes the packed frames to `out`, whose first axis is the number of readouts.
+    /// Does the same as `run`, but writes the packed frames to `out`. The length of the first axis of `out` is the
+    /// number of readouts.
     ///
-    /// `out` is uint8 of shape (readouts, ceil(H * W / 8)), C-contiguous and writable. No thread may access it during the call.
-    /// The format is that of `SpikeFrames.packed`.
+    /// `out` is uint8 of shape (readouts, ceil(H * W / 8)), C-contiguous and writable. No thread may access `out`
+    /// during the call. `SpikeFrames.packed` has the same format.
     #[pyo3(signature = (light, out, *, readouts_per_frame=None, interpolation="hold", progress=None))]
     fn fill<'py>(
         &self,
@@ -135,8 +133,8 @@ impl Simulator {
 
     /// Does the same as `run`, but returns a byte of 0 or 1 for every pixel: uint8 of shape (readouts, H, W).
     ///
-    /// `out` receives the result, if given: uint8, C-contiguous and writable, of that shape. No thread may access it during the
-    /// call.
+    /// `out` is an optional array that receives the result: uint8 of shape (readouts, H, W), C-contiguous and writable.
+    /// No thread may access `out` during the call.
     #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="hold", progress=None, out=None))]
     fn run_dense<'py>(
         &self,
@@ -202,11 +200,11 @@ impl Simulator {
         Ok(PyBytes::new(py, &bytes))
     }
 
-    /// Restores a state that `state` returned for a simulator with the same camera and seeds. The following bits are then
-    /// equal.
+    /// Restores a state that `state` returned for a simulator with the same camera and seeds. The simulator then
+    /// continues with the same bits as that simulator.
     ///
-    /// Raises SpikelaneError if the version, the camera, the seeds or `max_light` differ. The simulator is then
-    /// unchanged.
+    /// Raises SpikelaneError if the version, the camera, the seeds or `max_light` differ. After an error the simulator
+    /// is unchanged.
     fn restore(&self, state: &[u8]) -> PyResult<()> {
         let mut inner = self.lock()?;
         inner.simulator.restore(self.camera.inner.key, state).or_raise()
@@ -266,11 +264,12 @@ impl Simulator {
     }
 }
 
-/// Maximum number of pixel-readouts for which the interpreter's lock is held. Another thread could not acquire the lock
-/// in this time.
+/// Maximum number of pixel-readouts for which the interpreter's lock is held. The simulation of so few pixel-readouts
+/// takes less time than a switch to another thread.
 const MAX_LOCKED_WORK: usize = 1 << 13;
 
-/// Runs `work` without the interpreter's lock. If releasing the lock would take longer than `work`, the lock is held.
+/// Runs `work` without the interpreter's lock. For few `pixel_readouts` the lock is held, because releasing it would
+/// take longer than `work`.
 fn run_unlocked<T: Send>(py: Python<'_>, pixel_readouts: usize, work: impl FnOnce() -> T + Send) -> T {
     if pixel_readouts < MAX_LOCKED_WORK { work() } else { py.detach(work) }
 }
@@ -382,7 +381,8 @@ impl<'py> LightSequence<'py> {
         Ok(Self { array, interpolation, readouts_per_frame })
     }
 
-    /// Returns the number of readouts that the frames last; `None` for one frame, which lasts as long as the call.
+    /// Returns the number of readouts that the frames last. Returns `None` for a single frame, which lasts as long as
+    /// the call.
     fn duration(&self) -> Option<usize> {
         let count = self.array.count() as u64;
         self.readouts_per_frame.map(|n| usize::try_from(n.saturating_mul(count)).unwrap_or(usize::MAX))

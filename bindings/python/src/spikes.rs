@@ -102,10 +102,11 @@ fn reconstruct_rates<'py>(
     array_from_vec(py, values, &[geometry.height(), geometry.width()])
 }
 
-/// Texture from playback (TFP): the spikes per readout of each pixel in a window.
+/// Texture from playback (TFP): the number of spikes of each pixel in a time window, divided by the number of readouts
+/// in the window.
 ///
-/// The window contains `half_window` readouts before readout `at` and `half_window` readouts after readout `at`. At the
-/// ends of the stream the window is shorter. Returns float32 (H, W) with values from 0 to 1.
+/// The window contains `half_window` readouts before readout `at`, readout `at`, and `half_window` readouts after it.
+/// At the ends of the stream the window is shorter. Returns float32 (H, W) with values from 0 to 1.
 ///
 /// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream.
 #[pyfunction]
@@ -141,11 +142,11 @@ pub fn tfi<'py>(
     reconstruct_rates(py, spikes, (height, width), |p| reconstruct::tfi(p, at, search))
 }
 
-/// The rate of each pixel between its first and last spike in a window.
+/// The rate of each pixel between its first and last spike in a time window, in spikes per readout.
 ///
-/// The window contains `half_window` readouts before readout `at` and `half_window` readouts after readout `at`. Returns
-/// float32 (H, W) in spikes per readout, 0 to 1. For a pixel with fewer than two spikes, the rate is the number of spikes
-/// divided by the length of the window.
+/// The window contains `half_window` readouts before readout `at`, readout `at`, and `half_window` readouts after it.
+/// Returns float32 (H, W) in spikes per readout, 0 to 1. For a pixel with fewer than two spikes, the rate is the number
+/// of spikes divided by the length of the window.
 ///
 /// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream.
 #[pyfunction]
