@@ -84,7 +84,7 @@ impl Library {
             )
         };
         let (mut camera, mut simulator) = (std::ptr::null_mut(), std::ptr::null_mut());
-        // SAFETY: the string ends in NUL, the pointers can be written to, and the handle comes from the first call.
+        // SAFETY: the string ends in NUL, the pointers can be written to, and `preset` created the handle `camera`.
         let status = unsafe {
             preset(c"physical".as_ptr(), &raw mut camera)
                 + new(camera, std::ptr::null(), 1.0, 1, &raw mut simulator)

@@ -24,7 +24,7 @@ thread_local! {
 
 /// Runs the body of a C function and converts every error and panic to a status.
 pub fn ffi_guard(work: impl FnOnce() -> Result<()>) -> spl_status {
-    // If a panic interrupts the change of a handle, the lock of the handle is poisoned; see `Handle`.
+    // If a panic interrupts a call that changes a handle, the lock of the handle is poisoned; see `Handle`.
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => spl_status::SPL_OK,
         Ok(Err(error)) => {

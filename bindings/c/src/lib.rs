@@ -656,8 +656,8 @@ unsafe fn handle_ref<'a, T>(handle: *const T) -> Result<&'a Handle> {
     let found = if handle.is_null() {
         "NULL"
     } else if !handle.cast::<Handle>().is_aligned() || handle.cast::<u64>().read() != MAGIC {
-        // A handle starts with the magic. Any other object that a caller may pass has at least one readable word at its
-        // address.
+        // A handle starts with the magic number. Any other object that a caller may pass has at least one readable word
+        // at its address.
         "a pointer that is no handle"
     } else {
         return Ok(&*handle.cast::<Handle>());

@@ -103,8 +103,8 @@ pub fn run_interruptible<T: Send>(
 ) -> PyResult<T> {
     let watch = Arc::new(Mutex::new(watch));
     let looking = Arc::clone(&watch);
-    // The progress function runs while the monitor is locked. It may call code that checks for a stop, so this check
-    // must not wait.
+    // The progress function runs while the monitor is locked. It may call code that checks for a stop. `should_stop`
+    // must therefore not wait for the lock.
     let should_stop = move || looking.try_lock().is_ok_and(|mut watch| watch.is_stopped());
     let result = py.detach(|| {
         // Only shares below 1 are reported here. `update_now` reports the end.
