@@ -96,7 +96,7 @@ impl SpikeFrames {
 impl SpikeFrames {
     /// Packs uint8 or bool (readouts, height, width) of 0 and 1; uint8 may also be 0 and 255.
     ///
-    /// Raises SpikelaneError if a byte has any other value. The message contains the position of this byte. Raises
+    /// Raises SpikelaneError if a byte has an invalid value. The message contains the position of this byte. Raises
     /// SpikelaneTypeError for another dtype.
     #[classmethod]
     fn from_dense(_: &Bound<'_, PyType>, array: &Bound<'_, PyAny>) -> PyResult<Self> {
