@@ -25,8 +25,8 @@ fn correlated_camera(width: u32, strength: f64) -> Camera {
 
 /// Returns the variance of the total charge of `m` readouts, divided by the variance of the quanta of one readout.
 ///
-/// The noise is `n[t] = a n[t-1] + (1 - a) w[t]`, where `w[t]` is the noise of the quanta of readout `t` with variance
-/// 1. Noise values that are `k` readouts apart have the covariance `(1 - a)/(1 + a) a^k`. The result is the sum of the
+/// The noise is `n[t] = a n[t-1] + (1 - a) w[t]`, where `w[t]` is the noise of the quanta of readout `t` with unit
+/// variance. Noise values that are `k` readouts apart have the covariance `(1 - a)/(1 + a) a^k`. The result is the sum of the
 /// covariances of all pairs of the `m` readouts.
 fn closed_form(m: usize) -> f64 {
     let a = (-1.0 / TIME_CONSTANT).exp();

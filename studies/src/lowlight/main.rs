@@ -61,7 +61,7 @@ const SHIFT_AREAS: [Area; 3] = [
     ("ground, middle", [160, 185, 120, 180]),
 ];
 
-/// Areas of the image without motion and without moving grain: the bright sky and the dark border.
+/// Areas of the image without motion and without a grain pattern: the bright sky and the dark border.
 const STATIC_AREAS: [Area; 3] =
     [("sky", [32, 60, 60, 200]), ("sky, left", [30, 50, 25, 60]), ("border, left", [30, 180, 1, 13])];
 
