@@ -1,5 +1,6 @@
-//! Benchmarks a camera with full noise and, in addition, each single effect. Each effect is measured twice: with clamped
-//! charge, and with counted surplus and a dead time as in the published code of SCSim.
+//! Benchmarks a camera with full noise, without and with each single additional effect. Each effect is measured on two
+//! cameras. One camera clamps the charge. The other camera has no clamp, so it counts surplus charge, and it has a dead
+//! time as in the published code of SCSim.
 //!
 //! The benchmark runs on one thread under constant light, with the fastest backend. It writes packed frames to memory and
 //! prints the table of `docs/why/performance.md`.

@@ -1,7 +1,8 @@
-//! Benchmarks every backend with every set of noise, under constant light and with a new frame at every readout.
+//! Benchmarks every backend with several combinations of noise effects, under constant light and with a new frame at
+//! every readout.
 //!
-//! The benchmarks run on one thread, write to memory, and are compared with a plain scalar loop. Before the measurement,
-//! the bits of every backend are compared with the bits of the reference backend.
+//! The benchmarks run on one thread and write to memory. Their speed is compared with the speed of a plain scalar loop.
+//! Before the measurement, the bits of every backend are compared with the bits of the reference backend.
 
 // The `speed` command of the program uses functions of this module that the benchmark does not use.
 #[path = "../crates/cli/src/speed/scalar.rs"]
@@ -162,8 +163,8 @@ fn compare_with_scalar_loop() {
 
 /// Compares the speed of the ideal camera with the memory bandwidth.
 ///
-/// The camera reads a new frame from memory at every readout. The bandwidth is measured as the speed of a sum of an
-/// array. Both speeds vary between runs, so the two measurements alternate three times.
+/// The camera reads a new frame from memory at every readout. The bandwidth is the speed at which a loop sums an array.
+/// The speed of the camera and the bandwidth vary between runs, so the two measurements alternate three times.
 fn bench_memory_bandwidth() {
     let plan = Plan::new(&camera("ideal"), Seeds::default()).unwrap();
     let start = plan.initial_state();

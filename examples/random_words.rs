@@ -46,7 +46,8 @@ fn along_pixels(out: &mut impl Write, rngs: &[CounterRng]) -> std::io::Result<()
     Ok(())
 }
 
-/// A thousand readouts of one pair, then of the next; then the next thousand.
+/// Writes a thousand readouts of the first pair of pixels, then of each next pair, and then the next thousand readouts
+/// of all pairs.
 fn along_readouts(out: &mut impl Write, rng: CounterRng) -> std::io::Result<()> {
     for block in 0u64.. {
         let rounds: Vec<RoundKey> = (0..1000).map(|t| rng.round_key(block * 1000 + t)).collect();

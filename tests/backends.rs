@@ -42,7 +42,7 @@ fn frames(pixels: usize) -> impl Strategy<Value = Frames> {
     ]
 }
 
-/// Returns whether plans with this effect have dynamics, which the common kernel bodies do not support.
+/// Returns whether plans with this effect have dynamics. The common kernel bodies do not support dynamics.
 fn has_dynamics(definition: &'static effects::Definition) -> bool {
     let camera = Camera::ideal(Sensor::new(4, 4, 20_000.0).unwrap())
         .with_effect(dark())
@@ -116,8 +116,8 @@ fn run(
         interpolated_segment((from, to), &weights),
     ];
     if plan.has_coupled_pixels() {
-        // Only the simulator exchanges spikes between neighbors. Instead of small tiles, the test runs one readout at a
-        // time.
+        // Only the simulator exchanges spikes between neighbors, and it has no small tiles. The test runs one readout
+        // at a time instead.
         return run_coupled(plan, &segments, if tile > 64 { 1 } else { readouts }, backend);
     }
     let mut state = plan.initial_state();
@@ -136,7 +136,7 @@ fn run(
     (outs, state)
 }
 
-/// Runs segments with the simulator, at most `most` readouts at a time. Dropped readouts are not in the result.
+/// Runs segments with the simulator, at most `max_batch` readouts at a time. Dropped readouts are not in the result.
 fn run_coupled(
     plan: &Plan,
     segments: &[Segment<'_>],
@@ -225,7 +225,7 @@ proptest! {
 
 #[test]
 fn most_random_cameras_can_be_planned_and_fire() {
-    // The comparison above skips rejected plans. This test ensures that few plans are rejected.
+    // Other tests skip cameras whose plan is rejected. This test ensures that few plans are rejected.
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let (mut planned, mut fired) = (0, 0);
     for _ in 0..100 {
@@ -274,8 +274,9 @@ proptest! {
         }
     }
 
-    /// Under constant light, a backend may draw the counts of a block of readouts together. The test covers every length
-    /// near the boundaries of a block. The mean counts are between 0.1 quanta and the transition to normal noise.
+    /// Under constant light, a backend may draw the quanta counts of a block of readouts together. The test covers all
+    /// numbers of readouts near the boundaries of a block. The mean counts are between 0.1 quanta and the transition to
+    /// normal noise.
     #[test]
     fn counts_of_few_quanta_do_not_depend_on_how_many_readouts_are_held(
         quanta in 0.1f64..75.0,
@@ -314,7 +315,7 @@ proptest! {
     }
 }
 
-/// The additional effects. A camera has its noise and at most one additional effect, under constant light.
+/// Effects that the test adds to a noisy camera. A camera has at most one of these effects.
 const EXTRA_EFFECTS: [Option<&str>; 17] = [
     None,
     Some("missed_spikes"),
@@ -338,8 +339,8 @@ const EXTRA_EFFECTS: [Option<&str>; 17] = [
 proptest! {
     #![proptest_config(ProptestConfig { cases: 384, ..ProptestConfig::default() })]
 
-    /// A backend does not count surplus if surplus is impossible. The light is far below full scale, above full scale, or
-    /// changes between several levels.
+    /// A backend does not count surplus charge if surplus is impossible. The test therefore uses light far below full
+    /// scale, light above full scale, and light that changes between several levels.
     #[test]
     fn held_and_moving_light_gives_the_same_bits_on_every_backend(
         levels in proptest::collection::vec(prop_oneof![Just(0.0f32), 0.0f32..0.5, 0.6f32..1.3], 1..4),

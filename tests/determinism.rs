@@ -1,5 +1,5 @@
 //! Invariants of the design: each seed changes only its part of the result, noise is independent, and the division of a
-//! run does not change bits.
+//! run into calls does not change bits.
 
 mod common_oracle;
 
@@ -11,7 +11,8 @@ use spikelane::spikes::{Geometry, bit};
 use spikelane::unstable::plan::SimulatorState;
 use spikelane::{Camera, Plan, Seeds, Simulator};
 
-/// Returns the change of each pixel's stored charge during one readout. It is the sum of a constant and the shot noise.
+/// Returns the change of each pixel's stored charge during one readout. The change is the sum of a constant and the
+/// shot noise.
 fn noise(camera: &Camera, seeds: Seeds, readout: usize) -> Vec<f64> {
     let plan = Plan::new(camera, seeds).unwrap();
     let geometry = camera.sensor.geometry;
@@ -33,7 +34,7 @@ fn shot_camera() -> Camera {
 /// With 262,144 pixels, the correlation of independent noise has a standard error of 0.002. The bound of 4.5 standard
 /// errors is 0.0088.
 ///
-/// If one pixel in a hundred had equal noise in both fields, the correlation would exceed this bound.
+/// If one pixel in a hundred had equal noise in both compared frames, the correlation would exceed 0.0088.
 #[test]
 fn sequences_workers_seeds_and_readouts_share_no_noise() {
     let camera = shot_camera();
@@ -54,8 +55,9 @@ fn sequences_workers_seeds_and_readouts_share_no_noise() {
     assert!(correlation(&first, &noise(&camera, base, 0)) > 0.999_999);
 }
 
-/// The bound of 4.5 standard errors also applies within a frame. The test compares the two pixels of a 32-bit word,
-/// neighbors in different words, a pixel and the pixel below, and pixels that are a lane or a tile apart.
+/// Correlates the noise of pixels within a frame, with a bound of 4.5 standard errors. The test compares the two pixels
+/// of a 32-bit word, neighbors in different words, a pixel and the pixel below, and pixels that are a lane or a tile
+/// apart.
 #[test]
 fn pixels_share_no_noise() {
     let frame = noise(&shot_camera(), seeds(4), 0);
@@ -66,8 +68,7 @@ fn pixels_share_no_noise() {
     let (even, odd): (Vec<_>, Vec<_>) = frame.chunks_exact(2).map(|c| (c[0], c[1])).unzip();
     let r = correlation(&even, &odd);
     assert!(r.abs() < 4.5 / (even.len() as f64).sqrt(), "two pixels of one word: {r}");
-    // If two pixels have equal magnitudes but random signs, the values are uncorrelated. Their squares are then
-    // correlated.
+    // Noise of equal magnitude but random signs is uncorrelated. The squares of such noise are correlated.
     let square = |v: &[f64]| -> Vec<f64> { v.iter().map(|x| (x - 0.002).powi(2)).collect() };
     let r = correlation(&square(&even), &square(&odd));
     assert!(r.abs() < 4.5 / (even.len() as f64).sqrt(), "magnitudes of one word: {r}");
@@ -75,8 +76,8 @@ fn pixels_share_no_noise() {
 
 /// Correlates the phase drifts of the two pixels of a word for 20,000 readouts.
 ///
-/// The drift is the spike count in each of 20 windows of 1,000 readouts, minus the pixel's mean count. For 500 pairs and
-/// 20 windows each, the standard error is 0.01.
+/// A drift is the spike count of a pixel in a window of 1,000 readouts, minus the pixel's mean count. With 500 pairs
+/// and 20 windows, the standard error of the correlation is 0.01.
 #[test]
 fn spikes_of_paired_pixels_drift_apart() {
     let camera = preset("scsim-code", 1000, 1);
@@ -95,7 +96,8 @@ fn spikes_of_paired_pixels_drift_apart() {
 
 /// Compares maps of the mean rate in 2,000 readouts, and compares spike times.
 ///
-/// In these maps, the fixed pattern of 7 % is much stronger than the temporal noise of counts of 400 spikes per pixel.
+/// A map has about 400 spikes per pixel. In the maps, the fixed pattern of 7 % is much stronger than the temporal
+/// noise.
 #[test]
 fn the_camera_seed_alone_moves_the_fixed_pattern_and_the_shot_seed_alone_the_noise() {
     let camera = preset("scsim-code", 100, 100);

@@ -1,7 +1,7 @@
 //! Tests of the less common operations.
 //!
 //! Operations without random draws match the exact law of a pixel array bit by bit. Random operations match the
-//! statistics of the exact law. The division of a run does not change the result.
+//! statistics of the exact law. The division of a run into calls does not change the bits.
 
 mod common_oracle;
 
@@ -39,7 +39,8 @@ fn plan_bits(plan: &Plan, frames: &[Vec<f32>], readouts: usize, backend: Backend
     bytes
 }
 
-/// Compares the plan of `camera` with the exact pixel array of `law`. The array starts with the charges of the plan.
+/// Compares the plan of `camera` with a pixel array that follows the exact law of the camera `law`. The array starts
+/// with the charges of the plan.
 ///
 /// Returns the number of different bits, and the bits of the plan.
 fn differing_bits(camera: &Camera, law: &Camera, frames: &[Vec<f32>], readouts: usize) -> (usize, Vec<u8>) {
@@ -63,12 +64,14 @@ fn differing_bits(camera: &Camera, law: &Camera, frames: &[Vec<f32>], readouts: 
 
 /// The 13 x 11 pixels fire about 70,000 spikes under three frames of 400 readouts.
 ///
-/// In this time, fixed-point arithmetic changes a charge by 2e-7 thresholds (`docs/why/fixed-point.md`). About one in
-/// 10^6 spikes may therefore be one readout late, which changes two bits. With adaptation, a late spike changes the
-/// threshold for some time and the phase permanently by 1e-3. One in 300 later spikes of this pixel is then displaced
-/// too. With droop, a late spike changes the phase of all pixels that fire next by 2e-4, so hundreds of spikes may be
-/// displaced. The test allows 20 different bits, and 400 with droop. If an effect is too strong by 0.1 %, more bits
-/// differ.
+/// In 1,200 readouts, fixed-point arithmetic changes a charge by 2e-7 thresholds (`docs/why/fixed-point.md`). About one
+/// in 10^6 spikes may therefore be one readout late, which changes two bits.
+///
+/// With adaptation, a late spike changes the threshold for some time, and permanently changes the phase by 1e-3. One in
+/// 300 later spikes of this pixel is then displaced too. With droop, a late spike changes the phase of all pixels that
+/// fire next by 2e-4, so hundreds of spikes may be displaced.
+///
+/// The test allows 20 different bits, and 400 with droop. If an effect is too strong by 0.1 %, more bits differ.
 #[test]
 fn pixels_without_noise_fire_as_the_exact_frame_does() {
     let dark: (&str, Values<'_>) = ("dark_current", &[("mean", 5.0)]);
@@ -121,7 +124,8 @@ fn both_sides(camera: &Camera, light: &[f32], readouts: usize) -> [SpikeTimes; 2
     [common_oracle::simulate_times(camera, seeds(2), light, 300, readouts), truth]
 }
 
-/// Returns the mean difference of a statistic between plan and exact law. A pixel has equal light on both sides.
+/// Returns the mean difference of a statistic between plan and exact law. A pixel has equal light in the plan and in
+/// the law.
 fn paired(sides: &[SpikeTimes; 2], statistic: impl Fn(&[u32]) -> f64) -> Estimate {
     let pixels = sides[0].pixels.iter().zip(&sides[1].pixels);
     Estimate::from_values(pixels.map(|(a, b)| statistic(a) - statistic(b)))
@@ -134,14 +138,15 @@ fn interval_pair_mean(times: &[u32]) -> f64 {
     interval.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / (interval.len() - 1) as f64
 }
 
-/// Returns the variance of sums of 16 intervals divided by the squared mean interval.
+/// Returns the variance of the sum of 16 intervals, divided by the squared mean interval.
 fn interval_sum_16(times: &[u32]) -> f64 {
     let mean = common_oracle::mean_interval(times);
     let square = |(a, b): (&u32, &u32)| (f64::from(b - a) / mean - 16.0).powi(2);
     times.iter().zip(&times[16..]).map(square).sum::<f64>() / (times.len() - 16) as f64
 }
 
-/// Compares the rate, the variance of sums of 16 intervals and the covariance of neighboring intervals.
+/// Compares the plan with the exact law. The statistics are the rate, the variance of sums of 16 intervals, and the
+/// covariance of neighboring intervals.
 ///
 /// 240 pixels fire at rates of about 0.03 and 0.4 for 20,000 readouts. The differences between plan and exact law must be
 /// within 4.5 standard errors of the paired difference. The test prints the standard errors, which are about 1e-6 to 2e-5
@@ -177,7 +182,7 @@ fn drawn_operations_follow_the_exact_law() {
     }
 }
 
-/// Checks one property of each kind of noise that the other kinds do not have.
+/// Checks two kinds of noise. For each kind, the test checks one property that the other kind does not have.
 #[test]
 fn comparator_noise_is_made_up_for_by_the_next_interval_and_slow_noise_is_not() {
     let light = common_oracle::spread_light(0.1, 0.05, 240, 4);
@@ -197,7 +202,8 @@ fn comparator_noise_is_made_up_for_by_the_next_interval_and_slow_noise_is_not() 
     assert!(slow.sigmas(comparator, 1e-6) > 5.0, "{slow} {comparator}");
 }
 
-/// Correlates the spike counts of the left and right half of a row, minus their means, in 40 rows and 2,000 readouts.
+/// Correlates the spike count of the left half of a row with the spike count of the right half, in 40 rows and 2,000
+/// readouts. The mean counts are subtracted.
 ///
 /// For independent counts, the correlation has a standard error of 1/sqrt(80,000) = 0.0035.
 #[test]
@@ -254,7 +260,7 @@ fn resume_points_threads_and_backends_change_no_bit() {
     }
 }
 
-/// Returns the bits and the state of a run in pieces. Between the pieces, the state is saved and restored.
+/// Returns the bits and the final state of a run in pieces. Between the pieces, the state is saved and restored.
 fn pieces(
     plan: &Plan,
     light: &[f32],
@@ -296,7 +302,7 @@ fn frames(bytes: &[u8], geometry: Geometry) -> Vec<&[u8]> {
     bytes.chunks_exact(geometry.frame_bytes()).collect()
 }
 
-/// About 600 of 3,000 readouts are dropped. The standard error of the share is 0.0073.
+/// About 600 of 3,000 readouts are dropped. The standard error of the dropped share is 0.0073.
 #[test]
 fn dropped_readouts_are_those_of_the_whole_stream_left_out() {
     let base: &[(&str, Values<'_>)] = &[START, ("shot_noise", &[("strength", 1.0)])];
@@ -389,8 +395,8 @@ fn circuit(width: u32, height: u32, effects: &[(&str, Values<'_>)]) -> Circuit {
     camera_with(width, height, effects).model(seeds(1)).unwrap().circuit
 }
 
-/// With 40,000 pixels, a correlation of 0.4 has a standard error of 0.004. The spreads of gain and dark current must not
-/// change.
+/// With 40,000 pixels, a correlation of 0.4 has a standard error of 0.004. The correlation must not change the spreads
+/// of gain and dark current.
 #[test]
 fn gain_and_dark_current_have_the_stated_correlation() {
     let base: [(&str, Values<'_>); 2] =
@@ -407,10 +413,11 @@ fn gain_and_dark_current_have_the_stated_correlation() {
     }
 }
 
-/// Let s be the standard deviation of the blur. The correlation at distance d is exp(-d^2 / 4 s^2).
+/// The gain map is white noise after a blur. Let s be the standard deviation of the blur in pixels. The correlation of
+/// two gains at distance d is exp(-d^2 / 4 s^2).
 ///
-/// Together, 4 pi s^2 neighboring pixels count as about one of the independent values among 90,000 pixels. The standard
-/// error is therefore at most about 0.02.
+/// Let s = 2 be the standard deviation of the blur in pixels. About 4 pi s^2 = 50 neighboring pixels count as one
+/// independent value, so 90,000 pixels count as 1,800. The standard error of a correlation is therefore about 0.02.
 #[test]
 fn smooth_gain_is_correlated_over_its_length_and_equally_strong_everywhere() {
     let c = circuit(300, 300, &[("smooth_prnu", &[("sigma", 0.02), ("length", 2.0)])]);
@@ -426,7 +433,8 @@ fn smooth_gain_is_correlated_over_its_length_and_equally_strong_everywhere() {
     let strength = |v: Vec<f64>| (v.iter().map(|x| x * x).sum::<f64>() / v.len() as f64).sqrt();
     let border = strength((0..300).flat_map(|i| [at(0, i), at(i, 0), at(299, i), at(i, 299)]).collect());
     let inside = strength(c.gain.iter().map(|g| g - 1.0).collect());
-    // The border has 1,200 pixels. Together, about seven neighboring pixels count as one independent value.
+    // The border has 1,200 pixels. Because of the blur, about seven neighboring border pixels count as one independent
+    // value.
     assert!((border / 0.02 - 1.0).abs() < 0.25 && (inside / 0.02 - 1.0).abs() < 0.06, "{border} {inside}");
 }
 

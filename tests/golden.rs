@@ -134,8 +134,8 @@ fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
-/// The table that Rust, the program and Python must reproduce. Each case has a name, a camera file, a kind of light and a
-/// checksum.
+/// The table of checksums that Rust, the program and Python must reproduce. Each case has a name, a camera file, a kind
+/// of light and a checksum.
 const TABLE: &str = include_str!("golden.json");
 
 fn light_name(kind: LightKind) -> &'static str {

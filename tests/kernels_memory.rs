@@ -8,7 +8,7 @@ use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::kernels::{self, Backend, Batch, Job, Samples, Segment, SegmentLight};
 use spikelane::{Camera, Plan, Sensor};
 
-/// Number of readouts that is large enough for a backend to draw the counts of several readouts together.
+/// Number of readouts of a run. It is so large that a backend draws the counts of several readouts together.
 const READOUTS: usize = 23;
 const GUARD: usize = 64;
 

@@ -72,7 +72,7 @@ fn check(value: f64, what: &str) {
 fn neighbors_are_uncorrelated() {
     for value in [uniform as fn(u16) -> f32, spread] {
         let field = draw_field("shot_noise", value);
-        // The distances are all distances within a vector, the width of a sensor, and the size of a tile.
+        // The lags are all distances within a vector, the width of a sensor, and the size of a tile.
         for lag in (1..=32).chain([400, 4096]) {
             check(along_pixels(&field, lag), &format!("{lag} pixels apart"));
         }

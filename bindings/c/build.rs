@@ -1,4 +1,4 @@
-//! Sets the name that programs link the shared library by, which changes only with the ABI.
+//! Sets the file name under which programs load the shared library. The name changes only with the ABI version.
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");

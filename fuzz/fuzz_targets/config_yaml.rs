@@ -1,5 +1,5 @@
-//! Uses any bytes as the `config.yaml` in a folder above a stream. The bytes must be rejected, be ignored, or contain the
-//! frame size.
+//! Uses any bytes as the `config.yaml` in a folder above a stream. A reader must reject or ignore the bytes, or the
+//! bytes must contain the frame size that the reader uses.
 #![no_main]
 
 use std::path::PathBuf;

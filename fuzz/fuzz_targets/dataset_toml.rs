@@ -1,5 +1,5 @@
-//! Uses any text as a `dataset.toml`. The text must be rejected as `Config`, or its written form must read back to the
-//! same text.
+//! Uses any text as a `dataset.toml`. The parser must reject the text, or parse it to options. If the options are
+//! written and parsed again, they must not change.
 #![no_main]
 
 use std::path::PathBuf;

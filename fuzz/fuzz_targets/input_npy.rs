@@ -36,7 +36,7 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     }
     assert_eq!(again.len() as u64, frames * frame_bytes as u64);
-    // The frames are after the header. If all bytes were read, the length of the header is the total minus the bytes of
+    // The frames follow the header. If all bytes were read, the length of the header is the total minus the bytes of
     // the frames.
     if is_complete {
         let header = total as usize - again.len();

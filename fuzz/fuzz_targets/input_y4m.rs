@@ -1,5 +1,6 @@
-//! Uses any bytes as a y4m video. The light must have as many frames as the planes and be within 0 to 1. Planes that are
-//! written again with the same header line must decode to the same planes.
+//! Uses any bytes as a y4m video. The number of frames of light must equal the number of decoded frames, and the light
+//! must be within 0 to 1. If the decoded planes are written to a new video, the new video must decode to the same
+//! planes.
 #![no_main]
 
 use std::io::Read;

@@ -1,5 +1,5 @@
-//! Uses any bytes as the journal of a shard. It must not have more lines than the bytes, and truncation must not add
-//! lines.
+//! Uses any bytes as the journal of a shard. The journal must not have more lines than the bytes have line breaks. A
+//! truncated journal must not have more lines than the whole journal.
 #![no_main]
 
 use std::path::PathBuf;

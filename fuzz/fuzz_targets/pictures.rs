@@ -1,7 +1,7 @@
 //! Uses any bytes as an image of each format that is detected by content.
 //!
-//! The image must be rejected, or its light must have the size that the header declares. Light must be finite and not
-//! negative.
+//! The decoder must reject the image, or return light of the size that the header declares. Light must be finite and
+//! not negative.
 #![no_main]
 
 use std::path::PathBuf;

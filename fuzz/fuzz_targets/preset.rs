@@ -1,7 +1,7 @@
-//! Uses any text as a camera file. The text must be rejected as `Config`, or its written form must read back to the same
-//! camera.
+//! Uses any text as a camera file. The parser must reject the text as `Config`, or parse it to a camera. If the camera
+//! is written and parsed again, it must not change.
 //!
-//! The plan of a small camera must be created, or be rejected as `Config`.
+//! For a small camera, planning must succeed or return a `Config` error.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

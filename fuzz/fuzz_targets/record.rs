@@ -1,5 +1,5 @@
-//! Uses any bytes as the `record.json` of a sequence. The bytes must be rejected or read. The files of a record are
-//! missing or verified.
+//! Uses any bytes as the `record.json` of a sequence. `SequenceRecord::read` and `SequenceRecord::verify` must accept
+//! the bytes or return an expected error. They must not create files.
 #![no_main]
 
 use std::path::PathBuf;

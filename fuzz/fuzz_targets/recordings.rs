@@ -1,5 +1,5 @@
-//! Uses any text as a set of recordings. The text must be rejected as `Config`, or its written form must read back to the
-//! same set.
+//! Uses any text as a set of recordings. The parser must reject the text as `Config`, or parse it to a set. If the set
+//! is written and parsed again, it must not change.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Uses any bytes as the sidecar of a stream. The bytes must be rejected, or the reader must have the geometry and the
+//! Uses any bytes as the sidecar of a stream. The stream reader must reject the bytes, or have the geometry and the
 //! layout that a general JSON parser reads from the bytes.
 //!
 //! A new sidecar with these values must open the same stream.

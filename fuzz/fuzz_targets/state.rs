@@ -1,5 +1,5 @@
-//! Uses any bytes as a saved state. The bytes must be rejected, or the state must save to the same bytes and run on every
-//! backend. Running must not panic and must not set bits after the last pixel.
+//! Uses any bytes as a saved state. The simulator must reject the bytes, or restore a state. The restored state must
+//! save to the same bytes and run on every backend. Running must not panic and must not set bits after the last pixel.
 //!
 //! Half of the inputs modify a saved state and correct its fingerprint. For every accepted state, all backends must
 //! return the same bits and the same next state.
@@ -14,7 +14,7 @@ use spikelane::presets::fingerprint;
 use spikelane::{Backend, Camera, ErrorKind, Geometry, Plan, Seeds, Sensor, Simulator};
 
 const CAMERA: u64 = 7;
-/// Length of the magic, of five words, and of the fingerprint of the remaining bytes.
+/// Length in bytes of the magic, of five 8-byte words, and of the fingerprint of the bytes after the header.
 const HEADER: usize = 8 + 5 * 8 + 8;
 
 /// One plan for each group of effects whose pixels have additional state.

@@ -1,5 +1,5 @@
-//! Tests `dat` and `dat-top`. Any bytes with at least one frame must be a stream. The exceptions are known foreign
-//! formats, and whole frames of a known camera.
+//! Tests the layouts `dat` and `dat-top`. Any bytes with at least one frame must open as a stream, with two exceptions:
+//! files of known foreign formats, and whole frames of a known camera.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

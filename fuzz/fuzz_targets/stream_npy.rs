@@ -1,4 +1,4 @@
-//! Tests `.npy` streams with malicious headers, and with valid headers that are followed by any bytes.
+//! Tests `.npy` streams: malicious headers, and valid headers before arbitrary bytes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -14,7 +14,8 @@ fuzz_target!(|data: &[u8]| {
     }
 });
 
-/// Checks that a stream that opens has the length that it reports, and that all readouts can be read.
+/// Checks streams with malicious headers that open. The file must contain the readouts that the header declares, and
+/// every readout must decode or return an expected error.
 fn hostile_header(data: &[u8]) {
     // The input is the text of the header without its length, because a fuzzer would rarely find the correct length.
     let Some((&[kind, len], text)) = data.split_first_chunk() else {
@@ -54,8 +55,8 @@ fn hostile_header(data: &[u8]) {
     }
 }
 
-/// Checks bytes after a valid header. The stream opens if and only if the number of bytes fits the header. The readouts
-/// can be read if and only if every byte is a valid bit.
+/// Checks arbitrary bytes after a valid header. The stream opens if and only if the number of bytes fits the header. If
+/// the layout has one byte per pixel, a frame must contain no bytes but 0 and 1, or no bytes but 0 and 255.
 fn own_header(layout: Layout, data: &[u8]) {
     let Some((g, body)) = geometry(data) else {
         return;

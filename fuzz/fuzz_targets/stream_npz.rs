@@ -1,4 +1,4 @@
-//! Tests `.npz` streams: malicious archives, and archives of this target that store arrays in both axis orders.
+//! Tests `.npz` streams: malicious archives, and valid archives that store arrays in both axis orders.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,7 +1,8 @@
 //! Tests `rows1024` with streams that are truncated and damaged at any position.
 //!
-//! The input determines the start and the end of a recording, its pixels, and the bytes that are overwritten. The oracle
-//! reads tags like SpikeCV's parser and checks every position at which a frame could start.
+//! The input determines the start and the end of a recording, its pixels, and the bytes that are overwritten. An
+//! independent decoder in this file reads tags like SpikeCV's parser and checks every position at which a frame could
+//! start.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -37,7 +38,8 @@ fn recording(data: &[u8]) -> Option<Vec<u8>> {
         bytes[at % (2 * FRAME)] = edit[3];
     }
     bytes.truncate(2 * FRAME - usize::from(u16::from_le_bytes([c, d])));
-    // The start is cut by a multiple of 8 bytes. At half of these positions, no frame can be found.
+    // The start is cut by a multiple of 8 bytes. In half of the cases, no frame starts at a multiple of 16 bytes, and
+    // the search in steps of 16 bytes fails.
     bytes.drain(..usize::from(u16::from_le_bytes([a, b])) * 2 / 8 * 8);
     Some(bytes)
 }
@@ -48,7 +50,7 @@ fuzz_target!(|data: &[u8]| {
     };
     let places = 0..bytes.len().saturating_sub(FRAME - 1);
     let frame_at = |at: &usize| is_frame(&bytes[*at..*at + FRAME]);
-    // The search first visits positions in steps of the camera link, then all positions.
+    // The search first visits multiples of 16 bytes, the step of the camera link, then all positions.
     let first = places.clone().step_by(16).find(frame_at);
     let first = first.or_else(|| places.clone().find(frame_at));
     let opened = StreamReader::from_bytes("fuzz", bytes.clone(), Some(Layout::Rows1024), None);
@@ -70,7 +72,7 @@ fuzz_target!(|data: &[u8]| {
     let mut packed = vec![0; 125_000];
     for t in 0..reader.readouts() {
         reader.read_frame(t, &mut packed).unwrap();
-        // The stride visits every column and every row. All pixels would take 41 times as long.
+        // The stride of 41 visits every column and every row. Comparing all pixels would take 41 times as long.
         let pixels = (t..1_000_000).step_by(41);
         if reader.missing_frames().contains(&t) {
             assert!(pixels.clone().all(|p| !bit(&packed, p)));

@@ -13,14 +13,15 @@ pub fn temp_folder(name: &str) -> PathBuf {
     folder
 }
 
-/// Splits a small geometry off the data. Frames of many shapes then fit in a few bytes.
+/// Reads a small geometry from the first two bytes, and returns it with the other bytes. The geometry is small because
+/// then a few bytes contain a frame.
 pub fn geometry(data: &[u8]) -> Option<(Geometry, &[u8])> {
     let (&[w, h], rest) = data.split_first_chunk()?;
     let geometry = Geometry::new(u32::from(w % 80) + 1, u32::from(h % 16) + 1).ok()?;
     Some((geometry, rest))
 }
 
-/// Checks that an error has a message and that bytes can cause its kind.
+/// Checks that an error has a message. Its kind must be one that damaged bytes can cause, `Input` or `Usage`.
 pub fn check_error(error: &spikelane::Error) {
     assert!(matches!(error.kind(), ErrorKind::Input | ErrorKind::Usage), "{:?}: {error}", error.kind());
     assert!(error.to_string().len() > 10);
@@ -28,7 +29,7 @@ pub fn check_error(error: &spikelane::Error) {
 
 /// Decodes every frame, compares each pixel with `pixel(readout, row, col)`, and checks that padding bits are zero.
 ///
-/// It also compares frames that are read together with frames that are read one at a time.
+/// Also reads all frames in one call and each frame in its own call, and checks that the frames are equal.
 pub fn check_pixels(reader: &StreamReader, pixel: impl Fn(usize, usize, usize) -> bool) {
     let g = reader.geometry();
     let size = g.frame_bytes();
@@ -47,7 +48,7 @@ pub fn check_pixels(reader: &StreamReader, pixel: impl Fn(usize, usize, usize) -
 
 /// Encodes every decoded frame, decodes the result, and compares it with the frame.
 ///
-/// The encoded bytes must also equal the bytes of the file in the bits of `mask`.
+/// The encoded bytes must also equal the bytes of the file. The comparison uses only the bits that are set in `mask`.
 pub fn check_encoding(reader: &StreamReader, layout: Layout, file: &[u8], mask: impl Fn(usize) -> u8) {
     let g = reader.geometry();
     let frame_bytes = layout.frame_bytes(g).unwrap();

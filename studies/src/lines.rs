@@ -26,7 +26,8 @@ fn text(bytes: &[u8]) -> String {
 /// Returns the text of a file of records, or an empty string if the file does not exist.
 ///
 /// # Panics
-/// If the file cannot be read, or if [`append`] or [`write()`] did not create it. The caller must not overwrite such a file.
+/// If the file cannot be read, or if [`append`] or [`write()`] did not create it. The panic prevents the caller from
+/// overwriting such a file.
 #[must_use]
 pub fn read(path: &Path) -> String {
     if !path.exists() {

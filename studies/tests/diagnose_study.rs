@@ -21,7 +21,8 @@ mod score;
 #[path = "../src/diagnose/version.rs"]
 mod version;
 
-/// A clean sensor, and for each other class the quickest sensor whose hidden effects were identified.
+/// A clean sensor, and one sensor of each other class. Each other sensor has the quickest diagnosis of those in its
+/// class that identified all hidden effects.
 ///
 /// `studies/data/diagnosis-again.txt` lists forty more sensors. `docs/why/diagnosis.md` contains the command to test them.
 const QUICKEST_SENSORS: [&str; 5] = [

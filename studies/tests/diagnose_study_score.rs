@@ -56,13 +56,14 @@ fn tentative_names_do_not_count_and_mismatches_do() {
 
 #[test]
 fn an_interval_of_a_share_is_that_of_clopper_and_pearson() {
-    // The expected bounds are those for which binomial sums in exact fractions are 2.5 %. For 0 of 300 the interval is 0 to
-    // 1.222 %. For 79 of 84 it is 86.65 to 98.04 %.
+    // Each expected bound is the share at which a binomial sum in exact fractions is 2.5 %. For 0 of 300 the interval
+    // is 0 to 1.222 %. For 79 of 84 it is 86.65 to 98.04 %.
     let none = Share { hits: 0, total: 300 };
     assert!((none.upper_bound() - 0.012_221).abs() < 1e-6, "{}", none.upper_bound());
     assert_eq!(none.to_string(), "0 of 300, 0 % (0 to 1)");
     assert_eq!(Share { hits: 79, total: 84 }.to_string(), "79 of 84, 94 % (87 to 98)");
-    // For many sensors (1 - p)^n underflows. The expected 96.61 to 99.33 % come from logarithms of the gamma function.
+    // For many sensors n, the power (1 - p)^n of a share p underflows. The expected bounds of 96.61 and 99.33 % were
+    // computed with logarithms of the gamma function.
     assert_eq!(Share { hits: 415, total: 422 }.to_string(), "415 of 422, 98 % (97 to 99)");
     assert_eq!(Share { hits: 5, total: 5 }.to_string(), "5 of 5, 100 % (48 to 100)");
     assert_eq!(Share { hits: 0, total: 0 }.to_string(), "no case");

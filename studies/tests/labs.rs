@@ -1,4 +1,5 @@
-//! A part of the study of `calibrate` in random laboratories. Every result must be right, or `calibrate` must reject the set.
+//! Runs a part of the study of `calibrate` in random laboratories. `calibrate` must reject a recording set, or every
+//! estimate must be right.
 
 #[path = "../../crates/calibrate/tests/calibrate_support/assessment.rs"]
 #[allow(dead_code, reason = "the study makes tables of it")]
@@ -17,7 +18,7 @@ use crate::assessment::{AssessmentOutcome, assess, assess_program};
 use crate::lab::Laboratory;
 use rayon::prelude::*;
 
-/// Tests one or two laboratories of each kind. Three laboratories are tested with files and the command line.
+/// Tests one or two laboratories for each kind of fault. Three laboratories are tested with files and the command line.
 ///
 /// A value counts as wrong if its error exceeds five standard errors. Each run has about 300 values. If the errors are
 /// normally distributed, 99.98 % of all runs have no wrong value.
@@ -43,8 +44,8 @@ fn calibration_of_random_laboratories_is_right_or_refused() {
     });
 }
 
-/// Compares the results for one laboratory whose spikes are counted in memory and for the same laboratory read from files.
-/// The results must be equal.
+/// Compares two calibrations of one laboratory: from spikes that are counted in memory, and from files. The results
+/// must be equal.
 #[test]
 fn files_and_counts_of_a_laboratory_say_the_same() {
     let lab = Laboratory::new(13);
@@ -57,7 +58,7 @@ fn files_and_counts_of_a_laboratory_say_the_same() {
         panic!("refused");
     };
     assert!(counted.has_named_fault && read.has_named_fault, "a drift of 1 % was not told");
-    // Only the rates must be equal. The intervals are measured over different spans in the two cases.
+    // Only the rates must be equal. The results from memory and from files measure the intervals over different spans.
     for (a, b) in counted.quantity_errors.iter().zip(&read.quantity_errors).filter(|(a, _)| a.quantity < 2) {
         assert!((a.z - b.z).abs() < 0.1, "{} {} {}", crate::assessment::QUANTITIES[a.quantity], a.z, b.z);
     }

@@ -1,5 +1,5 @@
-//! Shared code of the physics tests: the exact law with an independent random generator, streams as lists of spike times,
-//! and statistics for comparing the plan with the law.
+//! Shared code of the physics tests. It contains the exact law with an independent random generator, streams as lists
+//! of spike times, and statistics for comparing the plan with the law.
 #![allow(dead_code, reason = "every test file uses its own part")]
 
 use rand_distr::{Distribution, Poisson, StandardNormal};
@@ -13,8 +13,8 @@ use spikelane::{Geometry, Plan, Seeds, Sensor, Simulator};
 /// Random draws for the exact law. They use no code of this crate.
 pub(crate) struct IndependentNoise {
     rng: Pcg64,
-    /// The last distribution. It is stored because creating a distribution is slower than a draw and the light is
-    /// constant.
+    /// The mean and the distribution of the last Poisson draw. The distribution is stored because creating it is slower
+    /// than a draw. Under constant light the next draw uses it again.
     poisson: (f64, Option<Poisson<f64>>),
 }
 
@@ -183,7 +183,8 @@ impl SpikeTimes {
         rate.error * (rate.pixels as f64).sqrt() / rate.mean
     }
 
-    /// Returns `D(n)`, the mean of all pixels' mean squares of `t[k+n] - t[k] - n m`.
+    /// Returns `D(n)`. The value of a pixel is the mean square of `t[k+n] - t[k] - n m`, where `t[k]` is the time of
+    /// spike `k`. `D(n)` is the mean of the values of all pixels.
     ///
     /// `m` is the mean interval of the pixel: the duration from its first to its last spike, divided by the number of
     /// intervals. Pixels with at most `1.5 n` spikes are excluded.

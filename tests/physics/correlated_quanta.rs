@@ -25,15 +25,16 @@ fn correlated_camera(width: u32, strength: f64) -> Camera {
 
 /// Returns the variance of the total charge of `m` readouts, divided by the variance of the quanta of one readout.
 ///
-/// The noise is `n[t] = a n[t-1] + (1 - a) w[t]`. Noise values that are `k` readouts apart have the covariance
-/// `(1 - a)/(1 + a) a^k`. The result is the sum of the covariances of all pairs of the `m` readouts.
+/// The noise is `n[t] = a n[t-1] + (1 - a) w[t]`, where `w[t]` is the noise of the quanta of readout `t` with unit
+/// variance. Noise values that are `k` readouts apart have the covariance `(1 - a)/(1 + a) a^k`. The result is the sum of the
+/// covariances of all pairs of the `m` readouts.
 fn closed_form(m: usize) -> f64 {
     let a = (-1.0 / TIME_CONSTANT).exp();
     m as f64 - 2.0 * a * (1.0 - a.powi(m as i32)) / (1.0 - a * a)
 }
 
-/// Returns the variance of the charge of `m` readouts between pixels, in thresholds squared. The charge of a pixel is the
-/// number of spikes plus the change of the stored charge.
+/// Returns the variance between pixels of the charge that `m` readouts add, in thresholds squared. The added charge is
+/// the number of spikes plus the change of the stored charge.
 fn sum_variance(camera: &Camera, m: usize) -> f64 {
     let plan = Plan::new(camera, seeds(1)).unwrap();
     let geometry = camera.sensor.geometry;
@@ -56,8 +57,8 @@ fn variance(values: impl Iterator<Item = f64>) -> f64 {
 
 /// With 20,000 pixels, a variance has a standard error of 1 %. The test allows five standard errors.
 ///
-/// Pending noise is released in whole steps. For one readout, this rounding adds 1/12 to a variance of about 91 steps
-/// squared. For many readouts, it adds nothing.
+/// Pending noise is released in whole steps. For one readout, this rounding adds 1/12 step squared to a variance of
+/// about 91 steps squared. For many readouts, it adds nothing.
 #[test]
 fn short_sums_of_settling_quanta_have_less_noise_and_long_ones_all_of_it() {
     let camera = correlated_camera(20_000, 1.0);
@@ -112,12 +113,12 @@ fn counted_quanta_settle_too() {
     }
 }
 
-/// If the mean interval is an integer, the charge equals the threshold exactly at a readout.
+/// If the mean interval is an integer, the charge equals the threshold exactly at some readout.
 ///
-/// The jitter then sets the charge to the threshold. The spike is at this readout or at the next readout, each with
-/// probability 1/2. An interval is therefore one readout shorter with probability 1/4, and one readout longer with
-/// probability 1/4. The variance of the duration between two spikes is 1/2 readout squared, regardless of the number of
-/// intervals between the spikes.
+/// If the charge is within the jitter width of the threshold, jitter sets the charge to the threshold. The spike is
+/// then at this readout or at the next readout, each with probability 1/2. An interval is therefore one readout shorter
+/// with probability 1/4, and one readout longer with probability 1/4. The variance of the duration between two spikes
+/// is 1/2 readout squared, regardless of the number of intervals between the spikes.
 #[test]
 fn jitter_moves_a_quarter_of_whole_intervals_each_way_and_no_more_at_long_lags() {
     // All pixels start without charge, so the charge of each pixel equals its threshold exactly at some readout.
@@ -144,8 +145,8 @@ fn jitter_moves_a_quarter_of_whole_intervals_each_way_and_no_more_at_long_lags()
     }
 }
 
-/// At rates near 1/5, intervals are almost integers. Noise then moves the charge of a pixel into the jitter width and out
-/// of it.
+/// At rates near 1/5, intervals are almost integers. Noise then moves the charge of a pixel into and out of the range
+/// around the threshold in which jitter acts.
 #[test]
 fn undecided_pixels_of_a_plan_follow_the_exact_law() {
     let camera = jitter_camera(0.008, 1000, 1.0)
@@ -170,8 +171,7 @@ fn undecided_pixels_of_a_plan_follow_the_exact_law() {
     assert!((plan.mean - law.mean).abs() < 2e-5, "{plan} {law}");
 }
 
-/// Returns pixels with jitter of width `width`. The start charges are uniform between 0 and the share `share` of the
-/// threshold.
+/// Returns pixels with jitter of width `width`. The start charges are uniform between 0 and `share` thresholds.
 fn jitter_camera(width: f64, pixels: u32, share: f64) -> Camera {
     camera_with(pixels, 1, &[("start_phase", &[("share", share)]), ("readout_jitter", &[("width", width)])])
 }

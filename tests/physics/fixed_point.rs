@@ -1,6 +1,7 @@
 //! The errors of the fixed-point arithmetic are within the bounds of the plan.
 //!
-//! The bounds are at most 1e-6 spikes per readout plus 2e-6 of the rate. The bound of the phase variance is 1 %.
+//! The plan bounds the error of a rate by at most 1e-6 spikes per readout plus 2e-6 of the rate. It bounds the relative
+//! error of the phase variance by 1 %.
 
 use crate::common_oracle::{camera_with, charges, preset, seeds};
 use spikelane::FrameRef;
@@ -32,8 +33,9 @@ fn noiseless_preset(name: &str) -> Camera {
     camera.with_effect(dark)
 }
 
-/// The charge that a pixel collects in 2^17 readouts equals its spikes plus its stored charge. The stored charge is known
-/// to 2^-16 steps. The mean increment is therefore known to 1e-14 thresholds, which is far below the bound.
+/// The charge that a pixel collects in 2^17 readouts equals its spikes plus its stored charge. The stored charge is
+/// known to 2^-16 steps. The mean increment is therefore known to 1e-14 thresholds, which is far below the error bound
+/// of the plan.
 #[test]
 fn the_mean_increment_is_within_the_plans_bounds_of_the_exact_one() {
     let readouts = 1 << 17;
@@ -84,9 +86,9 @@ fn counts(bytes: &[u8], geometry: Geometry) -> Vec<u32> {
 /// A pixel with a negative dark current is above full scale for a long time, then in the dark. In the dark it fires its
 /// surplus while its charge drains.
 ///
-/// Without noise, the exact law predicts the number of spikes with an error of at most one spike at the last readout. If
-/// a threshold were lost at the smallest value of the state, or if the pixel fired drained charge, tens of spikes would
-/// differ.
+/// Without noise, the exact law predicts the number of spikes with an error of at most one spike at the last readout.
+/// An implementation error would change the number by tens of spikes. Examples are a threshold that is lost at the
+/// smallest value of the state, and a pixel that fires drained charge.
 #[test]
 fn surplus_refills_charge_that_a_negative_current_drains() {
     let camera = preset("scsim-code", 4096, 1);
@@ -120,8 +122,8 @@ fn surplus_refills_charge_that_a_negative_current_drains() {
     assert!(draining >= 10, "{draining} pixels with a negative current");
 }
 
-/// Compares the exact law with a plan. Resets lose the share `by_law` in the law and the share `lost` in the plan.
-/// Returns the number of different bits and the number of spikes.
+/// Compares the exact law with a plan. A reset loses a share of the charge that remains: `by_law` in the law and `lost`
+/// in the plan. Returns the number of different bits and the number of spikes.
 ///
 /// 1,024 pixels without noise run for 600 readouts above full scale. Their charge grows until resets lose as much as the
 /// light adds. The pixels then run for 300 readouts below full scale, which empty the pixels, and for 300 readouts above
@@ -179,9 +181,10 @@ fn a_reset_loses_its_share_of_the_charge_above_full_scale_too() {
 
 /// Compares the variance of the charges of 2^20 empty pixels after one readout.
 ///
-/// The standard error of the variance is 0.14 % for one simulator and 0.07 % for the four simulators here. Then 4.5
-/// standard errors are 0.3 %. The test allows 1 % in addition. The light levels are below and above 64 quanta. They are
-/// also below and above a deviation of 5 steps, above which noise is drawn in whole steps.
+/// The standard error of the variance is 0.14 % for one simulator and 0.07 % for the four simulators here. The test
+/// allows 4.5 standard errors, which are 0.3 %, plus 1 %. The light levels are below and above the transition from
+/// counted quanta to normal noise at 64 quanta. They are also below and above the transition to noise in whole steps,
+/// at a standard deviation of 5 steps.
 #[test]
 fn shot_noise_has_its_phase_variance_to_one_per_cent_at_any_light() {
     let shot: &[(&str, f64)] = &[("strength", 1.0)];
@@ -214,10 +217,11 @@ fn shot_noise_has_its_phase_variance_to_one_per_cent_at_any_light() {
     }
 }
 
-/// Compares the frozen noise of 2^20 new pixels, read from the state in steps.
+/// Compares the variance of the frozen threshold noise of 2^20 new pixels with the exact variance. The noise is read
+/// from the saved state, in steps.
 ///
-/// The standard deviations are between a fraction of a step and 5 % of the threshold. The transition to whole steps is at
-/// 5 steps.
+/// The standard deviations are between a fraction of a step and 5 % of the threshold. Above 5 steps, noise is drawn in
+/// whole steps.
 #[test]
 fn threshold_noise_has_its_variance_to_one_per_cent_at_any_strength() {
     for sigma in [2e-5, 1e-4, 3.3e-4, 3.45e-4, 9.64e-4, 6.36e-3, 55e-3] {
@@ -249,8 +253,8 @@ fn threshold_noise_has_its_variance_to_one_per_cent_at_any_strength() {
 
 /// The rounded product `(z m + 2^14) >> 15` rounds halves up.
 ///
-/// The mean rounding error of all 65,536 draws is 0 for most multipliers. For a multiple of 2^k it is at most 2^(k-16)
-/// steps.
+/// For most multipliers `m`, the mean rounding error of all 65,536 draws `z` is 0. If `m` is a multiple of 2^k, the
+/// mean error is at most 2^(k-16) steps.
 #[test]
 fn the_rounding_multiply_is_biased_only_by_its_ties() {
     let draws: Vec<i64> = (0..=u16::MAX).map(|b| i64::from(gauss::draw(b))).collect();

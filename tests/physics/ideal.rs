@@ -12,9 +12,10 @@ const READOUTS: usize = 20_000;
 /// successive intervals therefore has at most two values, which differ by 1. The spike count differs from `k x` by less
 /// than 1.
 ///
-/// If the light is not an 8-bit level, gain and light are rounded to f32. Three roundings of 2^-24 change the charge by
-/// 1.8e-7 of its value, and the rounding of the increment adds half of 2^-16 steps. After 20,000 readouts, the error is
-/// at most 4e-3 thresholds, which `slack` allows. The test detects a rate error of 1/20,000 and a single wrong interval.
+/// If the light is not an 8-bit level, gain and light are rounded to f32. Three roundings with relative errors of 2^-24
+/// change the charge by at most 1.8e-7 of its value. The rounding of the increment adds half of 2^-16 steps. After
+/// 20,000 readouts, the error is at most 4e-3 thresholds, which `slack` allows. The test detects a rate error of
+/// 1/20,000 and a single wrong interval.
 fn check(frame: FrameRef<'_>, light: &[f64], slack: f64) {
     let camera = preset("ideal", light.len() as u32, 1);
     for phase in [0.0, 1.0] {

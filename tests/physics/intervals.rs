@@ -1,5 +1,5 @@
-//! Interval statistics of the plan. They are compared with the exact law and with a real camera's recording of a flat
-//! wall.
+//! Interval statistics of the plan. They are compared with the exact law, and with the recording of a flat wall by a
+//! real camera.
 
 use crate::common_oracle::{Estimate, SpikeTimes, oracle, preset, seeds, simulate_times, spread_light};
 use spikelane::Camera;
@@ -11,8 +11,8 @@ fn light_for(camera: &Camera, rate: f64) -> f64 {
     camera.operating_point(rate).light.max(0.0)
 }
 
-/// Returns the mean difference of `D(n)` for the `chosen` pixels. Corresponding pixels have equal fixed pattern and
-/// light.
+/// Returns the mean difference of `D(n)` between `a` and `b` for the `chosen` pixels. A pixel has equal fixed pattern
+/// and light in `a` and `b`.
 fn paired(a: &SpikeTimes, b: &SpikeTimes, n: usize, chosen: impl Fn(usize) -> bool) -> Estimate {
     let one = |t: &[u32]| SpikeTimes { readouts: 0, pixels: vec![t.to_vec()] }.interval_sum_variance(n).mean;
     let pairs = a.pixels.iter().zip(&b.pixels).enumerate().filter(|(p, _)| chosen(*p));
@@ -21,12 +21,13 @@ fn paired(a: &SpikeTimes, b: &SpikeTimes, n: usize, chosen: impl Fn(usize) -> bo
 
 /// Compares the plan with the exact law for 240 pixels under equal light (5 % spread) for 20,000 readouts.
 ///
-/// The noise of plan and law is independent. Pixels with fewer than 2.4 n spikes by the exact law are excluded from both.
-/// The standard error is computed from the scatter of the paired differences between pixels. The test allows 4.5 standard
-/// errors. With 30 comparisons, one false alarm in 5,000 runs is expected.
+/// The noise of the plan is independent of the noise of the law. The comparison of D(n) excludes pixels for which the
+/// law predicts at most 2.4 n spikes. The standard error is computed from the scatter of the paired differences between
+/// pixels. The test allows 4.5 standard errors. With 30 comparisons, one false alarm in 5,000 runs is expected.
 ///
-/// At rate 0.195 the test detects differences of about 0.002 in D(1), 0.004 in D(8) and 0.01 in D(32). This is 1 % of the
-/// phase variance in dim light and a fifth of the phase variance in bright light. The test prints the errors.
+/// At rate 0.195 the test detects differences of about 0.002 in D(1), 0.004 in D(8) and 0.01 in D(32). The test prints
+/// the errors of all rates. It detects a change of the phase variance by 1 % in dim light and by a fifth in bright
+/// light.
 fn check_preset(name: &str) {
     let camera = preset(name, 240, 1);
     let readouts = 20_000;
@@ -64,20 +65,21 @@ fn scsim_code_has_the_interval_statistics_of_its_exact_law() {
     check_preset("scsim-code");
 }
 
-/// Values of `D(n)` published for the flat wall of a real 400x250 camera, at rate 0.195.
+/// Lags `n` and published values of `D(n)` for the flat wall of a real 400x250 camera, at rate 0.195.
 const WALL_GROWTH: [(usize, f64); 4] = [(8, 0.1742), (16, 0.1823), (24, 0.1879), (32, 0.1912)];
 
-/// Returns the light of a wall with rate 0.195. The rates have a spread of 5 %, because sqrt(4.58^2 + 2^2) = 5. The light
-/// contributes 4.58 %, and the gain of the camera contributes 2 %.
+/// Returns the light of a wall with rate 0.195. The rates have a spread of 5 %, because sqrt(4.58^2 + 2^2) = 5: the
+/// light contributes 4.58 %, and the gain of the camera contributes 2 %.
 fn wall_light(camera: &Camera, pixels: usize, seed: u64) -> Vec<f32> {
     spread_light(light_for(camera, 0.195), 0.0458, pixels, seed)
 }
 
 /// Compares `D(n)` in long streams, in which the mean interval of each pixel is well known.
 ///
-/// `D(n)` is then 1/6 (quantization at uniform phase) plus n (1/K + kT/(C V^2)) / f^2, with the rate f = 0.195 and K =
-/// 29,852 electrons. For the four lags this is 0.1740, 0.1812, 0.1884 and 0.1957. With 20,000 pixels and 3,000 readouts
-/// the standard error is 0.0005. The bound is 0.006.
+/// In a long stream, `D(n)` is 1/6 (quantization at uniform phase) plus n (1/K + kT/(C V^2)) / f^2. Here f = 0.195 is
+/// the rate, K = 29,852 is the number of electrons per threshold, and kT/(C V^2) is the thermal noise. For the lags 8,
+/// 16, 24 and 32, `D(n)` is 0.1740, 0.1812, 0.1884 and 0.1957. With 20,000 pixels and 3,000 readouts, the standard
+/// error is 0.0005. The bound is 0.006.
 #[test]
 fn physical_has_the_lags_of_a_real_wall() {
     let camera = preset("physical", 200, 100);
@@ -94,8 +96,8 @@ fn physical_has_the_lags_of_a_real_wall() {
 
 /// Compares streams of 300 readouts, in which the mean interval of each pixel is estimated from only 58 spikes.
 ///
-/// The error of this estimate increases D(32) to 0.22 in the real recording, in the exact law and in the plan. A short
-/// stream must therefore be compared with another stream of equal length.
+/// The error of a mean interval from 58 spikes increases D(32) to 0.22 in the real recording, in the exact law and in
+/// the plan. A short stream must therefore be compared with another stream of equal length.
 #[test]
 fn physical_has_the_lags_and_outliers_of_its_law_over_three_hundred_readouts() {
     let camera = preset("physical", 200, 50);
@@ -119,7 +121,8 @@ fn physical_has_the_lags_and_outliers_of_its_law_over_three_hundred_readouts() {
     assert!((5e-4 * 2.0 / 3.0..7e-4 * 4.0 / 3.0).contains(&plan), "{plan}");
 }
 
-/// Compares the real recording with `physical`. Statistic, length and selection of pixels are equal.
+/// Compares the real recording with a simulation of `physical`. Both streams have equal length, and the same pixels are
+/// selected from both.
 #[test]
 fn physical_has_the_lags_of_the_recording_itself() {
     let Ok(folder) = std::env::var("SPIKELANE_REAL_DATA") else {

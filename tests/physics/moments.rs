@@ -1,4 +1,5 @@
-//! At its neutral value, no effect changes a bit. At other values, every effect has the moments that it predicts.
+//! At its neutral value, no effect changes a bit. At other values, each effect changes the mean and the variances as it
+//! predicts.
 
 use crate::common_oracle::{
     Estimate, SpikeTimes, charges, oracle, preset, seeds, sensor, simulate_packed, simulate_times,
@@ -43,8 +44,8 @@ fn every_effect_at_its_neutral_value_equals_its_absence_bit_for_bit() {
 const WIDTH: u32 = 200;
 const HEIGHT: u32 = 125;
 
-/// Returns a camera at the rate `rate`. Light and dark current each add half of the charge, so effects on either are
-/// visible.
+/// Returns a camera at the rate `rate`. Light and dark current each add half of the charge. The rate therefore depends
+/// on effects on the light and on effects on the dark current.
 fn base(rate: f64) -> Camera {
     let camera = Camera::ideal(sensor(WIDTH, HEIGHT));
     let circuit = effects::Circuit::nominal(&camera.sensor);
@@ -53,7 +54,7 @@ fn base(rate: f64) -> Camera {
     camera.with_effect(effects::find("start_phase").unwrap().typical()).with_effect(dark)
 }
 
-/// Number of readouts of a drift. The measurement of a drift has the same number of readouts.
+/// Number of readouts during which a drift lasts. The measurement of a drift has the same number of readouts.
 const DRIFT_READOUTS: f64 = 1000.0;
 
 /// Returns `definition` with parameters that differ from neutral by `strength` times the typical difference. Choices stay
@@ -79,8 +80,8 @@ fn at_strength(definition: &'static Definition, strength: f64) -> Effect {
 /// has `rate`.
 fn pair(definition: &'static Definition, strength: f64, rate: f64) -> (Camera, Camera, f64) {
     let without = match definition.name {
-        // This effect would replace the dark current of the base camera. The base camera therefore has none, and light
-        // alone gives `rate`.
+        // The effect `dark_current` would replace the dark current of the base camera. The dark current is therefore
+        // removed, and light alone gives `rate`.
         "dark_current" => base(rate).without_effect("dark_current"),
         "start_phase" => base(rate).without_effect("start_phase"),
         _ => base(rate),
@@ -89,8 +90,8 @@ fn pair(definition: &'static Definition, strength: f64, rate: f64) -> (Camera, C
     (without.clone(), without.with_effect(at_strength(definition, strength)), light)
 }
 
-/// Returns the mean charge per readout of every pixel by the exact law, divided by the pixel's threshold and limited to 0
-/// to 1.
+/// Returns the mean charge per readout of every pixel by the exact law, divided by the pixel's threshold. The result is
+/// clamped to 0 to 1.
 fn exact_rates(camera: &Camera, light: f64) -> Vec<f64> {
     let model = camera.model(seeds(0)).unwrap();
     let law = |p: usize| model.law(p);
@@ -98,10 +99,11 @@ fn exact_rates(camera: &Camera, light: f64) -> Vec<f64> {
     (0..model.circuit.pixels()).map(ideal).collect()
 }
 
-/// Returns the rate of every pixel of the plan: spikes plus change of the stored charge, per readout.
+/// Returns the rate of every pixel of the plan: the number of spikes plus the change of the stored charge, divided by
+/// the number of readouts.
 ///
-/// The stored charge adds fractions of a spike. For effects that lose charge or flip bits, set `whole_spikes` to count
-/// only spikes.
+/// The change of the stored charge adds a fraction of a spike. For effects that lose charge or flip bits, set
+/// `whole_spikes` to count only spikes.
 fn plan_rates(camera: &Camera, light: f64, [warm, readouts]: [usize; 2], whole_spikes: bool) -> Vec<f64> {
     let plan = Plan::new(camera, seeds(0)).unwrap();
     let geometry = camera.sensor.geometry;
@@ -130,15 +132,16 @@ fn relative_variance(v: &[f64]) -> f64 {
     v.iter().map(|x| (x / m - 1.0).powi(2)).sum::<f64>() / v.len() as f64
 }
 
-/// Mean rates of cameras without the effect. They are stored because several effects use the same camera.
+/// Mean rates of cameras without the tested effect. They are stored because several tests use the same camera.
 type KnownRates = std::collections::BTreeMap<String, f64>;
 
 /// Compares the fixed pattern of 25,000 pixels with the prediction.
 ///
-/// For a spread `s`, the standard error of the mean is `s / 158`. The standard error of a variance is 0.9 % for a
-/// Gaussian pattern and 4 % for a log-normal pattern. If a fraction `f` of the pixels is affected, the relative error is
-/// `1/sqrt(25,000 f)`. Predictions have lowest order only. The test therefore also allows a relative error of twice the
-/// predicted relative spread. At rate 0.95, only weak strengths stay below saturation.
+/// If the rates have the spread `s`, their mean has the standard error `s / 158`. Their variance has a standard error
+/// of 0.9 % for a Gaussian pattern and 4 % for a log-normal pattern. If an effect changes a fraction `f` of the pixels,
+/// the relative error is `1/sqrt(25,000 f)`. A prediction contains only the lowest order in the strength. The test
+/// therefore also allows a relative error of twice the predicted relative spread. At rate 0.95, only weak strengths
+/// stay below saturation.
 fn check_pattern(known: &mut KnownRates, definition: &'static Definition, strength: f64, rate: f64) {
     let (without, with, light) = pair(definition, strength, rate);
     let effect = with.effect(definition.name).unwrap();
@@ -202,8 +205,8 @@ fn check_pattern(known: &mut KnownRates, definition: &'static Definition, streng
     }
 }
 
-/// Returns the number of independent values in the pattern. A blur with standard deviation `s` correlates about `4 pi
-/// s^2` pixels.
+/// Returns the number of independent values in the pattern. After a blur with standard deviation `s`, about `4 pi s^2`
+/// pixels count as one value.
 fn cells(definition: &Definition) -> f64 {
     match definition.name {
         "column_pattern" => f64::from(WIDTH),
@@ -213,7 +216,8 @@ fn cells(definition: &Definition) -> f64 {
     }
 }
 
-/// Returns whether plans with this effect have dynamics. The test camera has a dark current, which telegraph noise needs.
+/// Returns whether plans with this effect have dynamics. The test camera has a dark current, because telegraph noise
+/// requires one.
 fn has_dynamics(definition: &'static Definition) -> bool {
     let dark = effects::find("dark_current").unwrap().typical();
     let camera = Camera::ideal(sensor(4, 4)).with_effect(dark).with_effect(definition.typical());
@@ -260,7 +264,7 @@ fn rates_and_spreads_are_the_predicted_ones_at_dim_middle_and_bright_light() {
     }
 }
 
-/// Returns the increase of `D` per interval between two lags, multiplied by the squared rate.
+/// Returns the increase of `D(n)` per interval between two lags `n`, multiplied by the squared rate.
 fn growth(times: &SpikeTimes, lags: [usize; 2]) -> Estimate {
     let rate = times.rate().mean;
     let scale = rate * rate / (lags[1] - lags[0]) as f64;
@@ -270,10 +274,10 @@ fn growth(times: &SpikeTimes, lags: [usize; 2]) -> Estimate {
 
 /// Compares the predicted phase variance with the growth of `D(n)`.
 ///
-/// The strengths are increased until the phase variance exceeds the quantization. `D` is linear in the phase variance.
-/// The measurement uses 300 pixels whose light differs by 5 %, for 20,000 readouts. The test allows 4.5 standard errors
-/// (from the scatter between pixels), and 5 % for the missing higher orders. The printed errors are 2 to 5 % of the
-/// value.
+/// The strengths are so large that the phase variance exceeds the variance of the quantization. `D(n)` is linear in the
+/// phase variance. The measurement uses 300 pixels whose light differs by 5 %, for 20,000 readouts. The test allows 4.5
+/// standard errors, computed from the scatter between pixels, plus 5 % for higher orders that the prediction lacks. The
+/// printed errors are 2 to 5 % of `D(n)`.
 #[test]
 fn phase_variances_are_the_predicted_ones() {
     let cases: [(&str, &[(&str, f64)]); 7] = [
@@ -300,9 +304,9 @@ fn phase_variances_are_the_predicted_ones() {
                 "{name} at {rate}: predicted {:.3e}, plan {:.3e} +- {:.0e}, oracle {:.3e}",
                 predicted.phase_variance, measured.mean, measured.error, truth.mean
             );
-            // The mean interval is estimated from the same stream, which reduces variances. The variance of the sum of n
-            // of N intervals is reduced to 1 - n/N of its value. The growth between two lags is reduced to 1 - (low +
-            // high)/N.
+            // The mean interval is estimated from the same stream, which reduces variances. With N intervals in a
+            // stream, the measured variance of the sum of n intervals is 1 - n/N of the true variance. The growth
+            // between the lags `low` and `high` is 1 - (low + high)/N of the true growth.
             let share = 1.0 - (lags[0] + lags[1]) as f64 / (20_000.0 * rate);
             let pinned = predicted.phase_variance * share;
             for side in [measured, truth] {
@@ -329,7 +333,7 @@ fn effects_without_a_closed_form_follow_the_exact_law() {
             assert!(effect.moments(&without.operating_point(rate)).is_none());
             let light = crate::common_oracle::spread_light(without.operating_point(rate).light, 0.03, 200, 3);
             let light: Vec<f32> = light.into_iter().map(|l| l.min(0.52)).collect();
-            // With a clamp, the plan accepts light up to full scale. The charge never reaches this clamp.
+            // The plan accepts light up to full scale because of the clamp. The charge never reaches this clamp.
             let clamp = effects::find("saturation_clamp")
                 .unwrap()
                 .neutral()
@@ -338,8 +342,8 @@ fn effects_without_a_closed_form_follow_the_exact_law() {
             let camera = without.with_effect(effect.clone()).with_effect(clamp);
             let simulated_rate = simulate_times(&camera, seeds(1), &light, 200, 10_000).rate();
             let truth = oracle(&camera.model(seeds(1)).unwrap(), &light, 200, 10_000, 2).rate();
-            // The light of plan and law is equal. Each pixel's counts differ by less than one spike in 10,000 readouts.
-            // For 200 pixels, this is a difference of 1e-5 in the mean rate. Noise that changes the rate adds a scatter
+            // Plan and law have equal light. Each pixel's counts differ by less than one spike in 10,000 readouts. For
+            // 200 pixels, this is a difference of 1e-5 in the mean rate. Noise that changes the rate adds a scatter
             // below 2e-5.
             eprintln!(
                 "{} {:?} at {rate}: plan {:.6}, oracle {:.6}",

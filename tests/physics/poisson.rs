@@ -1,5 +1,5 @@
-//! Counted quanta: the kernels draw the counts of the tables, and the statistics are continuous at the transition to
-//! normal draws.
+//! Tests of counted quanta. The kernels draw the counts of the tables. Rate and phase variance are continuous at the
+//! light at which normal draws replace counts.
 
 use crate::common_oracle::{Estimate, camera_with, charges, oracle, seeds, simulate_times};
 use spikelane::unstable::draws::hash::address_key;
@@ -13,12 +13,13 @@ fn camera(width: u32, height: u32) -> Camera {
     camera_with(width, height, &[("shot_noise", shot)])
 }
 
-/// The count is the charge of an empty pixel after one readout, divided by the charge of a photon.
+/// The number of photons is the charge of an empty pixel after one readout, divided by the charge of a photon.
 ///
-/// It must equal the count that the tables return for the bits of this pixel. `draws::poisson` proves that the total
-/// variation of the tables is below 2e-4, so this bound then applies to the kernels too. The counts of 2^20 pixels also
-/// pass a chi-square test against the Poisson distribution with 30 cells. A total variation of 2e-4 would add about 0.1
-/// to chi-square. A total variation of 5e-3 would add more than 100.
+/// The measured count must equal the count that the tables return for the random bits of the pixel. `draws::poisson`
+/// proves that the total variation between the tables and the Poisson distribution is below 2e-4. Equal counts extend
+/// this bound to the kernels. The counts of 2^20 pixels also pass a chi-square test against the Poisson distribution
+/// with 30 cells. A total variation of 2e-4 would add about 0.1 to chi-square. A total variation of 5e-3 would add more
+/// than 100.
 #[test]
 fn the_kernels_counts_are_the_tables_counts() {
     for mean in [0.3, 2.0, 11.0, 40.0, 63.5] {
@@ -57,8 +58,9 @@ fn the_kernels_counts_are_the_tables_counts() {
 /// Compares rate and phase variance below and above 64 photons. With a threshold of 400 photons, 64 photons correspond to
 /// light 0.16.
 ///
-/// D(8) is 1/6 + 8/400/0.16^2 = 0.95. With 400 pixels and 20,000 readouts, its standard error is about 0.3 % below and
-/// above. 4.5 joint standard errors detect a step of 2 % in the variance.
+/// At 64 photons, D(8) is 1/6 + 8/400/0.16^2 = 0.95. With 400 pixels and 20,000 readouts, its standard error is about
+/// 0.3 %. The bound is 4.5 joint standard errors of D(8) below and above 64 photons. It detects a step of 2 % in the
+/// variance.
 #[test]
 fn nothing_jumps_where_the_normal_draw_takes_over() {
     let camera = camera(400, 1).with_effect(spikelane::effects::find("start_phase").unwrap().typical());
@@ -82,7 +84,8 @@ fn nothing_jumps_where_the_normal_draw_takes_over() {
         (scale(times.interval_sum_variance(8)), rate(times.rate()))
     };
     let (below, above) = (run(63.9), run(64.1));
-    // D(8) f^2 = f^2/6 + 8/400. The first term differs by 0.6 % between the two levels, which is 0.13 % of the sum.
+    // With the rate f, D(8) f^2 = f^2/6 + 8/400. Between the two light levels, the term f^2/6 differs by 0.6 %, which
+    // is 0.11 % of D(8) f^2.
     assert!(below.0.sigmas(above.0, 2e-3 * below.0.mean).abs() < 4.5, "{} {}", below.0, above.0);
     assert!(below.1.sigmas(above.1, 1e-9).abs() < 4.5, "{} {}", below.1, above.1);
 }

@@ -1,5 +1,5 @@
-//! Properties of SCSim's published code: its dark rate, its spreads, its synchronized start, and the higher rate of dim
-//! pixels because of threshold noise.
+//! Tests of SCSim's published code: its dark rate, the spreads of its rates, its synchronized start, and the effect of
+//! threshold noise, which raises the rate of dim pixels.
 
 use crate::common_oracle::{Estimate, camera_with, oracle, preset, seeds, simulate_times};
 use spikelane::{Camera, Simulator, effects};
@@ -34,13 +34,14 @@ fn mean_and_cv(values: &[f64]) -> (f64, f64) {
 ///
 /// The mean rate is higher than the nominal rate for three reasons:
 ///
-/// * The mean of 1/threshold exceeds 1/mean by the relative variance of the threshold (0.21 %).
+/// * The mean of 1/threshold exceeds 1/(mean threshold) by the relative variance of the threshold (0.21 %).
 /// * A pixel with a negative current has the rate zero, not a negative rate (0.06 %).
-/// * With noise that is redrawn at every readout, pixels fire early. The exact law provides the factor.
+/// * With threshold noise that is redrawn at every readout, pixels fire early. A simulation of the exact law gives the
+///   factor by which this noise raises the rate.
 ///
-/// With 100,000 pixels and 4,000 readouts, the standard error of the mean rate is 4e-5 for a given fixed pattern. The
-/// standard error of the factor is 0.05 % for 400 pixels and 20,000 readouts, paired with the mean increments of the
-/// pixels. The test allows 0.25 %. The nominal value differs by 0.6 %.
+/// With 100,000 pixels and 4,000 readouts, the standard error of the plan's mean rate is 4e-5 for a given fixed
+/// pattern. A simulation of the exact law with 400 pixels and 20,000 readouts gives the factor by which noise raises
+/// the rate. The standard error of this factor is 0.05 %. The test allows 0.25 %. The nominal rate differs by 0.6 %.
 #[test]
 fn the_dark_interval_is_the_exact_laws_and_not_the_nominal_one() {
     let camera = preset("scsim-code", 400, 250);
@@ -69,9 +70,10 @@ fn the_dark_interval_is_the_exact_laws_and_not_the_nominal_one() {
     assert!((cv - ideal_cv).abs() < 0.005 && (cv - 0.39).abs() < 0.01, "{cv} {ideal_cv}");
 }
 
-/// Capacitor (0.29 %), bias (4.55 %) and gain (5.77 %) together give a spread of 7.35 % of the rate from light.
+/// The spreads of capacitor (0.29 %), bias (4.55 %) and gain (5.77 %) together spread the rate from light by 7.35 %.
 ///
-/// The dark current reduces this spread. With 100,000 pixels, the standard error of the spread is 0.22 %.
+/// The dark current reduces the relative spread of the rates. With 100,000 pixels, the standard error of the spread is
+/// 0.22 %.
 #[test]
 fn light_spreads_by_seven_per_cent() {
     let camera = preset("scsim-code", 400, 250);
@@ -86,7 +88,7 @@ fn light_spreads_by_seven_per_cent() {
 
 /// If all pixels start within a fifth of a threshold, they fire together under light of 0.19 thresholds per readout.
 ///
-/// The standard error of a share is 0.0016 for the plan's 100,000 pixels and 0.0035 for the law's 20,000 pixels.
+/// The standard error of a share of 20,000 pixels is at most 0.0035.
 #[test]
 fn its_own_start_phase_fires_in_a_burst_and_a_uniform_one_does_not() {
     let code_camera = preset("scsim-code", 400, 50);
@@ -108,8 +110,8 @@ fn its_own_start_phase_fires_in_a_burst_and_a_uniform_one_does_not() {
     assert!(simulated[..3].iter().all(|&s| s < 0.001), "{simulated:?}");
     assert!((simulated[4] / mean - 3.7).abs() < 0.25, "{}", simulated[4] / mean);
     for (a, b) in simulated.iter().zip(&truth) {
-        // The pixels are equal but their start phases differ. 4.5 standard errors of the difference of two shares of
-        // 20,000 pixels are at most 0.0225.
+        // Plan and law have equal pixels but different start phases. 4.5 standard errors of the difference of two
+        // shares of 20,000 pixels are at most 0.0225.
         assert!((a - b).abs() < 0.0225, "{simulated:?} {truth:?}");
     }
     let (simulated, truth) = shares(&uniform);
@@ -120,8 +122,9 @@ fn its_own_start_phase_fires_in_a_burst_and_a_uniform_one_does_not() {
 
 /// 400 pixels run for 20,000 readouts at rate 0.021. Each count of 420 spikes has an error of less than one spike.
 ///
-/// The mean rate is therefore known to 0.01 %. The difference between plan and exact law is known to 0.015 %, and the
-/// test allows 0.05 %. Without noise, the rate equals the light exactly.
+/// If each count of 420 spikes has an error below one spike, the mean rate of 400 pixels is known to 0.01 %. The
+/// difference between plan and exact law is known to 0.015 %, and the test allows 0.05 %. Without noise, the rate
+/// equals the light exactly.
 #[test]
 fn threshold_noise_redrawn_at_every_readout_raises_dim_rates_and_frozen_noise_does_not() {
     for (sigma, tabled) in [(6.36e-3, 0.0015), (20e-3, 0.012), (50e-3, 0.05)] {

@@ -5,12 +5,12 @@ use crate::common_oracle::{
 };
 use spikelane::pixel::NoiseSource;
 
-/// Simulates SpikingSIM. A readout has 250 clock cycles of 0.2 us, and the pixel is reset to zero at the cycle that
-/// reaches 2 V.
+/// Simulates SpikingSIM. A readout has 250 clock cycles of 0.2 us. At the cycle in which the pixel voltage reaches 2 V,
+/// the voltage is reset to zero.
 ///
-/// Uniform "diffuse" noise is added at about every 25th cycle. One voxel in N(140, 50) is forced to 1. Voxels are counted
-/// along time, because the program stores an array (H, W, T). If `regular` is false, equally many voxels at random
-/// positions are forced.
+/// Uniform "diffuse" noise is added at about every 25th cycle. SpikingSIM stores the spikes in an array (H, W, T) and
+/// forces false spikes. Along the time axis, the distance between forced elements is drawn from N(140, 50). If
+/// `regular` is false, equally many elements at random positions are forced.
 fn spikingsim(light: &[f32], warm: usize, readouts: usize, seed: u64, regular: bool) -> SpikeTimes {
     let mut noise = IndependentNoise::new(seed);
     let mut pixels: Vec<Vec<u32>> = light
@@ -74,7 +74,8 @@ fn folded_spikingsim(light: &[f32]) -> SpikeTimes {
 /// The clock cycles need 250 additions per readout, so the original runs with only 1,500 pixels and 600 readouts. The
 /// preset runs with ten times as many pixels.
 ///
-/// The test allows 4.5 joint standard errors. These are 5 % of D(1), 7 % of D(8), 10 % of D(32) and 15 % of the outliers.
+/// The test allows 4.5 joint standard errors. These are 5 % of D(1), 7 % of D(8), 10 % of D(32) and 15 % of the share
+/// of outliers.
 #[test]
 fn the_folded_increment_has_the_statistics_of_spikingsims_clocks() {
     let light = spread_light(0.19, 0.05, 1500, 1);
@@ -93,11 +94,12 @@ fn the_folded_increment_has_the_statistics_of_spikingsims_clocks() {
     assert!(a.sigmas(b, 0.0).abs() < 4.5, "{a} {b}");
 }
 
-/// The program forces false spikes at distances of N(140, 50) readouts along time. These distances are more regular than
-/// random distances. The false spikes of the preset are independent.
+/// SpikingSIM forces false spikes at distances of N(140, 50) readouts along time. These distances are more regular than
+/// the distances of independent false spikes. The false spikes of the preset are independent.
 ///
-/// The rate and D(1) do not depend on the regularity. The outliers and D(8) change by a sixth. D(32), a statistic of 160
-/// readouts, is twice as large in the preset. The preset documents this difference, and only the false spikes cause it.
+/// The rate and D(1) do not depend on the regularity of the false spikes. The share of outliers and D(8) change by a
+/// sixth. D(32) measures durations of 160 readouts. It is twice as large in the preset. Only the false spikes cause
+/// this difference, which the preset documents.
 #[test]
 fn evenly_spaced_false_spikes_lower_the_long_lags_only() {
     let light = spread_light(0.19, 0.05, 1500, 1);
@@ -118,8 +120,9 @@ fn evenly_spaced_false_spikes_lower_the_long_lags_only() {
 
 /// SpikeCV's image converter adds 0.5 gray/255 to the membrane, and a spike sets the membrane to 0.
 ///
-/// With increment x, the converter fires exactly at every ceil(1/x)-th readout. The loss of mean rate depends on the
-/// spread of the rates. The loss is 9.4 % for rates with a spread of 5 % around 0.195. (For a wall, 8.7 % was published.)
+/// With increment x, the converter fires at every ceil(1/x)-th readout, so the mean rate is below the mean increment.
+/// This loss depends on the spread of the increments. For a spread of 5 % around 0.195, the loss is 9.4 %. (For a wall,
+/// 8.7 % was published.)
 #[test]
 fn spikecvs_image_converter_quantizes_rates_and_loses_light() {
     let light = spread_light(0.39, 0.05, 20_000, 4);
@@ -137,8 +140,8 @@ fn spikecvs_image_converter_quantizes_rates_and_loses_light() {
     assert!((lost - expected).abs() < 0.005, "{lost} {expected}");
 }
 
-/// Returns the readouts at which `img_to_spike()` fires for `$gray`, computed with the float type `$float`. Codes that
-/// are bytes are computed in f64.
+/// Returns the readouts at which `img_to_spike()` fires for `$gray`, computed with the float type `$float`. For codes
+/// that are bytes, SpikeCV computes in f64.
 macro_rules! readouts_of {
     ($float:ty, $gray:expr, $readouts:expr) => {{
         let (mut mem, mut times): ($float, Vec<u32>) = (0.0, Vec::new());
@@ -153,11 +156,11 @@ macro_rules! readouts_of {
     }};
 }
 
-/// At 15 gray levels, the threshold is a multiple of the increment. With f32, the program's loop fires when this multiple
-/// is reached, and so does the preset.
+/// At 15 gray levels, the threshold is a multiple of the increment. If SpikeCV's loop computes in f32, it fires when
+/// the charge reaches this multiple, and so does the preset.
 ///
-/// If codes are bytes, the program computes in f64. At nine of these levels, its sums are then one or two ulps below 1,
-/// and the program fires one readout late. The preset does not reproduce this delay.
+/// If codes are bytes, SpikeCV computes in f64. At nine gray levels, its sum is then one or two ulps below 1 when the
+/// exact sum is 1. SpikeCV fires one readout late at these levels. The preset does not reproduce this delay.
 #[test]
 fn every_gray_fires_at_the_readouts_of_spikecvs_image_converter() {
     let levels: Vec<f32> = (0..=255).map(|g| g as f32 / 255.0).collect();
@@ -202,7 +205,7 @@ fn rates_of(name: &str, levels: &[f64], pixels: usize, readouts: usize) -> Vec<f
 
 /// Returns the light, in full scales, to which the front end of the preset converts a gray code.
 ///
-/// `peak` is the brightest code of the image. `spikelane-io` tests the conversion of images to this light.
+/// `peak` is the brightest gray code of the image. `spikelane-io` tests that images are converted to the same light.
 fn level(name: &str, code: f64, peak: f64) -> f64 {
     match name {
         "spikingsim" => code / peak,
@@ -322,15 +325,15 @@ fn original_rate(name: &str, code: f64, peak: f64, noise: &mut IndependentNoise)
     }
 }
 
-/// For light of a color, each preset has the rate of its original program.
+/// For gray light and for light of a color, each preset has the rate of its original program.
 ///
-/// Without a fixed pattern, the rate of a patch has an error of at most one spike per pixel in 1,500 readouts. The
-/// relative error is largest if all pixels start empty (SPCS, 0.4 % at the darkest color). SCSim's fixed pattern spreads
-/// rates by 7.4 %. The standard error is then 0.17 % for the 1,920 pixels of a patch and 0.12 % for the 4,000 pixels of
-/// the original. The test allows 1 %, which is 4.9 standard errors of the difference.
+/// Without a fixed pattern, the rate of a patch of equal color has an error of at most one spike per pixel in 1,500
+/// readouts. The relative error is largest if all pixels start empty (SPCS, 0.4 % at the darkest color). SCSim's fixed
+/// pattern spreads rates by 7.4 %. The standard error is then 0.17 % for the 1,920 pixels of a patch and 0.12 % for the
+/// 4,000 pixels of the original program. The test allows 1 %, which is 4.9 standard errors of the difference.
 ///
-/// If sRGB were inverted by mistake, rates would change by a factor of up to 5. BT.709 weights would change the rates of
-/// these colors by 10 % or more.
+/// The test detects a wrong conversion of colors. If sRGB were inverted by mistake, rates would change by a factor of
+/// up to 5. BT.709 weights would change the rates of the test colors by 10 % or more.
 #[test]
 fn comparison_presets_fire_at_the_rates_of_their_originals_on_gray_and_color_light() {
     let gray = [40, 77, 128, 160, 201, 230].map(|code| [code; 3]);

@@ -2,7 +2,7 @@
 //! threshold exactly.
 //!
 //! With a hard reset or a clamp, the rate is a discontinuous function of the light, so a tolerance for the rate is
-//! useless. The tests instead allow an error of the light and of the bound.
+//! useless. The tests instead allow an error of the light and of the clamp.
 
 use crate::common_oracle::{camera_with, preset, seeds, sensor, unpack};
 use proptest::prelude::*;
@@ -44,8 +44,8 @@ fn lossy_camera(exposure: Ratio, lost: f64) -> Camera {
     camera.with_effect(effect)
 }
 
-/// Returns the readouts at which every pixel fires, and the steps per threshold of the plan. The pixels start empty under
-/// constant light.
+/// Returns the readouts at which every pixel fires, and the number of steps per threshold of the plan. The pixels start
+/// empty under constant light.
 fn spikes(camera: &Camera, light: Samples<'_>, readouts: usize, backend: Backend) -> (Vec<Vec<u32>>, u32) {
     let mut camera = camera.clone();
     camera.sensor = spikelane::Sensor { geometry: sensor(light.len() as u32, 1).geometry, ..camera.sensor };
@@ -64,13 +64,13 @@ fn backends() -> impl Iterator<Item = Backend> {
 
 /// Checks that a pixel with increment `x` fires at the readouts of the exact rule.
 ///
-/// A spike may be one readout early if the exact charge is then below the threshold by at most the error of the
-/// fixed-point arithmetic.
+/// A spike may be one readout early if, at that readout, the exact charge is below the threshold by at most the error
+/// of the fixed-point arithmetic.
 fn fires_by_the_rule(times: &[u32], x: Ratio, steps: u32, readouts: usize) -> Result<(), String> {
     let exact = x.readouts();
     let short = 1.0 - x.value() * (exact - 1) as f64;
-    // Ten half ulps are allowed: one for the light, four for the arithmetic, and five by which increments are raised. In
-    // addition, each increment may be too large by one unit of 1/65,536 steps.
+    // The sum of increments may be too large by ten half ulps: one for the light, four for the arithmetic, and five by
+    // which increments are raised. In addition, each increment may be too large by one unit of 1/65,536 steps.
     let added = 10.0 * HALF_ULP + (exact - 1) as f64 / 65_536.0 / f64::from(steps);
     let early = exact > 1 && short <= added && times.first() == Some(&(exact as u32 - 2));
     let period = if early { exact - 1 } else { exact };
@@ -121,8 +121,8 @@ fn codes_of_sixteen_bits_fire_at_ties_and_their_neighbors_do_not() {
     }
 }
 
-/// Resets that lose at least half of the remainder fire at ties like hard resets, because their remainder stays
-/// negligible.
+/// A partial reset loses a share of the charge that remains above the threshold. If it loses at least half, the pixel
+/// fires at ties like a pixel with a hard reset, because the remaining charge stays negligible.
 #[test]
 fn resets_that_lose_half_and_more_never_miss_a_tie() {
     let light: Vec<f32> = (1..=256).map(|k| 1.0 / k as f32).collect();
@@ -174,11 +174,11 @@ proptest! {
     }
 }
 
-/// One threshold in the unit of the exact charges below. The unit is 2^-90 thresholds.
+/// One threshold in units of 2^-90 thresholds. [`bounded_spikes`] stores charges in these units.
 const FIXED_POINT_ONE: f64 = (1u128 << 90) as f64;
 
-/// Returns the number of spikes of a noise-free pixel from the start to every readout. `x` is the increment and `bound`
-/// is the clamp, both in thresholds.
+/// Returns the cumulative number of spikes of a noise-free pixel at every readout. `x` is the increment and `bound` is
+/// the clamp, both in thresholds.
 fn bounded_spikes(x: f64, bound: f64, readouts: usize) -> Vec<u32> {
     // Every double between 2^-38 and 1 is a multiple of 2^-90, so the conversion is exact.
     let (x, bound, one) =
@@ -196,7 +196,7 @@ fn bounded_spikes(x: f64, bound: f64, readouts: usize) -> Vec<u32> {
         .collect()
 }
 
-/// Returns the number of spikes of every pixel of the plan from the start to every readout, and the size of a step in
+/// Returns the cumulative number of spikes of every pixel of the plan at every readout, and the size of a step in
 /// thresholds.
 fn clamped_spikes(light: &[f32], bound: f64, readouts: usize) -> (Vec<Vec<u32>>, f64) {
     let camera = camera_with(1, 1, &[("saturation_clamp", &[("largest_charge", bound)])]);
@@ -217,8 +217,9 @@ fn clamped_spikes(light: &[f32], bound: f64, readouts: usize) -> (Vec<Vec<u32>>,
 
 /// Returns a lower and an upper bound of the counts of [`clamped_spikes`].
 ///
-/// Counts increase with light and clamp. The bounds are therefore the exact counts at the ends of the intervals of light
-/// and clamp.
+/// The plan rounds the light and the clamp, so each has an interval of possible values. Counts increase with light and
+/// with the clamp. The lower bound is therefore the exact count at the lower ends of both intervals, and the upper
+/// bound is the exact count at the upper ends.
 fn interval_ends(light: f32, bound: f64, step: f64, readouts: usize) -> [Vec<u32>; 2] {
     let x = f64::from(light);
     let error = 4.0 * HALF_ULP * x + 0.5 * step / 65_536.0;
@@ -245,11 +246,11 @@ proptest! {
     }
 }
 
-/// The light is 0.9 thresholds per readout or slightly less, by fractions of a step. The clamp is 1.2 thresholds.
+/// The light is 0.9 thresholds per readout, or lower by fractions of a step. The clamp is 1.2 thresholds.
 ///
-/// Whether two increments after a clamped readout reach the threshold then depends on the stored fraction of a step. For
-/// some light, even a clamp that is 0.9 steps larger gives fewer spikes than the plan. For other light, a clamp that is
-/// rounded to whole steps gives fewer spikes than the exact clamp.
+/// A charge at the clamp plus two increments is 1.2 + 2 * 0.9 = 3 thresholds. Whether a pixel reaches this sum depends
+/// on the stored fraction of a step. For some light, even a clamp that is 0.9 steps larger gives fewer spikes than the
+/// plan. For other light, a clamp that is rounded to whole steps gives fewer spikes than the exact clamp.
 #[test]
 fn the_stated_interval_of_a_clamp_is_reached_at_both_ends() {
     let lights: Vec<f32> = (0..400).map(|i| 0.9 - 1e-7 * i as f32).collect();

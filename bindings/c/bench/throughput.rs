@@ -1,8 +1,9 @@
-//! Compares the throughput of the shared library with that of the Rust calls, alternately in one process.
+//! Compares the throughput of calls to the shared library with the throughput of Rust calls. The calls alternate in one
+//! process.
 //!
-//! `cargo run -p spikelane-c --example c-throughput -- target/debug/libspikelane_c.so` prints a table with the pixel-readouts per
-//! second of processor time, for the best of several rounds, and the ratio of both. It runs on Linux only, because it
-//! reads the processor time of a thread.
+//! `cargo run -p spikelane-c --example c-throughput -- target/debug/libspikelane_c.so` prints a table of pixel-readouts
+//! per second of processor time: for C, for Rust, and the ratio of C to Rust. Each speed is the best of several rounds.
+//! The program runs on Linux only, because it reads the processor time of a thread.
 
 use std::error::Error;
 use std::ffi::{CString, c_char, c_int, c_void};
@@ -21,7 +22,7 @@ unsafe extern "C" {
     fn clock_gettime(clock: c_int, time: *mut [i64; 2]) -> c_int;
 }
 
-/// Returns the processor time of this thread, which other work on the machine does not affect.
+/// Returns the processor time of this thread. Unlike elapsed time, it does not depend on other work on the machine.
 fn processor_time() -> Duration {
     let mut time = [0; 2];
     // SAFETY: 3 is CLOCK_THREAD_CPUTIME_ID, and the time is two words on 64-bit Linux: seconds and nanoseconds.
@@ -83,7 +84,7 @@ impl Library {
             )
         };
         let (mut camera, mut simulator) = (std::ptr::null_mut(), std::ptr::null_mut());
-        // SAFETY: the string ends in NUL, the pointers can be written to, and the handle comes from the first call.
+        // SAFETY: the string ends in NUL, the pointers can be written to, and `preset` created the handle `camera`.
         let status = unsafe {
             preset(c"physical".as_ptr(), &raw mut camera)
                 + new(camera, std::ptr::null(), 1.0, 1, &raw mut simulator)
@@ -133,7 +134,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Returns the best rates of Rust and C in Gpx/s, measured alternately. Both must give the same bits.
+/// Returns the best rates of Rust and C in Gpx/s, measured alternately. The bits of C must equal the bits of Rust.
 fn compare(
     library: &Library,
     rust: &mut Simulator,

@@ -265,8 +265,8 @@ extern "C" {
 /**
  * Returns the ABI version of the library. It equals SPL_ABI_VERSION of the library's own header.
  *
- * A program must not use the library if this value differs from SPL_ABI_VERSION of the header that the program was
- * compiled with.
+ * Compare the returned version with SPL_ABI_VERSION of the header that the program was compiled with. If they differ,
+ * the program must not use the library.
  */
 uint32_t spl_abi_version(void);
 
@@ -417,7 +417,7 @@ spl_status spl_camera_remove_effect(spl_camera *camera, const char *effect);
 spl_status spl_camera_set_sensor(spl_camera *camera, const char *key, double value);
 
 /**
- * Sets a measured map of a camera. The map replaces a fixed pattern that effects draw.
+ * Sets a measured map of a camera. The map replaces the fixed pattern that an effect draws for the same quantity.
  *
  * `map` is "gain" (relative to the nominal gain), "dark_pa" (pA), "capacitance_ff" (fF) or "swing_v" (V). `values`
  * contains `count` values, one per pixel of the whole sensor in row-major order.
@@ -431,7 +431,7 @@ spl_status spl_camera_set_map(spl_camera *camera,
                               uintptr_t count);
 
 /**
- * Gets the width, the height and the readouts per second of a camera. Each of the three pointers for results may be
+ * Gets the width, the height and the readouts per second of a camera. `width`, `height` and `readout_hz` may each be
  * NULL.
  *
  * # Safety
@@ -557,7 +557,8 @@ spl_status spl_simulator_run(spl_simulator *simulator,
  * of `packed`. `packed_bytes` has the same value as for spl_simulator_run.
  *
  * # Safety
- * The conditions are those of spl_simulator_run. In addition, `written` is NULL or points to writable memory.
+ * The arguments must meet the conditions of spl_simulator_run. In addition, `written` is NULL or points to writable
+ * memory.
  */
 spl_status spl_simulator_advance(spl_simulator *simulator,
                                  const spl_light *light,

@@ -10,8 +10,8 @@ use spikelane::{Error, ErrorKind, Result};
 
 use crate::types::spl_status;
 
-/// The last failure of a thread: the status, the message and the parts of the message. The index of a part is its C
-/// constant.
+/// The last failure of a thread: the status, the message and the parts of the message. The index of a text in `texts`
+/// is its `SPL_ERROR_` constant.
 struct LastError {
     status: spl_status,
     texts: [CString; 5],
@@ -24,7 +24,7 @@ thread_local! {
 
 /// Runs the body of a C function and converts every error and panic to a status.
 pub fn ffi_guard(work: impl FnOnce() -> Result<()>) -> spl_status {
-    // If a panic interrupts the change of a handle, the lock of the handle is poisoned; see `Handle`.
+    // If a panic interrupts a call that changes a handle, the lock of the handle is poisoned; see `Handle`.
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => spl_status::SPL_OK,
         Ok(Err(error)) => {

@@ -19,7 +19,8 @@ pub const MAGIC: u64 = 0x5350_4b4c_414e_4501;
 /// The object to which a handle points.
 #[repr(C)]
 pub struct Handle {
-    /// Identifies a handle. It is read before all other fields, because the memory may not be a handle.
+    /// Identifies the memory as a handle. It is read before all other fields, because a caller may pass a pointer to
+    /// something else.
     magic: u64,
     content: RwLock<Content>,
 }

@@ -30,8 +30,8 @@ use writer::Writer;
 
 /// Returns the ABI version of the library. It equals SPL_ABI_VERSION of the library's own header.
 ///
-/// A program must not use the library if this value differs from SPL_ABI_VERSION of the header that the program was
-/// compiled with.
+/// Compare the returned version with SPL_ABI_VERSION of the header that the program was compiled with. If they differ,
+/// the program must not use the library.
 #[unsafe(no_mangle)]
 pub extern "C" fn spl_abi_version() -> u32 {
     SPL_ABI_VERSION
@@ -256,7 +256,7 @@ pub unsafe extern "C" fn spl_camera_set_sensor(
     })
 }
 
-/// Sets a measured map of a camera. The map replaces a fixed pattern that effects draw.
+/// Sets a measured map of a camera. The map replaces the fixed pattern that an effect draws for the same quantity.
 ///
 /// `map` is "gain" (relative to the nominal gain), "dark_pa" (pA), "capacitance_ff" (fF) or "swing_v" (V). `values`
 /// contains `count` values, one per pixel of the whole sensor in row-major order.
@@ -276,7 +276,7 @@ pub unsafe extern "C" fn spl_camera_set_map(
     })
 }
 
-/// Gets the width, the height and the readouts per second of a camera. Each of the three pointers for results may be
+/// Gets the width, the height and the readouts per second of a camera. `width`, `height` and `readout_hz` may each be
 /// NULL.
 ///
 /// # Safety
@@ -485,7 +485,8 @@ pub unsafe extern "C" fn spl_simulator_run(
 /// of `packed`. `packed_bytes` has the same value as for spl_simulator_run.
 ///
 /// # Safety
-/// The conditions are those of spl_simulator_run. In addition, `written` is NULL or points to writable memory.
+/// The arguments must meet the conditions of spl_simulator_run. In addition, `written` is NULL or points to writable
+/// memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn spl_simulator_advance(
     simulator: *mut spl_simulator,
@@ -660,8 +661,8 @@ unsafe fn handle_ref<'a, T>(handle: *const T) -> Result<&'a Handle> {
     let found = if handle.is_null() {
         "NULL"
     } else if !handle.cast::<Handle>().is_aligned() || handle.cast::<u64>().read() != MAGIC {
-        // A handle starts with the magic. Any other object that a caller may pass has at least one readable word at its
-        // address.
+        // A handle starts with the magic number. Any other object that a caller may pass has at least one readable word
+        // at its address.
         "a pointer that is no handle"
     } else {
         return Ok(&*handle.cast::<Handle>());
@@ -727,8 +728,8 @@ unsafe fn slice_mut<'a, T>(values: *mut T, count: usize, name: &str) -> Result<&
     Ok(std::slice::from_raw_parts_mut(values, count))
 }
 
-/// Rejects `count` values that overlap the bytes that a call writes. Call this function before you create a slice of the
-/// values.
+/// Rejects `count` values if they overlap the memory `written` that a call writes. Call this function before you create
+/// a slice of the values.
 fn check_no_overlap<T>(
     values: *const T,
     count: usize,

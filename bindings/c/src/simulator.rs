@@ -83,7 +83,7 @@ impl Simulator {
         self.inner.fill(light.light(), packed)
     }
 
-    /// Simulates exactly `readouts` readouts, and returns the number of written readouts: all except dropped readouts.
+    /// Simulates exactly `readouts` readouts. Returns the number of written readouts, which excludes dropped readouts.
     pub fn advance(
         &mut self,
         light: &LightSequence<'_>,

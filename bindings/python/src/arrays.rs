@@ -28,7 +28,7 @@ pub enum LightArray<'py> {
 
 /// One frame, or an array of several frames.
 pub struct FrameArray<'py, T: Element> {
-    /// The caller's array. It is borrowed too, because the borrow prevents a call from writing to this array.
+    /// The caller's array. This borrow prevents other calls from writing to the array.
     _original: PyReadonlyArrayDyn<'py, T>,
     contiguous: PyReadonlyArrayDyn<'py, T>,
 }
@@ -40,7 +40,7 @@ pub enum CopyPolicy {
     All,
     /// Only frames that are not contiguous or not aligned.
     ///
-    /// Use this policy only if the interpreter's lock is held, or if the caller prevents other threads from writing to
+    /// Use `IfNeeded` only if the interpreter's lock is held, or if the caller prevents other threads from writing to
     /// the array.
     IfNeeded,
 }
@@ -484,7 +484,8 @@ pub fn copy_map(map: &Bound<'_, PyAny>, name: &str, geometry: Geometry) -> PyRes
     }
 }
 
-/// Sizes below this number of bytes are assumed to fit in memory. A check through NumPy takes longer than a small `push`.
+/// Arrays with fewer bytes are assumed to fit in memory. To check whether memory is available, NumPy must allocate the
+/// array, which takes longer than the simulation of a few readouts.
 const MIN_CHECKED_BYTES: usize = 1 << 20;
 
 /// Returns an array of zeros of type uint8 with this shape.

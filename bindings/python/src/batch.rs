@@ -52,17 +52,18 @@ struct BatchOptions {
 ///
 /// `clips` is an array (B, N, H, W) or a sequence of arrays (N, H, W). The types are uint8, uint16 or float32, as in
 /// `Simulator.run`. `camera` is one Camera for all clips, or a sequence with one camera per clip. `sequences` (one
-/// integer per clip) and `seed` determine the temporal noise. `camera_seed` (one integer, or one per clip) determines the
-/// fixed pattern. The bits of a clip depend only on the camera, the seeds and the light of this clip. They never depend
-/// on the batch or the threads.
+/// integer per clip) and `seed` determine the temporal noise. `camera_seed` (one integer, or one per clip) determines
+/// the fixed pattern. The bits of a clip depend only on the camera, the seeds and the light of this clip. They never
+/// depend on the batch or the threads.
 ///
 /// Without `windows`, the camera must have H x W pixels. With `windows`, a list of one (row, col) per clip, the camera is
 /// larger. Each clip then uses the window of H x W pixels at its (row, col), including the fixed pattern of the window
 /// (`Camera.window`).
 ///
-/// `out` is an optional array that receives the spikes. `progress(done, total)` is called with numbers of clips. True
-/// shows a bar if tqdm is installed. Ctrl-C stops the batch. By default the clips are copied before the simulation. With
-/// copy=False they are not copied, as in `Simulator.run`.
+/// `out` is an optional array that receives the spikes. `progress(done, total)` is called with numbers of clips. If
+/// `progress` is True and tqdm is installed, a progress bar is shown. Ctrl-C stops the batch. By default the clips are
+/// copied before the simulation. With copy=False, contiguous clips are not copied, and no thread may write to the clips
+/// during the call.
 ///
 /// Raises the errors of `Simulator.run`. The message of an error contains the number of the clip.
 #[pyfunction]
@@ -231,7 +232,8 @@ struct BatchWorker {
 }
 
 impl BatchWorker {
-    /// Simulates one clip. `go_on` is called between blocks of readouts, and an error of `go_on` stops the simulation.
+    /// Simulates one clip. The simulator calls `go_on` between blocks of readouts. If `go_on` returns an error, the
+    /// simulation stops.
     fn simulate_clip(
         &mut self,
         i: usize,
@@ -312,7 +314,7 @@ fn clip_lights<'py>(
     Ok(all)
 }
 
-/// Returns one camera per clip. `given` is one camera for all clips or a sequence of `count` cameras.
+/// Returns one camera per clip. `cameras` is one camera for all clips or a sequence of `count` cameras.
 fn one_or_each_camera(cameras: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Camera>> {
     match cameras.try_iter() {
         Ok(all) if !cameras.is_instance_of::<PyString>() => {
@@ -374,8 +376,8 @@ fn window_crops(
 
 /// Returns the light at the given readouts of a clip: float32 of shape (len(readouts), H, W), where 1.0 is full scale.
 ///
-/// The sensor receives this light at these readouts in `Simulator.run`. `frames`, `readouts_per_frame` and
-/// `interpolation` have the meaning that they have in `Simulator.run`.
+/// `Simulator.run` exposes the sensor to the same light. `frames` has the shape (N, H, W). `readouts_per_frame` and
+/// `interpolation` have the same meaning as in `Simulator.run`.
 ///
 /// Raises SpikelaneError if the clip ends before a readout.
 #[pyfunction]

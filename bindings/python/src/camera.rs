@@ -15,15 +15,15 @@ use crate::argument;
 use crate::arrays;
 use crate::error::{OrRaise as _, type_error, usage_error};
 
-/// Limits of the cache of plans: the number of plans, and the total number of pixels, which corresponds to about 256 MB.
+/// Limits of the cache of plans: the number of plans, and the total number of their pixels. This number of pixels
+/// corresponds to about 256 MB.
 const MAX_CACHED_PLANS: usize = 64;
 const MAX_CACHED_PIXELS: usize = 4 << 20;
 
 /// A spike camera: a sensor with its effects and measured maps. Immutable, hashable, comparable and picklable.
 ///
 /// Create a camera with `Camera.preset`, `Camera.load`, `Camera.from_toml` or `Camera.ideal`. Methods return a changed
-/// copy. Functions with the argument `camera_seed` use it to select the individual camera, which determines the fixed
-/// pattern.
+/// copy. Functions with the argument `camera_seed` draw the fixed pattern of an individual camera from this seed.
 #[pyclass(frozen, module = "spikelane", eq, hash)]
 #[derive(Clone)]
 pub struct Camera {
@@ -157,9 +157,9 @@ impl Camera {
 
     /// Returns this camera with the effect `name`. `spikelane.effects()` lists the effects.
     ///
-    /// The keyword arguments are parameters of the effect. Values are numbers in the unit of the parameter, or text with
-    /// a unit ("6.36 mV"). A parameter that is not passed keeps its value. If the camera lacks the effect, such a
-    /// parameter is neutral.
+    /// The keyword arguments are parameters of the effect. Values are numbers in the unit of the parameter, or text
+    /// with a unit ("6.36 mV"). Other parameters keep their values. If the camera lacks the effect, the other
+    /// parameters are neutral.
     ///
     /// Raises SpikelaneError if the effect, a parameter or a unit is wrong, or if a value is outside the range of the
     /// parameter.
@@ -202,9 +202,9 @@ impl Camera {
 
     /// Returns this camera with other properties of the sensor.
     ///
-    /// The properties are the readouts per second, the capacitance in fF, the voltage swing in V, and the exposure: the
-    /// nominal thresholds that full-scale light adds per readout. With an exposure of 0.2, full-scale light fires at
-    /// every fifth readout.
+    /// `readout_hz` is the number of readouts per second, `capacitance_ff` is in fF, and `swing_v` is in V.
+    /// `thresholds_at_full_scale` is the exposure: the number of nominal thresholds that full-scale light adds per
+    /// readout. With an exposure of 0.2, full-scale light fires at every fifth readout.
     #[pyo3(signature = (*, readout_hz=None, capacitance_ff=None, swing_v=None, thresholds_at_full_scale=None, **unknown), text_signature = "($self, *, readout_hz=None, capacitance_ff=None, swing_v=None, thresholds_at_full_scale=None)")]
     fn with_sensor(
         &self,
@@ -227,8 +227,8 @@ impl Camera {
         Self::new(camera)
     }
 
-    /// Returns this camera with measured maps. Each map is float64 of shape (H, W) and replaces a fixed pattern that
-    /// effects draw.
+    /// Returns this camera with measured maps. Each map is float64 of shape (H, W) and replaces the fixed pattern that
+    /// an effect draws for the same quantity.
     ///
     /// `gain` is relative to the nominal gain, `dark_pa` is in pA, `capacitance_ff` is in fF, and `swing_v` is in V. Maps
     /// that are not passed are unchanged.
@@ -284,7 +284,8 @@ impl Camera {
 
     /// Returns the rectangle of `height` x `width` pixels at (`row`, `col`) as a separate camera.
     ///
-    /// The fixed pattern equals the fixed pattern of the rectangle. The temporal noise is independent of this camera.
+    /// The fixed pattern equals the fixed pattern of the rectangle. The temporal noise is independent of the temporal
+    /// noise of this camera.
     ///
     /// Raises SpikelaneError if the rectangle is empty or not within the sensor.
     fn window(

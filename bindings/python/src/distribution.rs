@@ -10,14 +10,15 @@ use crate::argument;
 use crate::camera::Camera;
 use crate::error::OrRaise as _;
 
-/// A distribution of cameras. Some numbers of a camera are drawn independently from ranges. Immutable and picklable.
+/// A distribution of cameras. Each range specifies one number of the camera, which is drawn independently of the other
+/// numbers. Immutable and picklable.
 ///
-/// The text is a camera file. Each number of [sensor] or of an effect may be a table:
-/// { uniform = [low, high] } or { log_uniform = [low, high] }. If the number has a unit, the bounds have this unit too.
+/// `text` is a camera file in which a number of [sensor] or of an effect may be a table: { uniform = [low, high] } or {
+/// log_uniform = [low, high] }. If the number has a unit, the bounds have this unit too.
 ///
-/// The default text is a distribution for training networks. Its shot noise has 200 to 30,000 electrons per threshold,
-/// its fixed pattern is 0 to 7 %, and its dark current is 0 to 4.7 pA. Its light is log-uniform between 0.02 and 0.6
-/// thresholds per readout.
+/// Without `text`, the distribution is intended for training networks. Its shot noise has 200 to 30,000 electrons per
+/// threshold, its fixed pattern is 0 to 7 %, and its dark current is 0 to 4.7 pA. Full-scale light is log-uniform
+/// between 0.02 and 0.6 thresholds per readout.
 #[pyclass(frozen, module = "spikelane", eq)]
 #[derive(Clone, PartialEq)]
 pub struct CameraDistribution(presets::CameraDistribution);
@@ -41,12 +42,13 @@ impl CameraDistribution {
         presets::CameraDistribution::load(&path).or_raise().map(Self)
     }
 
-    /// Returns the camera of `seed`, 0 to 2**64 - 1. The camera of a seed is equal on every machine.
+    /// Returns the camera that is drawn with `seed`, 0 to 2**64 - 1. A seed gives the same camera on every machine.
     fn draw(&self, #[pyo3(from_py_with = argument::seed)] seed: u64) -> PyResult<Camera> {
         Camera::new(self.0.draw(seed).or_raise()?)
     }
 
-    /// The ranges by key ("effects.prnu.sigma"). Each range is a tuple (low, high, unit, law).
+    /// The ranges of the drawn numbers. Keys are names such as "effects.prnu.sigma". Each value is a tuple (low, high,
+    /// unit, law), where law is "uniform" or "log_uniform".
     #[getter]
     fn ranges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);

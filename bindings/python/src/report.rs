@@ -26,8 +26,8 @@ fn to_value<T: serde::Serialize>(value: &T) -> spikelane::Result<Value> {
     serde_json::to_value(value).map_err(|e| Error::new(ErrorKind::Config, "report").found(e))
 }
 
-/// Reserves the files of a report before the work, which can take hours. Keep the claim until the last file has its final
-/// name.
+/// Reserves the names of the report files before the computation, which can take hours. Keep the returned claim until
+/// the last file has its final name.
 fn claim_report_files(
     folder: Option<&Path>,
     names: [&str; 3],

@@ -12,7 +12,8 @@ use crate::watch::{WorkMonitor, run_interruptible};
 
 type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;
 
-/// A random driving scene: a city with traffic and lighting, and a camera in a moving car. It is a function of time.
+/// A random driving scene: a city with traffic and lighting, and a camera in a moving car. Light and labels are
+/// functions of time.
 ///
 /// The scene is determined by `seed` and the options. `height` and `width` are in pixels, and `fov_deg` is 5 to 150
 /// degrees. `lighting` is one of "noon", "low-sun", "overcast", "rain", "tunnel", "dusk", "night". `duration_s` is up to
@@ -91,14 +92,14 @@ impl Scene {
         self.scene.duration_s()
     }
 
-    /// Number of other vehicles. The instance numbers of these vehicles are 1 to this number.
+    /// Number of other vehicles, n. The instance numbers of these vehicles are 1 to n.
     #[getter]
     fn vehicles(&self) -> u32 {
         self.scene.vehicles()
     }
 
     /// Returns the light and the labels at `t` seconds as a dict. `spikelane.Scene.render` converts this dict to a
-    /// Rendered.
+    /// `Rendered` object.
     #[pyo3(signature = (t, samples=4, threads=1))]
     fn _render<'py>(
         &self,

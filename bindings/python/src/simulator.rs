@@ -25,9 +25,9 @@ const PIECE_BYTES: usize = 256 << 10;
 /// instruction set ("reference", "portable", "sse4.1", "avx2", "avx512"). The bits depend neither on the threads nor on
 /// the instruction set. Light is clamped to `max_light` full scales. Only float32 light can exceed 1.0.
 ///
-/// Only one thread at a time may call `run`, `fill` or `run_dense`. Other Python threads run during the call, because the interpreter's lock is
-/// released. After a fork, the child process may continue with its copy of the simulator. A pickled simulator continues
-/// at its next readout.
+/// Only one thread at a time may use a simulator. Other Python threads run during a simulation, because the
+/// interpreter's lock is released. After a fork, the child process may continue with its copy of the simulator. A
+/// pickled simulator continues at its next readout.
 #[pyclass(frozen, module = "spikelane")]
 pub struct Simulator {
     camera: Camera,
@@ -70,7 +70,7 @@ impl Simulator {
         Ok(Self { camera, threads, backend: backend.map(str::to_owned), max_light, inner: Mutex::new(inner) })
     }
 
-    /// Simulates linear light and returns SpikeFrames.
+    /// Simulates linear light and returns SpikeFrames, whose packed bytes are uint8 of shape (T, ceil(H * W / 8)).
     ///
     /// `light` is one frame (H, W) or several frames (N, H, W). The type is uint8 (full scale is 255), uint16 (65535), or
     /// float32 (1.0, finite and not negative). A tensor on the CPU is light too. If `full_scale` is passed, the light is
@@ -81,9 +81,10 @@ impl Simulator {
     /// held ("hold"), or interpolated along the estimated motion ("flow"). After the start of the last frame, the light is
     /// constant. To continue in another call, the first frame of the next call must be the last frame of this call.
     ///
-    /// The light is copied before the simulation, so other threads may change it during the call. `progress(done, total)` is
-    /// called with numbers of readouts. True shows a bar if tqdm is installed. Ctrl-C stops the call between two readouts.
-    /// The simulator then continues after the last completed readout.
+    /// The light is copied before the simulation, so other threads may change the light during the call.
+    /// `progress(done, total)` is called with numbers of readouts. If `progress` is True and tqdm is installed, a
+    /// progress bar is shown. Ctrl-C stops the call between two readouts. The simulator then continues after the last
+    /// completed readout.
     ///
     /// Raises SpikelaneError for wrong sizes or light, and SpikelaneTypeError (a TypeError) for dtypes other than uint8, uint16
     /// and float32. The simulator is then unchanged. Raises SpikelaneWarning for light that is mostly clipped.
@@ -108,10 +109,11 @@ impl Simulator {
         Ok(SpikeFrames::new(packed, self.geometry()))
     }
 
-    /// Does the same as `run`, but writes the packed frames to `out`, whose first axis is the number of readouts.
+    /// Does the same as `run`, but writes the packed frames to `out`. The length of the first axis of `out` is the
+    /// number of readouts.
     ///
-    /// `out` is uint8 of shape (readouts, ceil(H * W / 8)), C-contiguous and writable. No thread may access it during the call.
-    /// The format is that of `SpikeFrames.packed`.
+    /// `out` is uint8 of shape (readouts, ceil(H * W / 8)), C-contiguous and writable. No thread may access `out`
+    /// during the call. `SpikeFrames.packed` has the same format.
     #[pyo3(signature = (light, out, *, readouts_per_frame=None, interpolation="linear", full_scale=None, progress=None, **unknown), text_signature = "($self, light, out, *, readouts_per_frame=None, interpolation=\"linear\", full_scale=None, progress=None)")]
     fn fill<'py>(
         &self,
@@ -134,8 +136,8 @@ impl Simulator {
 
     /// Does the same as `run`, but returns a byte of 0 or 1 for every pixel: uint8 of shape (readouts, H, W).
     ///
-    /// `out` receives the result, if given: uint8, C-contiguous and writable, of that shape. No thread may access it during the
-    /// call.
+    /// `out` is an optional array that receives the result: uint8 of shape (readouts, H, W), C-contiguous and writable.
+    /// No thread may access `out` during the call.
     #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="linear", full_scale=None, progress=None, out=None, **unknown), text_signature = "($self, light, readouts=None, *, readouts_per_frame=None, interpolation=\"linear\", full_scale=None, progress=None, out=None)")]
     fn run_dense<'py>(
         &self,
@@ -204,11 +206,11 @@ impl Simulator {
         Ok(PyBytes::new(py, &bytes))
     }
 
-    /// Restores a state that `state` returned for a simulator with the same camera and seeds. The following bits are then
-    /// equal.
+    /// Restores a state that `state` returned for a simulator with the same camera and seeds. The simulator then
+    /// continues with the same bits as that simulator.
     ///
-    /// Raises SpikelaneError if the version, the camera, the seeds or `max_light` differ. The simulator is then
-    /// unchanged.
+    /// Raises SpikelaneError if the version, the camera, the seeds or `max_light` differ. After an error the simulator
+    /// is unchanged.
     fn restore(&self, state: &[u8]) -> PyResult<()> {
         let mut inner = self.lock()?;
         inner.simulator.restore(self.camera.inner.key, state).or_raise()
@@ -282,11 +284,12 @@ impl Simulator {
     }
 }
 
-/// Maximum number of pixel-readouts for which the interpreter's lock is held. Another thread could not acquire the lock
-/// in this time.
+/// Maximum number of pixel-readouts for which the interpreter's lock is held. The simulation of so few pixel-readouts
+/// takes less time than a switch to another thread.
 const MAX_LOCKED_WORK: usize = 1 << 13;
 
-/// Runs `work` without the interpreter's lock. If releasing the lock would take longer than `work`, the lock is held.
+/// Runs `work` without the interpreter's lock. For few `pixel_readouts` the lock is held, because releasing it would
+/// take longer than `work`.
 fn run_unlocked<T: Send>(py: Python<'_>, pixel_readouts: usize, work: impl FnOnce() -> T + Send) -> T {
     if pixel_readouts < MAX_LOCKED_WORK { work() } else { py.detach(work) }
 }
@@ -396,7 +399,8 @@ impl<'py> LightSequence<'py> {
         Ok(Self { array, interpolation, readouts_per_frame })
     }
 
-    /// Returns the number of readouts that the frames last; `None` for one frame, which lasts as long as the call.
+    /// Returns the number of readouts that the frames last. Returns `None` for a single frame, which lasts as long as
+    /// the call.
     fn duration(&self) -> Option<usize> {
         let count = self.array.count() as u64;
         self.readouts_per_frame.map(|n| usize::try_from(n.saturating_mul(count)).unwrap_or(usize::MAX))

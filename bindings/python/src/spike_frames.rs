@@ -13,9 +13,10 @@ use crate::error::{OrRaise as _, type_error, usage_error};
 
 /// A stream of packed frames, for example the result of `Simulator.run`.
 ///
-/// `packed` is uint8 of shape (readouts, ceil(height * width / 8)). Bit p % 8 of byte p // 8 is pixel p = row * width + col,
-/// least significant first. `len(frames)` is the number of readouts, `frames[i]` and iteration give uint8 arrays (height, width)
-/// of 0 and 1, and `frames[a:b]` gives SpikeFrames. `numpy.asarray(frames)` is `frames.to_dense()`.
+/// `packed` is uint8 of shape (readouts, ceil(height * width / 8)). Bit p % 8 of byte p // 8, least significant first,
+/// is pixel p = row * width + col. `len(frames)` is the number of readouts. `frames[i]` is readout i as a uint8 array
+/// (height, width) of 0 and 1, and iteration returns such arrays. `frames[a:b]` is a SpikeFrames object.
+/// `numpy.asarray(frames)` is `frames.to_dense()`.
 ///
 /// Create one with `SpikeFrames.from_dense` or `SpikeFrames.from_packed`. Comparable and picklable.
 #[pyclass(frozen, module = "spikelane", sequence)]
@@ -32,7 +33,7 @@ impl SpikeFrames {
 
     /// Returns the packed bytes of an argument: `SpikeFrames`, or an array together with `height` and `width`.
     ///
-    /// The array may have any shape whose last axis has the bytes of a frame.
+    /// The array may have any number of axes. The length of its last axis must be the number of bytes of a frame.
     pub fn borrow_argument<'py>(
         spikes: &Bound<'py, PyAny>,
         size: (Option<usize>, Option<usize>),
@@ -103,7 +104,8 @@ impl SpikeFrames {
 impl SpikeFrames {
     /// Packs uint8 or bool (readouts, height, width) of 0 and 1; uint8 may also be 0 and 255.
     ///
-    /// Raises SpikelaneError with the position of a byte that has another value, and SpikelaneTypeError for another dtype.
+    /// Raises SpikelaneError if a byte has an invalid value. The message contains the position of this byte. Raises
+    /// SpikelaneTypeError for another dtype.
     #[classmethod]
     fn from_dense(_: &Bound<'_, PyType>, array: &Bound<'_, PyAny>) -> PyResult<Self> {
         let py = array.py();
@@ -159,7 +161,8 @@ impl SpikeFrames {
         Ok(Self::new((*bytes).clone(), geometry))
     }
 
-    /// The packed frames, uint8 of shape (readouts, ceil(height * width / 8)): the memory of the stream, not a copy.
+    /// The packed frames, uint8 of shape (readouts, ceil(height * width / 8)). The array shares the memory of this
+    /// object.
     #[getter]
     fn packed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArrayDyn<u8>> {
         self.packed.bind(py).clone()
@@ -203,7 +206,8 @@ impl SpikeFrames {
         Ok(dense)
     }
 
-    /// Returns the spikes, int64 of shape (N, 3): readout, row and column, in this order of sorting.
+    /// Returns the spikes as int64 of shape (N, 3). The columns are readout, row and column, and the spikes are sorted
+    /// in this order.
     fn spikes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
         let numbers = self.read(py, |stream| {
             let mut numbers = Vec::with_capacity(3 * stream.spikes() as usize);

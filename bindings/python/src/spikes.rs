@@ -13,8 +13,8 @@ use crate::arrays::{
 use crate::error::{OrRaise as _, usage_error};
 use crate::spike_frames::SpikeFrames;
 
-/// Unpacks bit-packed uint8 of shape (..., T, ceil(H * W / 8)). Returns one byte, 0 or 1, per pixel: uint8 of shape (...,
-/// T, H, W).
+/// Unpacks SpikeFrames, or bit-packed uint8 of shape (..., T, ceil(H * W / 8)) together with `height` and `width`.
+/// Returns one byte, 0 or 1, per pixel: uint8 of shape (..., T, H, W).
 ///
 /// `out` is an optional array that receives the result: uint8, C-contiguous, with the shape of the result.
 /// Raises SpikelaneError for another shape, and SpikelaneTypeError for another dtype.
@@ -61,7 +61,7 @@ pub fn unpack_into(
 /// Packs bytes of 0 and 1, uint8 of shape (..., H, W). Returns bit-packed uint8 of shape (..., ceil(H * W / 8)).
 ///
 /// Raises SpikelaneError if a byte is neither 0 nor 1. The message contains the position of this byte. Raises
-/// SpikelaneTypeError for another dtype.
+/// SpikelaneTypeError if the dtype of `bits` is not uint8.
 #[pyfunction]
 pub fn pack<'py>(py: Python<'py>, dense: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
     let dense = borrow_bytes(dense, "dense")?;
@@ -112,12 +112,14 @@ fn reconstruct_rates<'py>(
     array_from_vec(py, values, &[geometry.height(), geometry.width()])
 }
 
-/// Texture from playback (TFP): the spikes per readout of each pixel in a window.
+/// Texture from playback (TFP): the number of spikes of each pixel in a time window, divided by the number of readouts
+/// in the window.
 ///
-/// The window contains `half_window` readouts before readout `at` and `half_window` readouts after readout `at`. At the
-/// ends of the stream the window is shorter. Returns float32 (H, W) with values from 0 to 1.
+/// The window contains `half_window` readouts before readout `at`, readout `at`, and `half_window` readouts after it.
+/// At the ends of the stream the window is shorter. Returns float32 (H, W) with values from 0 to 1.
 ///
-/// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream.
+/// `spikes` is SpikeFrames, or bit-packed uint8 (T, ceil(H * W / 8)) together with `height` and `width`. Raises
+/// SpikelaneError if `at` is not a readout of the stream.
 #[pyfunction]
 #[pyo3(signature = (spikes, height=None, width=None, *, at, half_window, **unknown), text_signature = "(spikes, height=None, width=None, *, at, half_window)")]
 pub fn tfp<'py>(
@@ -138,8 +140,8 @@ pub fn tfp<'py>(
 /// Returns float32 (H, W). Both spikes of the interval must be within `search` readouts of `at`. If a spike is missing,
 /// the value is 1 / (2 * search).
 ///
-/// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream or if
-/// `search` is 0.
+/// `spikes` is SpikeFrames, or bit-packed uint8 (T, ceil(H * W / 8)) together with `height` and `width`. Raises
+/// SpikelaneError if `at` is not a readout of the stream or if `search` is 0.
 #[pyfunction]
 #[pyo3(signature = (spikes, height=None, width=None, *, at, search=20, **unknown), text_signature = "(spikes, height=None, width=None, *, at, search=20)")]
 pub fn tfi<'py>(
@@ -155,13 +157,14 @@ pub fn tfi<'py>(
     reconstruct_rates(py, spikes, (height, width), |p| reconstruct::tfi(p, at, search))
 }
 
-/// The rate of each pixel between its first and last spike in a window.
+/// The rate of each pixel between its first and last spike in a time window, in spikes per readout.
 ///
-/// The window contains `half_window` readouts before readout `at` and `half_window` readouts after readout `at`. Returns
-/// float32 (H, W) in spikes per readout, 0 to 1. For a pixel with fewer than two spikes, the rate is the number of spikes
-/// divided by the length of the window.
+/// The window contains `half_window` readouts before readout `at`, readout `at`, and `half_window` readouts after it.
+/// Returns float32 (H, W) in spikes per readout, 0 to 1. For a pixel with fewer than two spikes, the rate is the number
+/// of spikes divided by the length of the window.
 ///
-/// `packed` is bit-packed uint8 (T, ceil(H * W / 8)). Raises SpikelaneError if `at` is not a readout of the stream.
+/// `spikes` is SpikeFrames, or bit-packed uint8 (T, ceil(H * W / 8)) together with `height` and `width`. Raises
+/// SpikelaneError if `at` is not a readout of the stream.
 #[pyfunction]
 #[pyo3(signature = (spikes, height=None, width=None, *, at, half_window, **unknown), text_signature = "(spikes, height=None, width=None, *, at, half_window)")]
 pub fn span_rates<'py>(

@@ -68,8 +68,8 @@ impl Stream {
         Ok((reader.readouts(), reader.geometry().height(), reader.geometry().width()))
     }
 
-    /// Layout of the frames in the file: "dat", "dat-top", "rows416", "rows1024", "npy-bits" or "npy-bytes", or
-    /// "dat-msb", "dat-top-msb" or "npy-bits-msb".
+    /// Layout of the frames in the file: "dat", "dat-top", "rows416", "rows1024", "npy-bits", "npy-bytes", "dat-msb",
+    /// "dat-top-msb" or "npy-bits-msb".
     #[getter]
     fn layout(&self) -> PyResult<&'static str> {
         Ok(self.reader()?.layout().name())
@@ -186,11 +186,11 @@ fn optional_geometry(height: Option<usize>, width: Option<usize>) -> PyResult<Op
 
 /// Opens a recorded stream.
 ///
-/// Values that are not passed are read from the sidecar (STEM.json), or from the header of an .npy or .npz file. If a
-/// layout belongs to one camera, the size of this camera is used.
+/// A layout, height or width that is not passed is read from the sidecar (STEM.json), or from the header of an .npy or
+/// .npz file. If a layout belongs to one camera, the size of this camera is used.
 ///
-/// Raises FileNotFoundError and other OSErrors. Raises SpikelaneError if the file is truncated, if its size does not
-/// match, or if the height and width are unknown.
+/// Raises FileNotFoundError and other OSErrors. Raises SpikelaneError if the file is truncated, if the file size does
+/// not match the layout, or if the height and width are unknown.
 #[pyfunction]
 #[pyo3(signature = (path, *, layout=None, height=None, width=None, **unknown), text_signature = "(path, *, layout=None, height=None, width=None)")]
 pub fn open_stream(
@@ -207,7 +207,8 @@ pub fn open_stream(
     Ok(Stream { reader: Mutex::new(Some(Arc::new(reader))), path, open_arguments })
 }
 
-/// Returns packed bytes of SpikeFrames, of packed bytes with a size, or of bytes of 0 and 1.
+/// Returns the packed bytes and the size of a stream. `spikes` is SpikeFrames, packed bytes together with `size`, or
+/// bytes of 0 and 1.
 fn packed_stream<'py>(
     py: Python<'py>,
     spikes: &Bound<'py, PyAny>,
@@ -238,12 +239,13 @@ fn packed_stream<'py>(
     }
 }
 
-/// Writes a stream and a sidecar (STEM.json) that contains its size. Returns the digest of the file, "blake3:...".
+/// Writes a stream, and a sidecar (STEM.json) that contains the size of the frames. Returns the digest of the stream
+/// file, "blake3:...".
 ///
-/// If writing fails, no file remains. `spikes` is bit-packed uint8 (T, ceil(H * W / 8)) together with `height` and
-/// `width`, or uint8 (T, H, W) of 0 and 1. `layout` is "dat" (SpikeCV, Spike-Zoo: bottom row first), "dat-top", "rows416"
-/// (400x250), "rows1024" (1000x1000), "npy-bits", "npy-bytes", "dat-msb", "dat-top-msb" or "npy-bits-msb". `progress(done, total)` is called with numbers of
-/// readouts.
+/// If writing fails, no file remains. `spikes` is SpikeFrames, bit-packed uint8 (T, ceil(H * W / 8)) together with
+/// `height` and `width`, or uint8 (T, H, W) of 0 and 1. `layout` is "dat" (SpikeCV, Spike-Zoo: bottom row first),
+/// "dat-top", "rows416" (400x250), "rows1024" (1000x1000), "npy-bits", "npy-bytes", "dat-msb", "dat-top-msb" or
+/// "npy-bits-msb". `progress(done, total)` is called with numbers of readouts.
 ///
 /// Raises FileExistsError if the file exists and `force` is false. Raises other OSErrors if writing fails.
 #[pyfunction]

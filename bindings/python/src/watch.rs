@@ -22,8 +22,8 @@ pub struct WorkMonitor {
 }
 
 impl WorkMonitor {
-    /// Creates a monitor that calls `progress(done, total)`. If `progress` is True, it shows a progress bar with the unit
-    /// `unit`.
+    /// Creates a monitor that calls `progress(done, total)`. If `progress` is True, the monitor shows a progress bar
+    /// with the unit `unit`.
     pub fn new(py: Python<'_>, progress: Option<Py<PyAny>>, unit: &str) -> PyResult<Self> {
         let progress = match progress {
             Some(flag) if flag.bind(py).is_instance_of::<PyBool>() => {
@@ -44,8 +44,8 @@ impl WorkMonitor {
         Ok(Self { progress, last_check: Instant::now(), exception: None })
     }
 
-    /// Checks for signals and reports progress, unless the last check was less than the interval ago. An error stops the
-    /// work.
+    /// Checks for signals and reports progress, at most once per `CHECK_INTERVAL`. If the user or the progress function
+    /// stops the computation, returns an error.
     pub fn update(&mut self, done: f64, total: f64) -> spikelane::Result<()> {
         if self.last_check.elapsed() < CHECK_INTERVAL && done < total {
             return Ok(());
@@ -73,7 +73,8 @@ impl WorkMonitor {
         })
     }
 
-    /// Returns whether the work must stop. Checks for signals first, if the interval has elapsed.
+    /// Returns whether the computation must stop. If `CHECK_INTERVAL` has elapsed since the last check, checks for
+    /// signals first.
     pub fn is_stopped(&mut self) -> bool {
         if self.exception.is_none() && self.last_check.elapsed() >= CHECK_INTERVAL {
             self.exception = Python::attach(|py| py.check_signals()).err();
@@ -94,8 +95,8 @@ impl WorkMonitor {
 
 /// Runs `work` without the interpreter's lock.
 ///
-/// Ctrl-C or an exception of the progress function stops `work` when the library next checks for a stop.
-/// `work` reports the completed share of the work, 0 to 1.
+/// The library checks for a stop between steps. After Ctrl-C or an exception of the progress function, the next check
+/// stops `work`. `work` reports the completed share of its computation, 0 to 1.
 pub fn run_interruptible<T: Send>(
     py: Python<'_>,
     watch: WorkMonitor,
@@ -103,8 +104,8 @@ pub fn run_interruptible<T: Send>(
 ) -> PyResult<T> {
     let watch = Arc::new(Mutex::new(watch));
     let looking = Arc::clone(&watch);
-    // The progress function runs while the monitor is locked. It may call code that checks for a stop, so this check
-    // must not wait.
+    // The progress function runs while the monitor is locked. It may call code that checks for a stop. `should_stop`
+    // must therefore not wait for the lock.
     let should_stop = move || looking.try_lock().is_ok_and(|mut watch| watch.is_stopped());
     let result = py.detach(|| {
         // Only shares below 1 are reported here. `update_now` reports the end.

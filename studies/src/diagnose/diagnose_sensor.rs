@@ -11,7 +11,8 @@ use super::jobs::{SensorJob, uniform_hash};
 use super::phases::PhaseTimer;
 use super::{score, version};
 
-/// Returns the simulations that all sensors share, because they have one protocol and one published model.
+/// Returns the null model. All sensors share its simulations, because they have the same protocol and the same
+/// published camera model.
 pub(crate) fn shared_null_model(size: Size, phases: &mut PhaseTimer) -> NullModel {
     let folder = tempfile::tempdir().unwrap();
     write_set(&Sensor::new(Physics::default(), size.width, size.height, 1), size, 0, folder.path());

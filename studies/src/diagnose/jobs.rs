@@ -18,7 +18,7 @@ impl SensorJob {
     }
 
     pub(crate) fn seed(&self) -> u64 {
-        // FNV-1a of the name, so that a sensor is the same in every run of the study.
+        // The seed is the FNV-1a hash of the name, so that a sensor is the same in every run of the study.
         self.id()
             .bytes()
             .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3))
@@ -30,18 +30,19 @@ const LATER_EFFECTS: [&str; 2] = ["correlated_shot_noise", "readout_jitter"];
 
 /// Returns all requested sensors in the order in which they run.
 ///
-/// `counts` has the number of clean sensors, of sensors per single effect, of sensors per effect outside the catalog,
-/// of doubles, and of triples. If `names` is not empty, only these effects are used.
+/// `counts` has five numbers: of clean sensors, of sensors for each single effect, of sensors for each effect outside
+/// the catalog, of sensors with two effects, and of sensors with three effects. If `names` is not empty, only the
+/// effects in `names` are used.
 pub(crate) fn jobs(counts: [usize; 5], names: &[String]) -> Vec<SensorJob> {
     let [nulls, singles, unknown, doubles, triples] = counts;
     let wanted = |k: &&Kind| names.is_empty() || names.iter().any(|n| n == k.name);
     let chosen = |k: &&&'static Kind| spikelane::effects::find(k.name).is_ok() && wanted(k);
-    // Calibration fits other parameters of the base model, so there is nothing to find.
+    // The base model contains these effects. Calibration fits their parameters, so a diagnosis has nothing to find.
     let base = ["thermal_noise", "prnu", "dark_current"];
     let all: Vec<&'static Kind> = CATALOG_KINDS.iter().collect();
     let inside: Vec<&'static Kind> =
         all.iter().filter(chosen).copied().filter(|k| !base.contains(&k.name)).collect();
-    // Pairs and triples are drawn from the earlier effects only, so that each index keeps its sensor.
+    // Pairs and triples exclude effects that were added later, so that each index keeps its sensor.
     let paired: Vec<&'static Kind> =
         inside.iter().copied().filter(|k| !LATER_EFFECTS.contains(&k.name)).collect();
     let max_count = counts.into_iter().max().unwrap_or(0);
@@ -50,7 +51,7 @@ pub(crate) fn jobs(counts: [usize; 5], names: &[String]) -> Vec<SensorJob> {
         if index < nulls {
             jobs.push(SensorJob { class: "null", kinds: Vec::new(), index });
         }
-        // Interleaved, so that a run that is cut short has some sensors of each class.
+        // The classes are interleaved, so that a run that is cut short has some sensors of each class.
         let outside = OUTSIDE_KINDS.iter().filter(|k| index < unknown && wanted(k)).map(|k| SensorJob {
             class: "outside",
             kinds: vec![k],
@@ -83,7 +84,8 @@ fn choose_kinds(inside: &[&'static Kind], count: usize, index: usize) -> Vec<&'s
     (0..count).map(draw).collect()
 }
 
-/// Returns a number from 0 to 1 that is a function of `seed` and `place`.
+/// Returns a pseudo-random number from 0 to 1, which is a hash of `seed` and `place`. Different values of `place` give
+/// independent numbers.
 pub(crate) fn uniform_hash(seed: u64, place: u64) -> f64 {
     mix64(seed.wrapping_add(0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(place + 1))) as f64 / u64::MAX as f64
 }

@@ -43,10 +43,11 @@ const STRENGTH_RANGE: (f64, f64) = (2.0, 30.0);
 
 /// Smallest strength of an effect outside the catalog, relative to its largest strength.
 ///
-/// At 0.3 the weakest effect is a diagonal band of 0.015 among 2,304 pixels whose gain scatters by 0.073. Its peak in
-/// the spectrum of the gain is 2304 0.015^2 / (4 0.073^2) = 24 times the mean, or 16 times between two frequencies. The
-/// highest of the other peaks is at 8 to 9 +- 1.3. A band of 0.015 that was tested was not detected, so it is at the
-/// limit.
+/// At strength 0.3, the weakest of these effects is a diagonal band of amplitude 0.015. It affects 2,304 pixels whose
+/// gain scatters by 0.073. In the spectrum of the gain, the peak of the band is 2304 * 0.015^2 / (4 * 0.073^2) = 24
+/// times the mean. If the band is between two frequencies of the spectrum, the peak is 16 times the mean. The highest
+/// peak of the scatter alone is at 8 to 9 +- 1.3 times the mean. In a test, a band of 0.015 was not detected, so it is
+/// at the limit.
 const MIN_OUTSIDE_STRENGTH: f64 = 0.3;
 
 /// The smallest detectable strength of each effect.
@@ -54,7 +55,8 @@ type SmallestStrengths = Vec<(String, f64)>;
 
 struct Args {
     folder: PathBuf,
-    /// Numbers of sensors: clean, with one effect, with one from outside the catalog, with two effects, with three effects.
+    /// Numbers of sensors: clean, with one effect of the catalog, with one effect from outside the catalog, with two
+    /// effects, with three effects.
     counts: [usize; 5],
     size: Size,
     profile: bool,

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-/// Counts of the effects above their smallest detectable strength that were found, and of wrong names.
+/// Counts of hidden effects above their smallest detectable strength, of those that the diagnoses found, and of wrong
+/// names.
 pub(crate) struct MultipleEffects<'a> {
     /// Number of hidden and of found effects, by name.
     pub rows: BTreeMap<&'a str, [usize; 2]>,

@@ -14,7 +14,8 @@ pub(crate) fn discrepancy(record: &Value) -> Option<[f64; 4]> {
     ])
 }
 
-/// Number of explained sets, and of those with a held-out excess within the limit.
+/// Number of recording sets with the verdict `explained`, and number of these sets whose held-out discrepancy is within
+/// the limit.
 #[derive(Clone, Copy)]
 pub(crate) struct DiscrepancyCounts {
     pub explained: usize,

@@ -1,6 +1,6 @@
 //! Records of the study: one file per sensor in a folder, and one file of lines with all records.
 //!
-//! The file of lines can be committed, and a study can be resumed from it elsewhere.
+//! The file of lines can be committed to git. Another machine can resume the study from this file.
 
 use std::path::Path;
 
@@ -22,7 +22,8 @@ pub(crate) fn is_current(path: &Path) -> bool {
     read_record(path).is_some_and(|r| is_of_this_version(&r))
 }
 
-/// Returns the records of this version of the code by name, each with its score. Records of other versions are skipped.
+/// Returns the records of this version of the code, sorted by file name, each with its score. Records of other versions
+/// are skipped.
 pub(crate) fn current_records(folder: &Path) -> Vec<Value> {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     files.sort();
@@ -30,13 +31,13 @@ pub(crate) fn current_records(folder: &Path) -> Vec<Value> {
     records.filter_map(|p| read_record(p)).filter(is_of_this_version).map(with_score).collect()
 }
 
-/// Returns the record with a new score, so that a changed rule applies to earlier diagnoses too.
+/// Returns the record with a newly computed score. A changed scoring rule therefore applies to earlier diagnoses too.
 fn with_score(mut record: Value) -> Value {
     record["score"] = super::score::score(&record["hidden"], &record["diagnosis"]);
     record
 }
 
-/// Writes the records of this version that are in `lines` and not in `folder`.
+/// Writes the records of this version from `lines` to `folder`, unless `folder` already has them.
 pub(crate) fn restore_records(lines: &Path, folder: &Path) {
     let text = spikelane_studies::lines::read(lines);
     let records = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());

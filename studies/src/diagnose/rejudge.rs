@@ -35,7 +35,8 @@ pub(crate) fn find_record(lines: &str, id: &str) -> Option<Value> {
     lines.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok()).find(|r| r["id"] == id)
 }
 
-/// Repeats the diagnoses of a list and prints the differences. Returns whether there are none.
+/// Repeats the diagnoses of the sensors in `list` and prints the differences from the records. Returns whether there
+/// are no differences.
 pub(crate) fn rejudge(list: &str, lines: &str, reference: &NullModel) -> bool {
     let (mut same, mut all) = (0, 0);
     for id in list.lines() {

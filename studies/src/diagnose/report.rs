@@ -55,7 +55,7 @@ fn add(row: &mut TableRow, record: &Value) {
 
 /// Replaces the text between the markers of the page, or creates the page.
 ///
-/// The few sensors of the large size have separate markers and a separate table.
+/// The sensors of the large size have their own markers and their own table.
 pub(crate) fn write(folder: &Path, path: &Path, large: bool) {
     let records = super::records::current_records(folder);
     let (start, end, tables) = if large {
@@ -164,8 +164,8 @@ fn outside_table(text: &mut String, all: &[&Value]) {
     text.push('\n');
 }
 
-/// Writes the number of effects above their smallest detectable strength, in sensors with several effects, and how many
-/// of them were found.
+/// For sensors with several effects, writes the number of effects above their smallest detectable strength, and the
+/// number of these effects that were found.
 fn multiple_table(text: &mut String, title: &str, all: &[&Value]) {
     if all.is_empty() {
         writeln!(text, "### {title}\n\nNo sensor was diagnosed.\n").unwrap();

@@ -7,8 +7,9 @@ type NamedEffect<'a> = (&'a str, Vec<&'a str>);
 
 /// Compares the effects that `diagnosis` names with those that are `hidden`.
 ///
-/// Each name, with its ambiguous names, matches at most one hidden effect. Exact matches come first. The other names
-/// follow, in ascending order of the number of their unmatched ambiguous names. A name without a match is wrong.
+/// A name matches a hidden effect if the effect has this name or one of the ambiguous names of the diagnosed effect.
+/// Each name matches at most one hidden effect. Equal names are matched first. The other names follow, in ascending
+/// order of the number of unmatched hidden effects among their ambiguous names. A name without a match is wrong.
 pub(crate) fn score(hidden: &Value, diagnosis: &Value) -> Value {
     if diagnosis["verdict"].is_null() {
         return json!({ "error": true });
@@ -42,7 +43,8 @@ fn ambiguous_names(effect: &Value) -> Vec<&str> {
     array_items(&effect["ambiguous_with"]).filter_map(Value::as_str).collect()
 }
 
-/// Returns the effects that are not tentative, and the camera parameters that do not match.
+/// Returns the names in a diagnosis, each with its ambiguous names. The names are the effects that are not tentative,
+/// and the effects of mismatched camera parameters.
 fn diagnosed_names(diagnosis: &Value) -> Vec<NamedEffect<'_>> {
     let effects = array_items(&diagnosis["effects"]).filter(|e| e["is_tentative"] != true);
     let effects = effects.filter_map(|e| Some((e["name"].as_str()?, ambiguous_names(e))));

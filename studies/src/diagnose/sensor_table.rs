@@ -30,7 +30,8 @@ pub(crate) fn sensor_table(records: &[Value]) -> String {
     text
 }
 
-/// Returns names and strengths, also relative to the smallest detectable strength where there is one.
+/// Returns the names and strengths of the hidden effects. If the smallest detectable strength of an effect is known,
+/// the strength is also given as a multiple of it.
 fn hidden_text(record: &Value) -> String {
     let of = |h: &Value| {
         let (name, strength) = (h["name"].as_str().unwrap_or("?"), h["strength"].as_f64().unwrap_or(0.0));

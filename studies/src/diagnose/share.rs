@@ -14,13 +14,14 @@ impl Share {
         100.0 * self.hits as f64 / self.total.max(1) as f64
     }
 
-    /// Returns the upper end of the Clopper-Pearson interval: the share at which so few hits have a probability of 2.5 %.
+    /// Returns the upper end of the Clopper-Pearson interval. If the true share equals this end, at most `hits` hits
+    /// occur with probability 2.5 %.
     pub(crate) fn upper_bound(self) -> f64 {
         if self.hits >= self.total {
             return 1.0;
         }
-        // Computed with logarithms: at a share of 98 %, no hit among 422 has the probability 1e-717, below the range of
-        // `f64`.
+        // The probabilities are computed as logarithms. At a share of 98 %, no hit among 422 has the probability
+        // 1e-717, which is below the range of `f64`.
         let chance = |p: f64| {
             let mut term = self.total as f64 * (-p).ln_1p();
             let mut sum = term.exp();
@@ -38,7 +39,7 @@ impl Share {
         high
     }
 
-    /// Returns the lower end of the interval, from the upper end for the misses.
+    /// Returns the lower end of the Clopper-Pearson interval. It is 1 minus the upper end for the misses.
     pub(crate) fn lower_bound(self) -> f64 {
         1.0 - Self { hits: self.total - self.hits, total: self.total }.upper_bound()
     }

@@ -8,7 +8,7 @@ use super::multiple_effects::MultipleEffects;
 use super::outcomes::{DiscrepancyCounts, interval_covers};
 use super::share::Share;
 
-/// A row of the summary: a quantity, its aim, and the share that was found.
+/// A row of the summary: a quantity, its target, and the measured share.
 struct SummaryRow {
     quantity: &'static str,
     aim: &'static str,

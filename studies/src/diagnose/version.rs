@@ -1,15 +1,16 @@
 //! Versions of the code that makes a diagnosis. Results of two versions must not be in one table.
 //!
-//! If a commit changes the diagnosis of a sensor, raise the number of the code that it changes. Moves, names and
-//! comments change nothing. `studies/tests/diagnose_study.rs` repeats recorded diagnoses and requires every digit to be
-//! the same. If it fails, the diagnosis has changed. `docs/why/diagnosis.md` lists the code that each number covers.
+//! If a commit changes the diagnosis of a sensor, raise the version number of the changed code. Moves, renames and
+//! changes of comments do not require a new number. `studies/tests/diagnose_study.rs` repeats recorded diagnoses and
+//! requires every digit to be the same. If this test fails, a diagnosis has changed. `docs/why/diagnosis.md` lists the
+//! code that each version number covers.
 //!
-//! A sensor without a finding never reaches the code that chooses names. A sensor with a single added name never
-//! reaches the code that examines several names: `search` runs a tournament only if a discrepancy remains, and weeds
-//! only if there are two or more names. The records of such sensors therefore stay valid when that code changes.
+//! Some records remain valid when code changes. If a diagnosis finds no discrepancy, it does not run the code that
+//! chooses names. If a diagnosis adds a single name, it does not run the code that examines several names. `search`
+//! runs a `tournament` only if a discrepancy remains, and runs `weed` only if there are two or more names.
 //!
-//! The sensors of a study share a null model. Code that runs only when a diagnosis builds its own model (`published`,
-//! `own_numbers`, `last_steps`) therefore has no effect on these numbers.
+//! The sensors of a study share a null model. The code in `published`, `own_numbers` and `last_steps` runs only when a
+//! diagnosis builds its own null model. Changes of this code therefore do not change the version numbers.
 
 use serde_json::Value;
 

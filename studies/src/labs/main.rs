@@ -1,4 +1,5 @@
-//! Study of `calibrate` in random laboratories. Their true parameters are known. They are simulated without the library.
+//! Study of `calibrate` in random laboratories. Each laboratory has known true parameters and is simulated without the
+//! library.
 //!
 //! `cargo run --release -p spikelane-studies --bin study-labs -- [--labs N] [--program FILE] [--report FILE]` prints a
 //! row for each kind of fault. It writes the tables between the markers of the report. For every eleventh laboratory the
@@ -25,8 +26,8 @@ use rayon::prelude::*;
 
 const PAGE_MARKERS: [&str; 2] = ["<!-- begin: study-labs -->\n", "<!-- end: study-labs -->"];
 
-/// One in this many laboratories uses files. The number does not divide the number of faults, so files are used with each
-/// fault.
+/// One of 11 laboratories is tested with files. The number of faults is not a multiple of 11, so every fault is also
+/// tested with files.
 const FILE_LAB_INTERVAL: u64 = 11;
 
 struct Arguments {

@@ -7,16 +7,17 @@ use spikelane::{Geometry, SpikeFramesRef};
 /// Bounds of the rate classes in spikes per readout.
 pub(crate) const RATE_CLASS_BOUNDS: [f64; 6] = [0.015, 0.025, 0.035, 0.045, 0.055, 0.1];
 
-/// Number of lags. The second differences use lags of one and of two intervals.
+/// Number of lags. Second differences of spike times use lags of one and of two intervals.
 pub(crate) const LAG_COUNT: usize = 2;
 
-/// Side of a square place in pixels. Errors are computed from the scatter between places.
+/// The image is divided into squares, called places. This is the side of a place in pixels. Errors are computed from
+/// the scatter between places.
 const PLACE_SIDE_PX: usize = 25;
 
 /// Minimum number of differences in a place. Places with fewer differences are ignored.
 const MIN_DIFFERENCES: f64 = 20.0;
 
-/// Minimum number of places in a rate class. Classes with fewer places are ignored.
+/// Minimum number of places with pixels of a rate class. Rate classes with fewer places are ignored.
 const MIN_PLACES: usize = 5;
 
 /// Distance in pixels from a pixel to each side of the square neighborhood whose rate is averaged.
@@ -77,11 +78,12 @@ impl Recording {
         (0..self.times.len()).map(local_mean).collect()
     }
 
-    /// Returns the variances of second differences about their mean in a place, in thresholds squared.
+    /// Returns the variances of second differences of spike times, in thresholds squared, for each rate class and lag.
+    /// A variance is relative to the mean second difference of a place.
     ///
-    /// A second difference is t(k + 2n) - 2 t(k + n) + t(k). If the rate is constant, its mean is 0. If the light changes
-    /// uniformly, its mean is not 0. The rates `shared` determine the class of each pixel. Only pixels whose entry of
-    /// `used` is true count.
+    /// Let t(k) be the time of spike k, and n the lag. A second difference is t(k + 2n) - 2 t(k + n) + t(k). If the
+    /// rate is constant, the mean second difference is 0. If the rate changes with time, the mean is not 0. The rates
+    /// `shared` determine the class of each pixel. Only pixels whose entry of `used` is true count.
     pub(crate) fn measure(&self, shared: &[f64], used: &[bool]) -> LagVariances {
         let across = self.geometry.width().div_ceil(PLACE_SIDE_PX);
         let places = across * self.geometry.height().div_ceil(PLACE_SIDE_PX);
@@ -133,11 +135,12 @@ impl Recording {
         variances
     }
 
-    /// Returns the correlation between the change of a pixel and the change of the pixel `down` rows below it. Only pixels in
-    /// the given rows and columns count.
+    /// Returns the correlation between the change of a pixel and the change of the pixel `down` rows below it. Only
+    /// pixels in `rows` and `columns` count.
     ///
-    /// The change is the logarithm of the first interval divided by the last interval. If each pixel has independent noise,
-    /// the correlation is 0. If a grain pattern moves by `down` rows, the correlation tends to -0.5.
+    /// The change of a pixel is the logarithm of its first interval divided by its last interval. If each pixel has
+    /// independent noise, the correlation of the changes is 0. If a grain pattern moves by `down` rows, the correlation
+    /// tends to -0.5.
     pub(crate) fn change_correlation(&self, rows: Range<usize>, columns: Range<usize>, down: usize) -> f64 {
         let change = |row: usize, column: usize| {
             let times = &self.times[row * self.geometry.width() + column];

@@ -1,17 +1,17 @@
-//! Estimates the noise law of a low-light recording. The study simulates every law with the window and the rates of the
-//! recording.
+//! Estimates the noise law of a low-light recording. The study simulates every law with the length and the pixel rates
+//! of the recording.
 //!
 //! `cargo run --release -p spikelane-studies --bin study-lowlight -- RECORDING [--seeds N]` prints a table of laws with
 //! their parameters, intervals and likelihoods.
 //!
-//! A pixel fires only a few times in such a recording. Pixels that fire three times are therefore not representative. The
-//! study computes the same statistics for simulated twins, whose pixels have the rates of their neighborhoods. The
-//! statistics are variances of second differences of spike times, in thresholds squared, for each rate class. Their
-//! errors are computed from the scatter between places of the recording and from the scatter between seeds. Places and
-//! seeds are assumed to be independent.
+//! In a low-light recording, a pixel fires only a few times. Pixels that fire at least three times are therefore not
+//! representative. The study computes the same statistics for simulated twins, in which each pixel has the mean rate of
+//! its neighborhood. The statistics are variances of second differences of spike times, in thresholds squared, for each
+//! rate class. Their errors are computed from the scatter between places of the recording and from the scatter between
+//! seeds. Places and seeds are assumed to be independent.
 //!
-//! Pixels near motion are excluded by the rule of `compare --realism`. The first tables show the variances with these
-//! pixels, and the effect of a moving grain pattern.
+//! The study excludes pixels near motion by the rule of `compare --realism`. The first tables show the variances with
+//! the pixels near motion, and the effect of a moving grain pattern.
 
 mod lines;
 
@@ -29,9 +29,10 @@ const LEAD_READOUTS: usize = 400;
 /// A noise law. It combines sources of noise, and each source has one variance.
 struct NoiseLaw {
     name: &'static str,
-    /// Whether the law has a variance for quanta of light, for spikes, and for readouts.
+    /// Whether the law has a variance for quanta of light, whether it has one for spikes, and whether it has one for
+    /// readouts.
     has: [bool; 3],
-    /// Whether the shot noise is correlated over 12 readouts. The static recording of such a camera shows this correlation.
+    /// Whether the shot noise is correlated over 12 readouts. A static recording shows such a correlation.
     is_slow: bool,
 }
 
@@ -45,8 +46,8 @@ const NOISE_LAWS: [NoiseLaw; 7] = [
     NoiseLaw { name: "spikes and readouts", has: [false, true, true], is_slow: false },
 ];
 
-/// Values of each variance on the search grid, in thresholds squared. The three variances are the variance of the quanta
-/// per interval, of a spike, and of 100 readouts.
+/// Values of each variance on the search grid, in thresholds squared. There are three variances: of the light quanta
+/// per interval, of the threshold per spike, and of the dark quanta per 100 readouts.
 const VARIANCE_GRID: [f64; 13] =
     [0.0, 1e-5, 2e-5, 3e-5, 4e-5, 4.5e-5, 5e-5, 5.5e-5, 6e-5, 7e-5, 8.5e-5, 1.2e-4, 1.8e-4];
 
@@ -60,7 +61,7 @@ const SHIFT_AREAS: [Area; 3] = [
     ("ground, middle", [160, 185, 120, 180]),
 ];
 
-/// Areas of the image without motion and without grain: the bright sky and the dark border.
+/// Areas of the image without motion and without a grain pattern: the bright sky and the dark border.
 const STATIC_AREAS: [Area; 3] =
     [("sky", [32, 60, 60, 200]), ("sky, left", [30, 50, 25, 60]), ("border, left", [30, 180, 1, 13])];
 
@@ -118,7 +119,8 @@ fn grain_free_mask(used: &[bool], geometry: Geometry) -> Vec<bool> {
 
 /// Returns the table row of a law: its best parameters and their 95 % ranges.
 ///
-/// The log likelihood is maximized over the other parameters. Within the range, it is at most 1.92 below its maximum.
+/// The 95 % range of a parameter contains all its grid values for which the log likelihood, maximized over the other
+/// parameters, is less than 1.92 below the overall maximum.
 fn law_row(
     law: &NoiseLaw,
     measured: &LagVariances,
@@ -170,7 +172,8 @@ fn electron_range_text(best: f64, low: f64, high: f64) -> String {
     format!("{} ({} to {})", limit_text(best), limit_text(high), limit_text(low))
 }
 
-/// Returns a camera with three variances: of the quanta per interval, of a spike, and of 100 readouts.
+/// Returns a camera with three variances: of the light quanta per interval, of the threshold per spike, and of the dark
+/// quanta per 100 readouts.
 fn camera([light, spike, readout]: [f64; 3], slow: bool, geometry: Geometry) -> Camera {
     let mut sensor = Sensor::new(8, 8, 20_000.0).unwrap();
     sensor.geometry = geometry;
@@ -204,7 +207,8 @@ fn camera([light, spike, readout]: [f64; 3], slow: bool, geometry: Geometry) -> 
     camera
 }
 
-/// Simulates the light of the recording with this camera. Measures the simulation with the same window and rate classes.
+/// Simulates the light of the recording with `camera` for several seeds. Measures each simulation with the length and
+/// the rate classes of the recording.
 fn simulate_twins(
     camera: &Camera,
     (shared, used): (&[f64], &[bool]),

@@ -1,8 +1,8 @@
 //! Study of the errors that `measure` reports.
 //!
 //! `cargo run --release -p spikelane-studies --bin study-measure -- [--recordings N] [--report FILE]` makes recordings
-//! for each pattern and each light: N recordings of one sensor, and one recording of each of N sensors. It prints how
-//! often the intervals contain the truth. It writes the tables between the markers of FILE.
+//! for each fixed pattern and each light: N recordings of one sensor, and one recording of each of N sensors. The study
+//! prints how often the confidence intervals contain the true value. It writes the tables between the markers of FILE.
 
 #[path = "../../../crates/measure/tests/coverage_support/mod.rs"]
 mod coverage_support;
@@ -62,8 +62,8 @@ impl Column {
         column
     }
 
-    /// Returns the lowest and the highest percentage of intervals that contain the truth. Upper limits have a range of
-    /// their own.
+    /// Returns the coverage of the statistic `key`: the lowest and the highest percentage of intervals that contain the
+    /// true value, over all cases. Upper limits have a separate percentage range.
     fn cell(&self, key: &str) -> String {
         let range = |limits: bool| {
             let found = self.cases.iter().map(|case| case[key]);

@@ -1,4 +1,5 @@
-//! Recordings of real cameras. An image is compared with the mean of the readouts that it does not use.
+//! Scores of recordings of real cameras. An image is compared with the mean of all readouts from which the image is not
+//! computed.
 
 use std::ops::Range;
 use std::path::Path;
@@ -9,7 +10,7 @@ use spikelane_io::formats::{Layout, StreamReader};
 
 use super::score::{Row, row};
 
-/// Returns the mean spikes per readout of each pixel, without the readouts in `used`.
+/// Returns the mean spikes per readout of each pixel. The mean excludes the readouts in `used`.
 pub(crate) fn mean_of_others(packed: SpikeFramesRef, used: Range<usize>) -> Vec<f32> {
     let all = packed.readouts();
     let (counted, within) = (all as f32, used.len() as f32);
@@ -35,8 +36,8 @@ pub(crate) fn rows(folder: &Path) -> Vec<Row> {
     ]
 }
 
-/// Scores a recording twice: against its other readouts, and against all readouts. The latter include the readouts of the
-/// image.
+/// Scores the images of a recording. The reference of an image is the mean of the readouts from which the image is not
+/// computed.
 fn recorded_row(name: &str, reader: &StreamReader, area: Range<usize>) -> Row {
     let geometry = reader.geometry();
     let mut bytes = vec![0; reader.readouts() * geometry.frame_bytes()];

@@ -12,8 +12,8 @@ pub(crate) const WINDOW_READOUTS: [usize; 4] = [11, 21, 41, 161];
 /// Number of readouts before and after the center in which TFI searches spikes.
 const SEARCH_READOUTS: usize = 300;
 
-/// Scores of one scene in dB: TFP and span for every window, and TFI. If a window is longer than the stream, its score is
-/// `None`.
+/// Scores of the images of one scene in dB: a TFP score and a span score for every window length, and a TFI score. If a
+/// window is longer than the stream, its score is `None`.
 pub(crate) struct Row {
     pub name: String,
     pub tfp: [Option<f64>; WINDOW_READOUTS.len()],

@@ -6,7 +6,7 @@ use spikelane_io::simulate::FrameRef;
 
 use super::score::{Row, row};
 
-/// Light in thresholds per readout: the range by day, and a tenth of it.
+/// Ranges of light in thresholds per readout. `DIM` is a tenth of `DAY`.
 const DAY: (f32, f32) = (0.05, 0.45);
 const DIM: (f32, f32) = (0.005, 0.045);
 
@@ -16,7 +16,8 @@ const READOUTS: usize = 201;
 /// Number of readouts before the scored stream. They are discarded, so that the start state has no effect.
 const WARM_UP_READOUTS: usize = 400;
 
-/// Number of readouts of a long recording. Its mean is the reference for a camera with a fixed pattern.
+/// Number of readouts of a long recording. For a camera with a fixed pattern, the mean of this recording is the
+/// reference.
 const REFERENCE_READOUTS: usize = 4000;
 
 /// Returns smooth light with no period shorter than the image. Its values range from `low` to `high` thresholds per
@@ -82,7 +83,8 @@ fn known_row(name: &str, camera: &Camera, range: (f32, f32), speed: f32) -> Row 
     row(name, SpikeFramesRef::new(geometry, &bytes).unwrap(), 0..geometry.pixels(), &|_| truth.clone())
 }
 
-/// Scores a camera with a fixed pattern. The reference is the mean of all other readouts of a long recording.
+/// Scores a camera with a fixed pattern. The reference of an image is the mean of the readouts of a long recording from
+/// which the image is not computed.
 fn near_truth_row(name: &str, camera: &Camera, range: (f32, f32)) -> Row {
     let geometry = camera.sensor.geometry;
     let bytes = stream(camera, range, 0.0, REFERENCE_READOUTS);
@@ -94,7 +96,7 @@ pub(crate) fn geometry() -> Geometry {
     Geometry::new(SIZE_PX.0, SIZE_PX.1).unwrap()
 }
 
-/// Returns streams of static light: `physical` in daylight, and at a tenth of that light.
+/// Returns two streams of static light from the preset `physical`: in daylight, and at a tenth of daylight.
 pub(crate) fn static_streams() -> [Vec<u8>; 2] {
     [DAY, DIM].map(|range| stream(&physical_camera(), range, 0.0, REFERENCE_READOUTS))
 }

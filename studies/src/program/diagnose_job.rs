@@ -13,8 +13,8 @@ use super::{laboratory, score};
 /// Side of the sensor in pixels.
 const SENSOR_SIDE_PX: usize = 48;
 
-/// Range of the strengths, divided by the smallest detectable strength in the first study. The distribution is uniform in
-/// the logarithm.
+/// Range of the strengths of hidden effects, as multiples of the smallest detectable strength in the first study. The
+/// logarithm of the strength has a uniform distribution.
 const STRENGTH_RANGE: (f64, f64) = (6.0, 20.0);
 
 /// Returns the smallest detectable strength of each effect in the first study.
@@ -80,7 +80,7 @@ pub(crate) fn diagnose_job(
     json!({"id": job.id(), "class": job.class, "attempt": attempt, "factors": levels, "hidden": hidden, "score": score, "diagnosis": with_needed_keys(report)})
 }
 
-/// Returns the entries of a diagnosis that the table needs, and those that help to analyze a failure.
+/// Returns the entries of a diagnosis that the table needs, and the entries that help to analyze a failure.
 fn with_needed_keys(report: Value) -> Value {
     let keys = [
         "verdict",

@@ -1,5 +1,5 @@
-//! Factors that differ between laboratories. The levels of all factors are drawn for every sensor, so no combination of
-//! levels has its own group of sensors.
+//! Factors that differ between laboratories. The level of every factor is drawn independently for each sensor, so the
+//! study has no groups of sensors with equal levels.
 
 use super::hidden_sensor::{Physics, Scene};
 use super::jobs::uniform_hash;
@@ -72,7 +72,7 @@ impl Factors {
             ..default_physics
         };
         match self.camera {
-            // The time between readouts is half as long, so half as much charge is collected.
+            // The time between readouts is half as long as at 20 kHz, so half as much charge is collected.
             "40 kHz" => (p.dark_mean, p.dark_spread) = (0.5 * p.dark_mean, 0.5 * p.dark_spread),
             // The number of electrons per threshold is a tenth of the usual number. The dark current is scaled by the
             // same factor, so the dark rate does not change.
@@ -110,8 +110,8 @@ impl Factors {
         }
     }
 
-    /// Returns the light of the lamp in one recording, divided by the stated light. The hidden sensor adds another deviation
-    /// of 0.001.
+    /// Returns the actual light of the lamp in one recording, divided by the stated light. The hidden sensor adds
+    /// another relative deviation of 0.001.
     pub(crate) fn lamp_error(&self, recording: usize, take: u64) -> f64 {
         let place = 700 + 50 * take + 2 * recording as u64;
         let (u, v) = (uniform_hash(self.seed, place).max(1e-12), uniform_hash(self.seed, place + 1));

@@ -49,7 +49,7 @@ pub(crate) fn record_take(sensor: &Sensor, factors: &Factors, take: u64, folder:
     RecordingSet::open(&folder.join("recordings.toml")).unwrap()
 }
 
-/// Returns the camera file that such a laboratory would have. It is the published model with the true parameters of the
+/// Returns the camera file of a laboratory with `factors`. It is the published model with the true parameters of the
 /// sensor.
 pub(crate) fn camera_file(set: &RecordingSet, factors: &Factors) -> Camera {
     let setup = Setup::new(set, RecordingPart::Whole, ReadoutSelection::Leading).unwrap();

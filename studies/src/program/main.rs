@@ -4,13 +4,13 @@
 //! [--doubles N] [--outside N] [--minutes M] [--attempt K] [--only ID] [--keep FOLDER] [--table FILE]` adds sensors to
 //! RECORDS, one per line. Sensors that are already in RECORDS are skipped.
 //!
-//! The simulator of the hidden sensors belongs to the tests and imports nothing from the library. The seed of a sensor is
-//! computed from its name and from the attempt. The four classes alternate: clean sensors, single effects, two effects,
-//! and effects outside the catalog.
+//! The simulator of the hidden sensors belongs to the tests and imports nothing from the library. The seed of a sensor
+//! is computed from its name and from the number K of the attempt. The four classes alternate: clean sensors, single
+//! effects, two effects, and effects outside the catalog.
 //!
-//! `--times [N]` prints run times instead. Its cases are clean, single and double sensors of 96x64 pixels. With N, only
-//! the first N cases run. Each case runs three times: without a cache, with the cache of the preceding cases, and with a
-//! cache that contains its own simulations.
+//! `--times [N]` prints a table of run times instead. Its rows are clean sensors and sensors with one or two effects,
+//! each of 96x64 pixels. With N, the table has only the first N rows. Each diagnosis runs three times: without a cache,
+//! with the cache of the preceding rows, and with a cache that contains its own simulations.
 
 mod diagnose_job;
 mod factors;

@@ -40,7 +40,8 @@ fn has_wrong_name(r: &Value) -> bool {
     name_count(r, "wrong") > 0
 }
 
-/// Returns the table of effects that a protocol cannot reveal at any strength, and the number of recording sets for each.
+/// Returns a table with a row for each protocol: the number of recording sets, and the effects that the protocol cannot
+/// reveal at any strength. Each effect has the number of sets in which it is undetectable.
 fn undetectable_table(records: &[Value]) -> String {
     let mut text = "\nEffects that a protocol cannot reveal, each with the number of its recording sets:\n\n| protocol | sets | undetectable effects |\n|---|--:|---|\n".to_owned();
     let mut protocols: BTreeMap<&str, Vec<&Value>> = BTreeMap::new();

@@ -1,4 +1,5 @@
-//! Run times of `diagnose` for an unknown camera. The set has eight recordings of 96x64 pixels and 6,000 readouts.
+//! Run times of `diagnose` for an unknown camera. A recording set has eight recordings of 96x64 pixels and 6,000
+//! readouts.
 
 use std::path::Path;
 use std::time::Instant;
@@ -81,8 +82,8 @@ fn time_diagnosis(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: Opti
     }
 }
 
-/// Returns the table row of a case. The case runs without a cache, with the cache of the preceding cases, and again with
-/// this cache.
+/// Returns the table row of a case. The diagnosis runs three times: without a cache, with the cache of the preceding
+/// cases, and again after the cache contains the simulations of this case.
 fn row(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: &Path) -> String {
     let uncached = time_diagnosis(sets, camera, None);
     let [second, again] = [(); 2].map(|()| time_diagnosis(sets, camera, Some(cache)));
