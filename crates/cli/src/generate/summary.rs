@@ -31,7 +31,8 @@ impl RunReport<'_> {
         let line = |what: &str, w: &StreamSummary, rate: f64| {
             format!("{what}  {}  {}, mean rate {rate:.4}", w.path.display(), DecimalBytes(w.bytes))
         };
-        // The first line names the transfer function, because it is the most frequent cause of a wrong brightness.
+        // The line of the noisy stream also names the transfer function. A wrong transfer function is the most frequent
+        // cause of a wrong brightness.
         let noisy = line("noisy  ", &o.noisy, self.sidecar.stream.mean_rate);
         out.print_message(format_args!("{noisy}; light: {}", self.light));
         if let (Some(written), Some(facts)) = (&o.clean, &self.sidecar.clean) {

@@ -29,21 +29,21 @@ pub(crate) struct Args {
     /// The files are camera.toml with its maps, calibration.json and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "calibration")]
     output: PathBuf,
-    /// Set the share of the charge of one readout that is lost after a spike
+    /// After a spike, remove this share of the charge of the next readout
     ///
-    /// The reset after a spike reduces the charge of the next readout by this share.
+    /// A pixel loses this charge in the dead time of its reset.
     #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.002)]
     dead_time_fraction: f64,
     /// Set the relative standard error of stated levels [default: 0.01]
     ///
-    /// The error is the standard deviation of the stated light of a level, divided by this light. A value of
-    /// light_uncertainty in the recording set replaces the default.
+    /// The relative standard error of a level is the standard deviation of its stated light, divided by this light. The
+    /// key light_uncertainty in the recording set replaces the default.
     #[arg(long, value_name = "SHARE")]
     light_uncertainty: Option<f64>,
     /// Limit the relative error of pixel gains [default: none]
     ///
-    /// The recording set is rejected if the median standard error of the pixel gains, divided by the mean gain, exceeds
-    /// the limit.
+    /// The relative error is the median standard error of the pixel gains, divided by the mean gain. A recording set
+    /// with a larger relative error is rejected.
     #[arg(long, value_name = "SHARE")]
     max_gain_error: Option<f64>,
     /// Also run SNEE, the estimator of the SCSim paper
@@ -110,8 +110,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     out.print_result(&result, &result_text(&calibration, &files))
 }
 
-/// Returns an error if `path` is a stream instead of a recording set, because the light of a stream is unknown. The remedy
-/// is the command that lists recordings.
+/// Returns an error if `path` is a stream instead of a recording set, because the light of a stream is unknown. The
+/// error recommends `spikelane record --template`, which writes a recording set.
 fn check_not_stream(path: &Path) -> Result<()> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if !path.is_dir() && !["dat", "npy", "h5", "hdf5"].contains(&&*ending) {

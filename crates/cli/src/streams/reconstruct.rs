@@ -51,14 +51,14 @@ pub(crate) struct Args {
     at: Option<usize>,
     /// Set the window in readouts [default: 161]
     ///
-    /// For tfp and span, the readout is the center of the window. For tfi and isi, the value is the number of readouts
-    /// on either side in which spikes are searched, and the default is 300.
+    /// For tfp and span, the window is centered on the readout of the image. For tfi and isi, spikes are searched in
+    /// this number of readouts before and after that readout, and the default is 300.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     window: Option<u32>,
     /// Write one image per this many readouts
     ///
-    /// The output must be a folder, .npy or video. By default, a folder or a video has one image per window, and .npy has
-    /// one image.
+    /// --every requires a folder, an .npy file or a video as the output. Without --every, a folder or a video has one
+    /// image per window, and an .npy file has one image.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
     /// Set the spikes per readout of white [default: auto]
@@ -125,7 +125,7 @@ impl Args {
         }
     }
 
-    /// Returns the readouts of the pictures: a single readout, or the middle of each step.
+    /// Returns the readout of each picture: a single readout, or the middle of every N readouts of the stream.
     fn picture_readouts(&self, readouts: usize, many: bool) -> Vec<usize> {
         if !many || self.at.is_some() {
             return vec![self.at.unwrap_or(readouts / 2)];

@@ -40,7 +40,8 @@ enum References {
 }
 
 impl References {
-    /// Returns a reference image. Its transfer function is the same for all reference images.
+    /// Returns the shared reference image, or the first of several reference images. All of them have the same transfer
+    /// function.
     fn first_reference(&self) -> Option<&ReferenceImage> {
         match self {
             Self::Shared(truth) | Self::PerReadout(_, _, truth) => Some(truth),
