@@ -35,8 +35,7 @@ pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     console::remember_command(&args, cli.record_paths);
     let out = Console::new(cli.json, cli.verbose);
     common::limits::ignore_file_size_signal();
-    // A library call falls back to the fastest backend if the backend that the user selected is unavailable. The
-    // program reports an error instead.
+    // The library ignores an unknown name in `SPIKELANE_BACKEND`. The program reports the name as an error.
     let done = Backend::from_environment().and_then(|_| dispatch(cli.command, &out));
     progress::release_signals();
     match done {

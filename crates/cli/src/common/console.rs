@@ -120,7 +120,7 @@ pub(crate) fn recorded_path(path: &Path) -> String {
 
 /// Replaces an absolute path in `word` with its file name. `word` is a word of a command line.
 ///
-/// The path can be the word itself, the value in `--flag=PATH`, or the value in `-oPATH`.
+/// The path can be the whole word, or the value in `--flag=PATH` or `-oPATH`.
 fn strip_folders(word: &str) -> String {
     let value = match word.split_once('=') {
         Some((flag, value)) if flag.starts_with("--") => value,

@@ -22,7 +22,7 @@ use crate::common::stream::print_set_warnings;
 pub(crate) struct Args {
     /// Read a recording set (.toml) or calibration maps (.npz)
     ///
-    /// The calibration maps are the published arrays D_light and Nd, with one value per pixel.
+    /// The calibration maps are the arrays D_light and Nd that SpikeNeRF and RSIR published, with one value per pixel.
     recordings: PathBuf,
     /// Write camera.toml and reports to this folder
     ///

@@ -41,9 +41,9 @@ pub(crate) struct Args {
     stream: StreamArgs,
     /// Use tfp, span, tfi or isi
     ///
-    /// tfp is the number of spikes in a window, divided by the readouts of the window. span is the number of intervals in a
-    /// window, divided by the readouts from the first to the last spike. tfi is 1 divided by the interval around the
-    /// readout. isi is the length of the interval around the readout.
+    /// tfp is the number of spikes in a window, divided by the number of readouts in the window. span is the number of
+    /// intervals between spikes in a window, divided by the readouts from the first to the last spike. isi is the
+    /// length in readouts of the interval between spikes around the readout. tfi is 1 divided by this length.
     #[arg(long, value_enum, value_name = "METHOD", hide_possible_values = true, default_value_t = Method::Tfp)]
     method: Method,
     /// Reconstruct at this readout [default: the middle]
@@ -63,8 +63,8 @@ pub(crate) struct Args {
     every: Option<u32>,
     /// Set the spikes per readout of white [default: auto]
     ///
-    /// Pixels with at least this rate are white. By default, white is the rate that one pixel in 500 of the first image
-    /// exceeds. For isi, the value is an interval in readouts.
+    /// Pixels with at least this rate are white. For isi, pixels with at least this interval in readouts are white. By
+    /// default, white is the value that one pixel in 500 of the first image exceeds.
     #[arg(long, value_name = "RATE")]
     white: Option<f32>,
     /// Set the frames per second of a video

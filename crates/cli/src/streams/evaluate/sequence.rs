@@ -33,8 +33,8 @@ enum References {
     None,
     /// One reference image for all readouts.
     Shared(ReferenceImage),
-    /// A reference image for each readout. All images have the same transfer function and the same rate of white. The
-    /// third field is the first image.
+    /// A reference image for each readout. The first field is the transfer function and the second field is the rate of
+    /// white, both for all images. The third field is the first image.
     PerReadout(ReferenceCurve, f32, ReferenceImage),
     StaticScene,
 }
