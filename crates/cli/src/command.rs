@@ -27,7 +27,8 @@ pub(super) struct Cli {
     pub(super) json: bool,
     /// Also print the run time of simulation parts
     ///
-    /// The command simulate then prints the time of waiting for light, of the kernels and of writing to the disk.
+    /// With --verbose, the command simulate prints the time spent on waiting for light, on the kernels and on writing
+    /// to the disk.
     #[arg(short, long, global = true)]
     pub(super) verbose: bool,
     /// Record absolute paths in sidecars and reports

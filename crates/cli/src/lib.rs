@@ -1,5 +1,5 @@
-//! The command line of spikelane. Each command has its own file. This crate uses only the public interfaces of the
-//! libraries.
+//! The command-line interface of spikelane. Each command has its own file. This crate uses only the public interfaces
+//! of the libraries.
 
 mod command;
 mod common;
@@ -24,8 +24,8 @@ use streams::{convert, evaluate, inspect, partials, reconstruct, verify};
 
 /// Runs the command line `args` and returns the exit code. The first argument is the program name.
 ///
-/// This function is the whole program, for hosts that embed the command. It prints to the standard output and standard
-/// error of the process and handles Ctrl-C.
+/// This function is the whole program. Host programs that embed the command line call it. It prints to the standard
+/// output and standard error of the process and handles Ctrl-C.
 pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
     let cli = match help::parse(&args) {
@@ -35,7 +35,7 @@ pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     console::remember_command(&args, cli.record_paths);
     let out = Console::new(cli.json, cli.verbose);
     common::limits::ignore_file_size_signal();
-    // The library falls back to the fastest backend. If the user selects a backend, it must be available.
+    // The library ignores an unknown name in `SPIKELANE_BACKEND`. The program reports the name as an error.
     let done = Backend::from_environment().and_then(|_| dispatch(cli.command, &out));
     progress::release_signals();
     match done {

@@ -31,7 +31,7 @@ struct Entry {
     text: String,
 }
 
-/// Two entries are equal under different headings, so that an option of several commands is printed once.
+/// The comparison ignores the heading of an entry, so that an option of several commands is printed once.
 impl PartialEq for Entry {
     fn eq(&self, other: &Self) -> bool {
         (&self.form, &self.text) == (&other.form, &other.text)
@@ -94,7 +94,7 @@ fn parse(text: &str) -> Help {
         // The first sentence lists the values already.
         let text = entry.text.split(" Possible values:").next().unwrap_or_default();
         entry.text = text.trim_end_matches('.').to_owned();
-        // A default is not a sentence of its own if no other paragraph precedes it.
+        // If a default follows the only sentence of an entry, the period before the default is removed.
         if entry.text.matches(". ").count() == 1 {
             entry.text = entry.text.replace(". [", " [");
         }
@@ -165,7 +165,8 @@ impl Shared {
         text
     }
 
-    /// Returns a sentence about the shared options in `entries`: a group if all of it is there, otherwise the flags.
+    /// Returns a sentence about the shared options in `entries`. The sentence names a group of options if `entries`
+    /// contains the whole group. Otherwise it lists the flags.
     fn sentence(&self, entries: &[&Entry]) -> String {
         let mut parts: Vec<String> = Vec::new();
         for heading in self.headings() {

@@ -152,7 +152,7 @@ const OUTPUT_PATHS: &[&str] =
 /// Names with `::` that are not Rust names of this workspace.
 const FOREIGN_NAMES: &[&str] = &["spikelane::static"];
 
-/// Returns the paths in a code span: with an extension, and with a folder unless they are Rust files.
+/// Returns the paths in a code span. A path has an extension. It also has a folder, unless it is a Rust file.
 ///
 /// Paths with a placeholder such as `NAME` are omitted.
 fn paths(span: &str) -> Vec<&str> {
@@ -209,7 +209,7 @@ fn declared_names() -> BTreeSet<String> {
     found
 }
 
-/// Returns the paths, flags and names in the code spans of a page that do not exist.
+/// Returns names in the code spans of `page` that do not exist: paths, flags and names of the sources.
 fn unknown_names(page: &Page, sources: &[String], declared: &BTreeSet<String>) -> Vec<String> {
     let mut wrong = Vec::new();
     for span in page.code_spans() {

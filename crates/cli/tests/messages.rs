@@ -1,4 +1,4 @@
-//! Messages of the libraries name settings by their keys, and the program spells the keys as its flags.
+//! Tests error messages. Libraries name a setting by its key, and the program prints the flag of this setting.
 
 mod docs_support;
 

@@ -112,7 +112,7 @@ fn a_window_of_a_plan_is_the_plan_of_the_window() {
     for camera in cameras() {
         let cut = Plan::new(&camera, SEEDS).unwrap().window(crop).unwrap();
         assert_eq!(cut, Plan::new(&camera.window(crop).unwrap(), SEEDS).unwrap(), "{}", camera.name);
-        // The window of the camera model must keep the law of each pixel in the window.
+        // Each pixel must have the same noise law in the window of the camera as in the whole camera.
         let (full, part) = (camera.model(SEEDS).unwrap(), camera.window(crop).unwrap().model(SEEDS).unwrap());
         let laws: Vec<_> = (0..37 * 9).map(|p| full.law(p)).collect();
         let expected = crop.pick(camera.sensor.geometry, &laws);
@@ -141,7 +141,7 @@ fn a_camera_file_keeps_the_window() {
     assert!(presets::from_toml("[window]\nrow = 300\ncol = 0\nheight = 1\nwidth = 1", None).is_err());
 }
 
-/// Runs the slow equivalent: one call per frame, with the weights of the timeline.
+/// Simulates a stream slowly: one call of `fill` per readout, with the interpolation weights of the timeline.
 fn fill_frame_by_frame(
     camera: &Camera,
     frames: &[FrameRef<'_>],

@@ -30,15 +30,15 @@ pub(crate) struct CameraChanges {
     /// Set the readout rate in Hz [default: from the camera]
     #[arg(hide_short_help = true, long, value_name = "HZ", help_heading = "Camera")]
     pub readout_hz: Option<Rate>,
-    /// Set the electrons per readout of a pixel in full-scale light [default: from the camera]
+    /// Set the electrons per pixel and readout in full-scale light [default: from the camera]
     ///
     /// If the camera file states no exposure, full-scale light adds one nominal threshold per readout.
     #[arg(hide_short_help = true, long, value_name = "ELECTRONS", help_heading = "Camera")]
     pub exposure: Option<f64>,
     /// Set a parameter of an effect, such as prnu.sigma=0.03 (repeatable)
     ///
-    /// The other parameters of the effect keep the values of the camera. With --disable-effect NAME, the other parameters
-    /// have neutral values. 'spikelane effects' lists the names, keys and units.
+    /// A parameter that is not set keeps the value of the camera. If --disable-effect NAME disables the effect, the
+    /// parameter has its neutral value. 'spikelane effects' lists the names, keys and units.
     #[arg(hide_short_help = true, long, value_name = "NAME.KEY=VALUE", help_heading = "Camera")]
     pub effect: Vec<String>,
     /// Disable this effect of the camera, such as leak (repeatable)
@@ -47,7 +47,8 @@ pub(crate) struct CameraChanges {
 }
 
 impl CameraArgs {
-    /// Loads the camera `name`, or the camera of `--camera` if `name` is `None`. Returns it with the changes applied.
+    /// Loads the camera `name`, or the camera of `--camera` if `name` is `None`. Applies the flags that change the
+    /// camera, such as `--width`.
     pub(crate) fn camera_or(&self, name: Option<&str>) -> Result<Camera> {
         self.changes.apply(presets::load(name.unwrap_or(&self.camera))?)
     }

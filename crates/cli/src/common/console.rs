@@ -25,7 +25,7 @@ impl Console {
         self.json
     }
 
-    /// Prints one line of JSON if `--json` is set. Like all output, it names settings as flags.
+    /// Prints one line of JSON if `--json` is set. Names of settings in the line are replaced by flags of the program.
     ///
     /// JSON text can contain the control characters 7f to 9f. Terminals interpret these characters, so they are
     /// escaped.
@@ -84,7 +84,8 @@ pub(crate) fn flag(key: &str) -> String {
     format!("--{}", key.replace('_', "-"))
 }
 
-/// Writes to standard output. A closed pipe is not an error, because `| head` closes it: the command continues.
+/// Writes to standard output. A closed pipe is not an error, because `| head` closes its pipe early. The command then
+/// continues without output.
 fn write_stdout(bytes: &[u8]) -> Result<()> {
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
@@ -93,7 +94,7 @@ fn write_stdout(bytes: &[u8]) -> Result<()> {
     }
 }
 
-/// The command line, and whether absolute paths are recorded. If a host runs several commands, this is the last command.
+/// The most recent command line of this process, and whether absolute paths are recorded.
 static RECORDED_COMMAND: Mutex<(Vec<String>, bool)> = Mutex::new((Vec::new(), false));
 
 /// Stores the command line for [`command_line`]. `absolute` is whether absolute paths are recorded.
@@ -119,7 +120,7 @@ pub(crate) fn recorded_path(path: &Path) -> String {
 
 /// Replaces an absolute path in `word` with its file name. `word` is a word of a command line.
 ///
-/// The path can be the word itself, the value in `--flag=PATH`, or the value in `-oPATH`.
+/// The path can be the whole word, or the value in `--flag=PATH` or `-oPATH`.
 fn strip_folders(word: &str) -> String {
     let value = match word.split_once('=') {
         Some((flag, value)) if flag.starts_with("--") => value,

@@ -2,7 +2,8 @@
 
 /// Prevents the signal `SIGXFSZ` from ending the process.
 ///
-/// If a file exceeds the size limit (`ulimit -f`), the write then returns an error, which contains the name of the file.
+/// With this handler, a write beyond the file size limit (`ulimit -f`) returns an error, which contains the name of the
+/// file.
 pub(crate) fn ignore_file_size_signal() {
     // Any handler is sufficient. This handler sets a flag that is never read. If the registration fails, the signal
     // still ends the process.

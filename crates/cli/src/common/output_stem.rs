@@ -1,4 +1,5 @@
-//! Interprets the flag `-o`. It determines the common part of the file names of a simulation, and the stream layout.
+//! Interprets the flag `-o`. The flag determines the stream layout and the common part of the file names of a
+//! simulation.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -18,11 +19,12 @@ pub(crate) struct OutputStem {
 }
 
 impl OutputStem {
-    /// Interprets `output`. `run` is a stem. `run.dat` and `run.npy` are the name of the stream. `d/` is a folder, and
-    /// the stem in this folder is `name`.
+    /// Interprets `output`, the value of the flag `-o`. For example, `run` is a stem, and `run.dat` and `run.npy` are
+    /// names of a stream. `d/` is a folder, and the stem in this folder is `name`.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the extension contradicts the layout `to`, or if the program cannot write its format.
+    /// [`ErrorKind::Usage`] if the extension contradicts the layout `to`, or if the program cannot write files with
+    /// this extension.
     pub(crate) fn new(output: &Path, to: Option<Layout>, name: &str) -> Result<Self> {
         if is_folder(output) {
             return Ok(Self { path: output.join(name), layout: to.unwrap_or_default() });

@@ -31,7 +31,8 @@ const SIGNALS: &[i32] = &[
 /// The signal handlers of the running command.
 static HANDLERS: Mutex<Vec<SigId>> = Mutex::new(Vec::new());
 
-/// True while no command runs. Signals that had the default action before the first command then have it again.
+/// True while no command runs. Signals that had the default action before the first command have the default action
+/// while this flag is true.
 static IS_IDLE: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
 /// Returns a flag that Ctrl-C, SIGTERM and SIGHUP set. The command checks the flag and removes unfinished files before it
@@ -60,8 +61,8 @@ pub(crate) fn stop_flag() -> Result<StopSignal> {
 
 /// Sets [`IS_IDLE`] to false. The first call registers a handler for each signal whose action is the default.
 ///
-/// While [`IS_IDLE`] is true, this handler performs the default action. It is needed because no safe interface removes
-/// an installed handler.
+/// While [`IS_IDLE`] is true, the registered handler performs the default action of the signal. No safe interface can
+/// remove an installed handler, so the handler itself must do this.
 fn preserve_default_handlers() -> std::io::Result<()> {
     if let Some(idle) = IS_IDLE.get() {
         idle.store(false, Ordering::Relaxed);
@@ -77,8 +78,8 @@ fn preserve_default_handlers() -> std::io::Result<()> {
 
 /// Whether the process ignores (`SigIgn:`) or handles (`SigCgt:`) `signal`.
 ///
-/// Only Linux provides this information. On other systems no signal counts as ignored, not even SIGHUP under `nohup`.
-/// Every signal counts as handled there, so no handler of a host program is replaced.
+/// The function reads `/proc/self/status`, which only Linux provides. On other systems no signal counts as ignored, not
+/// even SIGHUP under `nohup`. Every signal counts as handled there, so no handler of a host program is replaced.
 fn is_in_mask(mask: &str, signal: i32) -> bool {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return mask == "SigCgt:" };
     let mask = status.lines().find_map(|line| line.strip_prefix(mask)).unwrap_or_default();
@@ -87,7 +88,7 @@ fn is_in_mask(mask: &str, signal: i32) -> bool {
 }
 
 /// Removes the signal handlers at the end of a command. Handlers of a host program remain. Signals that had the default
-/// action have it again.
+/// action before the command have it again.
 pub(crate) fn release_signals() {
     let mut handlers = HANDLERS.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(idle) = IS_IDLE.get() {
@@ -98,8 +99,8 @@ pub(crate) fn release_signals() {
     }
 }
 
-/// Runs a command. After Ctrl-C the command stops at its next check. The error then contains the remedy `kept`, which
-/// describes the remaining files.
+/// Runs a command. After Ctrl-C the command stops when it next checks the stop flag. The returned error then contains
+/// `remedy`, which describes the remaining files.
 pub(crate) fn run_interruptible(
     remedy: impl std::fmt::Display,
     command: impl FnOnce() -> Result<()>,
@@ -114,7 +115,7 @@ pub(crate) fn run_interruptible(
     )
 }
 
-/// Progress of a counted unit: a bar on a terminal, and JSON events with `--json`.
+/// Progress as a number of readouts or of another unit: a bar on a terminal, and JSON events with `--json`.
 pub(crate) struct CountProgress {
     out: Console,
     bar: Option<ProgressBar>,

@@ -54,7 +54,8 @@ impl LightArgs {
         }
     }
 
-    /// Returns the frame rate and the timeline of built-in light, which can be drawn at any rate.
+    /// Returns the frame rate and the timeline of built-in light. The flags determine the frame rate, and
+    /// `frames_per_s` is the default.
     pub(super) fn builtin_timeline(&self, readout: Rate, frames_per_s: u64) -> Result<(Rate, Timeline)> {
         if let Some(n) = self.readouts_per_frame {
             let (num, den) = readout.as_fraction();

@@ -116,8 +116,8 @@ fn print_config(options: &DatasetOptions, out: &Console) -> Result<()> {
     out.print_bytes(written.text.as_bytes())
 }
 
-/// Prints the estimated size of the dataset. If `result` is true, it is the result of a dry run. Otherwise it is a message
-/// before the work starts.
+/// Prints the estimated size of the dataset. If `result` is true, the estimate is printed as the result of a dry run.
+/// Otherwise it is printed as a message before the work starts.
 fn print_estimate(estimate: &DatasetEstimate, result: bool, out: &Console) -> Result<()> {
     let unknown = match estimate.inputs_of_unknown_length {
         0 => String::new(),

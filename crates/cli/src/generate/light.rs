@@ -101,7 +101,8 @@ pub(crate) struct LightArgs {
     pub resize_mode: ResizeMode,
     /// Set the array value that is full-scale light [default: 255, 65535, true or 1.0, by type]
     ///
-    /// The defaults are for uint8, uint16, bool and float arrays. Arrays of other types require this option.
+    /// The default is 255 for uint8, 65535 for uint16, true for bool and 1.0 for float arrays. Arrays of other types
+    /// require --full-scale.
     #[arg(hide_short_help = true, long, value_name = "VALUE", help_heading = "Light")]
     pub full_scale: Option<f64>,
     /// Move the camera over an image, such as pan=120,0:zoom=1.2:rotate=30 [default: no motion]
@@ -173,7 +174,7 @@ impl LightArgs {
             options.stop = Some(stop_flag()?);
         }
         let source = open(&path, &options).map_err(|e| match e.kind() {
-            // Some errors about a missing tool do not contain the name of the file that requires the tool.
+            // Some errors about a missing tool do not contain the name of the input file that requires the tool.
             ErrorKind::Tool if !e.to_string().contains(&*path.to_string_lossy()) => {
                 e.with_context(path.display())
             }

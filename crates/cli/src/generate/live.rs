@@ -34,8 +34,8 @@ const READ_AHEAD_SECONDS: f64 = 0.05;
 /// Time between two checks whether a consumer has connected.
 const CONSUMER_CHECK_INTERVAL: Duration = Duration::from_millis(20);
 
-/// Help of flags whose default differs from the default in `simulate`: drawing a drive in real time is impossible, and a
-/// stream can have no end.
+/// Help of flags whose default differs from the default in `simulate`. The defaults differ because a drive cannot be
+/// drawn in real time, and because a live stream can be endless.
 const INPUT_HELP: &str = "Read light from this file or folder";
 const INPUT_LONG_HELP: &str = "\
 Read light from this file or folder
@@ -86,7 +86,7 @@ pub(crate) struct Args {
     pub block: bool,
     /// Deliver N readouts at a time
     ///
-    /// The readouts of a delivery are sent together when the last of these readouts is due.
+    /// N readouts are sent together when the last of the N readouts is due.
     #[arg(hide_short_help = true, long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
     pub burst: u16,
     /// Set the duration of the buffered readouts in milliseconds
@@ -213,7 +213,7 @@ fn codec(layout: Layout, camera: &Camera) -> Result<Codec> {
     Codec::new(layout, camera.sensor.geometry)
 }
 
-/// Returns the light. If it can be endless and the user sets no number of readouts, it has no end.
+/// Returns the light of the flags. Light that can be endless is made endless if the user sets no number of readouts.
 fn without_end(light: &LightArgs) -> Result<LightArgs> {
     if light.input.is_none() && light.builtin_light.is_none() {
         return Err(Error::new(ErrorKind::Usage, "light")
@@ -301,7 +301,8 @@ fn open_fifo(path: &Path, _: &StopFlag) -> Result<Option<File>> {
         .remedy("set --sink to tcp:ADDRESS for a reader on this machine"))
 }
 
-/// Opens a FIFO as soon as a process reads it. Returns `None` if the user stopped the command before.
+/// Opens a FIFO as soon as a process reads it. Returns `None` if the user stopped the command before a process read the
+/// FIFO.
 #[cfg(unix)]
 fn open_fifo(path: &Path, stop: &StopFlag) -> Result<Option<File>> {
     use rustix::fs::OFlags;
@@ -316,8 +317,8 @@ fn open_fifo(path: &Path, stop: &StopFlag) -> Result<Option<File>> {
     }
     let nonblocking = OFlags::NONBLOCK.bits() as i32;
     let try_open = || File::options().write(true).custom_flags(nonblocking).open(path);
-    // The FIFO is opened in nonblocking mode, then set to blocking mode, because later writes must block as in other
-    // pipes. Opening it a second time in blocking mode could wait forever if the reader has gone.
+    // The FIFO is opened in nonblocking mode and then set to blocking mode, because later writes must block as in other
+    // pipes. Opening the FIFO again in blocking mode could wait forever if the reading process has ended.
     let blocking = |file: File| -> std::io::Result<File> {
         rustix::fs::fcntl_setfl(&file, rustix::fs::fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
         Ok(file)
@@ -334,7 +335,7 @@ fn open_fifo(path: &Path, stop: &StopFlag) -> Result<Option<File>> {
     Ok(None)
 }
 
-/// Waits for the first connection to a socket. Returns `None` if the user stopped the command before.
+/// Waits for the first connection to a socket. Returns `None` if the user stopped the command before a connection.
 fn accept_consumer(address: &str, stop: &StopFlag, out: &Console) -> Result<Option<std::net::TcpStream>> {
     let io = |e| Error::io(format_args!("tcp:{address}"), e);
     let listener = TcpListener::bind(address).map_err(io)?;

@@ -32,7 +32,7 @@ fn value_range(p: &Param) -> String {
     format!("{}, neutral {}, typical {}", p.range(), p.format(p.neutral), p.format(p.typical))
 }
 
-/// Returns a number as JSON in the stored unit. An infinite number is returned as the word that camera files use.
+/// Returns a number as JSON in the stored unit. An infinite number becomes a string, with the spelling of camera files.
 fn number_json(p: &Param, value: f64) -> serde_json::Value {
     if value.is_finite() { json!(value) } else { json!(p.format(value)) }
 }

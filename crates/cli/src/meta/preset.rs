@@ -40,8 +40,8 @@ struct ShowArgs {
     output: Option<PathBuf>,
     /// Also store a fixed pattern as maps
     ///
-    /// With --maps, the camera file describes an individual camera instead of a kind of camera. --camera-seed selects the
-    /// pattern.
+    /// With --maps, the camera file describes an individual camera instead of a kind of camera. --camera-seed selects
+    /// the fixed pattern of the individual camera.
     #[arg(long, requires = "output")]
     maps: bool,
     /// Set the seed of the fixed pattern

@@ -22,16 +22,16 @@ use crate::common::stream::print_set_warnings;
 pub(crate) struct Args {
     /// Read a recording set (.toml) or calibration maps (.npz)
     ///
-    /// The calibration maps are the published arrays D_light and Nd, with one value per pixel.
+    /// The calibration maps are the arrays D_light and Nd that SpikeNeRF and RSIR published, with one value per pixel.
     recordings: PathBuf,
     /// Write camera.toml and reports to this folder
     ///
     /// The files are camera.toml with its maps, calibration.json and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "calibration")]
     output: PathBuf,
-    /// Set the share of the charge of one readout that is lost after a spike
+    /// After a spike, remove this share of the charge of the next readout
     ///
-    /// The reset after a spike reduces the charge of the next readout by this share.
+    /// A pixel loses this charge in the dead time of its reset.
     #[arg(hide_short_help = true, long, value_name = "SHARE", default_value_t = 0.002)]
     dead_time_fraction: f64,
     /// Set the relative error of levels [default: from the set, else 0.01]
@@ -41,8 +41,8 @@ pub(crate) struct Args {
     light_uncertainty: Option<f64>,
     /// Limit the relative error of pixel gains [default: none]
     ///
-    /// The recording set is rejected if the median standard error of the pixel gains, divided by the mean gain, exceeds
-    /// the limit.
+    /// The relative error is the median standard error of the pixel gains, divided by the mean gain. A recording set
+    /// with a larger relative error is rejected.
     #[arg(long, value_name = "SHARE")]
     max_gain_error: Option<f64>,
     /// Also run SNEE, the estimator of the SCSim paper
@@ -109,8 +109,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     out.print_result(&result, &result_text(&calibration, &files))
 }
 
-/// Returns an error if `path` is a stream instead of a recording set, because the light of a stream is unknown. The remedy
-/// is the command that lists recordings.
+/// Returns an error if `path` is a stream instead of a recording set, because the light of a stream is unknown. The
+/// error recommends `spikelane record --template`, which writes a recording set.
 fn check_not_stream(path: &Path) -> Result<()> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if !path.is_dir() && !["dat", "npy", "h5", "hdf5"].contains(&&*ending) {

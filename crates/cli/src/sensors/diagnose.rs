@@ -32,8 +32,8 @@ pub(crate) struct Args {
     camera: Option<String>,
     /// Test the effects on this second recording set
     ///
-    /// Both recording sets must show the same scenes. By default, every recording is split into two halves: the effects
-    /// are fitted to the first half and tested on the second half.
+    /// The second recording set must show the same scenes as the first. Without --holdout, the effects are fitted to
+    /// the first half of every recording and tested on the second half.
     #[arg(long, value_name = "FILE")]
     holdout: Option<PathBuf>,
     /// Set the seed of the simulations

@@ -127,7 +127,7 @@ fn statistic_rows(s: &Summary, reported: &[ReportedStatistic]) -> Vec<[String; 4
     rows
 }
 
-/// Returns the table cells of one statistic. The cell of an unknown error is empty.
+/// Returns the table cells of one statistic. If an error of the statistic is unknown, its cell is empty.
 fn statistic_row(statistic: &ReportedStatistic) -> [String; 4] {
     let value = match (statistic.value, statistic.upper_limit) {
         (Some(value), _) => format!("{value:.6}"),

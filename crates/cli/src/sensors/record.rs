@@ -44,8 +44,8 @@ pub(crate) struct Args {
     output: PathBuf,
     /// Choose recommended or gray
     ///
-    /// The protocol recommended has a dark recording, flat fields, steps and a checkerboard. The protocol gray has the
-    /// 25 gray levels of the SCSim paper.
+    /// The protocol 'recommended' has a dark recording, flat fields, steps and a checkerboard. The protocol 'gray' has
+    /// the 25 gray levels of the SCSim paper.
     #[arg(long, value_enum, value_name = "NAME", hide_possible_values = true, default_value_t = ProtocolKind::Recommended)]
     protocol: ProtocolKind,
     /// Set the readouts per recording
@@ -55,7 +55,7 @@ pub(crate) struct Args {
     seeds: SeedArgs,
     /// Only list your own recordings in DIR/recordings.toml
     ///
-    /// In this file, replace the placeholder of each recording with the light of the recording.
+    /// In recordings.toml, replace the placeholder of each recording with the light of the recording.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["dry_run", "output", "protocol"])]
     template: Option<PathBuf>,
     /// Only print the precision by number of readouts
@@ -127,7 +127,8 @@ fn write_template(folder: &Path, args: &Args, out: &Console) -> Result<()> {
     out.print_result(&json!({"event": "done", "file": file}), &text)
 }
 
-/// Returns the predicted precision for lengths between 1,000 and 100,000 readouts, and for the requested length.
+/// Returns the predicted precision of a calibration for 1,000 to 100,000 readouts per level, and for the requested
+/// number of readouts.
 fn precision_table(protocol: &Protocol, camera: &Camera) -> (Vec<Value>, String) {
     let mut lengths = vec![1_000, 3_000, 10_000, 30_000, 100_000, protocol.readouts];
     lengths.sort_unstable();

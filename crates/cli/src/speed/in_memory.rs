@@ -1,4 +1,5 @@
-//! Benchmarks kernels and the simulator with output in memory, for every backend and noise set.
+//! Benchmarks kernels and the simulator for every backend and noise set. The spikes are written to memory, not to a
+//! file.
 
 use spikelane::SimulatorOptions;
 use std::time::Duration;

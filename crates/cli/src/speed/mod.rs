@@ -32,7 +32,7 @@ pub(crate) struct SpeedArgs {
     pub seconds: f64,
     /// Run for a few seconds, with less precise results
     ///
-    /// With --quick, the test file has a tenth of the size, and no commands are run.
+    /// With --quick, the test file is ten times smaller, and no commands are run.
     #[arg(long)]
     pub quick: bool,
     /// Create temporary files in this folder
@@ -81,7 +81,8 @@ pub(crate) fn run(args: &SpeedArgs, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Prints the errors of the light of driving scenes, compared with true renders. Writes them into the page.
+/// Prints the light errors of driving scenes, compared with true renders. Also writes the table of errors to the page
+/// of `--markdown`.
 fn run_scene_error(args: &SpeedArgs, json: bool) -> Result<()> {
     let rows = scene_error::scene_error_table(std::thread::available_parallelism().map_or(1, usize::from))?;
     let text = scene_error::markdown(&rows);
@@ -101,7 +102,7 @@ fn run_scene_error(args: &SpeedArgs, json: bool) -> Result<()> {
 
 fn run_benchmarks(args: &SpeedArgs) -> Result<SpeedReport> {
     let seconds = if args.quick { args.seconds.min(6.0) } else { args.seconds };
-    // About ninety cases share the time. Dividing by 110 leaves time for the setup of the cases.
+    // About ninety cases share the time.
     let budget = Duration::from_secs_f64(seconds / 90.0);
     let mut report = SpeedReport { machine: Machine::current(), ..SpeedReport::default() };
     report.rows.push(in_memory::benchmark_scalar(budget));
@@ -139,8 +140,8 @@ fn benchmark_kernels(budget: Duration, report: &mut SpeedReport) -> Result<()> {
                 eprintln!("skipped backend {backend}: this CPU lacks its instructions");
                 continue;
             }
-            // The set with few electrons draws whole quanta and is measured only in static light. Changing light is measured
-            // with the other sets.
+            // The camera with few electrons draws whole quanta. It is measured only in static light, and changing light
+            // is measured with the other noise sets.
             let few = noise == NoiseSet::FewElectrons;
             for lit in LightMode::ALL.into_iter().filter(|lit| *lit == LightMode::Static || !few) {
                 report.rows.push(in_memory::benchmark_kernel(backend, noise, &light, lit, budget)?);

@@ -13,7 +13,7 @@ use super::cameras::{NoiseSet, test_frames};
 /// Number of frames in the simulated video, and number of readouts per frame.
 const VIDEO_FRAMES_AND_READOUTS: (u64, u64) = (40, 250);
 
-/// Number of readouts of the stream that is read. The stream is simulated from the video.
+/// Number of readouts of the simulated stream. The benchmarked commands read this stream.
 const STREAM_READOUTS: u64 = VIDEO_FRAMES_AND_READOUTS.0 * VIDEO_FRAMES_AND_READOUTS.1;
 
 /// Number of runs of each process, and a time limit in seconds. After the time limit, no further run is started. The
@@ -118,8 +118,8 @@ impl Drop for ScratchFolder {
     }
 }
 
-/// Runs every process in a folder below `directory`. If `beside` is another build of this program, the two builds
-/// alternate.
+/// Runs every process in a folder below `directory`. If `baseline` is another build of this program, runs of the two
+/// builds alternate.
 pub(crate) fn benchmark_processes(directory: &Path, baseline: Option<&Path>) -> Result<Vec<ProcessResult>> {
     let folder =
         ScratchFolder::new(directory.join(format!(".spikelane-bench-{}-process", std::process::id())))?;

@@ -21,7 +21,7 @@ pub(crate) const SCENE_ERROR_MARKERS: (&str, &str) =
 /// The work of rows that measure a kernel alone.
 pub(crate) const KERNEL_WORK: &str = "kernel";
 
-/// Number of pixel-readouts per second that a camera of this size and rate produces, divided by 10^9.
+/// Size and readout rate of each camera, and the 10^9 pixel-readouts per second that the camera produces.
 const CAMERA_PIXEL_RATES: [(&str, f64); 3] =
     [("400x250 at 20 kHz", 2.0), ("400x250 at 40 kHz", 4.0), ("1000x1000 at 20 kHz", 20.0)];
 

@@ -1,8 +1,8 @@
 //! Compares the light of a drive with true renders of the same instants.
 //!
-//! A true render has sixteen samples per pixel, the same number as a drive. At the edges of objects, errors are caused by
-//! wrong positions. Inside objects, errors are caused by wrong light. The tables therefore list edges separately. This
-//! module measures no times.
+//! A true render has sixteen samples per pixel, like the frames of a drive. The tables list edges of objects
+//! separately. At edges, errors come from wrong positions. Inside objects, errors come from wrong light. This module
+//! measures no times.
 
 use std::fmt::Write as _;
 
@@ -23,7 +23,8 @@ const FIRST_COMPARED_READOUT: u64 = 6;
 const COMPARED_READOUT_STEP: u64 = 13;
 /// Light above this multiple of white is clipped, because a pixel then fires at every readout.
 const MAX_LIGHT: f32 = 2.0;
-/// If the depths of two adjacent pixels differ by more than this share, the pixels belong to different surfaces.
+/// Two adjacent pixels belong to different surfaces if their depths differ by more than this share of the smaller
+/// depth.
 const DEPTH_STEP_SHARE: f32 = 0.1;
 
 /// How often the light is drawn.

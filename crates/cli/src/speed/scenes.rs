@@ -35,7 +35,7 @@ impl RenderTime {
 /// The lightings for which stages are measured.
 pub(crate) const STAGE_LIGHTINGS: [Lighting; 3] = [Lighting::Noon, Lighting::Overcast, Lighting::Night];
 
-/// The time of one stage of a keyframe, or of a step after rendering.
+/// The time of one stage of rendering a keyframe, or of a step after rendering.
 pub(crate) struct RenderStage {
     pub name: &'static str,
     /// Time in milliseconds for each of [`STAGE_LIGHTINGS`].
@@ -50,7 +50,7 @@ impl RenderStage {
     }
 }
 
-/// Benchmarks each stage at the instant 1 s of the drive with seed 1. Uses one thread and 2x2 samples.
+/// Benchmarks each stage of rendering at 1 s in the drive with seed 1. Uses one thread and 2x2 samples.
 pub(crate) fn benchmark_stages(budget: Duration) -> Result<Vec<RenderStage>> {
     let mut all: Vec<RenderStage> = Vec::new();
     for (i, lighting) in STAGE_LIGHTINGS.into_iter().enumerate() {
@@ -90,7 +90,7 @@ fn post_render_times(scene: &Scene, budget: Duration) -> Result<[(&'static str, 
     ])
 }
 
-/// Measures 400x250 frames of one scene by day and by night, at 1 s of its drive.
+/// Benchmarks 400x250 frames of one scene by day and by night. The frames show the scene at 1 s.
 pub(crate) fn benchmark_scenes(threads: usize, budget: Duration) -> Result<Vec<RenderTime>> {
     let blender = "Blender Cycles, 64 samples per pixel as in SPCS".to_owned();
     let mut rows = vec![RenderTime { name: blender, threads: 0, ms: BLENDER_FRAME_MS }];

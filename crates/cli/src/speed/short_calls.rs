@@ -67,8 +67,8 @@ fn call_speed(
     Ok(speed)
 }
 
-/// Benchmarks recordings of one crop of `physical`, with one plan, output as bytes and new noise for each recording. Also
-/// measures the time to create the plan.
+/// Benchmarks repeated recordings of one crop with the preset `physical`. All recordings use one plan, have new noise
+/// and are stored as bytes. Also measures the time to create the plan.
 pub(crate) fn benchmark_crops(budget: Duration) -> Result<Vec<BenchmarkFigure>> {
     let (side, readouts) = CROP_SIDE_AND_READOUTS;
     let mut camera = presets::builtin("physical")?;

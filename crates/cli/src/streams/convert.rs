@@ -36,8 +36,8 @@ pub(crate) struct Args {
     stream: StreamArgs,
     /// Set the output layout [default: by extension]
     ///
-    /// LAYOUT is the name of a layout or events. With events, the output is an .npy array with a row (x, y, readout) for
-    /// each spike. The default is npy-bytes for .npy, else dat.
+    /// LAYOUT is events or the name of a layout. With events, the output is an .npy array with a row (x, y, readout)
+    /// for each spike. The default is npy-bytes for .npy, else dat.
     #[arg(long, value_name = "LAYOUT", hide_possible_values = true,
           value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name).into_iter().chain([EVENTS_LAYOUT])))]
     to: Option<String>,
@@ -57,7 +57,8 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    /// Returns the form of the output. Returns an error if the extension of the output does not match the form.
+    /// Returns whether the output is a stream or a list of events. Returns an error if the extension of the output does
+    /// not match.
     fn output_form(&self) -> Result<OutputForm> {
         let named =
             self.to.as_deref().filter(|name| *name != EVENTS_LAYOUT).map(Layout::parse).transpose()?;

@@ -39,7 +39,7 @@ fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {
         (None, false) => 32,
         // Memory for the pictures, the reference image, and the compared maps.
         (Some(_), false) => 112,
-        // Memory for all of these and the pictures of the readouts before and after.
+        // Memory for the pictures, the reference, the compared maps, and the pictures of the readouts before and after.
         (_, true) => 160,
     };
     inputs::check_memory(format_args!("images of {geometry} pixels"), bytes_per_pixel * geometry.pixels())?;

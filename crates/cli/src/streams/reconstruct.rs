@@ -44,9 +44,9 @@ pub(crate) struct Args {
     stream: StreamArgs,
     /// Use tfp, span, tfi or isi
     ///
-    /// tfp is the number of spikes in a window, divided by the readouts of the window. span is the number of intervals in a
-    /// window, divided by the readouts from the first to the last spike. tfi is 1 divided by the interval around the
-    /// readout. isi is the length of the interval around the readout.
+    /// tfp is the number of spikes in a window, divided by the number of readouts in the window. span is the number of
+    /// intervals between spikes in a window, divided by the readouts from the first to the last spike. isi is the
+    /// length in readouts of the interval between spikes around the readout. tfi is 1 divided by this length.
     #[arg(long, value_enum, value_name = "METHOD", hide_possible_values = true, default_value_t = Method::Tfp)]
     method: Method,
     /// Reconstruct at this readout [default: the middle]
@@ -54,20 +54,20 @@ pub(crate) struct Args {
     at: Option<usize>,
     /// Set the window in readouts [default: 161]
     ///
-    /// For tfp and span, the readout is the center of the window. For tfi and isi, the value is the number of readouts
-    /// on either side in which spikes are searched, and the default is 300.
+    /// For tfp and span, the window is centered on the readout of the image. For tfi and isi, spikes are searched in
+    /// this number of readouts before and after that readout, and the default is 300.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     window: Option<u32>,
     /// Write one image per this many readouts
     ///
-    /// The output must be a folder, .npy or video. By default, a folder or a video has one image per window, and .npy has
-    /// one image.
+    /// --every requires a folder, an .npy file or a video as the output. Without --every, a folder or a video has one
+    /// image per window, and an .npy file has one image.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
     /// Set the spikes per readout of white [default: auto]
     ///
-    /// Pixels with at least this rate are white. By default, white is the rate that one pixel in 500 of the first image
-    /// exceeds. For isi, the value is an interval in readouts.
+    /// Pixels with at least this rate are white. For isi, pixels with at least this interval in readouts are white. By
+    /// default, white is the value that one pixel in 500 of the first image exceeds.
     #[arg(long, value_name = "RATE")]
     white: Option<f32>,
     /// Set the frames per second of a video
@@ -152,7 +152,7 @@ impl Args {
         ));
     }
 
-    /// Returns the readouts of the pictures: a single readout, or the middle of each step.
+    /// Returns the readout of each picture: a single readout, or the middle of every N readouts of the stream.
     fn picture_readouts(&self, readouts: usize, many: bool) -> Vec<usize> {
         if !many || self.at.is_some() {
             return vec![self.at.unwrap_or(readouts / 2)];

@@ -59,7 +59,8 @@ impl Runner<'_> {
         }
     }
 
-    /// Runs the `cargo run` lines of a block with the program that is already built. Skips builds and installations.
+    /// Runs the `cargo run` lines of a block with the program that is already built. The other lines build or
+    /// install, and are skipped.
     fn first_run(&self, block: &Block) {
         for line in block.text.lines().filter(|line| line.starts_with("cargo run --release")) {
             let rest = line.split('#').next().unwrap().trim_start_matches("cargo run --release").trim();

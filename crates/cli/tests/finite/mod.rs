@@ -75,7 +75,8 @@ fn exr(path: &Path) -> Vec<String> {
     if bad == 0 { Vec::new() } else { vec![format!("{bad} values are not finite")] }
 }
 
-/// Returns the non-finite numbers in all files below a folder. Files of other types contain only integers.
+/// Returns the non-finite numbers in all files below a folder. Files with other extensions than those in the `match`
+/// contain only integers.
 pub(crate) fn folder(root: &Path) -> Vec<String> {
     let mut wrong = Vec::new();
     for path in files(root) {

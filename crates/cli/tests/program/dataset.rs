@@ -95,7 +95,8 @@ fn a_dataset_that_finds_no_room_says_where_and_can_be_gone_on_with() {
     assert!(place.run_ok(&format!("{line} --resume")).stdout.contains("0 generated, 1 verified"));
 }
 
-/// The light has two uniform frames, 8 readouts apart. Readout 6 is therefore interpolated at three quarters.
+/// The light has two uniform frames, 8 readouts apart. The light of readout 6 is therefore a quarter of the first frame
+/// plus three quarters of the second.
 #[test]
 fn simulate_keeps_clear_light_that_verify_checks() {
     let place = TestFolder::new();

@@ -8,8 +8,9 @@ use spikelane::{Geometry, SpikeFramesRef};
 const SIZE: &str = "--width 96 --height 64";
 const PIXELS: usize = 96 * 64;
 
-/// Writes `gt.png`, a smooth image, and `s.dat`, the spikes of integrators with the rate `0.6 code / 255`. The layout of
-/// `s.dat` stores the top row first. Returns the codes and the bits.
+/// Writes `gt.png`, a smooth image, and `s.dat`, the spikes of integrators. A pixel with the value `code` in the image
+/// fires with the rate `0.6 * code / 255`. The layout of `s.dat` stores the top row first. Returns the codes and the
+/// bits.
 fn write_field(place: &TestFolder, readouts: usize) -> (Vec<u8>, Vec<u8>) {
     let wave = |p: usize| ((p % 96) as f64 / 17.0).sin() * ((p / 96) as f64 / 13.0).cos();
     let codes: Vec<u8> = (0..PIXELS).map(|p| (110.0 + 100.0 * wave(p)) as u8).collect();
@@ -43,10 +44,11 @@ fn psnr(event: &Value, name: &str) -> f64 {
     picture_named(event, name)["scores"]["psnr_db"].as_f64().unwrap_or_else(|| panic!("{name}: {event}"))
 }
 
-/// The test uses the protocol of a published dataset. Counts of 41 readouts are divided by the rate of white and
-/// clipped. The PSNR compares them with code / 255.
+/// The test uses the protocol of a published dataset. Spike counts of 41 readouts are divided by the count of white and
+/// clipped to 1. PSNR compares the quotients with code / 255.
 ///
-/// The test computes this PSNR in f64 from single bits. The result with f32 rates differs by at most 1e-4 dB.
+/// The test computes the expected PSNR in f64 from single bits. The program uses f32 rates, and its PSNR differs by at
+/// most 1e-4 dB.
 #[test]
 fn ground_truth_with_light_in_its_codes_is_compared_as_light() {
     let place = TestFolder::new();
@@ -62,7 +64,7 @@ fn ground_truth_with_light_in_its_codes_is_compared_as_light() {
     assert!((psnr(&event, "tfp 41") - wanted).abs() < 1e-3, "{event} for {wanted}");
     assert!(wanted > 30.0 && psnr(&event, "span 41") > wanted + 6.0, "{event}");
     assert_eq!(event["reference"]["transfer"], "linear");
-    // If the codes are interpreted as sRGB or with a gamma of 2.2, they represent other light.
+    // If the codes of the reference are interpreted as sRGB or with a gamma of 2.2, they represent other light.
     let other = evaluate(&place, flags);
     assert!(psnr(&other, "tfp 41") < 20.0 && other["reference"]["transfer"] == "srgb", "{other}");
     let root = evaluate(&place, &format!("{flags} --reference-transfer 2.2"));
@@ -97,8 +99,8 @@ fn the_sidecar_says_how_the_image_of_a_run_was_read() {
     assert_eq!(event["reference"]["transfer"], "srgb");
 }
 
-/// The test uses integrators without noise. A count is sharp and a blurred count is not. This must hold for comparisons
-/// with other readouts and for comparisons with the light.
+/// The detail score of a TFP picture must be about 1, and the detail score of the blurred picture must be below 0.5.
+/// This must hold with `--static-scene` and with a reference image.
 #[test]
 fn blur_lowers_the_detail_score() {
     let place = TestFolder::new();
@@ -119,7 +121,7 @@ fn blur_lowers_the_detail_score() {
         let [sharp, soft] = ["tfp 41", "tfp 41 blurred"].map(|name| score(name, "detail_slope"));
         assert!((sharp - 1.0).abs() < 0.05 && soft < 0.5, "{reference_flags}: {sharp} {soft}");
         let [count, span] = ["tfp 41", "span 41"].map(|name| score(name, "high_pass_noise"));
-        // In a comparison with the light, the pixel differences of 2 % also count as noise.
+        // The rates of the pixels differ by 2 %. In a comparison with the light, these differences also count as noise.
         assert!(span < 0.8 * count, "{reference_flags}: {count} {span}");
         assert!(score("span 41", "aligned_psnr_db") > score("tfp 41 blurred", "aligned_psnr_db"), "{event}");
     }

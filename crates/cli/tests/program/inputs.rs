@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use crate::program_support::{CommandResult, TestFolder, npy_f32, y4m};
 
-/// Maximum run time. All of these commands normally take less time. A command that exceeds it would wait forever.
+/// Time limit of a command, which normally takes less time. A command beyond the limit counts as waiting forever.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Runs a command that must end without further input. If it does not, the function kills it.
+/// Runs a command that must end without further input. After `TIMEOUT`, the function kills the command and panics.
 fn run(place: &TestFolder, line: &str) -> CommandResult {
     let mut child =
         place.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program");

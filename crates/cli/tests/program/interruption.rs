@@ -302,7 +302,8 @@ impl<'a> CaseRun<'a> {
         if signal == "TERM" {
             assert!(hidden.is_empty(), "{context}: {hidden:?}");
             let code = status.code();
-            // If the process has not yet installed its handlers, the signal ends it. It has then written nothing.
+            // If the process has not yet installed its handlers, the signal ends the process before it has written
+            // anything.
             assert!(matches!(code, Some(0 | 130 | 75) | None), "{context}: {code:?}");
         }
         if finish {

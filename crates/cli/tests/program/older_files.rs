@@ -1,4 +1,5 @@
-//! Tests files with the keys of earlier development builds. Each is refused, and the message names the key and the remedy.
+//! Tests files with the keys of earlier development builds. Each file is refused, and the message names the key and the
+//! remedy.
 
 use crate::program_support::TestFolder;
 

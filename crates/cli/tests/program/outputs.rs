@@ -181,8 +181,8 @@ fn a_file_beyond_the_size_limit_is_an_error_and_leaves_nothing() {
     let place = TestFolder::new();
     place.run_ok("simulate --builtin-light chart --width 64 --height 64 --readouts 400 -o c");
     let before = place.file_names();
-    // The limit is 20 blocks of 1024 bytes. The streams have 200 kB. This space is reserved in advance. If the length is
-    // not known, the stream is written step by step.
+    // The file size limit is 20 blocks of 1024 bytes. Each stream has 200 kB. If the length of a stream is known, the
+    // space is reserved in advance. Otherwise the stream is written step by step.
     for line in [
         "simulate --builtin-light chart --width 64 --height 64 --readouts 400 -o a --clean",
         "convert c.dat new/b.npy",

@@ -82,7 +82,8 @@ fn threads_and_backends_give_the_same_bits() {
     }
 }
 
-/// While the chart moves, 60 +- 7 of 300 readouts are expected to be lost. The clean stream loses no readouts.
+/// While the chart moves, the lossy stream is expected to lose 60 +- 7 of 300 readouts. The clean stream loses no
+/// readouts.
 #[test]
 fn a_camera_that_drops_readouts_still_fills_the_file() {
     let place = TestFolder::new();
@@ -95,7 +96,8 @@ fn a_camera_that_drops_readouts_still_fills_the_file() {
     let bytes = full.len() / 300;
     let mut rest = full.chunks(bytes);
     let matched = lossy.chunks(bytes).take_while(|&frame| rest.any(|other| other == frame)).count();
-    // The readouts that replace the lost readouts are at the end. They record light after the end of the whole stream.
+    // The lossy stream has as many readouts as the full stream. Its last readouts replace the lost readouts. They
+    // record light after the end of the full stream, so they match no readout of the full stream.
     assert!((200..280).contains(&matched), "{matched} frames of the whole stream, in their order");
 }
 

@@ -34,14 +34,14 @@ fn a_stream_that_is_replaced_leaves_no_sidecar_that_speaks_of_it() {
         place.run_ok(&format!("simulate --builtin-light chart --readouts {readouts} -o {stem}"));
     }
     place.run_ok("convert b.dat o.dat");
-    // The new stream has more readouts than the existing sidecar. First the same command writes it, and then another
+    // The existing sidecar describes a shorter stream. First the same command overwrites the stream, and then another
     // command.
     place.run_ok("convert a.dat o.dat --force");
     assert_eq!(place.json("o.dat.json")["readouts"], 40);
     place.run_ok("simulate --builtin-light chart --readouts 50 -o o --force");
     place.run_ok("verify o.dat");
     assert!(!place.path("o.dat.json").exists());
-    // If the file is not a sidecar of this program, it is not changed without `--force`.
+    // A file that is not a sidecar of this program is not changed without `--force`.
     place.write("d.dat.json", "of somebody");
     place.run_ok("simulate --builtin-light chart --readouts 40 -o d");
     assert_eq!(place.read("d.dat.json"), b"of somebody");
@@ -100,7 +100,8 @@ fn reconstruct_writes_pictures_arrays_and_folders() {
     );
     place.run_ok("reconstruct a.dat --window 51 --at 50 --white 0.2 -o tfp.png");
     let picture = image::open(place.path("tfp.png")).unwrap().into_luma8();
-    // A window of 51 readouts contains 10 or 11 spikes. These are 0.98 of white and white, which are 253 and 255 in sRGB.
+    // A window of 51 readouts contains 10 or 11 spikes. With 10 spikes, the rate is 0.98 of white, which is code 253 in
+    // sRGB. With 11 spikes, the pixel is white, which is code 255.
     assert!(picture.pixels().all(|p| p.0[0] >= 252), "{:?}", picture.pixels().map(|p| p.0[0]).min());
     place.run_ok("reconstruct a.dat --method tfi --at 50 -o tfi.npy");
     let values = floats(&place.read("tfi.npy"), 32 * 16);

@@ -124,7 +124,8 @@ fn mark_unread(folder: &Path) {
     }
 }
 
-/// Returns a file below `folder` that was read after [`mark_unread`]. It works only if the file system stores access times.
+/// Returns a file below `folder` that was read after [`mark_unread`]. The function requires a file system that stores
+/// access times.
 fn was_read(folder: &Path) -> Option<PathBuf> {
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {

@@ -26,7 +26,7 @@ pub(crate) struct Args {
     no_verify: bool,
     /// Do not create the folders for data loaders
     ///
-    /// The links in these folders are most of the work for the file system.
+    /// Creating links in these folders is most of the file system's work in a merge.
     #[arg(long)]
     no_links: bool,
     /// Do not lock the folder of the plan

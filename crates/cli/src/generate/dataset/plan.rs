@@ -20,7 +20,7 @@ pub(crate) struct Args {
     description: DatasetSpec,
     /// Set the number of sequences per shard
     ///
-    /// Choose a number for which a process generates one shard in minutes to an hour.
+    /// Choose a number of sequences that one process can generate in minutes to an hour.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     sequences_per_shard: u64,
     /// Pack each finished shard into a tar file for webdataset

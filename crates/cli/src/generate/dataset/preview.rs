@@ -102,9 +102,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     out.print_result(&event, &format!("{}: {shown} of {} sequences\n", args.output.display(), done.len()))
 }
 
-/// Returns the three pictures of a readout in one image, from left to right.
+/// Returns one image with three pictures at the readout `at`. From left to right: the spikes, the noisy stream and the
+/// clean stream.
 fn frame_row(noisy: &StreamReader, clean: &StreamReader, at: usize) -> Result<Vec<u8>> {
-    // In a short stream the window is an eighth of the stream, so that different frames show different readouts.
+    // In a short stream the TFP window is an eighth of the stream, so that different frames show different readouts.
     let half = (noisy.readouts() / 16).clamp(1, 80);
     let mean = |reader: &StreamReader| -> Result<Vec<f32>> {
         let at = at.min(reader.readouts() - 1);

@@ -65,7 +65,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     for shard in shard_numbers::parse_shards(&args.shards, plan.shards())? {
         match run_shard(&plan, shard, &shard_options, &mut watcher, out) {
             Err(e) if e.kind() == ErrorKind::Busy => {
-                // The remaining shards do not depend on the busy shard, so the loop continues.
+                // The other shards do not depend on the shard that another process is generating, so the loop
+                // continues.
                 out.print_message(format_args!("spikelane: {e}"));
                 busy = Some(e);
             }

@@ -25,7 +25,7 @@ pub(crate) struct DatasetSpec {
     pub(crate) output: Option<PathBuf>,
     /// Generate the dataset of this dataset.toml
     ///
-    /// --print-config prints a dataset.toml. Flags that describe the dataset cannot be combined with --config.
+    /// --print-config prints a dataset.toml. --config cannot be combined with flags that describe the dataset.
     #[arg(hide_short_help = true, long, value_name = "FILE", conflicts_with_all = SPEC_FLAGS)]
     pub(crate) config: Option<PathBuf>,
     /// Convert the videos and images in this folder
@@ -185,8 +185,8 @@ pub(crate) struct DatasetSpec {
     pub(crate) images_format: ImageFormat,
     /// Write for spikecv or spike-zoo
     ///
-    /// The folders and file names are those that the data loaders of SpikeCV or Spike-Zoo read. Value 255 of the ground
-    /// truth is a rate of 1 spike per readout for spikecv and 0.6 spikes per readout for spike-zoo.
+    /// The data loaders of SpikeCV or Spike-Zoo can read the folders and file names of this layout. In the ground
+    /// truth, the value 255 is 1 spike per readout for spikecv and 0.6 spikes per readout for spike-zoo.
     #[arg(long, value_name = "NAME", default_value = "spikecv")]
     pub(crate) dataset_layout: DatasetLayout,
     /// Set the share of sequences for testing
@@ -326,7 +326,8 @@ impl DatasetSpec {
 mod tests {
     use super::*;
 
-    /// If a flag were missing in the list, it could be combined with `--config` but would have no effect.
+    /// Tests that `SPEC_FLAGS` is complete. A flag that is missing in `SPEC_FLAGS` could be combined with `--config`
+    /// but would have no effect.
     #[test]
     fn every_spec_flag_conflicts_with_config() {
         let command = <DatasetSpec as clap::Args>::augment_args(clap::Command::new("dataset"));

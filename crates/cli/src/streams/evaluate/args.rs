@@ -38,14 +38,14 @@ pub(crate) struct Args {
     pub(super) reference: Option<PathBuf>,
     /// Set the transfer function of the reference: linear, srgb or an exponent such as 2.2
     ///
-    /// The sidecar or the record of the dataset sets the default. If neither exists, the default is srgb, and linear for
-    /// EXR.
+    /// The default comes from the sidecar or the record of the dataset. If neither exists, the default is linear for
+    /// EXR images and srgb for other images.
     #[arg(hide_short_help = true, long, value_name = "TRANSFER")]
     pub(super) reference_transfer: Option<Transfer>,
     /// Compare with other readouts of a static scene
     ///
-    /// The readouts before and after the window replace a reference image. Only pixels without a change around them are
-    /// compared.
+    /// The reference is computed from the readouts before and after the window. Only pixels whose surroundings do not
+    /// change are compared.
     #[arg(long, conflicts_with = "reference")]
     pub(super) static_scene: bool,
     /// Score at this readout [default: the middle]
@@ -80,7 +80,7 @@ impl Args {
         ReferenceImage::read(clear, reader.geometry(), full, curve)
     }
 
-    /// Returns the transfer function of a reference image, and the rate that corresponds to its white.
+    /// Returns the transfer function of a reference image, and the rate that corresponds to white in this image.
     pub(super) fn reference_curve(&self, stream: &Path, clear: &Path) -> Result<(ReferenceCurve, f32)> {
         let curve = ReferenceCurve::from_files(stream, clear)?.with_transfer(self.reference_transfer);
         let full = match self.full_scale_rate.or(curve.full_scale_rate) {

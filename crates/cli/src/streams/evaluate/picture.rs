@@ -17,7 +17,7 @@ use super::static_scene::StaticScene;
 /// Number of readouts before and after the center in which TFI searches spikes.
 const TFI_SEARCH_READOUTS: usize = 300;
 
-/// A TFI picture counts as computed from this many readouts before and after the center. Longer intervals are rare.
+/// A TFI picture counts as computed from this many readouts before and after its center. Longer intervals are rare.
 pub(super) const TFI_INTERVAL_READOUTS: usize = 20;
 
 /// Standard deviation in pixels of the Gaussian blur. Blur makes a picture look less noisy but removes detail.
@@ -76,7 +76,7 @@ impl EvaluatedPicture {
         }
     }
 
-    /// Returns the row of the picture in the second table, or `None` without a reference.
+    /// Returns the row of the picture in the table of detail scores, or `None` without a reference.
     pub(super) fn detail(&self) -> Option<String> {
         self.scores.as_ref().ok()?.detail_row(&self.name)
     }
@@ -167,7 +167,7 @@ fn unmeasurable_reason(tfi: &Tfi) -> Option<String> {
         .then(|| format!("the stream begins or ends within the interval of {open} of {all} pixels"))
 }
 
-/// Returns the second table, or an empty text if the table has no rows.
+/// Returns the table of detail scores, or an empty text if the table has no rows.
 pub(super) fn detail_table(rows: impl Iterator<Item = Option<String>>) -> String {
     let rows: String = rows.flatten().collect();
     if rows.is_empty() { rows } else { format!("{DETAIL_HEADER}{rows}") }

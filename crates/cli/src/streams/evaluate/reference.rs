@@ -73,7 +73,7 @@ fn encode_light(transfer: Transfer, light: f32) -> f32 {
 pub(crate) struct ReferenceCurve {
     transfer: Option<Transfer>,
     source: &'static str,
-    /// Rate that corresponds to white. `None` if it is the rate of the camera.
+    /// Rate that corresponds to white. `None` means the full-scale rate of the camera.
     pub full_scale_rate: Option<f32>,
 }
 
@@ -90,8 +90,8 @@ impl ReferenceCurve {
 
     /// Reads the transfer function of a reference image from the files beside the image or beside the stream.
     ///
-    /// These files are the record of a dataset's sequence, or the sidecar of a simulation. The simulation must have
-    /// written the image or have started with it.
+    /// These files are the record of a dataset's sequence, or the sidecar of a simulation. A sidecar counts only if the
+    /// simulation wrote the image or had the image as its input.
     pub(crate) fn from_files(stream: &Path, clear: &Path) -> Result<Self> {
         // The images of a sequence can be in a subfolder of the sequence.
         let record = clear
@@ -137,7 +137,8 @@ fn curve_from_json(sidecar_json: &Value, clear: &Path, from: &'static str) -> Op
     if is_source(light["source"].as_str()?, clear) { curve(&light["transfer"], None) } else { None }
 }
 
-/// Whether `words`, a description of a source in the form `PATH: ...`, describes this image or its folder.
+/// Whether `words` describes the image `clear` or its folder. `words` is the description of a light source in the form
+/// `PATH: ...`.
 fn is_source(words: &str, clear: &Path) -> bool {
     let Some((path, _)) = words.rsplit_once(": ") else { return false };
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());

@@ -33,14 +33,15 @@ enum References {
     None,
     /// One reference image for all readouts.
     Shared(ReferenceImage),
-    /// A reference image for each readout. All images have the same transfer function and the same rate of white. The
-    /// third field is the first image.
+    /// A reference image for each readout. The first field is the transfer function and the second field is the rate of
+    /// white, both for all images. The third field is the first image.
     PerReadout(ReferenceCurve, f32, ReferenceImage),
     StaticScene,
 }
 
 impl References {
-    /// Returns a reference image. Its transfer function is the same for all reference images.
+    /// Returns the shared reference image, or the first of several reference images. All of them have the same transfer
+    /// function.
     fn first_reference(&self) -> Option<&ReferenceImage> {
         match self {
             Self::Shared(truth) | Self::PerReadout(_, _, truth) => Some(truth),

@@ -59,7 +59,8 @@ impl StaticScene {
         self.is_steady.iter().filter(|s| **s).count() as f64 / self.is_steady.len() as f64
     }
 
-    /// Returns a reference that is computed from the readouts before and after the readouts `own` of a picture.
+    /// Returns a reference that is computed from the readouts before and after `used_readouts`, the readouts of a
+    /// picture.
     pub(crate) fn reference(&self, used_readouts: Range<usize>) -> Result<DetailReference> {
         let packed = SpikeFramesRef::new(self.geometry, &self.bytes)?;
         let from = |at: usize| at.saturating_sub(self.first_readout).min(packed.readouts());

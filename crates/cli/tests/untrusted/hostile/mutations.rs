@@ -173,7 +173,8 @@ fn link(random: &mut Random, work: &Path, around: &Path) -> String {
         8 => PathBuf::from(*random.choose(&[".", "..", "../.."])),
         9 => PathBuf::from("/dev/zero"),
         10 => random.choose(&paths(work)).clone(),
-        // The original file or folder is moved out of the folder, and the link points to it. Data version control does this.
+        // The original file or folder is moved out of the untrusted folder, and a link replaces it. Tools for data
+        // version control create such links.
         _ => {
             let moved = around.join("moved");
             if fs::rename(&path, &moved).is_err() {

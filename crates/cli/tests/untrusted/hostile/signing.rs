@@ -54,7 +54,7 @@ pub(super) fn sign(work: &Path) {
     fs::write(&path, plan.to_string()).unwrap();
 }
 
-/// Whether the offset and length of a slice are small. Large numbers are the result of an earlier change.
+/// Whether the offset and length of a slice are below 2^20. Larger numbers are the result of an earlier random change.
 fn random_free(piece: &Value) -> bool {
     ["bytes", "offset"].iter().all(|key| piece[key].as_u64().is_some_and(|n| n < 1 << 20))
 }

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::mutations::{Random, files, relative_name};
 use super::signing::read_small_file;
 
-/// Returns a name that usually points to another folder or file, or that is invalid on every system.
+/// Returns a file name. Most of these names point to another folder or file, or are invalid on every system.
 fn name(random: &mut Random, around: &Path, is_folder: bool) -> String {
     // One to five steps up suffice to leave a dataset, a shard or a sequence.
     let up = "../".repeat(1 + random.number_below(5));
@@ -109,8 +109,8 @@ pub(super) fn mutate_known_key(random: &mut Random, work: &Path, around: &Path, 
             collect(&value, String::new(), &mut places);
             for place in places {
                 let key = place.rsplit('/').next().unwrap_or_default();
-                // Only loaders read the exported files, so they are skipped. This program reads the lists, records, plans and
-                // sidecars of sequences.
+                // Exported files are skipped, because only data loaders read them. This program reads the lists,
+                // records, plans and sidecars.
                 let is_read = LISTS.contains(&&*file)
                     && !["/about", "/options"].iter().any(|part| place.starts_with(part))
                     && !(file == "record.json" && key == "id");
@@ -245,7 +245,7 @@ pub(super) fn packs(work: &Path) -> Vec<PathBuf> {
     files(work, &["tar"])
 }
 
-/// Changes the name of a file in a pack, or replaces a file in a pack with a link.
+/// Changes the name of a file in a pack, or replaces a file in a pack with a symbolic link.
 pub(super) fn mutate_pack(random: &mut Random, work: &Path, around: &Path) -> String {
     let path = random.choose(&packs(work)).clone();
     let mut bytes = fs::read(&path).unwrap();
