@@ -212,8 +212,8 @@ fn lamp_light(frame: &SceneInstant, f: &Fragment, look: &Appearance, index: u16)
     (diffuse > 0.0).then_some(LampLight { lamp: index, direction: to, distance, cosine, lux, diffuse })
 }
 
-/// Adds the light of the street lamps near the fragment. A shadow ray is traced only for lamps that provide at least 7
-/// % of the total light of these street lamps.
+/// Adds the light of the street lamps near the fragment. A shadow ray is traced only for lamps that provide at least
+/// 7 % of the total light of these street lamps.
 fn add_lamps(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &mut IncomingLight) {
     let scene = frame.scene;
     let place = f.world.truncate();
