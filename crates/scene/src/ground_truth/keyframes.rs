@@ -6,8 +6,8 @@ use crate::world::Scene;
 
 /// Maximum motion in the image between consecutive keyframes, in pixels.
 const MAX_KEYFRAME_MOTION_PX: f64 = 0.5;
-/// Time between two samples of the highest speed, in seconds. `SPEED_MARGIN` covers an increase of the speed between
-/// two samples.
+/// The speed of the fastest visible point is sampled at this interval, in seconds. `SPEED_MARGIN` is a factor that
+/// covers an increase of the speed between two samples.
 const SPEED_SAMPLE_S: f64 = 0.01;
 pub(super) const SPEED_MARGIN: f64 = 1.15;
 /// Maximum time between consecutive keyframes in seconds. The limit also applies if nothing moves, because the light

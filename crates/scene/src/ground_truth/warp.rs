@@ -183,7 +183,7 @@ mod tests {
             interpolate_bicubic(neighborhood(&light, (61, 40), (x0, y0)), catmull_rom(tx), catmull_rom(ty))
         };
         for row in 0..40 {
-            // The runs have arbitrary ends. One run ends at the end of a row.
+            // The image has 61 columns. The runs include a whole row, columns in the middle, and the end of a row.
             for (first, end) in [(0, 61), (3, 9), (58, 61)] {
                 let mut out = vec![0.0; end - first];
                 warp_run(&motions, &labels, &light, row, first, &mut out);

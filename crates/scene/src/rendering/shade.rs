@@ -104,7 +104,7 @@ fn add_haze(frame: &SceneInstant, out: Vec3, direction: Vec3, distance: f32) -> 
     out * clear + light.sky_luminance(flat) * (1.0 - clear)
 }
 
-/// Returns the fraction of the ambient light at a fragment that comes from the tunnel lamps.
+/// Returns the fraction that the tunnel lamps contribute to the ambient light at a fragment.
 fn tunnel_share(frame: &SceneInstant, f: &Fragment) -> f32 {
     let city = &frame.scene.city;
     if city.tunnel.is_none() {

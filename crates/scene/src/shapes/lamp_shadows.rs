@@ -9,7 +9,7 @@ use obvhs::triangle::Triangle;
 
 use super::cell_index::CellIndex;
 
-/// Number of cones per row. `MAX_SLOPE` is the horizontal extent of all cones per meter of depth below the lamp.
+/// Number of cones per row. At a depth of 1 m below the lamp, the cones extend `MAX_SLOPE` meters in each direction.
 const CONES_PER_ROW: usize = 64;
 const MAX_SLOPE: f32 = 4.0;
 

@@ -89,7 +89,8 @@ fn windows(spot: &SurfaceSample, style: &Facade, wall: Appearance, light: &Light
     look.mix(pane(spot, style, local, (sill / story, (sill + h) / story), light), glass)
 }
 
-/// Returns the appearance of a window pane in front of a room. Each cell has its own blind and lamp.
+/// Returns the appearance of a window pane in front of a room. Each window has its own blind and lamp. `cell` contains
+/// the texture coordinates in units of bays and stories.
 fn pane(
     spot: &SurfaceSample,
     style: &Facade,
