@@ -239,7 +239,7 @@ impl Light {
         })
     }
 
-    /// Returns the luminance of the sky in direction `way`. The disk of the sun is excluded.
+    /// Returns the luminance of the sky in direction `direction`. The light of the sun's disk is not included.
     ///
     /// `sun_illuminance` already contains the light of the disk.
     pub(crate) fn sky_luminance(&self, direction: Vec3) -> Vec3 {

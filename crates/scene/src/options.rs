@@ -57,9 +57,9 @@ impl SceneOptions {
     /// Checks the options. No scene is built.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if an option is outside its range. If `speed_kmh` is `None`, the check assumes the lowest
-    /// random speed. At the speed that the seed selects, the drive may still be too long for
-    /// [`Scene::from_seed`](super::Scene::from_seed).
+    /// [`ErrorKind::Usage`] if an option is outside its range. If `speed_kmh` is `None`, the check uses the lowest
+    /// speed that a seed can select. At a higher speed, [`Scene::from_seed`](super::Scene::from_seed) may still reject
+    /// the drive as too long.
     pub fn check(&self) -> Result<()> {
         check_options(self, self.speed_kmh.unwrap_or(MIN_RANDOM_SPEED_KMH), self.fov_deg.unwrap_or(60.0))
             .map(drop)

@@ -1,7 +1,7 @@
-//! Random numbers that have addresses. Each number is a pure function of seed, purpose and index.
+//! Random numbers without a generator state. Each number is a pure function of seed, purpose and index.
 //!
-//! There is no generator state. If a tree is added, the random numbers of all cars are therefore unchanged. For the
-//! same reason, a scene can be built in any order.
+//! The random numbers of one object do not depend on other objects. An additional tree, for example, does not change
+//! the random numbers of the cars. A scene can be built in any order.
 
 use spikelane::unstable::draws::hash::mix64;
 

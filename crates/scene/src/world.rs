@@ -105,7 +105,7 @@ impl Scene {
         self.seed
     }
 
-    /// Returns the lighting preset of the options. If the options contain none, returns the preset that the seed
+    /// Returns the lighting preset of the options. If the options contain no preset, returns the preset that the seed
     /// selects.
     #[must_use]
     pub const fn lighting(&self) -> Lighting {
@@ -120,8 +120,8 @@ impl Scene {
 
     /// Returns the luminance in cd/m2 that a well-exposed camera maps to white.
     ///
-    /// A luminance divided by this value is linear light, usually between 0 and 1. Highlights, lamps, and daylight at
-    /// the end of a tunnel exceed 1.
+    /// A luminance divided by the luminance of white is linear light, usually between 0 and 1. The light of highlights,
+    /// of lamps, and of daylight at the end of a tunnel exceeds 1.
     #[must_use]
     pub const fn white_cd_m2(&self) -> f32 {
         self.light.white_cd_m2

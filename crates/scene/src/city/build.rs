@@ -14,8 +14,8 @@ use crate::shapes::bvh::Bvh;
 use crate::shapes::mesh::{Mesh, UNKNOWN_SKY};
 
 impl City {
-    /// Builds the city along the arc lengths `[start_s, end_s]`. `tunnel` is the range of arc length inside the
-    /// tunnel.
+    /// Builds the city along the road, from arc length `start_s` to arc length `end_s`. `tunnel` is the range of arc
+    /// length inside the tunnel.
     pub(crate) fn from_seed(seed: u64, start_s: f64, end_s: f64, tunnel: Option<(f64, f64)>) -> Self {
         let road = Road::from_seed(seed, start_s, end_s, tunnel.is_some());
         let draws = Draws::new(seed, "district");

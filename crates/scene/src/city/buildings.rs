@@ -1,4 +1,5 @@
-//! Buildings on lots. The module adds facades with relief, roofs, second rows and side streets.
+//! Adds buildings on the lots along the main road and the side streets, with facades, relief and roofs. A second row of
+//! buildings is behind the row at the main road.
 
 use glam::{Vec2, Vec3};
 
@@ -108,8 +109,8 @@ fn add_front_row(city: &mut City, block: Draws, side: f64, (a, b): (f64, f64), h
 
 fn plot_on_road(city: &City, side: f64, (s0, s1): (f64, f64), (d0, d1): (f64, f64)) -> Plot {
     let at = |s: f64, d: f64| city.road.place(s, side * d, 0.0);
-    // Seen from the street on the right side of the road (d < 0), the left end has the larger s. On the left side, the
-    // left end has the smaller s.
+    // A plot on the right side of the road has d < 0. For a viewer on the street, the left end of this plot has the
+    // larger s. The left end of a plot on the left side of the road has the smaller s.
     let (left, right) = if side < 0.0 { (s1, s0) } else { (s0, s1) };
     [at(left, d0), at(right, d0), at(right, d1), at(left, d1)]
 }
@@ -141,7 +142,7 @@ fn add_second_row(city: &mut City, block: Draws, side: f64, (a, b): (f64, f64)) 
     }
 }
 
-/// Adds the fronts on both sides of a side street and the building at its far end.
+/// Adds rows of buildings on both sides of a side street, and one building at the far end of the side street.
 fn add_side_rows(city: &mut City, draws: Draws, index: usize, side: f64) {
     let frame = SideFrame::new(&city.road, index, side);
     let half = city.road.junctions[index].half_width_m + SIDE_SIDEWALK_WIDTH_M;

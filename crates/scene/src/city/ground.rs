@@ -51,8 +51,8 @@ pub(super) fn build(city: &mut City, start_s: f64, end_s: f64) {
     }
 }
 
-/// Returns the arc lengths of the slice boundaries. The boundaries are every [`SLICE_LENGTH_M`] from `start_s`, and at
-/// the edges of every junction.
+/// Returns the arc lengths of the slice boundaries. Boundaries start at `start_s` and are [`SLICE_LENGTH_M`] apart.
+/// Additional boundaries are at the edges of every junction.
 fn stations(road: &Road, start_s: f64, end_s: f64) -> Vec<f64> {
     let mut cuts: Vec<f64> = (0..=((end_s - start_s) / SLICE_LENGTH_M) as usize)
         .map(|i| start_s + i as f64 * SLICE_LENGTH_M)
@@ -100,7 +100,7 @@ fn add_roadway(road: &Road, mesh: &mut Mesh, s0: f64, s1: f64) {
     }
 }
 
-/// Points (distance from the center line, height) of a cross section, from the road outward.
+/// Points of a cross section, from the road outward. Each point is (distance from the center line, height).
 type Profile = Vec<(f64, f64)>;
 
 fn curb_profile(road: &Road) -> Profile {
@@ -114,8 +114,8 @@ fn curb_profile_at(edge: f64) -> Profile {
 fn sidewalk_profile(road: &Road) -> Profile {
     let (near, far) = (road.half_width_m() + CURB_WIDTH_M, road.half_width_m() + road.sidewalk_m);
     let middle = 0.5 * (near + far);
-    // The last strip is behind the tunnel wall. The shader interpolates sky visibility within a strip, so the high
-    // visibility of the outer vertices does not affect points inside the tunnel.
+    // The last strip of the sidewalk is behind the tunnel wall. The shader interpolates sky visibility within a strip,
+    // so the high visibility of the outer vertices does not affect points inside the tunnel.
     vec![
         (near, CURB_HEIGHT_M),
         (middle, CURB_HEIGHT_M),
@@ -171,8 +171,8 @@ fn add_side_street(road: &Road, mesh: &mut Mesh, index: usize, side: f64) {
     mesh.end_chunk();
 }
 
-/// Adds one facet of the cross section of a side street. The facet extends from distance `near` to the far end of the
-/// street.
+/// Adds one facet of the cross section of a side street. The facet extends along the street. It starts at distance
+/// `near` from the center of the main road and ends at the far end of the side street.
 fn add_strip(mesh: &mut Mesh, frame: &SideFrame, near: f64, mirror: f64, facet: [(f64, f64); 2]) {
     const STEPS: u32 = 8;
     let step = (SIDE_REACH_M - near) / f64::from(STEPS);
@@ -268,7 +268,7 @@ fn add_portal(road: &Road, mesh: &mut Mesh, s: f64, direction: f64, wall: f64) {
     let mut panel = |d0: f64, d1: f64, z0: f64, z1: f64| {
         let p = [road.place(s, d0, z0), road.place(s, d1, z0), road.place(s, d1, z1), road.place(s, d0, z1)];
         mesh.add_quad(p, uv_rect((d1 - d0) as f32, (z1 - z0) as f32), out);
-        // Without the back face, rays from behind the wall would reach the sun and the sky.
+        // Without the back face, rays from points behind the wall would reach the sun and the sky.
         let back = p.map(|p| p - out * 0.6);
         mesh.add_quad(back, uv_rect(1.0, 1.0), -out);
     };

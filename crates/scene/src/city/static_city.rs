@@ -34,8 +34,8 @@ pub(crate) struct City {
     pub lamps: Vec<Lamp>,
     /// The range of arc length inside the tunnel. `None` if there is no tunnel.
     pub tunnel: Option<(f64, f64)>,
-    /// Mean height of the facades, and distance of the facades from the center of the road. Reflections use both
-    /// numbers.
+    /// Mean height of the facades, and distance of the facades from the center of the road. The computation of
+    /// reflections uses both numbers.
     pub street_canyon: (f32, f32),
     pub bvh: Bvh,
     /// Sky visibility of every vertex as the bits of an `f32`. The value is `UNKNOWN_SKY` until the visibility is
@@ -56,8 +56,8 @@ impl City {
         self.tunnel.is_some_and(|(a, b)| s > a - margin && s < b + margin)
     }
 
-    /// Returns the depth of `s` inside the tunnel as a number between 0 and 1. The result is 0 outside the tunnel, and
-    /// 1 at 3 m or more from both ends.
+    /// Returns a number between 0 and 1 that increases with the distance of `s` from the nearest tunnel end. The number
+    /// is 0 outside the tunnel, and 1 at 3 m or more from both ends.
     pub(crate) fn tunnel_share(&self, s: f64) -> f32 {
         self.tunnel.map_or(0.0, |(a, b)| (((s - a).min(b - s) / 3.0).clamp(0.0, 1.0)) as f32)
     }

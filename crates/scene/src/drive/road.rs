@@ -1,6 +1,6 @@
 //! The road, which is a smooth plane curve. All objects are placed along this curve.
 //!
-//! The heading of the road is a short sum of sines of the arc length. Position, heading and curvature are therefore
+//! The heading of the road is a sum of a few sines of the arc length. Position, heading and curvature are therefore
 //! smooth. The heading deviates from the x axis by less than 40 degrees, so x increases with s and the curve never
 //! crosses itself.
 
@@ -135,7 +135,8 @@ impl Road {
         Vec3::new(p.x as f32, p.y as f32, z as f32)
     }
 
-    /// Returns the arc length and the offset to the left of a world point near the road.
+    /// Returns (s, d) of a world point near the road. `s` is the arc length, and `d` is the distance of the point from
+    /// the center line, positive to the left.
     pub(crate) fn locate(&self, x: f32, y: f32) -> (f64, f64) {
         let p = DVec2::new(f64::from(x), f64::from(y));
         let mut s = p.x;
@@ -145,12 +146,14 @@ impl Road {
         (s, (p - self.point(s, 0.0)).dot(self.tangent(s).perp()))
     }
 
-    /// Returns half of the width of the roadway, which is the width of the lanes and the parking strip on one side.
+    /// Returns half of the width of the roadway. It is the sum of the widths of the lanes and of the parking strip on
+    /// one side.
     pub(crate) fn half_width_m(&self) -> f64 {
         self.lanes as f64 * LANE_WIDTH_M + self.parking_m
     }
 
-    /// Returns the offset to the left of the center of `lane`. Lane 0 is next to the center line.
+    /// Returns the distance of the center of `lane` from the center line of the road, positive to the left. Lane 0 is
+    /// next to the center line.
     pub(crate) fn lane_offset(&self, lane: usize, forward: bool) -> f64 {
         let d = (lane as f64 + 0.5) * LANE_WIDTH_M * self.driving_side;
         if forward { -d } else { d }

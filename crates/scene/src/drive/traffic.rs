@@ -1,8 +1,9 @@
 //! The traffic of a scene. The traffic consists of moving cars in lanes, parked cars, cars that wait in side streets,
 //! and the camera's own car.
 //!
-//! Cars never change lanes, and the car-following model (`car_following.rs`) maintains a distance between the cars of
-//! a lane. Therefore cars do not collide. The motion of the whole drive is integrated once when the scene is built.
+//! Cars never change lanes, and the car-following model (`car_following.rs`) keeps a distance between the cars of a
+//! lane. Therefore cars do not collide. The motion of all cars is integrated once for the whole drive, when the scene
+//! is built.
 
 use glam::{DVec2, Vec3};
 
@@ -194,8 +195,8 @@ impl Traffic {
         }
     }
 
-    /// Removes vehicles until at most `demand.cars` vehicles remain. Vehicles ahead of the camera have priority, and
-    /// among these the vehicles nearest to the camera.
+    /// Removes vehicles until at most `demand.cars` vehicles remain. Vehicles behind the camera are removed first, and
+    /// then the vehicles that are farthest from the camera.
     fn limit_vehicles(&mut self, road: &Road, demand: &TrafficOptions) {
         let Some(cars) = demand.cars else { return };
         let ego = vehicle_state(road, &self.ego, 0.0, demand.span).position;
@@ -229,8 +230,8 @@ mod tests {
         (road, traffic, span)
     }
 
-    /// Returns whether two upright boxes overlap. The test compares the projections of both rectangles onto their axes
-    /// (separating axis test).
+    /// Returns whether the rectangles of two vehicles overlap, seen from above. The test compares the projections of
+    /// both rectangles onto the axes of each rectangle (separating axis test).
     fn overlap(a: (VehicleState, DVec2), b: (VehicleState, DVec2)) -> bool {
         let axes = |s: &VehicleState| {
             let (sin, cos) = s.heading.sin_cos();
@@ -296,7 +297,7 @@ mod tests {
             }
             let later = vehicle_state(&road, &v.motion, 2.001, span);
             let rolled = later.rolled_m - stance.rolled_m;
-            // The sway of the driver makes the path longer by at most 0.5 %.
+            // A driver sways within the lane, which makes the path longer by at most 0.5 %.
             assert!((rolled - later.position.distance(stance.position)).abs() < 0.006 * rolled.abs() + 1e-6);
         }
     }

@@ -129,8 +129,8 @@ impl Scene {
 }
 
 impl Motions {
-    /// Returns the horizontal and vertical displacement in pixels, and the depth at the second instant. If the point
-    /// is behind the camera then, the depth is negative.
+    /// Returns the horizontal and vertical displacement in pixels, and the depth at the second instant. If the point is
+    /// behind the camera at the second instant, the depth is negative.
     pub(crate) fn displacement(&self, labels: &Labels, row: usize, column: usize) -> (f32, f32, f32) {
         let i = row * labels.width + column;
         let (turn, shift) = self.parts[labels.part[i] as usize];
@@ -208,8 +208,8 @@ fn is_same_surface(
     })
 }
 
-/// Returns whether an object blocks the ray between the camera and the point. The positions of camera, point and
-/// objects are those at the second instant.
+/// Returns whether an object blocks the ray between the camera and the point. Camera, point and objects are at their
+/// positions of the second instant.
 fn is_blocked(
     start: &SceneInstant,
     end: &SceneInstant,

@@ -6,8 +6,8 @@ use crate::world::Scene;
 
 /// Maximum motion in the image between consecutive keyframes, in pixels.
 const MAX_KEYFRAME_MOTION_PX: f64 = 0.5;
-/// Time between two samples of the highest speed, in seconds. `SPEED_MARGIN` covers an increase of the speed between
-/// two samples.
+/// The speed of the fastest visible point is sampled at this interval, in seconds. `SPEED_MARGIN` is a factor that
+/// covers an increase of the speed between two samples.
 const SPEED_SAMPLE_S: f64 = 0.01;
 pub(super) const SPEED_MARGIN: f64 = 1.15;
 /// Maximum time between consecutive keyframes in seconds. The limit also applies if nothing moves, because the light
@@ -34,8 +34,8 @@ pub struct KeyframePlan {
 impl KeyframePlan {
     /// Returns whether some visible point moves by more than half a pixel between two consecutive readouts.
     ///
-    /// If true, every readout in the fast part of the interval is a keyframe, and the readout rate is too low for the
-    /// scene.
+    /// If the result is true, the readout rate is too low for the scene. Every readout in the fast part of the interval
+    /// is then a keyframe.
     #[must_use]
     pub fn is_too_fast(&self) -> bool {
         self.max_px_per_readout > MAX_KEYFRAME_MOTION_PX
@@ -83,7 +83,7 @@ impl Scene {
         let mut k = 0;
         while k + 1 < count {
             let anchor = ((readouts[k] - t0) / (t1 - t0) * anchors as f64) as usize;
-            // A step may end after the next speed sample, so the maximum of three samples is used.
+            // A step may end after the next speed sample, so the maximum of three consecutive samples is used.
             let speed =
                 speeds[anchor.min(anchors)..=(anchor + 2).min(anchors)].iter().fold(0.0f64, |a, &b| a.max(b));
             let step =

@@ -1,10 +1,10 @@
 //! Computes the light at all instants of a span. The number of renders of each tile depends on the motion in the tile.
 //!
 //! Both ends of a span are rendered completely. Between the ends, each tile is rendered at the halves, quarters,
-//! eighths and so on of the span. The motion in the tile at both ends determines the smallest fraction. The instants
-//! of a coarse fraction are also instants of every finer fraction. If a slow tile is rendered at an instant, every
-//! faster tile is therefore rendered at this instant too. The image at any instant can therefore be completed from
-//! coarser instants alone.
+//! eighths and so on of the span. The motion in the tile at both ends of the span determines the finest fraction of the
+//! tile. The instants of a coarse fraction are also instants of every finer fraction. At an instant at which a slow
+//! tile is rendered, all faster tiles are therefore rendered too. The image at any instant can be completed from
+//! instants of coarser fractions alone.
 
 use crate::ground_truth::flow::{Motions, ScenePoses};
 use crate::ground_truth::keyframes::{KEYFRAMES_PER_FLICKER, SPEED_MARGIN};
@@ -208,8 +208,8 @@ impl<'a> SpanRenderer<'a> {
         (list[after - 1], list[after])
     }
 
-    /// Returns the motions between instant `k` and the two adjacent instants of level `rendered`. Returns `None` if
-    /// none of `tiles` has this render level and is warped at `level`.
+    /// Returns the motions between instant `k` and the two adjacent instants of level `rendered`. Returns `None` if no
+    /// tile in `tiles` has render level `rendered` and a warp level of at least `level`.
     fn motions_around(
         &self,
         k: usize,

@@ -73,8 +73,8 @@ impl SpanRenderer<'_> {
     fn predict_tile(&self, tile: usize, k: usize, motions: &[(usize, Motions); 2]) -> Option<PredictedLight> {
         let (a, b) = (motions[0].0, motions[1].0);
         let part = (self.times[b] - self.times[a]) / (self.times[self.times.len() - 1] - self.times[0]);
-        // `far` is the motion since the farther of the two renders. The point that this pixel shows was at most
-        // `reach` pixels away in both renders.
+        // `far` is the motion between instant `k` and the render that is farther in time. In both renders, the point
+        // that a pixel shows was at most `reach` pixels away from the pixel.
         let far = self.time_share(a, k, b).max(self.time_share(b, k, a))
             * part as f32
             * self.render_rates[tile].motion_px;
@@ -132,7 +132,8 @@ fn true_runs(list: &[bool]) -> Vec<Range<usize>> {
     runs
 }
 
-/// Clears `sure` for the pixels of a run around which the light varies by at least `most`.
+/// Clears `sure` for some pixels of a run. The light within `reach` pixels of each of these pixels varies by at least
+/// `max_range`.
 fn keep_uniform(
     light: &[f32],
     (width, height): (usize, usize),
@@ -180,8 +181,8 @@ mod tests {
 
     /// Reliable predictions are in areas of uniform light in both renders.
     ///
-    /// Larger errors occur only if an object became visible between the two renders. The mean error is smaller than
-    /// the threshold for agreement.
+    /// Errors larger than `MAX_LOCAL_CONTRAST` occur only if an object became visible between the two renders. The mean
+    /// error is smaller than `MAX_SIDE_DIFFERENCE`.
     #[test]
     fn reliable_predictions_equal_a_render() {
         for lighting in [Lighting::Noon, Lighting::Overcast, Lighting::Dusk] {

@@ -1,8 +1,9 @@
 //! Computes frames between two keyframes from the exact motion of the visible points.
 //!
-//! The light of every pixel is a weighted mean of both keyframes. In each keyframe, the light is read at the position
-//! that the pixel's point had at the instant of the keyframe. The nearer keyframe in time has the larger weight.
-//! Moving objects stay sharp. Changes of the light, such as a flickering lamp or a moving highlight, are interpolated.
+//! The light of every pixel between two keyframes is a weighted mean of the light in both keyframes. In each keyframe,
+//! the light is read at the position of the scene point that the pixel shows. The nearer keyframe in time has the
+//! larger weight. Moving objects stay sharp. Changes of the light, such as a flickering lamp or a moving highlight, are
+//! interpolated.
 
 use glam::Vec4;
 use wide::{f32x4, i32x4};
@@ -74,7 +75,7 @@ fn warp_to(scene: &Scene, key: &RenderedFrame, t: f64) -> Vec<f32> {
 
 /// Warps the light of consecutive pixels of one row. The first of these pixels is in column `first`.
 ///
-/// The light of each pixel is read at the position that the pixel's point had in the keyframe.
+/// Each pixel shows a point of the scene. The light of the pixel is read at the position of this point in the keyframe.
 pub(crate) fn warp_run(
     motions: &Motions,
     labels: &Labels,
@@ -182,7 +183,7 @@ mod tests {
             interpolate_bicubic(neighborhood(&light, (61, 40), (x0, y0)), catmull_rom(tx), catmull_rom(ty))
         };
         for row in 0..40 {
-            // The runs have arbitrary ends. One run ends at the end of a row.
+            // The image has 61 columns. The runs include a whole row, columns in the middle, and the end of a row.
             for (first, end) in [(0, 61), (3, 9), (58, 61)] {
                 let mut out = vec![0.0; end - first];
                 warp_run(&motions, &labels, &light, row, first, &mut out);

@@ -1,8 +1,8 @@
 //! Middlebury `.flo` files (Baker et al., IJCV 92, 2011). A file contains the tag 202021.25, width, height, and then
 //! (dx, dy) of each pixel as little-endian `f32`.
 //!
-//! In this format, 1e10 represents unknown flow. In files of this crate, all flow is known, including the flow of
-//! occluded pixels.
+//! In a `.flo` file, 1e10 represents unknown flow. The files of this crate never contain this value, because the flow
+//! of occluded pixels is known too.
 
 use super::expect_len;
 use crate::ground_truth::flow::Flow;

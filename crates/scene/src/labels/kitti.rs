@@ -18,9 +18,9 @@ fn native_words(values: impl Iterator<Item = u16>) -> Vec<u8> {
 /// Encodes flow as 16-bit RGB. Red is `64 dx + 32768`, green is `64 dy + 32768`, and blue is 1 for valid pixels and 0
 /// for invalid pixels.
 ///
-/// The step of 1/64 px is too coarse for the motion of one readout. For short intervals, use an `f32` format. If
-/// `occluded_too` is true, occluded pixels are valid (`flow_occ`). Otherwise occluded pixels are invalid (`flow_noc`).
-/// Pixels with flow of more than 512 px are always invalid.
+/// Codes have a step of 1/64 px, which is too coarse for the motion of one readout. For short intervals, use an `f32`
+/// format. If `occluded_too` is true, occluded pixels are valid (`flow_occ`). Otherwise occluded pixels are invalid
+/// (`flow_noc`). Pixels with flow of more than 512 px are always invalid.
 ///
 /// # Errors
 /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the lengths of the flow's fields do not match its width and
@@ -62,8 +62,9 @@ pub fn kitti_depth(depth_m: &[f32], width: usize, height: usize) -> Result<Vec<u
 
 /// Returns the line of one vehicle in a label file.
 ///
-/// The fields are type, truncated, occluded, alpha, left, top, right and bottom of the clipped amodal box, height,
-/// width, length, bottom center, and rotation_y.
+/// The line contains type, truncated, occluded, alpha, the four edges of the box, the size, the bottom center, and
+/// rotation_y. The edges are left, top, right and bottom of the clipped amodal box. The size is height, width and
+/// length of the vehicle.
 #[must_use]
 pub fn kitti_box_line(b: &VehicleBox) -> String {
     let [x0, y0, x1, y1] = b.clipped_amodal_box;

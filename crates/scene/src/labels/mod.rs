@@ -1,7 +1,7 @@
 //! Encodes labels and light as files. Each format has its own module.
 //!
-//! Every function returns the bytes of a whole file. The caller chooses the file name and writes the file so that no
-//! partial file remains.
+//! Every function of this module returns the bytes of a whole file. The caller chooses the file name and writes the
+//! file so that no partial file remains.
 
 mod coco;
 mod exr;

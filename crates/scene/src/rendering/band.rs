@@ -1,8 +1,8 @@
 //! Rasterization of triangles into a visibility buffer, one sample row at a time.
 //!
-//! A sample row is contiguous in memory. Most triangles are small, so the computation of the ends of a span takes
-//! longer than the depth test of the span. Therefore the ends are computed for four sample rows at once. The depth
-//! test processes four samples of a span at once.
+//! Most triangles are small, so the computation of the ends of a span takes longer than the depth test of the span.
+//! Therefore the ends are computed for four sample rows at once. The samples of a row are contiguous in memory, and the
+//! depth test processes four samples of a span at once.
 
 use wide::{f32x4, i32x4, u32x4};
 
@@ -16,13 +16,13 @@ const LANES: usize = 4;
 pub(crate) struct Band {
     width: usize,
     samples_per_pixel: usize,
-    /// Both vectors have `LANES` additional elements at the end, because the last step of a span may write beyond the
-    /// last sample.
+    /// `inverse_depths` and `triangle_ids` have `LANES` additional elements at the end. The last step of a span may
+    /// write to these elements.
     inverse_depths: Vec<f32>,
     triangle_ids: Vec<u32>,
 }
 
-/// For four sample rows, the columns `from .. to` inside a triangle and the y coordinate of the row.
+/// For four sample rows, the y coordinate of each row and the columns `from .. to` of the row inside a triangle.
 struct Spans {
     from: [i32; LANES],
     to: [i32; LANES],
@@ -36,7 +36,8 @@ struct Spans {
 struct EdgeSlopes([f32; 3]);
 
 impl Band {
-    /// Rasterizes triangles into the pixel rows `top .. top + rows`. Only the column ranges `runs` are needed.
+    /// Rasterizes triangles into the pixel rows `top .. top + rows`. Samples outside the column ranges `runs` are
+    /// skipped.
     pub(crate) fn fill(
         batches: &[Batch],
         pattern: &SamplePattern,

@@ -211,7 +211,8 @@ fn vehicle_sample<'a>(frame: &SceneInstant<'a>, v: u32) -> VehicleSample<'a> {
 /// A direct-mapped cache of triangles. Neighboring pixels usually show the same few triangles.
 pub(crate) struct FacetCache<'a>(Vec<Option<Facet<'a>>>);
 
-/// Number of slots. Neighboring triangles of a mesh have consecutive ids, so they are stored in different slots.
+/// Number of slots of the cache. Neighboring triangles of a mesh have consecutive ids, so they are stored in different
+/// slots.
 const CACHE_SIZE: usize = 64;
 
 impl Default for FacetCache<'_> {

@@ -22,7 +22,8 @@ pub(crate) struct Part<'a> {
     pub camera_axes: Mat3,
     /// Position of the camera in part coordinates, as the sum of two `f32` vectors.
     ///
-    /// Differences between a point and this sum have single precision at any distance from the origin of the city.
+    /// The difference between a point and the camera position has single precision at any distance from the origin of
+    /// the city.
     eye_halves: (Vec3, Vec3),
     pub is_hidden: bool,
 }
@@ -42,12 +43,12 @@ pub(crate) struct PlacedVehicle<'a> {
     pub state: VehicleState,
     pub axes: Mat3,
     pub origin: Vec3,
-    /// Center of a bounding sphere that is slightly larger than the bounding sphere of the vehicle's box. `radius` is
-    /// the radius of the sphere.
+    /// Center of a bounding sphere of the vehicle. The sphere has the radius `radius`. It is slightly larger than the
+    /// bounding sphere of the vehicle's box.
     pub center: Vec3,
     pub radius: f32,
-    /// Fraction of the sky that is visible from the vehicle. `tunnel` is the depth in the tunnel, as computed by
-    /// `City::tunnel_share`.
+    /// Fraction of the sky that is visible from the vehicle. `tunnel` is the result of `City::tunnel_share` at the
+    /// position of the vehicle.
     pub sky: f32,
     pub tunnel: f32,
     pub is_driving: bool,
@@ -77,7 +78,7 @@ pub(crate) struct SceneInstant<'a> {
     pub to_world_axes: Mat3,
     pub parts: Vec<Part<'a>>,
     pub vehicles: Vec<PlacedVehicle<'a>>,
-    /// For each place on the ground, the vehicles whose shadow in the light of the sun or moon may cover the place.
+    /// For each point on the ground, the vehicles whose shadow in the light of the sun or moon may cover the point.
     pub shadow_grid: Grid,
     /// For each place on the ground, the vehicles near the place.
     pub near_grid: Grid,
@@ -224,7 +225,7 @@ impl<'a> SceneInstant<'a> {
         self.beam_grid = Grid::new(10.0, &things);
     }
 
-    /// Returns whether a vehicle of `list` lies between `origin` and `origin + max * way`.
+    /// Returns whether a vehicle of `list` lies between `origin` and `origin + max * direction`.
     pub(crate) fn is_blocked_by(&self, list: &[u16], origin: Vec3, direction: Vec3, max: f32) -> bool {
         list.iter()
             .map(|&i| &self.vehicles[usize::from(i)])
@@ -240,7 +241,7 @@ impl<'a> SceneInstant<'a> {
 }
 
 impl PlacedVehicle<'_> {
-    /// Returns whether a ray intersects the bounding sphere. This fast test rejects most rays.
+    /// Returns whether a ray intersects the bounding sphere of the vehicle. This fast test rejects most rays.
     fn is_near(&self, origin: Vec3, direction: Vec3, max: f32) -> bool {
         let to = self.center - origin;
         let along = to.dot(direction).clamp(0.0, max);

@@ -58,8 +58,8 @@ pub(super) struct ScreenTriangle {
     /// 1 / depth at the first corner. `inverse_depth_slope` is the change of 1 / depth per pixel in x and y.
     pub inverse_depth: f32,
     pub inverse_depth_slope: (f32, f32),
-    /// 1 / depth at the nearest corner. This is an upper limit for 1 / depth, because the linear function is
-    /// inaccurate for very thin triangles.
+    /// 1 / depth at the nearest corner. Interpolated values of 1 / depth are limited to this value, because the linear
+    /// function is inaccurate for very thin triangles.
     pub nearest_inverse_depth: f32,
     pub id: u32,
 }

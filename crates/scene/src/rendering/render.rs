@@ -25,7 +25,7 @@ impl Scene {
         Ok(self.render_tiles(t, samples, &self.tiles(), threads))
     }
 
-    /// Returns the labels at the pixel centers. This is several times faster than a render.
+    /// Returns the labels at the pixel centers. This function is several times faster than [`render`](Self::render).
     ///
     /// # Errors
     /// [`ErrorKind::Usage`](spikelane::error::ErrorKind::Usage) if `t` is outside the drive.
@@ -48,7 +48,7 @@ impl Scene {
 
     /// Renders light and labels of the tiles that `tiles` selects. `t` must be inside the drive.
     ///
-    /// In all other tiles, the light is zero and every label is the label of the sky.
+    /// In tiles that `tiles` does not select, the light is zero and every label is the label of the sky.
     pub(crate) fn render_tiles(
         &self,
         t: f64,
@@ -74,8 +74,8 @@ impl Scene {
 pub(super) struct SurfaceGroup {
     key: (usize, u32),
     pub id: u32,
-    /// Number of samples at which the surface is visible. The triangle `id` represents the surface. `triangle_samples`
-    /// is the number of samples at which this triangle is visible.
+    /// Number of samples in the group. The triangle `id` represents the surface of the group. `triangle_samples` is the
+    /// number of samples at which the triangle `id` is visible.
     count: f32,
     pub triangle_samples: f32,
     /// Sum of the positions of the samples at which the triangle `id` is visible.
@@ -166,8 +166,8 @@ pub(super) fn collect(
 
 /// Returns the fraction of the sun that is visible.
 ///
-/// If the neighboring pixel centers on the same surface are all sunlit or all in shadow, the result is 1 or 0.
-/// Otherwise up to four rays are traced.
+/// If all neighboring pixel centers on the same surface are sunlit, the fraction is 1. If all are in shadow, the
+/// fraction is 0. In other cases, up to four rays toward the sun determine the fraction.
 pub(super) fn sun_share(
     frame: &SceneInstant,
     visibility: &Visibility,

@@ -70,7 +70,7 @@ pub(crate) fn shade(frame: &SceneInstant, f: &Fragment, sun: f32) -> Vec3 {
     add_haze(frame, out, f.view_direction, f.distance)
 }
 
-/// Returns the luminance of the sky in direction `way`, including clouds and the disk of the sun.
+/// Returns the luminance of the sky in direction `direction`, including clouds and the disk of the sun.
 pub(crate) fn sky_luminance(frame: &SceneInstant, direction: Vec3) -> Vec3 {
     let light = &frame.scene.light;
     let mut sky = light.sky_luminance(direction);
@@ -104,7 +104,7 @@ fn add_haze(frame: &SceneInstant, out: Vec3, direction: Vec3, distance: f32) -> 
     out * clear + light.sky_luminance(flat) * (1.0 - clear)
 }
 
-/// Returns the fraction of the ambient light at a fragment that comes from the tunnel lamps.
+/// Returns the fraction that the tunnel lamps contribute to the ambient light at a fragment.
 fn tunnel_share(frame: &SceneInstant, f: &Fragment) -> f32 {
     let city = &frame.scene.city;
     if city.tunnel.is_none() {
@@ -142,7 +142,7 @@ fn add_ambient(frame: &SceneInstant, f: &Fragment, tunnel: f32) -> Vec3 {
     outside + Vec3::new(1.05, 1.0, 0.88) * (level * tunnel)
 }
 
-/// Returns the fraction of the open sky that is not hidden by vehicles near a point on the ground.
+/// Returns the fraction of the open sky that vehicles do not hide from a point on the ground.
 fn sky_share_under_vehicles(frame: &SceneInstant, f: &Fragment) -> f32 {
     if f.world.z > 0.3 || f.normal.z < 0.5 || frame.parts[f.part].vehicle.is_some() {
         return 1.0;
@@ -167,7 +167,7 @@ fn sky_share_under_vehicles(frame: &SceneInstant, f: &Fragment) -> f32 {
 
 /// Returns the luminance of a GGX highlight for light that arrives from direction `to`.
 ///
-/// The result is in cd/m2 per lux of illuminance on a surface that faces the light.
+/// The luminance is in cd/m2 per lux of illuminance on a surface that faces the light.
 fn highlight_luminance(f: &Fragment, look: &Appearance, to: Vec3) -> f32 {
     let half = (to - f.view_direction).normalize_or_zero();
     let (nh, nl, nv) =
@@ -212,8 +212,8 @@ fn lamp_light(frame: &SceneInstant, f: &Fragment, look: &Appearance, index: u16)
     (diffuse > 0.0).then_some(LampLight { lamp: index, direction: to, distance, cosine, lux, diffuse })
 }
 
-/// Adds the light of the street lamps near the fragment. A shadow ray is traced for each lamp that provides at least 7
-/// % of the light of all these lamps.
+/// Adds the light of the street lamps near the fragment. A shadow ray is traced only for lamps that provide at least
+/// 7 % of the total light of these street lamps.
 fn add_lamps(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &mut IncomingLight) {
     let scene = frame.scene;
     let place = f.world.truncate();
@@ -224,7 +224,8 @@ fn add_lamps(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &m
         let origin =
             f.world + f.facet * 0.03 + if look.transmission > 0.0 { o.direction * 0.35 } else { Vec3::ZERO };
         let reach = o.distance - POST_RADIUS_M;
-        // A lamp with less than 7 % of the light counts as half visible, so most shadow rays are not needed.
+        // A lamp with less than 7 % of the light of all near lamps counts as half visible, so most shadow rays are not
+        // needed.
         let sky_share = if o.diffuse < 0.07 * total {
             0.5
         } else if scene.is_lamp_hidden(o.lamp, origin)
@@ -273,7 +274,8 @@ fn add_beams(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &m
     }
 }
 
-/// Returns the luminance that a reflection shows: the street as a canyon of facades under the sky.
+/// Returns the luminance of the surroundings that a reflection shows. The surroundings are a street between two rows of
+/// facades under the sky.
 fn reflected_environment(
     frame: &SceneInstant,
     f: &Fragment,

@@ -15,10 +15,10 @@ use crate::world::Scene;
 pub(crate) type StageTimes = [(&'static str, f64); 8];
 
 impl Scene {
-    /// Measures the duration of each stage of a render with `clock`. `t` must be inside the drive.
+    /// Measures the duration of each stage of a render with `timer`. `t` must be inside the drive.
     ///
-    /// The first entry is the duration of the whole render. The last entry is the duration of shading, without the
-    /// computation of visible sun fractions and textures.
+    /// The first entry of the result is the duration of the whole render. The last entry is the duration of shading,
+    /// without the computation of visible sun fractions and textures.
     pub fn stage_times(&self, t: f64, timer: &mut dyn FnMut(&mut dyn FnMut()) -> f64) -> StageTimes {
         let (frame, tiles) = (&SceneInstant::new(self, t), &self.tiles());
         let pattern = &SamplePattern::new(4);

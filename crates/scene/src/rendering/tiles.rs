@@ -69,8 +69,8 @@ impl Tiles {
         self.is_light_skipped.get(y * self.width + x).is_none_or(|out| !out)
     }
 
-    /// Returns a value for each pixel of a band. The value is true if the light of a pixel within two rows and two
-    /// columns is needed.
+    /// Returns a value for each pixel of a band. The value is true if the light of any pixel at most two rows and two
+    /// columns away is needed.
     ///
     /// Only at these pixels, direct sunlight must be computed.
     pub(crate) fn near_needed_light(&self, band: usize) -> Vec<bool> {

@@ -118,9 +118,9 @@ pub(super) fn center_labels(
 
 /// Returns which pixels are in direct sunlight.
 ///
-/// In a checkerboard pattern, every second pixel is tested with a ray. Each of the remaining pixels is tested with a
-/// ray only if its neighbors differ. A shadow that is one pixel wide crosses pixels of the first half, so every such
-/// shadow is detected.
+/// The pixels form a checkerboard pattern. Every pixel on an even square is tested with a ray. A pixel on an odd square
+/// is tested with a ray only if its neighbors differ. A shadow that is one pixel wide crosses pixels on even squares,
+/// so every shadow of this width is detected.
 fn sunlight(
     frame: &SceneInstant,
     band: &Band,
@@ -156,8 +156,8 @@ fn sunlight(
     sunny
 }
 
-/// Returns the common value of the neighbors on the same surface. Returns `None` if the neighbors differ or if there
-/// are fewer than two such neighbors.
+/// Returns whether the neighbors on the same surface are all sunlit (1) or all in shadow (0). Returns `None` if they
+/// differ, or if fewer than two neighbors are on the same surface.
 fn neighbor_consensus(
     frame: &SceneInstant,
     band: &Band,

@@ -2,7 +2,7 @@
 
 use glam::Vec2;
 
-/// Margin around each triangle in cells. The margin covers the rounding errors of the triangle's edges.
+/// Margin around each triangle, in units of one cell. The margin covers the rounding errors of the triangle's edges.
 const MARGIN_CELLS: f32 = 1e-3;
 
 /// Square cells. For each cell, the index contains the numbers of the triangles that overlap the cell.

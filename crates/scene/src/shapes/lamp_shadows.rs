@@ -1,7 +1,7 @@
 //! Shadows of street lamps.
 //!
 //! All rays to a lamp end at the same point. The space below the lamp is therefore divided once into square cones with
-//! their apex at the lamp. For each cone, the triangles that overlap the cone are listed.
+//! their apex at the lamp. Each cone has a list of the triangles that overlap the cone.
 
 use glam::{Vec2, Vec3};
 use obvhs::ray::Ray;
@@ -9,15 +9,15 @@ use obvhs::triangle::Triangle;
 
 use super::cell_index::CellIndex;
 
-/// Number of cones per row. `MAX_SLOPE` is the horizontal extent of all cones per meter of depth below the lamp.
+/// Number of cones per row. At a depth of 1 m below the lamp, the cones extend `MAX_SLOPE` meters in each direction.
 const CONES_PER_ROW: usize = 64;
 const MAX_SLOPE: f32 = 4.0;
 
 /// Geometry whose distance from the lamp is less than this length belongs to the lamp's own post.
 pub(crate) const POST_RADIUS_M: f32 = 0.4;
 
-/// Minimum depth below the lamp of triangles that are listed. At smaller depths, even the flattest ray is within
-/// `POST_RADIUS_M` of the lamp.
+/// Minimum depth below the lamp of the parts of triangles that are in the lists of the cones. At smaller depths, even
+/// the flattest ray is within `POST_RADIUS_M` of the lamp.
 const MIN_DEPTH_M: f32 = 0.06;
 
 const _: () =
@@ -72,8 +72,8 @@ impl LampShadows {
     }
 }
 
-/// Returns the intersection of a direction from the lamp with the plane 1 m below the lamp, in units of cones. Also
-/// returns the depth.
+/// Returns the point at which a line from the lamp intersects the plane 1 m below the lamp, in units of cones. Also
+/// returns the depth of the end of the line below the lamp.
 ///
 /// The depth is the vertical component of `from_lamp`, positive downward.
 fn cell(from_lamp: Vec3) -> (Vec2, f32) {

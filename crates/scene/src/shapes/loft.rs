@@ -16,8 +16,8 @@ pub(crate) struct Station {
     pub top: f32,
     /// Half of the width at the edge of the roof.
     pub roof_half_width: f32,
-    /// Whether the sides above the belt are glass between this station and the next station. `has_top_glass` applies
-    /// to the top.
+    /// Whether the sides of the vehicle between this station and the next station are glass above the belt.
+    /// `has_top_glass` is the value for the top.
     pub has_side_glass: bool,
     pub has_top_glass: bool,
 }

@@ -31,7 +31,7 @@ pub(crate) enum Material {
     Metal,
     /// The luminous face of the street lamp with this number.
     LampGlass(u16),
-    /// A traffic sign of this kind. Both texture coordinates are between -1 and 1.
+    /// A traffic sign. The number is the kind of the sign. Both texture coordinates are between -1 and 1.
     Sign(u8),
     /// The face of a traffic light. The number is the index of the lit lamp. Texture coordinates are -1 to 1
     /// horizontally and -3 to 3 vertically.

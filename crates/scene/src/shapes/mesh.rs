@@ -75,7 +75,7 @@ impl Mesh {
         self.surfaces.push(Surface { material, is_double_sided: double_sided });
     }
 
-    /// Closes the current chunk. The chunk contains all triangles added since the last call.
+    /// Closes the current chunk. The chunk contains all triangles added since the last call of this function.
     pub(crate) fn end_chunk(&mut self) {
         let (v0, t0) = self.open_chunk;
         let (v1, t1) = (self.vertices.len() as u32, self.triangles.len() as u32);

@@ -1,4 +1,5 @@
-//! Meshes and their construction, and data structures that find triangles for rays and items for places.
+//! Meshes, the functions that build meshes, and the data structures that find the triangles on a ray or the items at a
+//! position.
 
 pub(super) mod bvh;
 mod cell_index;

@@ -1,7 +1,7 @@
 //! Shadows of the sun or moon.
 //!
-//! All rays to the sun are parallel. The space is therefore divided once into square columns along the direction of
-//! the sun. For each column, the triangles that overlap the column are listed.
+//! All rays to the sun are parallel. The space is therefore divided once into square columns along the direction of the
+//! sun. Each column has a list of the triangles that overlap the column.
 
 use glam::{Vec2, Vec3};
 
@@ -17,8 +17,8 @@ struct ProjectedTriangle {
     edges: (Vec2, Vec2),
     /// 1 / (2 * projected area). The value is not finite for a triangle that is edge-on to the sun.
     inverse_double_area: f32,
-    /// Height of `corner` toward the sun, and the change of the height along both edges. `top` is the height of the
-    /// highest corner.
+    /// Coordinate of `corner` along the direction to the sun, and the change of this coordinate along both edges. `top`
+    /// is the coordinate of the corner that is nearest to the sun.
     height: (f32, f32, f32),
     top: f32,
 }

@@ -17,8 +17,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Returns the backward flow at (x, y), interpolated between the four nearest pixel centers. Returns `None` if not all
-/// of these show `part`.
+/// Returns the backward flow at (x, y), interpolated between the four nearest pixel centers. Returns `None` if one of
+/// these pixel centers does not show `part`.
 fn at(flow: &Flow, labels: &Labels, part: u16, x: f32, y: f32) -> Option<(f32, f32)> {
     let (x, y) = (x - 0.5, y - 0.5);
     let (x0, y0) = (x.floor(), y.floor());

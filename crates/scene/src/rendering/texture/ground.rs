@@ -65,10 +65,10 @@ fn road_paint(spot: &SurfaceSample, city: &City, s: f32, d: f32) -> f32 {
     paint
 }
 
-/// Returns two numbers: the distance to the edge of the nearest side street, and the side of the nearest junction.
+/// Returns two numbers for the position `s`. The first is the distance from the edge of the nearest side street. The
+/// second is +1 if `s` is beyond the center of the nearest junction, and -1 otherwise.
 ///
-/// The distance is negative inside the side street. If there is no side street, the distance is large. The side is +1
-/// if `s` is greater than the `s` of the junction's center, and -1 if it is less.
+/// The distance is negative inside the side street, and large if there is no side street.
 fn nearest_junction(city: &City, s: f32) -> (f32, f32) {
     let (mut gap, mut middle) = (1e3f32, f32::INFINITY);
     for j in &city.road.junctions {

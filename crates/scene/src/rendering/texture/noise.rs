@@ -56,13 +56,14 @@ pub(crate) fn value(p: Vec2, seed: u32) -> f32 {
     2.0 * (low + (high - low) * v) - 1.0
 }
 
-/// Returns the contrast of a pattern with features of size `size`. The contrast is 1 if the footprint is small, and 0
-/// if the pattern would alias.
+/// Returns the contrast of a texture pattern with features of size `size`. The contrast is 1 if the footprint of a
+/// sample is small, and 0 if the pattern would alias.
 pub(crate) fn fade(size: f32, footprint: f32) -> f32 {
     (2.0 - 2.5 * footprint / size).clamp(0.0, 1.0)
 }
 
-/// Returns [`value`] with features of size `size` in meters. The contrast decreases with the footprint.
+/// Returns the noise of [`value`], scaled so that the features have the size `size` in meters. The contrast of the
+/// noise decreases with the footprint.
 pub(crate) fn grain(p: Vec2, size: f32, footprint: f32, seed: u32) -> f32 {
     let f = fade(size, footprint);
     if f == 0.0 { 0.0 } else { f * value(p / size, seed) }
@@ -76,7 +77,7 @@ fn pulse_train_integral(x: f32, width: f32) -> f32 {
 
 /// Returns the fraction of a footprint in which a pulse train is 1. The footprint has width `f` and center `x`.
 ///
-/// The pulse train is 1 on `[low, high)` of every period and 0 elsewhere. The period is `period`.
+/// The pulse train has the period `period`. In every period it is 1 on `[low, high)` and 0 elsewhere.
 pub(crate) fn pulses(x: f32, period: f32, low: f32, high: f32, f: f32) -> f32 {
     let (w, half) = ((high - low) / period, 0.5 * f.max(1e-4) / period);
     let x = (x - low) / period;
@@ -101,7 +102,8 @@ mod tests {
 
     #[test]
     fn filtered_pulses_tend_to_their_mean() {
-        // A footprint of 100 periods gives the duty cycle with an error of at most one period of 100, which is 0.01.
+        // A footprint of 100 periods gives the duty cycle with an error of at most one period, which is 1/100 of the
+        // footprint.
         assert!((pulses(3.3, 1.0, 0.2, 0.5, 100.0) - 0.3).abs() < 0.01);
         assert_eq!(pulses(7.35, 1.0, 0.2, 0.5, 0.01), 1.0);
         assert_eq!(pulses(7.6, 1.0, 0.2, 0.5, 0.01), 0.0);

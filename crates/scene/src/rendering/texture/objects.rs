@@ -88,7 +88,7 @@ pub(super) fn sign(spot: &SurfaceSample, kind: u8) -> Appearance {
 
 /// Returns the appearance of a traffic light. From the top, the lamps are red, amber and green.
 ///
-/// Lamp `lit` (0 to 2) is on. If `lit` is 3, the result is the housing.
+/// Lamp `lit` (0 to 2) is on. If `lit` is 3, the function returns the appearance of the housing.
 pub(super) fn signal(spot: &SurfaceSample, lit: u8) -> Appearance {
     let housing = Appearance::glossy(Vec3::splat(0.02), 0.04, 0.5);
     if lit > 2 {

@@ -7,7 +7,8 @@ use super::surface_sample::{Appearance, SurfaceSample};
 use crate::city::facade::{Facade, Wall};
 use crate::lighting::Light;
 
-/// Returns the appearance of a facade. The texture coordinates are the distance from the left corner and the height.
+/// Returns the appearance of a facade. The first texture coordinate is the distance from the left corner of the facade,
+/// and the second is the height.
 pub(super) fn facade(spot: &SurfaceSample, style: &Facade, light: &Light) -> Appearance {
     let wall = wall_look(spot, style);
     let v = spot.uv.y;
@@ -88,7 +89,8 @@ fn windows(spot: &SurfaceSample, style: &Facade, wall: Appearance, light: &Light
     look.mix(pane(spot, style, local, (sill / story, (sill + h) / story), light), glass)
 }
 
-/// Returns the appearance of a window pane in front of a room. Each cell has its own blind and lamp.
+/// Returns the appearance of a window pane in front of a room. Each window has its own blind and lamp. `cell` contains
+/// the texture coordinates in units of bays and stories.
 fn pane(
     spot: &SurfaceSample,
     style: &Facade,
