@@ -130,8 +130,8 @@ impl Drive {
             self.ready_light = vec![first.light];
             return Ok(());
         }
-        // The remaining steps are divided into spans of nearly equal length. Otherwise the last span could be very
-        // short.
+        // The remaining steps are divided into spans of nearly equal length. With spans of maximum length, the last
+        // span could be very short.
         let to = from + steps.div_ceil(steps.div_ceil(self.max_span_steps()));
         let span = self.scene.render_span(first, &self.plan.readouts[from..=to], self.samples, self.threads);
         self.ready_light = span.light;

@@ -12,7 +12,7 @@ use spikelane_measure::report::insert_present;
 
 const FILE_NAME: &str = "croissant.json";
 
-/// Describes the tables of the splits. A table lists the files of every sequence in the split. `about` is a
+/// Describes the tables of the splits. Each table lists the files of every sequence in one split. `description` is a
 /// description of the dataset.
 pub(super) fn write(options: &DatasetOptions, tables: &[(Split, String)], description: &str) -> Result<()> {
     let path = options.output.join(FILE_NAME);
