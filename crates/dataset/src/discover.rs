@@ -120,7 +120,8 @@ fn for_each_in_list(list: &Path, folder: &Path, visit: &mut dyn FnMut(Input) -> 
     Ok(())
 }
 
-/// Returns the files that are not a sequence and do not belong to a sequence. The paths are relative to `folder`.
+/// Returns the files in `folder` and its subfolders that are neither an input nor a part of an input. The paths are
+/// relative to `folder`.
 ///
 /// If a folder contains a single image, such as a cover or a thumbnail, the image is a skipped file.
 ///
@@ -161,8 +162,8 @@ fn sequence_id(path: &Path, folder_name: &str) -> Result<PlainName> {
 
 /// Returns the path of the input that has the name `name` in a manifest or a plan.
 ///
-/// The user chooses the paths of a list, so these paths may be outside the folder. Paths from a searched folder must
-/// be inside that folder.
+/// An input from a list may be outside the folder, because the user chooses the paths of the list. An input from a
+/// searched folder must be inside that folder.
 ///
 /// # Errors
 /// [`ErrorKind::Corrupt`] if a path from a searched folder is outside that folder.
@@ -179,7 +180,7 @@ pub(super) fn input_path(inputs: &InputContent, name: &Path) -> Result<PathBuf> 
 
 /// Kind of a path in a folder.
 enum PathKind {
-    /// A sequence. The number of frames is `None` if the folder listing does not determine the number.
+    /// An input and its number of frames. The number is `None` if the folder listing does not determine it.
     Input(Option<u64>),
     Other,
 }

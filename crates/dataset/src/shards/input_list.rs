@@ -157,7 +157,7 @@ struct PartialFile<'a>(&'a Path);
 
 impl Drop for PartialFile<'_> {
     fn drop(&mut self) {
-        // After the rename, no file has the hidden name. The error is therefore ignored.
+        // After the rename, no file has the hidden name. The error of the removal is therefore ignored.
         let _ = std::fs::remove_file(self.0);
     }
 }

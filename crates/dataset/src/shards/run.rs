@@ -51,9 +51,9 @@ const MAX_ATTEMPTS: u32 = 2;
 
 /// Generates the missing sequences of shard `number`.
 ///
-/// An existing sequence is not generated again if every file has the recorded size and modification time. Partial
-/// files of killed processes are removed. `progress` is called after every batch. If `progress` returns an error, the
-/// generation stops, and all finished sequences remain.
+/// An existing sequence is not generated again if every file has the recorded size and modification time. Partial files
+/// of killed processes are removed. `progress` is called for every verified sequence and after every batch of readouts.
+/// If `progress` returns an error, the generation stops, and all finished sequences remain.
 ///
 /// A sequence that fails twice is marked as failed, and the reason is recorded. A sequence is also marked as failed if
 /// its input has changed since the plan was made. A full disk, a write error, or a request to stop ends the run.

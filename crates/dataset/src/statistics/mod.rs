@@ -86,8 +86,8 @@ pub struct DatasetStatistics {
 
 /// Computes the statistics of a dataset from its records, sidecars and boxes.
 ///
-/// The sequences must be in folders. If `follow_links` is true, files may be links to files outside the dataset's
-/// folder.
+/// The sequences must be in folders, not in packed shards. If `follow_links` is true, files may be links to files
+/// outside the dataset's folder.
 ///
 /// # Errors
 /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if shards are packed, because packed sequences have no folders.

@@ -177,15 +177,15 @@ fn clean_rates_match_ground_truth_up_to_quantization() {
             actual += (count / n as f64 / rate - truth).powi(2);
             expected += part * (1.0 - part) / (n as f64 * rate).powi(2) + 1.0 / 12.0 / 255.0_f64.powi(2);
         }
-        // The mean square of 1,536 pixels has a standard error of 4 %. With sRGB codes or another full scale, the mean
-        // square would differ by a factor of at least 10.
+        // The mean square difference of 1,536 pixels has a standard error of 4 %. With sRGB codes or another full
+        // scale, this mean would be at least 10 times as large.
         let ratio = actual / expected;
         assert!((0.8..1.2).contains(&ratio), "{}: {ratio}", structure.name());
     }
 }
 
-/// The lamps are 30 times as bright as white and fire at every readout. The exposure of the other pixels must be
-/// unchanged.
+/// The lamps are 30 times as bright as white, so their pixels fire at every readout. The exposure of the other pixels
+/// must be unchanged.
 #[test]
 fn lamps_that_saturate_the_sensor_do_not_darken_the_scene() {
     let dir = tempfile::tempdir().unwrap();

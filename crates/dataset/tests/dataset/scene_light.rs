@@ -62,7 +62,7 @@ fn flickering_lamps_show_their_line_in_the_frame_totals() {
 }
 
 /// For each pixel, computes `(variance of the interval - 1/6) / (mean interval)^2`. Returns the mean of these values,
-/// and the number of pixels.
+/// and the number of pixels. The rounding of both ends of an interval to whole readouts causes the variance 1/6.
 ///
 /// Only pixels with a rate between 0.002 and 0.01 are included. If shot noise is the only noise, the returned mean is 1
 /// / K, where K is the number of quanta per interval.
