@@ -271,8 +271,8 @@ fn option_text(value: &Value) -> String {
     if value.is_null() { "nothing".to_owned() } else { value.to_string() }
 }
 
-/// Returns the key of the first difference, the text of `was` and the text of `is`. If a text has several lines, as the
-/// text of a camera file, only the first line that differs is returned.
+/// Returns the key of the first difference, the text of `was` and the text of `is`. If a text has several lines, such
+/// as the text of a camera file, only the first line that differs is returned.
 fn first_difference(was: &Value, is: &Value, key: &str) -> Option<(String, String, String)> {
     match (was, is) {
         (Value::Object(a), Value::Object(b)) => {
