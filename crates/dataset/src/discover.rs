@@ -61,10 +61,10 @@ pub fn discover_inputs(folder: &Path, excluded: &Path) -> Result<Vec<Input>> {
     Ok(all)
 }
 
-/// Calls `tell` for each input of a dataset in the order of the paths. If the dataset has a list of inputs, only the
+/// Calls `visit` for each input of a dataset in the order of the paths. If the dataset has a list of inputs, only the
 /// inputs in the list are used. Otherwise all inputs in the folder are used.
 ///
-/// Memory contains only the names of one folder at a time, or the list.
+/// If there is a list, the whole list is in memory. Otherwise only the names in one folder at a time are in memory.
 pub(super) fn for_each_input(
     inputs: &InputContent,
     except: &Path,
@@ -107,7 +107,7 @@ fn for_each_in_folder(
         )))
 }
 
-/// Calls `tell` for the inputs in a list. Each line contains one path, which is relative to `folder`. Empty lines are
+/// Calls `visit` for the inputs in a list. Each line contains one path, which is relative to `folder`. Empty lines are
 /// skipped.
 fn for_each_in_list(list: &Path, folder: &Path, visit: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
     let bytes = read_bytes(list, "a list of inputs", MAX_LIST_BYTES)?;
@@ -133,9 +133,10 @@ fn for_each_in_list(list: &Path, folder: &Path, visit: &mut dyn FnMut(Input) -> 
     Ok(())
 }
 
-/// Returns the files that are not a sequence and do not belong to a sequence. The paths are relative to `folder`.
+/// Returns the files in `folder` and its subfolders that are neither an input nor a part of an input. The paths are
+/// relative to `folder`.
 ///
-/// If a folder contains a single image, such as a cover or a thumbnail, the image is one of these files.
+/// If a folder contains a single image, such as a cover or a thumbnail, the image is a skipped file.
 ///
 /// # Errors
 /// [`ErrorKind::Io`] if a folder cannot be listed.
@@ -152,10 +153,10 @@ pub fn skipped_files(folder: &Path, excluded: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Returns a readable and unique name. The name consists of the alphanumeric characters of the path and a hash of the
-/// whole path. If the input is the searched folder, the name of this folder (`own`) replaces the path.
+/// whole path. If the input is the searched folder itself, its name `folder_name` replaces the path.
 ///
-/// If the path is not ASCII or has more than 60 bytes, only the hash distinguishes the names of similar paths. The
-/// hash then has 64 bits. With 32 bits, about a hundred of a million names would be duplicates.
+/// If the path is not ASCII or has more than 60 bytes, only the hash distinguishes the names of similar paths. The hash
+/// then has 64 bits. If it had 32 bits, about a hundred duplicates would occur in a million names.
 fn sequence_id(path: &Path, folder_name: &str) -> Result<PlainName> {
     // The manifest of a dataset is UTF-8, so it could not name the input.
     let text = path.to_str().ok_or_else(|| {
@@ -180,8 +181,8 @@ fn sequence_id(path: &Path, folder_name: &str) -> Result<PlainName> {
 
 /// Returns the path of the input that has the name `name` in a manifest or a plan.
 ///
-/// The user chooses the paths of a list, so these paths may be outside the folder. Paths from a searched folder must
-/// be inside that folder.
+/// An input from a list may be outside the folder, because the user chooses the paths of the list. An input from a
+/// searched folder must be inside that folder.
 ///
 /// # Errors
 /// [`ErrorKind::Corrupt`] if a path from a searched folder is outside that folder.
@@ -198,7 +199,7 @@ pub(super) fn input_path(inputs: &InputContent, name: &Path) -> Result<PathBuf> 
 
 /// Kind of a path in a folder.
 enum PathKind {
-    /// A sequence. The number of frames is `None` if the folder listing does not determine the number.
+    /// An input and its number of frames. The number is `None` if the folder listing does not determine it.
     Input(Option<u64>),
     Other,
 }

@@ -130,8 +130,8 @@ impl Drive {
             self.ready_light = vec![first.light];
             return Ok(());
         }
-        // The remaining steps are divided into spans of nearly equal length. Otherwise the last span could be very
-        // short.
+        // The remaining steps are divided into spans of nearly equal length. With spans of maximum length, the last
+        // span could be very short.
         let to = from + steps.div_ceil(steps.div_ceil(self.max_span_steps()));
         let span = self.scene.render_span(first, &self.plan.readouts[from..=to], self.samples, self.threads);
         self.ready_light = span.light;
@@ -141,8 +141,8 @@ impl Drive {
 
     /// Returns the maximum number of steps of a span.
     ///
-    /// The duration of a span is limited because the light changes even if nothing moves. The size is limited because
-    /// memory is limited.
+    /// The duration of a span is limited, because the light changes even if nothing moves. The size of the span's light
+    /// is limited, because the light is stored in memory.
     fn max_span_steps(&self) -> usize {
         let max_frames = MAX_SPAN_BYTES / (size_of::<f32>() * self.geometry.pixels());
         ((MAX_SPAN_SECONDS * self.rate.hz()) as usize).min(max_frames).max(1)

@@ -38,7 +38,8 @@ pub struct SequenceProgress<'a> {
 pub struct DatasetEstimate {
     /// Number of sequences that are not done.
     pub sequences: usize,
-    /// Total number of readouts of these sequences. Videos whose number of readouts is unknown are not counted.
+    /// Total number of readouts of the sequences that are not done. Videos whose number of readouts is unknown are not
+    /// counted.
     pub readouts: u64,
     /// Approximate number of bytes on disk.
     pub bytes: u64,
@@ -60,8 +61,8 @@ pub struct DatasetReport {
     /// Number of generated scenes in which a visible point moves by more than half a pixel between consecutive
     /// readouts.
     pub too_fast_scenes: usize,
-    /// Lowest readout rate in Hz at which no visible point of any generated scene moves by more than half a pixel. The
-    /// value is 0 if the actual rate is sufficient for all generated scenes.
+    /// Lowest readout rate in Hz at which no visible point of any generated scene moves by more than half a pixel per
+    /// readout. The value is 0 if the actual rate is sufficient for all generated scenes.
     pub required_readout_hz: u64,
     /// Notes for the user about the inputs of generated sequences. Each note is one line.
     pub notes: Vec<String>,
@@ -71,8 +72,8 @@ pub struct DatasetReport {
     pub digest: String,
 }
 
-/// Estimates the cost of a dataset. Nothing is written. If the dataset is resumed, only the remaining sequences are
-/// counted.
+/// Estimates the number of readouts and bytes of a dataset. Nothing is written. If the dataset is resumed, only the
+/// remaining sequences are counted.
 ///
 /// # Examples
 /// ```
@@ -161,7 +162,7 @@ fn planned_manifest(options: &DatasetOptions) -> Result<Manifest> {
 /// # Errors
 /// * The errors of [`estimate`].
 /// * [`ErrorKind::Space`] at the start if the estimate exceeds the free space.
-/// * The errors that end the generation.
+/// * The errors that end the generation, such as a full disk.
 pub fn generate(
     options: &DatasetOptions,
     progress: &mut dyn FnMut(SequenceProgress<'_>) -> Result<()>,
@@ -233,7 +234,7 @@ pub fn generate(
 
 /// Returns the current digest of the input of a sequence.
 ///
-/// Scenes have no input digest. If the input no longer exists, the recorded digest is returned.
+/// Scenes have no input digest. If the input of a sequence no longer exists, the recorded digest is returned.
 fn current_input_digest(
     options: &DatasetOptions,
     entry: &SequenceEntry,
@@ -242,8 +243,8 @@ fn current_input_digest(
     let (Content::Inputs(inputs), Some(name)) = (&options.content, &entry.input) else { return Ok(None) };
     let path = input_path(inputs, &PathBuf::from(name))?;
     if !path.exists() {
-        // Without its input, the sequence could not be generated again. Therefore the digest must not differ, and the
-        // sequence is kept.
+        // If the input of a sequence no longer exists, the sequence cannot be generated again. The recorded digest is
+        // returned, so that the sequence counts as unchanged and remains.
         return Ok(entry.input_digest.clone());
     }
     fingerprint::input_digest(&path, stop).map(Some)
@@ -251,8 +252,8 @@ fn current_input_digest(
 
 /// Returns whether every file of a finished sequence matches its digest.
 ///
-/// A link to a file outside the folder is an error. The user created this link, so the program must not replace the
-/// link without a request.
+/// A link to a file outside the folder is an error. The user created this link, and the program must not replace it
+/// unless the user requests it.
 fn is_verified(
     options: &DatasetOptions,
     entry: &SequenceEntry,
@@ -264,8 +265,8 @@ fn is_verified(
         .map(|record| record.is_some())
 }
 
-/// Returns the entry of a sequence after an attempt to generate the sequence. Errors that would also occur in the next
-/// sequence are returned as errors.
+/// Returns the entry of a sequence after an attempt to generate the sequence. Returns an error if the attempt failed
+/// for a reason that would also stop the next sequence.
 fn record_outcome(
     mut entry: SequenceEntry,
     result: Result<(SequenceRecord, String, u64)>,

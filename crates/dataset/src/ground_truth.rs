@@ -1,4 +1,5 @@
-//! Ground truth. The module determines which light is shown, and which codes loaders expect.
+//! Ground truth. The module determines which light the images of the ground truth show, and which codes represent this
+//! light.
 
 use std::path::Path;
 
@@ -13,7 +14,7 @@ use spikelane_io::simulate::{ImageFormat, light_at, linear_png};
 
 /// Maximum fraction of pixels that have code 255 although the sensor resolves their light.
 ///
-/// The limit for users is 1e-3. A tenth is subtracted, because warping slightly changes a rendered image.
+/// The documented limit is 1e-3. This constant is a tenth lower, because warping slightly changes a rendered image.
 const MAX_CLIPPED_SHARE: f64 = 0.9e-3;
 
 /// Lowest light whose code is rounded to 255.
@@ -52,8 +53,8 @@ pub(super) fn write_reference_images(options: &DatasetOptions, light: &Frame, fo
 pub(super) fn exposure_factor(options: &DatasetOptions, light: &Frame) -> f32 {
     let integers = !matches!(light.samples(), OwnedSamples::F32(_));
     if options.dataset_layout != DatasetLayout::SpikeZoo || integers {
-        // For SpikeCV, code 255 is the saturation rate of the pixel. Integer light never exceeds white. In both cases
-        // no code is clipped.
+        // For SpikeCV, code 255 is the saturation rate of the pixel. Integer light never exceeds white. With SpikeCV or
+        // integer light, no code is therefore clipped.
         return 1.0;
     }
     let values = light.to_f32();
@@ -62,7 +63,8 @@ pub(super) fn exposure_factor(options: &DatasetOptions, light: &Frame) -> f32 {
     let max_clipped = (values.len() as f64 * MAX_CLIPPED_SHARE) as usize;
     let cut = |by: f32| values.iter().filter(|&&x| (white..1.0).contains(&(x * rate * by))).count();
     let mut by = 1.0;
-    // The loop ends, because light is finite, and light that is less than white is not clipped.
+    // The loop ends, because each iteration reduces the light. The light is finite, and light that is less than white
+    // is not clipped.
     while cut(by) > max_clipped {
         by *= EXPOSURE_STEP;
     }

@@ -18,8 +18,8 @@ pub(super) struct ReferenceImageWriter {
 }
 
 impl ReferenceImageWriter {
-    /// Creates a writer for the light of every `every`-th readout. If `npy` is true, the light is also written as
-    /// floats.
+    /// Creates a writer for the light of every `every`-th readout. If `npy` is true, the light is also written as `f32`
+    /// values.
     pub(crate) fn new(
         options: &DatasetOptions,
         every: Option<u64>,
@@ -52,8 +52,8 @@ impl ReferenceImageWriter {
         Ok(())
     }
 
-    /// Returns the description of the images for records. The description lists no files, because the record lists all
-    /// files with their digests.
+    /// Returns the description of the images for the record of the sequence. The description lists no files, because
+    /// the record lists all files with their digests.
     pub(crate) fn facts(&self) -> Option<ImageFacts> {
         self.interval_readouts.map(|every| self.format.facts(every))
     }

@@ -170,8 +170,8 @@ impl Manifest {
 
     /// Returns the digest of the dataset.
     ///
-    /// The digest is computed from one line "id record-digest" per finished sequence. The lines are sorted, so the
-    /// digest does not depend on the division into shards.
+    /// Each finished sequence has one line "id record-digest", and the digest is computed from these lines. The lines
+    /// are sorted, so the digest does not depend on the division into shards.
     #[must_use]
     pub fn dataset_digest(&self) -> String {
         let mut digest = DatasetDigest::default();
@@ -271,8 +271,8 @@ fn option_text(value: &Value) -> String {
     if value.is_null() { "nothing".to_owned() } else { value.to_string() }
 }
 
-/// Returns the key and both texts of the first difference. Of a text of several lines, such as a camera file, only the
-/// first line that differs is returned.
+/// Returns the key of the first difference, the text of `was` and the text of `is`. If a text has several lines, such
+/// as the text of a camera file, only the first line that differs is returned.
 fn first_difference(was: &Value, is: &Value, key: &str) -> Option<(String, String, String)> {
     match (was, is) {
         (Value::Object(a), Value::Object(b)) => {

@@ -68,7 +68,8 @@ impl SequenceRecord {
         self.files.iter().fold(0, |sum, f| sum.saturating_add(f.bytes))
     }
 
-    /// Reads the record in `folder`. The files are not verified. Links to files outside the folder are rejected.
+    /// Reads the record in `folder`. The files that the record lists are not verified. Links to files outside the
+    /// folder are rejected.
     ///
     /// # Errors
     /// [`ErrorKind::Io`] if there is no record, [`ErrorKind::Config`] if it is invalid.
@@ -127,7 +128,8 @@ impl SequenceRecord {
 /// Returns `None` if the error is about missing, unreadable or changed files. Such files can be generated again.
 ///
 /// # Errors
-/// All other errors, such as a link to a file outside the folder, or a request to stop.
+/// All errors that are not about missing, unreadable or changed files. Examples are a link to a file outside the
+/// folder, and a request to stop.
 pub(super) fn intact_or_none<T>(result: Result<T>) -> Result<Option<T>> {
     match result {
         Ok(value) => Ok(Some(value)),

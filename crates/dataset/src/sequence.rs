@@ -26,8 +26,8 @@ use spikelane_io::storage::{folders, sync};
 use spikelane_measure::report::insert_present;
 use spikelane_scene::Scene;
 
-/// Receives the number of completed readouts and the total number, if it is known. If the callback returns an error,
-/// the generation stops.
+/// Receives the number of completed readouts, and the total number if the total is known. If the callback returns an
+/// error, the generation stops.
 pub(super) type ReadoutCallback<'a> = &'a mut dyn FnMut(u64, Option<u64>) -> Result<()>;
 
 /// A folder that is removed on drop, unless the folder has been renamed to its final name.

@@ -16,8 +16,8 @@ use spikelane::unstable::inputs::Access;
 /// Version of the file format.
 const FORMAT_VERSION: i64 = 1;
 
-/// Removes the key `preset` of `[scenes]`. Every option that the table does not contain is set to the value in this
-/// preset.
+/// Replaces the key `preset` of `[scenes]` with the options of the preset. Options that the table already contains are
+/// unchanged.
 pub(super) fn expand_preset(table: &mut Table) -> Result<()> {
     let Some(scenes) = table.get_mut("scenes").and_then(Value::as_table_mut) else { return Ok(()) };
     let Some(kind) = scenes.remove("preset") else { return Ok(()) };

@@ -14,7 +14,7 @@ use spikelane::unstable::inputs::{Access, read_text};
 pub struct DatasetText {
     /// The text of `dataset.toml`.
     pub text: String,
-    /// Names and bytes of the camera maps. The maps must be stored beside the text.
+    /// Names and bytes of the camera maps. The maps must be stored in the folder of `dataset.toml`.
     pub maps: Vec<(String, Vec<u8>)>,
 }
 
@@ -50,7 +50,7 @@ pub fn to_toml(options: &DatasetOptions) -> Result<DatasetText> {
 /// Parses the text of a `dataset.toml`. Paths in the text are relative to `folder`. Camera files must be in `folder`
 /// or its subfolders.
 ///
-/// In the result, the output folder is empty, the number of threads is one, and `resume` is false.
+/// In the returned options, the output folder is empty, the number of threads is one, and `resume` is false.
 ///
 /// # Examples
 /// ```
@@ -66,7 +66,7 @@ pub fn to_toml(options: &DatasetOptions) -> Result<DatasetText> {
 /// ```
 ///
 /// # Errors
-/// [`ErrorKind::Config`] if the text has another version, an unknown key, or an invalid value.
+/// [`ErrorKind::Config`] if the text has an unsupported version, an unknown key, or an invalid value.
 pub fn from_toml(text: &str, folder: &Path, access: Access) -> Result<DatasetOptions> {
     let mut table: toml::Table = toml::from_str(text).map_err(|e| parse_error(&e))?;
     file::expand_preset(&mut table)?;

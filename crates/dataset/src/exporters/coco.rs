@@ -1,7 +1,7 @@
-//! Writes the boxes and masks of a split to one file for the COCO tools, `SPLIT/coco.json`.
+//! Writes the boxes and masks of each split to a file for the COCO tools. The path of the file is `SPLIT/coco.json`.
 //!
-//! In the file, all images precede all annotations. However, each sequence provides its images and annotations
-//! together. Therefore the two lists are first written to separate files.
+//! In a COCO file, all images precede all annotations. However, each sequence provides its images and annotations
+//! together. Therefore the images and the annotations are first written to separate files.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write as _, copy};
@@ -30,7 +30,8 @@ pub(super) struct CocoWriter {
     categories: Value,
 }
 
-/// One of the lists of the COCO file, stored in its own file. The values are separated by commas.
+/// The list of images or the list of annotations of the COCO file, stored in a separate file. The values are separated
+/// by commas.
 struct ListWriter {
     file: BufWriter<File>,
     hidden_path: PathBuf,
@@ -76,9 +77,9 @@ impl CocoWriter {
     }
 
     /// Adds the images and annotations of a sequence. Their ids are increased by the number of images and annotations
-    /// that are already in the file.
+    /// that the COCO file already contains.
     ///
-    /// In the result, `file_name` is the path of the image relative to the folder of the dataset.
+    /// In the COCO file, `file_name` is the path of the image relative to the folder of the dataset.
     pub(super) fn add(&mut self, options: &DatasetOptions, entry: &SequenceEntry) -> Result<()> {
         let path =
             entry.path().join("labels").join(FILE_NAME).resolve_in(&options.output, options.access())?;

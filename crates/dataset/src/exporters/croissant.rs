@@ -12,7 +12,7 @@ use spikelane_measure::report::insert_present;
 
 const FILE_NAME: &str = "croissant.json";
 
-/// Describes the tables of the splits. A table lists the files of every sequence in the split. `about` is a
+/// Describes the tables of the splits. Each table lists the files of every sequence in one split. `description` is a
 /// description of the dataset.
 pub(super) fn write(options: &DatasetOptions, tables: &[(Split, String)], description: &str) -> Result<()> {
     let path = options.output.join(FILE_NAME);
@@ -84,7 +84,7 @@ fn record_set(split: Split, text: &str) -> Value {
         field("camera_seed", "Text", "Seed of the fixed pattern."),
         field("record", "Text", "Digest of the record of the sequence."),
     ];
-    // If no line of the table contains a key, the table does not have this column.
+    // The table has a column `input` or `scene_seed` only if one of its lines contains this key.
     for (name, what) in [("input", "Path of the input."), ("scene_seed", "Seed of the scene.")] {
         if text.contains(&format!("\"{name}\":")) {
             fields.push(field(name, "Text", what));

@@ -35,10 +35,12 @@ pub(super) fn write(
     write_if_changed(&options.output, &folder.join("calib").join(&name), calibration_text(camera).as_bytes())
 }
 
-/// Returns the lines of one readout, with frame number and track id at the start of each line. `own` contains the
-/// lines of the sequence's label file. Returns `None` if `own` does not contain the same vehicles as `frame`.
+/// Returns the lines of one readout, with frame number and track id at the start of each line. `labels_text` contains
+/// the lines of the sequence's label file. Returns `None` if `labels_text` does not contain the same vehicles as
+/// `frame`.
 ///
-/// The tracking benchmark has three truncation levels, which replace the truncation value of `own`.
+/// The tracking benchmark has three truncation levels, which replace the truncation value of each line in
+/// `labels_text`.
 fn track_lines(index: usize, frame: &LabeledFrame, labels_text: &str) -> Option<String> {
     let mut text = String::new();
     let mut lines = labels_text.lines();
@@ -59,8 +61,9 @@ fn track_lines(index: usize, frame: &LabeledFrame, labels_text: &str) -> Option<
     lines.next().is_none().then_some(text)
 }
 
-/// Returns the camera matrices. The four cameras are identical and need no rectification. The lidar is at the position
-/// of the camera, and its axes point forward, left and up.
+/// Returns the text of KITTI's calibration file. A KITTI car has four cameras and a lidar. Here, the four cameras are
+/// identical and need no rectification. The lidar is at the position of the camera, and its axes point forward, left
+/// and up.
 ///
 /// In KITTI files, the center of the first pixel has coordinate 0.
 fn calibration_text(camera: &FrameCamera) -> String {

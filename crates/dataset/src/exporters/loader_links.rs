@@ -10,7 +10,7 @@ use spikelane::unstable::inputs::{InnerPath, PlainName, read_bytes};
 use spikelane_io::simulate::{Sidecar, StreamFacts};
 use spikelane_io::storage::{folders, is_same_file, sync};
 
-/// Returns the paths of a sequence's files for loaders, relative to the folder of the split.
+/// Returns the paths of a sequence's files in the loaders' folders, relative to the folder of the split.
 fn split_paths(id: &PlainName) -> [InnerPath; 8] {
     let at = |folder: &'static str, ending| InnerPath::from(folder).join(id.with_ending(ending));
     [
@@ -25,7 +25,7 @@ fn split_paths(id: &PlainName) -> [InnerPath; 8] {
     ]
 }
 
-/// Returns the paths of a sequence's labels for SpikeCV, relative to the folder of the dataset.
+/// Returns the paths of a sequence's labels in SpikeCV's folders, relative to the folder of the dataset.
 fn spikecv_paths(split: Split, id: &PlainName) -> impl Iterator<Item = InnerPath> {
     ["boxes", "depth", "flow"].into_iter().flat_map(move |kind| {
         let root = InnerPath::from("spikecv").join(kind).join(split.name());
@@ -36,7 +36,7 @@ fn spikecv_paths(split: Split, id: &PlainName) -> impl Iterator<Item = InnerPath
 /// Creates links to the streams and the ground truth of a sequence in the loaders' folders.
 ///
 /// Hard links use no disk space and look like regular files. If the file system does not support hard links, files are
-/// copied. The result is the number of copied files. Existing files are not replaced.
+/// copied. The function returns the number of copied files. Existing files are not replaced.
 pub(crate) fn link_sequence(options: &DatasetOptions, entry: &SequenceEntry) -> Result<u64> {
     let (root, access, id) = (&options.output, options.access(), &entry.id);
     let sequence = entry.path().resolve_in(root, access)?;
@@ -48,7 +48,8 @@ pub(crate) fn link_sequence(options: &DatasetOptions, entry: &SequenceEntry) -> 
         let name = id.with_ending(".dat");
         let folder = split.join(folder);
         copied += link_or_copy(&resolve(file)?, root, &folder.join(&name))?;
-        // In the loaders' folders, each stream has its own sidecar, and the name of the sequence is its file name.
+        // In the loaders' folders, each stream has its own sidecar. The file name of the stream is the name of the
+        // sequence.
         let stream = StreamFacts { file: name.to_string(), ..sidecar.stream_facts(file).clone() };
         let link_sidecar = Sidecar { stream, clean: None, images: None, ..sidecar.clone() };
         link_sidecar.write(&folders::create_parents(root, &folder.join(id.with_ending(".json")))?, true)?;
@@ -57,8 +58,8 @@ pub(crate) fn link_sequence(options: &DatasetOptions, entry: &SequenceEntry) -> 
     Ok(copied)
 }
 
-/// Removes the partial files that killed processes did not remove from the dataset's own folders. No other process may
-/// write to these folders at the same time.
+/// Removes partial files that killed processes left in the dataset's own folders. No other process may write to these
+/// folders at the same time.
 pub(crate) fn remove_partials(folder: &Path) -> Result<()> {
     folders::remove_partials(folder, |_| true)?;
     folders::remove_partials_in(folder, &"sequences".into())?;
@@ -87,8 +88,8 @@ pub(crate) fn unlink_sequence(options: &DatasetOptions, id: &PlainName) -> Resul
 /// Creates the additional name `inner` below `root` for the file `from`. Returns 1 if the file was copied, and
 /// otherwise 0.
 ///
-/// The name of the hidden file depends only on the final name. If a process is killed, the next attempt therefore
-/// replaces its hidden file.
+/// The file is first created with a hidden name, which depends only on the final name. If a process is killed, the next
+/// attempt therefore replaces the hidden file.
 pub(super) fn link_or_copy(from: &Path, root: &Path, inner: &InnerPath) -> Result<u64> {
     let to = folders::create_parents(root, inner)?;
     if are_same_file(from, &to) {
@@ -96,8 +97,8 @@ pub(super) fn link_or_copy(from: &Path, root: &Path, inner: &InnerPath) -> Resul
     }
     let hidden = hidden_path(&to);
     let io = |e| Error::io(to.display(), e);
-    // The target of a link is linked, because a hard link to a relative symbolic link would not work in another
-    // folder.
+    // If `from` is a symbolic link, the hard link refers to the target of `from`. A hard link to a relative symbolic
+    // link would not work in another folder.
     let from = fs::canonicalize(from).map_err(|e| Error::io(from.display(), e))?;
     let _ = fs::remove_file(&hidden);
     let mut copied = 0;
@@ -108,8 +109,8 @@ pub(super) fn link_or_copy(from: &Path, root: &Path, inner: &InnerPath) -> Resul
         sync::sync_file(&file, &hidden)?;
         copied = 1;
     }
-    // If both names are hard links to the same file, the rename has no effect. Therefore the hidden name is removed
-    // explicitly.
+    // If the hidden name and the final name are hard links to the same file, the rename has no effect. Therefore the
+    // hidden name is removed explicitly.
     let renamed = sync::rename(&hidden, &to);
     let _ = fs::remove_file(&hidden);
     renamed.map(|()| copied)
@@ -128,7 +129,8 @@ pub(super) fn write_if_changed(root: &Path, inner: &InnerPath, bytes: &[u8]) -> 
     sync::rename(&hidden, &to)
 }
 
-/// Returns the hidden name under which a file is written before the rename. Both names are in the same folder.
+/// Returns the hidden name of a file. The file is written with this name and then renamed to `path`, which is in the
+/// same folder.
 fn hidden_path(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!(".{name}.partial"))

@@ -1,5 +1,5 @@
-//! Writes a table of the images of each split for the `imagefolder` loader of Hugging Face. The table is
-//! `SPLIT/metadata.jsonl`.
+//! Writes one table per split for the `imagefolder` loader of Hugging Face. The table `SPLIT/metadata.jsonl` lists the
+//! images of the split.
 
 use serde_json::json;
 
@@ -20,7 +20,7 @@ pub(super) struct Tables {
 impl Tables {
     pub(super) fn add(&mut self, entry: &SequenceEntry, split: usize) {
         let id = &entry.id;
-        // Seeds are written as hexadecimal text. Some programs cannot read such large integers, and other programs
+        // Seeds are written as hexadecimal text. Some programs cannot read integers of 64 bits, and other programs
         // convert decimal digits in text to a number.
         let annotation = json!({
             "file_name": format!("gt/{id}.png"), "id": id, "spike": format!("spike/{id}.dat"),

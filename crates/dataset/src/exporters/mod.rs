@@ -27,7 +27,7 @@ impl Exporters {
         Self { tables: metadata::Tables::default(), coco: [None, None, None] }
     }
 
-    /// Adds a sequence if its status is `Done`. Returns the number of files that were copied.
+    /// Adds a sequence to the exports if its status is `Done`. Returns the number of files that were copied.
     pub(super) fn add(&mut self, options: &DatasetOptions, entry: &SequenceEntry) -> Result<u64> {
         if entry.status != SequenceStatus::Done {
             return Ok(0);

@@ -12,7 +12,7 @@ use spikelane::error::Result;
 use spikelane::unstable::inputs::{InnerPath, PlainName};
 use spikelane_io::storage;
 
-/// Kinds of labels. For each kind, the folder name, SpikeCV's type numbers and the file extension.
+/// Kinds of labels. Each element contains the folder name, SpikeCV's type numbers and the file extension of one kind.
 const LABEL_KINDS: [(&str, &str, &str); 3] =
     [("boxes", "[4, 5]", "txt"), ("depth", "[3.1]", "npy"), ("flow", "[2]", "flo")];
 
@@ -28,7 +28,7 @@ fn config_text(options: &DatasetOptions, numbers: &str, ending: &str, labels: &s
     )
 }
 
-/// Writes the configuration that describes the ground truth to the folder of the dataset.
+/// Writes the SpikeCV configuration of the ground truth to `config.yaml` in the folder of the dataset.
 pub(crate) fn write_config(options: &DatasetOptions) -> Result<()> {
     if options.dataset_layout != DatasetLayout::SpikeCv {
         return Ok(());

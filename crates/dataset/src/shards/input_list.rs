@@ -38,7 +38,7 @@ pub(super) struct PlannedInput {
 /// Maximum size in bytes of the slice of one shard.
 const MAX_SLICE_BYTES: u64 = 1 << 30;
 
-/// Checks that the slices are contiguous, and that the number of slices equals the number of shards.
+/// Checks that the slices of the list are contiguous, and that the number of slices equals the number of shards.
 pub(super) fn check_slices(pieces: &[ListSlice], shards: u64) -> Result<()> {
     let wrong = |found: &dyn std::fmt::Display| {
         Err(Error::new(ErrorKind::Config, "pieces")
@@ -114,7 +114,7 @@ pub(super) fn write_list(
         let Fingerprint { bytes, mtime_ns: time_ns } =
             fingerprint::input_fingerprint(&discover::input_path(inputs, &found.path)?)?;
         names.push(RandomStream::from_name(found.id.as_str()).id());
-        // The path is converted to text, because the manifest and the record also contain text.
+        // The path is converted to text, because the manifest and the record also store the path as text.
         let path = PathBuf::from(found.path.to_string_lossy().into_owned());
         let line = PlannedInput { id: found.id, path, frames: found.frames, bytes, mtime_ns: time_ns };
         let mut line =
@@ -157,7 +157,7 @@ struct PartialFile<'a>(&'a Path);
 
 impl Drop for PartialFile<'_> {
     fn drop(&mut self) {
-        // After the rename, no file has the hidden name. The error is therefore ignored.
+        // After the rename, no file has the hidden name. The error of the removal is therefore ignored.
         let _ = std::fs::remove_file(self.0);
     }
 }

@@ -1,5 +1,5 @@
-//! The state of a shard. The journal has one line per processed sequence. When all sequences are processed, a manifest
-//! replaces the journal.
+//! The state of a shard in a journal or a manifest. The journal has one line per processed sequence. When all sequences
+//! are processed, the manifest replaces the journal.
 
 use std::fs::OpenOptions;
 use std::io::Write as _;
@@ -123,8 +123,7 @@ impl Journal {
         storage::write_small(&self.path, text.as_bytes(), true)
     }
 
-    /// Appends a line and syncs the journal to the disk. The journal must exist, so that the program never appends to
-    /// a file of another program.
+    /// Appends a line and syncs the journal to the disk. A missing journal is not created, and a link is not followed.
     pub(crate) fn append(&self, line: &JournalEntry) -> Result<()> {
         let io = |e| Error::io(self.path.display(), e);
         let mut file = open_no_follow(OpenOptions::new().append(true), &self.path)?;

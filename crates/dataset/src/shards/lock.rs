@@ -1,4 +1,4 @@
-//! The lock of a shard, which only one process at a time can have. The operating system releases the lock when the
+//! The lock of a shard. Only one process at a time can have the lock. The operating system releases the lock when the
 //! process ends.
 
 use std::fs::{File, OpenOptions, TryLockError};
@@ -112,8 +112,8 @@ mod tests {
         Lock::acquire(&path).unwrap();
     }
 
-    /// The lock file must not change other files. The test uses a link to a file, a file with a second name, and a
-    /// pipe.
+    /// If the path of the lock file is the path of another file, acquiring the lock must not change this other file.
+    /// The test uses links to files, a file with a second name, a folder and a pipe.
     #[test]
     fn a_lock_that_is_no_file_of_its_own_is_refused_at_once() {
         let dir = tempfile::tempdir().unwrap();

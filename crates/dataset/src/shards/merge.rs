@@ -14,7 +14,7 @@ use spikelane::error::{Error, ErrorKind, Result, Setting};
 /// Options of a merge.
 #[derive(Clone, Copy, Debug)]
 pub struct MergeOptions {
-    /// Whether every digest is verified. If false, only sizes and modification times are compared.
+    /// Whether the digest of every file is verified. If false, only sizes and modification times are compared.
     pub verify_digests: bool,
     /// Whether links to the files of the sequences are created in the loaders' folders. Packed sequences have no files
     /// that can be linked.
@@ -38,7 +38,7 @@ pub struct MergeReport {
 
 /// Verifies every shard. Writes `manifest.jsonl`, the loaders' folders and the datasheet.
 ///
-/// `progress` receives the number of the current shard and the total number of shards. If `progress` returns an error,
+/// `progress` receives the number of the current shard and the number of all shards. If `progress` returns an error,
 /// the merge stops.
 ///
 /// # Errors
@@ -118,7 +118,7 @@ fn verified_entries(
 ) -> Result<Vec<SequenceEntry>> {
     let access = plan.options.access();
     let folder = plan.shard_folder(number, access)?;
-    // For other errors, such as a request to stop, this remedy would be wrong.
+    // The remedy is to run the shard again. For other errors, such as a request to stop, this remedy would be wrong.
     let again = |e: Error| match e.kind() {
         ErrorKind::Corrupt | ErrorKind::Config | ErrorKind::Io => e.remedy(format_args!(
             "run the shards again: set {} to {number} and enable {}",

@@ -1,8 +1,8 @@
 //! Writes a shard as one tar file. The member names follow the convention of webdataset.
 //!
-//! The members of a sequence are consecutive. The name of a member consists of the name of the sequence, a dot, and
-//! the kind of the file. Members are sorted, and their times and owners are zero. The digest of the tar therefore
-//! depends only on the sequences.
+//! The members that belong to one sequence are consecutive. The name of a member consists of the name of the sequence,
+//! a dot, and the kind of the file. Members are sorted, and their times and owners are zero. The digest of the tar
+//! therefore depends only on the sequences.
 
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -73,7 +73,8 @@ fn holds_seeds(path: &str) -> bool {
 
 /// Converts integers of more than 63 bits to text. Returns whether `value` contained such integers.
 ///
-/// Programs that read packed shards load JSON into Arrow tables, and Arrow tables do not accept larger integers.
+/// Programs that read packed shards load JSON into Arrow tables, and Arrow tables do not accept integers of more than
+/// 63 bits.
 fn integers_to_text(value: &mut Value) -> bool {
     match value {
         Value::Number(n) if n.is_u64() && !n.is_i64() => {

@@ -155,8 +155,8 @@ impl ShardPlan {
     ///
     /// # Errors
     /// * [`ErrorKind::Io`] if there is no plan.
-    /// * [`ErrorKind::Config`] if the plan has another version of its format or of the program.
-    /// * [`ErrorKind::Config`] if its numbers of sequences and shards do not match its options.
+    /// * [`ErrorKind::Config`] if the version of the plan format or of the program that wrote the plan is different.
+    /// * [`ErrorKind::Config`] if the numbers of sequences and shards in the plan do not match the options in the plan.
     pub fn open(folder: &Path, access: Access) -> Result<Self> {
         let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
         let text = read_bytes(&path, "a plan", MAX_PLAN_BYTES).map_err(|e| match e.kind() {

@@ -40,7 +40,7 @@ pub struct ShardReport {
     pub generated: usize,
     /// Number of existing sequences that were not generated again.
     pub reused: usize,
-    /// Name of each sequence that failed in this run or in an earlier run, and the reason.
+    /// Name of each sequence that failed in this run or in an earlier run, and the reason of the failure.
     pub failures: Vec<(String, String)>,
     /// Notes for the user about the inputs of generated sequences. Each note is one line.
     pub notes: Vec<String>,
@@ -51,9 +51,9 @@ const MAX_ATTEMPTS: u32 = 2;
 
 /// Generates the missing sequences of shard `number`.
 ///
-/// An existing sequence is not generated again if every file has the recorded size and modification time. Partial
-/// files of killed processes are removed. `progress` is called after every batch. If `progress` returns an error, the
-/// generation stops, and all finished sequences remain.
+/// An existing sequence is not generated again if every file has the recorded size and modification time. Partial files
+/// of killed processes are removed. `progress` is called for every verified sequence and after every batch of readouts.
+/// If `progress` returns an error, the generation stops, and all finished sequences remain.
 ///
 /// A sequence that fails twice is marked as failed, and the reason is recorded. A sequence is also marked as failed if
 /// its input has changed since the plan was made. A full disk, a write error, or a request to stop ends the run.
@@ -157,8 +157,8 @@ fn display_name(entry: &SequenceEntry) -> String {
 fn remove_partials(folder: &Path) -> Result<()> {
     folders::remove_partials(folder, |_| true)?;
     folders::remove_partials_in(folder, &"sequences".into())?;
-    // The tar is written beside the shard's folder. Other processes also write to this place, so only the partial
-    // files of this tar are removed.
+    // The tar is written to the parent folder of the shard's folder. Other processes also write to the parent folder,
+    // so only the partial files of this tar are removed.
     let (Some(parent), Some(name)) = (folder.parent(), folder.file_name()) else { return Ok(()) };
     let prefix = format!(".{}.tar.", name.to_string_lossy());
     folders::remove_partials(parent, |name| name.starts_with(&prefix))
@@ -241,7 +241,7 @@ fn is_intact(
     Ok(intact_or_none(SequenceRecord::verify(&place, digest, access, stop))?.is_some())
 }
 
-/// Returns the processed sequences that are intact. The journal then contains only these sequences.
+/// Returns the processed sequences that are intact. Removes all other sequences from the journal.
 fn reusable_entries(
     journal: &Journal,
     folder: &Path,

@@ -21,8 +21,8 @@ pub(super) struct ShardTar {
 }
 
 impl ShardTar {
-    /// Returns whether the file at `path` is unchanged. If `verify` is true, the digest is compared. Otherwise the
-    /// size and the modification time are compared.
+    /// Returns whether the file at `path` is unchanged. If `verify` is true, the digest of the file is compared with
+    /// the recorded digest. Otherwise the size and the modification time are compared.
     ///
     /// # Errors
     /// The errors of `stop`.

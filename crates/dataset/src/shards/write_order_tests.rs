@@ -26,7 +26,7 @@ fn options(output: &Path) -> DatasetOptions {
 
 /// Returns a temporary folder. If the system has a file system in memory, the folder is in this file system.
 ///
-/// The tests check only the order of steps. On a disk, the syncs would take most of a minute.
+/// The tests check only the order of steps. On a disk, the sync operations of the tests would take most of a minute.
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
 }
@@ -118,8 +118,8 @@ fn each_file_is_synced_before_its_rename_and_its_folder_after_it() {
 
 /// Returns the files on disk if the power fails after step `cut`.
 ///
-/// The content of a file is its content at the last sync. If `eager` is true, all renames have taken effect. Otherwise
-/// a rename has taken effect only if its folder was synced after the rename.
+/// After the power failure, each file has the content of its last sync. If `eager` is true, all renames have taken
+/// effect. Otherwise a rename has taken effect only if its folder was synced after the rename.
 fn after_failure(steps: &[Step], cut: usize, eager: bool) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut disk: BTreeMap<PathBuf, Vec<u8>> = BTreeMap::new();
     for (i, step) in steps[..=cut].iter().enumerate() {

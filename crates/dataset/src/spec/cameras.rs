@@ -19,7 +19,7 @@ pub enum Cameras {
 }
 
 impl Cameras {
-    /// Returns an error if the geometry or the readout rate of a camera differs from the value of the first camera.
+    /// Returns an error if the geometry or the readout rate of a camera differs from that of the first camera.
     pub(super) fn check(&self, first: &Camera) -> Result<()> {
         let sensor = &first.sensor;
         let refused = |found: &dyn std::fmt::Display| {

@@ -47,8 +47,8 @@ pub struct DatasetOptions {
     pub threads: usize,
     /// Whether to resume an existing dataset.
     pub resume: bool,
-    /// Whether links to files outside the dataset's folder are followed when files are read. Links are never followed
-    /// when files are written.
+    /// Whether links to files outside the dataset's folder are followed when files are read. When files are written,
+    /// links are never followed.
     pub follow_links: bool,
 }
 

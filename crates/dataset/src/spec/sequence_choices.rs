@@ -91,7 +91,8 @@ impl DatasetOptions {
         }
     }
 
-    /// Returns the options for sequence `id`, in which the camera is the camera of this sequence.
+    /// Returns the options for sequence `id`. The field `camera` of the returned options is the camera that records
+    /// this sequence.
     pub(crate) fn for_sequence(&self, id: &str) -> Result<Self> {
         Ok(Self { camera: self.camera_for(id)?, ..self.clone() })
     }
@@ -103,10 +104,11 @@ impl DatasetOptions {
     /// Returns the split of each sequence in `ids`. `ids` must contain all sequences of the dataset.
     ///
     /// For scenes, the number of sequences in each split is the specified fraction of all scenes, rounded. If the
-    /// dataset has two or more scenes, at least one scene is for testing and at least one is not. The test fractions 0
-    /// and 1 are exceptions. Scenes with the smallest random numbers are for testing, and scenes with the next random
-    /// numbers are for validation. If the splits are stratified by lighting, each split contains the specified
-    /// fraction of the scenes of every preset. The deviation is at most one scene.
+    /// dataset has two or more scenes, at least one scene is for testing and at least one is not. This rule does not
+    /// apply to the test fractions 0 and 1. Each scene has a random number. Scenes with the smallest random numbers are
+    /// for testing, and scenes with the next random numbers are for validation. If the splits are stratified by
+    /// lighting, each split contains the specified fraction of the scenes of every preset. The deviation is at most one
+    /// scene.
     ///
     /// The split of each input is drawn independently. If inputs are added later, the splits of the existing inputs do
     /// not change.
@@ -169,7 +171,7 @@ impl DatasetOptions {
 
 /// Returns whether position `p` is one of `wanted` positions that are evenly spaced among `n` positions.
 ///
-/// The number of such positions among m consecutive positions differs from m * wanted / n by at most one.
+/// Any m consecutive positions contain m * wanted / n evenly spaced positions, with a deviation of at most one.
 fn is_evenly_spaced(p: usize, wanted: usize, n: usize) -> bool {
     let before = |p: usize| p as u128 * wanted as u128 / n as u128;
     before(p + 1) > before(p)

@@ -70,8 +70,8 @@ fn image_figures(stats: &DatasetStatistics) -> Result<String> {
     Ok(markup)
 }
 
-/// Returns a table of the first counts. The number of rows is limited, because a dataset may have a different camera
-/// for every sequence.
+/// Returns a table of the first entries of `counts`. The number of rows is limited, because a dataset may have a
+/// different camera for every sequence.
 fn count_table(head: &[&str], counts: &BTreeMap<String, u64>) -> Table {
     const MAX_LISTED_ROWS: usize = 20;
     let mut table = Table::new(head);

@@ -15,11 +15,11 @@ use spikelane_io::simulate::Sidecar;
 
 pub use html_report::html_report;
 
-/// Maximum number of images on the page. The images are from sequences that are evenly spaced in the list of
-/// sequences.
+/// Maximum number of reference images on the HTML page. The images are from sequences that are evenly spaced in the
+/// list of sequences.
 const MAX_SHOWN_IMAGES: usize = 12;
 
-/// Quantiles of a quantity. The values are from the sequences or boxes that have the quantity.
+/// Quantiles of a quantity of sequences or boxes. Sequences or boxes without a value of the quantity are not counted.
 ///
 /// # Examples
 /// ```
@@ -94,8 +94,8 @@ pub struct DatasetStatistics {
 
 /// Computes the statistics of a dataset from its records, sidecars and boxes.
 ///
-/// The sequences must be in folders. If `follow_links` is true, files may be links to files outside the dataset's
-/// folder.
+/// The sequences must be in folders, not in packed shards. If `follow_links` is true, files may be links to files
+/// outside the dataset's folder.
 ///
 /// # Errors
 /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if shards are packed, because packed sequences have no folders.
@@ -134,7 +134,8 @@ pub fn dataset_statistics(folder: &Path, follow_links: bool) -> Result<DatasetSt
 /// [`QuantileSummary`].
 const MIN_HISTOGRAM_VALUES: usize = 25;
 
-/// Returns a histogram between the minimum and the maximum. Each bin is (center, fraction of the values).
+/// Returns a histogram of `values` between their minimum and their maximum. Each bin is (center, fraction of the
+/// values).
 ///
 /// The number of bins is approximately the square root of the number of values. Returns `None` if there are too few
 /// values or if all values are equal.

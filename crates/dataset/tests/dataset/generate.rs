@@ -257,7 +257,7 @@ fn many_clips_become_sequences_of_their_own_and_broken_ones_are_set_aside() {
     fs::create_dir_all(clips.join("bad")).unwrap();
     fs::write(clips.join("bad/0.png"), b"no picture").unwrap();
     fs::write(clips.join("bad/1.png"), b"no picture").unwrap();
-    // A folder with a single image is not a clip, so this image must be skipped.
+    // A folder with a single image is not a clip, so `cover.png` must be skipped.
     fs::write(clips.join("cover.png"), b"no picture").unwrap();
     fs::write(clips.join("bad.y4m"), b"YUV4MPEG2 W48").unwrap();
     let report = generate_dataset(&options(&out, inputs(&clips))).unwrap();
@@ -284,7 +284,7 @@ fn many_clips_become_sequences_of_their_own_and_broken_ones_are_set_aside() {
         )
         .unwrap();
     }
-    // The damaged input is replaced with a valid input. Only this input must be generated.
+    // The damaged input is replaced with a valid input. Only the sequence of this input must be generated again.
     fs::remove_file(clips.join("bad.y4m")).unwrap();
     fs::remove_dir_all(clips.join("bad")).unwrap();
     clip(&clips.join("bad"), 90);

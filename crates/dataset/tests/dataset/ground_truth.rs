@@ -70,10 +70,10 @@ fn floats(path: &Path) -> Vec<f32> {
     data.chunks(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
-/// The light increases by 510 / n codes per readout during the middle half of a clip of n readouts.
+/// The clip has n readouts. During its middle half, the light increases by 510 / n codes per readout.
 ///
-/// For n = 400, the increase is 1.27 codes. For fewer readouts, the increase is larger. Rounding hides at most 0.5
-/// codes, so the test detects a wrong readout.
+/// For n = 400, the increase is 1.27 codes per readout. For smaller n, the increase is larger. Rounding hides at most
+/// 0.5 codes, so the test detects light of a wrong readout.
 #[test]
 fn ground_truth_of_a_clip_is_the_light_of_readout_half_of_all() {
     let dir = tempfile::tempdir().unwrap();
@@ -94,11 +94,11 @@ fn ground_truth_of_a_clip_is_the_light_of_readout_half_of_all() {
     }
 }
 
-/// At this low readout rate, the scene moves by more than half a pixel per readout. Therefore every readout is
-/// rendered.
+/// The readout rate is only 200 Hz, so the scene moves by more than half a pixel per readout. Therefore every readout
+/// is rendered.
 ///
-/// Rounding to codes causes a mean error of a quarter of a code, which is 0.001. If the image showed another readout,
-/// the error would be much larger.
+/// Rounding to codes causes a mean error of a quarter of a code, which is 0.001 of white. If the image showed the light
+/// of another readout, the error would be much larger.
 #[test]
 fn ground_truth_of_a_scene_is_drawn_for_its_readout_whatever_the_spacing_of_images() {
     let dir = tempfile::tempdir().unwrap();
@@ -149,10 +149,12 @@ fn check_reference_render(dir: &Path, images: u32, each: u32) {
     }
 }
 
-/// A pixel with rate r has one of two integer spike counts in n readouts. The variance of this count between start
-/// phases is f (1 - f), where f is the fractional part of n r. The rounding of codes adds a variance of 1/12.
+/// In n readouts, a pixel with rate r has one of two integer spike counts. The start phase of the pixel determines
+/// which one. Over all start phases, the variance of this count is f (1 - f), where f is the fractional part of n r.
+/// The rounding of codes adds a variance of 1/12.
 ///
-/// The difference between the ground truth and a clean stream must have no other cause.
+/// The start phases and the rounding of codes must explain the whole difference between the ground truth and a clean
+/// stream.
 #[test]
 fn clean_rates_match_ground_truth_up_to_quantization() {
     let dir = tempfile::tempdir().unwrap();
@@ -175,15 +177,15 @@ fn clean_rates_match_ground_truth_up_to_quantization() {
             actual += (count / n as f64 / rate - truth).powi(2);
             expected += part * (1.0 - part) / (n as f64 * rate).powi(2) + 1.0 / 12.0 / 255.0_f64.powi(2);
         }
-        // The mean square of 1,536 pixels has a standard error of 4 %. With sRGB codes or another full scale, the mean
-        // square would differ by a factor of at least 10.
+        // The mean square difference of 1,536 pixels has a standard error of 4 %. With sRGB codes or another full
+        // scale, this mean would be at least 10 times as large.
         let ratio = actual / expected;
         assert!((0.8..1.2).contains(&ratio), "{}: {ratio}", structure.name());
     }
 }
 
-/// The lamps are 30 times as bright as white and fire at every readout. The exposure of the other pixels must be
-/// unchanged.
+/// The lamps are 30 times as bright as white, so their pixels fire at every readout. The exposure of the other pixels
+/// must be unchanged.
 #[test]
 fn lamps_that_saturate_the_sensor_do_not_darken_the_scene() {
     let dir = tempfile::tempdir().unwrap();
@@ -281,10 +283,10 @@ fn resume_makes_a_sequence_with_a_damaged_clear_image_again() {
     assert_eq!(dataset::generate(&all, &mut |_| Ok(())).unwrap_err().kind(), ErrorKind::Config);
 }
 
-/// Tests the light of one readout of an input whose length is known only at its end. Such an input is read twice.
+/// Tests the light of one readout of an input whose length is known only at its end. An input of unknown length is read
+/// twice.
 ///
-/// The interpolation of this light between frames must be the same as in the stream. The rounding error of floats is
-/// 6e-8.
+/// The light of the readout must be interpolated between frames as in the stream. The rounding error of floats is 6e-8.
 #[test]
 fn light_of_a_readout_is_interpolated_by_the_timeline() {
     let dir = tempfile::tempdir().unwrap();

@@ -52,8 +52,8 @@ fn light_of_readouts_is_that_of_renders_of_their_instants() {
         for readout in [7, 38, 101] {
             let truth = render_light(lighting, readout as f64 / 20_000.0);
             let (drawn, held) = (difference(&all[readout], &truth), difference(&all[0], &truth));
-            // With sixteen samples, the position of an edge has an error of about 1/30 px. The error differs between
-            // renders.
+            // With sixteen samples, the position of an edge has an error of about 1/30 px. Two renders of the same edge
+            // have different errors.
             assert!(drawn < 0.006, "{}, readout {readout}: {drawn} of white", lighting.name());
             // At night, only the edges of lamps change noticeably, and these edges differ slightly between renders.
             // Therefore the comparison with a constant image is made only at noon.

@@ -46,8 +46,8 @@ fn night_lines(flicker_hz: Option<f64>) -> Vec<SpectralLine> {
     }
     let totals = measured.finish().frames.unwrap().totals;
     assert_eq!(totals.len(), READOUTS);
-    // A segment has 160 readouts. The frequency 100 Hz is 1/20 of the readout rate, so its line is in bin 160 / 20 =
-    // 8.
+    // A segment has 160 readouts. The frequency 100 Hz is 1/20 of the readout rate, so the line of this frequency is in
+    // bin 160 / 20 = 8.
     spectrum(&totals, 160).unwrap().lines(1.0)
 }
 
@@ -56,16 +56,16 @@ fn flickering_lamps_show_their_line_in_the_frame_totals() {
     let line = night_lines(Some(100.0))[0];
     assert!((line.frequency - 0.05).abs() < 1e-9, "{line:?}");
     assert!(line.prominence > 30.0, "{line:?}");
-    // If the lamps do not flicker, the spectrum has no line at this frequency.
+    // If the lamps do not flicker, the spectrum has no line at 100 Hz, which is 0.05 of the readout rate.
     let steady = night_lines(None).into_iter().find(|l| (l.frequency - 0.05).abs() < 1e-9);
     assert!(steady.is_none_or(|l| l.prominence < 15.0), "{steady:?}");
 }
 
 /// For each pixel, computes `(variance of the interval - 1/6) / (mean interval)^2`. Returns the mean of these values,
-/// and the number of pixels.
+/// and the number of pixels. The rounding of both ends of an interval to whole readouts causes the variance 1/6.
 ///
-/// Only pixels with a rate between 0.002 and 0.01 are included. If shot noise is the only noise, the mean is 1 / K,
-/// where K is the number of quanta per interval.
+/// Only pixels with a rate between 0.002 and 0.01 are included. If shot noise is the only noise, the returned mean is 1
+/// / K, where K is the number of quanta per interval.
 fn interval_noise(camera: &Camera, light: &[f32]) -> (f64, usize) {
     const READOUTS: usize = 16_384;
     let geometry = camera.sensor.geometry;
@@ -90,7 +90,7 @@ fn interval_noise(camera: &Camera, light: &[f32]) -> (f64, usize) {
 }
 
 /// At every light, an interval ends after K electrons. The mean interval is T readouts. The Poisson noise of K
-/// electrons changes the interval by T / sqrt(K), so `(variance - 1/6) / T^2` is 1 / K.
+/// electrons gives the interval a standard deviation of T / sqrt(K). Therefore `(variance - 1/6) / T^2` is 1 / K.
 ///
 /// The intervals of a pixel are independent. There are about 100 pixels with 30 to 160 intervals each. The relative
 /// standard error of the mean is therefore about `sqrt(2 / (100 * 60))` = 2 %. The test detects an error of 10 % in K.
@@ -119,7 +119,7 @@ fn low_light_shows_the_shot_noise_of_its_electrons() {
 /// readout.
 ///
 /// A pixel stores at most 1.5 thresholds of charge. When the light of the tunnel returns, the pixel therefore has its
-/// previous rate immediately.
+/// rate in the tunnel again immediately.
 #[test]
 fn the_tunnels_exit_saturates_and_the_camera_recovers() {
     const READOUTS: usize = 400;

@@ -48,8 +48,8 @@ fn stratified_splits_have_equal_shares_of_each_lighting() {
     assert_eq!(lights.len(), Lighting::ALL.len());
     for (light, [all, tests, validations]) in lights {
         assert!((tests - 0.25 * all).abs() <= 1.0, "{light}: {tests} of {all}");
-        // The validation scenes are selected from the scenes that are not for testing. The number of these scenes may
-        // differ by one, so the tolerance is two.
+        // The validation scenes are selected from the scenes that are not for testing. The number of scenes of this
+        // preset that are not for testing may differ by one, so the tolerance is two.
         assert!((validations - 0.15 * all).abs() <= 2.0, "{light}: {validations} of {all}");
     }
     let error = input_options().with_splits(splits).check().unwrap_err();
