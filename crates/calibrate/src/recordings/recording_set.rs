@@ -97,19 +97,50 @@ impl Stimulus {
             Self::Scene(StimulusPattern::Checkerboard { high, low, cell }) => ([high, low], cell),
             Self::Scene(StimulusPattern::StaticUnknown {}) => ([0.0, 0.0], 1),
         };
-        if levels.iter().any(|l| !(0.0..=100.0).contains(l)) || length == 0 {
+        let is_usable = |l: &f64| *l == 0.0 || (MIN_LIT_LEVEL..=MAX_LEVEL).contains(l);
+        if !levels.iter().all(is_usable) || length == 0 {
             return Err(Error::new(ErrorKind::Config, format_args!("light of {file}"))
                 .found(match self {
-                    Self::Level(level) => level.to_string(),
+                    Self::Level(level) => format!("{level:?}"),
                     Self::Scene(_) => {
-                        format!("levels {} and {}, length {length}", levels[0], levels[1])
+                        format!("levels {:?} and {:?}, length {length}", levels[0], levels[1])
                     }
                 })
-                .expected("levels from 0 to 100 times saturation, and lengths above zero"));
+                .expected(format_args!(
+                    "level 0, or a level from {MIN_LIT_LEVEL:e} to {MAX_LEVEL} in units of saturation, and a length above zero"
+                ))
+                .remedy("state the light as a fraction of saturation, such as 0.3; in the dark, state 0"));
         }
         Ok(())
     }
 }
+
+/// Returns the number of the line that states the light of `file` in the text of a set.
+fn light_line(text: &str, file: &str) -> Option<usize> {
+    let value = |line: &str, key: &str| {
+        let (found, value) = line.split_once('=')?;
+        (found.trim() == key).then(|| value.trim().trim_matches(['"', '\'']).to_owned())
+    };
+    let (mut is_entry, mut light) = (false, None);
+    for (line, number) in text.lines().zip(1..) {
+        if line.trim_start().starts_with("[[") {
+            (is_entry, light) = (false, None);
+        }
+        is_entry |= value(line, "file").is_some_and(|f| f == file);
+        light = light.or(value(line, "light").map(|_| number));
+        if is_entry && light.is_some() {
+            return light;
+        }
+    }
+    None
+}
+
+/// The lowest light that is not darkness. At this light, a camera with 20,000 readouts per second emits about two spikes
+/// per pixel and day.
+const MIN_LIT_LEVEL: f64 = 1e-9;
+
+/// The highest light of a recording. Light in lux is below it, so that a later check finds the factor to saturation.
+const MAX_LEVEL: f64 = 1e6;
 
 /// The line that `spikelane record --template` writes in place of an unknown light.
 pub const UNSPECIFIED_LIGHT: &str = "light = \"?\"";
@@ -207,6 +238,10 @@ impl RecordingSet {
         let mut set: Self = toml::from_str(text)
             .map_err(|e| Error::new(ErrorKind::Config, "recording set").found(e.to_string().trim_end()))?;
         set.folder = folder;
+        set.check_light().map_err(|(file, e)| match light_line(text, &file) {
+            Some(line) => e.with_context(format_args!("line {line}")),
+            None => e,
+        })?;
         set.check()?;
         Ok(set)
     }
@@ -250,12 +285,7 @@ impl RecordingSet {
                 .found(self.readout_hz)
                 .expected("readouts per second, a positive number"));
         }
-        for recording in &self.recordings {
-            recording.light.check(&recording.file)?;
-        }
-        for map in &self.rate_maps {
-            Stimulus::Level(map.light).check(&map.file)?;
-        }
+        self.check_light().map_err(|(_, e)| e)?;
         self.check_uncertainties()?;
         if self.recordings.is_empty() && self.rate_maps.is_empty() {
             return Err(Error::new(ErrorKind::Config, "recording set")
@@ -263,6 +293,17 @@ impl RecordingSet {
                 .expected("[[recording]] or [[rate_map]] entries"));
         }
         self.check_duplicates()
+    }
+
+    /// Checks the light of all files. An error has the name of its file.
+    fn check_light(&self) -> std::result::Result<(), (String, Error)> {
+        for recording in &self.recordings {
+            recording.light.check(&recording.file).map_err(|e| (recording.file.clone(), e))?;
+        }
+        for map in &self.rate_maps {
+            Stimulus::Level(map.light).check(&map.file).map_err(|e| (map.file.clone(), e))?;
+        }
+        Ok(())
     }
 
     fn check_uncertainties(&self) -> Result<()> {
