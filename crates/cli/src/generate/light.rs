@@ -75,9 +75,10 @@ pub(crate) struct LightArgs {
     /// flow follows an estimated motion. hold changes all pixels at once. The default of built-in light is hold.
     #[arg(long, value_name = "MODE", help_heading = "Light")]
     pub interpolation: Option<Interpolation>,
-    /// Convert codes to light: linear, srgb or an exponent such as 2.2
+    /// Convert codes to light: linear, srgb, pq, hlg or an exponent such as 2.2
     ///
-    /// Default: [light] of the camera file, else srgb for images and video, and linear for arrays and EXR.
+    /// Default: [light] of the camera file, else what the input states, else srgb for images and video, and linear for
+    /// arrays and float images.
     #[arg(hide_short_help = true, long, value_name = "TRANSFER", help_heading = "Light")]
     pub transfer: Option<Transfer>,
     /// Set the camera's size to the input's size
@@ -93,9 +94,9 @@ pub(crate) struct LightArgs {
         help_heading = "Light"
     )]
     pub resize_mode: ResizeMode,
-    /// Set the array value of full scale [default: 255, 65535, true or 1.0]
+    /// Set the code or value of full scale [default: the largest code, or 1.0]
     ///
-    /// Other integer types have no default.
+    /// Example: 4095 for 12-bit codes in 16-bit pictures. Arrays of other integers than u8 and u16 have no default.
     #[arg(hide_short_help = true, long, value_name = "VALUE", help_heading = "Light")]
     pub full_scale: Option<f64>,
     /// Move over an image, such as pan=120,0:zoom=1.2:rotate=30

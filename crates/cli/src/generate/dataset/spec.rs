@@ -152,7 +152,7 @@ pub(crate) struct DatasetSpec {
         help_heading = "Conversion"
     )]
     pub(crate) resize_mode: ResizeMode,
-    /// Convert codes to light: linear, srgb or an exponent such as 2.2
+    /// Convert codes to light: linear, srgb, pq, hlg or an exponent such as 2.2
     #[arg(
         hide_short_help = true,
         long,

@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// Images of a folder are named by their readouts. With --every, one image applies to all readouts.
     #[arg(long, value_name = "IMAGE")]
     pub(super) reference: Option<PathBuf>,
-    /// Set the transfer of the reference: linear, srgb or an exponent
+    /// Set the transfer of the reference: linear, srgb, pq, hlg or an exponent
     ///
     /// Default: from the sidecar or the dataset, else srgb, and linear for EXR.
     #[arg(hide_short_help = true, long, value_name = "TRANSFER")]
