@@ -161,6 +161,15 @@ pub(crate) struct DatasetSpec {
         help_heading = "Conversion"
     )]
     pub(crate) transfer: Option<Transfer>,
+    /// Set the code or value of full scale [default: the largest code, or 1.0]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "VALUE",
+        requires = "inputs",
+        help_heading = "Conversion"
+    )]
+    pub(crate) full_scale: Option<f64>,
     #[command(flatten)]
     pub(crate) camera: CameraArgs,
     #[command(flatten)]
@@ -227,6 +236,7 @@ const SPEC_FLAGS: [&str; 39] = [
     "interpolation",
     "resize_mode",
     "transfer",
+    "full_scale",
     "camera",
     "camera_format",
     "width",
@@ -294,6 +304,7 @@ impl DatasetSpec {
                 interpolation: self.interpolation,
                 resize_mode: self.resize_mode,
                 transfer: self.transfer,
+                full_scale: self.full_scale,
             });
         }
         let known = SceneContent::from_preset(&self.scene_preset).unwrap_or_else(SceneContent::rhdd);

@@ -217,7 +217,7 @@ impl CodeScan {
             _ => (8, 255),
         };
         Some(format!(
-            "no code {pages} exceeds {} of 65535: if the codes have {bits} bits, the light is {} times too dark; to correct it, set {} to {white}",
+            "no code {pages} exceeds {} of 65535: if the codes have {bits} bits, they are read {} times too small and the light is too dark; to correct it, set {} to {white}",
             self.max,
             65535 / white,
             Setting("full_scale")

@@ -25,6 +25,7 @@ use super::encoding::{CodeScan, Encoding, hdr_note, store_transfer, transfer_fro
 use super::exr_file;
 use super::linearization::{Pixels, swaps_axes};
 use super::page_timing::PageTiming;
+use super::patched_reader::PatchedReader;
 use super::tiff_file::TiffFile;
 use super::{pfm, png_chunks, tiff_file, webp_chunks};
 
@@ -94,8 +95,16 @@ enum Container {
     Pfm,
     /// The `image` crate decodes the file. `animation` is the format of a file with several pages.
     Common {
-        animation: Option<ImageFormat>,
+        animation: Option<Animation>,
     },
+}
+
+/// An animation that the `image` crate decodes.
+#[derive(Clone, Debug)]
+enum Animation {
+    Png,
+    /// The value replaces bytes of the file, as [`webp_chunks::WebpChunks::opaque_flags`].
+    WebP(Vec<(u64, u8)>),
 }
 
 /// An image file and what its header states.
@@ -208,11 +217,11 @@ impl ImageFile {
                 transfer = chunks.transfer;
             }
             encoding.significant_bits = chunks.significant_bits.filter(|_| largest == Some(65535.0));
-            (pages, timing, animation) = (chunks.pages, chunks.timing, Some(ImageFormat::Png));
+            (pages, timing, animation) = (chunks.pages, chunks.timing, Some(Animation::Png));
         } else if webp_chunks::is_webp(start) {
-            let file = buffered(path)?;
-            (pages, timing) = webp_chunks::read(file).map_err(|e| Error::io(path.display(), e))?;
-            animation = Some(ImageFormat::WebP);
+            let chunks = webp_chunks::read(buffered(path)?).map_err(|e| Error::io(path.display(), e))?;
+            (pages, timing) = (chunks.pages, chunks.timing);
+            animation = Some(Animation::WebP(chunks.opaque_flags));
         } else if start.starts_with(&HDR_MAGIC[..2]) {
             notes.extend(hdr_exposure_note(path)?);
         }
@@ -223,7 +232,7 @@ impl ImageFile {
         }
         let animation = animation.filter(|_| pages > 1);
         if animation.is_some() && timing.is_none() {
-            notes.push("a frame has the duration 0, so the durations are not used".to_owned());
+            notes.push("the durations of the frames are missing or 0, and are not used".to_owned());
         }
         Ok(Self {
             path: path.to_owned(),
@@ -275,16 +284,16 @@ impl ImageFile {
     /// Starts decoding the frames of an animation.
     pub(in crate::light) fn animation(&self) -> Result<Frames<'static>> {
         let refused = |e| decode_error(&self.path, e);
-        let file = buffered(&self.path)?;
         // The canvas and the frame each have four bytes per pixel, and the decoder keeps up to four of them.
         inputs::check_memory(self.path.display(), 16 * self.size.pixels())?;
-        Ok(if let Container::Common { animation: Some(ImageFormat::Png) } = self.container {
-            PngDecoder::with_limits(file, limits()).and_then(PngDecoder::apng).map_err(refused)?.into_frames()
-        } else {
+        if let Container::Common { animation: Some(Animation::WebP(flags)) } = &self.container {
+            let file = BufReader::new(PatchedReader::open(&self.path, flags.clone())?);
             let mut decoder = WebPDecoder::new(file).map_err(refused)?;
             decoder.set_limits(limits()).map_err(refused)?;
-            decoder.into_frames()
-        })
+            return Ok(decoder.into_frames());
+        }
+        let decoder = PngDecoder::with_limits(buffered(&self.path)?, limits());
+        Ok(decoder.and_then(PngDecoder::apng).map_err(refused)?.into_frames())
     }
 
     /// Converts decoded pixels to light in the displayed orientation.
@@ -399,9 +408,18 @@ pub(super) fn decode_error(path: &Path, error: ImageError) -> Error {
         {
             Error::io(path.display(), e)
         }
-        other => Error::new(ErrorKind::Input, path.display())
-            .found(other)
-            .expected("a complete PNG, JPEG, TIFF, EXR, HDR, PFM, BMP, PNM or WEBP image")
-            .remedy("open it in a viewer to check whether it is damaged"),
+        other => {
+            let remedy = if matches!(other, ImageError::Unsupported(_)) {
+                "save it with 8-bit or 16-bit samples and another compression; save an animation of 16 bits as a folder of images"
+            } else {
+                "open it in a viewer to check whether it is damaged"
+            };
+            Error::new(ErrorKind::Input, path.display())
+                .found(other)
+                .expected(
+                    "a complete PNG, JPEG, TIFF, EXR, HDR, PFM, BMP, PNM or WEBP image of a supported type",
+                )
+                .remedy(remedy)
+        }
     }
 }

@@ -10,6 +10,7 @@ pub(super) mod linearization;
 pub(super) mod missing_numbers;
 pub mod natural_order;
 mod page_timing;
+mod patched_reader;
 mod pfm;
 mod png_chunks;
 pub mod still_image;

@@ -4,7 +4,7 @@
 //! the first page in the header while the file is read. Sample types that the `image` crate does not support, such as
 //! gray floats and packed codes, are decoded by the `tiff` crate.
 
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use image::codecs::tiff::TiffDecoder;
@@ -12,7 +12,7 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageBuffer, ImageDecoder};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Rate;
-use spikelane::unstable::inputs::{self, InputFile, InputReader, MAX_PICTURE_BYTES};
+use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{SampleFormat, Tag};
@@ -21,6 +21,7 @@ use tiff::{ColorType, TiffError};
 use super::encoding::{Encoding, store_transfer, transfer_from_icc};
 use super::image_file::{decode_error, limits};
 use super::linearization::Pixels;
+use super::patched_reader::PatchedReader;
 
 /// The tag TransferFunction of TIFF 6.0.
 const TRANSFER_FUNCTION: Tag = Tag::Unknown(301);
@@ -130,10 +131,13 @@ pub(super) fn read_header(path: &Path) -> Result<TiffFile> {
         if !decoder.more_images() {
             break;
         }
-        decoder
-            .next_image()
-            .map_err(refused)
-            .map_err(|e| e.with_context(format_args!("page {}", pages.len() + others)))?;
+        // A page of a type that the decoder does not support is not a frame.
+        while let Err(error) = decoder.next_image() {
+            others += 1;
+            if !matches!(error, TiffError::UnsupportedError(_)) || !decoder.more_images() {
+                return Err(refused(error).with_context(format_args!("page {}", pages.len() + others)));
+            }
+        }
     }
     if others > 0 {
         notes.push(format!("{others} pages are thumbnails, masks or of another size, and are not used"));
@@ -196,7 +200,7 @@ impl ImageJ {
 /// [`ErrorKind::Input`] if the page is damaged or has a sample type that is not supported.
 pub(super) fn read_page(path: &Path, offset: u64) -> Result<Pixels> {
     let refused = |e| tiff_error(path, e);
-    let open = || PageReader::open(path, offset).map(BufReader::new);
+    let open = || open_page(path, offset);
     let mut decoder = Decoder::new(open()?).map_err(refused)?;
     let (width, height) = decoder.dimensions().map_err(refused)?;
     let name = path.display().to_string();
@@ -309,47 +313,18 @@ fn tiff_error(path: &Path, error: TiffError) -> Error {
     }
 }
 
-/// A reader of a TIFF in whose header the first page is the page at another offset.
-struct PageReader {
-    file: InputReader<InputFile>,
-    header: Vec<u8>,
-}
-
-impl PageReader {
-    fn open(path: &Path, page: u64) -> Result<Self> {
-        let mut file = InputFile::open(path)?.into_reader();
-        let mut header = [0; 16];
-        let read = file.read(&mut header).map_err(|e| Error::io(path.display(), e))?;
-        file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(path.display(), e))?;
-        let is_big_endian = header.starts_with(b"MM");
-        let is_big_tiff = header[2..4].contains(&43);
-        let mut header = header[..read].to_vec();
-        let mut bytes = if is_big_endian { page.to_be_bytes() } else { page.to_le_bytes() }.to_vec();
-        if !is_big_tiff {
-            bytes = if is_big_endian { bytes[4..].to_vec() } else { bytes[..4].to_vec() };
-        }
-        let at = if is_big_tiff { 8 } else { 4 };
-        if let Some(place) = header.get_mut(at..at + bytes.len()) {
-            place.copy_from_slice(&bytes);
-        }
-        Ok(Self { file, header })
-    }
-}
-
-impl Read for PageReader {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let at = usize::try_from(self.file.stream_position()?).unwrap_or(usize::MAX);
-        let read = self.file.read(bytes)?;
-        let changed = self.header.get(at..).unwrap_or_default();
-        bytes[..read].iter_mut().zip(changed).for_each(|(byte, new)| *byte = *new);
-        Ok(read)
-    }
-}
-
-impl Seek for PageReader {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.file.seek(to)
-    }
+/// Opens a TIFF in whose header the first page is the page at the offset `page`.
+fn open_page(path: &Path, page: u64) -> Result<BufReader<PatchedReader>> {
+    let mut header = [0; 4];
+    InputFile::open(path)?.read_at(0, &mut header)?;
+    let is_big_endian = header.starts_with(b"MM");
+    let bytes = if is_big_endian { page.to_be_bytes() } else { page.to_le_bytes() };
+    let (at, bytes) = match (header[2..].contains(&43), is_big_endian) {
+        (true, _) => (8, &bytes[..]),
+        (false, true) => (4, &bytes[4..]),
+        (false, false) => (4, &bytes[..4]),
+    };
+    PatchedReader::open(path, (at..).zip(bytes.iter().copied()).collect()).map(BufReader::new)
 }
 
 #[cfg(test)]
