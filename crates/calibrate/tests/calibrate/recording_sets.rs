@@ -222,14 +222,31 @@ fn slow_pixel_rates_are_averaged_over_phases() {
 }
 
 #[test]
-fn levels_given_in_percent_are_refused() {
+fn levels_given_in_percent_or_lux_are_refused_with_their_factor() {
     let (folder, path) = record(&flats(&[0.0, 0.1, 0.3], 500));
     let text = std::fs::read_to_string(&path).unwrap();
-    let text = text.replace("light = 0.1", "light = 10").replace("light = 0.3", "light = 30");
-    let path = folder.path().join("percent.toml");
-    std::fs::write(&path, text).unwrap();
-    let text = refusal_message(&path);
-    assert!(text.contains("multiply all levels by 0.0"), "{text}");
+    for (levels, factor) in [(["10", "30"], "0.0"), (["40", "120"], "0.002")] {
+        let text = text.replace("light = 0.1", &format!("light = {}", levels[0]));
+        let text = text.replace("light = 0.3", &format!("light = {}", levels[1]));
+        let path = folder.path().join("unit.toml");
+        std::fs::write(&path, text).unwrap();
+        let text = refusal_message(&path);
+        assert!(text.contains(&format!("multiply all levels by {factor}")), "{text}");
+    }
+}
+
+#[test]
+fn a_level_that_is_no_light_is_refused_with_its_line_and_value() {
+    let (folder, path) = record(&flats(&[0.0, 0.1, 0.3], 500));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let line = text.lines().position(|l| l.trim() == "light = 0.3").unwrap() + 1;
+    for value in ["1e-320", "2e6", "inf", "nan", "-0.5"] {
+        let path = folder.path().join("level.toml");
+        std::fs::write(&path, text.replace("light = 0.3", &format!("light = {value}"))).unwrap();
+        let text = RecordingSet::open(&path).unwrap_err().to_string();
+        let number = format!("{:?}", value.parse::<f64>().unwrap());
+        assert!(text.contains(&format!("line {line}")) && text.contains(&number), "{text}");
+    }
 }
 
 #[test]

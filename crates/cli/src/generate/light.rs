@@ -96,7 +96,7 @@ pub(crate) struct LightArgs {
     pub resize_mode: ResizeMode,
     /// Set the code or value of full scale [default: the largest code, or 1.0]
     ///
-    /// Example: 4095 for 12-bit codes in 16-bit pictures. Arrays of other integers than u8 and u16 have no default.
+    /// Example: 4095 for 12-bit codes in 16-bit pictures.
     #[arg(hide_short_help = true, long, value_name = "VALUE", help_heading = "Light")]
     pub full_scale: Option<f64>,
     /// Move over an image, such as pan=120,0:zoom=1.2:rotate=30
