@@ -238,10 +238,7 @@ impl RecordingSet {
         let mut set: Self = toml::from_str(text)
             .map_err(|e| Error::new(ErrorKind::Config, "recording set").found(e.to_string().trim_end()))?;
         set.folder = folder;
-        set.check_light().map_err(|(file, e)| match light_line(text, &file) {
-            Some(line) => e.with_context(format_args!("line {line}")),
-            None => e,
-        })?;
+        set.check_light(Some(text))?;
         set.check()?;
         Ok(set)
     }
@@ -285,7 +282,7 @@ impl RecordingSet {
                 .found(self.readout_hz)
                 .expected("readouts per second, a positive number"));
         }
-        self.check_light().map_err(|(_, e)| e)?;
+        self.check_light(None)?;
         self.check_uncertainties()?;
         if self.recordings.is_empty() && self.rate_maps.is_empty() {
             return Err(Error::new(ErrorKind::Config, "recording set")
@@ -295,13 +292,15 @@ impl RecordingSet {
         self.check_duplicates()
     }
 
-    /// Checks the light of all files. An error has the name of its file.
-    fn check_light(&self) -> std::result::Result<(), (String, Error)> {
-        for recording in &self.recordings {
-            recording.light.check(&recording.file).map_err(|e| (recording.file.clone(), e))?;
-        }
-        for map in &self.rate_maps {
-            Stimulus::Level(map.light).check(&map.file).map_err(|e| (map.file.clone(), e))?;
+    /// Checks the light of all files. If `text` is the text of this set, an error names the line of the light.
+    fn check_light(&self, text: Option<&str>) -> Result<()> {
+        let recordings = self.recordings.iter().map(|r| (r.light, &r.file));
+        let maps = self.rate_maps.iter().map(|m| (Stimulus::Level(m.light), &m.file));
+        for (light, file) in recordings.chain(maps) {
+            light.check(file).map_err(|e| match text.and_then(|text| light_line(text, file)) {
+                Some(line) => e.with_context(format_args!("line {line}")),
+                None => e,
+            })?;
         }
         Ok(())
     }
