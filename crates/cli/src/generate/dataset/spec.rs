@@ -216,7 +216,7 @@ pub(crate) struct DatasetSpec {
 }
 
 /// Flags that describe the dataset. With `--config` a dataset.toml replaces all of them.
-const SPEC_FLAGS: [&str; 39] = [
+const SPEC_FLAGS: [&str; 40] = [
     "from",
     "from_list",
     "scene_preset",

@@ -90,7 +90,10 @@ mod tests {
     use super::*;
     use std::io::Cursor;
 
-    fn png(chunks: &[(&[u8; 4], &[u8])]) -> Cursor<Vec<u8>> {
+    /// The type and the data of a chunk.
+    type Chunk<'a> = (&'a [u8; 4], &'a [u8]);
+
+    fn png(chunks: &[Chunk<'_>]) -> Cursor<Vec<u8>> {
         let mut bytes = MAGIC.to_vec();
         for (kind, data) in chunks {
             bytes.extend((data.len() as u32).to_be_bytes());
@@ -104,7 +107,7 @@ mod tests {
     #[test]
     fn the_chunk_of_the_highest_precedence_states_the_transfer_function() {
         let gama = (b"gAMA", &55_556_u32.to_be_bytes()[..]);
-        let cases: [(&[(&[u8; 4], &[u8])], Option<Transfer>); 5] = [
+        let cases: [(&[Chunk<'_>], Option<Transfer>); 5] = [
             (&[gama], Some(Transfer::Gamma(1.8))),
             (&[gama, (b"sRGB", &[0])], Some(Transfer::Srgb)),
             (&[gama, (b"cICP", &[9, 16, 0, 1])], Some(Transfer::Pq)),
@@ -121,7 +124,7 @@ mod tests {
     #[test]
     fn a_profile_has_precedence_over_gamma_but_not_over_code_points() {
         let profile = (b"iCCP", &[0_u8; 40][..]);
-        let read = |chunks: &[(&[u8; 4], &[u8])]| read(png(chunks)).unwrap().is_profile_preferred;
+        let read = |chunks: &[Chunk<'_>]| read(png(chunks)).unwrap().is_profile_preferred;
         assert!(read(&[profile, (b"sRGB", &[0])]));
         assert!(!read(&[profile, (b"cICP", &[1, 13, 0, 1])]));
     }
