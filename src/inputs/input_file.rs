@@ -158,11 +158,33 @@ pub fn read_text(path: &Path, description: &str) -> Result<String> {
 /// Returns the errors of [`read_text`].
 pub fn read_text_up_to(path: &Path, description: &str, limit: u64) -> Result<String> {
     let bytes = read_bytes(path, description, limit)?;
-    String::from_utf8(bytes).map_err(|e| {
+    decoded_text(bytes).map_err(|found| {
         Error::new(ErrorKind::Input, path.display())
-            .found(format_args!("bytes at {} that are not UTF-8", e.utf8_error().valid_up_to()))
-            .expected(format_args!("{description}, as text"))
+            .found(found)
+            .expected(format_args!("{description}, as text in UTF-8"))
+            .remedy("save it as UTF-8")
     })
+}
+
+/// Returns the text of a file without its byte order mark. The text is UTF-8, or UTF-16 with a byte order mark.
+///
+/// Editors on Windows write such files.
+fn decoded_text(bytes: Vec<u8>) -> std::result::Result<String, String> {
+    let order: fn([u8; 2]) -> u16 = match bytes[..] {
+        [0xFF, 0xFE, ..] => u16::from_le_bytes,
+        [0xFE, 0xFF, ..] => u16::from_be_bytes,
+        [0xEF, 0xBB, 0xBF, ..] => return decoded_text(bytes[3..].to_vec()),
+        _ => {
+            return String::from_utf8(bytes)
+                .map_err(|e| format!("bytes at {} that are not UTF-8", e.utf8_error().valid_up_to()));
+        }
+    };
+    let (units, rest) = bytes[2..].as_chunks();
+    let units: Vec<u16> = units.iter().map(|unit| order(*unit)).collect();
+    match String::from_utf16(&units) {
+        Ok(text) if rest.is_empty() => Ok(text),
+        _ => Err("text that is not UTF-16, although it starts with the byte order mark of UTF-16".to_owned()),
+    }
 }
 
 /// Replaces the error that a file does not exist by `None`.
@@ -237,6 +259,25 @@ fn read_exact_at(file: &File, mut offset: u64, mut bytes: &mut [u8]) -> io::Resu
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn text_is_decoded_by_its_byte_order_mark() {
+        let wide = |mark: u16, bytes: fn(u16) -> [u8; 2]| -> Vec<u8> {
+            [mark].into_iter().chain("é 0.5\n".encode_utf16()).flat_map(bytes).collect()
+        };
+        for bytes in [
+            "é 0.5\n".as_bytes().to_vec(),
+            "\u{feff}é 0.5\n".as_bytes().to_vec(),
+            wide(0xFEFF, u16::to_le_bytes),
+            wide(0xFEFF, u16::to_be_bytes),
+        ] {
+            assert_eq!(decoded_text(bytes).unwrap(), "é 0.5\n");
+        }
+        assert_eq!(decoded_text(vec![]).unwrap(), "");
+        assert!(decoded_text(vec![0xFF, 0xFE, 0x41]).is_err());
+        assert!(decoded_text(vec![0xFF, 0xFE, 0x00, 0xD8]).is_err());
+        assert!(decoded_text(b"a\xFF".to_vec()).unwrap_err().contains("bytes at 1"));
+    }
 
     #[test]
     fn a_file_that_is_shortened_while_it_is_read_is_an_error() {

@@ -248,6 +248,12 @@ impl Timeline {
         FramePosition { frame, numerator: part, denominator: (duration as u64).max(1) }
     }
 
+    /// Returns whether the frames have individual start times.
+    #[must_use]
+    pub const fn has_frame_times(&self) -> bool {
+        self.starts.is_some()
+    }
+
     /// Returns the interpolation between frames.
     #[must_use]
     pub const fn interpolation(&self) -> Interpolation {

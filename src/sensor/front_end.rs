@@ -123,6 +123,8 @@ impl std::fmt::Display for FrontEnd {
         match self.transfer {
             Some(Transfer::Linear) => f.write_str("linear codes")?,
             Some(Transfer::Srgb) => f.write_str("sRGB curve inverted")?,
+            Some(Transfer::Pq) => f.write_str("PQ curve inverted")?,
+            Some(Transfer::Hlg) => f.write_str("HLG curve inverted")?,
             Some(Transfer::Gamma(g)) => write!(f, "exponent {g} inverted")?,
             None => f.write_str("curve of the file type")?,
         }

@@ -311,7 +311,7 @@ fn check_float_values(
             return Err(usage_error(format_args!("{name}{place}"), frame[p], expected, remedy));
         }
         if scale.full_scale.is_none() {
-            check_float_light(frame, name, i as u64).or_raise()?;
+            check_float_light(frame, name, format_args!(" in frame {i}")).or_raise()?;
         }
         is_clipped |= 2 * frame.iter().filter(|&&v| v > max_light).count() > frame.len();
     }

@@ -7,8 +7,8 @@ use crate::InputContent;
 use crate::fingerprint::image_files;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::draws::RandomStream;
-use spikelane::unstable::inputs::{PlainName, read_bytes};
-use spikelane_io::light::{TIMESTAMPS_FILE_NAME, image_file};
+use spikelane::unstable::inputs::{PlainName, read_text_up_to};
+use spikelane_io::light::{TIME_FILE_NAMES, image_file};
 
 /// Extensions of files that may contain several frames.
 const VIDEO_EXTENSIONS: [&str; 19] = [
@@ -110,9 +110,7 @@ fn for_each_in_folder(
 /// Calls `visit` for the inputs in a list. Each line contains one path, which is relative to `folder`. Empty lines are
 /// skipped.
 fn for_each_in_list(list: &Path, folder: &Path, visit: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
-    let bytes = read_bytes(list, "a list of inputs", MAX_LIST_BYTES)?;
-    let text = str::from_utf8(&bytes)
-        .map_err(|e| Error::new(ErrorKind::Input, list.display()).found(e).expected("one path per line"))?;
+    let text = read_text_up_to(list, "a list of inputs", MAX_LIST_BYTES)?;
     let mut lines: Vec<(&str, usize)> =
         text.lines().zip(1..).map(|(line, n)| (line.trim_end(), n)).filter(|(l, _)| !l.is_empty()).collect();
     lines.sort_unstable();
@@ -237,7 +235,7 @@ fn walk_below(
             one.get_or_insert(name);
         } else if is_video(path) {
             names.push((name, false));
-        } else if name != TIMESTAMPS_FILE_NAME {
+        } else if !TIME_FILE_NAMES.iter().any(|times| name == *times) {
             visit(below.join(&name), PathKind::Other)?;
         }
     }

@@ -135,6 +135,7 @@ fn generate_from_input(
     let name = entry.input.as_deref().unwrap_or_default();
     let mut input_options = light::InputOptions::from_camera(&options.camera);
     (input_options.resize_mode, input_options.transfer) = (inputs.resize_mode, inputs.transfer);
+    input_options.scale = inputs.full_scale;
     let path = input_path(inputs, Path::new(name))?;
     let open = || light::open(&path, &input_options);
     let mut source = open()?;

@@ -102,38 +102,63 @@ impl Stimulus {
     }
 
     /// Returns an error if a level is not a number from 0 to `max_level`, or if a length is 0.
-    fn check(self, file: &str, max_level: f64) -> Result<()> {
+    fn check(self, file: &str) -> Result<()> {
         let (levels, length) = match self {
             Self::Level(level) => ([level, level], 1),
             Self::Scene(StimulusPattern::Square { high, low, half_period }) => ([high, low], half_period),
             Self::Scene(StimulusPattern::Checkerboard { high, low, cell }) => ([high, low], cell),
             Self::Scene(StimulusPattern::StaticUnknown {}) => ([0.0, 0.0], 1),
         };
-        if levels.iter().any(|l| !(0.0..=max_level).contains(l)) || length == 0 {
+        let is_usable = |l: &f64| *l == 0.0 || (MIN_LIT_LEVEL..=MAX_LEVEL).contains(l);
+        if !levels.iter().all(is_usable) || length == 0 {
             return Err(Error::new(ErrorKind::Config, format_args!("light of {file}"))
                 .found(match self {
-                    Self::Level(level) => level.to_string(),
+                    Self::Level(level) => format!("{level:?}"),
                     Self::Scene(_) => {
-                        format!("levels {} and {}, length {length}", levels[0], levels[1])
+                        format!("levels {:?} and {:?}, length {length}", levels[0], levels[1])
                     }
                 })
-                .expected(match max_level {
-                    f64::MAX => "levels of 0 or more, and lengths above zero".to_owned(),
-                    _ => format!("levels from 0 to {max_level} times saturation, and lengths above zero"),
-                }));
+                .expected(format_args!(
+                    "level 0, or a level from {MIN_LIT_LEVEL:e} to {MAX_LEVEL} in units of saturation, and a length above zero"
+                ))
+                .remedy("state the light as a fraction of saturation, such as 0.3; in the dark, state 0"));
         }
         Ok(())
     }
 }
-
-/// Largest light of a rate map, in units of saturation. The unit of a rate map of unknown length is not checked.
-const MAX_MAP_LIGHT: f64 = 100.0;
 
 /// Number of readouts of each recording from which [`RecordingSet::check_light_unit`] computes a rate.
 const UNIT_CHECK_READOUTS: usize = 1000;
 
 /// Gains that [`RecordingSet::check_light_unit`] attributes to the camera. Percent, gray values and lux are outside.
 const PLAUSIBLE_GAINS: Range<f64> = 0.1..10.0;
+
+/// Returns the number of the line that states the light of `file` in the text of a set.
+fn light_line(text: &str, file: &str) -> Option<usize> {
+    let value = |line: &str, key: &str| {
+        let (found, value) = line.split_once('=')?;
+        (found.trim() == key).then(|| value.trim().trim_matches(['"', '\'']).to_owned())
+    };
+    let (mut is_entry, mut light) = (false, None);
+    for (line, number) in text.lines().zip(1..) {
+        if line.trim_start().starts_with("[[") {
+            (is_entry, light) = (false, None);
+        }
+        is_entry |= value(line, "file").is_some_and(|f| f == file);
+        light = light.or(value(line, "light").map(|_| number));
+        if is_entry && light.is_some() {
+            return light;
+        }
+    }
+    None
+}
+
+/// The lowest light that is not darkness. At this light, a camera with 20,000 readouts per second emits about two spikes
+/// per pixel and day.
+const MIN_LIT_LEVEL: f64 = 1e-9;
+
+/// The highest light of a recording. Light in lux is below it, so that a later check finds the factor to saturation.
+const MAX_LEVEL: f64 = 1e6;
 
 /// The line that `spikelane record --template` writes in place of an unknown light.
 pub const UNSPECIFIED_LIGHT: &str = "light = \"?\"";
@@ -245,6 +270,7 @@ impl RecordingSet {
         let mut set: Self = toml::from_str(text)
             .map_err(|e| Error::new(ErrorKind::Config, "recording set").found(e.to_string().trim_end()))?;
         set.folder = folder;
+        set.check_light(Some(text))?;
         set.check()?;
         Ok(set)
     }
@@ -312,13 +338,7 @@ impl RecordingSet {
                 .found(self.readout_hz)
                 .expected("readouts per second, a positive number"));
         }
-        for recording in &self.recordings {
-            // Levels in another unit can be large. `check_light_unit` finds them.
-            recording.light.check(&recording.file, f64::MAX)?;
-        }
-        for map in &self.rate_maps {
-            Stimulus::Level(map.light).check(&map.file, MAX_MAP_LIGHT)?;
-        }
+        self.check_light(None)?;
         self.check_uncertainties()?;
         if self.recordings.is_empty() && self.rate_maps.is_empty() {
             return Err(Error::new(ErrorKind::Config, "recording set")
@@ -326,6 +346,19 @@ impl RecordingSet {
                 .expected("[[recording]] or [[rate_map]] entries"));
         }
         self.check_duplicates()
+    }
+
+    /// Checks the light of all files. If `text` is the text of this set, an error names the line of the light.
+    fn check_light(&self, text: Option<&str>) -> Result<()> {
+        let recordings = self.recordings.iter().map(|r| (r.light, &r.file));
+        let maps = self.rate_maps.iter().map(|m| (Stimulus::Level(m.light), &m.file));
+        for (light, file) in recordings.chain(maps) {
+            light.check(file).map_err(|e| match text.and_then(|text| light_line(text, file)) {
+                Some(line) => e.with_context(format_args!("line {line}")),
+                None => e,
+            })?;
+        }
+        Ok(())
     }
 
     fn check_uncertainties(&self) -> Result<()> {

@@ -271,6 +271,20 @@ fn compare_and_diagnose_refuse_levels_in_another_unit() {
 }
 
 #[test]
+fn a_level_that_is_no_light_is_refused_with_its_line_and_value() {
+    let (folder, path) = record(&flats(&[0.0, 0.1, 0.3], 500));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let line = text.lines().position(|l| l.trim() == "light = 0.3").unwrap() + 1;
+    for value in ["1e-320", "2e6", "inf", "nan", "-0.5"] {
+        let path = folder.path().join("level.toml");
+        std::fs::write(&path, text.replace("light = 0.3", &format!("light = {value}"))).unwrap();
+        let text = RecordingSet::open(&path).unwrap_err().to_string();
+        let number = format!("{:?}", value.parse::<f64>().unwrap());
+        assert!(text.contains(&format!("line {line}")) && text.contains(&number), "{text}");
+    }
+}
+
+#[test]
 fn an_upside_down_file_and_a_moving_scene_are_found() {
     let (folder, path) = record(&flats(&[0.0, 0.2, 0.4, 0.7], 1000));
     let text = std::fs::read_to_string(&path).unwrap();

@@ -77,10 +77,11 @@ pub(crate) struct LightArgs {
     /// linear changes the light of each pixel linearly, and flow moves the light along an estimated motion.
     #[arg(long, value_name = "MODE", help_heading = "Light")]
     pub interpolation: Option<Interpolation>,
-    /// Set the transfer function from codes to light: linear, srgb or an exponent such as 2.2
+    /// Set the transfer function from codes to light: linear, srgb, pq, hlg or an exponent such as 2.2
     ///
-    /// The section [light] of the camera file sets the default. Without this section, the default is srgb for images
-    /// and video, and linear for arrays and EXR.
+    /// The section [light] of the camera file sets the default. Without this section, the default is what the input states, else srgb for images
+    /// and video, and linear for
+    /// arrays and float images.
     #[arg(hide_short_help = true, long, value_name = "TRANSFER", help_heading = "Light")]
     pub transfer: Option<Transfer>,
     /// Set width and height of the camera to the size of the input
@@ -99,7 +100,7 @@ pub(crate) struct LightArgs {
         help_heading = "Light"
     )]
     pub resize_mode: ResizeMode,
-    /// Set the array value that is full-scale light [default: 255, 65535, true or 1.0, by type]
+    /// Set the code or value that is full-scale light [default: the largest code, or 1.0, by type]
     ///
     /// The default is 255 for uint8, 65535 for uint16, true for bool and 1.0 for float arrays. Arrays of other types
     /// require --full-scale.

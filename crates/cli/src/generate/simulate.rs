@@ -91,6 +91,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let stop = stop_flag()?;
     let light = args.light.open(&camera)?;
     let job = run_options(args, &camera, &light, (layout, &names), out)?;
+    job.check_duration(light.source.frames())?;
     // Layout and plan are checked before disk space is reserved.
     layout.frame_bytes(camera.sensor.geometry)?;
     Plan::with_max_light(&camera, job.seeds, job.max_light.unwrap_or(1.0))?;

@@ -158,8 +158,18 @@ fn integers_without_a_full_scale_ask_for_it() {
         // Each pixel has 20 spikes in 100 readouts. The spikes are at different phases.
         assert!((rate - 0.2).abs() < 1e-3, "{file}: {rate}");
     }
+}
+
+#[test]
+fn a_full_scale_applies_to_pictures() {
+    let place = TestFolder::new();
     place.picture("p.png", 16, 8, 10);
-    place.run_refused("simulate p.png --readouts 5 --full-scale 3 -o b", 2, &["--full-scale"]);
+    let line = "simulate p.png --size-from-input --camera ideal --transfer linear --readouts 100";
+    place.run_ok(&format!("{line} --full-scale 50 -o b"));
+    let rate = place.json("b.json")["mean_rate"].as_f64().unwrap();
+    // Code 10 of 50 gives 20 spikes in 100 readouts.
+    assert!((rate - 0.2).abs() < 1e-3, "{rate}");
+    place.run_refused(&format!("{line} --full-scale 0 -o c"), 2, &["--full-scale"]);
 }
 
 #[test]

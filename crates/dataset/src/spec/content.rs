@@ -236,6 +236,10 @@ pub struct InputContent {
         skip_serializing_if = "Option::is_none"
     )]
     pub transfer: Option<Transfer>,
+    /// The code or value of full scale of the inputs. If `None`, full scale is the code of white that a file states, the
+    /// largest code, or 1.0 for floats.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub full_scale: Option<f64>,
 }
 
 const fn default_interpolation() -> Interpolation {

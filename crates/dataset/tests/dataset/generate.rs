@@ -244,6 +244,7 @@ pub(crate) fn inputs(folder: &Path) -> Content {
         interpolation: Interpolation::Linear,
         resize_mode: ResizeMode::Cover,
         transfer: None,
+        full_scale: None,
     })
 }
 

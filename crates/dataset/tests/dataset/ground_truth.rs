@@ -43,6 +43,7 @@ fn inputs(folder: &Path, readouts_per_frame: u64) -> Content {
         interpolation: Interpolation::Linear,
         resize_mode: ResizeMode::Cover,
         transfer: None,
+        full_scale: None,
     })
 }
 

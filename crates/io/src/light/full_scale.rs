@@ -1,5 +1,7 @@
 //! Full scale of arrays: the number that represents light of 1.0.
 
+use std::fmt::Display;
+
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 
 /// If no full scale is given, float values above this limit may be integer codes.
@@ -19,12 +21,13 @@ pub fn check_full_scale(full_scale: f64) -> Result<f64> {
         .remedy("set it to the number that is full scale in the array, for example 255"))
 }
 
-/// Checks float values for which no full scale was given. `name` names the array, and `frame` is the index of the frame.
+/// Checks float values for which no full scale was given. `name` names the array or image. `place` follows the value in
+/// the message, such as " in frame 3".
 ///
 /// # Errors
 /// [`ErrorKind::Input`] if the values are probably codes: one of them is above 32, and most values above 0 exceed 1.0.
 /// Lamps and highlights may be brighter, because most light beside them is at most 1.0.
-pub fn check_float_light(values: &[f32], name: &str, frame: u64) -> Result<()> {
+pub fn check_float_light(values: &[f32], name: impl Display, place: impl Display) -> Result<()> {
     let max_value = values.iter().copied().fold(0.0, f32::max);
     if max_value <= MAX_FLOAT_LIGHT || max_value.is_infinite() {
         return Ok(());
@@ -34,10 +37,10 @@ pub fn check_float_light(values: &[f32], name: &str, frame: u64) -> Result<()> {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Input, name)
-        .found(format_args!("the value {max_value} in frame {frame}"))
+        .found(format_args!("the value {max_value}{place}"))
         .expected("light with full scale at 1.0")
         .remedy(format_args!(
-            "set {} to 255 if 255 is full scale, or to 1 if the light is that bright",
+            "set {0} to 255 if 255 is full scale, or set {0} to 1 if the light is this bright",
             Setting("full_scale")
         )))
 }
@@ -50,13 +53,13 @@ mod tests {
     fn floats_above_the_limit_are_codes() {
         for (value, is_light) in [(0.0, true), (1.0, true), (32.0, true), (32.1, false), (255.0, false)] {
             let values = [0.0, 0.0, 0.0, value, value / 2.0, 1.0];
-            assert_eq!(check_float_light(&values, "a", 0).is_ok(), is_light, "{value}");
+            assert_eq!(check_float_light(&values, "a", "").is_ok(), is_light, "{value}");
         }
     }
 
     #[test]
     fn lamps_in_a_scene_are_light() {
-        assert!(check_float_light(&[0.02, 0.3, 0.0, 4000.0, 0.9], "a", 0).is_ok());
+        assert!(check_float_light(&[0.02, 0.3, 0.0, 4000.0, 0.9], "a", "").is_ok());
     }
 
     #[test]

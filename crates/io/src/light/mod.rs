@@ -10,7 +10,7 @@ mod images;
 mod open;
 mod resize_mode;
 mod scaled_source;
-mod timestamps;
+pub(crate) mod timestamps;
 mod video;
 
 pub use arrays::{npy, npz};
@@ -19,5 +19,5 @@ pub use images::{folder, image_file, natural_order, still_image};
 pub use open::{InputOptions, MotionClip, open, open_reader};
 pub use resize_mode::ResizeMode;
 pub use spikelane::light::*;
-pub use timestamps::TIMESTAMPS_FILE_NAME;
+pub use timestamps::TIME_FILE_NAMES;
 pub use video::{ffmpeg, y4m};

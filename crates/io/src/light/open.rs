@@ -13,8 +13,9 @@ use crate::light::arrays::npy::ArraySource;
 use crate::light::arrays::npz;
 use crate::light::camera_motion::CameraMotion;
 use crate::light::images::folder::ImageFolder;
-use crate::light::images::image_file;
-use crate::light::images::image_file::Linearization;
+use crate::light::images::image_file::{self, ImageFile};
+use crate::light::images::image_pages::ImagePages;
+use crate::light::images::linearization::Linearization;
 use crate::light::images::still_image::StillImage;
 use crate::light::video::ffmpeg::FfmpegSource;
 use crate::light::video::y4m;
@@ -33,7 +34,7 @@ const VIDEO_EXTENSIONS: [&str; 16] = [
     "mxf",
 ];
 
-const SUPPORTED_INPUTS: &str = "a folder of images, a PNG, JPEG, TIFF, EXR, BMP, PNM or WEBP image, .npy, .npz, .y4m, a video with an extension that ffmpeg reads, or - for y4m or npy on standard input";
+const SUPPORTED_INPUTS: &str = "a folder of images, a PNG, JPEG, TIFF, EXR, HDR, PFM, BMP, PNM or WEBP image, .npy, .npz, .y4m, a video with an extension that ffmpeg reads, or - for y4m or npy on standard input";
 
 /// Options for reading a light input.
 ///
@@ -59,12 +60,15 @@ pub struct InputOptions {
     /// The declared transfer function. It overrides the transfer function of the front end and also applies to EXR.
     ///
     /// If `transfer` is `None`, the transfer function of the front end applies. If the front end has no transfer
-    /// function either, images and videos are sRGB, and arrays and EXR are linear.
+    /// function either, the transfer function that the file states applies. If the file states none, images and videos are sRGB, and
+    /// arrays and float images are linear.
     pub transfer: Option<Transfer>,
     /// A camera motion across a single image.
     pub motion_clip: Option<MotionClip>,
-    /// The array value that represents full scale. If `scale` is `None`, full scale is 255 for `u8`, 65535 for `u16`,
-    /// true for `bool` and 1.0 for floats.
+    /// The code or value that represents full scale. If `scale` is `None`, full scale is the code of white that the file
+    /// states, the largest code, or 1.0 for floats.
+    ///
+    /// Codes of video are counted from 0 to the largest code of its depth, after a limited range has been expanded.
     pub scale: Option<f64>,
     /// If this flag becomes true, waiting for standard input is interrupted. If `stop` is `None`, the wait cannot be
     /// interrupted.
@@ -103,8 +107,8 @@ impl InputOptions {
         Self { front_end: camera.front_end, ..Self::new(camera.sensor.geometry) }
     }
 
-    fn linearization(&self) -> Linearization {
-        Linearization::from_front_end(&self.front_end, self.transfer)
+    fn linearization(&self) -> Result<Linearization> {
+        Linearization::from_front_end(&self.front_end, self.transfer).with_full_scale(self.scale)
     }
 }
 
@@ -150,15 +154,17 @@ pub fn open(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
 }
 
 fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
-    let (camera, fit, linear) = (options.camera, options.resize_mode, options.linearization());
+    let (camera, fit, linear) = (options.camera, options.resize_mode, options.linearization()?);
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-    if options.scale.is_some() && !matches!(ending.as_deref(), Some("npy" | "npz")) {
-        return Err(scale_error(&path.display()));
-    }
     let about = std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
     if image_file::is_image(path) && !about.is_dir() {
+        let file = ImageFile::open(path)?;
+        if file.pages > 1 {
+            refuse_motion(path.display(), options)?;
+            return Ok(Box::new(ImagePages::new(file, camera, fit, &linear)?));
+        }
         return Ok(Box::new(match options.motion_clip {
-            None => StillImage::open(path, camera, fit, &linear)?,
+            None => StillImage::from_file(file, camera, fit, &linear)?.0,
             Some(m) => {
                 let motion = (m.motion, m.rate, m.frames);
                 StillImage::open_moving(path, camera, fit, &linear, motion)?
@@ -217,11 +223,8 @@ pub fn open_reader(
         let array = ArraySource::from_reader(Box::new(reader), name, camera, fit, options.transfer)?;
         return Ok(scale_source(array_source(array, options)?));
     }
-    if options.scale.is_some() {
-        return Err(scale_error(&name));
-    }
     if first == y4m::MAGIC.first().copied() {
-        let video = Y4mSource::from_reader(Box::new(reader), name, camera, fit, options.linearization())?;
+        let video = Y4mSource::from_reader(Box::new(reader), name, camera, fit, options.linearization()?)?;
         return Ok(scale_source(Box::new(video)));
     }
     Err(Error::new(ErrorKind::Input, name)
@@ -233,13 +236,6 @@ pub fn open_reader(
 fn array_source(array: ArraySource, options: &InputOptions) -> Result<Box<dyn Source>> {
     let array = array.with_front_end(&options.front_end, options.transfer);
     Ok(Box::new(array.with_scale(options.scale)?))
-}
-
-fn scale_error(name: &dyn std::fmt::Display) -> Error {
-    Error::new(ErrorKind::Usage, name)
-        .found("a full scale for an input that is not an array")
-        .expected("no full scale: the largest code of images and video is full scale")
-        .remedy(format_args!("omit {}", Setting("full_scale")))
 }
 
 fn refuse_motion(name: impl std::fmt::Display, options: &InputOptions) -> Result<()> {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::formats::{Layout, StreamSummary, StreamWriter};
+use crate::light::timestamps::unit_remedy;
 use crate::light::{OwnedSamples, Source, Timeline};
 use crate::simulate::Simulator;
 use crate::simulate::batch_writer::{self, BatchWriter};
@@ -26,6 +27,9 @@ pub(super) const MAX_BUFFER_BYTES: usize = 32 << 20;
 
 /// The maximum light of the plan if the samples are floats and the caller gives no maximum.
 const FLOAT_MAX_LIGHT: f64 = 2.0;
+
+/// Maximum number of readouts that the times of frames can give if the number of readouts is not stated: 500 s at 20 kHz.
+const MAX_TIMED_READOUTS: u64 = 10_000_000;
 
 /// Options of a run.
 ///
@@ -102,9 +106,29 @@ impl RunOptions {
         Some(self.readouts.map_or(of_source, |n| n.min(of_source)))
     }
 
+    /// Checks that the times of the frames do not give more readouts than a recording of a camera has.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Input`] if the frames have times, [`RunOptions::readouts`] is `None`, and the run has more than ten
+    /// million readouts. The error names the units in which the times would fit.
+    pub fn check_duration(&self, frames: Option<u64>) -> Result<()> {
+        let (None, true, Some(frames)) = (self.readouts, self.timeline.has_frame_times(), frames) else {
+            return Ok(());
+        };
+        let Some(readouts) = self.timeline.readouts(frames).filter(|n| *n > MAX_TIMED_READOUTS) else {
+            return Ok(());
+        };
+        let seconds = readouts as f64 / self.camera.sensor.readout_hz;
+        Err(Error::new(ErrorKind::Input, "times of frames")
+            .found(format_args!("{seconds} s for {frames} frames, which are {readouts} readouts"))
+            .expected(format_args!("at most {MAX_TIMED_READOUTS} readouts without a number of readouts"))
+            .remedy(format_args!("{}, or set {}", unit_remedy(seconds, frames), Setting("readouts"))))
+    }
+
     /// Reads the first frame of `source` and plans the camera for the light of this frame. If `clean` is true, also
     /// plans the clean twin of the camera.
     pub(super) fn prepare<'a>(&self, source: &'a mut dyn Source, clean: bool) -> Result<PreparedRun<'a>> {
+        self.check_duration(source.frames())?;
         let limit = self.expected_readouts(source.frames()).or(self.readouts).unwrap_or(u64::MAX);
         let first = feed::next_frame(source)?.ok_or_else(|| {
             Error::new(ErrorKind::Input, source.describe()).found("no frame").expected("at least one frame")

@@ -155,7 +155,7 @@ pub(crate) struct DatasetSpec {
         help_heading = "Conversion"
     )]
     pub(crate) resize_mode: ResizeMode,
-    /// Set the transfer function from codes to light: linear, srgb or an exponent such as 2.2
+    /// Set the transfer function from codes to light: linear, srgb, pq, hlg or an exponent such as 2.2
     ///
     /// The section [light] of the camera file sets the default. Without this section, the default is srgb for images
     /// and video, and linear for arrays and EXR.
@@ -167,6 +167,15 @@ pub(crate) struct DatasetSpec {
         help_heading = "Conversion"
     )]
     pub(crate) transfer: Option<Transfer>,
+    /// Set the code or value of full scale [default: the largest code, or 1.0]
+    #[arg(
+        hide_short_help = true,
+        long,
+        value_name = "VALUE",
+        requires = "inputs",
+        help_heading = "Conversion"
+    )]
+    pub(crate) full_scale: Option<f64>,
     #[command(flatten)]
     pub(crate) camera: CameraArgs,
     #[command(flatten)]
@@ -214,7 +223,7 @@ pub(crate) struct DatasetSpec {
 }
 
 /// Flags that describe the dataset. With `--config` a dataset.toml replaces all of them.
-const SPEC_FLAGS: [&str; 39] = [
+const SPEC_FLAGS: [&str; 40] = [
     "from",
     "from_list",
     "scene_preset",
@@ -234,6 +243,7 @@ const SPEC_FLAGS: [&str; 39] = [
     "interpolation",
     "resize_mode",
     "transfer",
+    "full_scale",
     "camera",
     "camera_format",
     "width",
@@ -301,6 +311,7 @@ impl DatasetSpec {
                 interpolation: self.interpolation,
                 resize_mode: self.resize_mode,
                 transfer: self.transfer,
+                full_scale: self.full_scale,
             });
         }
         let known = SceneContent::from_preset(&self.scene_preset).unwrap_or_else(SceneContent::rhdd);

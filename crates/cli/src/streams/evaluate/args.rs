@@ -36,7 +36,7 @@ pub(crate) struct Args {
     /// a single image is the reference for all readouts.
     #[arg(long, value_name = "IMAGE")]
     pub(super) reference: Option<PathBuf>,
-    /// Set the transfer function of the reference: linear, srgb or an exponent such as 2.2
+    /// Set the transfer function of the reference: linear, srgb, pq, hlg or an exponent such as 2.2
     ///
     /// The default comes from the sidecar or the record of the dataset. If neither exists, the default is linear for
     /// EXR images and srgb for other images.

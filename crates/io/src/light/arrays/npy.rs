@@ -11,13 +11,14 @@ use std::path::Path;
 
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::{Frame, OwnedSamples, Rate, Source, ToneCurve, Transfer};
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 use spikelane::unstable::npy::Header;
 
 use crate::light::full_scale::{check_float_light, check_full_scale};
+use crate::light::images::encoding::{CodeScan, Encoding};
 use crate::light::resize_mode::ResizeMode;
 
 pub use spikelane::unstable::npy::{Element, MAGIC};
@@ -31,6 +32,8 @@ pub struct ArraySource {
     camera: Geometry,
     /// The array value of full scale, if the caller gave one.
     scale: Option<f64>,
+    /// The 16-bit codes of the first, middle and last frame, if the array is in a file.
+    codes: CodeScan,
 }
 
 impl ArraySource {
@@ -42,8 +45,8 @@ impl ArraySource {
         let name = path.display().to_string();
         let file = InputFile::open(path)?;
         let len = file.len();
-        let input = Box::new(BufReader::new(file.into_reader()));
-        let array = Self::from_reader(input, &name, camera, fit, transfer)?;
+        let input = Box::new(BufReader::new(InputFile::open(path)?.into_reader()));
+        let mut array = Self::from_reader(input, &name, camera, fit, transfer)?;
         let wanted = array.reader.total_bytes();
         if len < wanted {
             return Err(Error::new(ErrorKind::Input, name)
@@ -51,6 +54,7 @@ impl ArraySource {
                 .expected(format_args!("{wanted} bytes, as stated in the header"))
                 .remedy("the file is truncated; save the array again"));
         }
+        array.codes = array.reader.scan_codes(&file)?;
         Ok(array)
     }
 
@@ -81,7 +85,15 @@ impl ArraySource {
         }
         fit.check(reader.geometry(), camera).map_err(|e| e.with_context(name))?;
         let front_end = FrontEnd { transfer: Some(transfer), ..FrontEnd::default() };
-        Ok(Self { reader, curve: ToneCurve::new(transfer), front_end, resize_mode: fit, camera, scale: None })
+        Ok(Self {
+            reader,
+            curve: ToneCurve::new(transfer),
+            front_end,
+            resize_mode: fit,
+            camera,
+            scale: None,
+            codes: CodeScan::default(),
+        })
     }
 
     /// Converts integers with the camera's front end. The transfer function `declared` overrides the transfer function
@@ -125,7 +137,7 @@ impl ArraySource {
     fn to_full_scale(&self, samples: OwnedSamples, frame: u64) -> Result<OwnedSamples> {
         let Some(scale) = self.scale else {
             if let OwnedSamples::F32(values) = &samples {
-                check_float_light(values, &self.reader.name, frame)?;
+                check_float_light(values, &self.reader.name, format_args!(" in frame {frame}"))?;
             }
             return Ok(samples);
         };
@@ -204,6 +216,14 @@ impl Source for ArraySource {
     fn stored_geometry(&self) -> Option<Geometry> {
         Some(self.reader.geometry())
     }
+
+    fn notes(&self) -> Vec<String> {
+        if self.scale.is_some() || self.front_end.full_scale != FullScale::MAX_CODE {
+            return Vec::new();
+        }
+        let note = self.codes.apply(&mut Encoding::default(), "of the first, middle and last frame");
+        note.into_iter().map(|note| format!("{}: {note}", self.reader.name)).collect()
+    }
 }
 
 /// Reads the frames of an array at their original size. The elements are not converted to light.
@@ -280,6 +300,25 @@ impl<R: Read> ArrayReader<R> {
     pub const fn total_bytes(&self) -> u64 {
         let frame = self.geometry.pixels() as u64 * self.element.bytes() as u64;
         self.header_bytes.saturating_add(self.frames.saturating_mul(frame))
+    }
+
+    /// Returns the 16-bit codes of the first, middle and last frame of the array in `file`.
+    fn scan_codes(&self, file: &InputFile) -> Result<CodeScan> {
+        let mut scan = CodeScan::default();
+        if self.element != Element::U16 {
+            return Ok(scan);
+        }
+        let mut frames = vec![0, self.frames / 2, self.frames - 1];
+        frames.dedup();
+        let len = self.geometry.pixels() * self.element.bytes();
+        for frame in frames {
+            let mut bytes = inputs::zeroed_vec(&self.name, len)?;
+            file.read_at(self.header_bytes + frame * len as u64, &mut bytes)?;
+            if let OwnedSamples::U16(codes) = self.decode(bytes)? {
+                scan.add(codes.into_iter());
+            }
+        }
+        Ok(scan)
     }
 
     /// Returns the elements of the next frame, or `None` after the last frame.

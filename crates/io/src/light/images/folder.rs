@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::image_file;
-use super::image_file::{ImageHeader, Linearization};
+use super::image_file::{self, ImageFile};
+use super::linearization::Linearization;
 use super::missing_numbers;
 use super::natural_order::natural_cmp;
 use crate::light::resize_mode::ResizeMode;
-use crate::light::timestamps;
-use spikelane::error::{Error, ErrorKind, Result};
+use crate::light::timestamps::{self, FrameTimes};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::Rate;
+use spikelane::light::Transfer;
 use spikelane::light::{Frame, Source};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
@@ -23,13 +24,14 @@ pub struct ImageFolder {
     ignored_names: Vec<String>,
     /// Number of all entries that are not images, including hidden entries.
     ignored_entries: usize,
-    /// The path of the timestamp file, and the times of the frames in nanoseconds after the first frame.
-    times: Option<(PathBuf, Vec<u64>)>,
+    times: Option<FrameTimes>,
     size: Geometry,
     camera: Geometry,
     resize_mode: ResizeMode,
     linear: Linearization,
     front_end: FrontEnd,
+    /// Notes about statements of the files that are not used.
+    file_notes: Vec<String>,
     next: usize,
 }
 
@@ -49,24 +51,33 @@ impl ImageFolder {
                 .found(format_args!("no image among {others} entries"))
                 .expected(format_args!("files named {}", image_file::EXTENSIONS.join(", "))));
         };
-        let ImageHeader { size, has_float_pixels: floats } = image_file::read_header(first)?;
+        let mut first_file = ImageFile::open(first)?;
+        let (size, floats) = (first_file.size, first_file.has_float_pixels());
+        let transfer = linear.for_encoding(&first_file.encoding).integers().transfer();
+        let mut multipage = usize::from(first_file.pages > 1);
         for file in &files[1..] {
-            let header = image_file::read_header(file)?;
+            let header = ImageFile::open(file)?;
             check_same_size(file, header.size, first, size)?;
-            check_same_kind(file, header.has_float_pixels, first, floats)?;
+            check_same_kind(file, header.has_float_pixels(), first, floats)?;
+            let found = linear.for_encoding(&header.encoding).integers().transfer();
+            check_same_transfer(file, found, first, transfer)?;
+            check_same_white(&header, &first_file)?;
+            multipage += usize::from(header.pages > 1);
         }
         fit.check(size, camera).map_err(|e| e.with_context(folder.display()))?;
-        // A `timestamps.txt` in the folder must be valid. A `timestamps.txt` in the parent folder may belong to other
-        // files, so it is ignored if it does not match the images.
-        let times = match timestamps::find_beside(folder) {
-            Some(path) if path.parent() == Some(folder) => {
-                let starts = timestamps::read(&path, files.len())?;
-                Some((path, starts))
-            }
-            Some(path) => timestamps::read(&path, files.len()).ok().map(|starts| (path, starts)),
-            None => None,
-        };
-        ignored.retain(|name| name != timestamps::TIMESTAMPS_FILE_NAME);
+        let scanned = first_file.scanned_indices(files.len());
+        let scanned = scanned.iter().map(|&i| ImageFile::open(&files[i])?.read_first());
+        let scanned = scanned.collect::<Result<Vec<_>>>()?;
+        first_file.complete_notes(&linear, &scanned, "of the first, middle and last image");
+        if multipage > 0 {
+            first_file
+                .notes
+                .push(format!("{multipage} files have several pages: the first page of each is used"));
+        }
+        let linear = linear.for_encoding(&first_file.encoding);
+        let times = timestamps::read_beside(folder, &files, &mut first_file.notes)?;
+        let used = times.as_ref().filter(|t| t.path.parent() == Some(folder)).map(|t| name(&t.path));
+        ignored.retain(|name| Some(name) != used.as_ref());
         Ok(Self {
             folder: folder.to_owned(),
             files,
@@ -78,6 +89,7 @@ impl ImageFolder {
             resize_mode: fit,
             front_end: linear.front_end_for(floats),
             linear,
+            file_notes: first_file.notes,
             next: 0,
         })
     }
@@ -108,6 +120,32 @@ fn check_same_kind(file: &Path, found: bool, first: &Path, floats: bool) -> Resu
     Err(Error::new(ErrorKind::Input, file.display())
         .found(name(found))
         .expected(format_args!("{}, as in {}", name(floats), first.display()))
+        .remedy("put the images into separate folders"))
+}
+
+/// Rejects images whose transfer functions differ, because one transfer function is used for all frames.
+fn check_same_transfer(file: &Path, found: Transfer, first: &Path, transfer: Transfer) -> Result<()> {
+    if found == transfer {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Input, file.display())
+        .found(format_args!("the transfer function {found}, as the file states"))
+        .expected(format_args!("{transfer}, as in {}", first.display()))
+        .remedy(format_args!("put the images into separate folders, or set {}", Setting("transfer"))))
+}
+
+/// Rejects images whose largest codes or codes of white differ.
+fn check_same_white(file: &ImageFile, first: &ImageFile) -> Result<()> {
+    let white = |f: &ImageFile| f.encoding.white_code.or(f.encoding.largest_code);
+    let (found, expected) = (white(file), white(first));
+    // The full scale of 8-bit and 16-bit codes is 1.0 in both cases.
+    let is_largest = |f: &ImageFile| f.encoding.white_code.is_none();
+    if found == expected || (is_largest(file) && is_largest(first)) {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Input, file.path().display())
+        .found(format_args!("white at code {}", found.unwrap_or_default()))
+        .expected(format_args!("code {}, as in {}", expected.unwrap_or_default(), first.path().display()))
         .remedy("put the images into separate folders"))
 }
 
@@ -161,7 +199,8 @@ impl Source for ImageFolder {
         let Some(file) = self.files.get(self.next) else {
             return Ok(false);
         };
-        let frame = image_file::read(file, &self.linear)?;
+        let image = ImageFile::open(file)?;
+        let frame = image.light(image.read_first()?, &self.linear)?;
         // The file may have changed since the folder was listed, so the size of the image is checked again.
         check_same_size(file, frame.geometry(), &self.files[0], self.size)?;
         *into = self.resize_mode.apply(frame, self.camera)?;
@@ -179,11 +218,12 @@ impl Source for ImageFolder {
 
     fn describe(&self) -> String {
         format!(
-            "{}: {} images of {}, {} other entries ignored",
+            "{}: {} images of {}, {} other entries ignored{}",
             self.folder.display(),
             self.files.len(),
             self.size,
-            self.ignored_entries
+            self.ignored_entries,
+            self.linear.full_scale_text()
         )
     }
 
@@ -192,13 +232,14 @@ impl Source for ImageFolder {
     }
 
     fn frame_times(&self) -> Option<&[u64]> {
-        self.times.as_ref().map(|(_, starts)| starts.as_slice())
+        self.times.as_ref().map(|times| times.starts.as_slice())
     }
 
     fn notes(&self) -> Vec<String> {
         let place = self.folder.display();
         let gap = missing_numbers::missing_numbers_note(&self.files).map(|text| format!("{place}: {text}"));
         let skipped = skipped_note(&self.ignored_names).map(|text| format!("{place}: {text}"));
-        gap.into_iter().chain(skipped).collect()
+        let of_files = self.file_notes.iter().map(|note| format!("{place}: {note}"));
+        gap.into_iter().chain(skipped).chain(of_files).collect()
     }
 }

@@ -1,97 +1,47 @@
-//! Reads one image file as a frame of linear light. The frame has the size of the image.
+//! Reads image files as frames of linear light. A frame has the size of the image.
 //!
-//! Alpha is ignored, because the sensor receives the stored color and not a blend with a background. Embedded color
-//! profiles are also ignored, and the declared transfer function is used instead.
+//! Alpha is ignored, because the sensor receives the stored color and not a blend with a background. The tone curve of
+//! an embedded color profile is used if no transfer function is declared, and its primaries are ignored.
 
-use std::io::{self, BufReader};
-use std::path::Path;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
 
+use image::codecs::hdr::SIGNATURE as HDR_MAGIC;
+use image::codecs::png::PngDecoder;
+use image::codecs::webp::WebPDecoder;
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use image::{
+    AnimationDecoder, DynamicImage, Frames, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits,
+};
 
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::light::{Frame, OwnedSamples};
-use spikelane::light::{ToneCurve, Transfer};
-use spikelane::sensor::FrontEnd;
+use spikelane::light::Frame;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::{self, InputFile, InputReader};
 use spikelane::unstable::light::declared_geometry;
 
+use super::encoding::{CodeScan, Encoding, hdr_note, store_transfer, transfer_from_icc};
+#[cfg(feature = "exr")]
+use super::exr_file;
+use super::linearization::{Pixels, swaps_axes};
+use super::page_timing::PageTiming;
+use super::patched_reader::PatchedReader;
+use super::tiff_file::TiffFile;
+use super::{pfm, png_chunks, tiff_file, webp_chunks};
+
+pub use super::linearization::{Linearization, linearize};
+
 /// File extensions of images.
-pub const EXTENSIONS: [&str; 12] =
-    ["png", "jpg", "jpeg", "tif", "tiff", "exr", "bmp", "pgm", "ppm", "pnm", "pbm", "webp"];
+pub const EXTENSIONS: [&str; 15] = [
+    "png", "jpg", "jpeg", "tif", "tiff", "exr", "bmp", "pgm", "ppm", "pnm", "pbm", "webp", "apng", "pfm",
+    "hdr",
+];
 
-/// The conversion of codes to light. It consists of a transfer function for integers, a transfer function for floats,
-/// and the conversion of color to gray.
-#[derive(Debug)]
-pub struct Linearization {
-    integers: ToneCurve,
-    floats: Transfer,
-    weights: [f32; 3],
-    gray_codes: bool,
-    front_end: FrontEnd,
-}
+/// The first bytes of every OpenEXR file.
+const EXR_MAGIC: &[u8] = b"\x76\x2f\x31\x01";
 
-impl Linearization {
-    /// Creates the conversion with the declared transfer function. If `declared` is `None`, integers are sRGB and
-    /// floats are linear.
-    #[must_use]
-    pub fn new(declared: Option<Transfer>) -> Self {
-        Self::from_front_end(&FrontEnd::default(), declared)
-    }
-
-    /// Creates the conversion of a camera's front end. The transfer function `declared` overrides the transfer function
-    /// of the front end.
-    ///
-    /// The transfer function of the front end applies only to integer codes. The transfer function `declared` also
-    /// applies to floats.
-    #[must_use]
-    pub fn from_front_end(front_end: &FrontEnd, declared: Option<Transfer>) -> Self {
-        let transfer = declared.or(front_end.transfer).unwrap_or(Transfer::Srgb);
-        Self {
-            integers: ToneCurve::new(transfer),
-            floats: declared.unwrap_or(Transfer::Linear),
-            weights: front_end.luminance.map(|w| w as f32),
-            gray_codes: front_end.gray_codes,
-            front_end: FrontEnd { transfer: Some(transfer), ..*front_end },
-        }
-    }
-
-    /// Returns the front end that converts float codes (if `floats` is true) or integer codes. The `transfer` field of
-    /// the returned front end is never `None`.
-    #[must_use]
-    pub fn front_end_for(&self, floats: bool) -> FrontEnd {
-        if !floats {
-            return self.front_end;
-        }
-        let light = FrontEnd { transfer: Some(self.floats), ..FrontEnd::default() };
-        FrontEnd { luminance: self.front_end.luminance, ..light }
-    }
-
-    /// Returns the light of a pixel with the color `codes`. `linear` converts a code between 0 and `top` to light.
-    /// Gray codes are rounded to multiples of `unit`.
-    pub(in crate::light) fn light(
-        &self,
-        codes: [f32; 3],
-        [unit, top]: [f32; 2],
-        linear: impl Fn(usize) -> f32,
-    ) -> f32 {
-        let [r, g, b] = self.weights;
-        let sum = |[x, y, z]: [f32; 3]| r * x + g * y + b * z;
-        if self.gray_codes {
-            // The f32 sum of 8-bit codes is exact if each weight has at most 16 binary places.
-            let gray = (sum(codes) / unit + 0.5).floor() * unit;
-            return linear(gray.min(top) as usize);
-        }
-        sum(codes.map(|c| linear(c as usize)))
-    }
-
-    /// Returns the transfer function of integer codes.
-    #[must_use]
-    pub const fn integers(&self) -> &ToneCurve {
-        &self.integers
-    }
-}
+/// Size limit in bytes of the text header of a Radiance HDR picture.
+const MAX_HDR_HEADER_BYTES: u64 = 1 << 16;
 
 /// Returns whether the file name has one of the [`EXTENSIONS`].
 #[must_use]
@@ -109,6 +59,8 @@ pub struct ImageHeader {
     pub size: Geometry,
     /// Whether the pixels are floats.
     pub has_float_pixels: bool,
+    /// Number of pages of the same size: directories of a TIFF, or frames of an animated PNG or WebP.
+    pub pages: u64,
 }
 
 /// Reads the header of an image file.
@@ -116,37 +68,12 @@ pub struct ImageHeader {
 /// # Errors
 /// As [`read`].
 pub fn read_header(path: &Path) -> Result<ImageHeader> {
-    let mut decoder = reader(path)?.into_decoder().map_err(|e| decode_error(path, e))?;
-    let (mut width, mut height) = decoder.dimensions();
-    if swaps_axes(orientation(&mut decoder)) {
-        (width, height) = (height, width);
-    }
-    let kind = decoder.color_type();
-    let floats = kind.bytes_per_pixel() / kind.channel_count() == 4;
-    let size = declared_geometry(width.into(), height.into(), &path.display().to_string())?;
-    Ok(ImageHeader { size, has_float_pixels: floats })
+    let file = ImageFile::open(path)?;
+    Ok(ImageHeader { size: file.size, has_float_pixels: file.has_float_pixels(), pages: file.pages })
 }
 
-/// Returns the orientation in which the image is displayed, from EXIF or the TIFF tag.
-///
-/// If the metadata cannot be read, the image is not rotated. The decoder reports later whether the image can be read.
-fn orientation(decoder: &mut impl ImageDecoder) -> Orientation {
-    decoder.orientation().unwrap_or(Orientation::NoTransforms)
-}
-
-/// Returns whether the orientation exchanges rows and columns.
-const fn swaps_axes(orientation: Orientation) -> bool {
-    matches!(
-        orientation,
-        Orientation::Rotate90
-            | Orientation::Rotate270
-            | Orientation::Rotate90FlipH
-            | Orientation::Rotate270FlipH
-    )
-}
-
-/// Decodes and linearizes an image file, and applies the orientation of the image. The format is determined from the
-/// content of the file, not from its name.
+/// Decodes and linearizes the first page of an image file, and applies the orientation of the image. The format is
+/// determined from the content of the file, not from its name.
 ///
 /// The sample type of linear gray images of 8 or 16 bits does not change. Other 8-bit images are converted to 16-bit
 /// samples. All other images are converted to floats.
@@ -155,137 +82,344 @@ const fn swaps_axes(orientation: Orientation) -> bool {
 /// * [`ErrorKind::Io`] if the file cannot be read.
 /// * [`ErrorKind::Input`] if the file is not an image, is damaged, or contains negative or non-finite light.
 pub fn read(path: &Path, linear: &Linearization) -> Result<Frame> {
-    let decoded = decode(path)?;
-    linearize(decoded, linear).map_err(|e| e.with_context(path.display()))
+    let file = ImageFile::open(path)?;
+    file.light(file.read_first()?, &linear.for_encoding(&file.encoding))
+}
+
+/// How the pages of a file are decoded.
+#[derive(Clone, Debug)]
+enum Container {
+    Tiff(TiffFile),
+    #[cfg(feature = "exr")]
+    Exr(exr_file::ExrPicture),
+    Pfm,
+    /// The `image` crate decodes the file. `animation` is the format of a file with several pages.
+    Common {
+        animation: Option<Animation>,
+    },
+}
+
+/// An animation that the `image` crate decodes.
+#[derive(Clone, Debug)]
+enum Animation {
+    Png,
+    /// The value replaces bytes of the file, as [`webp_chunks::WebpChunks::opaque_flags`].
+    WebP(Vec<(u64, u8)>),
+}
+
+/// An image file and what its header states.
+#[derive(Clone, Debug)]
+pub(in crate::light) struct ImageFile {
+    path: PathBuf,
+    container: Container,
+    /// Width and height of the displayed image.
+    pub size: Geometry,
+    pub encoding: Encoding,
+    orientation: Orientation,
+    pub pages: u64,
+    pub timing: Option<PageTiming>,
+    /// Notes about statements of the file that are not used.
+    pub notes: Vec<String>,
+}
+
+impl ImageFile {
+    /// Reads the header of a file.
+    pub(in crate::light) fn open(path: &Path) -> Result<Self> {
+        let mut start = [0; 12];
+        let mut file = buffered(path)?;
+        let read = file.read(&mut start).map_err(|e| Error::io(path.display(), e))?;
+        let start = &start[..read];
+        if start.starts_with(EXR_MAGIC) {
+            return Self::open_exr(path);
+        }
+        if tiff_file::is_tiff(start) {
+            return Self::open_tiff(path);
+        }
+        if pfm::is_pfm(start) {
+            let header = pfm::read_header(&mut buffered(path)?, path)?;
+            let note = format!("the scale {} in the header is not used", header.scale);
+            let notes = if header.scale == 1.0 { Vec::new() } else { vec![note] };
+            return Ok(Self { notes, ..Self::of_floats(path, Container::Pfm, header.size) });
+        }
+        Self::open_common(path, start)
+    }
+
+    /// Returns a file of floats with one page.
+    fn of_floats(path: &Path, container: Container, size: Geometry) -> Self {
+        Self {
+            path: path.to_owned(),
+            container,
+            size,
+            encoding: Encoding::default(),
+            orientation: Orientation::NoTransforms,
+            pages: 1,
+            timing: None,
+            notes: Vec::new(),
+        }
+    }
+
+    #[cfg(feature = "exr")]
+    fn open_exr(path: &Path) -> Result<Self> {
+        let picture = exr_file::read_header(buffered(path)?, path)?;
+        let layers = picture.ignored_layers.join(", ");
+        let notes = if layers.is_empty() {
+            Vec::new()
+        } else {
+            vec![format!("other pictures in the file are not used: {layers}")]
+        };
+        let size = picture.size;
+        Ok(Self { notes, ..Self::of_floats(path, Container::Exr(picture), size) })
+    }
+
+    #[cfg(not(feature = "exr"))]
+    fn open_exr(path: &Path) -> Result<Self> {
+        let missing = Error::require_feature(format_args!("{}: EXR images", path.display()), "exr", false);
+        missing.and_then(|()| Self::open_common(path, EXR_MAGIC))
+    }
+
+    fn open_tiff(path: &Path) -> Result<Self> {
+        let tiff = tiff_file::read_header(path)?;
+        let (width, height) = tiff.dimensions;
+        Ok(Self {
+            path: path.to_owned(),
+            size: displayed_size(width, height, tiff.orientation, path)?,
+            encoding: tiff.encoding,
+            orientation: tiff.orientation,
+            pages: tiff.pages.len() as u64,
+            timing: tiff.rate.map(PageTiming::Uniform).filter(|_| tiff.pages.len() > 1),
+            notes: tiff.notes.clone(),
+            container: Container::Tiff(tiff),
+        })
+    }
+
+    /// Reads the header of a format that the `image` crate decodes.
+    fn open_common(path: &Path, start: &[u8]) -> Result<Self> {
+        let refused = |e| decode_error(path, e);
+        let mut decoder = reader(path)?.into_decoder().map_err(refused)?;
+        let (width, height) = decoder.dimensions();
+        // If the metadata cannot be read, the image is not rotated. The decoder reports later whether the image can be
+        // read.
+        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        let kind = decoder.color_type();
+        let largest = match kind.bytes_per_pixel() / kind.channel_count() {
+            1 => Some(255.0),
+            2 => Some(65535.0),
+            _ => None,
+        };
+        let mut encoding = Encoding { largest_code: largest, ..Encoding::default() };
+        let mut notes = Vec::new();
+        let profile = decoder.icc_profile().ok().flatten().map(|p| transfer_from_icc(&p));
+        let (mut pages, mut timing, mut animation) = (1, None, None);
+        let mut transfer = profile;
+        if start.starts_with(png_chunks::MAGIC) {
+            let chunks = png_chunks::read(buffered(path)?).map_err(|e| Error::io(path.display(), e))?;
+            if !chunks.is_profile_preferred {
+                transfer = chunks.transfer;
+            }
+            encoding.significant_bits = chunks.significant_bits.filter(|_| largest == Some(65535.0));
+            (pages, timing, animation) = (chunks.pages, chunks.timing, Some(Animation::Png));
+        } else if webp_chunks::is_webp(start) {
+            let chunks = webp_chunks::read(buffered(path)?).map_err(|e| Error::io(path.display(), e))?;
+            (pages, timing) = (chunks.pages, chunks.timing);
+            animation = Some(Animation::WebP(chunks.opaque_flags));
+        } else if start.starts_with(&HDR_MAGIC[..2]) {
+            notes.extend(hdr_exposure_note(path)?);
+        }
+        if largest.is_some()
+            && let Some(stated) = transfer
+        {
+            store_transfer(&mut encoding, &mut notes, stated);
+        }
+        let animation = animation.filter(|_| pages > 1);
+        if animation.is_some() && timing.is_none() {
+            notes.push("the durations of the frames are missing or 0, and are not used".to_owned());
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            container: Container::Common { animation },
+            size: displayed_size(width, height, orientation, path)?,
+            encoding,
+            orientation,
+            pages: pages.into(),
+            timing: timing.filter(|_| pages > 1),
+            notes,
+        })
+    }
+
+    /// Returns whether the pixels are floats.
+    pub(in crate::light) const fn has_float_pixels(&self) -> bool {
+        self.encoding.largest_code.is_none()
+    }
+
+    /// Returns the path of the file.
+    pub(in crate::light) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Returns whether a page can be read without the pages before it.
+    pub(in crate::light) const fn has_random_access(&self) -> bool {
+        !matches!(self.container, Container::Common { animation: Some(_) })
+    }
+
+    /// Decodes the first page.
+    pub(in crate::light) fn read_first(&self) -> Result<Pixels> {
+        self.read_page(0)
+    }
+
+    /// Decodes page `page`. Of an animation, only the first page can be read.
+    pub(in crate::light) fn read_page(&self, page: usize) -> Result<Pixels> {
+        match &self.container {
+            Container::Tiff(tiff) => tiff_file::read_page(&self.path, tiff.pages[page]),
+            #[cfg(feature = "exr")]
+            Container::Exr(picture) => exr_file::read(buffered(&self.path)?, &self.path, picture),
+            Container::Pfm => pfm::read(&mut buffered(&self.path)?, &self.path),
+            Container::Common { animation: Some(_) } => match self.animation()?.next() {
+                Some(frame) => frame.map_err(|e| decode_error(&self.path, e)).map(animation_pixels),
+                None => Err(missing_page_error(&self.path, 0, self.pages)),
+            },
+            Container::Common { animation: None } => decode(&self.path).map(Pixels::Image),
+        }
+    }
+
+    /// Starts decoding the frames of an animation.
+    pub(in crate::light) fn animation(&self) -> Result<Frames<'static>> {
+        let refused = |e| decode_error(&self.path, e);
+        // The canvas and the frame each have four bytes per pixel, and the decoder keeps up to four of them.
+        inputs::check_memory(self.path.display(), 16 * self.size.pixels())?;
+        if let Container::Common { animation: Some(Animation::WebP(flags)) } = &self.container {
+            let file = BufReader::new(PatchedReader::open(&self.path, flags.clone())?);
+            let mut decoder = WebPDecoder::new(file).map_err(refused)?;
+            decoder.set_limits(limits()).map_err(refused)?;
+            return Ok(decoder.into_frames());
+        }
+        let decoder = PngDecoder::with_limits(buffered(&self.path)?, limits());
+        Ok(decoder.and_then(PngDecoder::apng).map_err(refused)?.into_frames())
+    }
+
+    /// Converts decoded pixels to light in the displayed orientation.
+    pub(in crate::light) fn light(&self, pixels: Pixels, linear: &Linearization) -> Result<Frame> {
+        pixels.into_light(linear, self.orientation).map_err(|e| e.with_context(self.path.display()))
+    }
+
+    /// Returns the indices of the frames whose pixels [`ImageFile::complete_notes`] requires, of `frames` frames: the
+    /// first, the middle and the last frame for 16-bit codes, and otherwise the first frame.
+    pub(in crate::light) fn scanned_indices(&self, frames: usize) -> Vec<usize> {
+        let mut indices = vec![0];
+        if self.encoding.largest_code == Some(65535.0) {
+            indices.extend([frames / 2, frames - 1]);
+            indices.dedup();
+        }
+        indices
+    }
+
+    /// Adds the notes that depend on the pixels and on the conversion. If the file does not state the depth of 16-bit
+    /// codes, the function finds it in `scanned`, which are up to three pages. `pages` describes the pages.
+    pub(in crate::light) fn complete_notes(
+        &mut self,
+        linear: &Linearization,
+        scanned: &[Pixels],
+        pages: &str,
+    ) {
+        if scanned.first().is_some_and(Pixels::is_transparent) {
+            self.notes.push("alpha is not used: transparent pixels have their stored color".to_owned());
+        }
+        self.notes.extend(hdr_note(&self.encoding, linear));
+        if self.encoding.white_code.is_none() && !linear.has_full_scale() {
+            let mut scan = CodeScan::default();
+            scanned.iter().filter_map(Pixels::codes16).for_each(|codes| scan.add(codes));
+            self.notes.extend(scan.apply(&mut self.encoding, pages));
+        }
+    }
+
+    /// Returns the notes with the name of the file.
+    pub(in crate::light) fn named_notes(&self) -> Vec<String> {
+        self.notes.iter().map(|note| format!("{}: {note}", self.path.display())).collect()
+    }
+}
+
+/// Returns the pixels of a frame of an animation.
+pub(in crate::light) fn animation_pixels(frame: image::Frame) -> Pixels {
+    Pixels::Image(DynamicImage::ImageRgba8(frame.into_buffer()))
+}
+
+/// Returns the error for a file with fewer pages than its header states.
+pub(in crate::light) fn missing_page_error(path: &Path, found: u64, pages: u64) -> Error {
+    Error::new(ErrorKind::Input, path.display())
+        .found(format_args!("the end of the file after {found} pages"))
+        .expected(format_args!("{pages} pages, as stated in the header"))
+        .remedy("the file is truncated; save it again")
+}
+
+fn displayed_size(width: u32, height: u32, orientation: Orientation, path: &Path) -> Result<Geometry> {
+    let (width, height) = if swaps_axes(orientation) { (height, width) } else { (width, height) };
+    declared_geometry(width.into(), height.into(), &path.display().to_string())
+}
+
+/// Returns a note about the exposure of a Radiance HDR picture, which the samples were multiplied by.
+fn hdr_exposure_note(path: &Path) -> Result<Option<String>> {
+    let mut header = Vec::new();
+    buffered(path)?
+        .take(MAX_HDR_HEADER_BYTES)
+        .read_to_end(&mut header)
+        .map_err(|e| Error::io(path.display(), e))?;
+    let text = String::from_utf8_lossy(&header);
+    let lines = text.lines().take_while(|line| !line.is_empty());
+    let stated = lines.filter(|line| line.starts_with("EXPOSURE=") || line.starts_with("COLORCORR="));
+    let stated: Vec<&str> = stated.collect();
+    Ok((!stated.is_empty()).then(|| format!("{} in the header is not used", stated.join(", "))))
+}
+
+fn buffered(path: &Path) -> Result<BufReader<InputReader<InputFile>>> {
+    Ok(BufReader::new(InputFile::open(path)?.into_reader()))
 }
 
 type Reader = ImageReader<BufReader<InputReader<InputFile>>>;
 
 fn decode(path: &Path) -> Result<DynamicImage> {
     let refused = |e| decode_error(path, e);
-    let reader = reader(path)?;
-    let mut decoder = reader.into_decoder().map_err(refused)?;
+    let decoder = reader(path)?.into_decoder().map_err(refused)?;
     limits().reserve(decoder.total_bytes()).map_err(refused)?;
     // If an allocation fails, the decoder and the conversion abort the process. The decoder and the conversion
     // together allocate at most twice the decoded bytes, so this amount is checked first.
     inputs::check_memory(path.display(), 2 * decoder.total_bytes() as usize)?;
-    let turn = orientation(&mut decoder);
-    let mut image = DynamicImage::from_decoder(decoder).map_err(refused)?;
-    image.apply_orientation(turn);
-    Ok(image)
+    DynamicImage::from_decoder(decoder).map_err(refused)
 }
 
 /// Returns the memory limits of the decoder.
-fn limits() -> Limits {
+pub(super) fn limits() -> Limits {
     let mut limits = Limits::default();
     limits.max_alloc = Some(inputs::MAX_PICTURE_BYTES);
     limits
 }
 
 fn reader(path: &Path) -> Result<Reader> {
-    let mut reader = ImageReader::new(BufReader::new(InputFile::open(path)?.into_reader()));
+    let mut reader = ImageReader::new(buffered(path)?);
     reader.limits(limits());
     if let Ok(format) = ImageFormat::from_path(path) {
         reader.set_format(format);
     }
-    let reader = reader.with_guessed_format().map_err(|e| Error::io(path.display(), e))?;
-    let exr = reader.format() == Some(ImageFormat::OpenExr);
-    Error::require_feature(
-        format_args!("{}: EXR images", path.display()),
-        "exr",
-        !exr || cfg!(feature = "exr"),
-    )?;
-    Ok(reader)
+    reader.with_guessed_format().map_err(|e| Error::io(path.display(), e))
 }
 
-fn decode_error(path: &Path, error: ImageError) -> Error {
+pub(super) fn decode_error(path: &Path, error: ImageError) -> Error {
     match error {
         ImageError::IoError(e)
             if !matches!(e.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData) =>
         {
             Error::io(path.display(), e)
         }
-        other => Error::new(ErrorKind::Input, path.display())
-            .found(other)
-            .expected("a complete PNG, JPEG, TIFF, EXR, BMP, PNM or WEBP image")
-            .remedy("open the image in a viewer to check whether the file is damaged"),
-    }
-}
-
-/// Converts a decoded image to linear gray light.
-///
-/// * [`ErrorKind::Input`] if a light value is negative or not finite.
-/// * [`ErrorKind::Input`] if the pixel type is not supported.
-pub fn linearize(image: DynamicImage, linear: &Linearization) -> Result<Frame> {
-    let geometry = declared_geometry(image.width().into(), image.height().into(), "image")?;
-    let is_linear = linear.integers.transfer() == Transfer::Linear;
-    let samples = match image {
-        DynamicImage::ImageLuma8(i) => gray8(i.into_raw(), linear, is_linear),
-        DynamicImage::ImageLumaA8(i) => {
-            let gray = i.as_raw().iter().step_by(2).copied().collect();
-            gray8(gray, linear, is_linear)
-        }
-        DynamicImage::ImageRgb8(i) => color8::<3>(i.as_raw(), linear),
-        DynamicImage::ImageRgba8(i) => color8::<4>(i.as_raw(), linear),
-        DynamicImage::ImageLuma16(i) => gray16(i.into_raw(), linear, is_linear),
-        DynamicImage::ImageLumaA16(i) => {
-            let gray = i.as_raw().iter().step_by(2).copied().collect();
-            gray16(gray, linear, is_linear)
-        }
-        DynamicImage::ImageRgb16(i) => color16::<3>(i.as_raw(), linear),
-        DynamicImage::ImageRgba16(i) => color16::<4>(i.as_raw(), linear),
-        DynamicImage::ImageRgb32F(i) => color32::<3>(i.as_raw(), linear),
-        DynamicImage::ImageRgba32F(i) => color32::<4>(i.as_raw(), linear),
         other => {
-            return Err(Error::new(ErrorKind::Input, "pixel type")
-                .found(format_args!(
-                    "pixels of {} channels and {} bits",
-                    other.color().channel_count(),
-                    other.color().bits_per_pixel()
-                ))
-                .expected("gray or RGB of 8 or 16 bits or 32-bit float"));
+            let remedy = if matches!(other, ImageError::Unsupported(_)) {
+                "save it with 8-bit or 16-bit samples and another compression; save an animation of 16 bits as a folder of images"
+            } else {
+                "open it in a viewer to check whether it is damaged"
+            };
+            Error::new(ErrorKind::Input, path.display())
+                .found(other)
+                .expected(
+                    "a complete PNG, JPEG, TIFF, EXR, HDR, PFM, BMP, PNM or WEBP image of a supported type",
+                )
+                .remedy(remedy)
         }
-    };
-    Frame::new(geometry, samples)
-}
-
-fn gray8(codes: Vec<u8>, linear: &Linearization, is_linear: bool) -> OwnedSamples {
-    if is_linear {
-        return OwnedSamples::U8(codes);
     }
-    let table = linear.integers.table8();
-    OwnedSamples::U16(codes.iter().map(|&c| table[usize::from(c)]).collect())
-}
-
-fn gray16(codes: Vec<u16>, linear: &Linearization, is_linear: bool) -> OwnedSamples {
-    if is_linear {
-        return OwnedSamples::U16(codes);
-    }
-    let table = linear.integers.table16();
-    OwnedSamples::F32(codes.iter().map(|&c| table[usize::from(c)]).collect())
-}
-
-fn color8<const N: usize>(codes: &[u8], linear: &Linearization) -> OwnedSamples {
-    let table = linear.integers.table8().map(f32::from);
-    let light = |p: &[u8; N]| linear.light([0, 1, 2].map(|c| f32::from(p[c])), [1.0, 255.0], |c| table[c]);
-    let (pixels, _) = codes.as_chunks::<N>();
-    OwnedSamples::U16(pixels.iter().map(|p| (light(p) + 0.5) as u16).collect())
-}
-
-fn color16<const N: usize>(codes: &[u16], linear: &Linearization) -> OwnedSamples {
-    let table = linear.integers.table16();
-    let light = |p: &[u16; N]| linear.light([0, 1, 2].map(|c| f32::from(p[c])), [1.0, 65535.0], |c| table[c]);
-    let (pixels, _) = codes.as_chunks::<N>();
-    OwnedSamples::F32(pixels.iter().map(light).collect())
-}
-
-fn color32<const N: usize>(codes: &[f32], linear: &Linearization) -> OwnedSamples {
-    let decode = |code: f32| match linear.floats {
-        Transfer::Linear => code,
-        curve => curve.light(f64::from(code)) as f32,
-    };
-    let [r, g, b] = linear.weights;
-    let light = |p: &[f32; N]| r * decode(p[0]) + g * decode(p[1]) + b * decode(p[2]);
-    let (pixels, _) = codes.as_chunks::<N>();
-    OwnedSamples::F32(pixels.iter().map(light).collect())
 }

@@ -1,7 +1,18 @@
 //! Single images, and folders of images in order.
 
+pub(super) mod encoding;
+#[cfg(feature = "exr")]
+mod exr_file;
 pub mod folder;
 pub mod image_file;
+pub(super) mod image_pages;
+pub(super) mod linearization;
 pub(super) mod missing_numbers;
 pub mod natural_order;
+mod page_timing;
+mod patched_reader;
+mod pfm;
+mod png_chunks;
 pub mod still_image;
+mod tiff_file;
+mod webp_chunks;

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::image_file;
-use super::image_file::Linearization;
+use super::image_file::ImageFile;
+use super::linearization::Linearization;
 use crate::light::camera_motion::CameraMotion;
 use crate::light::resize_mode::FullImage;
 use crate::light::resize_mode::ResizeMode;
@@ -31,31 +31,47 @@ pub struct StillImage {
     frame_at_rest: Frame,
     motion_view: Option<MotionView>,
     front_end: FrontEnd,
+    /// The part of the description that names full scale.
+    full_scale: String,
+    notes: Vec<String>,
     frames: u64,
     next: u64,
 }
 
 impl StillImage {
-    /// Reads an image as a single frame.
+    /// Reads the first page of an image file as a single frame.
     ///
     /// # Errors
-    /// As [`image_file::read`] and [`ResizeMode::apply`].
+    /// As [`super::image_file::read`] and [`ResizeMode::apply`].
     pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, linear: &Linearization) -> Result<Self> {
-        let read = image_file::read(path, linear)?;
-        let (size, floats) = (read.geometry(), image_file::read_header(path)?.has_float_pixels);
-        let picture = fit.apply(read, camera).map_err(|e| e.with_context(path.display()))?;
-        let path = path.to_owned();
-        let front_end = linear.front_end_for(floats);
-        Ok(Self {
-            path,
-            size,
+        Self::from_file(ImageFile::open(path)?, camera, fit, linear).map(|(still, _)| still)
+    }
+
+    /// Reads the first page of `file`. Also returns the frame at the size of the image.
+    pub(in crate::light) fn from_file(
+        mut file: ImageFile,
+        camera: Geometry,
+        fit: ResizeMode,
+        linear: &Linearization,
+    ) -> Result<(Self, Frame)> {
+        let pixels = file.read_first()?;
+        file.complete_notes(linear, std::slice::from_ref(&pixels), "of the image");
+        let linear = linear.for_encoding(&file.encoding);
+        let full = file.light(pixels, &linear)?;
+        let frame = fit.apply(full.clone(), camera).map_err(|e| e.with_context(file.path().display()))?;
+        let still = Self {
+            path: file.path().to_owned(),
+            size: file.size,
             camera,
-            frame_at_rest: picture,
+            frame_at_rest: frame,
             motion_view: None,
-            front_end,
+            front_end: linear.front_end_for(file.has_float_pixels()),
+            full_scale: linear.full_scale_text(),
+            notes: file.named_notes(),
             frames: 1,
             next: 0,
-        })
+        };
+        Ok((still, full))
     }
 
     /// Reads an image across which the camera moves. The motion has `frames` frames at the rate `rate`.
@@ -72,9 +88,8 @@ impl StillImage {
         if frames == 0 {
             return Err(Error::new(ErrorKind::Usage, "frames of motion").found(0).expected("at least 1"));
         }
-        let still = Self::open(path, camera, fit, linear)?;
-        let image = FullImage::new(image_file::read(path, linear)?, camera, fit);
-        let image = image.map_err(|e| e.with_context(path.display()))?;
+        let (still, full) = Self::from_file(ImageFile::open(path)?, camera, fit, linear)?;
+        let image = FullImage::new(full, camera, fit).map_err(|e| e.with_context(path.display()))?;
         Ok(Self { motion_view: Some(MotionView { image, motion, rate }), frames, ..still })
     }
 }
@@ -117,11 +132,15 @@ impl Source for StillImage {
     fn describe(&self) -> String {
         let path = self.path.display();
         match &self.motion_view {
-            None => format!("{path}: one image of {}", self.size),
+            None => format!("{path}: one image of {}{}", self.size, self.full_scale),
             Some(MotionView { rate, .. }) => format!(
-                "{path}: motion over an image of {}, {} frames at {rate} per second",
-                self.size, self.frames
+                "{path}: motion over an image of {}, {} frames at {rate} per second{}",
+                self.size, self.frames, self.full_scale
             ),
         }
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
     }
 }

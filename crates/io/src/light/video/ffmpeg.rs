@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 
 use super::probe::{VideoProbe, missing_program_error, single_file_args};
 use super::y4m::Y4mSource;
-use crate::light::images::image_file::Linearization;
+use crate::light::images::linearization::Linearization;
 use crate::light::resize_mode::ResizeMode;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Rate;
@@ -121,6 +121,8 @@ pub struct FfmpegSource {
     process: FfmpegProcess,
     announced_frames: Option<u64>,
     times: Option<Vec<u64>>,
+    /// Notes about tags of the file that are not used.
+    notes: Vec<String>,
     has_ended: bool,
 }
 
@@ -167,9 +169,11 @@ impl FfmpegSource {
                 .expected("a file with a video stream"));
         }
         let output: Box<dyn Read + Send> = Box::new(output);
+        let notes = probe.notes.iter().map(|note| format!("{name}: {note}")).collect();
         let video =
             Y4mSource::with_sample_encoding(output, &name, camera, fit, linear, probe.sample_encoding())?;
-        Ok(Self { video, process, announced_frames: probe.frames, times: probe.times, has_ended: false })
+        let (announced_frames, times) = (probe.frames, probe.times);
+        Ok(Self { video, process, announced_frames, times, notes, has_ended: false })
     }
 }
 
@@ -221,6 +225,10 @@ impl Source for FfmpegSource {
 
     fn frame_times(&self) -> Option<&[u64]> {
         self.times.as_deref()
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.notes.iter().cloned().chain(self.video.notes()).collect()
     }
 }
 

@@ -10,8 +10,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::yuv::{Matrix, SampleEncoding};
+use crate::light::images::encoding::{Encoding, StatedTransfer, store_transfer, transfer_from_h273};
 use crate::light::timestamps;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::light::Transfer;
 
 /// Returns the number of packets that become visible frames. Packets with the discard flag `D` are decoded only as
 /// references for other frames.
@@ -53,6 +55,9 @@ pub(in crate::light) struct VideoProbe {
     pixel_format: String,
     is_full_range: Option<bool>,
     matrix: Option<Matrix>,
+    transfer: Option<Transfer>,
+    /// Notes about tags that are not used.
+    pub notes: Vec<String>,
     /// Number of visible frames, counted from the packets.
     pub frames: Option<u64>,
 }
@@ -64,7 +69,11 @@ impl VideoProbe {
     /// * [`ErrorKind::Tool`] if ffprobe is missing, cannot read the file or finds no video.
     /// * [`ErrorKind::Input`] if the matrix is not supported.
     pub(crate) fn from_file(path: &Path, program: &str) -> Result<Self> {
-        let text = Self::query(path, program, "stream=pix_fmt,color_range,color_space")?;
+        let text = Self::query(
+            path,
+            program,
+            "stream=pix_fmt,color_range,color_space,color_transfer,color_primaries",
+        )?;
         let mut probe = Self::parse(&text).map_err(|e| e.with_context(path.display()))?;
         let packets = Self::query(path, program, "packet=pts_time,flags")?;
         probe.times = nonuniform_times(&packets);
@@ -133,7 +142,31 @@ impl VideoProbe {
                     .remedy("convert the video to RGB first, with a program that supports this matrix"));
             }
         };
-        Ok(Self { times: None, pixel_format: pixels, is_full_range: full, matrix, frames: None })
+        let mut notes = Vec::new();
+        let mut encoding = Encoding::default();
+        let transfer = value("color_transfer").map_or(Ok(None), |name| transfer_from_name(&name));
+        store_transfer(&mut encoding, &mut notes, transfer);
+        if value("color_primaries").is_some_and(|p| p.starts_with("bt2020")) {
+            notes.push(
+                "the primaries BT.2020 are not used: colors are added with the weights of the camera"
+                    .to_owned(),
+            );
+        }
+        // Formats of animations always have alpha, although few animations use it.
+        let has_alpha = ["yuva", "ya", "gbrap"].iter().any(|family| pixels.starts_with(family));
+        if has_alpha {
+            notes.push("alpha is not used: transparent pixels have their stored color".to_owned());
+        }
+        let transfer = encoding.transfer;
+        Ok(Self {
+            times: None,
+            pixel_format: pixels,
+            is_full_range: full,
+            matrix,
+            transfer,
+            notes,
+            frames: None,
+        })
     }
 
     /// Returns the ffmpeg filters that write the sample values of the file as y4m planes without change.
@@ -173,10 +206,38 @@ impl VideoProbe {
     /// Returns the properties of the planes that a y4m header cannot declare.
     pub(crate) fn sample_encoding(&self) -> SampleEncoding {
         match pixel_family(&self.pixel_format) {
-            PixelFamily::Rgb(_) => SampleEncoding { matrix: Some(Matrix::Gbr), is_full_range: Some(true) },
-            _ => SampleEncoding { matrix: self.matrix, is_full_range: Some(self.is_full()) },
+            PixelFamily::Rgb(_) => SampleEncoding {
+                matrix: Some(Matrix::Gbr),
+                is_full_range: Some(true),
+                transfer: self.transfer,
+            },
+            _ => SampleEncoding {
+                matrix: self.matrix,
+                is_full_range: Some(self.is_full()),
+                transfer: self.transfer,
+            },
         }
     }
+}
+
+/// Returns the transfer function of ffprobe's name of transfer characteristics.
+fn transfer_from_name(name: &str) -> StatedTransfer {
+    // The codes of ITU-T H.273, table 3.
+    let code = match name {
+        "bt709" => 1,
+        "unknown" | "reserved" => 2,
+        "bt470m" | "gamma22" => 4,
+        "bt470bg" | "gamma28" => 5,
+        "smpte170m" => 6,
+        "linear" => 8,
+        "iec61966-2-1" => 13,
+        "bt2020-10" => 14,
+        "bt2020-12" => 15,
+        "smpte2084" => 16,
+        "arib-std-b67" => 18,
+        other => return Err(format!("the transfer characteristics {other}")),
+    };
+    transfer_from_h273(code)
 }
 
 /// Container formats that include their video data. Playlists and similar formats (hls, dash, concat, image2) are
@@ -291,6 +352,25 @@ mod tests {
         assert_eq!(nonuniform_times(&packets(&["0.0", "0.08", "0.04", "0.12"])), None);
         assert_eq!(nonuniform_times(&packets(&["0.0", "N/A", "0.04"])), None);
         assert_eq!(nonuniform_times("pts_time=-0.5\nflags=KD_\npts_time=0.0\nflags=K__\n"), None);
+    }
+
+    #[test]
+    fn tags_state_the_transfer_function() {
+        let parse = |tags: &str| VideoProbe::parse(&format!("pix_fmt=yuv420p10le\n{tags}\n")).unwrap();
+        for (name, transfer) in [
+            ("smpte2084", Some(Transfer::Pq)),
+            ("arib-std-b67", Some(Transfer::Hlg)),
+            ("bt709", Some(Transfer::Srgb)),
+            ("linear", Some(Transfer::Linear)),
+            ("bt470bg", Some(Transfer::Gamma(2.8))),
+            ("unknown", None),
+        ] {
+            let probe = parse(&format!("color_transfer={name}"));
+            assert_eq!((probe.transfer, probe.notes), (transfer, vec![]), "{name}");
+        }
+        let log = parse("color_transfer=log100");
+        assert!(log.transfer.is_none() && log.notes[0].contains("log100"), "{:?}", log.notes);
+        assert!(parse("color_primaries=bt2020").notes[0].contains("BT.2020"));
     }
 
     #[test]

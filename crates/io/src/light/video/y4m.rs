@@ -23,7 +23,8 @@ use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 
 use super::yuv::{PlaneLayout, SampleEncoding, chroma};
-use crate::light::images::image_file::Linearization;
+use crate::light::images::encoding::{Encoding, hdr_note};
+use crate::light::images::linearization::Linearization;
 use crate::light::resize_mode::ResizeMode;
 
 pub use super::yuv::Matrix;
@@ -35,6 +36,8 @@ pub struct Y4mSource {
     linear: Linearization,
     resize_mode: ResizeMode,
     camera: Geometry,
+    /// A note about the transfer function of the video.
+    note: Option<String>,
 }
 
 impl Y4mSource {
@@ -80,7 +83,11 @@ impl Y4mSource {
     ) -> Result<Self> {
         let reader = Y4mReader::with_sample_encoding(reader, name, known)?;
         fit.check(reader.geometry(), camera).map_err(|e| e.with_context(name))?;
-        Ok(Self { reader, frames: None, linear, resize_mode: fit, camera })
+        let largest_code = Some(((1_u32 << reader.depth()) - 1).into());
+        let encoding = Encoding { transfer: known.transfer, largest_code, ..Encoding::default() };
+        let note = hdr_note(&encoding, &linear).map(|note| format!("{name}: {note}"));
+        let linear = linear.for_encoding(&encoding);
+        Ok(Self { reader, frames: None, linear, resize_mode: fit, camera, note })
     }
 }
 
@@ -117,7 +124,11 @@ impl Source for Y4mSource {
         let count = self.frames.map_or("frames".to_owned(), |n| format!("{n} frames"));
         let rate = self.rate().map_or(String::new(), |r| format!(" at {r} per second"));
         let (name, size) = (&self.reader.name, self.reader.geometry);
-        format!("{name}: video of {size}, {count}{rate}")
+        format!("{name}: video of {size}, {count}{rate}{}", self.linear.full_scale_text())
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.note.iter().cloned().collect()
     }
 }
 
@@ -161,7 +172,7 @@ impl<R: Read> Y4mReader<R> {
     /// # Errors
     /// [`ErrorKind::Input`] if the header is damaged or declares an invalid size, an unknown color space or interlaced video.
     pub fn new(reader: R, name: &str, matrix: Option<Matrix>) -> Result<Self> {
-        Self::with_sample_encoding(reader, name, SampleEncoding { matrix, is_full_range: None })
+        Self::with_sample_encoding(reader, name, SampleEncoding { matrix, ..SampleEncoding::default() })
     }
 
     /// As [`Y4mReader::new`], but the properties in `SampleEncoding` override the header.
@@ -235,11 +246,11 @@ impl<R: Read> Y4mReader<R> {
     /// As [`Y4mReader::next_planes`].
     pub fn next_light(&mut self, linear: &Linearization) -> Result<Option<Frame>> {
         let (layout, geometry) = (self.planes, self.geometry);
-        let table = linear.integers().table16();
+        let table = linear.table16();
         let samples = self.next(|f| {
             let planes = [f.get_y_plane(), f.get_u_plane(), f.get_v_plane()];
             let light = layout.light(planes, linear, table);
-            if layout.depth == 8 {
+            if layout.depth == 8 && !linear.requires_floats() {
                 OwnedSamples::U16(light.map(|x| (x * 65535.0 + 0.5) as u16).collect())
             } else {
                 OwnedSamples::F32(light.collect())

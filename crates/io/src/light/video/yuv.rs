@@ -2,7 +2,8 @@
 
 use ::y4m::Colorspace;
 
-use crate::light::images::image_file::Linearization;
+use crate::light::images::linearization::Linearization;
+use spikelane::light::Transfer;
 
 /// The matrix that converts between R'G'B' and Y'CbCr.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +28,7 @@ pub enum Matrix {
 pub(in crate::light) struct SampleEncoding {
     pub(in crate::light) matrix: Option<Matrix>,
     pub(in crate::light) is_full_range: Option<bool>,
+    pub(in crate::light) transfer: Option<Transfer>,
 }
 
 impl Matrix {
@@ -101,6 +103,7 @@ impl PlaneLayout {
         // `table` is indexed by 16-bit codes. The gray codes of an 8-bit video are multiples of 257 in 16-bit codes.
         let unit = if self.depth == 8 { 257.0 } else { 1.0 };
         let look_up = move |code: usize| table[code];
+        let max_light = table[65535].max(1.0);
         let [shift_x, shift_y] = self.chroma.unwrap_or_default();
         let stride = self.width.div_ceil(1 << shift_x);
         (0..self.height).flat_map(move |row| {
@@ -112,14 +115,15 @@ impl PlaneLayout {
                 let at = (row >> shift_y) * stride + (col >> shift_x);
                 if self.matrix == Matrix::Gbr {
                     let [blue, red] = [1, 2].map(|p| self.sample(planes[p], at) * to_y);
-                    return linear.light([red, y, blue].map(code), [unit, 65535.0], look_up).min(1.0);
+                    return linear.light([red, y, blue].map(code), [unit, 65535.0], look_up).min(max_light);
                 }
                 let [cb, cr] = [1, 2].map(|p| (self.sample(planes[p], at) - middle) * to_c);
                 let red = y + 2.0 * (1.0 - kr) * cr;
                 let blue = y + 2.0 * (1.0 - kb) * cb;
                 let green = (y - kr * red - kb * blue) / kg;
-                // The sum of the weights can differ slightly from 1 because of rounding, so the light is limited to 1.
-                linear.light([red, green, blue].map(code), [unit, 65535.0], look_up).min(1.0)
+                // The sum of the weights can differ slightly from 1 because of rounding, so the light is limited to that of
+                // the largest code.
+                linear.light([red, green, blue].map(code), [unit, 65535.0], look_up).min(max_light)
             })
         })
     }

@@ -1,0 +1,349 @@
+//! The pages of a TIFF.
+//!
+//! The `image` crate decodes the first page of a TIFF only. To decode another page, this module changes the offset of
+//! the first page in the header while the file is read. Sample types that the `image` crate does not support, such as
+//! gray floats and packed codes, are decoded by the `tiff` crate.
+
+use std::io::{BufReader, Read, Seek};
+use std::path::Path;
+
+use image::codecs::tiff::TiffDecoder;
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageBuffer, ImageDecoder};
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::light::Rate;
+use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
+use spikelane::unstable::light::declared_geometry;
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::tags::{SampleFormat, Tag};
+use tiff::{ColorType, TiffError};
+
+use super::encoding::{Encoding, store_transfer, transfer_from_icc};
+use super::image_file::{decode_error, limits};
+use super::linearization::Pixels;
+use super::patched_reader::PatchedReader;
+
+/// The tag TransferFunction of TIFF 6.0.
+const TRANSFER_FUNCTION: Tag = Tag::Unknown(301);
+
+/// Returns whether a file with these first bytes is a TIFF or a BigTIFF.
+pub(super) fn is_tiff(start: &[u8]) -> bool {
+    [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| start.starts_with(*magic))
+}
+
+/// The pages of a TIFF that are pictures, and what the file states about the first page.
+#[derive(Clone, Debug)]
+pub(super) struct TiffFile {
+    /// Offsets of the directories of the pages.
+    pub pages: Vec<u64>,
+    pub dimensions: (u32, u32),
+    pub encoding: Encoding,
+    pub orientation: Orientation,
+    /// The rate of the pages that ImageJ writes.
+    pub rate: Option<Rate>,
+    pub notes: Vec<String>,
+}
+
+/// The storage of the samples of a page.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Storage {
+    /// The `image` crate decodes the page. The value is the largest code of integers.
+    Common(Option<f64>),
+    /// Gray integers of 2 to 7 bits, without padding between the samples of a row. The value is the number of bits.
+    PackedCodes(u32),
+    /// Floats or other integers. The value is the number of channels.
+    Values(usize),
+}
+
+fn storage<R: Read + Seek>(decoder: &mut Decoder<R>) -> tiff::TiffResult<Option<Storage>> {
+    let color = decoder.colortype()?;
+    let formats = decoder.find_tag_unsigned_vec::<u16>(Tag::SampleFormat)?.unwrap_or_default();
+    let format = formats.first().map_or(SampleFormat::Uint, |f| SampleFormat::from_u16_exhaustive(*f));
+    let (bits, channels) = match color {
+        ColorType::Gray(n) => (n, 1),
+        ColorType::GrayA(n) => (n, 2),
+        ColorType::RGB(n) => (n, 3),
+        ColorType::RGBA(n) => (n, 4),
+        ColorType::CMYK(n @ (8 | 16)) if format == SampleFormat::Uint => (n, 4),
+        _ => return Ok(None),
+    };
+    Ok(match (format, bits) {
+        (SampleFormat::Uint, 8) => Some(Storage::Common(Some(255.0))),
+        (SampleFormat::Uint, 1) if channels == 1 => Some(Storage::Common(Some(255.0))),
+        (SampleFormat::Uint, 16) => Some(Storage::Common(Some(65535.0))),
+        (SampleFormat::Uint, 2..8) if channels == 1 => Some(Storage::PackedCodes(bits.into())),
+        (SampleFormat::IEEEFP, 32) if channels >= 3 => Some(Storage::Common(None)),
+        (SampleFormat::IEEEFP, 16 | 32 | 64) | (SampleFormat::Uint | SampleFormat::Int, 8 | 16 | 32 | 64) => {
+            Some(Storage::Values(channels))
+        }
+        _ => None,
+    })
+}
+
+/// Reads the directories of all pages.
+///
+/// Pages with another size than the first page, thumbnails and masks are not frames. A note states their number.
+///
+/// # Errors
+/// [`ErrorKind::Input`] if the file is damaged, or if its first page has a sample type that is not supported.
+pub(super) fn read_header(path: &Path) -> Result<TiffFile> {
+    let refused = |e| tiff_error(path, e);
+    let file = BufReader::new(InputFile::open(path)?.into_reader());
+    let mut decoder = Decoder::new(file).map_err(refused)?;
+    let dimensions = decoder.dimensions().map_err(refused)?;
+    let kept = storage(&mut decoder).map_err(refused)?.ok_or_else(|| storage_error(path, &mut decoder))?;
+    let mut notes = Vec::new();
+    let mut encoding = Encoding { largest_code: largest_code(kept), ..Encoding::default() };
+    if let Storage::PackedCodes(bits) = kept {
+        encoding.white_code = Some(f64::from((1_u32 << bits) - 1));
+    } else if let Some(largest) = encoding.largest_code {
+        let stated = decoder.find_tag_unsigned_vec::<u64>(Tag::MaxSampleValue).ok().flatten();
+        match stated.and_then(|all| all.into_iter().max()) {
+            Some(max) if max as f64 == largest => {}
+            Some(max @ (511 | 1023 | 2047 | 4095 | 8191 | 16383 | 32767)) if largest == 65535.0 => {
+                encoding.white_code = Some(max as f64);
+            }
+            Some(max) => notes.push(format!(
+                "the tag MaxSampleValue {max} is not the largest code of a bit depth, so full scale remains {largest}"
+            )),
+            None => {}
+        }
+    }
+    if encoding.largest_code.is_some() {
+        if let Ok(profile) = decoder.get_tag_u8_vec(Tag::IccProfile) {
+            store_transfer(&mut encoding, &mut notes, transfer_from_icc(&profile));
+        } else if decoder.find_tag(TRANSFER_FUNCTION).is_ok_and(|t| t.is_some()) {
+            store_transfer(&mut encoding, &mut notes, Err("a tag TransferFunction".to_owned()));
+        }
+    }
+    let orientation = decoder.find_tag_unsigned::<u8>(Tag::Orientation).ok().flatten();
+    let description = decoder.get_tag_ascii_string(Tag::ImageDescription).unwrap_or_default();
+    let mut pages = Vec::new();
+    let mut others = 0;
+    loop {
+        // Bit 0 marks a reduced picture, and bit 2 marks a mask.
+        let kind = decoder.find_tag_unsigned::<u32>(Tag::NewSubfileType).ok().flatten().unwrap_or(0);
+        let is_frame = pages.is_empty() || (kind & 5 == 0 && decoder.dimensions().ok() == Some(dimensions));
+        match decoder.ifd_pointer() {
+            Some(offset) if is_frame => pages.push(offset.0),
+            _ => others += 1,
+        }
+        if !decoder.more_images() {
+            break;
+        }
+        // A page of a type that the decoder does not support is not a frame.
+        while let Err(error) = decoder.next_image() {
+            others += 1;
+            if !matches!(error, TiffError::UnsupportedError(_)) || !decoder.more_images() {
+                return Err(refused(error).with_context(format_args!("page {}", pages.len() + others)));
+            }
+        }
+    }
+    if others > 0 {
+        notes.push(format!("{others} pages are thumbnails, masks or of another size, and are not used"));
+    }
+    let imagej = ImageJ::parse(&description);
+    if let Some(stated) = imagej.images.filter(|n| *n != pages.len() as u64) {
+        notes.push(format!("the description states {stated} images, but the file has {} pages", pages.len()));
+    }
+    Ok(TiffFile {
+        pages,
+        dimensions,
+        encoding,
+        orientation: orientation.and_then(Orientation::from_exif).unwrap_or(Orientation::NoTransforms),
+        rate: imagej.rate,
+        notes,
+    })
+}
+
+fn largest_code(kept: Storage) -> Option<f64> {
+    match kept {
+        Storage::Common(code) => code,
+        Storage::PackedCodes(_) => Some(65535.0),
+        Storage::Values(_) => None,
+    }
+}
+
+/// What ImageJ writes into the image description.
+#[derive(Debug, Default, PartialEq)]
+struct ImageJ {
+    images: Option<u64>,
+    rate: Option<Rate>,
+}
+
+impl ImageJ {
+    fn parse(description: &str) -> Self {
+        if !description.starts_with("ImageJ=") {
+            return Self::default();
+        }
+        let value = |key: &str| {
+            description
+                .lines()
+                .filter_map(|l| l.split_once('='))
+                .find(|(k, _)| *k == key)
+                .map(|(_, v)| v.trim())
+        };
+        let seconds = value("finterval").and_then(|v| v.parse::<f64>().ok()).filter(|s| *s > 0.0);
+        let hz = seconds.map(|s| 1.0 / s).or_else(|| value("fps").and_then(|v| v.parse().ok()));
+        let unit = value("tunit").is_none_or(|u| matches!(u, "s" | "sec" | "seconds"));
+        let rate = hz.filter(|hz: &f64| hz.is_finite() && *hz > 0.0 && unit);
+        Self {
+            images: value("images").and_then(|v| v.parse().ok()),
+            rate: rate.and_then(|hz| Rate::new((hz * 1e6).round() as u64, 1_000_000).ok()),
+        }
+    }
+}
+
+/// Decodes the page whose directory is at `offset`.
+///
+/// # Errors
+/// [`ErrorKind::Input`] if the page is damaged or has a sample type that is not supported.
+pub(super) fn read_page(path: &Path, offset: u64) -> Result<Pixels> {
+    let refused = |e| tiff_error(path, e);
+    let open = || open_page(path, offset);
+    let mut decoder = Decoder::new(open()?).map_err(refused)?;
+    let (width, height) = decoder.dimensions().map_err(refused)?;
+    let name = path.display().to_string();
+    let size = declared_geometry(width.into(), height.into(), &name)?;
+    let kept = storage(&mut decoder).map_err(refused)?.ok_or_else(|| storage_error(path, &mut decoder))?;
+    if matches!(kept, Storage::Common(_)) {
+        let mut decoder = TiffDecoder::new(open()?).map_err(|e| decode_error(path, e))?;
+        limits().reserve(decoder.total_bytes()).map_err(|e| decode_error(path, e))?;
+        decoder.set_limits(limits()).map_err(|e| decode_error(path, e))?;
+        inputs::check_memory(&name, 2 * decoder.total_bytes() as usize)?;
+        return DynamicImage::from_decoder(decoder).map(Pixels::Image).map_err(|e| decode_error(path, e));
+    }
+    // A sample has at most 8 bytes.
+    let bytes = size.pixels() as u64 * 8 * 4;
+    inputs::check_memory(&name, usize::try_from(bytes.min(MAX_PICTURE_BYTES)).unwrap_or(usize::MAX))?;
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = MAX_PICTURE_BYTES as usize;
+    limits.intermediate_buffer_size = MAX_PICTURE_BYTES as usize;
+    let mut decoder = decoder.with_limits(limits);
+    let mut result = DecodingResult::U8(Vec::new());
+    let layout = decoder.read_image_to_buffer(&mut result).map_err(refused)?;
+    if layout.planes > 1 {
+        return Err(unsupported_error(
+            path,
+            "separate planes of samples that are not integers of 8 or 16 bits",
+        ));
+    }
+    match kept {
+        Storage::PackedCodes(bits) => {
+            let buffer = result.as_buffer(0);
+            let row_bytes = (size.width() * bits as usize).div_ceil(8);
+            let rows = buffer.as_bytes().chunks_exact(row_bytes).take(size.height());
+            let codes: Vec<u16> = rows.flat_map(|row| unpacked(row, bits, size.width())).collect();
+            let image = ImageBuffer::from_raw(width, height, codes).map(DynamicImage::ImageLuma16);
+            image.map(Pixels::Image).ok_or_else(|| unsupported_error(path, "too few packed samples"))
+        }
+        _ => {
+            let channels = if let Storage::Values(n) = kept { n } else { 1 };
+            let values = floats(result);
+            if values.len() != size.pixels() * channels {
+                return Err(unsupported_error(path, "too few samples"));
+            }
+            let colors = |used: usize| -> Vec<f32> {
+                values.chunks_exact(channels).flat_map(|p| p[..used].iter().copied()).collect()
+            };
+            Ok(if channels < 3 {
+                Pixels::GrayFloats { size, values: colors(1) }
+            } else {
+                let image =
+                    ImageBuffer::from_raw(width, height, colors(3)).expect("a color has three samples");
+                Pixels::Image(DynamicImage::ImageRgb32F(image))
+            })
+        }
+    }
+}
+
+/// Returns the codes of a row of packed samples. The first bit of a sample is its highest bit.
+fn unpacked(row: &[u8], bits: u32, samples: usize) -> Vec<u16> {
+    let (mut pending, mut available) = (0_u32, 0);
+    let mut bytes = row.iter();
+    (0..samples)
+        .map(|_| {
+            while available < bits {
+                pending = pending << 8 | u32::from(bytes.next().copied().unwrap_or(0));
+                available += 8;
+            }
+            available -= bits;
+            (pending >> available & ((1 << bits) - 1)) as u16
+        })
+        .collect()
+}
+
+fn floats(result: DecodingResult) -> Vec<f32> {
+    match result {
+        DecodingResult::U8(v) => v.into_iter().map(f32::from).collect(),
+        DecodingResult::U16(v) => v.into_iter().map(f32::from).collect(),
+        DecodingResult::U32(v) => v.into_iter().map(|x| x as f32).collect(),
+        DecodingResult::U64(v) => v.into_iter().map(|x| x as f32).collect(),
+        DecodingResult::I8(v) => v.into_iter().map(f32::from).collect(),
+        DecodingResult::I16(v) => v.into_iter().map(f32::from).collect(),
+        DecodingResult::I32(v) => v.into_iter().map(|x| x as f32).collect(),
+        DecodingResult::I64(v) => v.into_iter().map(|x| x as f32).collect(),
+        DecodingResult::F16(v) => v.into_iter().map(|x| x.to_f32()).collect(),
+        DecodingResult::F32(v) => v,
+        DecodingResult::F64(v) => v.into_iter().map(|x| x as f32).collect(),
+    }
+}
+
+fn storage_error<R: Read + Seek>(path: &Path, decoder: &mut Decoder<R>) -> Error {
+    let found = decoder.colortype().map_or_else(|e| e.to_string(), |c| format!("pixels of the type {c:?}"));
+    unsupported_error(path, &found)
+}
+
+fn unsupported_error(path: &Path, found: &str) -> Error {
+    Error::new(ErrorKind::Input, path.display())
+        .found(found)
+        .expected("gray or RGB, with or without alpha, of integers or floats")
+        .remedy("save it with 8-bit or 16-bit samples")
+}
+
+fn tiff_error(path: &Path, error: TiffError) -> Error {
+    match error {
+        TiffError::IoError(e) => decode_error(path, image::ImageError::IoError(e)),
+        other => Error::new(ErrorKind::Input, path.display())
+            .found(other)
+            .expected("a complete TIFF image of a supported type")
+            .remedy(
+                "open it in a viewer to check whether it is damaged, or save it with 8-bit or 16-bit samples",
+            ),
+    }
+}
+
+/// Opens a TIFF in whose header the first page is the page at the offset `page`.
+fn open_page(path: &Path, page: u64) -> Result<BufReader<PatchedReader>> {
+    let mut header = [0; 4];
+    InputFile::open(path)?.read_at(0, &mut header)?;
+    let is_big_endian = header.starts_with(b"MM");
+    let bytes = if is_big_endian { page.to_be_bytes() } else { page.to_le_bytes() };
+    let (at, bytes) = match (header[2..].contains(&43), is_big_endian) {
+        (true, _) => (8, &bytes[..]),
+        (false, true) => (4, &bytes[4..]),
+        (false, false) => (4, &bytes[..4]),
+    };
+    PatchedReader::open(path, (at..).zip(bytes.iter().copied()).collect()).map(BufReader::new)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packed_samples_are_unpacked_from_the_highest_bit() {
+        assert_eq!(unpacked(&[0b1011_0001], 2, 3), [2, 3, 0]);
+        assert_eq!(unpacked(&[0x1F], 4, 2), [1, 15]);
+    }
+
+    #[test]
+    fn the_rate_of_imagej_is_read() {
+        let rate = |text: &str| ImageJ::parse(text).rate.map(Rate::hz);
+        assert_eq!(rate("ImageJ=1.53\nimages=4\nfinterval=0.05\n"), Some(20.0));
+        assert_eq!(rate("ImageJ=1.53\nfps=25\n"), Some(25.0));
+        assert_eq!(rate("ImageJ=1.53\nfinterval=0\n"), None);
+        assert_eq!(rate("finterval=0.05"), None);
+        assert_eq!(ImageJ::parse("ImageJ=1.53\nimages=4\n").images, Some(4));
+    }
+}
