@@ -189,8 +189,8 @@ pub struct FrameTotalLine {
 
 /// Returns the three most prominent lines of the spectrum of the frame totals.
 ///
-/// Oscillating light, an oscillating supply voltage, and pixels that fire in phase cause lines. The result is empty if
-/// frames or counts were not measured, or if the recording is too short.
+/// Oscillating light, an oscillating supply, and pixels that fire in phase cause lines in this spectrum. The result is
+/// empty if frames or counts were not measured, or if the recording is too short.
 ///
 /// # Errors
 /// Those of [`spectrum`].

@@ -245,8 +245,8 @@ impl FrameStatistics {
 /// different lines.
 ///
 /// `sums` are the pair sums of all `n` lines together, and `C` is their covariance. `W` is the mean covariance between
-/// halves of the same line, and `B` is the mean covariance between halves of different lines. Then `C = n W + n (n - 1)
-/// B`.
+/// halves of the same line, and `B` is the mean covariance between halves of different lines. Then
+/// `C = n W + n (n - 1) B`.
 fn covariance_excess(lines: &[PairSums], sums: PairSums, readouts: u32) -> Estimate {
     let within = Estimate::mean(lines.iter().map(|line| line.covariance(readouts)));
     let n = lines.len() as f64;

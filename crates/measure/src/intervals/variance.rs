@@ -9,9 +9,9 @@
 //! integers, `D(n)` is one integer divided by `N^2 K`. The subtraction is done in integers and loses no digits.
 //!
 //! **Bias.** The mean interval `m` is computed from the same spikes as the differences `d_k`. Let `V(j)` be the true
-//! variance of `t_(k+j) - t_k`. The covariance of two differences is `cov(t_b - t_a, t_d - t_c) = (V(d-a) + V(b-c) -
-//! V(b-d) - V(a-c)) / 2`. Averaging over `k` gives the expectation `E D(n) = V(n) + n^2 V(N)/N^2 - 2n/(N K) (V(N-n+1) +
-//! ... + V(N) - V(0) - ... - V(n-1))`.
+//! variance of `t_(k+j) - t_k`. The covariance of two differences is
+//! `cov(t_b - t_a, t_d - t_c) = (V(d-a) + V(b-c) - V(b-d) - V(a-c)) / 2`. Averaging over `k` gives the expectation
+//! `E D(n) = V(n) + n^2 V(N)/N^2 - 2n/(N K) (V(N-n+1) + ... + V(N) - V(0) - ... - V(n-1))`.
 //!
 //! Let `s` be the phase noise per spike and `q` a constant quantization variance. With `V(j) = s j + q` and `V(0) = 0`,
 //! the expectation is
@@ -21,15 +21,15 @@
 //! Consequently `D(n)` of independent intervals is too small by the share `n/N`. `D(n)` of a pixel without noise is too
 //! large by nearly the share `n^2/N^2`.
 //!
-//! The quantization variance `q` depends on the rate. For a uniform phase, lag `n` and mean interval `m`, it is `q(n) =
-//! u (1 - u)`, where `u` is the fractional part of `n m`. The mean of `q` over a wide range of rates tends to 1/6. Near
-//! lag 1 the mean over a narrow range of rates can differ from 1/6 (0.172 for rates around 0.195).
+//! The quantization variance `q` depends on the rate. For a uniform phase, lag `n` and mean interval `m`, it is
+//! `q(n) = u (1 - u)`, where `u` is the fractional part of `n m`. The mean of `q` over a wide range of rates tends to
+//! 1/6. Near lag 1 the mean over a narrow range of rates can differ from 1/6 (0.172 for rates around 0.195).
 
 use super::super::estimate::Estimate;
 use super::Intervals;
 
-/// Variance of the difference of two spike times that are `n` intervals apart. The model is `V(n) = n * per_spike +
-/// constant`, in readouts squared.
+/// Variance of the difference of two spike times that are `n` intervals apart. The model is
+/// `V(n) = n * per_spike + constant`, in readouts squared.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct PhaseNoise {
@@ -176,8 +176,8 @@ impl Intervals {
 
     /// Returns the autocovariance of a pixel's intervals at a distance of `lag` (1 or 2) intervals.
     ///
-    /// For `N` intervals `x_k` with the mean `m`, the autocovariance is `1/K sum (x_k - m)(x_(k+lag) - m)`, where `K =
-    /// N - lag`. It is NaN if `K < 1`.
+    /// For `N` intervals `x_k` with the mean `m`, the autocovariance is `1/K sum (x_k - m)(x_(k+lag) - m)`, where
+    /// `K = N - lag`. It is NaN if `K < 1`.
     fn pixel_autocovariance(&self, p: usize, lag: usize) -> f64 {
         let (intervals, span) = self.span(p);
         let pixel = &self.pixels[p];

@@ -4,9 +4,9 @@ use spikelane::unstable::kernels::dispatch;
 
 /// Subtracts from each pixel the mean of the 5x5 box around the pixel.
 ///
-/// The difference between a pixel and the mean is multiplied by `sqrt(n / (n - 1))`, where `n` is the number of finite
-/// pixels in the box. White noise therefore keeps its variance. This is the high-pass of EMVA 1288, release 4. This
-/// function computes the factor for each pixel, so the variance is also preserved at the borders.
+/// The difference between a pixel and the mean of its box is multiplied by `sqrt(n / (n - 1))`, where `n` is the number
+/// of finite pixels in the box. White noise therefore keeps its variance. This is the high-pass of EMVA 1288, release
+/// 4. This function computes the factor for each pixel, so the variance is also preserved at the borders.
 #[must_use]
 pub fn high_pass(map: &[f64], width: usize) -> Vec<f64> {
     dispatch(

@@ -181,8 +181,8 @@ impl LineExcess {
     /// Returns the standard error of the variance between sensors.
     ///
     /// For `n` independent means, the standard error is `sqrt(2 / n)` times the variance. The high-pass correlates
-    /// adjacent lines, and the sum of their squared autocorrelations is 1.45. The standard error is therefore `sqrt(2 *
-    /// 1.45 / n)` times the variance.
+    /// adjacent lines, and the sum of their squared autocorrelations is 1.45. The standard error is therefore
+    /// `sqrt(2 * 1.45 / n)` times the variance.
     pub(super) fn error(self) -> f64 {
         self.variance * (2.0 * 1.45 / self.lines as f64).sqrt()
     }

@@ -150,8 +150,8 @@ fn sensor_errors(rates: &[f64], width: usize) -> [f64; PATTERN_KEYS.len()] {
     let white = [rho.right, rho.lower, rho.diagonal, rho.antidiagonal].map(|e| e.error);
     let shifts = [(0, 1), (1, 0), (1, 1), (1, -1)];
     let rho = [0, 1, 2, 3].map(|i| white[i].max(correlation_error(&rough, width, shifts[i])));
-    // The border excess compares one line of the pattern with the mean of five lines. The variance of this excess is 1
-    // + 1/5 in units of the variance of one line.
+    // The border excess compares one line of the pattern with the mean of five lines. The variance of this excess is
+    // 1.2 times the variance of one line.
     let level = median(&mut finite_values(rates));
     let of_pattern = |line: f64| line / level * 1.2_f64.sqrt();
     let edge = |i: usize, line: f64| {

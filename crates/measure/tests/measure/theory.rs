@@ -30,9 +30,9 @@ fn intervals(statistics: &Statistics) -> &Intervals {
 
 #[test]
 fn an_ideal_integrator_has_the_lattice_variance_of_its_rate() {
-    // For a mean interval m, the duration of n intervals is floor(n m) or ceil(n m). The variance of this duration is u
-    // (1 - u), where u is the fractional part of n m. Estimating m from N = 1440 intervals causes a relative bias below
-    // n^2/N^2 = 5e-4. For uniformly distributed rates, the expectation is the average of u (1 - u).
+    // For a mean interval m, the duration of n intervals is floor(n m) or ceil(n m). The variance of this duration is
+    // u (1 - u), where u is the fractional part of n m. Estimating m from N = 1440 intervals causes a relative bias
+    // below n^2/N^2 = 5e-4. For uniformly distributed rates, the expectation is the average of u (1 - u).
     let rates = spread_rates(0.18, 0.02);
     let statistics = ideal(&rates, 8000);
     for lag in [1, 4, 8, 16, 24, 32] {
