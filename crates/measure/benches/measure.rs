@@ -1,5 +1,5 @@
-//! Benchmarks measuring on one thread. Counts and statistics of whole readouts are timed in pixel-readouts per second,
-//! intervals in spikes per second.
+//! Benchmarks the statistics of spike streams on one thread. The speed of counts and of whole-readout statistics is in
+//! pixel-readouts per second. The speed of interval statistics is in spikes per second.
 //!
 //! Before the timing, the results of each measurement family are compared with those of a plain loop over all bits.
 
@@ -22,8 +22,8 @@ struct Sample {
     spikes: u64,
 }
 
-/// Number of times that the stream is measured in a row. The total of about 100,000 readouts is the usual length of a
-/// calibration recording.
+/// Number of times that the stream is pushed to one accumulator. The accumulator then contains about 100,000 readouts,
+/// the usual length of a calibration recording.
 const REPETITIONS: usize = 25;
 
 /// Returns a stream of a 400x250 camera. The rates of its pixels differ by up to 3 % from `rate`.

@@ -1,9 +1,10 @@
 //! A buffer of successive readouts in which every pixel row begins at a word.
 //!
-//! In a packed frame a pixel row can begin at any bit. In this buffer each row begins at a word boundary, and at
-//! least one zero bit follows the last pixel of a row. The right neighbors of all pixels of a word are therefore a shift
-//! by one bit. The lower neighbors are the word one stride later. Neither operation needs a mask. Copying a frame into
-//! the buffer is far cheaper than unaligned shifts. The copy also makes the work independent of the batch size.
+//! In a packed frame a pixel row can begin at any bit. In this buffer each row begins at a word boundary, and at least
+//! one zero bit follows the last pixel of a row. A shift of a word by one bit therefore returns the right neighbors of
+//! its pixels. The word one stride later contains their lower neighbors. No mask is needed. Copying a frame into the
+//! buffer is far cheaper than unaligned shifts. Blocks also have a fixed number of readouts, so the caller's batch size
+//! does not affect the speed.
 
 use std::ops::Range;
 
@@ -13,8 +14,8 @@ use spikelane_io::storage::WordBuffer;
 /// Largest number of readouts in a block: eight periods of the 8-bit vertical counters (248 readouts each), or 31
 /// words of a pixel's history.
 ///
-/// The interval sums need a fixed amount of work per pixel and block. At a rate of 0.05 this fixed work dominates. A
-/// block of eight periods spreads it over four times as many spikes as a block of two periods.
+/// The interval sums take a fixed time per pixel and block. At a rate of 0.05 spikes per readout this fixed time
+/// dominates. A block of eight periods spreads the fixed time over four times as many spikes as a block of two periods.
 pub(super) const MAX_BLOCK_READOUTS: usize = 1984;
 
 /// Number of readouts that the 8-bit vertical counters can count before they overflow.
@@ -26,7 +27,7 @@ const MIN_BLOCK_READOUTS: usize = 8;
 /// Largest size of the buffer in bytes. Blocks of larger sensors contain fewer readouts.
 const MAX_BUFFER_BYTES: usize = 1 << 26;
 
-/// Successive readouts of a band of rows. The buffer also contains the readout before the first one.
+/// Successive readouts of a band of rows. The buffer also contains the readout that precedes the block.
 pub(super) struct Block {
     geometry: Geometry,
     rows: Range<usize>,
@@ -55,13 +56,13 @@ impl Block {
         Self::with_max_readouts(geometry, rows, MIN_BLOCK_READOUTS)
     }
 
-    /// Returns the number of words per readout, and the number of readouts that the buffer can store. The latter is
-    /// at most `most`.
+    /// Returns the number of words per readout, and the number of readouts that the buffer can store. The number of
+    /// readouts is at most `max_readouts`.
     fn words_and_readouts(geometry: Geometry, rows: usize, max_readouts: usize) -> (usize, usize) {
         let stride = geometry.width() / 64 + 1;
         // The buffer has one extra row for the lower neighbors of the band's last row. It also has slack for tiles that
-        // extend past the end. A readout is padded to an odd number of cache lines. Word `w` of successive readouts then
-        // maps to different sets of the CPU cache.
+        // extend past the end of the last row. A readout is padded to an odd number of cache lines. Word `w` of
+        // successive readouts then maps to different sets of the CPU cache.
         let lines = ((rows + 1) * stride + 8).div_ceil(8) | 1;
         let frame_words = lines * 8;
         let fitting = MAX_BUFFER_BYTES / (frame_words * 8);
@@ -132,8 +133,8 @@ impl Block {
             let bytes = width / 8;
             let frame = &frame[rows.start * bytes..rows.end * bytes];
             match bytes {
-                // The two known cameras have widths of 400 and 1000 pixels. If the length is a constant, the compiler copies
-                // a row in a few vector moves.
+                // The sensors of the two known cameras are 400 and 1000 pixels wide. If the row length is a constant,
+                // the compiler copies a row in a few vector moves.
                 50 => copy_rows::<50, 7>(frame, slot),
                 125 => copy_rows::<125, 16>(frame, slot),
                 _ => frame.chunks_exact(bytes).zip(slot.chunks_exact_mut(self.stride)).for_each(copy_bytes),
@@ -171,8 +172,8 @@ fn copy_rows<const BYTES: usize, const STRIDE: usize>(frame: &[u8], slot: &mut [
 #[inline(always)]
 fn copy_bytes((row, out): (&[u8], &mut [u64])) {
     let Some((last, words)) = out.split_last_mut() else { return };
-    // This is a slice copy instead of a loop over words. The compiler vectorizes such a loop for long rows, which adds
-    // 27 instructions.
+    // The bytes are copied as one slice. The compiler would vectorize a loop over words for long rows and so add 27
+    // instructions.
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(words);
     let (first, rest) = row.split_at(bytes.len());
     bytes.copy_from_slice(first);

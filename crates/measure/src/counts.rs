@@ -13,7 +13,7 @@ use spikelane::unstable::kernels::{
 /// Value that [`Counts::first_spike`] and [`Counts::last_spike`] contain for a pixel that never fired.
 pub const NO_SPIKE: u32 = u32::MAX;
 
-/// A neighbor of a pixel, and the lag of the neighbor's spike in readouts.
+/// A neighbor of a pixel, and the lag in readouts from a spike of the pixel to a spike of the neighbor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum NeighborPair {
@@ -204,8 +204,8 @@ impl CountAccumulator {
         }
     }
 
-    /// Stores the readout of the first spike for pixels of one word. The function visits only pixels that fire for the
-    /// first time in these slots.
+    /// Stores the readout of the first spike for pixels of word `word`. The function visits only pixels that fire for
+    /// the first time in `slots`.
     fn resolve_first(
         &mut self,
         block: &Block,
@@ -302,9 +302,9 @@ impl Counts {
 
     /// Returns the rate of each pixel from its count, in spikes per readout.
     ///
-    /// The standard error after `T` readouts depends on the pixel. If its readouts are independent, it is
-    /// `sqrt(f (1 - f) / T)` for the rate `f`. The count of an integrating pixel is wrong by less than one spike, so a
-    /// uniform start phase limits the standard error to `1 / (2 T)`.
+    /// Let `f` be the rate of a pixel after `T` readouts. If the readouts are independent, the standard error of `f` is
+    /// `sqrt(f (1 - f) / T)`. For a pixel that integrates charge, the count is wrong by less than one spike. If its
+    /// start phase is uniformly distributed, the standard error of `f` is at most `1 / (2 T)`.
     #[must_use]
     pub fn rate(&self) -> Vec<f64> {
         let readouts = f64::from(self.readouts);
@@ -316,9 +316,10 @@ impl Counts {
     ///
     /// The unit is spikes per readout. The rate is NaN with fewer than two spikes.
     ///
-    /// The standard error is `f^2 sqrt(V) / (N - 1)`. `V` is the variance of the duration between the first and the last
-    /// spike. An integrator has `V = 1/6 + (N - 1) s`, where `s` is the phase variance per spike (see
-    /// [`super::Intervals::decompose`]). If `s` is small, the standard error after `T` readouts is about `0.41 f / T`.
+    /// The standard error of a rate `f` from `N` spikes is `f^2 sqrt(V) / (N - 1)`. `V` is the variance of the duration
+    /// between the first and the last spike. A pixel that integrates charge has `V = 1/6 + (N - 1) s`, where `s` is the
+    /// phase variance per spike (see [`super::Intervals::decompose`]). If `s` is small, the standard error after `T`
+    /// readouts is about `0.41 f / T`.
     #[must_use]
     pub fn rate_by_time(&self) -> Vec<f64> {
         let spans = self.count.iter().zip(self.first_spike.iter().zip(&self.last_spike));
@@ -336,9 +337,9 @@ impl Counts {
     /// The numerator is the sum, over all pairs of pixels, of the covariance of their two bits. The denominator is the
     /// sum of `sqrt(f (1 - f) f' (1 - f'))` over all pairs, where `f` and `f'` are the rates of the two pixels.
     ///
-    /// For independent pixels the mean over all start phases is 0. A single pair of pixels with equal rates can still be
-    /// correlated. The standard error is the scatter of the sums of 8x8-pixel tiles about the ratio (linearized ratio
-    /// estimator). The error does not assume that neighboring pairs are independent.
+    /// For independent pixels, the mean of the correlation over all start phases is 0. A single pair of pixels with
+    /// equal rates can still be correlated. The standard error comes from the scatter of 8x8-pixel tiles (linearized
+    /// ratio estimator). This error does not assume that neighboring pairs are independent.
     #[must_use]
     pub fn correlation(&self, pair: NeighborPair) -> Estimate {
         let pairs = self.pair_terms(pair);
@@ -364,10 +365,11 @@ impl Counts {
         (0..rate.len()).map(of_pixel).collect()
     }
 
-    /// Returns the influence of each pair on [`Self::correlation`], which is `(a - r b) / mean(b)`.
+    /// Returns the influence of each pair of pixels on the result of [`Self::correlation`].
     ///
-    /// `r` is the correlation. `a` and `b` are what the pair adds to its numerator and denominator. The influences of all
-    /// pairs sum to 0. An entry is NaN if the pixel lacks that neighbor.
+    /// The influence of a pair is `(a - r b) / mean(b)`, where `r` is the correlation. The pair adds `a` to the
+    /// numerator and `b` to the denominator of `r`. The influences of all pairs sum to 0. An entry is NaN if the pixel
+    /// lacks that neighbor.
     pub(super) fn correlation_map(&self, pair: NeighborPair) -> Vec<f64> {
         let pairs = self.pair_terms(pair);
         let valid = pairs.iter().flatten();

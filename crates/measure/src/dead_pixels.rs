@@ -14,12 +14,13 @@ const MAX_FALSE_DEAD_PROBABILITY: f64 = 0.01;
 /// `readouts` is the length of the recording. `pixels` is the number of pixels of the sensor.
 ///
 /// An intact pixel fires at `f = rate / 2` or more. If its readouts are independent, the probability that it is silent
-/// for `T` readouts is `(1 - f)^T`. For other pixels this probability is an upper bound: a pixel that integrates charge
-/// fires at regular intervals, and noise makes its readouts more independent. A pixel is dead if both conditions hold:
-/// * `pixels (1 - f)^T < 0.01`, because any pixel of the sensor can be the silent one (Bonferroni);
-/// * `f T > 2`, because a regular pixel would then have fired.
+/// for `T` readouts is `(1 - f)^T`. For a pixel that integrates charge, this probability is an upper bound, because the
+/// pixel fires at regular intervals. Noise makes its readouts more independent. A silent pixel is dead if both of these
+/// conditions hold:
+/// * `pixels (1 - f)^T < 0.01`, because each of the `pixels` pixels can be silent by chance (Bonferroni);
+/// * `f T > 2`, because a pixel that fires at regular intervals would then have fired.
 ///
-/// For a rate of 0.2 and 100,000 pixels both conditions hold after 153 readouts.
+/// Example: for a rate of 0.2 and 100,000 pixels, a pixel that is silent for 153 readouts is dead.
 ///
 /// # Examples
 /// ```
@@ -35,7 +36,7 @@ pub fn is_dead_if_silent(rate: f64, readouts: u32, pixels: usize) -> bool {
         && min_rate * readouts > 2.0
 }
 
-/// Returns the pixels that never fired although [`is_dead_if_silent`] excludes silence at the rate of their neighbors.
+/// Returns the pixels that never fired and for which [`is_dead_if_silent`] returns true at the rate of their neighbors.
 ///
 /// The neighbors' rate is the median rate in the 5x5 box around the pixel, without the pixel. Silent neighbors have the
 /// rate 0, which prevents false reports in dark corners.

@@ -62,9 +62,9 @@ impl Estimate {
 
 /// Returns the ratio of two sums over pixels, `r = X / Y`. The standard error comes from the scatter of square tiles.
 ///
-/// `side` is the side of a tile in pixels. `x_b` and `y_b` are the sums of tile `b`. For `B` tiles the standard error is
-/// `sqrt(B/(B-1) sum (x_b - r y_b)^2) / |Y|`. This is the linearized ratio estimator, the closed form of a bootstrap
-/// over tiles.
+/// `side` is the side of a tile in pixels. Tile `b` of `B` tiles adds `x_b` to `X` and `y_b` to `Y`. The standard error
+/// of `r = X / Y` is `sqrt(B/(B-1) sum (x_b - r y_b)^2) / |Y|`. This is the linearized ratio estimator, the closed form
+/// of a bootstrap over tiles.
 pub(super) fn tiled_ratio(
     pixels: usize,
     width: usize,
@@ -189,7 +189,8 @@ pub fn median_and_spread(values: &mut [f64]) -> (f64, f64) {
     (center, 1.4826 * median(&mut deviations))
 }
 
-/// Returns the mean of the finite values, after removing the share `trim` of the values at each end.
+/// Returns the mean of the finite values without the share `trim` of lowest values and the share `trim` of highest
+/// values.
 ///
 /// The standard error is the Winsorized standard deviation divided by `(1 - 2 trim) sqrt(n)` for `n` values (Tukey and
 /// McLaughlin 1963).

@@ -1,7 +1,8 @@
 //! Estimates the noise of an image from the image alone.
 //!
-//! Both estimates assume that the noise of different pixels is independent. Both count fine texture of the scene partly
-//! as noise. [`difference_noise`] counts more of the texture than [`patch_noise`].
+//! [`patch_noise`] and [`difference_noise`] assume that the noise of different pixels is independent. Both functions
+//! count part of the fine texture of the scene as noise. [`difference_noise`] counts more of the texture than
+//! [`patch_noise`].
 
 use nalgebra::{DMatrix, DMatrixView, DVector};
 use spikelane::error::{Error, ErrorKind, Result};
@@ -40,16 +41,16 @@ pub fn patch_noise(image: &[f32], geometry: Geometry) -> Result<f64> {
         let below = rest.iter().filter(|v| **v < mean).count();
         (above == below).then_some(mean)
     });
-    // A single value equals its mean and its median, so the search always finds a variance. Rounding can make a zero
-    // variance slightly negative.
+    // If only one eigenvalue remains, its mean equals its median, so the search always finds a variance. Rounding can
+    // make a variance of zero slightly negative.
     Ok(variance.unwrap_or(0.0).max(0.0).sqrt())
 }
 
 /// Returns the standard deviation of the image noise, computed with a filter that does not respond to lines and slopes.
 ///
-/// The result has the unit of the image. The filter is the difference of two Laplacians, `[1 -2 1; -2 4 -2; 1 -2 1]` (J.
-/// Immerkaer, "Fast noise variance estimation", CVIU 64, 1996). The filtered noise has six times the standard deviation
-/// of the noise. The mean absolute value of the filtered image determines this standard deviation.
+/// The result has the unit of the image. The filter is the difference of two Laplacians, `[1 -2 1; -2 4 -2; 1 -2 1]`
+/// (J. Immerkaer, "Fast noise variance estimation", CVIU 64, 1996). The filter multiplies the standard deviation of the
+/// noise by six. The mean absolute value of the filtered image determines the standard deviation of the filtered noise.
 ///
 /// # Errors
 /// [`ErrorKind::Usage`] if the length of `image` does not match `geometry`, or if a side is below 3 pixels.
@@ -112,7 +113,8 @@ mod tests {
     use spikelane::unstable::draws::pattern_rng::PatternRng;
     use spikelane::unstable::draws::{RandomStream, Seeds};
 
-    /// The tolerance covers the relative rounding error of both sums, which is about 1e-13.
+    /// The test computes the covariance in two ways. The tolerance covers the rounding error of both results, about
+    /// 1e-13 of their size.
     #[test]
     fn the_covariance_is_that_of_the_patches_one_by_one() {
         let geometry = Geometry::new(150, 90).unwrap();

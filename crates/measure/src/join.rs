@@ -6,8 +6,9 @@ use spikelane::error::{Error, ErrorKind, Result};
 impl Statistics {
     /// Joins the statistics of several bands of rows of one stream.
     ///
-    /// The bands must cover adjacent rows. They must be measured with the same options and over the same readouts. At
-    /// most one part can contain statistics of whole readouts, and this part can omit all other statistics.
+    /// The bands of `parts` must cover adjacent rows. The parts must be measured with the same options and over the
+    /// same readouts. At most one part can contain statistics of whole readouts, and this part can omit all other
+    /// statistics.
     ///
     /// The result equals the statistics of one accumulator for all rows.
     ///

@@ -20,7 +20,8 @@ pub struct Spectrum {
     pub power: Vec<f64>,
     /// Standard error of the power of a bin, divided by the power. All bins have the same relative error.
     ///
-    /// It is `sqrt(11 / (9 K))` for `K` Hann-windowed segments that overlap by half (Welch 1967). For one segment it is 1.
+    /// The relative error is `sqrt(11 / (9 K))` for `K` Hann-windowed segments that overlap by half (Welch 1967). For
+    /// one segment it is 1.
     pub relative_error: f64,
 }
 
@@ -47,9 +48,9 @@ impl SpectralLine {
     /// readout.
     ///
     /// Harmonic `k` of a pixel is `k` times its rate, folded into the range 0 to 1/2. The harmonic matches the line if
-    /// the two are at most 1.5 bins apart. If the rates are spread widely, the share of pixels that match by chance is
-    /// the width of three bins divided by the range 1/2. The returned harmonic matches for more than five times this
-    /// share, with the limit clamped to 2 % to 80 % of the pixels.
+    /// their frequencies are at most 1.5 bins apart. If the rates are spread widely, the share of pixels that match by
+    /// chance is the width of three bins divided by 1/2. Five times this share, clamped to 2 % to 80 %, is the limit.
+    /// The returned harmonic is the lowest one that matches for a larger share of the pixels.
     #[must_use]
     pub fn harmonic_of(&self, rates: &[f64], resolution: f64) -> Option<u32> {
         let positive = rates.iter().filter(|f| f.is_finite() && **f > 0.0);
@@ -186,20 +187,22 @@ impl Spectrum {
 /// Smallest prominence of a reported line. Noise practically never has this prominence (see [`Spectrum::lines`]).
 const LINE_POWER_RATIO: f64 = 30.0;
 
-/// A line in the spectrum of the frame totals, and the harmonic of the pixels' own rate that causes it, if any.
+/// A line in the spectrum of the frame totals. If the pixels' own firing rate causes the line, `harmonic` is the number
+/// of the harmonic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct FrameTotalLine {
     /// The line.
     pub line: SpectralLine,
-    /// Number of the harmonic. Harmonic 1 is the rate of the pixels. `None` if no harmonic causes the line.
+    /// Number of the harmonic of the pixels' firing rate that causes the line. Harmonic 1 is the rate itself. `None` if
+    /// no harmonic causes the line.
     pub harmonic: Option<u32>,
 }
 
 /// Returns the three most prominent lines of the spectrum of the frame totals.
 ///
-/// Oscillating light, an oscillating supply, and pixels that fire in phase cause such lines. The result is empty if
-/// frames or counts were not measured, or if the recording is too short.
+/// Oscillating light, an oscillating supply, and pixels that fire in phase cause lines in this spectrum. The result is
+/// empty if frames or counts were not measured, or if the recording is too short.
 ///
 /// # Errors
 /// Those of [`spectrum`].

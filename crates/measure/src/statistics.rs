@@ -15,7 +15,8 @@ pub struct Statistic {
     pub estimate: Estimate,
 }
 
-/// Number of readouts at the start of a recording that [`FrameStatistics::start_transient`] compares with the later ones.
+/// Number of readouts at the start of a recording that [`FrameStatistics::start_transient`] compares with the later
+/// readouts.
 const START_READOUTS: usize = 64;
 
 /// Returns the statistics of a recording of a static scene. A statistic is omitted if its input was not measured.
@@ -141,8 +142,8 @@ fn frame_statistics(frames: &FrameStatistics) -> Vec<Statistic> {
     all
 }
 
-/// Returns the variance of the totals. Its error is valid for correlated totals too, such as the totals of pixels that
-/// fire regularly.
+/// Returns the variance of the totals. Its error is also valid for correlated totals. Pixels that fire at regular
+/// intervals cause correlated totals.
 fn total_variance(frames: &FrameStatistics) -> Estimate {
     let variance = frames.total_variance();
     // A long stream stores only its first totals. The error of the stored totals is scaled to the whole stream.

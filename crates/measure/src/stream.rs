@@ -13,7 +13,8 @@ const BATCH_READOUTS: usize = 496;
 
 /// Measures a whole stream in parallel bands of rows.
 ///
-/// Calls `tell` with the number of readouts measured so far. Memory does not grow with the length of the stream.
+/// Calls `report_readouts` with the number of readouts measured so far. Memory does not grow with the length of the
+/// stream.
 ///
 /// # Examples
 /// ```
@@ -28,7 +29,7 @@ const BATCH_READOUTS: usize = 496;
 /// ```
 ///
 /// # Errors
-/// If the stream cannot be read, or if it is longer than an [`Accumulator`] accepts.
+/// Returns an error if the stream cannot be read, or if the stream is longer than an [`Accumulator`] accepts.
 pub fn measure_stream(
     reader: &StreamReader,
     options: &MeasureOptions,

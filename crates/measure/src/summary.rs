@@ -46,12 +46,13 @@ pub struct Summary {
     pub readouts: u32,
     /// Mean rate of all pixels, computed from spike counts. The error comes from the scatter of 16x16-pixel tiles.
     pub mean_rate: Estimate,
-    /// Mean rate of the pixels without defects, computed from spike times. The non-uniformities below refer to it.
+    /// Mean rate of the pixels without defects, computed from spike times. The non-uniformities of the summary are
+    /// computed from the same rates.
     pub signal: Estimate,
     /// Spatial standard deviation of the rate, without defects and without temporal noise. This is the non-uniformity
     /// of EMVA 1288. It includes gradients.
     pub nonuniformity: Estimate,
-    /// Robust standard deviation of the rate after the 5x5 high-pass. The temporal noise is subtracted.
+    /// Robust standard deviation of the rate after the 5x5 high-pass, without temporal noise.
     pub local_nonuniformity: Estimate,
     /// Standard deviation of the row pattern of the rate.
     pub row_nonuniformity: Estimate,
@@ -62,7 +63,8 @@ pub struct Summary {
     pub temporal_rate_sd: f64,
     /// Variance of one interval, `D(1)`, in readouts squared. `None` if intervals were not measured.
     pub interval_variance: Option<Estimate>,
-    /// Growth and constant part of the variance between spike times. `None` if intervals were not measured.
+    /// Growth per spike and constant part of the variance of the difference of two spike times. `None` if intervals
+    /// were not measured.
     pub phase_noise: Option<PhaseNoise>,
     /// Defective pixels.
     pub defects: Defects,
@@ -159,10 +161,11 @@ fn find_defects(counts: &Counts, rates: &[f64], width: usize) -> Defects {
     }
 }
 
-/// Returns the mean temporal variance of a rate computed from spike times, `f^4 (q + N s) / N^2`.
+/// Returns the mean temporal variance of the pixels' rates computed from spike times.
 ///
-/// `f` is the rate and `N` the number of intervals. `s` is the phase variance per spike and `q` the quantization.
-/// Without intervals, `q` is 1/6 (uniform phase) and `s` is 0.
+/// The temporal variance of a pixel's rate `f` is `f^4 (q + N s) / N^2`, where `N` is the number of its intervals. `s`
+/// is the phase variance per spike and `q` is the quantization variance. If intervals were not measured, `q` is 1/6
+/// (uniform phase) and `s` is 0.
 fn temporal_variance(counts: &Counts, rates: &[f64], noise: Option<PhaseNoise>) -> f64 {
     let known = |x: f64, otherwise: f64| if x.is_finite() { x.max(0.0) } else { otherwise };
     let (s, q) = noise
@@ -190,8 +193,8 @@ fn pattern_sd(map: &[f64], temporal: f64) -> Estimate {
     }
 }
 
-/// Returns the robust standard deviation of a map without its temporal part. Before the subtraction, the relative
-/// standard error is `1.17 / sqrt(n)` for `n` values.
+/// Returns the robust standard deviation of a map without its temporal part. Before the temporal part is subtracted,
+/// the standard deviation of `n` values has the relative standard error `1.17 / sqrt(n)`.
 fn robust_pattern_sd(map: &[f64], temporal: f64) -> Estimate {
     let mut values = finite_values(map);
     let sd = median_and_spread(&mut values).1;

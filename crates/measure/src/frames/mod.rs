@@ -74,7 +74,8 @@ impl FrameAccumulator {
         }
     }
 
-    /// Adds the latest readout of the block while it is in the CPU cache. `total` is its number of spikes.
+    /// Adds the latest readout of the block while the readout is in the CPU cache. `total` is the number of spikes of
+    /// this readout.
     pub(super) fn push(&mut self, block: &Block, total: u32) {
         let slot = block.slot(block.len());
         let words = block.latest_words();
@@ -170,7 +171,7 @@ impl FrameStatistics {
     }
 
     /// Returns the readouts whose distance from the preceding readout is below `share` times the median distance. Only
-    /// the readouts of the series are examined.
+    /// the first [`MeasureOptions::series_readouts`] readouts are examined.
     ///
     /// For independent pixels the standard deviation of a distance `d` is below `sqrt(d)`. With more than a few hundred
     /// spikes per readout, chance alone practically never causes a distance below 0.5 times the median.
@@ -194,7 +195,8 @@ impl FrameStatistics {
         covariance_excess(&self.rows, self.left_right, self.readouts)
     }
 
-    /// Returns the difference that [`Self::row_covariance`] returns, for the upper and lower halves of columns.
+    /// Returns the mean covariance between the upper and the lower half of the same column, minus the mean covariance
+    /// between halves of different columns. The unit is spikes squared.
     #[must_use]
     pub fn column_covariance(&self) -> Estimate {
         covariance_excess(&self.columns, self.top_bottom, self.readouts)
@@ -215,9 +217,10 @@ impl FrameStatistics {
     /// Returns `a / b - 1`, where `a` is the mean total of the first `window` readouts and `b` is the mean total of the
     /// later readouts.
     ///
-    /// A significant value shows that the start phases are not uniform, or that the camera is warming up. The later
-    /// readouts are divided into windows of `window` readouts. The standard error combines the scatter of one window with
-    /// the error of the mean of the later windows. Returns `None` if the series has fewer than three later windows.
+    /// A significant value shows that the start phases are not uniform, or that the camera is warming up. The readouts
+    /// after the first `window` readouts are divided into windows of `window` readouts. The standard error combines the
+    /// scatter of one window with the error of the mean of these windows. Returns `None` if there are fewer than three
+    /// of these windows.
     #[must_use]
     pub fn start_transient(&self, window: usize) -> Option<Estimate> {
         let mut windows =
@@ -241,8 +244,9 @@ impl FrameStatistics {
 /// Returns the mean covariance between the halves of the same line, minus the mean covariance between halves of
 /// different lines.
 ///
-/// `sums` are the pair sums of all lines together. For `n` lines their covariance is
-/// `C = n within + n (n - 1) between`.
+/// `sums` are the pair sums of all `n` lines together, and `C` is their covariance. `W` is the mean covariance between
+/// halves of the same line, and `B` is the mean covariance between halves of different lines. Then
+/// `C = n W + n (n - 1) B`.
 fn covariance_excess(lines: &[PairSums], sums: PairSums, readouts: u32) -> Estimate {
     let within = Estimate::mean(lines.iter().map(|line| line.covariance(readouts)));
     let n = lines.len() as f64;

@@ -17,7 +17,8 @@ impl PairSums {
 
     /// Returns the unbiased covariance of the two numbers for `n` readouts.
     ///
-    /// The numerator is computed in integers, because `n * product` and `a * b` agree in most of their digits.
+    /// The numerator `n * product - a * b` is computed in integers, because its two terms agree in most of their
+    /// digits.
     pub(super) fn covariance(self, n: u32) -> f64 {
         let same = u128::from(n) * self.product;
         let cross = u128::from(self.a) * u128::from(self.b);
@@ -40,7 +41,7 @@ pub(super) struct LineSums {
 }
 
 impl LineSums {
-    /// Returns empty sums for `lines` lines. Half a line has at most `most` pixels.
+    /// Returns empty sums for `lines` lines. Half a line has at most `max_pixels` pixels.
     pub(super) fn new(lines: usize, max_pixels: usize) -> Self {
         let max_pixels = max_pixels as u64;
         let zeros = || vec![0; lines];
@@ -103,7 +104,8 @@ impl LineSums {
     }
 }
 
-/// Returns the number of readouts whose products are certain to fit into 64 bits. A sensor has at most `2^28` pixels.
+/// Returns the number of readouts for which the sum of products certainly fits into 64 bits. A sensor has at most
+/// `2^28` pixels.
 fn max_readouts(max_pixels: u64) -> u64 {
     u64::MAX / (max_pixels * max_pixels).max(1)
 }

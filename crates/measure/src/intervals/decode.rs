@@ -23,7 +23,8 @@ pub(super) type History = [u64; HISTORY_WORDS];
 #[derive(Clone, Copy)]
 struct Chunk {
     squares: [[u64; 64]; BLOCK_WORDS],
-    /// One cache line. Without it, the words of one pixel in different chunks would map to the same set of the CPU cache.
+    /// Padding of one cache line. Without this padding, the words of one pixel in different chunks would map to the
+    /// same set of the CPU cache.
     _padding: [u64; 8],
 }
 

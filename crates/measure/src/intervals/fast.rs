@@ -14,11 +14,12 @@ use super::pixel::{CUMULATIVE_FENCES, PixelSums};
 use super::readout_sums::Table;
 use spikelane::unstable::kernels::{I16_LANES, I16Lanes};
 
-/// Returns the largest span of spike times, in readouts, for which the sums of lags up to `longest` fit into 32 bits.
+/// Returns the largest span of spike times, in readouts, for which the sums of lags up to `max_lag` fit into 32 bits.
 pub(super) fn span_limit(max_lag: u32) -> u32 {
     // One readout is subtracted to make the largest sum less than 2^31.
     let sums = ((1_u32 << 31) / max_lag).isqrt() - 1;
-    // Times have 16 bits, and the last word of a block can extend past the end of the block.
+    // Times have 16 bits. The limit is below 2^15, because the last word of a block can extend past the end of the
+    // block.
     sums.min(32_000)
 }
 
@@ -94,10 +95,11 @@ pub(super) fn sum_squares<S: I16Lanes>(
     std::array::from_fn(|i| totals[i] as u64)
 }
 
-/// Adds, for each spike in `times[from..end]`, the deviation of its interval from `reference` to the entry of `table` at
-/// the spike's time. Deviations are in units of 1/16 readout.
+/// For each spike in `times[from..end]`, adds a deviation to the entry of `table` at the spike's time. The deviation is
+/// the interval that ends at the spike minus `reference`, in units of 1/16 readout.
 ///
-/// Zeros follow the last interval. Their deviations are masked to zero, so the times beside them do not matter.
+/// Zeros follow the last interval. The deviation of such a zero is masked to 0, so the entry of `table` does not
+/// change.
 #[inline(always)]
 pub(super) fn add_deviations(
     times: &[i16],
@@ -109,7 +111,8 @@ pub(super) fn add_deviations(
 ) {
     let n = (end - from).next_multiple_of(8);
     let reference = i32x8::splat(reference as i32);
-    // Eight deviations are computed at a time. The CPU would spill sixteen to memory, which takes twice as long.
+    // Eight deviations are computed at a time. Sixteen would not fit into the registers, and spilling to memory would
+    // double the time.
     let eights = chunks::<8>(times, from, n);
     for (times, x) in eights.iter().zip(chunks(intervals, from, n)) {
         let x = i32x8::from_i16x8(i16x8::new(*x));
@@ -133,7 +136,8 @@ pub(super) struct NewIntervals {
 
 /// Calls `visit` for every interval in `range` that is below `low` or above `high`.
 ///
-/// Zeros after the last interval are skipped. Most chunks contain no such interval and are skipped as a whole.
+/// Zeros after the last interval are skipped. Most chunks contain no interval below `low` or above `high`, and are
+/// skipped as a whole.
 #[inline(always)]
 pub(super) fn for_each_outlier<S: I16Lanes>(
     s: S,
@@ -166,8 +170,8 @@ pub(super) fn fences(pixel: &PixelSums) -> [i16; FENCE_COUNT] {
     pixel.fences().map(|length| length.clamp(0, i64::from(i16::MAX)) as i16)
 }
 
-/// Returns the number of intervals above each fence. Counts the intervals that end at entries `from..end` of the spike
-/// times. Zeros follow the last interval.
+/// Returns, for each fence, the number of intervals above the fence. Only intervals that end at entries `from..end` of
+/// the spike times are counted. Zeros follow the last interval.
 #[inline(always)]
 pub(super) fn count_above_fences<S: I16Lanes>(
     s: S,
@@ -196,8 +200,8 @@ fn splat<S: I16Lanes>(s: S, fences: [i16; FENCE_COUNT]) -> [S::Short; FENCE_COUN
     all
 }
 
-/// Adds to `pixel` the products of successive intervals, the extremes and the fence counts. Adds the intervals that end
-/// at entries `from..end` of the spike times.
+/// Adds to `pixel` the products of successive intervals, the extremes and the fence counts. Only intervals that end at
+/// entries `from..end` of the spike times are added.
 ///
 /// Zeros follow the last interval. A zero exceeds no fence, and its products are zero.
 #[inline(always)]

@@ -89,7 +89,7 @@ impl IntervalHistogram {
     }
 }
 
-/// If more than one in this many intervals is outside the fences, all intervals are counted one by one.
+/// If more than one in `BULK_OUTLIER_RATIO` intervals is outside the fences, all intervals are counted one by one.
 const BULK_OUTLIER_RATIO: u32 = 8;
 
 /// The histogram of one block and one group of rows.

@@ -75,8 +75,8 @@ impl Task for IntervalTask<'_> {
 }
 
 impl IntervalAccumulator {
-    /// Returns two sizes in bytes per pixel. The first is the history, which `finish` frees. The second is the sums with
-    /// the latest spikes.
+    /// Returns two sizes in bytes per pixel. The first is the size of the history, which `finish` frees. The second is
+    /// the size of the sums and of the latest spikes.
     pub(super) fn bytes_per_pixel(lags: &[u32]) -> [usize; 2] {
         let depth = (lags.last().copied().unwrap_or(1) as usize).max(REFERENCE_INTERVALS);
         let sums = size_of::<PixelSums>() + lags.len() * size_of::<[u64; 2]>() + size_of::<[u32; 3]>();
@@ -182,7 +182,8 @@ impl IntervalAccumulator {
             self.add_with_full_history(s, b, p, words, start);
             return;
         }
-        // The exact path adds at least one spike more than the history stores, because the reference needs that spike.
+        // The exact path adds the first `depth + 1` spikes or more, because a reference of 16 intervals needs 17
+        // spikes.
         let mut late = *words;
         let early = decode::take_spikes(&mut late, self.depth + 1 - known);
         self.add_exact(p, &early, start);
@@ -203,8 +204,8 @@ impl IntervalAccumulator {
     ) {
         // `before` is the number of readouts between the oldest time in the history and the start of the block.
         let before = start.wrapping_sub(self.history[p * self.depth]);
-        // If all spikes of the history are in this block, the oldest time is after `start` and the difference is negative.
-        // Adding the block length makes the difference positive.
+        // If all spikes of the history are in this block, the oldest time is after `start` and `before` is negative.
+        // Adding the block length makes the number positive.
         let near = before.wrapping_add(MAX_BLOCK_READOUTS as u32) <= self.span_limit;
         if near && self.result.pixels[p].reference <= readout_sums::LARGEST_REFERENCE {
             self.add_fast(s, b, p, words, start);
@@ -302,8 +303,8 @@ impl IntervalAccumulator {
         });
     }
 
-    /// Completes the sums of `t_(k+n) - t_k` for each lag `n`. Such a sum telescopes to the sum of the last `n` times
-    /// minus the sum of the first `n` times.
+    /// Completes, for each lag `n`, the sum of `t_(k+n) - t_k` over the spike times `t_k` of a pixel. This sum equals
+    /// the sum of the last `n` times minus the sum of the first `n` times.
     ///
     /// Before this call, `sums` contains the sum of the first `n` times.
     fn finish_sums(&mut self) {

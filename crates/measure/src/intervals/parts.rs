@@ -1,10 +1,10 @@
 //! Measures a part of the stream together with the whole stream.
 //!
-//! During a part, the sums of the whole stream grow by the part's own terms. They also grow by terms of pairs of spikes
-//! whose earlier spike precedes the part. Only the first spikes of a pixel in the part form such pairs. Their earlier
-//! spikes are still in the history of the whole stream. Subtracting the terms of these pairs leaves the part's own sums,
-//! so later spikes need no second summation. The reference of a pixel in a part is the part's own first intervals.
-//! Therefore intervals beyond the fences are counted for each part separately.
+//! Each term of the sums belongs to a pair of spikes of one pixel. During a part, the sums of the whole stream grow by
+//! the terms of two kinds of pairs. In most pairs both spikes are in the part. In the other pairs the earlier spike
+//! precedes the part and is still in the history of the pixel. Subtracting the terms of the other pairs leaves the sums
+//! of the part, so later spikes need no second summation. The reference of a pixel in a part is the part's own first
+//! intervals. Therefore intervals beyond the fences are counted for each part separately.
 
 use super::fast::{self, NewIntervals};
 use super::pixel::PixelSums;
@@ -36,14 +36,14 @@ pub(super) struct PixelTimes<'a> {
     pub(super) start: u32,
 }
 
-/// Largest number of spikes that [`OpenPart::begin_fast`] converts: the history, and one more new spike than the history
-/// contains.
+/// Largest number of spikes that [`OpenPart::begin_fast`] converts. It converts the `depth` spikes of the history and
+/// at most `depth + 1` new spikes.
 const MAX_START_SPIKES: usize = 2 * MAX_LAG_INTERVALS as usize + 1;
 
 const _: () = assert!(MAX_START_SPIKES <= MAX_SPIKES && REFERENCE_INTERVALS <= MAX_LAG_INTERVALS as usize);
 
 impl OpenPart {
-    /// Begins a part at the next readout of `whole`.
+    /// Begins a part at the next readout of the stream. `total` contains the sums of the whole stream.
     pub(super) fn new(total: &Intervals, depth: usize) -> Self {
         let less = |sum: u64| 0_u64.wrapping_sub(sum);
         let boundary_sums =
@@ -58,8 +58,9 @@ impl OpenPart {
         }
     }
 
-    /// Adds the new spikes of pixel `p`. The pixel had `spikes` spikes in the whole stream before them. `found` contains
-    /// the counts of the whole stream at its fences.
+    /// Adds the new spikes of pixel `p`. The whole stream contains `spikes` earlier spikes of this pixel.
+    /// `new_intervals` contains the fences of the pixel in the whole stream, and the numbers of new intervals above
+    /// these fences.
     #[inline(always)]
     pub(super) fn add_fast<S: I16Lanes>(
         &mut self,
@@ -109,8 +110,8 @@ impl OpenPart {
 
     /// Adds the first spikes of a pixel in the part. The part contains `known` spikes of the pixel before `times[at..]`.
     ///
-    /// These spikes begin the sums and determine the reference. They also form pairs with spikes before the part, and
-    /// the function subtracts the terms of such pairs.
+    /// The first spikes of a pixel in the part begin its sums and determine its reference. They also form pairs with
+    /// spikes before the part. The function subtracts the terms of these pairs.
     fn begin(&mut self, p: usize, known: usize, times: &[u32], at: usize) {
         let (old, new) = times.split_at(at);
         let sums = &mut self.sums[p * self.lags.len()..(p + 1) * self.lags.len()];
@@ -139,7 +140,8 @@ impl OpenPart {
         }
     }
 
-    /// Ends the part at the current readout of `whole`. `history` contains the last spikes of each pixel of `whole`.
+    /// Ends the part at the current readout of the stream. `total` contains the sums of the whole stream, and `history`
+    /// contains the last spikes of each pixel.
     pub(super) fn end(mut self, total: &Intervals, history: &[u32]) -> Intervals {
         let mut latest = vec![[NO_SPIKE; 3]; self.pixels.len()];
         let histories = history.chunks_exact(self.depth);

@@ -13,7 +13,7 @@ pub(super) struct PixelSums {
     pub(super) first_spikes: [u32; 3],
     pub(super) shortest: u32,
     pub(super) longest_interval: u32,
-    /// Sums of products of two intervals of the pixel: neighbors (entry 0), and intervals that are two apart (entry 1).
+    /// Sums of the products `x_k x_(k-1)` (entry 0) and `x_k x_(k-2)` (entry 1) over the intervals `x_k` of the pixel.
     pub(super) lag_products: [u64; 2],
     /// Sum of the first [`REFERENCE_INTERVALS`] intervals. It is 0 until the pixel has that many intervals.
     pub(super) reference: u32,

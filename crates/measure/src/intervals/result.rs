@@ -29,7 +29,7 @@ pub struct Intervals {
     pub(super) deviations: Vec<DeviationSum>,
 }
 
-/// Spike counts, last spikes and sums of squares of each pixel at the split.
+/// Spike count, last spike and sum of squared intervals of each pixel at the split between the halves of the stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Snapshot {
     pub(super) spikes: Vec<u32>,
@@ -70,7 +70,8 @@ pub struct HalfMaps {
     pub variance: [Vec<f64>; 2],
 }
 
-/// Mean deviation of the intervals that end at one readout. An interval deviates from the mean interval of its pixel.
+/// Mean deviation of the intervals that end at one readout. The deviation of an interval is its length minus the mean
+/// of its pixel's first 16 intervals.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct ReadoutDeviation {
@@ -226,14 +227,15 @@ impl Intervals {
         (n as f64 / sum as f64, variance)
     }
 
-    /// Returns, for each readout, the mean deviation of the intervals that end at this readout. An interval deviates from
-    /// the mean of its pixel's first 16 intervals.
+    /// Returns, for each readout, the mean deviation of the intervals that end at this readout. The deviation of an
+    /// interval is its length minus the mean of its pixel's first 16 intervals.
     ///
     /// The result covers the first [`super::super::MeasureOptions::series_readouts`] readouts. It omits readouts at which
     /// fewer than `min_intervals` intervals end.
     ///
-    /// In a static scene a lost readout shortens all intervals across it. A repeated readout splits or lengthens them.
-    /// The standard error of a mean is `sqrt(D(1) / intervals)`, where `D(1)` is the mean interval variance.
+    /// In a static scene, a lost readout shortens every interval that spans it. A repeated readout adds an interval of
+    /// one readout for each pixel that fires in it, and lengthens the current interval of every other pixel. The
+    /// standard error of a mean deviation is `sqrt(D(1) / intervals)`, where `D(1)` is the mean interval variance.
     #[must_use]
     pub fn deviations(&self, min_intervals: u32) -> Vec<ReadoutDeviation> {
         let enough = |d: &(usize, &DeviationSum)| d.1.spikes >= min_intervals.max(1);
@@ -279,7 +281,8 @@ impl Intervals {
         Estimate { value, error: (n / (n - 1.0) * squares).sqrt() / y, samples: values.len() }
     }
 
-    /// Returns the mean over pixels. The standard error comes from the scatter of the pixels.
+    /// Returns the mean of `of_pixel` over `pixels`, or over all pixels if `pixels` is `None`. The standard error comes
+    /// from the scatter of the pixels.
     pub(super) fn mean(&self, pixels: Option<&[usize]>, of_pixel: impl Fn(usize) -> f64) -> Estimate {
         let mut values = Vec::new();
         self.for_each_pixel(pixels, |p| values.push(of_pixel(p)));
@@ -320,8 +323,8 @@ impl Intervals {
     }
 }
 
-/// Returns the number of intervals that are neither the floor nor the ceiling of the mean. Returns `None` if the floor
-/// or the ceiling is outside the fences.
+/// Returns the number of intervals that are neither the floor nor the ceiling of the pixel's mean interval. Returns
+/// `None` if the floor or the ceiling is outside the fences.
 fn off_lattice_count(pixel: &PixelSums, intervals: u32, sum: u32) -> Option<u32> {
     let (floor, ceil) = (sum / intervals, sum.div_ceil(intervals));
     let fence = |length: i64| {

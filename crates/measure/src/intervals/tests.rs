@@ -12,7 +12,8 @@ use spikelane::unstable::kernels::AnyCpu;
 /// Rates in spikes per readout. They produce silent pixels, sparse and dense words, and a spike at every readout.
 const RATES: [f64; 7] = [0.0, 0.0005, 0.01, 0.05, 0.2, 0.6, 1.0];
 
-/// Simulated pixels. The charge per readout varies randomly by the share `jitter`. With `jitter` 0 they fire regularly.
+/// Simulated pixels. The charge per readout varies randomly by the share `jitter`. If `jitter` is 0, the pixels fire at
+/// regular intervals.
 struct Pixels {
     geometry: Geometry,
     jitter: f64,

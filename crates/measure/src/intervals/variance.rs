@@ -1,34 +1,35 @@
 //! The variance of the difference of two spike times, as a function of their lag in intervals.
 //!
-//! A lag of `n` intervals has `K = N - n + 1` differences `d_k = t_(k+n) - t_k`. Let `m = (t_N - t_0) / N` be the mean
-//! interval of the pixel. Then
+//! A pixel has `N` intervals between its spike times `t_0` to `t_N`. A lag of `n` intervals has `K = N - n + 1`
+//! differences `d_k = t_(k+n) - t_k`. Let `m = (t_N - t_0) / N` be the mean interval. The variance of the differences is
 //!
-//! `D(n) = 1/K sum (d_k - n m)^2`
+//! `D(n) = 1/K sum (d_k - n m)^2`.
 //!
-//! depends on the spikes only through `N`, `t_0`, `t_N` and the sums of `d_k` and `d_k^2`. As `m` is a ratio of integers,
-//! `D(n)` is one integer divided by `N^2 K`. The subtraction is done in integers and loses no digits.
+//! `D(n)` depends on the spikes only through `N`, `t_0`, `t_N` and the sums of `d_k` and `d_k^2`. As `m` is a ratio of
+//! integers, `D(n)` is one integer divided by `N^2 K`. The subtraction is done in integers and loses no digits.
 //!
-//! **Bias.** `m` is computed from the same spikes as `d_k`. Let `V(j)` be the true variance of `t_(k+j) - t_k`. The
-//! covariance of two differences is `cov(t_b - t_a, t_d - t_c) = (V(d-a) + V(b-c) - V(b-d) - V(a-c)) / 2`. The average
-//! over `k` is
+//! **Bias.** The mean interval `m` is computed from the same spikes as the differences `d_k`. Let `V(j)` be the true
+//! variance of `t_(k+j) - t_k`. The covariance of two differences is
+//! `cov(t_b - t_a, t_d - t_c) = (V(d-a) + V(b-c) - V(b-d) - V(a-c)) / 2`. Averaging over `k` gives the expectation
 //! `E D(n) = V(n) + n^2 V(N)/N^2 - 2n/(N K) (V(N-n+1) + ... + V(N) - V(0) - ... - V(n-1))`.
 //!
-//! For phase noise `s` per spike and a constant quantization `q`, `V(j) = s j + q` with `V(0) = 0`. Then
+//! Let `s` be the phase noise per spike and `q` a constant quantization variance. With `V(j) = s j + q` and `V(0) = 0`,
+//! the expectation is
 //!
 //! `E D(n) = s (n - n^2/N) + q (1 + n^2/N^2 - 2n/(N K))`.
 //!
 //! Consequently `D(n)` of independent intervals is too small by the share `n/N`. `D(n)` of a pixel without noise is too
 //! large by nearly the share `n^2/N^2`.
 //!
-//! The quantization depends on the rate. For a uniform phase `q(n) = u (1 - u)`, where `u` is the fractional part of
-//! `n m`. The mean of `q` over a wide range of rates tends to 1/6. Near lag 1 the mean over a narrow range of rates can
-//! differ from 1/6 (0.172 for rates around 0.195).
+//! The quantization variance `q` depends on the rate. For a uniform phase, lag `n` and mean interval `m`, it is
+//! `q(n) = u (1 - u)`, where `u` is the fractional part of `n m`. The mean of `q` over a wide range of rates tends to
+//! 1/6. Near lag 1 the mean over a narrow range of rates can differ from 1/6 (0.172 for rates around 0.195).
 
 use super::super::estimate::Estimate;
 use super::Intervals;
 
 /// Variance of the difference of two spike times that are `n` intervals apart. The model is
-/// `V(n) = n per_spike + constant`, in readouts squared.
+/// `V(n) = n * per_spike + constant`, in readouts squared.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct PhaseNoise {
@@ -40,11 +41,13 @@ pub struct PhaseNoise {
 
 /// Smallest lag in the fit of [`Intervals::decompose`].
 ///
-/// At smaller lags the quantization is not constant over a narrow range of rates. At lag 4, rates around 0.2 that differ
-/// by 5 % cover a whole period of the fractional part of `n m`.
+/// At lags below 4 the quantization variance is not constant over a narrow range of rates. It depends on the fractional
+/// part of `n m` for lag `n` and mean interval `m`. At lag 4, rates around 0.2 that differ by 5 % cover a whole period
+/// of this fractional part.
 const MIN_FITTED_LAG: u32 = 4;
 
-/// Returns the coefficients of `s` and `q` in `E D(n)`, for a pixel with `intervals` intervals.
+/// Returns the coefficients `[a, b]` of the expectation `E D(n) = a s + b q` at lag `n`, for a pixel with `intervals`
+/// intervals. `s` is the phase noise per spike and `q` is the quantization variance.
 fn weights(lag: u32, intervals: u32) -> [f64; 2] {
     let (n, all) = (f64::from(lag), f64::from(intervals));
     let terms = all - n + 1.0;
@@ -81,7 +84,7 @@ impl Intervals {
 
     /// Returns `D(n)` of each pixel in readouts squared.
     ///
-    /// An entry is NaN if the pixel has fewer than `n` intervals. All entries are NaN if the lag was not measured.
+    /// An entry is NaN if the pixel has fewer than `lag` intervals. All entries are NaN if the lag was not measured.
     #[must_use]
     pub fn lag_variance_map(&self, lag: u32) -> Vec<f64> {
         let of_pixel = |p| match self.lag_index(lag) {
@@ -103,10 +106,10 @@ impl Intervals {
         }
     }
 
-    /// Separates the variance between spike times into growth per spike and a constant part.
+    /// Separates the variance of the difference of two spike times into growth per spike and a constant part.
     ///
     /// Each pixel has its own least-squares fit to the lags of 4 or more. The result is the mean of the fits over
-    /// `pixels`. The fitted model includes the bias of `D(n)`, so the estimate is unbiased if the quantization is
+    /// `pixels`. The fit accounts for the bias of `D(n)`, so the result is unbiased if the quantization variance is
     /// constant. The standard error is `sd / sqrt(pixels)`. Pixels with fewer than two usable lags are excluded.
     #[must_use]
     pub fn decompose(&self, pixels: Option<&[usize]>) -> PhaseNoise {
@@ -171,9 +174,10 @@ impl Intervals {
         })
     }
 
-    /// Returns the autocovariance of a pixel's intervals at a distance of `apart` (1 or 2) intervals.
+    /// Returns the autocovariance of a pixel's intervals at a distance of `lag` (1 or 2) intervals.
     ///
-    /// It is `1/K sum (x_k - m)(x_(k+apart) - m)` with `K = N - apart` and the mean interval `m`. It is NaN if `K < 1`.
+    /// For `N` intervals `x_k` with the mean `m`, the autocovariance is `1/K sum (x_k - m)(x_(k+lag) - m)`, where
+    /// `K = N - lag`. It is NaN if `K < 1`.
     fn pixel_autocovariance(&self, p: usize, lag: usize) -> f64 {
         let (intervals, span) = self.span(p);
         let pixel = &self.pixels[p];
@@ -181,7 +185,8 @@ impl Intervals {
             return f64::NAN;
         }
         let wide = |x: u32| i128::from(x);
-        // `early` is the sum of all intervals but the last `apart`. `late` is the sum of all intervals but the first `apart`.
+        // `early` is the sum of all intervals without the last `lag` intervals. `late` is the sum without the first
+        // `lag` intervals.
         let early = wide(self.latest_spikes[p][2 - lag] - pixel.first_spikes[0]);
         let late = wide(self.latest_spikes[p][2] - pixel.first_spikes[lag]);
         let (all, span, k) = (wide(intervals), wide(span), wide(intervals) - lag as i128);
@@ -193,8 +198,10 @@ impl Intervals {
     /// Returns the mean autocovariance over `pixels` of intervals at a distance of `lag` (1 or 2) intervals, in readouts
     /// squared.
     ///
-    /// The standard error is `sd / sqrt(pixels)`. The bias has the order of `V(N)/N^2`. It is `-s/N` for independent
-    /// intervals and `q/N^2` for an integrator. The value of an integrator at lag 1 is about `-D(1)/2` or below.
+    /// The standard error is `sd / sqrt(pixels)`. Let `N` be the number of intervals of a pixel. Independent intervals
+    /// of variance `s` cause a bias of `-s/N`. A pixel that integrates charge with the quantization variance `q` has a
+    /// bias of `q/N^2`. At lag 1, its autocovariance is about `-D(1)/2` or below, where `D(1)` is the variance of one
+    /// interval.
     #[must_use]
     pub fn autocovariance(&self, lag: usize, pixels: Option<&[usize]>) -> Estimate {
         self.mean(pixels, |p| self.pixel_autocovariance(p, lag))

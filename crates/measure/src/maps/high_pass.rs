@@ -4,9 +4,9 @@ use spikelane::unstable::kernels::dispatch;
 
 /// Subtracts from each pixel the mean of the 5x5 box around the pixel.
 ///
-/// The difference is multiplied by `sqrt(n / (n - 1))`, where `n` is the number of finite pixels in the box. White noise
-/// therefore keeps its variance. This is the high-pass of EMVA 1288, release 4. Here the factor is computed for each
-/// pixel, which preserves the variance at the borders too.
+/// The difference between a pixel and the mean of its box is multiplied by `sqrt(n / (n - 1))`, where `n` is the number
+/// of finite pixels in the box. White noise therefore keeps its variance. This is the high-pass of EMVA 1288, release
+/// 4. This function computes the factor for each pixel, so the variance is also preserved at the borders.
 #[must_use]
 pub fn high_pass(map: &[f64], width: usize) -> Vec<f64> {
     dispatch(
@@ -49,7 +49,7 @@ fn add_each(sums: &mut [f64], more: &[f64]) {
     }
 }
 
-/// Number of pixels between the center of the box and its edge on each side.
+/// Number of pixels that the 5x5 box extends to each side of its center.
 pub(super) const BOX_RADIUS: usize = 2;
 
 /// Adds, for each position of a row, the sum and the count of the finite entries within [`BOX_RADIUS`] of the position.
@@ -75,7 +75,8 @@ pub(super) struct FiniteSum {
 }
 
 impl FiniteSum {
-    /// Returns the sum of one entry. The function has no branch, so the compiler vectorizes loops over rows.
+    /// Returns the sum and the count of one entry, which are 0 if the entry is not finite. The function has no branch,
+    /// so the compiler vectorizes loops over rows.
     #[inline(always)]
     pub(super) fn from_entry(x: f64) -> Self {
         let known = x.is_finite();

@@ -141,7 +141,8 @@ pub struct LineStructure {
     pub columns: Vec<f64>,
     /// Standard deviation of the row offsets, in the unit of the map.
     ///
-    /// The contribution of pixel noise is subtracted from the variance. If the difference is negative, the value is 0.
+    /// The contribution of pixel noise is subtracted from the variance of the row means. If the difference is negative,
+    /// the standard deviation is 0.
     pub row_sd: Estimate,
     /// Standard deviation of the column offsets, computed in the same way as [`Self::row_sd`].
     pub column_sd: Estimate,
@@ -150,12 +151,12 @@ pub struct LineStructure {
 /// Returns the row and column means of a map and the standard deviations of the row and column patterns.
 ///
 /// Smooth gradients are not part of a pattern. The row means and the column means are therefore high-pass filtered (box
-/// of five lines, scaled as in [`high_pass()`]). Then `variance = var(means) - v/L`. `v` is the pixel variance of the
-/// high-passed map, and `L` is the number of pixels in a line.
+/// of five lines, scaled as in [`high_pass()`]). The variance of a pattern is `var(means) - v/L`. `means` are the
+/// filtered means, `v` is the pixel variance of the high-passed map, and `L` is the number of pixels in a line.
 ///
-/// For `n` lines the standard error of the variance is `sqrt(2.9/n) var(means)`. The factor is 2.9 instead of 2 because
-/// the high-pass correlates adjacent lines. A standard deviation `sd` has the standard error of its variance divided by
-/// `2 sd`.
+/// For `n` lines, the standard error of the variance of a pattern is `sqrt(2.9/n) var(means)`. The factor is 2.9
+/// instead of 2 because the high-pass correlates adjacent lines. To get the standard error of the standard deviation
+/// `sd`, this error is divided by `2 sd`.
 #[must_use]
 pub fn line_structure(map: &[f64], width: usize) -> LineStructure {
     let (height, [rows, columns]) = (map.len() / width, line_means(map, width));
@@ -190,8 +191,9 @@ pub(super) fn line_excess(means: &[f64], pixel_sd: f64, length: usize) -> LineEx
 impl LineExcess {
     /// Returns the standard error of the variance between sensors.
     ///
-    /// For `n` independent means it is `sqrt(2 / n)` times the variance. The high-pass correlates adjacent lines. The sum of
-    /// the squared autocorrelations is 1.45, which multiplies 2.
+    /// For `n` independent means, the standard error is `sqrt(2 / n)` times the variance. The high-pass correlates
+    /// adjacent lines, and the sum of their squared autocorrelations is 1.45. The standard error is therefore
+    /// `sqrt(2 * 1.45 / n)` times the variance.
     pub(super) fn error(self) -> f64 {
         self.variance * (2.0 * 1.45 / self.lines as f64).sqrt()
     }

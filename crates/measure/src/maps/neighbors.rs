@@ -21,9 +21,9 @@ const PAIR_SHIFTS: [(isize, isize); 4] = [(0, 1), (1, 0), (1, 1), (1, -1)];
 /// in both boxes. The mean of this expectation over all pairs is subtracted. Far from the borders it is -0.0500 for the
 /// right and the lower neighbor, and -0.0567 for diagonal neighbors.
 ///
-/// The standard error is Bartlett's formula in two dimensions, divided by the number of pairs:
-/// `sum over k of (r_k^2 + r_(k+h) r_(k-h) + 2 r_h^2 r_k^2 - 4 r_h r_k r_(k-h))`. Here `r` is the autocorrelation of
-/// high-passed white noise.
+/// The squared standard error is Bartlett's formula in two dimensions, divided by the number of pairs. The formula for
+/// neighbors at shift `h` is `sum over k of (r_k^2 + r_(k+h) r_(k-h) + 2 r_h^2 r_k^2 - 4 r_h r_k r_(k-h))`. Here `r_k`
+/// is the autocorrelation of high-passed white noise at shift `k`.
 #[must_use]
 pub fn pattern_correlations(map: &[f64], width: usize) -> Correlations {
     let correlations = map_correlations(&high_pass(map, width), width);

@@ -4,8 +4,8 @@ use serde_json::Value;
 
 /// Returns `object` with the entries of `further` whose value is `Some`.
 ///
-/// An absent value has no key, because readers of the JSON expect a number at every key. `serde_json` would write `null`
-/// for a number that is not finite.
+/// A value that is `None` has no key, because programs that read the JSON expect a number at every key. `serde_json`
+/// would write `null` for a number that is not finite.
 #[must_use]
 pub fn insert_present<const N: usize>(mut object: Value, entries: [(&str, Option<Value>); N]) -> Value {
     for (key, value) in entries {

@@ -181,8 +181,9 @@ const MAX_GROUPED_BINS: usize = 16;
 
 /// Returns an SVG plot of histograms on common axes.
 ///
-/// A point is the value of a bin and its share. All bins of a histogram have the same width. Two or more histograms
-/// with at most 16 bins each are drawn as grouped bars. All other histograms are drawn as stepped lines.
+/// A point of a histogram consists of the value of a bin and the share of this bin. All bins of a histogram have the
+/// same width. Two or more histograms with at most 16 bins each are drawn as grouped bars. All other histograms are
+/// drawn as stepped lines.
 ///
 /// # Errors
 /// [`ErrorKind::Config`] if the plot cannot be drawn.

@@ -17,9 +17,10 @@ pub(super) struct ClusteredVariance {
 /// Returns the variance of the sum of the finite entries of a map, after subtracting their mean. Returns `None` with
 /// fewer than two finite entries.
 ///
-/// Pixels are clustered in two ways (Cameron, Gelbach and Miller 2011): `V = V_rows + V_columns - V_pixels`. Each term
-/// adds the squared sums of all rows, columns or pixels, and multiplies the result by `n / (n - 1)` for `n` rows, columns
-/// or pixels. Scatter can make `V` impossibly small, so the result is at least half of `V_pixels`.
+/// Pixels are clustered in two ways (Cameron, Gelbach and Miller 2011): `V = V_rows + V_columns - V_pixels`. `V_rows`
+/// is the sum of the squared row sums, multiplied by `n / (n - 1)` for `n` rows. `V_columns` and `V_pixels` are
+/// computed from columns and from pixels in the same way. By chance `V` can be too small or negative, so the returned
+/// variance is at least half of `V_pixels`.
 pub(super) fn clustered_variance(map: &[f64], width: usize) -> Option<ClusteredVariance> {
     let height = map.len() / width;
     let finite = map.iter().filter(|x| x.is_finite());
@@ -78,9 +79,10 @@ const NORMAL_QUANTILE_05: f64 = -1.644_854;
 /// Widens the standard error of a mean square that has `freedom` degrees of freedom. Afterward the interval of +-1.96
 /// errors covers the truth with 95 % probability.
 ///
-/// The error is proportional to the mean square itself. If the mean square is too small, its error is too small too, so
-/// nearly all intervals that miss the truth lie below it. The factor makes the interval of the 5 % quantile of the mean
-/// square (Wilson and Hilferty 1931) end at the truth.
+/// The error is proportional to the mean square itself. If the mean square is too small, its error is also too small.
+/// Nearly all intervals that miss the truth therefore lie below the truth. The error is widened by a factor. If the
+/// mean square equals its 5 % quantile (Wilson and Hilferty 1931), the upper end of the widened interval equals the
+/// truth.
 pub(super) fn widen_square_error(error: f64, freedom: f64) -> f64 {
     widen_power_error(error, freedom, 1.0)
 }

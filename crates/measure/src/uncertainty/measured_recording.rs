@@ -1,12 +1,13 @@
 //! Measures a whole recording, its halves and its quarters.
 //!
-//! The two halves are two recordings by the same sensor. In each pixel, the difference of the halves contains no fixed
-//! pattern. What remains is the scatter that another recording would show.
+//! The two halves of a recording are like two recordings by the same sensor. In each pixel, the difference between the
+//! halves contains no fixed pattern. The difference therefore shows the scatter between recordings.
 //!
-//! Each part ends before the next part starts. The gap is a sixteenth of the recording. Because of the gap, the phase of
-//! a pixel at the start of a part is practically independent of the preceding part. Without the gap, the last spike of
-//! one part would determine the first spike of the next part. The difference would then scatter too little or too much,
-//! depending on the length of the interval in readouts.
+//! Each part (half or quarter) ends before the next part starts. The gap between two parts is a sixteenth of the
+//! recording. Because of the gap, the phase of a pixel at the start of a part is practically independent of the
+//! preceding part. Without the gap, the last spike of one part would determine the first spike of the next part. The
+//! difference between the parts would then scatter too little or too much, depending on the length of the interval in
+//! readouts.
 
 use super::quantity::Quantity;
 use super::recording_part::{self, RecordingPart};
@@ -133,7 +134,7 @@ impl MeasuredRecording {
     /// Measures a whole stream. Calls `progress` with the number of readouts measured so far.
     ///
     /// # Errors
-    /// If the stream cannot be read, or if it is longer than an [`Accumulator`] accepts.
+    /// Returns an error if the stream cannot be read, or if the stream is longer than an [`Accumulator`] accepts.
     pub fn from_stream(reader: &StreamReader, progress: &mut dyn FnMut(usize)) -> Result<Self> {
         let geometry = reader.geometry();
         let mut recorder = RecordingAccumulator::new(geometry, reader.readouts())?;

@@ -1,7 +1,8 @@
 //! Statistics of a recording with two kinds of errors.
 //!
-//! Both errors are standard deviations. The interval of plus and minus twice an error covers the truth in 95 of 100
-//! cases. If an error is estimated from few samples, it is widened with Student's distribution.
+//! The recording error and the sensor error are standard deviations. The interval from the value minus two errors to
+//! the value plus two errors covers the truth in 95 of 100 cases. If an error is estimated from few samples, it is
+//! widened with Student's distribution.
 //! * The recording error is the standard deviation between recordings of the same scene and length by the same sensor.
 //! * The sensor error is the standard deviation between sensors of the same kind. It includes the pattern and the noise
 //!   of each sensor.
@@ -56,8 +57,8 @@ pub struct ReportedStatistic {
     /// Standard deviation between recordings by this sensor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recording_error: Option<f64>,
-    /// Whether the recording error is only an upper bound. This is the case if the recording is too short to compare its
-    /// halves.
+    /// Whether the recording error is only an upper bound. It is a bound if the halves of the recording are too short
+    /// for a comparison.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub recording_error_is_bound: bool,
     /// Standard deviation between sensors of this kind.
@@ -81,7 +82,8 @@ impl ReportedStatistic {
         }
     }
 
-    /// Sets the errors. An error that is not finite is omitted. If the value is absent, both errors are omitted.
+    /// Sets the recording error and the sensor error. An error that is not finite is omitted. If the value is absent,
+    /// both errors are omitted.
     fn with_errors(mut self, recording: f64, sensor: f64) -> Self {
         let finite = |e: f64| Some(e).filter(|e| e.is_finite() && self.value.is_some());
         (self.recording_error, self.sensor_error) = (finite(recording), finite(sensor));
@@ -119,7 +121,8 @@ impl MeasuredRecording {
             if let Some(i) = PATTERN_KEYS.iter().position(|k| *k == key) {
                 let nothing =
                     PatternStatistic { value: f64::NAN, recording_error: f64::NAN, sensor_error: f64::NAN };
-                // `least` is the sampling error of the noise variance, which is subtracted from the variance of the spread.
+                // `least` is the sampling error of the temporal variance. The temporal variance is subtracted from the
+                // variance of the pattern.
                 let least = temporal * (2.0 / e.samples.max(1) as f64).sqrt();
                 return pattern_statistic(named.clone(), i, *found.get(i).unwrap_or(&nothing), least);
             }
@@ -142,8 +145,8 @@ impl MeasuredRecording {
         scene_motion::detect_motion(&self.scatter.rates, self.statistics.geometry.width(), sd, half)
     }
 
-    /// Returns the report of a mean or a share over pixels. The signal includes only pixels whose entry of `rates` is
-    /// finite.
+    /// Returns the report of a statistic that is a mean or a share over pixels. For [`Quantity::Signal`], only pixels
+    /// with a finite entry in `rates` are included.
     fn pixel_statistic(
         &self,
         quantity: Quantity,
@@ -178,9 +181,11 @@ impl MeasuredRecording {
     /// Returns the error of the mean rate computed from counts. It combines the error of the rate computed from spike
     /// times with the counting error at both ends of the recording.
     ///
-    /// The count of a regular pixel misses a fraction of a spike at each end. The variance of the two fractions is `1/6` in
-    /// total. The rate computed from spike times, `f`, already includes `f^2 / 6` of it. The difference of the two halves
-    /// does not show this error: the cut adds to one half the fraction that it removes from the other half.
+    /// The count of a pixel that fires at regular intervals misses a fraction of a spike at each end of the recording.
+    /// The variance of the two fractions is `1/6` in total. The error of the rate `f` computed from spike times already
+    /// includes `f^2 / 6` of this variance. The difference between the halves of the recording does not show the
+    /// counting error. The boundary between the halves adds to one half the fraction that it removes from the other
+    /// half.
     fn count_rate_error(&self, pixels: usize, rate: f64) -> Option<f64> {
         let timed = self.scatter.error(Quantity::Signal, pixels)?;
         let readouts = f64::from(self.statistics.readouts);
@@ -199,7 +204,8 @@ impl MeasuredRecording {
         }
     }
 
-    /// Returns the report of a statistic of readouts, or of pixel pairs whose phases are independent in every recording.
+    /// Returns the report of a statistic of whole readouts or of pixel pairs. The report has only a recording error.
+    /// For pixel pairs, the phases are independent in every recording, so recordings scatter as much as sensors.
     fn readout_statistic(&self, key: &str, words: &str, e: Estimate) -> ReportedStatistic {
         let reported = ReportedStatistic::new(key, words, e.value, e.samples);
         let pair = NeighborPair::ALL.into_iter().find(|p| p.key() == key);
@@ -220,8 +226,8 @@ impl MeasuredRecording {
 
 /// Returns the report of a statistic of the pattern.
 ///
-/// The value of a spread in `pattern` is a square, and the error of this square is at least `error_floor`. If a spread is not
-/// significantly above 0, the report contains only an upper limit.
+/// For a spread (a standard deviation), `pattern` contains the square of the spread. The error of this square is at
+/// least `error_floor`. If a spread is not significantly above 0, the report contains only an upper limit.
 fn pattern_statistic(
     statistic: Statistic,
     i: usize,

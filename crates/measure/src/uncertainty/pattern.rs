@@ -64,7 +64,7 @@ fn variance(map: &[f64]) -> f64 {
     mean(&map.iter().map(|x| (x - center).powi(2)).collect::<Vec<_>>())
 }
 
-/// A statistic with both errors. An error is NaN if it was not determined.
+/// A statistic with its recording error and its sensor error. An error is NaN if it was not determined.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PatternStatistic {
     pub value: f64,
@@ -119,8 +119,7 @@ fn wild_bootstrap(rates: &[f64], width: usize, temporal: f64, noise: &[f64]) -> 
     })
 }
 
-/// Returns `rates` plus `noise` for each pixel whose bit of `signs` is clear, and `rates` minus `noise` for each other
-/// pixel.
+/// Returns `rates` plus or minus `noise`. A set bit in `signs` selects minus for its pixel.
 fn add_noise(rates: &[f64], noise: &[f64], signs: &[u64]) -> Vec<f64> {
     let mut perturbed = rates.to_vec();
     dispatch(
@@ -151,8 +150,8 @@ fn sensor_errors(rates: &[f64], width: usize) -> [f64; PATTERN_KEYS.len()] {
     let white = [rho.right, rho.lower, rho.diagonal, rho.antidiagonal].map(|e| e.error);
     let shifts = [(0, 1), (1, 0), (1, 1), (1, -1)];
     let rho = [0, 1, 2, 3].map(|i| white[i].max(correlation_error(&rough, width, shifts[i])));
-    // The excess compares one line of the pattern with the mean of five lines. Its variance is 1 + 1/5 in units of the
-    // variance of one line.
+    // The border excess compares one line of the pattern with the mean of five lines. The variance of this excess is
+    // 1.2 times the variance of one line.
     let level = median(&mut finite_values(rates));
     let of_pattern = |line: f64| line / level * 1.2_f64.sqrt();
     let edge = |i: usize, line: f64| {
@@ -175,10 +174,12 @@ fn sensor_errors(rates: &[f64], width: usize) -> [f64; PATTERN_KEYS.len()] {
     ]
 }
 
-/// Returns the error of the variance of pixels that have row and column patterns.
+/// Returns the error of the variance of a map of pixels, if the map has row and column patterns.
 ///
-/// `n` normal line means with the variance `m` contribute `m sqrt(2 / (n - 1))`. After subtracting the line means, the
-/// residual contributes `sqrt((m4 - m2^2) / pixels)`, where `m2` and `m4` are its second and fourth moments.
+/// The error has three parts, which are added as squares. The means of `n` rows contribute `v sqrt(2 / (n - 1))`, where
+/// `v` is their variance. The means of the columns contribute in the same way. The residual is the map without its line
+/// means. It contributes `sqrt((m4 - m2^2) / pixels)`, where `m2` and `m4` are the second and fourth moments of the
+/// residual.
 fn total_spread_error(rates: &[f64], width: usize) -> f64 {
     let [rows, columns] = line_means(rates, width);
     let all = mean(rates);
@@ -197,8 +198,9 @@ fn total_spread_error(rates: &[f64], width: usize) -> f64 {
 
 /// Returns the error of the square of a robust spread.
 ///
-/// If the deviation of one pixel rises from below the median deviation to above it, the spread grows by the share
-/// `2.33 / pixels`. This is the influence function of a median absolute deviation for a normal distribution.
+/// If the absolute deviation of one pixel rises from below the median deviation to above the median deviation, the
+/// spread grows by the share `2.33 / pixels`. This is the influence function of a median absolute deviation for a
+/// normal distribution.
 fn local_spread_error(rough: &[f64], width: usize, center: f64, sd: f64) -> f64 {
     let limit = sd / 1.4826;
     let beyond = |x: &f64| if (x - center).abs() > limit { 1.0 } else { 0.0 };
@@ -233,7 +235,8 @@ fn correlation_error(rough: &[f64], width: usize, (down, right): (usize, isize))
     let count = influence.iter().filter(|x| x.is_finite()).count() as f64;
     match clustered_variance(&influence, width) {
         Some(clustered) => {
-            // The factor applies only to the part of the variance that lines add to independent pixels.
+            // `HIGH_PASS_LINE_FACTOR` applies only to the part of the variance that exceeds the variance of independent
+            // pixels.
             let of_lines = (clustered.excess - 1.0).max(0.0);
             let tied = (1.0 + HIGH_PASS_LINE_FACTOR * of_lines) / (1.0 + of_lines);
             widen_error((clustered.variance * tied).sqrt() / count, clustered.degrees_of_freedom / tied)

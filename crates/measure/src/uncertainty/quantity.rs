@@ -49,7 +49,7 @@ impl Quantity {
             Self::MeanRate => 0,
             Self::Signal => 1,
             Self::Variance(lag) => 2 * lag,
-            // With fewer intervals in a part, the fit would use other lags than the fit of the whole recording.
+            // With fewer intervals, the fit for a part would use fewer lags than the fit for the whole recording.
             Self::PhaseNoise | Self::Quantization => 2 * max_lag,
             Self::Autocovariance(_) => 4,
             Self::OffLattice | Self::ShortIntervals | Self::LongIntervals => 16,

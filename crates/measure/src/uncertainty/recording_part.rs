@@ -9,7 +9,8 @@ pub(super) enum RecordingPart {
     Quarter,
 }
 
-/// Begins a part at the next readout of `whole`. The function has no effect if `whole` does not measure intervals.
+/// Begins a part of the recording at the next readout. The function has no effect if `accumulator` does not measure
+/// intervals.
 pub(super) fn begin(accumulator: &mut Accumulator, part: RecordingPart) {
     flush(accumulator);
     if let Some(state) = &mut accumulator.intervals {

@@ -9,8 +9,8 @@ use spikelane::unstable::threads;
 /// Smallest number of pixels for which a variance is computed from their differences.
 const MIN_PIXELS: usize = 16;
 
-/// Smallest ratio of variances for which the scatter of the quarters is attributed to a drift. Without a drift, one
-/// recording in 1000 exceeds this ratio (F distribution with 3 and about 14 degrees of freedom).
+/// Smallest ratio of the variance between the quarters of a recording to its expected value that indicates a drift.
+/// Without a drift, one recording in 1000 exceeds this ratio (F distribution with 3 and about 14 degrees of freedom).
 const DRIFT_VARIANCE_RATIO: f64 = 9.7;
 
 /// Returns the number of readouts in the gap at the end of a quarter. The gap is the last fourth of the quarter.
@@ -32,7 +32,7 @@ fn quarter_readouts(readouts: usize) -> usize {
 #[derive(Clone, Debug)]
 struct StatisticScatter {
     quantity: Quantity,
-    /// The contributions of the first quarter of a pair, until the second quarter ends.
+    /// The contributions of the first quarter of a half, until the second quarter of the half ends.
     pending_quarter: Vec<f64>,
     pending_half: Vec<f64>,
     /// Difference between the two halves in each pixel.
@@ -134,8 +134,8 @@ impl Scatter {
 
     /// Returns a sample of the change of each pixel between two recordings.
     ///
-    /// The change is the difference of the halves, scaled to the scatter of the whole recording. It is NaN if the
-    /// difference is not known. The sample is empty if the parts are too short.
+    /// The change of a pixel is the difference between the halves of the recording, scaled to the scatter of whole
+    /// recordings. The change is NaN if the difference is not known. The sample is empty if the parts are too short.
     pub(super) fn sample(&self, quantity: Quantity, pixels: usize) -> Vec<f64> {
         let statistic = self.statistics.iter().find(|scatter| scatter.quantity == quantity);
         let Some((scatter, (full_variance, known))) =
@@ -165,7 +165,8 @@ impl Scatter {
         let quarter =
             scatter.quarter_difference_squares.0 / (2.0 * scatter.quarter_difference_squares.1 as f64);
         let [full, of_half, of_quarter] = self.readouts;
-        // Variance times length = a + b / T, for a half and for a quarter. Neither a nor b is negative.
+        // A part of T readouts has a variance V with V T = a + b / T. The half and the quarter determine a and b.
+        // Neither a nor b is negative.
         let (long, short) = (half * of_half, quarter * of_quarter);
         let ends = ((short - long) / (1.0 / of_quarter - 1.0 / of_half)).clamp(0.0, long * of_half);
         Some(((long + ends * (1.0 / full - 1.0 / of_half)) / full, known))

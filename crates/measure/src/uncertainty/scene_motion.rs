@@ -7,17 +7,17 @@ use spikelane::unstable::draws::hash::mix64;
 /// Smallest number of pixels in a rate class.
 const CLASS_PIXELS: usize = 64;
 
-/// Smallest change of a changed pixel, in units of the scale of its class. Of normally distributed changes, one in two
-/// million exceeds it.
+/// Smallest change of a pixel that counts as changed, in units of the scale of its rate class. One in two million
+/// normally distributed changes exceeds this threshold.
 const CHANGE_Z_THRESHOLD: f64 = 5.0;
 
-/// Smallest scale of a change, in standard deviations of the phase error. Phases alone cannot cause a change of five such
-/// scales, which are 7.5 standard deviations.
+/// Smallest scale of a change, in standard deviations of the phase error. The threshold of five scales is then at least
+/// 7.5 standard deviations. Phases alone cannot cause a change of 7.5 standard deviations.
 ///
-/// The first and the last spike in a half of `n` readouts are less than one readout away from the ends of the half. The
-/// rates `f` of the two halves, computed from spike times, therefore differ by less than `2 f / n`. They differ from
-/// their class by less than `4 f / n`, which is `4 sqrt(3) = 6.9` standard deviations. Counts differ by up to four
-/// spikes, which is `4 sqrt(2) = 5.7` of their standard deviations.
+/// The rates `f` of a pixel in the two halves of `n` readouts are computed from spike times. Phases alone cause a
+/// difference of less than `2 f / n` between these rates. This difference deviates from the median of its rate class by
+/// less than `4 f / n`, which is `4 sqrt(3) = 6.9` standard deviations. For rates computed from counts, the limit would
+/// be four spikes, which is `4 sqrt(2) = 5.7` standard deviations.
 const MIN_PHASE_SIGMAS: f64 = 1.5;
 
 /// Smallest size of a patch of adjacent pixels that changed in the same direction. Chance does not cause such a patch.
@@ -39,14 +39,16 @@ pub struct SceneMotion {
 
 /// Compares the rates of two halves of `half` readouts.
 ///
-/// `sd` is the smallest standard deviation of the difference of the two rates of one pixel. The phases of regular pixels
-/// cause this deviation. Intervals do not show whether additional scatter is noise or motion.
+/// `sd` is the smallest standard deviation of the difference between the rates of one pixel in the two halves. The
+/// phases of pixels that fire at regular intervals cause this deviation. Intervals do not show whether additional
+/// scatter is noise or motion.
 ///
 /// If all pixels of equal rate change in the same way, the cause is not motion. Flicker, drift of a lamp or a gain, and
-/// temperature cause such changes. Therefore the function divides by the common factor. It then forms classes of pixels
-/// with similar rates and subtracts the median change of each class. The scale of the remaining changes is the smaller
-/// of two numbers: the scatter within the class, and the scatter of the differences of neighbors. Motion has little
-/// effect on the differences of neighbors. A pixel has changed if its change exceeds five scales.
+/// temperature cause such changes. Therefore the function divides the rates of the second half by the median ratio of
+/// the two rates. It then forms classes of pixels with similar rates and subtracts the median change of each class. The
+/// scale of the remaining changes is the smaller of two numbers: the scatter within the class, and the scatter of the
+/// differences of neighbors. Motion has little effect on the differences of neighbors. A pixel has changed if its
+/// change exceeds five scales.
 ///
 /// The scene moves if one of these conditions is true:
 /// * At least eight adjacent pixels changed in one direction, and such patches cover at least a thousandth of the

@@ -8,10 +8,10 @@ use crate::spectrum::squared_magnitudes;
 /// Returns the standard error of the variance of `totals`, in spikes squared. Returns NaN with fewer than eight totals.
 ///
 /// Totals of regular pixels are correlated over many readouts. The variance of the totals is the sum of the entries
-/// `P_k` of their periodogram. These entries are independent and have exponential distributions. The variance of the sum
-/// is therefore half the sum of `P_k^2`, for any correlation of the totals (Priestley 1981, section 6.2). This is
-/// Bartlett's `2/T sum r^2` written with frequencies. The variance `v` of the totals has `2 v^2 / error^2` degrees of
-/// freedom.
+/// `P_k` of their periodogram. These entries are independent and have exponential distributions. The variance of the
+/// sum is therefore half the sum of `P_k^2`, for any correlation of the totals (Priestley 1981, section 6.2). For the
+/// autocorrelations `r` of `T` totals, this is Bartlett's formula `2/T sum r^2` written with frequencies. The variance
+/// `v` of the totals has `2 v^2 / error^2` degrees of freedom.
 pub(crate) fn variance_error(totals: &[u32]) -> f64 {
     let n = totals.len();
     if n < 8 {
@@ -22,8 +22,8 @@ pub(crate) fn variance_error(totals: &[u32]) -> f64 {
         return f64::NAN;
     };
     let last = squares.len() - 1;
-    // A bin has two degrees of freedom. The bin at half a cycle per readout has only one, so the expectation of its
-    // square is three times the square of its expectation.
+    // The power of a bin has two degrees of freedom. The bin at half a cycle per readout has only one. The expectation
+    // of its squared power is therefore three times the square of its expected power.
     let (mut variance, mut square) = (0.0, 0.0);
     for (k, magnitude) in squares.iter().enumerate().skip(1) {
         let is_nyquist = k == last && n.is_multiple_of(2);

@@ -51,7 +51,8 @@ pub(crate) fn measure_recording(camera: &Camera, rate: f64, seeds: Seeds) -> Mea
     MeasuredRecording::from_frames(SpikeFramesRef::new(geometry, &bits).unwrap()).unwrap()
 }
 
-/// Returns `count` recordings: of the one sensor with camera seed 1, or of `count` different sensors.
+/// Returns the statistics of `count` recordings. `meaning` selects recordings of one sensor (camera seed 1) or of
+/// `count` different sensors.
 pub(crate) fn recordings(
     pattern: &str,
     rate: f64,
@@ -76,7 +77,8 @@ pub(crate) struct Coverage {
     pub covering: usize,
     /// Number of intervals.
     pub intervals: usize,
-    /// Number of intervals whose error is only an upper bound, or which are upper limits. Such intervals can be too wide.
+    /// Number of intervals that can be too wide. In these intervals, the error is only an upper bound, or the value is
+    /// only an upper limit.
     pub limits: usize,
     /// Number of recordings in which the statistic has no error.
     pub without_error: usize,
@@ -110,8 +112,8 @@ fn is_zero(key: &str, pattern: &str, meaning: Repetition) -> bool {
     ZERO_KEYS.contains(&key) && (of_bits || (of_lines && meaning == Repetition::Sensor))
 }
 
-/// Computes the coverage of every statistic. The truth for a recording is 0, or the mean of all other recordings. The
-/// error of this mean widens the interval.
+/// Computes the coverage of every statistic. The truth for a recording is 0, or the mean of the values of all other
+/// recordings. The error of this mean widens the interval.
 pub(crate) fn judge(
     all: &[Vec<ReportedStatistic>],
     pattern: &str,
@@ -137,8 +139,8 @@ fn coverage(statistics: &[&ReportedStatistic], zero: bool, meaning: Repetition) 
     let mut result = Coverage::default();
     for statistic in statistics {
         if let (None, Some(below)) = (statistic.value, statistic.upper_limit) {
-            // A limit is wrong only if the truth exceeds it. If at least half of the recordings have a value, the truth is
-            // the mean of these values. Otherwise the truth is 0.
+            // An upper limit is wrong only if the truth exceeds the limit. If at least half of the recordings have a
+            // value, the truth is the mean of these values. Otherwise the truth is 0.
             let truth = if zero || 2.0 * n < statistics.len() as f64 { 0.0 } else { sum / n };
             result.limits += 1;
             result.intervals += 1;
@@ -161,8 +163,8 @@ fn coverage(statistics: &[&ReportedStatistic], zero: bool, meaning: Repetition) 
     result
 }
 
-/// Returns the smaller of P(at most `held`) and P(at least `held`). `held` is the number of `of` independent intervals
-/// that cover the truth, if each interval covers it with probability 0.95.
+/// Each of `count` independent intervals covers the truth with probability 0.95. Returns the probability that at most
+/// `covering` of them cover the truth or the probability that at least `covering` do, whichever is smaller.
 pub(crate) fn chance(covering: usize, count: usize) -> f64 {
     let log = |k: usize| (1..=k).map(|i| (i as f64).ln()).sum::<f64>();
     let all = log(count);

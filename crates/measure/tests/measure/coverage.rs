@@ -1,11 +1,12 @@
-//! Tests that the errors that `measure` reports cover the truth at the stated rate. Each kind has fifty recordings.
+//! Tests that the errors that `measure` reports cover the truth at the stated rate. Each combination of pattern and
+//! repetition has fifty recordings.
 
 use crate::coverage_support::{PATTERNS, Repetition, chance, judge, recordings};
 
 const RECORDINGS: u64 = 50;
 
-/// Returns the statistics whose 95 % intervals cover the truth too rarely or too often. By chance, one table in ten
-/// thousand contains such a statistic.
+/// Returns the statistics whose 95 % intervals cover the truth too rarely or too often. A statistic with correct
+/// coverage is returned with a probability of at most 1 in 10,000.
 ///
 /// Intervals that are only limits may always cover the truth.
 fn statistics_with_wrong_coverage(rate: f64, meaning: Repetition) -> Vec<String> {

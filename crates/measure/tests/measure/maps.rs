@@ -37,8 +37,9 @@ fn medians_and_trimmed_means_are_those_of_small_sets() {
 
 #[test]
 fn errors_of_means_of_white_noise_are_sd_over_root_n() {
-    // 9216 pixels with sd 0.1 have an error of 0.00104. The error estimated from 144 tiles is accurate to 6 %. The 200
-    // bootstrap resamples add 5 %. Together the errors scatter by 8 %, so four standard deviations are about 0.3.
+    // The mean of 9216 pixels with sd 0.1 has the standard error 0.00104. An error estimated from 144 tiles scatters by
+    // 6 %. The 200 bootstrap resamples add a scatter of 5 %. Together they scatter by 8 %, so four standard deviations
+    // are about 0.3.
     let map = white(0.1, 1);
     let expected = 0.1 / SIDE as f64;
     let mean_of = |values: &mut Vec<f64>| Estimate::mean(values.iter().copied()).value;
@@ -63,7 +64,8 @@ fn a_high_pass_keeps_white_noise_and_removes_gradients() {
         let all = Estimate::mean((0..map.len()).filter(inner).map(|p| map[p]));
         all.error * (all.samples as f64).sqrt()
     };
-    // The tilt also multiplies the noise. The root mean square of its factor is 1.14.
+    // The tilt multiplies the noise of each pixel by a factor. The root mean square of this factor over the map is
+    // 1.14.
     assert!((sd(&left) / (0.02 * 1.144) - 1.0).abs() < 0.03, "{}", sd(&left));
 }
 
@@ -135,7 +137,8 @@ fn row_and_column_patterns_are_measured_apart() {
     let map = shaped(&white(0.02, 3), |_, c| if c % 2 == 0 { 1.01 } else { 0.99 });
     let lines = line_structure(&map, SIDE);
     assert!((0.008..0.012).contains(&lines.column_sd.value), "{:?}", lines.column_sd);
-    // The mean of 96 pixels with sd 0.02 has the sd 0.002. After the subtraction, less than half of it may remain.
+    // The mean of 96 pixels with sd 0.02 has the sd 0.002. After the pixel noise is subtracted, the sd must be below
+    // 0.001.
     assert!(lines.row_sd.value < 0.001, "{:?}", lines.row_sd);
     assert!((lines.columns[0] - lines.columns[1] - 0.02).abs() < 4.0 * 0.003);
     assert_eq!((lines.rows.len(), lines.columns.len()), (SIDE, SIDE));

@@ -28,9 +28,10 @@ fn measure_static_scene() -> Option<Statistics> {
 
 /// Returns the pixels of the flat wall that are in uniform areas.
 ///
-/// The 11x11 box of a pixel has a robust spread of at most 6 % and a median rate of 0.15 to 0.25. The wall covers rows
-/// 105 to 194 and columns 60 to 339. Its light decreases toward the sides. The mean rate is 0.20. The mean intervals
-/// range from 4.5 to 5.5 readouts and therefore cover more than one period of the lattice variance.
+/// For each returned pixel, the rates in the 11x11 box around the pixel have a robust spread of at most 6 % and a
+/// median of 0.15 to 0.25. The wall covers rows 105 to 194 and columns 60 to 339. Its light decreases toward the sides.
+/// The mean rate is 0.20. The mean intervals range from 4.5 to 5.5 readouts and therefore cover more than one period of
+/// the lattice variance.
 fn wall(statistics: &Statistics) -> Vec<usize> {
     let rates = statistics.counts.as_ref().unwrap().rate_by_time();
     let mut even = select_uniform(&rates, 400, &(0.15..0.25), 5, 0.06);

@@ -30,17 +30,18 @@ fn intervals(statistics: &Statistics) -> &Intervals {
 
 #[test]
 fn an_ideal_integrator_has_the_lattice_variance_of_its_rate() {
-    // The span of n intervals is floor(n m) or ceil(n m). Its variance is u (1 - u), where u is the fractional part
-    // of n m. The relative bias that m causes is below n^2/N^2 = 5e-4 for N = 1440 intervals. For uniformly distributed
-    // rates, the expectation is the average of u (1 - u).
+    // For a mean interval m, the duration of n intervals is floor(n m) or ceil(n m). The variance of this duration is
+    // u (1 - u), where u is the fractional part of n m. Estimating m from N = 1440 intervals causes a relative bias
+    // below n^2/N^2 = 5e-4. For uniformly distributed rates, the expectation is the average of u (1 - u).
     let rates = spread_rates(0.18, 0.02);
     let statistics = ideal(&rates, 8000);
     for lag in [1, 4, 8, 16, 24, 32] {
         let lattice = |f: &f64| (f64::from(lag) / f).fract() * (1.0 - (f64::from(lag) / f).fract());
         let expected = crate::measure_support::mean(&rates.iter().map(lattice).collect::<Vec<_>>());
         let variance = intervals(&statistics).lag_variance(lag, None);
-        // Both sides use the same pixels. The remaining error is the bias, and the error of sampling u (1 - u) for a
-        // finite number of intervals. This error is about 0.25/sqrt(N) = 0.25/38 per pixel, so 0.25/38/64 for the mean.
+        // `variance` and `expected` use the same pixels. They differ by the bias and by the sampling error of u (1 - u)
+        // for N = 1440 intervals. The sampling error is about 0.25/sqrt(N) = 0.25/38 per pixel, so 0.25/38/64 for the
+        // mean of 64^2 pixels.
         assert!((variance.value - expected).abs() < 4e-4, "{lag}: {variance:?} against {expected}");
     }
 }
@@ -58,8 +59,9 @@ fn an_ideal_integrator_keeps_to_floor_and_ceiling() {
 
 #[test]
 fn time_based_rates_are_as_precise_as_stated() {
-    // The error of f is f^2 sqrt(V) / (N - 1), and the average of V over the rates is 1/6. The relative sampling error of
-    // the root mean square over 4096 pixels is about 1 %, because the distribution has light tails.
+    // A rate f from N spikes has the error f^2 sqrt(V) / (N - 1), where V is the variance of the time from the first to
+    // the last spike. The average of V over the rates is 1/6. The relative sampling error of the root mean square over
+    // 4096 pixels is about 1 %, because the distribution has light tails.
     let rates = spread_rates(0.2, 0.1);
     let statistics = ideal(&rates, 4000);
     let rates_by_time = statistics.counts.unwrap().rate_by_time();
@@ -70,8 +72,9 @@ fn time_based_rates_are_as_precise_as_stated() {
 
 #[test]
 fn independent_bits_have_geometric_intervals() {
-    // Intervals are independent with P(n) = p (1-p)^(n-1) and variance (1-p)/p^2. Each of 4096 pixels has N = 900. The
-    // expectation of D(n) is n (1 - n/N) times the variance. Each estimate must be within 4 standard errors.
+    // Intervals are independent with P(n) = p (1-p)^(n-1) and variance (1-p)/p^2. Each of 4096 pixels has N = 900
+    // intervals. The expectation of D(n) is n (1 - n/N) times the variance. Each estimate must be within 4 standard
+    // errors.
     let (p, readouts) = (0.3, 3000);
     let statistics = random(p, readouts);
     let measured = intervals(&statistics);
@@ -95,7 +98,8 @@ fn independent_bits_have_geometric_intervals() {
     for length in 1..12 {
         let share = measured.histogram().share(length);
         let expected = p * (1.0 - p).powi(length as i32 - 1);
-        // The end of the stream cuts off mostly long intervals. The bias is of order 1/N, which is 1e-3 of the share.
+        // The end of the stream cuts off mostly long intervals. For N = 900 intervals, the relative bias of a share is
+        // of order 1/N, which is 1e-3.
         let allowed = 4.0 * share.error + 2e-3 * expected;
         assert!((share.value - expected).abs() < allowed, "{length}: {share:?} {expected}");
     }
@@ -135,8 +139,8 @@ fn independent_pixels_do_not_coincide_more_than_chance() {
 
 #[test]
 fn copied_spikes_show_as_coincidence_at_their_lag() {
-    // Each pixel in an odd column repeats 5 % of the spikes of its left neighbor one readout later. For half of the
-    // pairs the correlation is 0.05 (1-p)/(1-p).
+    // Each pixel in an odd column repeats 5 % of the spikes of its left neighbor one readout later. For such a pixel
+    // and its left neighbor, the correlation is about 0.05 (1 - p) = 0.045, where p = 0.1 is the spike probability.
     let mut stream = Stream::bernoulli(SIDE, SIDE, 1500, &vec![0.1; PIXELS], 9);
     let copies = Stream::bernoulli(SIDE, SIDE, 1500, &vec![0.05; PIXELS], 10);
     for t in (1..1500).rev() {
@@ -210,8 +214,9 @@ fn a_lost_and_a_repeated_readout_are_found() {
     let statistics = stream.measure(&MeasureOptions::default(), &[]);
     let frames = statistics.frames.as_ref().unwrap();
     assert_eq!(frames.near_repeats(0.5), [1201]);
-    // At each readout 800 intervals end, so the standard error is 0.4/sqrt(800) = 0.014. A lost readout shortens the
-    // intervals across it by 1. An interval that ends on a copied readout has length 1, and the mean is 5.
+    // At each readout 800 intervals end, and their sd is 0.4. The standard error of a mean deviation is therefore
+    // 0.4/sqrt(800) = 0.014. A lost readout shortens every interval that spans it by 1. An interval that ends at the
+    // copied readout has length 1, and the mean interval is 5.
     let (low, _) = intervals(&statistics).deviation_extremes().unwrap();
     assert_eq!(low.readout, 1201);
     assert!((low.mean + 4.0).abs() < 0.1, "{low:?}");
@@ -234,7 +239,7 @@ fn half_maps_show_a_drift() {
     let halves = intervals(&statistics).half_maps().unwrap();
     let change = halves.rate[1].iter().zip(&halves.rate[0]).map(|(b, a)| b / a - 1.0);
     let mean_change = spikelane_measure::Estimate::mean(change);
-    // The interval across the split is one of 300 intervals. Its error does not shift the mean.
+    // One of the 300 intervals of a pixel in the second half spans the split. Its error does not shift the mean.
     assert!(mean_change.sigmas_from(0.02).abs() < 4.0, "{mean_change:?}");
     assert!(mean_change.error < 1e-4);
 }

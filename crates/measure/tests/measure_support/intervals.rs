@@ -93,7 +93,8 @@ impl Stream {
             if let Some(off_lattice) = pixel.off_lattice_count {
                 assert_eq!(off_lattice as usize, off);
             } else {
-                // The count may be absent only if the mean differs far from the reference mean.
+                // The count may be absent only if the mean interval differs from the reference mean by more than 1.4
+                // readouts.
                 assert!((sum as f64 / n as f64 - reference).abs() > 1.4);
             }
         } else {

@@ -32,7 +32,8 @@ impl Stream {
         Self::from_frames(width, height, frames)
     }
 
-    /// Returns a stream of exact integrators. Their charge is an integer in units of `1 / one` threshold.
+    /// Returns a stream of exact integrators. The charge of a pixel is an integer in units of `2^-40` times the
+    /// threshold.
     pub(crate) fn integrators(width: u32, height: u32, readouts: usize, rates: &[f64], seed: u64) -> Self {
         let one = 1_u64 << 40;
         let mut random = Pcg64Mcg::seed_from_u64(seed);
