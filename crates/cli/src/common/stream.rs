@@ -95,11 +95,7 @@ impl StreamArgs {
         path: &Path,
         out: &Console,
     ) -> Result<(StreamReader, LayoutGuesses)> {
-        let geometry = parse_size(path.display(), self.width, self.height)?;
-        let layout = self.layout.as_deref().map(Layout::parse).transpose()?;
-        let reader =
-            OpenOptions { layout, geometry, key: self.key.clone(), missing_frames: self.missing_frames }
-                .open(path)?;
+        let reader = self.options(path.display())?.open(path)?;
         if let GeometryOrigin::Dataset(file) = reader.origin() {
             out.print_message(format_args!(
                 "{}: {} from {}",
@@ -108,9 +104,22 @@ impl StreamArgs {
                 file.display()
             ));
         }
-        let readings = reader.layout_guesses()?;
-        print_stream_warnings(&reader, &readings, out);
+        let readings = self.report(&reader, out)?;
         Ok((reader, readings))
+    }
+
+    /// Returns the options of the flags. `subject` is the subject of errors.
+    pub(crate) fn options(&self, subject: impl std::fmt::Display) -> Result<OpenOptions> {
+        let geometry = parse_size(subject, self.width, self.height)?;
+        let layout = self.layout.as_deref().map(Layout::parse).transpose()?;
+        Ok(OpenOptions { layout, geometry, key: self.key.clone(), missing_frames: self.missing_frames })
+    }
+
+    /// Prints the warnings of an open stream, and returns the layout guesses that were compared.
+    pub(crate) fn report(&self, reader: &StreamReader, out: &Console) -> Result<LayoutGuesses> {
+        let readings = reader.layout_guesses()?;
+        print_stream_warnings(reader, &readings, out);
+        Ok(readings)
     }
 }
 

@@ -7,6 +7,7 @@ use crate::common::images::sample_readouts;
 use crate::common::progress::{CountProgress, stop_flag};
 use serde_json::json;
 use spikelane::reconstruct::DetailReference;
+use spikelane::unstable::inputs::InputFile;
 use spikelane::unstable::threads;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;
@@ -174,7 +175,7 @@ fn open_references(args: &Args, reader: &StreamReader, moments: &[EvaluationPoin
         return Ok(References::PerReadout(
             curve,
             full,
-            ReferenceImage::read(clear, reader.geometry(), full, curve)?,
+            ReferenceImage::read(InputFile::open(clear)?, reader.geometry(), full, curve)?,
         ));
     }
     match &args.reference {
@@ -217,7 +218,7 @@ fn evaluate_point(
     let at = moment.at;
     match (originals, &moment.reference_path) {
         (References::PerReadout(curve, full, _), Some(clear)) => {
-            let truth = ReferenceImage::read(clear, reader.geometry(), *full, *curve)?;
+            let truth = ReferenceImage::read(InputFile::open(clear)?, reader.geometry(), *full, *curve)?;
             evaluate_pictures(&args.reconstruction, reader, at, Comparison::Image(&truth))
         }
         (References::Shared(truth), _) => {

@@ -114,7 +114,7 @@ pub struct ImageHeader {
 /// # Errors
 /// As [`read`].
 pub fn read_header(path: &Path) -> Result<ImageHeader> {
-    let mut decoder = reader(path)?.into_decoder().map_err(|e| decode_error(path, e))?;
+    let mut decoder = reader(InputFile::open(path)?)?.into_decoder().map_err(|e| decode_error(path, e))?;
     let (mut width, mut height) = decoder.dimensions();
     if swaps_axes(orientation(&mut decoder)) {
         (width, height) = (height, width);
@@ -153,15 +153,25 @@ const fn swaps_axes(orientation: Orientation) -> bool {
 /// * [`ErrorKind::Io`] if the file cannot be read.
 /// * [`ErrorKind::Input`] if the file is not an image, is damaged, or contains negative or non-finite light.
 pub fn read(path: &Path, linear: &Linearization) -> Result<Frame> {
-    let decoded = decode(path)?;
+    read_file(InputFile::open(path)?, linear)
+}
+
+/// Does the same as [`read`] with an open file, such as a member of a tar.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_file(file: InputFile, linear: &Linearization) -> Result<Frame> {
+    let path = file.path().to_owned();
+    let decoded = decode(file)?;
     linearize(decoded, linear).map_err(|e| e.with_context(path.display()))
 }
 
 type Reader = ImageReader<BufReader<InputReader<InputFile>>>;
 
-fn decode(path: &Path) -> Result<DynamicImage> {
+fn decode(file: InputFile) -> Result<DynamicImage> {
+    let path = &file.path().to_owned();
     let refused = |e| decode_error(path, e);
-    let reader = reader(path)?;
+    let reader = reader(file)?;
     let mut decoder = reader.into_decoder().map_err(refused)?;
     limits().reserve(decoder.total_bytes()).map_err(refused)?;
     // If an allocation fails, the decoder and the conversion abort the process. The decoder and the conversion
@@ -180,8 +190,9 @@ fn limits() -> Limits {
     limits
 }
 
-fn reader(path: &Path) -> Result<Reader> {
-    let mut reader = ImageReader::new(BufReader::new(InputFile::open(path)?.into_reader()));
+fn reader(file: InputFile) -> Result<Reader> {
+    let path = &file.path().to_owned();
+    let mut reader = ImageReader::new(BufReader::new(file.into_reader()));
     reader.limits(limits());
     if let Ok(format) = ImageFormat::from_path(path) {
         reader.set_format(format);
