@@ -66,6 +66,14 @@ def test_packed_and_unpacked_sequences_are_equal(packed: Path, source: str) -> N
             assert torch.equal(value, other[key]) if torch.is_tensor(value) else value == other[key], key
 
 
+@pytest.mark.parametrize("folder", ["tars", "tars/shards"])
+def test_a_folder_of_copied_tars_is_read(packed: Path, tmp_path: Path, folder: str) -> None:
+    (tmp_path / folder).mkdir(parents=True)
+    for path in (packed / "set/shards").glob("*.tar"):
+        (tmp_path / folder / path.name).write_bytes(path.read_bytes())
+    assert ids(SpikeShards(tmp_path / "tars", "test")) == ids(SpikeShards(packed / "plain", "test"))
+
+
 def test_sequences_of_unequal_length_are_read(program: list[str], tmp_path: Path) -> None:
     (tmp_path / "clips").mkdir()
     for name, (width, height, frames) in {"a": (32, 24, 2), "b": (48, 40, 5), "c": (33, 25, 1)}.items():

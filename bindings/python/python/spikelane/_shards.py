@@ -41,8 +41,8 @@ class ShardReader:
             raise _usage_error(
                 "split", repr(split), "'train', 'validation', 'test' or None", "pass None for all sequences"
             )
-        sources = [source] if isinstance(source, (str, Path)) else source
-        self.parts = [part for path in sources for part in _find_parts(Path(path), split)]
+        sources = _list_sources(Path(source)) if isinstance(source, (str, Path)) else [Path(path) for path in source]
+        self.parts = [part for path in sources for part in _find_parts(path, split)]
         self.clean = clean
         self.files = tuple(files)
         self.shuffle = shuffle
@@ -79,6 +79,13 @@ class ShardReader:
                 raise _usage_error("files", repr(file), f"a file of {name}", remedy)
             item[file] = _decode_file(file, sequence.read(file))
         return item
+
+
+def _list_sources(path: Path) -> list[Path]:
+    """Returns the tars in a folder to which only tars were copied, and otherwise ``path``."""
+    if (path / "manifest.jsonl").exists() or (path / "plan.json").exists():
+        return [path]
+    return sorted(path.glob("shards/*.tar")) or sorted(path.glob("*.tar")) or [path]
 
 
 def _find_parts(path: Path, split: str | None) -> list[Part]:
