@@ -5,6 +5,7 @@
 //! the kind of the file. Members are sorted, and their times and owners are zero. The digest of the tar therefore
 //! depends only on the sequences.
 
+use std::collections::BTreeSet;
 use std::io::{self, Cursor, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -32,11 +33,6 @@ enum Piece {
 }
 
 impl Piece {
-    fn from_file(path: PathBuf) -> Result<Self> {
-        let bytes = InputFile::open(&path)?.len();
-        Ok(Self::File { path, bytes })
-    }
-
     fn len(&self) -> u64 {
         match self {
             Self::File { bytes, .. } => *bytes,
@@ -48,7 +44,11 @@ impl Piece {
         match self {
             Self::File { path, bytes } => {
                 let file = InputFile::open(path).map_err(io::Error::other)?;
-                Ok(Box::new(file.into_reader().take(*bytes)))
+                if file.len() != *bytes {
+                    let text = format!("{}: {} bytes, not {bytes} as recorded", path.display(), file.len());
+                    return Err(io::Error::other(text));
+                }
+                Ok(Box::new(file.into_reader()))
             }
             Self::Bytes(bytes) => Ok(Box::new(Cursor::new(bytes))),
         }
@@ -148,7 +148,8 @@ fn sequence_members(
     access: Access,
 ) -> Result<Vec<Member>> {
     let id: &PlainName = &line.entry.id;
-    let sidecar = SequenceFiles::in_folder(folder.to_owned(), access).sidecar()?;
+    let files = SequenceFiles::in_folder(folder.to_owned(), access);
+    let sidecar = files.sidecar()?;
     let description = serde_json::to_vec_pretty(&SampleDescription::new(&line.entry, record, sidecar)?)
         .map_err(|e| Error::new(ErrorKind::Config, folder.display()).found(e))?;
     let name = |ending| pack_schema::member_name(id, ending);
@@ -156,16 +157,29 @@ fn sequence_members(
         Member::from_bytes(&name(pack_schema::DESCRIPTION), description),
         Member::from_bytes(&name(pack_schema::SPLIT), line.entry.split.name().into()),
     ];
-    for (file, ending) in pack_schema::FILE_MEMBERS {
-        let path = InnerPath::from(file).resolve_in(folder, access)?;
-        members.push(Member { name: name(ending).to_string(), pieces: vec![Piece::from_file(path)?] });
-    }
-    let mut inner = Vec::new();
-    for file in record.files.iter().map(|f| f.path.clone()).chain([record::FILE_NAME.into()]) {
-        if pack_schema::file_member(&file).is_none() {
-            add_inner_member(&mut inner, &file, Piece::from_file(file.resolve_in(folder, access)?)?)
-                .map_err(|e| Error::io(folder.join(file.as_str()).display(), e))?;
+    let wrong = |found: String| {
+        Error::new(ErrorKind::Corrupt, folder.display())
+            .found(found)
+            .expected("the files of a complete sequence")
+            .remedy("remove the folder and run the shard again")
+    };
+    let (mut inner, mut paths) = (Vec::new(), BTreeSet::new());
+    let record_path = InnerPath::from(record::FILE_NAME);
+    let record_file = files.open(&record_path)?;
+    let listed = record.files.iter().map(|file| (&file.path, file.bytes));
+    for (path, bytes) in listed.chain([(&record_path, record_file.len())]) {
+        if !paths.insert(path.as_str()) {
+            return Err(wrong(format!("{path} twice in the record")));
         }
+        let file = Piece::File { path: path.resolve_in(folder, access)?, bytes };
+        match pack_schema::file_member(path) {
+            Some(ending) => members.push(Member { name: name(ending).to_string(), pieces: vec![file] }),
+            None => add_inner_member(&mut inner, path, file)
+                .map_err(|e| Error::io(folder.join(path.as_str()).display(), e))?,
+        }
+    }
+    if let Some((missing, _)) = pack_schema::FILE_MEMBERS.iter().find(|(file, _)| !paths.contains(file)) {
+        return Err(wrong(format!("no {missing} in the record")));
     }
     // Two empty blocks end a tar.
     inner.push(Piece::Bytes(vec![0; 2 * TAR_BLOCK_BYTES as usize]));
