@@ -67,7 +67,6 @@ impl TarIndex {
                 return Err(wrong(format!("two members {name}")));
             }
         }
-        drop(archive);
         Ok(Self { file, members })
     }
 
