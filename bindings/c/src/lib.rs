@@ -540,12 +540,7 @@ pub unsafe extern "C" fn spl_simulator_state_save(
         let saved = read(simulator, |s: &Simulator| Ok(s.state()))?;
         if saved.len() != out.len() {
             let expected = format!("{} bytes", saved.len());
-            return Err(usage(
-                "state_bytes",
-                out.len(),
-                expected,
-                "call spl_simulator_state_bytes for the size",
-            ));
+            return Err(usage("state_bytes", out.len(), expected, "call spl_simulator_state_bytes for the size"));
         }
         out.copy_from_slice(&saved);
         Ok(())

@@ -9,16 +9,10 @@ const CAMERA: &str = "simulate --builtin-light chart --readouts 40 -o a";
 fn every_layout_converts_there_and_back() {
     let place = TestFolder::new();
     place.run_ok(CAMERA);
-    for (layout, ending) in [
-        ("dat-top", "dat"),
-        ("rows416", "dat"),
-        ("npy-bits", "npy"),
-        ("npy-bytes", "npy"),
-        ("dat", "dat"),
-        ("dat-msb", "dat"),
-        ("dat-top-msb", "dat"),
-        ("npy-bits-msb", "npy"),
-    ] {
+    for (layout, ending) in
+        [("dat-top", "dat"), ("rows416", "dat"), ("npy-bits", "npy"), ("npy-bytes", "npy"), ("dat", "dat"),
+            ("dat-msb", "dat"), ("dat-top-msb", "dat"), ("npy-bits-msb", "npy")]
+    {
         let there = format!("{layout}.{ending}");
         place.run_ok(&format!("convert a.dat {there} --to {layout}"));
         place.run_ok(&format!("verify {there}"));
