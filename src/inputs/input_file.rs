@@ -3,22 +3,26 @@
 use std::borrow::Borrow;
 use std::fs::{File, Metadata};
 use std::io::{self, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
 
 /// Largest size in bytes of a text file with settings: a plan, a camera, a set of recordings or a sidecar.
 pub const MAX_TEXT_BYTES: u64 = 16 << 20;
 
-/// A regular file, open for reading at any position and from any thread.
+/// A regular file, or a part of one such as a member of a tar, open for reading at any position and from any thread.
 ///
 /// The length is determined when the file is opened. Another process may change or shorten the file at any time. The
 /// bytes are therefore copied and never mapped. If the file was shortened, a read beyond its new end returns an error
 /// and does not raise a signal.
 #[derive(Debug)]
 pub struct InputFile {
-    file: File,
+    file: Arc<File>,
     path: PathBuf,
+    /// Offset of the first byte. It is 0 unless this is a part of a file.
+    start: u64,
     len: u64,
 }
 
@@ -38,7 +42,22 @@ impl InputFile {
         let file = open_without_waiting(path).map_err(io)?;
         let metadata = file.metadata().map_err(io)?;
         check_regular(path, &metadata)?;
-        Ok(Self { file, path: path.to_owned(), len: metadata.len() })
+        Ok(Self { file: Arc::new(file), path: path.to_owned(), start: 0, len: metadata.len() })
+    }
+
+    /// Returns the bytes of `range` as a file of their own. Errors refer to the part as `path`.
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::Input`] if the range is not inside the file.
+    pub fn part(&self, range: Range<u64>, path: PathBuf) -> Result<Self> {
+        if range.start > range.end || range.end > self.len {
+            return Err(Error::new(ErrorKind::Input, path.display())
+                .found(format_args!("bytes {} to {}", range.start, range.end))
+                .expected(format_args!("bytes within the {} bytes of {}", self.len, self.path.display()))
+                .remedy("the file is truncated or damaged; copy it again"));
+        }
+        let file = Arc::clone(&self.file);
+        Ok(Self { file, path, start: self.start + range.start, len: range.end - range.start })
     }
 
     /// Returns whether the file was empty at opening.
@@ -63,7 +82,8 @@ impl InputFile {
     /// file.
     /// Returns [`ErrorKind::Io`] if the system cannot read the file.
     pub fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
-        read_exact_at(&self.file, offset, bytes).map_err(|e| match e.kind() {
+        let at = self.start.saturating_add(offset);
+        read_exact_at(&self.file, at, bytes).map_err(|e| match e.kind() {
             io::ErrorKind::UnexpectedEof => self.shortened_error(offset + bytes.len() as u64),
             _ => Error::io(self.path.display(), e),
         })
@@ -82,8 +102,27 @@ impl InputFile {
         InputReader { file: self, position: 0 }
     }
 
+    /// Returns all bytes.
+    ///
+    /// `limit` is the maximum size in bytes. `description` names the kind of file in errors.
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::Input`] if the file is larger than `limit`. Also returns the errors of
+    /// [`InputFile::read_at`].
+    pub fn read_all(&self, description: &str, limit: u64) -> Result<Vec<u8>> {
+        if self.len > limit {
+            return Err(Error::new(ErrorKind::Input, self.path.display())
+                .found(format_args!("{} bytes", self.len))
+                .expected(format_args!("{description}, at most {limit} bytes")));
+        }
+        let len = usize::try_from(self.len).unwrap_or(usize::MAX);
+        let mut bytes = super::zeroed_vec(self.path.display(), len)?;
+        self.read_at(0, &mut bytes)?;
+        Ok(bytes)
+    }
+
     fn shortened_error(&self, wanted: u64) -> Error {
-        let now = self.file.metadata().map_or(0, |m| m.len());
+        let now = self.file.metadata().map_or(0, |m| m.len()).saturating_sub(self.start);
         Error::new(ErrorKind::Input, self.path.display())
             .found(format_args!("{now} bytes; the file had {} bytes when the program opened the file", self.len))
             .expected(format_args!("bytes up to {wanted}"))
@@ -128,16 +167,7 @@ impl<F: Borrow<InputFile>> Seek for InputReader<F> {
 /// # Errors
 /// Returns the errors of [`InputFile::open`]. Returns [`ErrorKind::Input`] if the file is larger than `limit`.
 pub fn read_bytes(path: &Path, description: &str, limit: u64) -> Result<Vec<u8>> {
-    let file = InputFile::open(path)?;
-    if file.len() > limit {
-        return Err(Error::new(ErrorKind::Input, path.display())
-            .found(format_args!("{} bytes", file.len()))
-            .expected(format_args!("{description}, at most {limit} bytes")));
-    }
-    let len = usize::try_from(file.len()).unwrap_or(usize::MAX);
-    let mut bytes = super::zeroed_vec(path.display(), len)?;
-    file.read_at(0, &mut bytes)?;
-    Ok(bytes)
+    InputFile::open(path)?.read_all(description, limit)
 }
 
 /// Returns the text of the regular file at `path`. The maximum size is [`MAX_TEXT_BYTES`].
@@ -305,6 +335,22 @@ mod tests {
         let mut text = String::new();
         file.reader().read_to_string(&mut text).unwrap();
         assert_eq!(text, "first");
+    }
+
+    #[test]
+    fn a_part_reads_its_own_bytes_and_ends_inside_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("shard.tar");
+        std::fs::write(&path, "0123456789").unwrap();
+        let file = InputFile::open(&path).unwrap();
+        let outer = file.part(2..8, "outer".into()).unwrap();
+        let inner = outer.part(1..4, "inner".into()).unwrap();
+        assert_eq!(inner.read_all("a part", 3).unwrap(), b"345");
+        let mut text = String::new();
+        inner.reader().read_to_string(&mut text).unwrap();
+        assert_eq!(text, "345");
+        let error = outer.part(4..7, "beyond".into()).unwrap_err();
+        assert!(error.kind() == ErrorKind::Input && error.subject() == "beyond", "{error}");
     }
 
     #[test]

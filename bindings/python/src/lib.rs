@@ -7,6 +7,7 @@ mod argument;
 mod arrays;
 mod batch;
 mod camera;
+mod dataset;
 mod distribution;
 mod error;
 mod report;
@@ -30,6 +31,8 @@ mod _native {
     use super::camera::{Camera, effects, presets};
     #[pymodule_export]
     use super::command;
+    #[pymodule_export]
+    use super::dataset::{DatasetReader, SequenceFiles};
     #[pymodule_export]
     use super::distribution::CameraDistribution;
     #[pymodule_export]

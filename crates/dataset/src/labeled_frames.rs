@@ -1,11 +1,9 @@
 //! The labeled readouts of a sequence, read from its `labels.json`.
 
-use std::path::Path;
-
 use serde::Deserialize;
 
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::{Access, InnerPath, not_found_as_none, read_bytes};
+use spikelane::unstable::inputs::InputFile;
 
 /// Maximum size in bytes of the `labels.json` of a sequence.
 pub(super) const MAX_LABEL_BYTES: u64 = 256 << 20;
@@ -52,13 +50,10 @@ struct LabelFile {
     frames: Vec<LabeledFrame>,
 }
 
-/// Reads the labeled readouts of the sequence in `folder`. If the sequence has no labels, the result is empty.
-pub(super) fn read(folder: &Path, access: Access) -> Result<Vec<LabeledFrame>> {
-    let path = InnerPath::from("labels/labels.json").resolve_in(folder, access)?;
-    let Some(text) = not_found_as_none(read_bytes(&path, "labels", MAX_LABEL_BYTES))? else {
-        return Ok(Vec::new());
-    };
-    let read: LabelFile =
-        serde_json::from_slice(&text).map_err(|e| Error::new(ErrorKind::Corrupt, path.display()).found(e))?;
+/// Reads the labeled readouts from the `labels.json` of a sequence.
+pub(super) fn read(file: &InputFile) -> Result<Vec<LabeledFrame>> {
+    let text = file.read_all("labels", MAX_LABEL_BYTES)?;
+    let read: LabelFile = serde_json::from_slice(&text)
+        .map_err(|e| Error::new(ErrorKind::Corrupt, file.path().display()).found(e))?;
     Ok(read.frames)
 }

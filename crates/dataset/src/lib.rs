@@ -18,17 +18,21 @@ mod images;
 mod labeled_frames;
 mod labels;
 mod manifest;
+mod pack_schema;
+mod reader;
 mod record;
 mod sequence;
 pub mod shards;
 mod spec;
 pub mod statistics;
+mod tar_index;
 
 pub use discover::{Input, discover_inputs, skipped_files};
 pub use drive::Drive;
 pub use fingerprint::Fingerprint;
 pub use generate::{DatasetEstimate, DatasetReport, SequenceProgress, estimate, generate};
 pub use manifest::{Manifest, SequenceEntry, SequenceStatus};
+pub use reader::{DatasetReader, SequenceFiles};
 pub use record::SequenceRecord;
 pub use spec::{
     Cameras, Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions, SceneContent,

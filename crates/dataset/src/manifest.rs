@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::Split;
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{Access, InnerPath, InputFile, InputLines, MAX_TEXT_BYTES, PlainName};
 use spikelane_io::storage::{Digest, folders, sync};
 
@@ -102,22 +102,6 @@ impl SequenceEntry {
             Some(shard) => InnerPath::from("shards").join(shard).join(sequence_path(&self.id)),
             None => sequence_path(&self.id),
         }
-    }
-
-    /// Returns the folder of the sequence. `access` determines whether links to paths outside the dataset's folder are
-    /// allowed.
-    ///
-    /// # Errors [`ErrorKind::Input`] if the sequence is in a packed shard. Also [`ErrorKind::Input`] if the path
-    /// contains a link to a path outside the dataset's folder and `access` does not allow such links.
-    pub fn sequence_folder(&self, dataset: &Path, access: Access) -> Result<PathBuf> {
-        let folder = self.path().resolve_in(dataset, access)?;
-        if self.shard.is_none() || folder.exists() {
-            return Ok(folder);
-        }
-        Err(Error::new(ErrorKind::Input, folder.display())
-            .found("a packed sequence")
-            .expected("a folder of the sequence")
-            .remedy(format_args!("unpack the tar file, or plan the dataset without {}", Setting("pack"))))
     }
 }
 

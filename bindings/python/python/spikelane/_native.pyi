@@ -12,7 +12,9 @@ __version__: str
 __all__ = [
     "Camera",
     "CameraDistribution",
+    "DatasetReader",
     "Scene",
+    "SequenceFiles",
     "Simulator",
     "SpikeFrames",
     "Stream",
@@ -223,6 +225,17 @@ class Stream:
     def __enter__(self) -> Stream: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
     def __exit__(self, *_exception: type[BaseException] | BaseException | TracebackType | None) -> None: ...
+
+@final
+class DatasetReader:
+    def __new__(cls, path: _Path) -> DatasetReader: ...
+    def sequences(self) -> list[tuple[str, str, str | None]]: ...
+    def open(self, index: int) -> SequenceFiles: ...
+
+@final
+class SequenceFiles:
+    def read(self, path: str) -> bytes: ...
+    def read_packed(self, clean: bool) -> tuple[_Bytes, int, int]: ...
 
 @final
 class Scene:

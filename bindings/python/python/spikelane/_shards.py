@@ -1,10 +1,9 @@
-"""Reads the sequences of packed shards tar by tar, without torch."""
+"""Reads the sequences of data sets, from folders and from packed shards, without torch."""
 
 from __future__ import annotations
 
 import io
 import json
-import tarfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,15 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _native
 from ._clips import _hash
 from ._errors import usage_error
 from ._native import unpack
 
 SPLITS = ("train", "validation", "test")
 
+# A part is read by one worker. It consists of the path of a data set or tar, and the indices of sequences in it.
+Part = tuple[Path, list[int]]
+
 
 class ShardReader:
-    """Reads the tars of a data set that was planned with ``--pack``.
+    """Reads the sequences of data sets, plans and shards.
 
     ``spikelane.torch.SpikeShards`` describes the arguments.
     """
@@ -31,99 +34,77 @@ class ShardReader:
         split: str | None,
         *,
         clean: bool,
-        members: Sequence[str],
+        files: Sequence[str],
         shuffle: bool,
         seed: int,
     ) -> None:
         if split is not None and split not in SPLITS:
             raise usage_error("split", repr(split), "'train', 'validation', 'test' or None", "pass None for all sequences")
-        self.tars = _find_tars(source)
-        self.split = split
+        sources = _list_sources(Path(source)) if isinstance(source, (str, Path)) else [Path(path) for path in source]
+        self.parts = [part for path in sources for part in _find_parts(path, split)]
         self.clean = clean
-        self.members = tuple(members)
+        self.files = tuple(files)
         self.shuffle = shuffle
         self.seed = seed
 
-    def part_tars(self, epoch: int, part_count: int, part_index: int) -> list[Path]:
-        """Returns the tars of part ``part_index`` of ``part_count``, in the order of the epoch."""
-        order = list(range(len(self.tars)))
+    def select_parts(self, epoch: int, reader_count: int, reader_index: int) -> list[Part]:
+        """Returns the parts of reader ``reader_index`` of ``reader_count``, in the order of the epoch."""
+        order = list(range(len(self.parts)))
         if self.shuffle:
             order.sort(key=lambda index: _hash(self.seed, 0x5AD5, epoch, index))
-        return [self.tars[index] for index in order[part_index::part_count]]
+        return [self.parts[index] for index in order[reader_index::reader_count]]
 
-    def read_items(self, tars: Sequence[Path]) -> Iterator[dict[str, Any]]:
-        """Yields every sequence of the split in the order of the tars."""
-        for path in tars:
-            for key, files in _read_sequences(path):
-                found = files.get("split.txt")
-                if self.split is None or (found is not None and found.decode() == self.split):
-                    yield self._item(path, key, files)
+    def read_items(self, parts: Sequence[Part]) -> Iterator[dict[str, Any]]:
+        """Yields every sequence of the split in the order of the parts."""
+        opened: tuple[Path, _native.DatasetReader] | None = None
+        for path, indices in parts:
+            if opened is None or opened[0] != path:
+                opened = (path, _native.DatasetReader(path))
+            dataset = opened[1]
+            sequences = dataset.sequences()
+            for index in indices:
+                name, split, _ = sequences[index]
+                yield self._item(name, split, dataset.open(index))
 
-    def _item(self, path: Path, key: str, files: dict[str, bytes]) -> dict[str, Any]:
-        try:
-            about = json.loads(files["stream.json"])
-            item: dict[str, Any] = {
-                "id": key,
-                "split": files["split.txt"].decode(),
-                "record": json.loads(files["json"]),
-                "spikes": _decode_spikes(files["spk.dat"], about),
-            }
-            if self.clean:
-                item["clean"] = _decode_spikes(files["clean.dat"], about)
-            item.update({name: _decode_member(name, files[name]) for name in self.members})
-        except KeyError as missing:
-            raise usage_error(
-                str(path),
-                f"no {missing.args[0]} of {key}",
-                "a sequence that 'spikelane dataset run' packed",
-                f"choose from {', '.join(sorted(files))}",
-            ) from missing
+    def _item(self, name: str, split: str, sequence: _native.SequenceFiles) -> dict[str, Any]:
+        record = json.loads(sequence.read("record.json"))
+        item: dict[str, Any] = {"id": name, "split": split, "record": record, "spikes": _read_spikes(sequence, False)}
+        if self.clean:
+            item["clean"] = _read_spikes(sequence, True)
+        names = {"record.json", *(file["path"] for file in record["files"])}
+        for file in self.files:
+            if file not in names:
+                remedy = f"choose from {', '.join(sorted(names))}"
+                raise usage_error("files", repr(file), f"a file of {name}", remedy)
+            item[file] = _decode_file(file, sequence.read(file))
         return item
 
 
-def _find_tars(source: str | Path | Sequence[str | Path]) -> list[Path]:
-    if isinstance(source, (str, Path)):
-        folder = Path(source)
-        found = sorted(folder.glob("shards/*.tar")) or sorted(folder.glob("*.tar"))
-        if not found:
-            raise usage_error(
-                str(source),
-                "no tar",
-                "the folder of a data set that was planned with --pack",
-                "run the shards of this data set",
-            )
-        return found
-    return [Path(path) for path in source]
+def _list_sources(path: Path) -> list[Path]:
+    """Returns the tars in a folder to which only tars were copied, and otherwise ``path``."""
+    if (path / "manifest.jsonl").exists() or (path / "plan.json").exists():
+        return [path]
+    return sorted(path.glob("shards/*.tar")) or sorted(path.glob("*.tar")) or [path]
 
 
-def _read_sequences(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
-    """Yields sequences: consecutive members whose names are equal before the first dot."""
-    key, files = "", dict[str, bytes]()
-    with tarfile.open(path, "r|") as tar:
-        for member in tar:
-            body = tar.extractfile(member)
-            if body is None:
-                continue
-            sequence, _, member_name = member.name.partition(".")
-            if sequence != key and files:
-                yield key, files
-                files = {}
-            key = sequence
-            files[member_name] = body.read()
-    if files:
-        yield key, files
+def _find_parts(path: Path, split: str | None) -> list[Part]:
+    """Returns a part for each shard, or for each sequence of a data set without shards."""
+    parts: dict[str, list[tuple[str, int]]] = {}
+    for index, (name, own_split, shard) in enumerate(_native.DatasetReader(path).sequences()):
+        key = (name if path.is_dir() else "") if shard is None else shard
+        part = parts.setdefault(key, [])
+        if split is None or split == own_split:
+            part.append((name, index))
+    return [(path, [index for _, index in sorted(part)]) for _, part in sorted(parts.items())]
 
 
-def _decode_spikes(stream: bytes, about: dict[str, Any]) -> NDArray[np.uint8]:
+def _read_spikes(sequence: _native.SequenceFiles, clean: bool) -> NDArray[np.uint8]:
     """Returns uint8 (T, H, W) of 0 and 1, with the top row first."""
-    width, height, readouts = about["width"], about["height"], about["readouts"]
-    packed = np.frombuffer(stream, np.uint8).reshape(readouts, (width * height + 7) // 8)
-    bits: NDArray[np.uint8] = unpack(packed, height, width)
-    # The file stores the bottom row first.
-    return np.ascontiguousarray(bits[:, ::-1])
+    bits: NDArray[np.uint8] = unpack(*sequence.read_packed(clean))
+    return bits
 
 
-def _decode_member(name: str, body: bytes) -> Any:
+def _decode_file(name: str, body: bytes) -> Any:
     if name.endswith(".npy"):
         return np.load(io.BytesIO(body))
     if name.endswith(".json"):

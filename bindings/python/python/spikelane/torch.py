@@ -1,7 +1,7 @@
 """Data sets for loaders of torch: a new recording of every clip in every epoch.
 
 `SpikeClips` is a map-style data set, and `SpikeClipStream` is an iterable data set. (seed, epoch, index) determines a
-stream. The number of workers and their start method (fork or spawn) have no effect. `SpikeShards` reads the packed shards of
+stream. The number of workers and their start method (fork or spawn) have no effect. `SpikeShards` reads the
 data sets that `spikelane dataset` generated. Only this module imports torch.
 """
 
@@ -198,23 +198,23 @@ class SpikeClipStream(_EpochDataset):
 
 
 class SpikeShards(_EpochDataset):
-    """An iterable data set of packed shards: one pass over the sequences of a split, tar by tar.
+    """An iterable data set of generated sequences: one pass over the sequences of a split, shard by shard.
 
-    ``source`` is the folder of a data set that was planned with ``--pack``, or a list of tars. An item is a dict with these
-    keys:
+    ``source`` is the folder of a data set, plan or shard, the tar of a packed shard, a folder of tars, or a list of these. The
+    items of packed and other data sets are equal. An item is a dict with these keys:
 
     - ``id`` and ``split``: str;
     - ``record``: a dict;
     - ``spikes``: uint8 (T, H, W) of 0 and 1, with the top row first;
     - ``clean``: like ``spikes``, but from the noise-free twin; only with ``clean=True``;
-    - each name in ``members``: a tensor for ``"labels-000000-depth.npy"``, a dict for ``"stream.json"``, and bytes for other
-      files such as ``"png"``.
+    - each path in ``files``: a tensor for ``"labels/000000.depth.npy"``, a dict for ``"stream.json"``, and bytes for other
+      files such as ``"reference.png"``. Paths start at the folder of the sequence.
 
-    Each of R ranks reads every R-th tar, and each of W workers reads every W-th tar of its rank. So the data set should have
-    more tars than workers. ``shuffle=True`` draws a new order of tars in every epoch. Within a tar, sequences are sorted by
-    name.
+    Each of R ranks reads every R-th shard, and each of W workers reads every W-th shard of its rank. So the data set should
+    have more shards than workers. In a data set without shards, each sequence counts as a shard. ``shuffle=True`` draws a new
+    order of shards in every epoch. Within a shard, sequences are sorted by name.
 
-    Raises SpikelaneError if no tar exists or a sequence lacks a member.
+    Raises SpikelaneError if no data set exists or a sequence lacks a file.
     """
 
     def __init__(
@@ -223,19 +223,19 @@ class SpikeShards(_EpochDataset):
         split: str | None = None,
         *,
         clean: bool = False,
-        members: Sequence[str] = (),
+        files: Sequence[str] = (),
         shuffle: bool = False,
         seed: int = 0,
         rank: int = 0,
         ranks: int = 1,
     ) -> None:
         super().__init__(rank, ranks)
-        self.reader = ShardReader(source, split, clean=clean, members=members, shuffle=shuffle, seed=seed)
+        self.reader = ShardReader(source, split, clean=clean, files=files, shuffle=shuffle, seed=seed)
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         worker_index, workers = _worker_index_and_count()
-        tars = self.reader.part_tars(self.epoch, self.ranks * workers, self.rank * workers + worker_index)
-        for item in self.reader.read_items(tars):
+        parts = self.reader.select_parts(self.epoch, self.ranks * workers, self.rank * workers + worker_index)
+        for item in self.reader.read_items(parts):
             yield _to_tensors(item)
 
     def __repr__(self) -> str:

@@ -107,10 +107,7 @@ impl StreamArgs {
 
     /// Opens the stream as [`open`](Self::open) does. Also returns the layout guesses that were compared.
     pub(crate) fn open_with_guesses(&self, path: &Path, out: &Console) -> Result<OpenedStream> {
-        let geometry = parse_size(path.display(), self.width, self.height)?;
-        let layout = self.layout.as_deref().map(Layout::parse).transpose()?;
-        let options =
-            OpenOptions { layout, geometry, key: self.key.clone(), missing_frames: self.missing_frames };
+        let options = self.options(path.display())?;
         let (reader, bytes) = if is_dash(path) {
             let bytes = read_stdin()?;
             let len = bytes.len() as u64;
@@ -126,9 +123,22 @@ impl StreamArgs {
                 file.display()
             ));
         }
-        let guesses = reader.layout_guesses()?;
-        print_stream_warnings(&reader, &guesses, out);
+        let guesses = self.report(&reader, out)?;
         Ok(OpenedStream { reader, guesses, bytes })
+    }
+
+    /// Returns the options of the flags. `subject` is the subject of errors.
+    pub(crate) fn options(&self, subject: impl std::fmt::Display) -> Result<OpenOptions> {
+        let geometry = parse_size(subject, self.width, self.height)?;
+        let layout = self.layout.as_deref().map(Layout::parse).transpose()?;
+        Ok(OpenOptions { layout, geometry, key: self.key.clone(), missing_frames: self.missing_frames })
+    }
+
+    /// Prints the warnings of an open stream, and returns the layout guesses that were compared.
+    pub(crate) fn report(&self, reader: &StreamReader, out: &Console) -> Result<LayoutGuesses> {
+        let readings = reader.layout_guesses()?;
+        print_stream_warnings(reader, &readings, out);
+        Ok(readings)
     }
 }
 

@@ -23,7 +23,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     if args.full_scale_rate.is_some_and(|f| !(f.is_finite() && f > 0.0)) {
         return Err(Error::new(ErrorKind::Usage, "--full-scale-rate").expected("a positive rate"));
     }
-    if args.file.is_dir() { dataset::run(args, out) } else { evaluate_stream(args, out) }
+    if dataset::is_dataset(&args.file) { dataset::run(args, out) } else { evaluate_stream(args, out) }
 }
 
 fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {

@@ -10,6 +10,7 @@ shards without --pack.
 import io
 import json
 import sys
+import tarfile
 from pathlib import Path
 
 import numpy as np
@@ -29,10 +30,11 @@ def same(plain: Path, key: str, files: dict) -> None:
     for name, path in [("spk.dat", "stream.dat"), ("clean.dat", "stream.clean.dat"), ("png", "reference.png"), ("gt.png", "gt.png")]:
         assert files[name] == (folder / path).read_bytes(), (key, name)
     assert json.loads(files["json"])["id"] == key
-    labels = sorted(p.name for p in (folder / "labels").glob("*.npy"))
-    for label in labels:
-        name = f"labels-{label.removesuffix('.npy').replace('.', '-')}.npy"
-        assert np.array_equal(np.load(io.BytesIO(files[name])), np.load(folder / "labels" / label)), (key, name)
+    with tarfile.open(fileobj=io.BytesIO(files["files.tar"])) as tar:
+        others = {member.name: tar.extractfile(member).read() for member in tar}
+    for name, body in others.items():
+        assert body == (folder / name).read_bytes(), (key, name)
+    assert len(others) == sum(p.is_file() for p in folder.rglob("*")) - 4, key
 
 
 def with_webdataset(plain: Path, tars: list[str]) -> None:
@@ -48,22 +50,23 @@ def with_webdataset(plain: Path, tars: list[str]) -> None:
         assert keys == {p.stem for p in (plain / split / "gt").glob("*.png")}, split
     decoded = next(iter(wds.WebDataset(tars, shardshuffle=False).decode("rgb8")))
     print(f"webdataset {wds.__version__}: {count} sequences in {len(tars)} tars, splits "
-          f"{ {k: len(v) for k, v in sorted(splits.items())} }; decoded: png {decoded['png'].shape}, "
-          f"depth {decoded['labels-000000-depth.npy'].shape}")
+          f"{ {k: len(v) for k, v in sorted(splits.items())} }; decoded: png {decoded['png'].shape}")
 
 
 def with_datasets(plain: Path, tars: list[str]) -> None:
     import datasets
 
-    loaded = datasets.load_dataset("webdataset", data_files={"train": tars}, split="train", streaming=True)
-    count = 0
-    for sample in loaded:
-        key = sample["__key__"]
-        folder = plain / "sequences" / key
-        assert sample["spk.dat"] == (folder / "stream.dat").read_bytes(), key
-        assert sample["json"]["id"] == key
-        count += 1
-    print(f"datasets {datasets.__version__}, webdataset: {count} sequences, columns such as {sorted(sample)[:4]}")
+    for streaming in (False, True):
+        loaded = datasets.load_dataset("webdataset", data_files={"train": tars}, split="train", streaming=streaming)
+        count = 0
+        for sample in loaded:
+            key = sample["__key__"]
+            folder = plain / "sequences" / key
+            assert sample["spk.dat"] == (folder / "stream.dat").read_bytes(), key
+            assert sample["json"]["id"] == key
+            count += 1
+        print(f"datasets {datasets.__version__}, webdataset{', streaming' * streaming}: {count} sequences, "
+              f"columns such as {sorted(sample)[:4]}")
 
 
 def with_imagefolder(plain: Path, merged: Path) -> None:

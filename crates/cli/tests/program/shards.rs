@@ -106,30 +106,147 @@ fn a_pack_holds_every_sequence_in_webdatasets_naming_with_a_fixed_digest() {
         }
     }
     assert!(names.is_sorted(), "{names:?}");
+    // Every sequence has the same members.
+    let members = ["clean.dat", "files.tar", "gt.png", "json", "png", "spk.dat", "split.txt"];
+    let expected_names: Vec<String> =
+        (0..5).flat_map(|k| members.map(|member| format!("scene-000{k}.{member}"))).collect();
+    assert_eq!(names, expected_names);
     for (file, name) in [
         ("stream.dat", "spk.dat"),
         ("stream.clean.dat", "clean.dat"),
         ("reference.png", "png"),
-        ("labels/000002.depth.npy", "labels-000002-depth.npy"),
+        ("gt.png", "gt.png"),
     ] {
         let (expected, packed) =
             (&expected[&format!("scene-0003/{file}")], &packed_files[&format!("scene-0003.{name}")]);
         assert!(expected == packed, "{file}");
     }
-    // Seeds above 63 bits are stored as strings in the pack, because Arrow has no integers of this size.
-    for k in 0..5 {
-        let json = |bytes: &[u8]| -> serde_json::Value { serde_json::from_slice(bytes).unwrap() };
-        let record = json(&expected[&format!("scene-000{k}/record.json")]);
-        let packed = json(&packed_files[&format!("scene-000{k}.json")]);
-        assert_eq!((&packed["id"], &packed["files"]), (&record["id"], &record["files"]));
-        let (seed, text) = (&packed["facts"]["scene_seed"], record["facts"]["scene_seed"].to_string());
-        assert!(seed.as_i64().is_some() && *seed == record["facts"]["scene_seed"] || *seed == text.as_str());
+    // The inner tar contains all other files under their paths.
+    let mut others = expected.clone();
+    let in_members = ["stream.dat", "stream.clean.dat", "reference.png", "gt.png"];
+    others.retain(|path, _| {
+        path.starts_with("scene-0003/") && !in_members.iter().any(|f| path.ends_with(&format!("/{f}")))
+    });
+    let mut inner = tar::Archive::new(&packed_files["scene-0003.files.tar"][..]);
+    for member in inner.entries().unwrap() {
+        let mut member = member.unwrap();
+        let path = format!("scene-0003/{}", member.path().unwrap().display());
+        let mut bytes = Vec::new();
+        std::io::Read::read_to_end(&mut member, &mut bytes).unwrap();
+        assert!(others.remove(&path) == Some(bytes), "{path}");
     }
-    let splits = names.iter().filter(|n| n.ends_with(".split.txt")).count();
-    assert_eq!((names.len(), splits), (expected.len() + 5, 5));
-    // Commands that need folders report that the dataset is packed.
-    place.run_refused("dataset stats a", 4, &["a packed sequence", "--pack"]);
-    place.run_refused("evaluate a", 4, &["a packed sequence"]);
+    assert!(others.is_empty(), "{:?}", others.keys());
+}
+
+/// Returns the type of each key of a JSON object.
+fn json_types(bytes: &[u8]) -> Vec<(String, &'static str)> {
+    let value: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(bytes).unwrap();
+    let kind = |value: &serde_json::Value| match value {
+        serde_json::Value::String(_) => "text",
+        serde_json::Value::Number(n) if n.is_f64() => "float",
+        serde_json::Value::Number(n) if n.is_i64() => "integer of 63 bits",
+        _ => "other",
+    };
+    value.iter().map(|(key, value)| (key.clone(), kind(value))).collect()
+}
+
+#[test]
+fn the_description_in_a_pack_has_one_type_for_each_key_in_scenes_and_inputs() {
+    let place = TestFolder::new();
+    clips(&place, 3);
+    place.write("clips/long.y4m", y4m(48, 30, &[1, 2, 3, 4, 5]));
+    let mut types = Vec::new();
+    for (out, flags) in [("a", SCENES.to_owned()), ("b", format!("{CLIPS} --images-every 2"))] {
+        place.run_ok(&format!("dataset plan {flags} -o {out} --sequences-per-shard 9 --pack"));
+        place.run_ok(&format!("dataset run {out} --shards all"));
+        let bytes = place.read(&format!("{out}/shards/000000.tar"));
+        for member in tar::Archive::new(&bytes[..]).entries().unwrap() {
+            let mut member = member.unwrap();
+            if member
+                .path()
+                .unwrap()
+                .to_string_lossy()
+                .split_once('.')
+                .is_some_and(|(_, rest)| rest == "json")
+            {
+                let mut text = Vec::new();
+                std::io::Read::read_to_end(&mut member, &mut text).unwrap();
+                types.push(json_types(&text));
+            }
+        }
+    }
+    assert_eq!(types.len(), 9);
+    assert!(types.iter().all(|own| *own == types[0]), "{types:?}");
+    assert!(types[0].iter().all(|(_, kind)| *kind != "other"), "{:?}", types[0]);
+    let page =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/shards.md"))
+            .unwrap();
+    for (key, kind) in &types[0] {
+        let kind = kind.split(' ').next().unwrap();
+        assert!(page.contains(&format!("| `{key}` | {kind} |")), "{key} {kind}");
+    }
+}
+
+#[test]
+fn packed_and_unpacked_datasets_have_equal_statistics_and_scores() {
+    let place = TestFolder::new();
+    place.run_ok(&format!("dataset {SCENES} -o whole"));
+    for (out, flag) in [("cut", ""), ("pack", "--pack")] {
+        place.run_ok(&format!("dataset plan {SCENES} -o {out} --sequences-per-shard 2 {flag}"));
+        place.run_refused(&format!("dataset stats {out}"), 4, &["3 of 3 shards missing", "0-2"]);
+        place.run_ok(&format!("dataset run {out} --shards all"));
+    }
+    let stats = |set: &str| place.run_ok(&format!("dataset stats {set} --report {set}.html --force")).stdout;
+    let scores = |set: &str| {
+        let text = place.run_ok(&format!("evaluate {set} --method tfp --window 1")).stdout;
+        text.split_once('\n').unwrap().1.to_owned()
+    };
+    let expected = (stats("whole"), scores("whole"));
+    for set in ["cut", "pack"] {
+        assert!((stats(set), scores(set)) == expected, "{set} before the merge");
+        place.run_ok(&format!("dataset merge {set}"));
+        assert!((stats(set), scores(set)) == expected, "{set}");
+        assert_eq!(
+            place.read(&format!("{set}.html")).len() as i64 - place.read("whole.html").len() as i64,
+            set.len() as i64 * 2 - "whole".len() as i64 * 2,
+            "only the name differs"
+        );
+    }
+    let shard = |set: &str| (stats(set), scores(set));
+    let expected = shard("cut/shards/000001");
+    assert!(expected.0.starts_with("2 sequences, 6 readouts"), "{}", expected.0);
+    for set in ["pack/shards/000001", "pack/shards/000001.tar"] {
+        assert!(shard(set) == expected, "{set}");
+    }
+}
+
+#[test]
+fn a_tar_that_is_no_pack_or_is_damaged_is_refused_by_name() {
+    let place = TestFolder::new();
+    let small = SCENES.replace("--sequences 5", "--sequences 1");
+    place.run_ok(&format!("dataset plan {small} -o set --sequences-per-shard 1 --pack"));
+    place.run_ok("dataset run set --shards all");
+    let bytes = place.read("set/shards/000000.tar");
+    let members = |keep: &dyn Fn(&str) -> bool| {
+        let mut out = tar::Builder::new(Vec::new());
+        for member in tar::Archive::new(&bytes[..]).entries().unwrap() {
+            let member = member.unwrap();
+            if keep(&member.path().unwrap().to_string_lossy()) {
+                out.append(&member.header().clone(), member).unwrap();
+            }
+        }
+        out.into_inner().unwrap()
+    };
+    for (name, tar, words) in [
+        ("cut", bytes[..bytes.len() / 2].to_vec(), "exceeds the file"),
+        ("early", members(&|name| !name.ends_with(".files.tar")), "no scene-0000.files.tar"),
+        ("other", members(&|name| name.ends_with(".png")), "a tar without descriptions of sequences"),
+        ("stream", members(&|name| !name.ends_with(".spk.dat")), "scene-0000/stream.dat"),
+    ] {
+        place.write(&format!("{name}.tar"), tar);
+        let ran = place.run(&format!("evaluate {name}.tar"));
+        assert!(ran.code != 0 && ran.stderr.contains(words), "{name}: {} {}", ran.code, ran.stderr);
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ mod metadata;
 mod mot;
 mod spikecv;
 
-use crate::{DatasetOptions, SequenceEntry, SequenceStatus, Split, labeled_frames};
+use crate::{DatasetOptions, SequenceEntry, SequenceFiles, SequenceStatus, Split};
 use spikelane::error::Result;
 use spikelane_io::storage::folders;
 
@@ -34,10 +34,8 @@ impl Exporters {
         }
         let split = entry.split as usize;
         self.tables.add(entry, split);
-        let frames = labeled_frames::read(
-            &entry.path().resolve_in(&options.output, options.access())?,
-            options.access(),
-        )?;
+        let folder = entry.path().resolve_in(&options.output, options.access())?;
+        let frames = SequenceFiles::in_folder(folder, options.access()).labeled_frames()?;
         let Some(first) = frames.first() else { return Ok(0) };
         mot::write(options, entry, &frames)?;
         kitti::write(options, entry, &first.camera, &frames)?;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use super::finished::check_finished;
 use super::journal;
 use super::lock::{self, Lock};
 use super::plan::ShardPlan;
-use super::shard_numbers;
 use crate::exporters::{self, Exporters};
 use crate::manifest::{self, DatasetDigest, sequence_path};
 use crate::{SequenceEntry, SequenceRecord, SequenceStatus, datasheet};
@@ -55,13 +55,7 @@ pub fn merge(
     // other's files.
     let _lock = options.take_lock.then(|| Lock::acquire(&lock::lock_path(&plan.folder))).transpose()?;
     exporters::remove_partials(&plan.folder)?;
-    let missing = missing_shards(plan, progress)?;
-    if !missing.is_empty() {
-        return Err(Error::new(ErrorKind::Input, plan.folder.display())
-            .found(format_args!("{} of {} shards missing", missing.len(), plan.shards()))
-            .expected("all shards")
-            .remedy(format_args!("run the shards {}", shard_numbers::format_shards(&missing))));
-    }
+    check_finished(plan, &mut || progress(0, plan.shards()))?;
     let mut merged = MergeReport::default();
     let mut digest = DatasetDigest::default();
     let mut counts = datasheet::Counts::default();
@@ -95,18 +89,6 @@ pub fn merge(
     merged.digest = digest.text();
     datasheet::write(&plan.options, &counts, &merged.digest)?;
     Ok(merged)
-}
-
-fn missing_shards(plan: &ShardPlan, watch: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Vec<u64>> {
-    let access = plan.options.access();
-    let mut all = Vec::new();
-    for number in 0..plan.shards() {
-        watch(0, plan.shards())?;
-        if journal::read_head(&plan.shard_folder(number, access)?, access)?.is_none() {
-            all.push(number);
-        }
-    }
-    Ok(all)
 }
 
 /// Verifies a shard and returns its sequences. If `stop` returns an error, the verification ends immediately.

@@ -5,6 +5,7 @@
 //! on any machine and in any order. [`plan_status`] reports the remaining work. [`merge()`] verifies all shards and
 //! completes the dataset. The names, seeds and bytes of a sequence do not depend on the division into shards.
 
+mod finished;
 mod input_list;
 mod journal;
 mod lock;
@@ -27,6 +28,7 @@ pub fn count_journal_lines(folder: &std::path::Path) -> spikelane::Result<usize>
     Ok(journal::Journal::open(folder, spikelane::unstable::inputs::Access::Read)?.read()?.len())
 }
 
+pub(super) use finished::{read_plan_entries, read_shard_entries};
 pub use merge::{MergeOptions, MergeReport, merge};
 pub use plan::ShardPlan;
 pub use run::{ShardOptions, ShardReport, generate_shard};

@@ -1,105 +1,88 @@
-//! Writes a shard as one tar file. The member names follow the convention of webdataset.
+//! Writes a shard as one tar file. The member names follow the convention of webdataset, and `pack_schema` defines the
+//! members.
 //!
 //! The members that belong to one sequence are consecutive. The name of a member consists of the name of the sequence,
 //! a dot, and the kind of the file. Members are sorted, and their times and owners are zero. The digest of the tar
 //! therefore depends only on the sequences.
 
-use std::io::{self, Read, Write};
+use std::collections::BTreeSet;
+use std::io::{self, Cursor, Read, Write};
 use std::path::{Path, PathBuf};
-
-use serde_json::Value;
 
 use super::journal::JournalEntry;
 use super::tar_file::ShardTar;
-use crate::SequenceStatus;
 use crate::fingerprint::{self, Fingerprint};
 use crate::manifest::sequence_path;
-use crate::record::{self, SequenceRecord};
+use crate::pack_schema::{self, SampleDescription};
+use crate::record;
+use crate::{SequenceFiles, SequenceRecord, SequenceStatus};
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName, read_bytes};
+use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName};
 use spikelane_io::storage::{Digest, FileWriter};
 
-/// Returns the name of a sequence's file in the tar. The part of the name before the first dot is the name of the
-/// sequence.
-pub(super) fn member_name(id: &PlainName, path: &InnerPath) -> String {
-    let what = match path.as_str() {
-        record::FILE_NAME => "json".to_owned(),
-        "stream.dat" => "spk.dat".to_owned(),
-        "stream.clean.dat" => "clean.dat".to_owned(),
-        "reference.png" => "png".to_owned(),
-        other => {
-            let (stem, ending) = other.rsplit_once('.').unwrap_or((other, "bin"));
-            format!("{}.{ending}", stem.replace(['/', '.'], "-"))
-        }
-    };
-    format!("{id}.{what}")
-}
-
-/// A member of the tar, with its name, its size, and the source of its bytes.
+/// A member of the tar, with its name and the sources of its bytes.
 struct Member {
     name: String,
-    bytes: u64,
-    source: MemberSource,
+    pieces: Vec<Piece>,
 }
 
-enum MemberSource {
-    File(PathBuf),
-    Text(String),
+/// A source of bytes.
+enum Piece {
+    File { path: PathBuf, bytes: u64 },
+    Bytes(Vec<u8>),
+}
+
+impl Piece {
+    fn len(&self) -> u64 {
+        match self {
+            Self::File { bytes, .. } => *bytes,
+            Self::Bytes(bytes) => bytes.len() as u64,
+        }
+    }
+
+    fn open(&self) -> io::Result<Box<dyn Read + '_>> {
+        match self {
+            Self::File { path, bytes } => {
+                let file = InputFile::open(path).map_err(io::Error::other)?;
+                if file.len() != *bytes {
+                    let text = format!("{}: {} bytes, not {bytes} as recorded", path.display(), file.len());
+                    return Err(io::Error::other(text));
+                }
+                Ok(Box::new(file.into_reader()))
+            }
+            Self::Bytes(bytes) => Ok(Box::new(Cursor::new(bytes))),
+        }
+    }
 }
 
 impl Member {
-    /// Returns the member for the file at `path`. If `seeds` is true, the file is JSON, and integers of more than 63
-    /// bits are converted to text.
-    fn from_file(name: String, path: PathBuf, seeds: bool) -> Result<Self> {
-        if seeds {
-            let text = read_bytes(&path, "a record or sidecar", record::MAX_RECORD_BYTES)?;
-            let read = serde_json::from_slice(&text);
-            let mut value: Value =
-                read.map_err(|e| Error::new(ErrorKind::Corrupt, path.display()).found(e))?;
-            if integers_to_text(&mut value) {
-                let text = format!("{value:#}");
-                return Ok(Self { name, bytes: text.len() as u64, source: MemberSource::Text(text) });
-            }
-        }
-        let bytes = InputFile::open(&path)?.len();
-        Ok(Self { name, bytes, source: MemberSource::File(path) })
+    fn from_bytes(name: &InnerPath, bytes: Vec<u8>) -> Self {
+        Self { name: name.to_string(), pieces: vec![Piece::Bytes(bytes)] }
+    }
+
+    fn len(&self) -> u64 {
+        self.pieces.iter().map(Piece::len).sum()
     }
 }
 
-/// Returns whether a file of a sequence is a JSON file that contains seeds.
-fn holds_seeds(path: &str) -> bool {
-    matches!(path, record::FILE_NAME | "stream.json")
+/// Reads pieces one after the other. Only one file is open.
+struct PieceReader<'a> {
+    rest: std::slice::Iter<'a, Piece>,
+    open: Option<Box<dyn Read + 'a>>,
 }
 
-/// Converts integers of more than 63 bits to text. Returns whether `value` contained such integers.
-///
-/// Programs that read packed shards load JSON into Arrow tables, and Arrow tables do not accept integers of more than
-/// 63 bits.
-fn integers_to_text(value: &mut Value) -> bool {
-    match value {
-        Value::Number(n) if n.is_u64() && !n.is_i64() => {
-            *value = n.to_string().into();
-            true
-        }
-        Value::Array(all) => all.iter_mut().fold(false, |any, v| integers_to_text(v) | any),
-        Value::Object(all) => all.values_mut().fold(false, |any, v| integers_to_text(v) | any),
-        _ => false,
-    }
-}
-
-/// Reads the bytes of a member from a file.
-struct MemberReader {
-    file: InputFile,
-    position: u64,
-}
-
-impl Read for MemberReader {
+impl Read for PieceReader<'_> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let left = self.file.len() - self.position;
-        let len = usize::try_from(left).map_or(bytes.len(), |left| left.min(bytes.len()));
-        self.file.read_at(self.position, &mut bytes[..len]).map_err(io::Error::other)?;
-        self.position += len as u64;
-        Ok(len)
+        loop {
+            if let Some(open) = &mut self.open {
+                let count = open.read(bytes)?;
+                if count > 0 || bytes.is_empty() {
+                    return Ok(count);
+                }
+            }
+            let Some(next) = self.rest.next() else { return Ok(0) };
+            self.open = Some(next.open()?);
+        }
     }
 }
 
@@ -116,19 +99,14 @@ pub(super) fn write_tar(
     // The length is computed first, so that the disk space can be reserved before the first write.
     let length = {
         let mut counter = ByteCounter::default();
-        build_tar(&mut counter, &members, &|m| Ok(Box::new(io::repeat(0).take(m.bytes))))
+        build_tar(&mut counter, &members, &|m| Box::new(io::repeat(0).take(m.len())))
             .map_err(|e| Error::io(path.display(), e))?;
         counter.0
     };
     let writer = FileWriter::create(path, length, true)?;
     let mut out = DigestWriter { writer, digest: Digest::new(), failed: None, stop };
-    let built = build_tar(&mut out, &members, &|m| match &m.source {
-        MemberSource::File(path) => {
-            let file = InputFile::open(path).map_err(io::Error::other)?;
-            Ok(Box::new(MemberReader { file, position: 0 }.take(m.bytes)))
-        }
-        MemberSource::Text(text) => Ok(Box::new(text.as_bytes())),
-    });
+    let built =
+        build_tar(&mut out, &members, &|m| Box::new(PieceReader { rest: m.pieces.iter(), open: None }));
     if let Some(error) = out.failed.take() {
         return Err(error);
     }
@@ -155,40 +133,93 @@ fn list_members(
         let folder = sequence_path(id).resolve_in(shard, access)?;
         let digest = line.entry.digest.as_deref().unwrap_or_default();
         let record = SequenceRecord::verify(&folder, digest, access, stop)?;
-        let mut members = Vec::new();
-        for file in record.files.iter().map(|f| f.path.clone()).chain([record::FILE_NAME.into()]) {
-            let path = file.resolve_in(&folder, access)?;
-            members.push(Member::from_file(member_name(id, &file), path, holds_seeds(file.as_str()))?);
-        }
-        let split = line.entry.split.name().to_owned();
-        let name = format!("{id}.split.txt");
-        members.push(Member { name, bytes: split.len() as u64, source: MemberSource::Text(split) });
+        let mut members = sequence_members(line, &folder, &record, access)?;
         members.sort_by(|a, b| a.name.cmp(&b.name));
-        if let Some(pair) = members.windows(2).find(|pair| pair[0].name == pair[1].name) {
-            return Err(Error::new(ErrorKind::Config, folder.display())
-                .found(format_args!("two files with the name {} in the archive", pair[0].name))
-                .expected("different names"));
-        }
         all.append(&mut members);
     }
     Ok(all)
 }
 
+/// Returns the members of one sequence.
+fn sequence_members(
+    line: &JournalEntry,
+    folder: &Path,
+    record: &SequenceRecord,
+    access: Access,
+) -> Result<Vec<Member>> {
+    let id: &PlainName = &line.entry.id;
+    let files = SequenceFiles::in_folder(folder.to_owned(), access);
+    let sidecar = files.sidecar()?;
+    let description = serde_json::to_vec_pretty(&SampleDescription::new(&line.entry, record, sidecar)?)
+        .map_err(|e| Error::new(ErrorKind::Config, folder.display()).found(e))?;
+    let name = |ending| pack_schema::member_name(id, ending);
+    let mut members = vec![
+        Member::from_bytes(&name(pack_schema::DESCRIPTION), description),
+        Member::from_bytes(&name(pack_schema::SPLIT), line.entry.split.name().into()),
+    ];
+    let wrong = |found: String| {
+        Error::new(ErrorKind::Corrupt, folder.display())
+            .found(found)
+            .expected("the files of a complete sequence")
+            .remedy("remove the folder and run the shard again")
+    };
+    let (mut inner, mut paths) = (Vec::new(), BTreeSet::new());
+    let record_path = InnerPath::from(record::FILE_NAME);
+    let record_file = files.open(&record_path)?;
+    let listed = record.files.iter().map(|file| (&file.path, file.bytes));
+    for (path, bytes) in listed.chain([(&record_path, record_file.len())]) {
+        if !paths.insert(path.as_str()) {
+            return Err(wrong(format!("{path} twice in the record")));
+        }
+        let file = Piece::File { path: path.resolve_in(folder, access)?, bytes };
+        match pack_schema::file_member(path) {
+            Some(ending) => members.push(Member { name: name(ending).to_string(), pieces: vec![file] }),
+            None => add_inner_member(&mut inner, path, file)
+                .map_err(|e| Error::io(folder.join(path.as_str()).display(), e))?,
+        }
+    }
+    if let Some((missing, _)) = pack_schema::FILE_MEMBERS.iter().find(|(file, _)| !paths.contains(file)) {
+        return Err(wrong(format!("no {missing} in the record")));
+    }
+    // Two empty blocks end a tar.
+    inner.push(Piece::Bytes(vec![0; 2 * TAR_BLOCK_BYTES as usize]));
+    members.push(Member { name: name(pack_schema::INNER_TAR).to_string(), pieces: inner });
+    Ok(members)
+}
+
+/// Adds a file to the pieces of an inner tar: the header, the file and the padding.
+fn add_inner_member(inner: &mut Vec<Piece>, path: &InnerPath, file: Piece) -> io::Result<()> {
+    let mut header = header(file.len());
+    header.set_path(path.as_str())?;
+    header.set_cksum();
+    let padding = file.len().next_multiple_of(TAR_BLOCK_BYTES) - file.len();
+    inner.extend([Piece::Bytes(header.as_bytes().to_vec()), file, Piece::Bytes(vec![0; padding as usize])]);
+    Ok(())
+}
+
+/// Size of the blocks of a tar in bytes.
+const TAR_BLOCK_BYTES: u64 = 512;
+
+/// Returns the header of a regular file without a name.
+fn header(bytes: u64) -> tar::Header {
+    let mut header = tar::Header::new_ustar();
+    header.set_entry_type(tar::EntryType::Regular);
+    header.set_mode(0o644);
+    header.set_size(bytes);
+    header.set_mtime(0);
+    header.set_uid(0);
+    header.set_gid(0);
+    header
+}
+
 fn build_tar<'a>(
     out: &mut dyn Write,
     members: &'a [Member],
-    open: &dyn Fn(&'a Member) -> io::Result<Box<dyn Read + 'a>>,
+    open: &dyn Fn(&'a Member) -> Box<dyn Read + 'a>,
 ) -> io::Result<()> {
     let mut tar = tar::Builder::new(out);
     for member in members {
-        let mut header = tar::Header::new_ustar();
-        header.set_entry_type(tar::EntryType::Regular);
-        header.set_mode(0o644);
-        header.set_size(member.bytes);
-        header.set_mtime(0);
-        header.set_uid(0);
-        header.set_gid(0);
-        tar.append_data(&mut header, &member.name, open(member)?)?;
+        tar.append_data(&mut header(member.len()), &member.name, open(member))?;
     }
     tar.finish()
 }
@@ -228,38 +259,5 @@ impl Write for DigestWriter<'_> {
     }
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn integers_beyond_arrow_become_texts_and_others_stay() {
-        let mut value =
-            serde_json::json!({"a": [u64::MAX, 1, -3, 2.5], "b": {"c": 1u64 << 63, "d": i64::MAX}});
-        assert!(integers_to_text(&mut value));
-        let expected = serde_json::json!({"a": ["18446744073709551615", 1, -3, 2.5], "b": {"c": "9223372036854775808", "d": i64::MAX}});
-        assert_eq!(value, expected);
-        assert!(!integers_to_text(&mut value), "nothing is left to change");
-    }
-
-    #[test]
-    fn all_before_the_first_dot_is_the_sequence() {
-        for (path, name) in [
-            ("record.json", "scene-0001.json"),
-            ("stream.dat", "scene-0001.spk.dat"),
-            ("stream.clean.dat", "scene-0001.clean.dat"),
-            ("stream.json", "scene-0001.stream.json"),
-            ("reference.png", "scene-0001.png"),
-            ("gt.png", "scene-0001.gt.png"),
-            ("images/000022.png", "scene-0001.images-000022.png"),
-            ("labels/000012.depth.npy", "scene-0001.labels-000012-depth.npy"),
-            ("labels/000012.backward.flo", "scene-0001.labels-000012-backward.flo"),
-        ] {
-            let id = PlainName::parse(ErrorKind::Input, "id", "scene-0001").unwrap();
-            assert_eq!(member_name(&id, &InnerPath::from(path)), name);
-        }
     }
 }

@@ -15,8 +15,6 @@ use spikelane_io::storage::{self, OutputSet, folders};
 
 /// Version of the format of `plan.json`.
 const FORMAT_VERSION: u32 = 1;
-const FILE_NAME: &str = "plan.json";
-
 /// Maximum size of a plan in bytes. A plan with a million shards of inputs has about 200 MB.
 const MAX_PLAN_BYTES: u64 = 256 << 20;
 
@@ -69,6 +67,9 @@ pub(super) struct SequenceTask {
 }
 
 impl ShardPlan {
+    /// File name of the plan in the dataset's folder.
+    pub(crate) const FILE_NAME: &str = "plan.json";
+
     /// Creates the plan of the dataset `options` in the output folder. Each shard has `per_shard` sequences.
     ///
     /// The plan lists the names, sizes and modification times of the inputs. The content of the inputs is not read. If
@@ -88,7 +89,7 @@ impl ShardPlan {
         let folder = options.output.clone();
         let written = config::to_toml(options)?;
         let existing = || -> Result<Option<Self>> {
-            if !folder.join(FILE_NAME).exists() {
+            if !folder.join(Self::FILE_NAME).exists() {
                 return Ok(None);
             }
             let plan = Self::open(&folder, Access::Read)?;
@@ -139,7 +140,7 @@ impl ShardPlan {
             options: written.text.clone(),
             list_slices: pieces,
         };
-        let path = folder.join(FILE_NAME);
+        let path = folder.join(Self::FILE_NAME);
         let bytes = serde_json::to_vec_pretty(&on_disk)
             .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
         if bytes.len() as u64 > MAX_PLAN_BYTES {
@@ -158,7 +159,7 @@ impl ShardPlan {
     /// * [`ErrorKind::Config`] if the version of the plan format or of the program that wrote the plan is different.
     /// * [`ErrorKind::Config`] if the numbers of sequences and shards in the plan do not match the options in the plan.
     pub fn open(folder: &Path, access: Access) -> Result<Self> {
-        let path = InnerPath::from(FILE_NAME).resolve_in(folder, access)?;
+        let path = InnerPath::from(Self::FILE_NAME).resolve_in(folder, access)?;
         let text = read_bytes(&path, "a plan", MAX_PLAN_BYTES).map_err(|e| match e.kind() {
             ErrorKind::Io => e.expected("a plan").remedy("plan the dataset first"),
             _ => e,
@@ -227,7 +228,7 @@ impl ShardPlan {
         } else {
             return Ok(());
         };
-        Err(Error::new(ErrorKind::Exists, self.folder.join(FILE_NAME).display())
+        Err(Error::new(ErrorKind::Exists, self.folder.join(Self::FILE_NAME).display())
             .found(format_args!("another plan: {found}"))
             .expected("this plan, or a folder without a plan")
             .remedy("plans are never changed; choose another folder"))

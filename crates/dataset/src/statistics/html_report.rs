@@ -4,16 +4,12 @@ use std::collections::BTreeMap;
 
 use super::{DatasetStatistics, format_number};
 use spikelane::error::Result;
-use spikelane::unstable::inputs::read_bytes;
 use spikelane_measure::report::{Curve, PageElement, Table, bar_plot, page, png_image};
-
-/// Maximum size in bytes of an image on the page.
-const MAX_IMAGE_BYTES: u64 = 64 << 20;
 
 /// Returns the statistics as one HTML file.
 ///
 /// # Errors
-/// [`ErrorKind::Io`](spikelane::ErrorKind::Io) if an image cannot be read.
+/// Errors of drawing the histograms.
 pub fn html_report(name: &str, stats: &DatasetStatistics) -> Result<String> {
     let sequences: u64 = stats.splits.values().sum();
     let mut parts = vec![PageElement::text(format!(
@@ -37,7 +33,7 @@ pub fn html_report(name: &str, stats: &DatasetStatistics) -> Result<String> {
     if !stats.reference_images.is_empty() {
         parts.push(PageElement::heading("Pictures"));
         parts.push(PageElement::figure(
-            image_figures(stats)?,
+            image_figures(stats),
             "Clean light of the middle readout of some sequences.",
         ));
     }
@@ -60,14 +56,8 @@ pub fn html_report(name: &str, stats: &DatasetStatistics) -> Result<String> {
 }
 
 /// Returns the HTML markup of the images.
-fn image_figures(stats: &DatasetStatistics) -> Result<String> {
-    let mut markup = String::new();
-    for (id, path) in &stats.reference_images {
-        let bytes = read_bytes(path, "an image", MAX_IMAGE_BYTES)?;
-        markup += &png_image(&bytes, id, 200);
-        markup.push(' ');
-    }
-    Ok(markup)
+fn image_figures(stats: &DatasetStatistics) -> String {
+    stats.reference_images.iter().map(|(id, png)| png_image(png, id, 200) + " ").collect()
 }
 
 /// Returns a table of the first entries of `counts`. The number of rows is limited, because a dataset may have a

@@ -3,21 +3,22 @@
 mod html_report;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Serialize;
 
-use crate::{Manifest, SequenceEntry, SequenceRecord, SequenceStatus, labeled_frames};
+use crate::{DatasetReader, SequenceEntry, SequenceFiles, SequenceStatus};
 use spikelane::error::Result;
-use spikelane::unstable::inputs::{Access, InnerPath};
 use spikelane::unstable::threads;
-use spikelane_io::simulate::Sidecar;
 
 pub use html_report::html_report;
 
 /// Maximum number of reference images on the HTML page. The images are from sequences that are evenly spaced in the
 /// list of sequences.
 const MAX_SHOWN_IMAGES: usize = 12;
+
+/// Maximum size in bytes of an image on the page.
+const MAX_IMAGE_BYTES: u64 = 64 << 20;
 
 /// Quantiles of a quantity of sequences or boxes. Sequences or boxes without a value of the quantity are not counted.
 ///
@@ -82,11 +83,11 @@ pub struct DatasetStatistics {
     pub boxes: BTreeMap<String, u64>,
     /// Quantiles of each quantity. The key is the name of the quantity and includes the unit.
     pub quantities: BTreeMap<String, QuantileSummary>,
-    /// The digest of the dataset; see [`Manifest::dataset_digest`].
+    /// The digest of the dataset; see [`Manifest::dataset_digest`](crate::Manifest::dataset_digest).
     pub digest: String,
-    /// Names and paths of the reference images of some sequences.
+    /// Names and PNG files of the reference images of some sequences.
     #[serde(skip)]
-    pub reference_images: Vec<(String, PathBuf)>,
+    pub reference_images: Vec<(String, Vec<u8>)>,
     /// Histogram of each quantity that varies. Each bin is (center, fraction of the values).
     #[serde(skip)]
     pub histograms: BTreeMap<String, Vec<(f64, f64)>>,
@@ -98,28 +99,31 @@ pub struct DatasetStatistics {
 /// outside the dataset's folder.
 ///
 /// # Errors
-/// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if shards are packed, because packed sequences have no folders.
-/// Also errors of reading.
-pub fn dataset_statistics(folder: &Path, follow_links: bool) -> Result<DatasetStatistics> {
-    let access = Access::for_reading(follow_links);
-    let manifest = Manifest::read(folder, access)?;
-    let mut stats = DatasetStatistics { digest: manifest.dataset_digest(), ..DatasetStatistics::default() };
+/// Those of [`DatasetReader::open`] and of reading.
+pub fn dataset_statistics(path: &Path, follow_links: bool) -> Result<DatasetStatistics> {
+    let dataset = DatasetReader::open(path, follow_links)?;
+    let mut stats = DatasetStatistics { digest: dataset.dataset_digest(), ..DatasetStatistics::default() };
     let mut values: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    for entry in &manifest.entries {
+    let mut done = 0;
+    let done_count = dataset.done_entries().len();
+    let shown = done_count.min(MAX_SHOWN_IMAGES);
+    for entry in dataset.entries() {
         threads::check_stop();
         match entry.status {
-            SequenceStatus::Done => stats.add_sequence(folder, entry, access, &mut values)?,
+            SequenceStatus::Done => {
+                let files = dataset.sequence(entry)?;
+                stats.add_sequence(entry, &files, &mut values)?;
+                if stats.reference_images.len() * done_count / shown == done {
+                    let image = files.open(&"reference.png".into())?;
+                    stats
+                        .reference_images
+                        .push((entry.id.to_string(), image.read_all("an image", MAX_IMAGE_BYTES)?));
+                }
+                done += 1;
+            }
             SequenceStatus::Failed => stats.failed_sequences += 1,
             SequenceStatus::Planned => {}
         }
-    }
-    let done: Vec<&SequenceEntry> =
-        manifest.entries.iter().filter(|e| e.status == SequenceStatus::Done).collect();
-    let shown = done.len().min(MAX_SHOWN_IMAGES);
-    for i in 0..shown {
-        let entry = done[i * done.len() / shown];
-        let picture = entry.path().join("reference.png").resolve_in(folder, access)?;
-        stats.reference_images.push((entry.id.to_string(), picture));
     }
     for (name, values) in values {
         if let Some(bins) = histogram(&values) {
@@ -176,14 +180,11 @@ pub fn format_number(value: f64) -> String {
 impl DatasetStatistics {
     fn add_sequence(
         &mut self,
-        folder: &Path,
         entry: &SequenceEntry,
-        access: Access,
+        files: &SequenceFiles,
         values: &mut BTreeMap<String, Vec<f64>>,
     ) -> Result<()> {
-        let place = entry.sequence_folder(folder, access)?;
-        let record = SequenceRecord::read(&place, access)?;
-        let sidecar = Sidecar::read(&InnerPath::from("stream.json").resolve_in(&place, access)?)?;
+        let (record, sidecar) = (files.record()?, files.sidecar()?);
         *self.splits.entry(entry.split.name().to_owned()).or_default() += 1;
         if let Some(light) = record.facts["lighting"].as_str() {
             *self.lighting.entry(light.to_owned()).or_default() += 1;
@@ -210,16 +211,11 @@ impl DatasetStatistics {
         ] {
             add(name, record.facts[key].as_f64());
         }
-        self.add_boxes(&place, access, &mut add)
+        self.add_boxes(files, &mut add)
     }
 
-    fn add_boxes(
-        &mut self,
-        place: &Path,
-        access: Access,
-        add: &mut dyn FnMut(&str, Option<f64>),
-    ) -> Result<()> {
-        for frame in labeled_frames::read(place, access)? {
+    fn add_boxes(&mut self, files: &SequenceFiles, add: &mut dyn FnMut(&str, Option<f64>)) -> Result<()> {
+        for frame in files.labeled_frames()? {
             add("speed of the camera, m/s", Some(frame.camera.speed_mps));
             add("vehicles seen in a frame", Some(frame.visible_vehicles().count() as f64));
             for label in frame.visible_vehicles() {

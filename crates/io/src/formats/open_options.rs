@@ -11,6 +11,7 @@ use crate::formats::source::{ByteSource, FrameOffsets};
 use crate::formats::{Codec, Layout, dataset_config, foreign_format, layout_guesses, sidecar, size};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::InputFile;
 use spikelane::unstable::npy;
 
 /// Options for opening a stream. The reader determines options that are `None` from the file and the files beside it.
@@ -131,6 +132,24 @@ impl OpenOptions {
         let source = ByteSource::open(path)?;
         ReaderBuilder { options: self, name: path.display().to_string(), facts, dataset_config: above }
             .build(source)
+    }
+
+    /// Opens a stream whose sidecar is not in a file beside it, such as a member of a tar.
+    ///
+    /// `sidecar` is the text of the sidecar, and errors refer to it as `sidecar_path`.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_with_sidecar(
+        &self,
+        file: InputFile,
+        sidecar: &[u8],
+        sidecar_path: PathBuf,
+    ) -> Result<StreamReader> {
+        let facts = sidecar::parse(&sidecar_path.display().to_string(), sidecar, file.path())?;
+        let facts = SidecarFacts { path: Some(sidecar_path), ..facts };
+        let name = file.path().display().to_string();
+        ReaderBuilder { options: self, name, facts, dataset_config: None }.build(ByteSource::from_file(file)?)
     }
 
     /// Opens a stream in memory. Error messages refer to the stream as `name`.

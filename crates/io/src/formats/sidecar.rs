@@ -80,7 +80,8 @@ fn read(path: &Path, stream: &Path) -> Result<SidecarFacts> {
     Ok(SidecarFacts { path: Some(path.to_path_buf()), ..facts })
 }
 
-fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFacts> {
+/// Parses the text of the sidecar `name` of `stream`.
+pub(super) fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFacts> {
     let bad = |found: String| {
         Error::new(ErrorKind::Config, name)
             .found(found)

@@ -31,18 +31,25 @@ pub(super) enum ByteSource {
 }
 
 impl ByteSource {
-    /// Opens a file.
+    /// Uses an open file.
     ///
     /// # Errors
-    /// As [`InputFile::open`]. Also [`ErrorKind::Input`] if the file length does not fit in `usize`.
-    pub(super) fn open(path: &Path) -> Result<Self> {
-        let file = InputFile::open(path)?;
+    /// [`ErrorKind::Input`] if the file length does not fit in `usize`.
+    pub(super) fn from_file(file: InputFile) -> Result<Self> {
         let len = usize::try_from(file.len()).map_err(|_| {
-            Error::new(ErrorKind::Input, path.display())
+            Error::new(ErrorKind::Input, file.path().display())
                 .found(format_args!("{} bytes", file.len()))
                 .expected(format_args!("at most {}", usize::MAX))
         })?;
         Ok(Self::File { file, len })
+    }
+
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// As [`InputFile::open`] and [`ByteSource::from_file`].
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        Self::from_file(InputFile::open(path)?)
     }
 
     pub(super) const fn len(&self) -> usize {

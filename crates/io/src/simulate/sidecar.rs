@@ -313,8 +313,15 @@ impl Sidecar {
     /// * [`ErrorKind::Io`] if the file cannot be read.
     /// * [`ErrorKind::Config`] if the file is not a sidecar.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = read_bytes(path, "a sidecar", MAX_TEXT_BYTES)?;
-        serde_json::from_slice(&text).map_err(|e| {
+        Self::parse(path, &read_bytes(path, "a sidecar", MAX_TEXT_BYTES)?)
+    }
+
+    /// Parses the text of a sidecar. Errors refer to the sidecar as `path`.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Config`] if the text is not a sidecar.
+    pub fn parse(path: &Path, text: &[u8]) -> Result<Self> {
+        serde_json::from_slice(text).map_err(|e| {
             Error::new(ErrorKind::Config, path.display())
                 .found(e)
                 .expected("a sidecar written by this version")

@@ -11,10 +11,9 @@ use crate::common::output_claims;
 use crate::common::video::{FrameEncoding, VideoWriter};
 use spikelane::reconstruct::tfp;
 use spikelane::spikes::SpikeFramesRef;
-use spikelane::unstable::inputs::{Access, InnerPath};
 use spikelane::{Error, ErrorKind, Geometry, Result};
-use spikelane_dataset::{Manifest, SequenceEntry, SequenceStatus};
-use spikelane_io::formats::StreamReader;
+use spikelane_dataset::DatasetReader;
+use spikelane_io::formats::{OpenOptions, StreamReader};
 
 /// Frames per second of the video.
 const VIDEO_FPS: f64 = 25.0;
@@ -26,7 +25,7 @@ const VIDEO_FPS: f64 = 25.0;
 /// brightness.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Args {
-    /// Show the dataset in this folder
+    /// Show the dataset in this folder, or this packed shard
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Write the video to this file
@@ -53,24 +52,21 @@ pub(crate) struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// * [`ErrorKind::Input`] if the dataset has no finished sequences or is packed.
+/// * Those of [`DatasetReader::open`].
+/// * [`ErrorKind::Input`] if the dataset has no finished sequences.
 /// * [`ErrorKind::Tool`] if ffmpeg is missing.
 /// * If a file cannot be read.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let _claim = output_claims::claim([&args.output], args.force)?;
-    let access = Access::for_reading(args.follow_links);
-    let manifest = Manifest::read(&args.folder, access)?;
-    let done: Vec<&SequenceEntry> =
-        manifest.entries.iter().filter(|e| e.status == SequenceStatus::Done).collect();
+    let dataset = DatasetReader::open(&args.folder, args.follow_links)?;
+    let done = dataset.done_entries();
     let shown = done.len().min(args.sequences as usize);
     let chosen = (0..shown).map(|i| done[i * done.len() / shown]);
     let mut video: Option<(VideoWriter, Geometry)> = None;
     for entry in chosen {
         spikelane::unstable::threads::check_stop();
-        let folder = entry.sequence_folder(&args.folder, access)?;
-        let open = |file: &'static str| {
-            StreamReader::open(&InnerPath::from(file).resolve_in(&folder, access)?, None, None)
-        };
+        let files = dataset.sequence(entry)?;
+        let open = |file| files.stream(file, &OpenOptions::default());
         let (noisy, clean) = (open("stream.dat")?, open("stream.clean.dat")?);
         let geometry = noisy.geometry();
         let (video, _) = match &mut video {

@@ -14,7 +14,7 @@ use spikelane_io::storage;
 /// Summarize a dataset: splits, lighting, rates, motion and boxes
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Args {
-    /// Read the dataset in this folder
+    /// Read the dataset in this folder, or this packed shard
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Also write an HTML report

@@ -3,17 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use crate::common::stream::StreamArgs;
+use spikelane::unstable::inputs::InputFile;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;
 use spikelane_io::light::Transfer;
-use spikelane_io::simulate::Sidecar;
+use spikelane_io::simulate::{CameraFacts, Sidecar};
 
 use super::picture::ReconstructionArgs;
 use super::reference::{ReferenceCurve, ReferenceImage};
 
 /// Score the images reconstructed from a stream
 ///
-/// FILE is a stream or the folder of a dataset. The command scores TFP, span and TFI pictures at one readout. With
+/// FILE is a stream, the folder of a dataset, or a packed shard. The command scores TFP, span and TFI pictures at one readout. With
 /// --every, or with a folder of reference images, the command scores many readouts and prints means.
 ///
 /// The first table has two estimates of the noise that need no reference (patches: Chen et al. 2015, smallest
@@ -26,7 +27,7 @@ use super::reference::{ReferenceCurve, ReferenceImage};
 /// noise, and the number of outlier pixels. The row of a blurred TFP shows how blur changes each score.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Score this stream file, or the dataset in this folder
+    /// Score this stream, dataset or packed shard
     pub(super) file: PathBuf,
     #[command(flatten)]
     pub(super) stream: StreamArgs,
@@ -82,18 +83,31 @@ impl Args {
 
     /// Returns the transfer function of a reference image, and the rate that corresponds to white in this image.
     pub(super) fn reference_curve(&self, stream: &Path, clear: &Path) -> Result<(ReferenceCurve, f32)> {
-        let curve = ReferenceCurve::from_files(stream, clear)?.with_transfer(self.reference_transfer);
+        let curve = ReferenceCurve::from_files(stream, clear)?;
+        let camera = || Ok(Sidecar::read_beside(stream)?.and_then(|(_, sidecar)| sidecar.camera));
+        self.with_full_scale_rate(stream, curve, camera)
+    }
+
+    /// Applies the flags to a transfer function. Returns it and the rate that corresponds to white.
+    ///
+    /// `camera` reads the camera from the sidecar of the stream.
+    pub(super) fn with_full_scale_rate(
+        &self,
+        stream: &Path,
+        curve: ReferenceCurve,
+        camera: impl FnOnce() -> Result<Option<CameraFacts>>,
+    ) -> Result<(ReferenceCurve, f32)> {
+        let curve = curve.with_transfer(self.reference_transfer);
         let full = match self.full_scale_rate.or(curve.full_scale_rate) {
             Some(full) => full,
-            None => camera_full_scale_rate(stream)?,
+            None => camera_full_scale_rate(stream, camera()?)?,
         };
         Ok((curve, full))
     }
 }
 
 /// Returns the rate of full-scale light for the camera that the sidecar describes.
-fn camera_full_scale_rate(file: &Path) -> Result<f32> {
-    let camera = Sidecar::read_beside(file)?.and_then(|(_, s)| s.camera);
+fn camera_full_scale_rate(file: &Path, camera: Option<CameraFacts>) -> Result<f32> {
     let wrong = |found: String| {
         Error::new(ErrorKind::Usage, file.display())
             .found(found)

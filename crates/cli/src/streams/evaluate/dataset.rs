@@ -4,13 +4,17 @@ use std::path::Path;
 
 use crate::common::console::Console;
 use serde_json::{Value, json};
-use spikelane::unstable::inputs::{Access, InnerPath};
 use spikelane::{Error, ErrorKind, Result};
-use spikelane_dataset::{Manifest, SequenceRecord, SequenceStatus};
+use spikelane_dataset::{DatasetReader, SequenceFiles};
 
 use super::args::Args;
 use super::picture::{Comparison, EvaluatedPicture, evaluate_pictures, mean_scores, tables};
-use super::reference::ReferenceImage;
+use super::reference::{ReferenceCurve, ReferenceImage};
+
+/// Returns whether `path` is a folder or has the extension of a packed shard.
+pub(super) fn is_dataset(path: &Path) -> bool {
+    path.is_dir() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tar"))
+}
 
 /// Scores every finished sequence and prints the means for each kind of stream.
 pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
@@ -19,14 +23,13 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
             .found("a dataset and --reference, --static-scene, --at or --every")
             .expected("none of these flags, because every sequence has a reference image and a readout of this image"));
     }
-    let access = Access::for_reading(args.follow_links);
-    let manifest = Manifest::read(&args.file, access)?;
-    let done: Vec<_> = manifest.entries.iter().filter(|e| e.status == SequenceStatus::Done).collect();
+    let dataset = DatasetReader::open(&args.file, args.follow_links)?;
+    let done = dataset.done_entries();
     let mut kinds = [("noisy", Vec::<Vec<EvaluatedPicture>>::new()), ("clean", Vec::new())];
     for entry in &done {
-        let folder = entry.sequence_folder(&args.file, access)?;
+        let files = dataset.sequence(entry)?;
         for ((kind, all), file) in kinds.iter_mut().zip(["stream.dat", "stream.clean.dat"]) {
-            let (pictures, truth) = evaluate_sequence(args, &folder, access, file, out)?;
+            let (pictures, truth) = evaluate_sequence(args, &files, file, out)?;
             out.print_event(&json!({
                 "sequence": entry.id, "split": entry.split, "stream": *kind, "reference": truth.json(),
                 "pictures": pictures.iter().map(EvaluatedPicture::json).collect::<Vec<_>>(),
@@ -46,16 +49,18 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
 
 fn evaluate_sequence(
     args: &Args,
-    folder: &Path,
-    access: Access,
+    files: &SequenceFiles,
     file: &'static str,
     out: &Console,
 ) -> Result<(Vec<EvaluatedPicture>, ReferenceImage)> {
-    let stream = InnerPath::from(file).resolve_in(folder, access)?;
-    let record = SequenceRecord::read(folder, access)?;
-    let reader = args.stream.open(&stream, out)?;
+    let record = files.record()?;
+    let reader = files.stream(file, &args.stream.options(args.file.display())?)?;
+    args.stream.report(&reader, out)?;
     let at = record.facts["reference_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
-    let truth =
-        args.read_reference(&stream, &InnerPath::from("reference.png").resolve_in(folder, access)?, &reader)?;
+    let reference = files.open(&"reference.png".into())?;
+    let curve = ReferenceCurve::from_record(&record, reference.path());
+    let camera = || Ok(files.sidecar()?.camera);
+    let (curve, full) = args.with_full_scale_rate(Path::new(reader.name()), curve, camera)?;
+    let truth = ReferenceImage::from_sequence(reference, reader.geometry(), full, curve)?;
     Ok((evaluate_pictures(&args.reconstruction, &reader, at, Comparison::Image(&truth))?, truth))
 }

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use serde_json::Value;
 use spikelane::reconstruct::DetailReference;
+use spikelane::unstable::inputs::InputFile;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_dataset::{Access, SequenceRecord};
-use spikelane_io::light::Transfer;
-use spikelane_io::light::image_file::{Linearization, read};
+use spikelane_io::light::image_file::{self, Linearization};
+use spikelane_io::light::{Frame, Transfer};
 use spikelane_io::simulate::Sidecar;
 
 /// A reference image, and the rate that corresponds to its white.
@@ -22,7 +23,23 @@ pub(crate) struct ReferenceImage {
 
 impl ReferenceImage {
     pub(crate) fn read(path: &Path, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
-        let frame = read(path, &Linearization::new(curve.transfer))?;
+        let frame = image_file::read(path, &Linearization::new(curve.transfer))?;
+        Self::new(path, &frame, geometry, full, curve)
+    }
+
+    /// Reads the reference image of a sequence of a data set.
+    pub(crate) fn from_sequence(
+        file: InputFile,
+        geometry: Geometry,
+        full: f32,
+        curve: ReferenceCurve,
+    ) -> Result<Self> {
+        let path = file.path().to_owned();
+        let frame = image_file::read_written(file, &Linearization::new(curve.transfer))?;
+        Self::new(&path, &frame, geometry, full, curve)
+    }
+
+    fn new(path: &Path, frame: &Frame, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
         if frame.geometry() != geometry {
             return Err(Error::new(ErrorKind::Input, path.display())
                 .found(frame.geometry())
@@ -78,6 +95,11 @@ impl ReferenceCurve {
         }
     }
 
+    /// Returns the transfer function of the reference image `clear` of a dataset's sequence.
+    pub(crate) fn from_record(record: &SequenceRecord, clear: &Path) -> Self {
+        curve_from_json(&record.facts, clear, "the record of the sequence").unwrap_or(Self::DEFAULT)
+    }
+
     /// Reads the transfer function of a reference image from the files beside the image or beside the stream.
     ///
     /// These files are the record of a dataset's sequence, or the sidecar of a simulation. A sidecar counts only if the
@@ -90,9 +112,7 @@ impl ReferenceCurve {
             .take(2)
             .find_map(|folder| SequenceRecord::read(folder, Access::Read).ok());
         if let Some(record) = record {
-            return Ok(
-                curve_from_json(&record.facts, clear, "the record of the sequence").unwrap_or(Self::DEFAULT)
-            );
+            return Ok(Self::from_record(&record, clear));
         }
         let Some((path, _)) = Sidecar::read_beside(stream)? else { return Ok(Self::DEFAULT) };
         let text = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;

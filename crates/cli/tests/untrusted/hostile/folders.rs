@@ -51,6 +51,16 @@ pub(super) const KINDS: &[FolderKind] = &[
         follows_links: true,
     },
     FolderKind {
+        folder: "packed",
+        commands: &[
+            "dataset stats . --report page.html",
+            "evaluate . --json --method tfp",
+            "dataset stats shards/000001",
+            "dataset stats shards/000000.tar",
+        ],
+        follows_links: true,
+    },
+    FolderKind {
         folder: "packing",
         commands: &["dataset run . --shards 0", "dataset merge ."],
         follows_links: true,

@@ -86,6 +86,18 @@ pub fn read(path: &Path, linear: &Linearization) -> Result<Frame> {
     file.light(file.read_first()?, &linear.for_encoding(&file.encoding))
 }
 
+/// Decodes and linearizes an open image that this program wrote, such as the reference image in a packed sequence.
+///
+/// Statements of the file about its transfer function, bit depth and orientation are not read.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_written(file: InputFile, linear: &Linearization) -> Result<Frame> {
+    let path = file.path().to_owned();
+    let reader = with_format(BufReader::new(file.into_reader()), &path)?;
+    linearize(decode(reader, &path)?, linear).map_err(|e| e.with_context(path.display()))
+}
+
 /// How the pages of a file are decoded.
 #[derive(Clone, Debug)]
 enum Container {
@@ -277,7 +289,9 @@ impl ImageFile {
                 Some(frame) => frame.map_err(|e| decode_error(&self.path, e)).map(animation_pixels),
                 None => Err(missing_page_error(&self.path, 0, self.pages)),
             },
-            Container::Common { animation: None } => decode(&self.path).map(Pixels::Image),
+            Container::Common { animation: None } => {
+                decode(reader(&self.path)?, &self.path).map(Pixels::Image)
+            }
         }
     }
 
@@ -375,9 +389,9 @@ fn buffered(path: &Path) -> Result<BufReader<InputReader<InputFile>>> {
 
 type Reader = ImageReader<BufReader<InputReader<InputFile>>>;
 
-fn decode(path: &Path) -> Result<DynamicImage> {
+fn decode(reader: Reader, path: &Path) -> Result<DynamicImage> {
     let refused = |e| decode_error(path, e);
-    let decoder = reader(path)?.into_decoder().map_err(refused)?;
+    let decoder = reader.into_decoder().map_err(refused)?;
     limits().reserve(decoder.total_bytes()).map_err(refused)?;
     // If an allocation fails, the decoder and the conversion abort the process. The decoder and the conversion
     // together allocate at most twice the decoded bytes, so this amount is checked first.
@@ -393,7 +407,12 @@ pub(super) fn limits() -> Limits {
 }
 
 fn reader(path: &Path) -> Result<Reader> {
-    let mut reader = ImageReader::new(buffered(path)?);
+    with_format(buffered(path)?, path)
+}
+
+/// Returns the reader with the memory limits, and with the format of the content or, if unknown, of the extension.
+fn with_format(file: BufReader<InputReader<InputFile>>, path: &Path) -> Result<Reader> {
+    let mut reader = ImageReader::new(file);
     reader.limits(limits());
     if let Ok(format) = ImageFormat::from_path(path) {
         reader.set_format(format);
