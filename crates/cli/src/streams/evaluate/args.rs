@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use crate::common::stream::StreamArgs;
-use spikelane::unstable::inputs::InputFile;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;
 use spikelane_io::light::Transfer;

@@ -7,7 +7,6 @@ use crate::common::images::sample_readouts;
 use crate::common::progress::{CountProgress, stop_flag};
 use serde_json::json;
 use spikelane::reconstruct::DetailReference;
-use spikelane::unstable::inputs::InputFile;
 use spikelane::unstable::threads;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;

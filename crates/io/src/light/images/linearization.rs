@@ -3,7 +3,7 @@
 use image::DynamicImage;
 use image::metadata::Orientation;
 
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::{Frame, OwnedSamples, ToneCurve, Transfer};
 use spikelane::sensor::FrontEnd;
 use spikelane::spikes::Geometry;
