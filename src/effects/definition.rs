@@ -229,7 +229,7 @@ pub type MomentsFn = fn(Values<'_>, &OperatingPoint) -> Option<Moments>;
 ///
 /// static SAG: Definition = Definition::new(
 ///     "sag",
-///     "A supply that sags, and leaks what it holds.",
+///     "The supply voltage falls when pixels fire, and charge leaks from the pixels.",
 ///     "an example",
 ///     &[Param::number("depth", Unit::Dimensionless, (0.0, 0.06), 0.0, 0.01, "fall of the threshold when every pixel fired")
 ///         .with_search(SearchSpec::amplitude((0.0, 0.06), &[0.002, 0.02]))],
@@ -241,8 +241,9 @@ pub type MomentsFn = fn(Values<'_>, &OperatingPoint) -> Option<Moments>;
 /// }
 ///
 /// let effects = effects::Catalog::new().with_definition(&SAG)?;
-/// let camera = spikelane::Camera::ideal(Sensor::new(64, 32, 20_000.0)?).with_effect(effects.find("sag")?.typical());
-/// # let _ = camera;
+/// let sensor = Sensor::new(64, 32, 20_000.0)?;
+/// let camera = spikelane::Camera::ideal(sensor).with_effect(effects.find("sag")?.typical());
+/// assert_eq!(camera.model(spikelane::Seeds::default())?.ops.len(), 2);
 /// # Ok::<(), spikelane::Error>(())
 /// ```
 #[derive(Debug)]
