@@ -8,8 +8,8 @@ use super::definition::{Definition, Param, ParamKind};
 /// A list of effects that can be found by name.
 ///
 /// A catalog contains the effects of this library ([`ALL`]) first, then the added effects in the order of addition.
-/// Functions that read cameras or diagnose sensors require a catalog, for example [`Catalog::load`] and
-/// `crate::diagnose::DiagnoseOptions`. The simulation of a camera requires no catalog.
+/// Functions that read cameras require a catalog, for example [`Catalog::load`]. The diagnosis of sensors also requires a
+/// catalog. The simulation of a camera requires no catalog.
 ///
 /// # Examples
 /// ```

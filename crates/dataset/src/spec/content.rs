@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::serde_text;
-use spikelane::error::{Error, ErrorKind};
+use spikelane::error::{Error, ErrorKind, Setting};
 use spikelane_io::light::{Interpolation, ResizeMode, Transfer};
 use spikelane_io::simulate::ImageFormat;
 use spikelane_scene::{Lighting, SamplesPerPixel};
@@ -52,7 +52,7 @@ impl std::str::FromStr for DatasetLayout {
 
     fn from_str(name: &str) -> Result<Self, Error> {
         [Self::SpikeCv, Self::SpikeZoo].into_iter().find(|l| l.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "dataset structure")
+            Error::new(ErrorKind::Usage, Setting("dataset_layout"))
                 .found(format_args!("`{name}`"))
                 .expected("spikecv or spike-zoo")
         })
