@@ -40,26 +40,6 @@ fn has_wrong_name(r: &Value) -> bool {
     name_count(r, "wrong") > 0
 }
 
-/// Returns a table with a row for each protocol: the number of recording sets, and the effects that the protocol cannot
-/// reveal at any strength. Each effect has the number of sets in which it is undetectable.
-fn undetectable_table(records: &[Value]) -> String {
-    let mut text = "\nEffects that a protocol cannot reveal, each with the number of its recording sets:\n\n| protocol | sets | undetectable effects |\n|---|--:|---|\n".to_owned();
-    let mut protocols: BTreeMap<&str, Vec<&Value>> = BTreeMap::new();
-    for r in records.iter().filter(|r| r["diagnosis"]["undetectable"].is_array()) {
-        protocols.entry(r["factors"]["protocol"].as_str().unwrap_or_default()).or_default().push(r);
-    }
-    for (protocol, group) in &protocols {
-        let mut names: BTreeMap<&str, usize> = BTreeMap::new();
-        for name in group.iter().flat_map(|r| r["diagnosis"]["undetectable"].as_array().into_iter().flatten())
-        {
-            *names.entry(name.as_str().unwrap_or_default()).or_default() += 1;
-        }
-        let names: Vec<String> = names.iter().map(|(name, n)| format!("`{name}` {n}")).collect();
-        text += &format!("| {protocol} | {} | {} |\n", group.len(), names.join(", "));
-    }
-    text
-}
-
 /// Returns the table of wrong names, and for each the number of sensors with this name.
 fn wrong_name_table(records: &[Value]) -> String {
     let mut counts: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
@@ -154,7 +134,6 @@ pub(crate) fn table(records: &[Value]) -> String {
     for ((factor, level), group) in &cells {
         text += &format!("| {factor} | {level} | {} |\n", share_of(group.iter().copied(), alarm));
     }
-    text += &undetectable_table(records);
     text += &wrong_name_table(records);
     text
 }
