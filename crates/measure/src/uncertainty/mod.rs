@@ -106,11 +106,11 @@ impl MeasuredRecording {
         for p in [&d.dead, &d.stuck, &d.hot, &d.weak].into_iter().flatten() {
             rates[*p] = f64::NAN;
         }
-        let told = rates.iter().filter(|r| r.is_finite()).count();
+        let finite = rates.iter().filter(|r| r.is_finite()).count();
         let temporal = summary.temporal_rate_sd.powi(2);
-        let noise = self.scatter.sample(Quantity::Signal, told);
+        let noise = self.scatter.sample(Quantity::Signal, finite);
         let width = self.statistics.geometry.width();
-        let of_patterns = || match told {
+        let of_patterns = || match finite {
             0..2 => Vec::new(),
             _ => pattern_statistics(&rates, width, if temporal.is_finite() { temporal } else { 0.0 }, &noise),
         };
@@ -159,11 +159,11 @@ impl MeasuredRecording {
             map.iter_mut().zip(rates).filter(|(_, r)| !r.is_finite()).for_each(|(x, _)| *x = f64::NAN);
         }
         let pixels = map.iter().filter(|x| x.is_finite()).count();
-        let told = ReportedStatistic::new(&quantity.key(), words, e.value, pixels);
+        let reported = ReportedStatistic::new(&quantity.key(), words, e.value, pixels);
         let shares =
             matches!(quantity, Quantity::OffLattice | Quantity::ShortIntervals | Quantity::LongIntervals);
         if shares && e.value == 0.0 {
-            return self.zero_limit(told);
+            return self.zero_limit(reported);
         }
         let sensor = clustered_variance(&map, self.statistics.geometry.width())
             .map_or(f64::NAN, |c| widen_error(c.variance.sqrt() / pixels as f64, c.degrees_of_freedom));
@@ -173,8 +173,8 @@ impl MeasuredRecording {
         };
         match recording {
             // A statistic differs between sensors because of recording noise and because of the pattern.
-            Some(recording) => told.with_errors(recording, sensor.max(recording)),
-            None => ReportedStatistic { recording_error_is_bound: true, ..told.with_errors(sensor, sensor) },
+            Some(recording) => reported.with_errors(recording, sensor.max(recording)),
+            None => ReportedStatistic { recording_error_is_bound: true, ..reported.with_errors(sensor, sensor) },
         }
     }
 
@@ -195,12 +195,12 @@ impl MeasuredRecording {
 
     /// Returns the upper limit of the share of a kind of interval that never occurred. The limit is 3 divided by the number
     /// of intervals, because 3 is the 95 % limit of a Poisson count of 0.
-    fn zero_limit(&self, told: ReportedStatistic) -> ReportedStatistic {
+    fn zero_limit(&self, reported: ReportedStatistic) -> ReportedStatistic {
         let total = self.statistics.intervals.as_ref().map_or(0, |i| i.histogram().total());
         ReportedStatistic {
             value: None,
             upper_limit: (total > 0).then(|| (3.0 / total as f64).min(1.0)),
-            ..told
+            ..reported
         }
     }
 

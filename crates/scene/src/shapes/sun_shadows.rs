@@ -129,6 +129,6 @@ mod tests {
         assert!(blocked > 500 && blocked < 3500, "{blocked} of 4000 lie in shadow");
         // Rounding moves an edge by about 1e-6 of its coordinates. At most one of the 4000 points may be so close to
         // an edge that the results differ.
-        assert!(differ <= 1, "{differ} points are told otherwise");
+        assert!(differ <= 1, "{differ} points differ");
     }
 }
