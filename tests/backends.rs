@@ -274,9 +274,9 @@ proptest! {
         }
     }
 
-    /// Under constant light, a backend may draw the quanta counts of a block of readouts together. The test covers all
-    /// numbers of readouts near the boundaries of a block. The mean counts are between 0.1 quanta and the transition to
-    /// normal noise.
+    /// Under constant light, a backend may draw the quanta counts of up to 64 successive readouts together. The test draws
+/// numbers of readouts below 40 and around 64 and 128. The mean counts are from 0.1 to 75 quanta. From a mean of 64
+/// quanta, a normal value replaces the count.
     #[test]
     fn counts_of_few_quanta_do_not_depend_on_how_many_readouts_are_held(
         quanta in 0.1f64..75.0,

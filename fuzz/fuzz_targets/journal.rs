@@ -10,7 +10,8 @@ use spikelane_dataset::shards::count_journal_lines;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| spikelane_fuzz::temp_folder("journal"));
 
-/// Returns the number of lines that the journal `data` contains, or 0 for an error.
+/// Returns the number of entries of the journal `data` before the first invalid or unterminated line. Returns 0 for an
+/// error.
 fn lines(data: &[u8]) -> usize {
     std::fs::write(FOLDER.join("journal.jsonl"), data).expect("a folder of its own");
     match count_journal_lines(&FOLDER) {

@@ -23,7 +23,8 @@ const PIECE_BYTES: usize = 256 << 10;
 /// `camera_seed` determines the fixed pattern of the camera. `seed` and `sequence` determine the temporal noise of the
 /// recording. All three are integers from 0 to 2**64 - 1. `threads` is the number of threads. `backend` selects an
 /// instruction set ("reference", "portable", "sse4.1", "avx2", "avx512"). The bits depend neither on the threads nor on
-/// the instruction set. Light is clamped to `max_light` full scales. Only float32 light can exceed 1.0.
+/// the instruction set. Light is clamped to `max_light` full scales. Light above 1.0 requires
+/// float32 arrays or the argument `full_scale`.
 ///
 /// Only one thread at a time may use a simulator. Other Python threads run during a simulation, because the
 /// interpreter's lock is released. After a fork, the child process may continue with its copy of the simulator. A

@@ -209,7 +209,8 @@ fn declared_names() -> BTreeSet<String> {
     found
 }
 
-/// Returns names in the code spans of `page` that do not exist: paths, flags and names of the sources.
+/// Returns the paths, flags and Rust paths (such as `Plan::new`) in the code spans of `page` that do not exist. A Rust path
+/// exists if the sources declare each of its parts.
 fn unknown_names(page: &Page, sources: &[String], declared: &BTreeSet<String>) -> Vec<String> {
     let mut wrong = Vec::new();
     for span in page.code_spans() {

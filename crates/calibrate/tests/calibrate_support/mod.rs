@@ -149,9 +149,10 @@ pub(crate) fn simulate_pixel(
 /// Returns the phase variance per spike. It is computed from spans of a few intervals, by regression of the variances of
 /// the spans.
 ///
-/// A span of `l` intervals has the variance `V(l) = l s + q` in readouts squared. `s` is the phase variance per spike. `q`
-/// is the contribution of rounding both ends to readouts. The variance about the mean of the same `n` intervals is
-/// `s (l - l^2/n) + q (1 + l^2/n^2 - 2l/(nK))`, with `K = n - l + 1`.
+/// The length of `l` successive intervals has the variance `V(l) = l s + q` in readouts squared. `s` is the phase variance
+/// per spike times the squared mean interval. `q` is the contribution of rounding both ends to readouts. If the mean is
+/// estimated from all `n` intervals, the expected mean square deviation of the `K = n - l + 1` lengths is
+/// `s (l - l^2/n) + q (1 + l^2/n^2 - 2l/(nK))`. The function returns `s` divided by the squared mean interval.
 ///
 /// For a pixel without noise `q` is 1/6. In the dark `q` is five times as large, because the charge after a spike varies
 /// with the redrawn threshold. If `q` were neglected, `s` of a pixel with 46 intervals would be too high by 1.1 %.

@@ -47,7 +47,8 @@ pub(crate) struct Args {
     all_readouts: bool,
     /// Store simulations in this folder, for resuming
     ///
-    /// A run with the same recordings, camera and seed reads the simulations from this folder and returns the same numbers.
+    /// On the same kind of machine, a run with the same recordings, camera and seed reads the simulations from this
+    /// folder and returns the same numbers.
     /// The simulations of a diagnosis need a few megabytes. Each version of the program stores its own simulations.
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,

@@ -71,7 +71,8 @@ pub(crate) struct ProcessResult {
     pub name: &'static str,
     pub readouts: u64,
     pub run_time: RunTime,
-    /// Run time of another build of this program. `None` if that build rejects the arguments.
+    /// Run time of another build of this program. `None` if no other build is given, or if the first run of the other
+    /// build fails.
     pub baseline: Option<RunTime>,
 }
 

@@ -174,7 +174,9 @@ impl MeasuredRecording {
         match recording {
             // A statistic differs between sensors because of recording noise and because of the pattern.
             Some(recording) => reported.with_errors(recording, sensor.max(recording)),
-            None => ReportedStatistic { recording_error_is_bound: true, ..reported.with_errors(sensor, sensor) },
+            None => {
+                ReportedStatistic { recording_error_is_bound: true, ..reported.with_errors(sensor, sensor) }
+            }
         }
     }
 

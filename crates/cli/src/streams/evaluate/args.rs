@@ -18,8 +18,9 @@ use super::reference::{ReferenceCurve, ReferenceImage};
 ///
 /// The first table has two estimates of the noise that need no reference (patches: Chen et al. 2015, smallest
 /// eigenvalues; differences: Immerkaer 1996). The signal-to-noise ratio is 20 log10 of the mean divided by the patch
-/// noise. With --reference, or for a dataset, the first table also has PSNR and SSIM. Both scores compare codes, which
-/// are computed with the transfer function of the reference, clipped to 0 to 1, with peak 1.
+/// noise. With --reference, or for a dataset, the first table also has PSNR and SSIM. Both scores compare the codes of the picture
+/// with the codes of the reference. All codes are computed with the transfer function of the reference and are between
+/// 0 and 1. Brighter light is clipped to 1, and the peak is 1.
 ///
 /// The second table requires a reference or --static-scene. For this table, the linear light of the picture is fitted to
 /// the reference by a least-squares line. The columns are PSNR, the share of the detail that is present (1 is sharp),

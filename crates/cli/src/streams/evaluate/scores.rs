@@ -64,8 +64,10 @@ fn average(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
 pub(crate) struct Scores {
     psnr: Option<Decibels>,
     ssim: Option<f64>,
-    /// Standard deviations of the noise in the unit of the picture. `None` for pictures below about 32x32 pixels.
+    /// Estimate of the standard deviation of the noise from patches, in the unit of the picture. `None` if the picture
+    /// is smaller than about 32x32 pixels.
     patch_noise: Option<f64>,
+    /// Estimate of the standard deviation of the noise from differences, in the unit of the picture.
     difference_noise: Option<f64>,
     mean: f64,
     /// Scores from the comparison with a reference. `None` without a reference or for a uniform picture.
