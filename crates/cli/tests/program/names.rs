@@ -57,7 +57,7 @@ fn the_sidecar_of_any_name_is_found() {
             run(&place, line, stem);
         }
         let inspected = run(&place, "inspect @.dat --digest", stem);
-        assert!(String::from_utf8_lossy(&inspected.stdout).contains("as in the sidecar"));
+        assert!(String::from_utf8_lossy(&inspected.stdout).contains("equal to the digest in the sidecar"));
     }
 }
 

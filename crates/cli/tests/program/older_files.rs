@@ -16,8 +16,8 @@ fn rename_key(place: &TestFolder, file: &str, new: &str, old: &str) {
 fn a_sidecar_with_an_earlier_key_is_refused() {
     let place = TestFolder::new();
     place.run_ok("simulate --builtin-light chart --width 32 --height 24 --readouts 20 -o s");
-    rename_key(&place, "s.json", "\"resize_mode\"", "\"fit\"");
-    place.run_refused("verify s.dat", 3, &["s.json", "resize_mode", "simulate the stream again"]);
+    rename_key(&place, "s.json", "\"interpolation\"", "\"insertion\"");
+    place.run_refused("verify s.dat", 3, &["s.json", "interpolation", "simulate the stream again"]);
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn a_dataset_file_of_an_earlier_format_is_refused() {
     let place = TestFolder::new();
     place.write("d.toml", place.run_ok(&format!("dataset {SCENE} -o d --print-config")).stdout);
     rename_key(&place, "d.toml", "format_version", "dataset");
-    place.run_refused("dataset d.toml -o d", 3, &["d.toml", "dataset", "format_version"]);
+    place.run_refused("dataset --config d.toml -o d", 3, &["d.toml", "dataset", "format_version"]);
 }
 
 #[test]

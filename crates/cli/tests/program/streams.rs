@@ -233,7 +233,7 @@ fn a_window_that_exceeds_the_stream_is_reported() {
     assert!(!stderr("reconstruct c.dat -o a --every 4 --window 4").contains("fewer"));
     place.run_refused("reconstruct c.dat -o b.png --at 20", 2, &["readout 20", "less than 20"]);
     let scores = place.run_ok("evaluate c.dat --window 100").stdout;
-    assert!(scores.contains("the stream has 20 of the 101 readouts"), "{scores}");
+    assert!(scores.contains("the stream has only 20 of the 101 readouts"), "{scores}");
     place.run_refused("evaluate c.dat --at 20", 2, &["less than 20"]);
     place.run_refused("evaluate c.dat --window 100 --every 2", 4, &["20 readouts", "--window"]);
     for range in ["30..", "10..30", "30..40"] {
