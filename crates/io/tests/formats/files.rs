@@ -359,7 +359,7 @@ fn the_dataset_config_gives_the_geometry() {
     assert_eq!(reader.geometry(), geometry(12, 20));
     let reader = StreamReader::open(&path(&dir, "train/spike/a.dat"), None, Some(g)).unwrap();
     assert_eq!((reader.geometry(), reader.origin()), (g, &GeometryOrigin::Caller));
-    assert!(reader.warnings()[0].contains("its sidecar"), "{:?}", reader.warnings());
+    assert!(reader.warnings()[0].contains("the sidecar"), "{:?}", reader.warnings());
 }
 
 #[test]
