@@ -583,7 +583,9 @@ spl_status spl_simulator_state_bytes(const spl_simulator *simulator, uintptr_t *
  * # Safety
  * `simulator` is NULL or a handle; `state` is NULL or points to `state_bytes` writable bytes.
  */
-spl_status spl_simulator_state_save(const spl_simulator *simulator, uint8_t *state, uintptr_t state_bytes);
+spl_status spl_simulator_state_save(const spl_simulator *simulator,
+                                    uint8_t *state,
+                                    uintptr_t state_bytes);
 
 /**
  * Restores a saved state. The following readouts have the bits that the saved simulator would have produced.

@@ -24,6 +24,7 @@ const COMMANDS: &[&str] = &[
 const DESCRIPTIONS: &[(&str, &str)] = &[
     ("--white", "auto"),
     ("--readouts", "all"),
+    ("--crop", "all"),
     ("--sequences", "preset"),
     ("--images-per-scene", "preset"),
     ("--method", "all"),
