@@ -240,6 +240,5 @@ class SpikeShards(_EpochDataset):
 
     def __repr__(self) -> str:
         part = f"rank {self.rank} of {self.ranks}, epoch {self.epoch}"
-        return (
-            f"<spikelane.torch.SpikeShards, {part}, {len(self.reader.tars)} tars, split {self.reader.split or 'all'}>"
-        )
+        shards = len(self.reader.parts)
+        return f"<spikelane.torch.SpikeShards, {part}, {shards} shards, split {self.reader.split or 'all'}>"
