@@ -200,8 +200,8 @@ class SpikeClipStream(_EpochDataset):
 class SpikeShards(_EpochDataset):
     """An iterable data set of generated sequences: one pass over the sequences of a split, shard by shard.
 
-    ``source`` is the folder of a data set, plan or shard, the tar of a packed shard, a folder of tars, or a list of these. The
-    items of packed and other data sets are equal. An item is a dict with these keys:
+    ``source`` is the folder of a data set, plan or shard, the tar of a packed shard, a folder of tars, or a list of these.
+    The items of packed and other data sets are equal. An item is a dict with these keys:
 
     - ``id`` and ``split``: str;
     - ``record``: a dict;
