@@ -80,7 +80,9 @@ def test_sequences_of_unequal_length_are_read(program: list[str], tmp_path: Path
         head = f"YUV4MPEG2 W{width} H{height} F25:1 Ip A1:1 Cmono\n".encode()
         body = b"".join(b"FRAME\n" + bytes([40 * k + 30]) * (width * height) for k in range(frames))
         (tmp_path / "clips" / f"{name}.y4m").write_bytes(head + body)
-    flags = "--from clips --width 32 --height 24 --readouts-per-frame 4 --images-every 2 --sequences-per-shard 2".split()
+    flags = (
+        "--from clips --width 32 --height 24 --readouts-per-frame 4 --images-every 2 --sequences-per-shard 2".split()
+    )
     for line in (["plan", *flags, "--pack", "-o", "set"], ["run", "set", "--shards", "all"]):
         subprocess.run([*program, "dataset", *line], cwd=tmp_path, check=True, capture_output=True)
     assert [item["spikes"].shape for item in SpikeShards(tmp_path / "set")] == [(8, 24, 32), (20, 24, 32), (4, 24, 32)]

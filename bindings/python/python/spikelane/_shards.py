@@ -39,7 +39,9 @@ class ShardReader:
         seed: int,
     ) -> None:
         if split is not None and split not in SPLITS:
-            raise usage_error("split", repr(split), "'train', 'validation', 'test' or None", "pass None for all sequences")
+            raise usage_error(
+                "split", repr(split), "'train', 'validation', 'test' or None", "pass None for all sequences"
+            )
         sources = _list_sources(Path(source)) if isinstance(source, (str, Path)) else [Path(path) for path in source]
         self.split = split
         self.parts = [part for path in sources for part in _find_parts(path, split)]
