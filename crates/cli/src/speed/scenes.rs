@@ -86,7 +86,7 @@ fn post_render_times(scene: &Scene, budget: Duration) -> Result<[(&'static str, 
         ("light carried from two renders", ms(&mut || warp.light(1.0002).is_ok())),
         ("flow and occlusion, one direction", ms(&mut || scene.flow(&a.labels, &b.labels, 1).is_ok())),
         ("boxes", ms(&mut || scene.boxes(&a.labels).is_ok())),
-        ("PNG of a clear image", ms(&mut || ImageFormat::U8.encode(&light, size).is_ok())),
+        ("PNG of a reference image", ms(&mut || ImageFormat::U8.encode(&light, size).is_ok())),
     ])
 }
 

@@ -274,7 +274,7 @@ fn the_means_of_moments_are_their_means() {
     let events = four_readouts(&place);
     let all = readout_events(&events);
     let means = events.last().unwrap();
-    for name in ["tfp 41", "tfp 41 blurred", "span 41", "tfi", "clear image"] {
+    for name in ["tfp 41", "tfp 41 blurred", "span 41", "tfi", "reference"] {
         for key in ["psnr_db", "ssim", "detail_slope", "high_pass_noise"] {
             let values: Vec<f64> =
                 all.iter().filter_map(|moment| picture_named(moment, name)["scores"][key].as_f64()).collect();

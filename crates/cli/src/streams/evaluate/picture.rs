@@ -155,7 +155,7 @@ pub(super) fn evaluate_pictures(
     if let Comparison::Image(truth) = comparison {
         // These scores are the noise that the estimates find in an image without noise.
         let marks = Scores::compute(&truth.light, geometry, None, None)?;
-        all.push(EvaluatedPicture { name: "clear image".into(), scores: Ok(marks), note: None });
+        all.push(EvaluatedPicture { name: "reference".into(), scores: Ok(marks), note: None });
     }
     Ok(all)
 }
