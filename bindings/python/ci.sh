@@ -19,7 +19,7 @@ if [ ! -x "$venv/bin/pip" ]; then
     "$python" -m venv --system-site-packages "$venv" || skip python3-venv
 fi
 "$venv/bin/pip" install -q 'numpy>=1.24' pytest || skip numpy
-for tool in mypy ruff tqdm; do
+for tool in mypy ruff tqdm webdataset datasets pillow pycocotools; do
     "$venv/bin/pip" install -q "$tool" || missing "$tool" "a check of the Python package"
 done
 "$venv/bin/python" -c 'import torch' 2>/dev/null ||

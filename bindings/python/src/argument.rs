@@ -20,7 +20,7 @@ const MAX_VALUE_CHARS: usize = 60;
 /// Maximum count. It fits all integer types of the interface.
 const MAX_COUNT: u64 = i64::MAX as u64;
 
-/// Returns a value as Python prints it, with its type. The value is left out if its text is long.
+/// Returns a value as Python prints it, with its type. A long value is omitted.
 pub fn describe(value: &Bound<'_, PyAny>) -> String {
     if value.is_none() {
         return "None".to_owned();
@@ -127,7 +127,7 @@ fn as_camera(value: &Bound<'_, PyAny>, name: &str, remedy: &str) -> PyResult<Cam
 /// Rejects the keyword arguments that the callable `path` of this module does not have. The error names the argument that
 /// is most similar.
 ///
-/// The names are those of its `text_signature`, which leaves out the parameter for unknown arguments.
+/// The names are those of its `text_signature`, which omits the parameter for unknown arguments.
 pub fn reject_unknown(unknown: Option<&Bound<'_, PyDict>>, path: &str) -> PyResult<()> {
     let Some(key) = unknown.and_then(|unknown| unknown.keys().into_iter().next()) else { return Ok(()) };
     let module = key.py().import("spikelane._native")?.into_any();
@@ -194,13 +194,13 @@ arguments! {
     first: usize = as_integer[(0, MAX_COUNT)]("pass the index of the first readout");
     end: usize = as_integer[(0, MAX_COUNT)]("pass the index after the last readout");
     frames: usize = as_integer[(1, MAX_COUNT)]("pass the number of frames");
-    camera_count: u64 = as_integer[(1, MAX_COUNT)]("pass the number of cameras, or leave it out for one per item");
+    camera_count: u64 = as_integer[(1, MAX_COUNT)]("pass the number of cameras, or omit camera_count for a new camera per item");
     epoch: u64 = as_integer[(0, MAX_COUNT)]("pass the number of the epoch");
     rank: u64 = as_integer[(0, MAX_COUNT)]("pass the number of this process, from 0");
     ranks: u64 = as_integer[(1, MAX_COUNT)]("pass the number of processes");
-    vehicles: u32 = as_integer[(0, u64::from(u32::MAX))]("pass the number of vehicles, or leave it to the seed");
+    vehicles: u32 = as_integer[(0, u64::from(u32::MAX))]("pass the number of vehicles, or omit vehicles: the seed then selects the number");
     full_scale: f64 = as_number("pass the value that is full scale, for example 255");
-    max_light: f64 = as_number("pass the greatest light in full scales, for example 2.0");
+    max_light: f64 = as_number("pass the maximum light in full scales, for example 2.0");
     readout_hz: f64 = as_number("pass the readouts per second, for example 20000");
     capacitance_ff: f64 = as_number("pass the capacitance in fF");
     swing_v: f64 = as_number("pass the voltage swing in V");
@@ -216,9 +216,9 @@ arguments! {
     light_uncertainty: f64 = as_number("pass a relative standard deviation, for example 0.01");
     max_gain_error: f64 = as_number("pass a relative standard error, for example 0.01");
     interpolation: &'a str = as_interpolation("pass \"linear\", \"hold\" or \"flow\"");
-    backend: &'a str = as_text("leave it out");
+    backend: &'a str = as_text("omit backend");
     layout: &'a str = as_text("pass the name of a layout, for example \"dat\"");
-    lighting: &'a str = as_text("leave it to the seed");
+    lighting: &'a str = as_text("pass a lighting such as \"dusk\", or omit lighting: the seed then selects the lighting");
     name: &'a str = as_text("pass a name, for example \"physical\"");
     text: &'a str = as_text("pass the text of a camera file; Camera.load(path) reads a file");
     path: PathBuf = as_path("pass a path, for example \"drive.dat\"");
@@ -226,11 +226,11 @@ arguments! {
     recordings: PathBuf = as_path("pass the path of a recording set, for example \"recordings.toml\"");
     holdout: PathBuf = as_path("pass the path of a recording set, for example \"holdout.toml\"");
     force: bool = as_flag("pass force=True to replace files");
-    sidecar: bool = as_flag("leave it out for a sidecar");
+    sidecar: bool = as_flag("omit sidecar to write a sidecar");
     dense: bool = as_flag("pass dense=False for packed spikes");
     clean: bool = as_flag("pass clean=True for the noise-free twin");
     shuffle: bool = as_flag("pass shuffle=False for the order of the clips");
-    copy: bool = as_flag("leave it out for a copy");
-    snee: bool = as_flag("leave it out");
-    all_readouts: bool = as_flag("leave it out");
+    copy: bool = as_flag("omit copy to copy the light");
+    snee: bool = as_flag("omit snee");
+    all_readouts: bool = as_flag("omit all_readouts");
 }

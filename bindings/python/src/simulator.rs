@@ -379,7 +379,7 @@ impl<'py> LightSequence<'py> {
                     "readouts_per_frame",
                     found,
                     "none for one frame of light (H, W), which is held",
-                    "leave it out, or pass frames of light (N, H, W)",
+                    "omit readouts_per_frame, or pass frames of light (N, H, W)",
                 ));
             }
             (false, None) => {

@@ -78,7 +78,7 @@ impl SpikeFrames {
         {
             if let Some(found) = given.filter(|n| *n != own) {
                 let expected = format!("{own}, the {name} of the frames");
-                return Err(usage_error(name, found, expected, "leave it out"));
+                return Err(usage_error(name, found, expected, format_args!("omit {name}")));
             }
         }
         Ok(())

@@ -52,7 +52,7 @@ pub fn unpack_into(
 ) -> PyResult<()> {
     let mut target = out
         .try_readwrite()
-        .map_err(|e| usage_error("out", e, "another array than the packed spikes", "leave it out"))?;
+        .map_err(|e| usage_error("out", e, "another array than the packed spikes", "omit out"))?;
     let packed = copy_contiguous(packed)?;
     let (from, to) = (packed.as_slice()?, target.as_slice_mut()?);
     py.detach(|| spikelane::spikes::unpack(geometry, from, to)).or_raise()

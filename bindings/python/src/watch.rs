@@ -36,7 +36,7 @@ impl WorkMonitor {
                     "progress",
                     found,
                     "a function (done, total), or True",
-                    "leave it out",
+                    "omit progress",
                 ));
             }
             other => other,

@@ -108,7 +108,7 @@ def test_functions_accept_frames_instead_of_packed_spikes_and_a_size(dense, fram
         np.testing.assert_array_equal(function(frames, 7, 13, **options), expected)
         with pytest.raises(sl.SpikelaneError, match="height and width"):
             function(packed, **options)
-        with pytest.raises(sl.SpikelaneError, match=r"width: found 12.*leave it out"):
+        with pytest.raises(sl.SpikelaneError, match=r"width: found 12.*omit width"):
             function(frames, width=12, **options)
     out = np.empty((9, 7, 13), np.uint8)
     assert sl.unpack(frames, out=out) is out

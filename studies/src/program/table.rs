@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::share::Share;
 
-/// Factors whose levels differ in the share of alarms.
+/// Factors of the laboratory that the table contains. The records also contain the other factors.
 const SHOWN_FACTORS: [&str; 3] = ["camera", "lamps off by", "protocol"];
 
 /// Returns a table row with a share, its target, and whether the share reaches the target.
@@ -123,7 +123,6 @@ pub(crate) fn table(records: &[Value]) -> String {
     text += "\nClean sensors with an alarm, by factor:\n\n| factor | level | sensors with an alarm |\n|---|---|---|\n";
     let mut cells: BTreeMap<(String, String), Vec<&Value>> = BTreeMap::new();
     for r in in_class("null") {
-        // The other factors have no effect on the share of alarms.
         for (factor, level) in
             r["factors"].as_object().into_iter().flatten().filter(|f| SHOWN_FACTORS.contains(&f.0.as_str()))
         {

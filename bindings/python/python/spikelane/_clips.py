@@ -83,8 +83,9 @@ class ClipSampler:
     - ``index``, ``camera_seed``, ``sequence``, and ``row`` and ``col`` of the crop.
 
     ``clips`` is a sequence of (N, H, W) arrays of uint8, uint16 or float32: an array (B, N, H, W), a list, or any object
-    with ``len`` and indexing. Each frame lasts ``readouts_per_frame`` readouts. ``interpolation`` has the values of
-    ``Simulator.run``; so is ``full_scale``. ``crop=(h, w)`` selects a random rectangle of each clip.
+    with ``len`` and indexing. Each frame lasts ``readouts_per_frame`` readouts. ``interpolation`` and
+    ``full_scale`` have the meaning that they have in ``Simulator.run``. ``crop=(h, w)`` selects a random rectangle of
+    each clip.
 
     ``camera`` is a Camera or a CameraDistribution. A Camera must have the size of the clips; a crop uses a window of the
     camera. A CameraDistribution draws a camera with the size of the crop for every item of every epoch.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -59,15 +60,13 @@ class ShardReader:
 
     def read_items(self, parts: Sequence[Part]) -> Iterator[dict[str, Any]]:
         """Yields every sequence of the split in the order of the parts."""
-        opened: tuple[Path, _native.DatasetReader] | None = None
-        for path, indices in parts:
-            if opened is None or opened[0] != path:
-                opened = (path, _native.DatasetReader(path))
-            dataset = opened[1]
+        for path, parts_of_path in groupby(parts, key=lambda part: part[0]):
+            dataset = _native.DatasetReader(path)
             sequences = dataset.sequences()
-            for index in indices:
-                name, split, _ = sequences[index]
-                yield self._item(name, split, dataset.open(index))
+            for _, indices in parts_of_path:
+                for index in indices:
+                    name, split, _ = sequences[index]
+                    yield self._item(name, split, dataset.open(index))
 
     def _item(self, name: str, split: str, sequence: _native.SequenceFiles) -> dict[str, Any]:
         record = json.loads(sequence.read("record.json"))

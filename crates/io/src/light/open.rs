@@ -154,33 +154,33 @@ pub fn open(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
 }
 
 fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
-    let (camera, fit, linear) = (options.camera, options.resize_mode, options.linearization()?);
+    let (camera, resize_mode, linear) = (options.camera, options.resize_mode, options.linearization()?);
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let about = std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
     if image_file::is_image(path) && !about.is_dir() {
         let file = ImageFile::open(path)?;
         if file.pages > 1 {
             refuse_motion(path.display(), options)?;
-            return Ok(Box::new(ImagePages::new(file, camera, fit, &linear)?));
+            return Ok(Box::new(ImagePages::new(file, camera, resize_mode, &linear)?));
         }
         return Ok(Box::new(match options.motion_clip {
-            None => StillImage::from_file(file, camera, fit, &linear)?.0,
+            None => StillImage::from_file(file, camera, resize_mode, &linear)?.0,
             Some(m) => {
                 let motion = (m.motion, m.rate, m.frames);
-                StillImage::open_moving(path, camera, fit, &linear, motion)?
+                StillImage::open_moving(path, camera, resize_mode, &linear, motion)?
             }
         }));
     }
     refuse_motion(path.display(), options)?;
     if about.is_dir() {
-        return Ok(Box::new(ImageFolder::open(path, camera, fit, linear)?));
+        return Ok(Box::new(ImageFolder::open(path, camera, resize_mode, linear)?));
     }
     match ending.as_deref() {
-        Some("npy") => array_source(ArraySource::open(path, camera, fit, options.transfer)?, options),
-        Some("npz") => array_source(npz::open(path, camera, fit, options.transfer)?, options),
-        Some("y4m") => Ok(Box::new(Y4mSource::open(path, camera, fit, linear)?)),
+        Some("npy") => array_source(ArraySource::open(path, camera, resize_mode, options.transfer)?, options),
+        Some("npz") => array_source(npz::open(path, camera, resize_mode, options.transfer)?, options),
+        Some("y4m") => Ok(Box::new(Y4mSource::open(path, camera, resize_mode, linear)?)),
         Some(e) if VIDEO_EXTENSIONS.contains(&e) => {
-            Ok(Box::new(FfmpegSource::open(path, camera, fit, linear)?))
+            Ok(Box::new(FfmpegSource::open(path, camera, resize_mode, linear)?))
         }
         _ => Err(Error::new(ErrorKind::Usage, path.display())
             .found("an unknown type of file")
@@ -215,16 +215,17 @@ pub fn open_reader(
     options: &InputOptions,
 ) -> Result<Box<dyn Source>> {
     refuse_motion(name, options)?;
-    let (camera, fit) = (options.camera, options.resize_mode);
+    let (camera, resize_mode) = (options.camera, options.resize_mode);
     let mut reader = BufReader::new(reader);
     // The first read from a pipe may return only one byte. One byte is sufficient to determine the format.
     let first = reader.fill_buf().map_err(|e| Error::io(name, e))?.first().copied();
     if first == npy::MAGIC.first().copied() {
-        let array = ArraySource::from_reader(Box::new(reader), name, camera, fit, options.transfer)?;
+        let array = ArraySource::from_reader(Box::new(reader), name, camera, resize_mode, options.transfer)?;
         return Ok(scale_source(array_source(array, options)?));
     }
     if first == y4m::MAGIC.first().copied() {
-        let video = Y4mSource::from_reader(Box::new(reader), name, camera, fit, options.linearization()?)?;
+        let video =
+            Y4mSource::from_reader(Box::new(reader), name, camera, resize_mode, options.linearization()?)?;
         return Ok(scale_source(Box::new(video)));
     }
     Err(Error::new(ErrorKind::Input, name)

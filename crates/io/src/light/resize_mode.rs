@@ -151,10 +151,10 @@ impl FullImage {
     ///
     /// # Errors
     /// As [`ResizeMode::apply`]. Also an error if the scaled image exceeds the largest sensor.
-    pub fn new(frame: Frame, camera: Geometry, fit: ResizeMode) -> Result<Self> {
+    pub fn new(frame: Frame, camera: Geometry, resize_mode: ResizeMode) -> Result<Self> {
         let from = frame.geometry();
-        fit.check(from, camera)?;
-        let part = fit.shown_part(from, camera)?;
+        resize_mode.check(from, camera)?;
+        let part = resize_mode.shown_part(from, camera)?;
         let picture = scale(
             frame,
             Geometry::new(

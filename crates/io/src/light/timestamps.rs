@@ -107,7 +107,7 @@ fn read(path: &Path, images: &[PathBuf]) -> Result<Vec<u64>> {
 
 fn remedy() -> String {
     format!(
-        "correct the file, or remove it and set {} or {}",
+        "correct the file, or remove the file and set {} or {}",
         Setting("input_fps"),
         Setting("readouts_per_frame")
     )

@@ -41,12 +41,17 @@ impl ArraySource {
     ///
     /// # Errors
     /// Errors of [`ArraySource::from_reader`]. Also [`ErrorKind::Input`] if the file ends before the end of the array.
-    pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, transfer: Option<Transfer>) -> Result<Self> {
+    pub fn open(
+        path: &Path,
+        camera: Geometry,
+        resize_mode: ResizeMode,
+        transfer: Option<Transfer>,
+    ) -> Result<Self> {
         let name = path.display().to_string();
         let file = InputFile::open(path)?;
         let len = file.len();
         let input = Box::new(BufReader::new(InputFile::open(path)?.into_reader()));
-        let mut array = Self::from_reader(input, &name, camera, fit, transfer)?;
+        let mut array = Self::from_reader(input, &name, camera, resize_mode, transfer)?;
         let wanted = array.reader.total_bytes();
         if len < wanted {
             return Err(Error::new(ErrorKind::Input, name)
@@ -72,7 +77,7 @@ impl ArraySource {
         reader: Box<dyn Read + Send>,
         name: &str,
         camera: Geometry,
-        fit: ResizeMode,
+        resize_mode: ResizeMode,
         transfer: Option<Transfer>,
     ) -> Result<Self> {
         let reader = ArrayReader::new(reader, name)?;
@@ -83,13 +88,13 @@ impl ArraySource {
                 .expected("linear, because floats are always linear")
                 .remedy(format_args!("omit {}", Setting("transfer"))));
         }
-        fit.check(reader.geometry(), camera).map_err(|e| e.with_context(name))?;
+        resize_mode.check(reader.geometry(), camera).map_err(|e| e.with_context(name))?;
         let front_end = FrontEnd { transfer: Some(transfer), ..FrontEnd::default() };
         Ok(Self {
             reader,
             curve: ToneCurve::new(transfer),
             front_end,
-            resize_mode: fit,
+            resize_mode,
             camera,
             scale: None,
             codes: CodeScan::default(),

@@ -30,7 +30,7 @@ const INFLATED_BYTES: usize = 1 << 16;
 pub fn open(
     path: &Path,
     camera: Geometry,
-    fit: ResizeMode,
+    resize_mode: ResizeMode,
     transfer: Option<Transfer>,
 ) -> Result<ArraySource> {
     let name = path.display().to_string();
@@ -48,7 +48,7 @@ pub fn open(
     let unpack = move |archive| send_blocks(archive, &entry, &sender);
     threads::spawn("npz", archive, unpack).map_err(|_| threads::no_thread_error("read an archive"))?;
     let blocks = Blocks { receiver, block: Vec::new(), used: 0 };
-    ArraySource::from_reader(Box::new(blocks), &subject, camera, fit, transfer)
+    ArraySource::from_reader(Box::new(blocks), &subject, camera, resize_mode, transfer)
 }
 
 /// Sends the bytes of an entry in blocks. Stops at the end of the entry, at an error, or when the receiver is dropped.

@@ -174,7 +174,7 @@ pub(in crate::light) fn hdr_note(encoding: &Encoding, linear: &Linearization) ->
     };
     let code = (white * encoding.largest_code.unwrap_or(255.0)).round();
     Some(format!(
-        "the curve {name} of the file is undone, and full scale is {peak}; to make diffuse white (203 cd/m2, BT.2408) full scale, set {} to {code}",
+        "the curve {name} of the file is inverted, and full scale is {peak}; to make diffuse white (203 cd/m2, BT.2408) full scale, set {} to {code}",
         Setting("full_scale")
     ))
 }

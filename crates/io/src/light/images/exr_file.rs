@@ -127,7 +127,7 @@ fn damaged_error(path: &Path, error: &exr::error::Error) -> Error {
         other => Error::new(ErrorKind::Input, path.display())
             .found(other)
             .expected("a complete OpenEXR image of full resolution")
-            .remedy("save it again without deep data, subsampled channels and DWA compression"),
+            .remedy("save the image without deep data, subsampled channels and DWA compression"),
     }
 }
 

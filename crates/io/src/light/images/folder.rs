@@ -44,7 +44,12 @@ impl ImageFolder {
     /// * [`ErrorKind::Input`] if image sizes differ, or if some images have float pixels and some have integer pixels.
     /// * [`ErrorKind::Input`] if the mode is [`ResizeMode::Crop`] and the images are smaller than the camera.
     /// * [`ErrorKind::Input`] if a `timestamps.txt` in the folder does not contain a time for each image.
-    pub fn open(folder: &Path, camera: Geometry, fit: ResizeMode, linear: Linearization) -> Result<Self> {
+    pub fn open(
+        folder: &Path,
+        camera: Geometry,
+        resize_mode: ResizeMode,
+        linear: Linearization,
+    ) -> Result<Self> {
         let (files, mut ignored, others) = list_images(folder)?;
         let Some(first) = files.first() else {
             return Err(Error::new(ErrorKind::Input, folder.display())
@@ -64,9 +69,9 @@ impl ImageFolder {
             check_same_white(&header, &first_file)?;
             multipage += usize::from(header.pages > 1);
         }
-        fit.check(size, camera).map_err(|e| e.with_context(folder.display()))?;
+        resize_mode.check(size, camera).map_err(|e| e.with_context(folder.display()))?;
         let scanned = first_file.scanned_indices(files.len());
-        let scanned = scanned.iter().map(|&i| ImageFile::open(&files[i])?.read_first());
+        let scanned = scanned.iter().map(|&i| ImageFile::open(&files[i])?.read_page(0));
         let scanned = scanned.collect::<Result<Vec<_>>>()?;
         first_file.complete_notes(&linear, &scanned, "of the first, middle and last image");
         if multipage > 0 {
@@ -86,7 +91,7 @@ impl ImageFolder {
             times,
             size,
             camera,
-            resize_mode: fit,
+            resize_mode,
             front_end: linear.front_end_for(floats),
             linear,
             file_notes: first_file.notes,
@@ -200,7 +205,7 @@ impl Source for ImageFolder {
             return Ok(false);
         };
         let image = ImageFile::open(file)?;
-        let frame = image.light(image.read_first()?, &self.linear)?;
+        let frame = image.light(image.read_page(0)?, &self.linear)?;
         // The file may have changed since the folder was listed, so the size of the image is checked again.
         check_same_size(file, frame.geometry(), &self.files[0], self.size)?;
         *into = self.resize_mode.apply(frame, self.camera)?;

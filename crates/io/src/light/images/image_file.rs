@@ -83,7 +83,7 @@ pub fn read_header(path: &Path) -> Result<ImageHeader> {
 /// * [`ErrorKind::Input`] if the file is not an image, is damaged, or contains negative or non-finite light.
 pub fn read(path: &Path, linear: &Linearization) -> Result<Frame> {
     let file = ImageFile::open(path)?;
-    file.light(file.read_first()?, &linear.for_encoding(&file.encoding))
+    file.light(file.read_page(0)?, &linear.for_encoding(&file.encoding))
 }
 
 /// Decodes and linearizes an open image that this program wrote, such as the reference image in a packed sequence.
@@ -273,11 +273,6 @@ impl ImageFile {
         !matches!(self.container, Container::Common { animation: Some(_) })
     }
 
-    /// Decodes the first page.
-    pub(in crate::light) fn read_first(&self) -> Result<Pixels> {
-        self.read_page(0)
-    }
-
     /// Decodes page `page`. Of an animation, only the first page can be read.
     pub(in crate::light) fn read_page(&self, page: usize) -> Result<Pixels> {
         match &self.container {
@@ -361,7 +356,7 @@ pub(in crate::light) fn missing_page_error(path: &Path, found: u64, pages: u64) 
     Error::new(ErrorKind::Input, path.display())
         .found(format_args!("the end of the file after {found} pages"))
         .expected(format_args!("{pages} pages, as stated in the header"))
-        .remedy("the file is truncated; save it again")
+        .remedy("save the file again, because it is truncated")
 }
 
 fn displayed_size(width: u32, height: u32, orientation: Orientation, path: &Path) -> Result<Geometry> {
@@ -429,9 +424,9 @@ pub(super) fn decode_error(path: &Path, error: ImageError) -> Error {
         }
         other => {
             let remedy = if matches!(other, ImageError::Unsupported(_)) {
-                "save it with 8-bit or 16-bit samples and another compression; save an animation of 16 bits as a folder of images"
+                "save the image with 8-bit or 16-bit samples and another compression; save an animation of 16 bits as a folder of images"
             } else {
-                "open it in a viewer to check whether it is damaged"
+                "open the image in a viewer to check whether the file is damaged"
             };
             Error::new(ErrorKind::Input, path.display())
                 .found(other)

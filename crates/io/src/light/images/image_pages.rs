@@ -38,17 +38,17 @@ impl ImagePages {
     pub(in crate::light) fn new(
         mut file: ImageFile,
         camera: Geometry,
-        fit: ResizeMode,
+        resize_mode: ResizeMode,
         linear: &Linearization,
     ) -> Result<Self> {
-        fit.check(file.size, camera).map_err(|e| e.with_context(file.path().display()))?;
+        resize_mode.check(file.size, camera).map_err(|e| e.with_context(file.path().display()))?;
         let feed = if file.has_random_access() {
             let scanned = file.scanned_indices(file.pages as usize);
             let scanned = scanned.into_iter().map(|page| file.read_page(page)).collect::<Result<Vec<_>>>()?;
             file.complete_notes(linear, &scanned, "of the first, middle and last page");
             PageFeed::RandomAccess
         } else {
-            let first = file.read_first()?;
+            let first = file.read_page(0)?;
             file.complete_notes(linear, &[first], "of the first page");
             let (sender, receiver) = sync_channel(QUEUED_FRAMES);
             threads::spawn("pages", file.clone(), move |file| send_pages(&file, &sender))
@@ -56,7 +56,7 @@ impl ImagePages {
             PageFeed::Thread(receiver)
         };
         let linear = linear.for_encoding(&file.encoding);
-        Ok(Self { file, feed, linear, resize_mode: fit, camera, next: 0 })
+        Ok(Self { file, feed, linear, resize_mode, camera, next: 0 })
     }
 
     fn path(&self) -> &Path {

@@ -81,7 +81,7 @@ pub(super) fn read(file: &mut impl BufRead, path: &Path) -> Result<Pixels> {
         return Err(Error::new(ErrorKind::Input, &name)
             .found(format_args!("{} bytes of samples", bytes.len()))
             .expected(format_args!("{} bytes", 4 * samples))
-            .remedy("the file is truncated; save it again"));
+            .remedy("save the image again, because the file is truncated"));
     }
     let order = if header.is_big_endian { f32::from_be_bytes } else { f32::from_le_bytes };
     let rows = bytes.chunks_exact(4 * header.size.width() * header.channels).rev();

@@ -43,22 +43,28 @@ impl StillImage {
     ///
     /// # Errors
     /// As [`super::image_file::read`] and [`ResizeMode::apply`].
-    pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, linear: &Linearization) -> Result<Self> {
-        Self::from_file(ImageFile::open(path)?, camera, fit, linear).map(|(still, _)| still)
+    pub fn open(
+        path: &Path,
+        camera: Geometry,
+        resize_mode: ResizeMode,
+        linear: &Linearization,
+    ) -> Result<Self> {
+        Self::from_file(ImageFile::open(path)?, camera, resize_mode, linear).map(|(still, _)| still)
     }
 
     /// Reads the first page of `file`. Also returns the frame at the size of the image.
     pub(in crate::light) fn from_file(
         mut file: ImageFile,
         camera: Geometry,
-        fit: ResizeMode,
+        resize_mode: ResizeMode,
         linear: &Linearization,
     ) -> Result<(Self, Frame)> {
-        let pixels = file.read_first()?;
+        let pixels = file.read_page(0)?;
         file.complete_notes(linear, std::slice::from_ref(&pixels), "of the image");
         let linear = linear.for_encoding(&file.encoding);
         let full = file.light(pixels, &linear)?;
-        let frame = fit.apply(full.clone(), camera).map_err(|e| e.with_context(file.path().display()))?;
+        let frame =
+            resize_mode.apply(full.clone(), camera).map_err(|e| e.with_context(file.path().display()))?;
         let still = Self {
             path: file.path().to_owned(),
             size: file.size,
@@ -81,15 +87,15 @@ impl StillImage {
     pub fn open_moving(
         path: &Path,
         camera: Geometry,
-        fit: ResizeMode,
+        resize_mode: ResizeMode,
         linear: &Linearization,
         (motion, rate, frames): (CameraMotion, Rate, u64),
     ) -> Result<Self> {
         if frames == 0 {
             return Err(Error::new(ErrorKind::Usage, "frames of motion").found(0).expected("at least 1"));
         }
-        let (still, full) = Self::from_file(ImageFile::open(path)?, camera, fit, linear)?;
-        let image = FullImage::new(full, camera, fit).map_err(|e| e.with_context(path.display()))?;
+        let (still, full) = Self::from_file(ImageFile::open(path)?, camera, resize_mode, linear)?;
+        let image = FullImage::new(full, camera, resize_mode).map_err(|e| e.with_context(path.display()))?;
         Ok(Self { motion_view: Some(MotionView { image, motion, rate }), frames, ..still })
     }
 }

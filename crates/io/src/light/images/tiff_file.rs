@@ -308,7 +308,7 @@ fn tiff_error(path: &Path, error: TiffError) -> Error {
             .found(other)
             .expected("a complete TIFF image of a supported type")
             .remedy(
-                "open it in a viewer to check whether it is damaged, or save it with 8-bit or 16-bit samples",
+                "open the image in a viewer to check whether the file is damaged, or save the image with 8-bit or 16-bit samples",
             ),
     }
 }

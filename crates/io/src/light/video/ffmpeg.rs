@@ -133,8 +133,13 @@ impl FfmpegSource {
     /// * [`ErrorKind::Io`] if the file cannot be read.
     /// * [`ErrorKind::Tool`] if ffmpeg is missing or cannot decode the file.
     /// * Errors of [`crate::light::y4m::Y4mReader::new`], which reads the output of ffmpeg.
-    pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, linear: Linearization) -> Result<Self> {
-        Self::open_with("ffmpeg", path, camera, fit, linear)
+    pub fn open(
+        path: &Path,
+        camera: Geometry,
+        resize_mode: ResizeMode,
+        linear: Linearization,
+    ) -> Result<Self> {
+        Self::open_with("ffmpeg", path, camera, resize_mode, linear)
     }
 
     /// As [`FfmpegSource::open`]. `program` is the name or path of ffmpeg.
@@ -145,7 +150,7 @@ impl FfmpegSource {
         program: &str,
         path: &Path,
         camera: Geometry,
-        fit: ResizeMode,
+        resize_mode: ResizeMode,
         linear: Linearization,
     ) -> Result<Self> {
         // If the path were a pipe, ffmpeg would block. `InputFile::open` accepts only regular files.
@@ -170,8 +175,14 @@ impl FfmpegSource {
         }
         let output: Box<dyn Read + Send> = Box::new(output);
         let notes = probe.notes.iter().map(|note| format!("{name}: {note}")).collect();
-        let video =
-            Y4mSource::with_sample_encoding(output, &name, camera, fit, linear, probe.sample_encoding())?;
+        let video = Y4mSource::with_sample_encoding(
+            output,
+            &name,
+            camera,
+            resize_mode,
+            linear,
+            probe.sample_encoding(),
+        )?;
         let (announced_frames, times) = (probe.frames, probe.times);
         Ok(Self { video, process, announced_frames, times, notes, has_ended: false })
     }

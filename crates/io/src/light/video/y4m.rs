@@ -46,10 +46,15 @@ impl Y4mSource {
     /// # Errors
     /// Errors of [`Y4mReader::new`]. Also [`ErrorKind::Input`] if the last frame is truncated or the file contains no
     /// frame.
-    pub fn open(path: &Path, camera: Geometry, fit: ResizeMode, linear: Linearization) -> Result<Self> {
+    pub fn open(
+        path: &Path,
+        camera: Geometry,
+        resize_mode: ResizeMode,
+        linear: Linearization,
+    ) -> Result<Self> {
         let name = path.display().to_string();
         let input = Box::new(InputFile::open(path)?.into_reader());
-        let mut video = Self::from_reader(input, &name, camera, fit, linear)?;
+        let mut video = Self::from_reader(input, &name, camera, resize_mode, linear)?;
         let frames = video.reader.count_frames(&InputFile::open(path)?)?;
         if frames == 0 {
             return Err(Error::new(ErrorKind::Input, name).found("no frame").expected("at least one frame"));
@@ -67,27 +72,27 @@ impl Y4mSource {
         reader: Box<dyn Read + Send>,
         name: &str,
         camera: Geometry,
-        fit: ResizeMode,
+        resize_mode: ResizeMode,
         linear: Linearization,
     ) -> Result<Self> {
-        Self::with_sample_encoding(reader, name, camera, fit, linear, SampleEncoding::default())
+        Self::with_sample_encoding(reader, name, camera, resize_mode, linear, SampleEncoding::default())
     }
 
     pub(in crate::light) fn with_sample_encoding(
         reader: Box<dyn Read + Send>,
         name: &str,
         camera: Geometry,
-        fit: ResizeMode,
+        resize_mode: ResizeMode,
         linear: Linearization,
         known: SampleEncoding,
     ) -> Result<Self> {
         let reader = Y4mReader::with_sample_encoding(reader, name, known)?;
-        fit.check(reader.geometry(), camera).map_err(|e| e.with_context(name))?;
+        resize_mode.check(reader.geometry(), camera).map_err(|e| e.with_context(name))?;
         let largest_code = Some(((1_u32 << reader.depth()) - 1).into());
         let encoding = Encoding { transfer: known.transfer, largest_code, ..Encoding::default() };
         let note = hdr_note(&encoding, &linear).map(|note| format!("{name}: {note}"));
         let linear = linear.for_encoding(&encoding);
-        Ok(Self { reader, frames: None, linear, resize_mode: fit, camera, note })
+        Ok(Self { reader, frames: None, linear, resize_mode, camera, note })
     }
 }
 
