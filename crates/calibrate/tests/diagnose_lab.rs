@@ -5,9 +5,12 @@
 #[allow(unreachable_pub, reason = "shared by several test binaries")]
 mod hidden_sensor;
 
+use std::fmt::Write as _;
 use std::path::Path;
 
-use hidden_sensor::{Physics, Scene, Sensor, Size, record, write_set};
+use hidden_sensor::{Physics, SCENES, Scene, Sensor, Size, record, write_set};
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
 use spikelane::{Seeds, presets};
 use spikelane_calibrate::diagnose::{DiagnoseOptions, Diagnosis, FaultKind, Verdict, diagnose};
 use spikelane_calibrate::{Protocol, RecordingSet};
@@ -42,6 +45,11 @@ fn assert_single_fault(diagnosis: &Diagnosis, kind: FaultKind, file: &str) {
     let faults: Vec<_> =
         diagnosis.faults.iter().map(|f| (f.kind, f.recording.as_deref(), f.is_excluded)).collect();
     assert_eq!(faults, [(kind, Some(file), true)], "{:?}", diagnosis.faults);
+    assert_clean(diagnosis);
+}
+
+/// Checks that the diagnosis reports nothing about the camera.
+fn assert_clean(diagnosis: &Diagnosis) {
     assert!(
         diagnosis.effects.is_empty() && diagnosis.parameter_mismatches.is_empty(),
         "{:?} {:?}",
@@ -51,18 +59,124 @@ fn assert_single_fault(diagnosis: &Diagnosis, kind: FaultKind, file: &str) {
     assert_eq!(diagnosis.verdict, Verdict::Agrees, "{:?}", diagnosis.unexplained);
 }
 
+/// The light of every lamp is known to 0.2 %.
 #[test]
-fn a_level_off_by_3_percent_is_a_light_mismatch() {
+fn a_level_off_by_3_percent_is_a_light_mismatch_and_stays_in_the_diagnosis() {
     let diagnosis = diagnose_spoiled(|folder| {
         let bits = record(&sensor(Physics::default()), Scene::Flat(0.309), SIZE.readouts, 3);
         std::fs::write(folder.join("flat_30.dat"), bits).unwrap();
+        let set = folder.join("recordings.toml");
+        let text = std::fs::read_to_string(&set).unwrap();
+        std::fs::write(set, format!("light_uncertainty = 0.002\n{text}")).unwrap();
     });
-    assert_single_fault(&diagnosis, FaultKind::LightMismatch, "flat_30.dat");
+    let faults: Vec<_> =
+        diagnosis.faults.iter().map(|f| (f.kind, f.recording.as_deref(), f.is_excluded)).collect();
+    assert_eq!(faults, [(FaultKind::LightMismatch, Some("flat_30.dat"), false)], "{:?}", diagnosis.faults);
+    assert_clean(&diagnosis);
     assert!(
         diagnosis.faults[0].description.contains("+3.") || diagnosis.faults[0].description.contains("+2.9"),
         "{:?}",
         diagnosis.faults
     );
+}
+
+/// A laboratory in which every lamp has an error of its own in each of two sets.
+#[derive(Clone, Copy, Debug)]
+struct Lamps {
+    seed: u64,
+    /// Relative standard deviation of the lamps.
+    deviation: f64,
+    /// The relative standard deviation that the sets state.
+    stated: f64,
+}
+
+impl Lamps {
+    /// Diagnoses two sets of a sensor with `physics`.
+    fn diagnose(self, physics: Physics) -> Diagnosis {
+        let sensor = Sensor::new(physics, SIZE.width, SIZE.height, 100 + self.seed);
+        let folder = tempfile::tempdir().unwrap();
+        let sets = [0, 1].map(|take: u64| {
+            let path = folder.path().join(take.to_string());
+            std::fs::create_dir_all(&path).unwrap();
+            let mut errors = rand::rngs::Xoshiro256PlusPlus::seed_from_u64(2 * self.seed + take);
+            let mut set = format!(
+                "width = {}\nheight = {}\nreadout_hz = 20000.0\nlight_uncertainty = {}\n",
+                SIZE.width, SIZE.height, self.stated
+            );
+            for (number, (name, scene)) in SCENES.iter().enumerate() {
+                let error: f64 = StandardNormal.sample(&mut errors);
+                let lit = scale(*scene, 1.0 + self.deviation * error);
+                let bits = record(&sensor, lit, SIZE.readouts, 100 * take + number as u64);
+                std::fs::write(path.join(format!("{name}.dat")), bits).unwrap();
+                write!(set, "[[recording]]\nfile = \"{name}.dat\"\nlight = {}\n", scene.toml()).unwrap();
+            }
+            std::fs::write(path.join("recordings.toml"), set).unwrap();
+            RecordingSet::open(&path.join("recordings.toml")).unwrap()
+        });
+        diagnose(&sets[0], Some(&sets[1]), DiagnoseOptions::default(), &mut |_, _| {}).unwrap()
+    }
+}
+
+fn scale(scene: Scene, factor: f64) -> Scene {
+    match scene {
+        Scene::Flat(level) => Scene::Flat(level * factor),
+        Scene::Square { high, low, half_period } => {
+            Scene::Square { high: high * factor, low: low * factor, half_period }
+        }
+        Scene::Checkerboard { high, low, cell } => {
+            Scene::Checkerboard { high: high * factor, low: low * factor, cell }
+        }
+    }
+}
+
+/// The laboratories of one sensor: lamps off by 0.3 to 5 %, stated so, and stated five times too small.
+fn laboratories(seed: u64) -> impl Iterator<Item = Lamps> {
+    [0.003, 0.01, 0.02, 0.05].into_iter().flat_map(move |deviation| {
+        [1.0, 5.0].map(|understated| Lamps { seed, deviation, stated: deviation / understated })
+    })
+}
+
+/// Diagnoses clean sensors and returns a description of each diagnosis that is not clean.
+fn alarms(laboratories: impl Iterator<Item = Lamps>) -> Vec<String> {
+    let mut alarms = Vec::new();
+    for lamps in laboratories {
+        let diagnosis = lamps.diagnose(Physics::default());
+        let named: Vec<&str> = diagnosis.effects.iter().map(|e| e.name).collect();
+        let gap = &diagnosis.discrepancy;
+        eprintln!(
+            "{lamps:?}: {:?} {named:?}, fitted {:.0?}, held out {:.0?}, floor {:.0} +- {:.0}, {:.0} s, {:?}",
+            diagnosis.verdict,
+            gap.fitted_set,
+            gap.held_out_set,
+            gap.noise_floor,
+            gap.noise_floor_sd,
+            diagnosis.seconds,
+            diagnosis.faults.iter().map(|f| (f.kind, f.recording.as_deref())).collect::<Vec<_>>()
+        );
+        if diagnosis.verdict != Verdict::Agrees {
+            alarms.push(format!("{lamps:?}: {:?} {named:?} {:?}", diagnosis.verdict, diagnosis.unexplained));
+        }
+        // Lamps that have the stated uncertainty are within 3.5 of it in 250 of 251 sets of eight lamps.
+        if lamps.stated == lamps.deviation {
+            let accused = diagnosis.faults.iter().any(|f| f.kind == FaultKind::LightMismatch);
+            assert!(!accused, "{lamps:?}: {:?}", diagnosis.faults);
+        }
+    }
+    alarms
+}
+
+#[test]
+fn lamps_off_by_up_to_5_percent_raise_no_alarm() {
+    let alarms = alarms(laboratories(1));
+    assert!(alarms.is_empty(), "{alarms:#?}");
+}
+
+/// With a probability of an alarm of 1 % per set, three alarms in 40 sets have a probability of 0.7 %.
+#[test]
+#[ignore = "some minutes: 40 clean sensors"]
+fn long_lamps_off_by_up_to_5_percent_raise_no_alarm() {
+    let alarms = alarms((1..=5).flat_map(laboratories));
+    assert!(alarms.len() <= 2, "{alarms:#?}");
 }
 
 #[test]

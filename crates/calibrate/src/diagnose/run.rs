@@ -146,7 +146,7 @@ fn shared(
     poor(&both.fitted.setup, options.camera.is_some())?;
     same_protocol(&both.fitted.setup, &both.judging.setup)?;
     same_protocol(&both.fitted.setup, &reference.setup)?;
-    let given = Given::of(&both, parts, held_out);
+    let given = Given::of(&both, parts, held_out).shifted(reference);
     let signatures = with_line(reference, &both.fitted.measured)?;
     let found = search(&given.sets().case(reference, &signatures), progress)?;
     given.said(reference, found, options.camera, progress)
@@ -162,8 +162,9 @@ fn by_itself(
     progress: ProgressCallback<'_>,
     first: &mut dyn FnMut(&PreliminaryResult),
 ) -> Result<Diagnosis> {
-    let both = Both::read(sets, parts, options.readout_selection)?;
+    let mut both = Both::read(sets, parts, options.readout_selection)?;
     same_protocol(&both.fitted.setup, &both.judging.setup)?;
+    let description = Provenance::of(&both.fitted.setup, &both.fitted.set);
     let about = |base: Option<&BaseModel>| Provenance {
         held_out: held_by(held_out),
         camera: match (options.camera, base) {
@@ -174,7 +175,7 @@ fn by_itself(
         seed: options.seed,
         base_parameters: base.map_or_else(Vec::new, |b| b.numbers.clone()),
         lamps: base.map_or_else(Vec::new, |b| b.lamps.clone()),
-        ..Provenance::of(&both.fitted.setup, &both.fitted.set)
+        ..description.clone()
     };
     if let Err(why) = poor(&both.fitted.setup, options.camera.is_some()) {
         if both.faults.is_empty() {
@@ -186,11 +187,23 @@ fn by_itself(
     }
     progress("calibrating", 0.01);
     let base = BaseModel::of(&both, options.camera)?;
-    let given = Given::of(&both, parts, held_out);
+    both.fitted.find_light(&base.camera, options.seed)?;
     // The numbers of a camera file may be wrong; those of another camera stand for nothing.
     // Maps are all spread: what the base cannot hold would bend it.
     let moved = (options.camera.is_some() || base.is_guessed()) && !both.fitted.setup.has_rate_maps;
-    let (reference, found) = given.sets().searched(&base.camera, moved, options, kept, progress, first)?;
+    let begun = if moved {
+        progress("own numbers", 0.02);
+        let data = DVector::from_vec(both.fitted.measured.values.clone());
+        let begun = rebased(&both.fitted.setup, &base.camera, &data, options.seed, kept)?;
+        let is_lit_otherwise = both.fitted.find_light(&begun.camera, options.seed)?;
+        if is_lit_otherwise { Begun::of(begun.camera, kept) } else { begun }
+    } else {
+        Begun::of(base.camera.clone(), kept)
+    };
+    let reference = null_model(&both.fitted, begun, options, progress, first)?;
+    both.judging.light_as(&reference, held_out.second_set)?;
+    let given = Given::of(&both, parts, held_out).shifted(&reference);
+    let found = given.sets().searched(&reference, &base.camera, progress)?;
     let own = options.camera.map(|_| &base.camera);
     let mut diagnosis = given.said(&reference, found, own, progress)?;
     cautious(&mut diagnosis, &reference);
@@ -199,6 +212,21 @@ fn by_itself(
     diagnosis.provenance = Some(about(Some(&base)));
     diagnosis.notes.extend(base.notes);
     Ok(diagnosis)
+}
+
+/// Sensors of a camera that is given or calibrated.
+fn null_model(
+    taken: &Taken,
+    begun: Begun,
+    options: DiagnoseOptions<'_>,
+    progress: ProgressCallback<'_>,
+    first: &mut dyn FnMut(&PreliminaryResult),
+) -> Result<NullModel> {
+    let library = Catalog::new();
+    let effects = options.effects.unwrap_or(&library);
+    let data = DVector::from_vec(taken.measured.values.clone());
+    let first = First { data: &data, told: first };
+    NullModel::looked(taken.setup.clone(), begun, options.seed, effects, Some(first), progress)
 }
 
 fn held_by(held_out: Held) -> String {
@@ -253,8 +281,16 @@ impl<'a> Given<'a> {
         Self { both, data, judging, located, parts, held_out }
     }
 
+    /// With the data in the coordinates of `reference`, which knows the light of the recordings as it was found.
+    fn shifted(self, reference: &NullModel) -> Self {
+        let [data, judging] = [&self.data, &self.judging].map(|data| reference.shifted(data));
+        Self { data, judging, ..self }
+    }
+
     fn sets(&self) -> Sets<'_> {
-        let setup = (self.parts[0] != self.parts[1]).then_some(&self.both.judging.setup);
+        let Both { fitted, judging, .. } = self.both;
+        let is_other = self.parts[0] != self.parts[1] || !judging.setup.has_light_of(&fitted.setup);
+        let setup = is_other.then_some(&judging.setup);
         let judge = Judge { data: &self.judging, setup, held_out: self.held_out.out() };
         Sets { taken: &self.both.fitted, data: &self.data, judge, located: &self.located }
     }
@@ -289,32 +325,17 @@ impl Sets<'_> {
         }
     }
 
-    /// From a camera that is given, or calibrated; its numbers are `moved` first where nothing says that they are this sensor's.
     fn searched(
         &self,
+        reference: &NullModel,
         start: &Camera,
-        moved: bool,
-        options: DiagnoseOptions<'_>,
-        kept: Option<&Kept>,
         progress: ProgressCallback<'_>,
-        first: &mut dyn FnMut(&PreliminaryResult),
-    ) -> Result<(NullModel, Found)> {
-        let setup = self.taken.setup.clone();
-        let begun = if moved {
-            progress("own numbers", 0.02);
-            rebased(&setup, start, self.data, options.seed, kept)?
-        } else {
-            Begun::of(start.clone(), kept)
-        };
-        let library = Catalog::new();
-        let effects = options.effects.unwrap_or(&library);
-        let first = First { data: self.data, told: first };
-        let reference = NullModel::looked(setup, begun, options.seed, effects, Some(first), progress)?;
-        let signatures = with_line(&reference, &self.taken.measured)?;
-        let case = self.case(&reference, &signatures);
+    ) -> Result<Found> {
+        let signatures = with_line(reference, &self.taken.measured)?;
+        let case = self.case(reference, &signatures);
         let mut found = search(&case, progress)?;
         progress("last steps", 0.94);
         case.end(&mut found, start)?;
-        Ok((reference, found))
+        Ok(found)
     }
 }

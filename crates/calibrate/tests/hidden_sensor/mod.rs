@@ -49,7 +49,7 @@ impl Scene {
         }
     }
 
-    fn toml(self) -> String {
+    pub fn toml(self) -> String {
         match self {
             Self::Flat(light) => format!("{light:?}"),
             Self::Square { high, low, half_period } => {

@@ -83,9 +83,6 @@ pub(super) fn judged(about: &Provenance) -> Vec<PageElement> {
         row("held-out recordings", about.held_out.clone());
     }
     row("camera", about.camera.clone());
-    if judged {
-        row("relative uncertainty of the lamps", format!("{:.2} %", 100.0 * about.lamp_uncertainty));
-    }
     row("seed", about.seed.to_string());
     parts.push(PageElement::Table(set));
     let lamp = |file: &str| about.lamps.iter().find(|l| l.file.ends_with(file));

@@ -157,6 +157,8 @@ mod tests {
             readouts,
             first_readout: 0,
             static_scene: None,
+            light_uncertainty: 0.01,
+            light_offset: 0.0,
         };
         let scenes = [scene(400), scene(600)];
         let set = |lost: &[usize]| Located(vec![[None, None], [Some(lost.to_vec()), None]]);

@@ -8,6 +8,7 @@ use super::likelihood::own_noise;
 use super::slopes::Secant;
 use super::unlocated::allowing;
 use crate::diagnose::null::known::CALIBRATED;
+use crate::diagnose::null::lamps::LampDraw;
 use crate::diagnose::null::limits::strays_by;
 use crate::diagnose::null::limits::{Limits, center, gamma_limit};
 use crate::diagnose::null::metric::Metric;
@@ -62,6 +63,8 @@ impl Own {
 struct Redrawn {
     moved: DVector<f64>,
     vector: DVector<f64>,
+    /// What the deviations of its lamps add to the vector.
+    by_lamps: DVector<f64>,
 }
 
 /// Times that an accepted model is fitted again with its own noise.
@@ -77,7 +80,8 @@ impl Fitter<'_> {
         let redrawn = self.redrawn(fit, &known)?;
         let mean = fit.mean.clone();
         let each: Vec<DVector<f64>> = redrawn.iter().map(|r| r.vector.clone()).collect();
-        let noise = own_noise(reference, &fit.events, &each, &mean, each.len() as f64)?
+        let at_known_light: Vec<DVector<f64>> = redrawn.iter().map(|r| &r.vector - &r.by_lamps).collect();
+        let noise = own_noise(reference, &fit.events, &at_known_light, &mean, each.len() as f64)?
             .unwrap_or_else(|| reference.noise.clone());
         let metric = Metric::new(&noise, fit.directions(reference)).knowing(&known);
         let open: Vec<&Signature> = reference.signatures.iter().filter(|s| fit.lacks(s)).collect();
@@ -111,7 +115,7 @@ impl Fitter<'_> {
     /// not those of the fit.
     fn redrawn(&self, fit: &Fit, known: &[f64]) -> Result<Vec<Redrawn>> {
         let reference = self.reference;
-        let lamps = reference.model.lamps.len();
+        let lamps = &fit.model.lamps;
         let rough = Metric::new(&reference.noise, fit.directions(reference)).knowing(known);
         let n = fit.u.len();
         let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
@@ -122,18 +126,18 @@ impl Fitter<'_> {
                     .normals();
             let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
             let wanted = &root * draw(n);
-            let off = draw(lamps) * reference.model.lamp;
+            let off = LampDraw::new(lamps, &draw(lamps.len()));
             let place = |j: usize| {
                 let (knob, most) = (fit.model.knobs[j], trust(fit.model.knobs[j].scale, fit.u[j]));
                 knob.clamped(fit.u[j] + wanted[j].clamp(-most, most))
             };
             let u: Vec<f64> = (0..n).map(place).collect();
-            let sample = fit.model.sample(&u, off.as_slice(), reference.setup.recordings.len())?;
+            let sample = fit.model.sample(&u, off.simulated.as_slice(), reference.setup.recordings.len())?;
             let moved = DVector::from_fn(n, |j, _| u[j] - fit.u[j]);
-            Ok(Redrawn {
-                moved,
-                vector: DVector::from_vec(simulate::values(&reference.setup, &sample, seed)?),
-            })
+            let simulated = DVector::from_vec(simulate::values(&reference.setup, &sample, seed)?);
+            let vector =
+                simulated + &reference.lamp_slopes * off.remainder() - reference.lamp_shift(&fit.model);
+            Ok(Redrawn { moved, vector, by_lamps: &reference.lamp_slopes * &off.whole })
         };
         threads::try_map(0..MANY, one)
     }

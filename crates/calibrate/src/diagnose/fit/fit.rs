@@ -6,8 +6,8 @@ use super::likelihood::Likelihood;
 use crate::diagnose::events::located::Count;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::null::known::CALIBRATED;
-use crate::diagnose::null::metric::{Bound, Metric};
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null::metric::{Bound, Metric, Noise};
+use crate::diagnose::null::reference::{Means, NullModel};
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::fixed::Pinned;
@@ -37,8 +37,8 @@ pub(in crate::diagnose) struct Fit {
     pub u: Vec<f64>,
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
-    /// The numbers that `each` was simulated and compared with the data with; empty where that was done with other effects, and
-    /// for the base model, which the null's noise judges.
+    /// The numbers and the offsets of the lamps that `each` was simulated and compared with the data with; empty where that was
+    /// done with other effects, and for the base model, which the null's noise judges.
     pub(super) at: Vec<f64>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
@@ -78,6 +78,13 @@ impl Fit {
         }
     }
 
+    /// The base model with a mean from simulations at other light.
+    pub(crate) fn compare(&mut self, reference: &NullModel, data: &DVector<f64>, means: Means) {
+        self.misfit = reference.metric.square(&(data - &means.mean));
+        self.cost = self.misfit;
+        (self.mean, self.each) = (means.mean, means.each);
+    }
+
     /// How unlikely data are that lie `off` from this model's mean: twice the negative logarithm, less a constant.
     pub(crate) fn deviance_of(&self, off: &DVector<f64>) -> f64 {
         self.likelihood.deviance(off)
@@ -101,6 +108,11 @@ impl Fit {
     /// Whether it does not have the effect of this signature.
     pub(crate) fn lacks(&self, signature: &Signature) -> bool {
         self.effects.iter().all(|e| e.0 != signature.candidate.effect)
+    }
+
+    /// This model's noise.
+    pub(crate) fn noise(&self) -> &Noise {
+        &self.likelihood.noise
     }
 
     /// The metric of this model's noise, with what the data have been fitted along projected out.
@@ -159,6 +171,11 @@ impl Fit {
     /// A copy of which the effects are about to change: nothing that was simulated holds for it.
     fn of_other_effects(&self) -> Self {
         Self { at: Vec::new(), taken: Taken::default(), crossed: None, ..self.clone() }
+    }
+
+    /// Its numbers and the offsets of its lamps.
+    pub(super) fn place(&self) -> Vec<f64> {
+        self.u.iter().copied().chain(self.model.lamps.iter().map(|lamp| lamp.offset)).collect()
     }
 
     /// With its numbers moved.

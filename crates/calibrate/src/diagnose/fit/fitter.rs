@@ -17,7 +17,7 @@ pub(in crate::diagnose) struct Fitter<'a> {
 impl Fitter<'_> {
     /// Simulates the fit's mean, as far as that has not been done, and compares it with the data.
     pub(crate) fn evaluate(&self, fit: &mut Fit, count: usize) -> Result<()> {
-        let known = if fit.at == fit.u { std::mem::take(&mut fit.each) } else { Vec::new() };
+        let known = if fit.at == fit.place() { std::mem::take(&mut fit.each) } else { Vec::new() };
         if known.len() >= count {
             fit.each = known;
             return Ok(());
@@ -27,7 +27,7 @@ impl Fitter<'_> {
         fit.misfit = self.reference.metric.square(&residual);
         fit.mean = means.mean;
         fit.each = means.each;
-        fit.at.clone_from(&fit.u);
+        fit.at = fit.place();
         fit.events = unlocated::columns(self.reference, fit)?;
         fit.likelihood = Likelihood::of(self.reference, &fit.each, &fit.events)?;
         fit.cost = fit.likelihood.deviance(&residual);

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::diagnose::null::lamps::columns;
 use crate::diagnose::null::mean::average;
 use crate::diagnose::null::metric::{Metric, Noise};
 use crate::diagnose::null::reference::NullModel;
@@ -67,14 +68,15 @@ pub(super) fn own_noise(
     if factors.iter().all(|f| *f == 1.0) && events.is_empty() {
         return Ok(None);
     }
-    reference.noise.scaled(&factors)?.with_columns(events).map(Some)
+    let sensors = reference.noise_without_lamps.scaled(&factors)?;
+    sensors.with_columns(&columns(&reference.lamp_slopes, &reference.model))?.with_columns(events).map(Some)
 }
 
 /// By how much every statistic's deviation exceeds the null's, one where it hardly does.
 fn factors(reference: &NullModel, residuals: &[DVector<f64>], freedom: f64) -> Vec<f64> {
     let factor = |j: usize| {
         let own = residuals.iter().map(|s| s[j].powi(2)).sum::<f64>();
-        let null = reference.noise.covariance[(j, j)];
+        let null = reference.noise_without_lamps.covariance[(j, j)];
         let ratio = (own + PRIOR_SIMULATIONS * null) / (freedom + PRIOR_SIMULATIONS) / null;
         if ratio > WIDER_VARIANCE { ratio.sqrt() } else { 1.0 }
     };

@@ -43,6 +43,8 @@ impl Fitter<'_> {
             let promised = fit.cost - fit.deviance_of(&metric.after(&off, step));
             promised > WORTH.0 + WORTH.1 * fit.cost || step.rows(0, fit.base_knobs()).amax() > WORTH_OF_BASE
         };
+        let lamps_after =
+            |step: &DVector<f64>| self.reference.lamps_of(fit.noise(), &metric.after(&off, step));
         let mut steps = [whole.clone(), wanted(&fit.bounds_of_effects()), whole * 0.4];
         // What the slope of an effect that sets in leaves far from the data, the base model's numbers would take in, as far as they may
         // move. A clamp at 1.257 thresholds was left at 1.249 so, at 70 times the cost, and a partial reset was named.
@@ -50,10 +52,12 @@ impl Fitter<'_> {
             steps.swap(0, 1);
         }
         for step in steps {
-            if !worth(&step) {
+            let lamps = lamps_after(&step);
+            if !worth(&step) && !fit.model.needs_offsets(&lamps) {
                 continue;
             }
             let mut next = fit.moved(&step);
+            next.model.lit_by(&lamps);
             self.evaluate(&mut next, count)?;
             if next.cost < fit.cost {
                 return Ok(Some(next));

@@ -51,8 +51,6 @@ pub struct Provenance {
     pub base_parameters: Vec<BaseParameter>,
     /// Light levels as calibration found them.
     pub lamps: Vec<FoundLamp>,
-    /// Relative deviation to which lamps were taken as known.
-    pub lamp_uncertainty: f64,
 }
 
 impl Provenance {
@@ -74,7 +72,6 @@ impl Provenance {
             height: setup.geometry.height(),
             readout_hz: setup.readout_hz,
             recordings: judged.chain(maps).collect(),
-            lamp_uncertainty: setup.lamp_uncertainty,
             ..Self::default()
         }
     }

@@ -2,6 +2,7 @@
 
 pub(super) mod about;
 pub(super) mod base_model;
+pub(super) mod found_light;
 pub(super) mod negative;
 pub(super) mod phases;
 mod reduced;

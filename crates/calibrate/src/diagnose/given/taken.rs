@@ -1,13 +1,16 @@
 //! A set as it is judged: what was looked at, and what was set aside.
 
 use crate::RecordingSet;
+use crate::diagnose::given::found_light::find_light;
 use crate::diagnose::given::phases::{begun_over, in_step};
 use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::lab::look::look;
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::statistics::all::vector;
 use crate::diagnose::statistics::measured::{Measured, measure};
+use spikelane::effects::Camera;
 use spikelane::error::Result;
 
 /// A set that was read and measured.
@@ -40,6 +43,31 @@ impl Taken {
         let setup = Setup::behind(set, part, extent, aside)?;
         let measured = measure(&setup, set)?;
         Ok(Self { set: set.clone(), setup, measured })
+    }
+
+    /// Takes the light that the rates show for a sensor of `camera`, if it is another light. Returns whether it is.
+    pub(crate) fn find_light(&mut self, camera: &Camera, seed: u64) -> Result<bool> {
+        let mut setup = self.setup.clone();
+        let is_other = find_light(&mut setup, &self.measured.scans, camera, seed)?;
+        if is_other {
+            self.setup = setup;
+            self.measured.values = vector(&self.setup, &self.measured.scans).values;
+        }
+        Ok(is_other)
+    }
+
+    /// With the light of the set of `reference`; with its own light if it `is_other` and the light differs.
+    pub(crate) fn light_as(&mut self, reference: &NullModel, is_other: bool) -> Result<()> {
+        let fitted = &reference.setup.recordings;
+        let offsets = fitted.iter().map(|r| r.light_offset);
+        self.setup.recordings.iter_mut().zip(offsets).for_each(|(r, offset)| r.light_offset = offset);
+        if !self.setup.has_rate_maps {
+            self.measured.values = vector(&self.setup, &self.measured.scans).values;
+        }
+        if is_other {
+            self.find_light(&reference.model.camera, reference.seed)?;
+        }
+        Ok(())
     }
 
     /// Without some of its recordings.
@@ -89,11 +117,16 @@ impl Both {
     /// Without recordings that are at fault in either set.
     fn sorted(mut self, sets: [&RecordingSet; 2], parts: [RecordingPart; 2]) -> Self {
         let other = parts[0] != parts[1] || !std::ptr::eq(sets[0], sets[1]);
-        let mut seen = look(&self.fitted.setup, &self.fitted.measured.scans, sets[0]);
+        let mut seen = look(&self.fitted.setup, &self.fitted.measured.scans);
         if other && self.fitted.setup.recordings.len() == self.judging.setup.recordings.len() {
-            let more = look(&self.judging.setup, &self.judging.measured.scans, sets[1]);
+            let more = look(&self.judging.setup, &self.judging.measured.scans);
             let place = if parts[0] == parts[1] { " of the held-out set" } else { " in the second half" };
             seen.and(more, place);
+        }
+        for taken in [&mut self.fitted, &mut self.judging] {
+            for (recording, uncertainty) in taken.setup.recordings.iter_mut().zip(&seen.light_uncertainties) {
+                recording.light_uncertainty = *uncertainty;
+            }
         }
         let mut dropped: Vec<usize> = seen.dropped;
         dropped.sort_unstable();
@@ -103,8 +136,6 @@ impl Both {
             self.fitted = self.fitted.without(&dropped);
             self.judging = self.judging.without(&dropped);
         }
-        self.fitted.setup.lamp_uncertainty = seen.lamp;
-        self.judging.setup.lamp_uncertainty = seen.lamp;
         self
     }
 }

@@ -41,6 +41,11 @@ impl Fault {
         Self { recording: Some(recording.to_owned()), kind, description: words, is_excluded: true }
     }
 
+    /// A lamp whose light differs from the stated light. Its recording stays in.
+    pub(super) fn of_lamp(recording: &str, words: String) -> Self {
+        Self { is_excluded: false, ..Self::of(recording, FaultKind::LightMismatch, words) }
+    }
+
     /// A fault that leaves all recordings in.
     pub(super) fn of_set(kind: FaultKind, words: String) -> Self {
         Self { recording: None, kind, description: words, is_excluded: false }

@@ -3,28 +3,26 @@
 use super::drift::drifting;
 use super::fault::Fault;
 use super::level::level;
-use super::levels::odd;
+use super::levels::{Point, check, dark_rate, points};
 use super::motion::{moves, strangers};
 use super::swing::swings;
-use crate::diagnose::protocol::recorded_set::{LAMP, Setup};
+use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::statistics::quantiles::Spread;
-use crate::{LightLevel, RecordingSet, Stimulus, StimulusPattern};
+use crate::{LightLevel, Stimulus, StimulusPattern};
 
 /// What was seen.
 pub(in crate::diagnose) struct Seen {
     pub faults: Vec<Fault>,
     /// Recordings that are set aside.
     pub dropped: Vec<usize>,
-    /// Relative deviation of lamps.
-    pub lamp: f64,
+    /// Relative standard deviation of the light of each recording.
+    pub light_uncertainties: Vec<f64>,
 }
 
-/// Lamps as they were stated, where fewer levels than tell them are lit.
-const TOLD_BY: usize = 4;
-
-pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan], set: &RecordingSet) -> Seen {
-    let mut seen = Seen { faults: Vec::new(), dropped: Vec::new(), lamp: LAMP };
+pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan]) -> Seen {
+    let stated = setup.recordings.iter().map(|r| r.light_uncertainty).collect();
+    let mut seen = Seen { faults: Vec::new(), dropped: Vec::new(), light_uncertainties: stated };
     if setup.has_rate_maps {
         return seen;
     }
@@ -50,12 +48,13 @@ pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan], set: &RecordingSe
         }
     }
     pick(&mut levels, &seen);
-    let (off, scatter, lamp) = odd(&levels, bright_squares(setup, scans));
-    seen.take(off);
-    seen.faults.extend(scatter);
-    let lit = levels.iter().filter(|(_, l)| l.light > 0.0).count();
-    let stated = set.light_uncertainty.filter(|_| lit < TOLD_BY);
-    seen.lamp = stated.unwrap_or(LAMP).max(lamp);
+    let mut lit = points(&levels, |k| setup.recordings[k].light_uncertainty);
+    lit.extend(bright_squares(setup, scans, dark_rate(&levels)));
+    let lamps = check(&lit);
+    seen.faults.extend(lamps.faults(&lit, |k| setup.recordings[k].file_name()));
+    for (k, uncertainty) in seen.light_uncertainties.iter_mut().enumerate() {
+        *uncertainty = lamps.uncertainty(k, *uncertainty);
+    }
     seen
 }
 
@@ -69,7 +68,7 @@ impl Seen {
 
     /// Adds what another set shows, which stands in `place`.
     pub(crate) fn and(&mut self, more: Self, place: &str) {
-        let Self { faults, dropped, lamp } = more;
+        let Self { faults, dropped, light_uncertainties } = more;
         let known =
             |f: &Fault| self.faults.iter().any(|own| own.kind == f.kind && own.recording == f.recording);
         let new: Vec<Fault> = faults.into_iter().filter(|f| !known(f)).collect();
@@ -78,12 +77,14 @@ impl Seen {
             Fault { recording, ..f }
         }));
         self.dropped.extend(dropped);
-        self.lamp = self.lamp.max(lamp);
+        for (own, more) in self.light_uncertainties.iter_mut().zip(light_uncertainties) {
+            *own = own.max(more);
+        }
     }
 }
 
-/// Light and mean rate of the bright squares of a checkerboard, away from their edges.
-fn bright_squares(setup: &Setup, scans: &[Scan]) -> Option<[f64; 2]> {
+/// The level of the bright squares of a checkerboard, away from their edges.
+fn bright_squares(setup: &Setup, scans: &[Scan], dark: f64) -> Option<Point> {
     let board = |k: usize| match setup.recordings[k].light {
         Stimulus::Scene(StimulusPattern::Checkerboard { high, cell, .. }) => {
             Some((k, high, cell.max(1) as usize))
@@ -100,7 +101,12 @@ fn bright_squares(setup: &Setup, scans: &[Scan]) -> Option<[f64; 2]> {
     let rates: Vec<f64> =
         (0..scans[k].pixels.len()).filter(inside).map(|p| scans[k].pixels[p].rate).collect();
     let usual = Spread::of(&rates).trimmed;
-    (rates.len() >= 100 && usual < 0.985).then_some([high, usual])
+    (rates.len() >= 100 && usual < 0.985).then_some(Point {
+        recording: None,
+        light: high,
+        response: (usual - dark) / high,
+        uncertainty: setup.recordings[k].light_uncertainty,
+    })
 }
 
 #[cfg(test)]
@@ -111,11 +117,16 @@ mod tests {
     #[test]
     fn what_two_takes_show_is_said_once_and_set_aside_in_both() {
         let fault = |file: &str| Fault::of(file, FaultKind::LightDrift, "drifts".to_owned());
-        let mut seen = Seen { faults: vec![fault("a.dat")], dropped: vec![3], lamp: LAMP };
-        let more = Seen { faults: vec![fault("a.dat"), fault("b.dat")], dropped: vec![3, 4], lamp: 3e-3 };
+        let mut seen =
+            Seen { faults: vec![fault("a.dat")], dropped: vec![3], light_uncertainties: vec![0.01, 0.3] };
+        let faults = vec![fault("a.dat"), fault("b.dat")];
+        let more = Seen { faults, dropped: vec![3, 4], light_uncertainties: vec![0.02, 0.01] };
         seen.and(more, " of the held-out set");
         assert_eq!(seen.faults.len(), 2);
         assert_eq!(seen.faults[1].recording.as_deref(), Some("b.dat of the held-out set"));
-        assert_eq!((seen.dropped.as_slice(), seen.lamp), ([3, 3, 4].as_slice(), 3e-3));
+        assert_eq!(
+            (seen.dropped.as_slice(), seen.light_uncertainties),
+            ([3, 3, 4].as_slice(), vec![0.02, 0.3])
+        );
     }
 }

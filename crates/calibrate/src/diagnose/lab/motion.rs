@@ -80,6 +80,8 @@ mod tests {
             readouts,
             first_readout: 0,
             static_scene: None,
+            light_uncertainty: 0.01,
+            light_offset: 0.0,
         };
         let scan = scan(SpikeFramesRef::new(geometry, &bits).unwrap(), scene(0.0).look()).unwrap();
         assert!(moves(&scene(0.03), &scan).is_some());

@@ -6,7 +6,6 @@ use std::sync::atomic::AtomicUsize;
 use super::denoised::quiet;
 use super::mean::average;
 use super::watched::count;
-use crate::diagnose::protocol::recorded_set::LAMP;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::sensors::base::number_of;
@@ -37,14 +36,19 @@ pub(in crate::diagnose) fn step(knob: &Knob) -> f64 {
     number_of(knob).map_or(0.2, |number| number.step)
 }
 
-/// The base model with the draws of one seed: its vector, and what each lamp moves in it by [`LAMP_STEP`] of its deviations.
+/// The base model with the draws of one seed: its vector, and the change of the vector per unit of each lamp's deviation.
 pub(in crate::diagnose) struct Drawn {
     pub vector: DVector<f64>,
     pub lamps: Vec<DVector<f64>>,
 }
 
-/// Small, whatever the lamp's deviation is: the lattices of bright intervals turn back soon.
-const LAMP_STEP: f64 = 3.0;
+/// Relative deviation of a lamp by which a derivative is taken. It is small whatever the uncertainty of the lamp is, because
+/// the statistics of bright intervals are linear in the light over a few thousandths only.
+const LAMP_STEP: f64 = 3e-3;
+
+/// Standard deviation of the lamps of simulated sensors from which the noise is estimated. A statistic that is not linear
+/// in the light then counts as noise only as far as the found light may be wrong.
+pub(in crate::diagnose) const SMALL_LAMP_DEVIATION: f64 = 1e-3;
 
 /// Of each lamp only its own recording is simulated again, and none where all vectors were kept.
 pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Drawn> {
@@ -60,18 +64,17 @@ pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -
     })?;
     let plain = DVector::from_vec(plain);
     let mut lamps = Vec::new();
-    for k in &model.lamps {
+    for k in model.lamps.iter().map(|lamp| lamp.recording) {
         let mut moved = still.clone();
-        moved.lamps[*k] = 1.0 + LAMP_STEP * LAMP;
+        moved.lamps[k] += LAMP_STEP;
         let values = simulate::kept_or(setup, &moved, seed, || {
             let scans = match &mut scanned {
                 Some(scans) => scans,
                 None => scanned.insert(simulate::scans(setup, &still, seed)?),
             };
-            let own =
-                std::mem::replace(&mut scans[*k], simulate::scan_of_recording(setup, &moved, *k, seed)?);
+            let own = std::mem::replace(&mut scans[k], simulate::scan_of_recording(setup, &moved, k, seed)?);
             let values = vector(setup, scans).values;
-            scans[*k] = own;
+            scans[k] = own;
             Ok(values)
         })?;
         lamps.push((DVector::from_vec(values) - &plain) / LAMP_STEP);
@@ -79,8 +82,8 @@ pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -
     Ok(Drawn { vector: plain, lamps })
 }
 
-/// Changes per standard deviation of each lamp; `all` has those of each simulation.
-pub(in crate::diagnose) fn lamp_columns(
+/// Changes per unit of each lamp's deviation; `all` has those of each simulation.
+pub(in crate::diagnose) fn lamp_slopes(
     all: &[Vec<DVector<f64>>],
     model: &Model,
     entries: usize,
@@ -89,7 +92,7 @@ pub(in crate::diagnose) fn lamp_columns(
         return DMatrix::zeros(entries, 0);
     }
     let column = |k: usize| average(&all.iter().map(|c| c[k].clone()).collect::<Vec<_>>());
-    DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>()) * (model.lamp / LAMP)
+    DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>())
 }
 
 /// Changes by a step of every base number, for the draws of some seeds of which `baseline` has the vectors.
@@ -165,6 +168,8 @@ mod tests {
             readouts: 256,
             first_readout: 0,
             static_scene: None,
+            light_uncertainty: 0.01,
+            light_offset: 0.0,
         };
         let setup = Setup {
             geometry: Geometry::new(16, 16).unwrap(),
@@ -173,14 +178,14 @@ mod tests {
             has_rate_maps: false,
             row_band: None,
             judged_readouts: None,
-            lamp_uncertainty: LAMP,
         };
         let model = Model::base(spikelane::presets::builtin("scsim-code").unwrap(), &setup);
         let drawn = with_lamps(&setup, &model, 3).unwrap();
-        assert_eq!((model.lamps.as_slice(), drawn.lamps.len()), ([1, 2, 3].as_slice(), 3));
-        for (k, change) in model.lamps.iter().zip(&drawn.lamps) {
+        let lit: Vec<usize> = model.lamps.iter().map(|lamp| lamp.recording).collect();
+        assert_eq!((lit.as_slice(), drawn.lamps.len()), ([1, 2, 3].as_slice(), 3));
+        for (k, change) in lit.iter().zip(&drawn.lamps) {
             let mut moved = model.sample(&[], &[], 4).unwrap();
-            moved.lamps[*k] = 1.0 + LAMP_STEP * LAMP;
+            moved.lamps[*k] += LAMP_STEP;
             let values = DVector::from_vec(simulate::values(&setup, &moved, 3).unwrap());
             assert_eq!(*change, (values - &drawn.vector) / LAMP_STEP);
             assert!(change.amax() > 0.0, "recording {k}");

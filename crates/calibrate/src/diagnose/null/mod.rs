@@ -4,6 +4,7 @@ pub(super) mod denoised;
 pub(super) mod derivatives;
 pub(super) mod first_look;
 pub(super) mod known;
+pub(super) mod lamps;
 pub(super) mod limits;
 pub(super) mod mean;
 pub(super) mod metric;

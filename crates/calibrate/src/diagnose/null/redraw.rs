@@ -2,6 +2,7 @@
 
 use std::sync::atomic::AtomicUsize;
 
+use super::lamps::LampDraw;
 use super::metric::Metric;
 use super::watched::count;
 use crate::diagnose::protocol::recorded_set::Setup;
@@ -18,6 +19,7 @@ pub(super) const REDRAWN: usize = 120;
 
 pub(in crate::diagnose) struct Redrawn {
     pub base: DVector<f64>,
+    /// Deviations of the lamps.
     pub lamps: DVector<f64>,
     pub vector: DVector<f64>,
 }
@@ -26,6 +28,7 @@ pub(in crate::diagnose) struct Redrawn {
 pub(in crate::diagnose) fn redraw(
     setup: &Setup,
     model: &Model,
+    lamp_slopes: &DMatrix<f64>,
     seed: u64,
     rough: &Metric,
     done: &AtomicUsize,
@@ -39,11 +42,12 @@ pub(in crate::diagnose) fn redraw(
                 .normals();
         let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
         let base = &root * draw(n);
-        let lamps = draw(model.lamps.len()) * model.lamp;
-        let sample = model.sample(base.as_slice(), lamps.as_slice(), setup.recordings.len())?;
-        let vector = DVector::from_vec(simulate::values(setup, &sample, own)?);
+        let lamps = LampDraw::new(&model.lamps, &draw(model.lamps.len()));
+        let sample = model.sample(base.as_slice(), lamps.simulated.as_slice(), setup.recordings.len())?;
+        let values = DVector::from_vec(simulate::values(setup, &sample, own)?);
+        let vector = values + lamp_slopes * lamps.remainder();
         count(done);
-        Ok(Redrawn { base, lamps, vector })
+        Ok(Redrawn { base, lamps: lamps.whole, vector })
     };
     threads::try_map(0..REDRAWN, one)
 }

@@ -3,6 +3,7 @@
 
 use super::first_look::First;
 use super::known::CALIBRATED;
+use super::lamps::columns;
 use super::limits::{Base, Clean, Limits};
 use super::mean::average;
 use super::metric::{Metric, Noise, noise};
@@ -22,7 +23,7 @@ use spikelane::effects::{Camera, Catalog, Definition};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// Simulations of the half that judges, where one set is cut in two.
+/// Simulations of a set that judges, where it is another half or has other light.
 const HALVES: usize = 24;
 
 /// Simulations of a candidate's signature.
@@ -42,6 +43,10 @@ pub struct NullModel {
     pub(in crate::diagnose) spread: Vec<f64>,
     /// Changes per unit of the base knobs.
     pub(in crate::diagnose) jacobian: DMatrix<f64>,
+    /// Changes per unit of each lamp's deviation.
+    pub(in crate::diagnose) lamp_slopes: DMatrix<f64>,
+    /// Noise of sensors whose light is known.
+    pub(in crate::diagnose) noise_without_lamps: Noise,
     /// Noise, lamps included.
     pub(in crate::diagnose) noise: Noise,
     pub(in crate::diagnose) metric: Metric,
@@ -92,15 +97,19 @@ impl NullModel {
         let model = Model::base(begun.camera.clone(), &setup).keeping(begun.kept.as_ref());
         let (all, missing) = tried(&setup, &model, effects);
         let null = Simulated::of(&setup, &model, begun, seed, &all, first, progress)?;
-        let Simulated { statistics, floors, baseline, mean, spread, jacobian, lamps, mut signed } = null;
+        let Simulated { statistics, floors, baseline, mean, spread, jacobian, lamp_slopes, mut signed } =
+            null;
+        let lamps = columns(&lamp_slopes, &model);
         let first: Vec<DVector<f64>> = baseline.iter().map(|s| s - &mean).collect();
         let rough = Metric::new(&noise(&first, &floors)?.with_columns(&lamps)?, jacobian.clone());
-        let redrawn =
-            watched(&STAGES.redrawn(), progress, |done| redraw(&setup, &model, seed, &rough, done))?;
-        let residual = |d: &Redrawn| &d.vector - &mean - &jacobian * &d.base - &lamps * &d.lamps / model.lamp;
+        let redrawn = watched(&STAGES.redrawn(), progress, |done| {
+            redraw(&setup, &model, &lamp_slopes, seed, &rough, done)
+        })?;
+        let residual = |d: &Redrawn| &d.vector - &mean - &jacobian * &d.base - &lamp_slopes * &d.lamps;
         let mut residuals: Vec<DVector<f64>> = redrawn.iter().map(residual).collect();
         residuals.extend(first);
-        let full = noise(&residuals, &floors)?.with_columns(&lamps)?;
+        let noise_without_lamps = noise(&residuals, &floors)?;
+        let full = noise_without_lamps.with_columns(&lamps)?;
         let metric = Metric::new(&full, jacobian.clone());
         let missed = missed(&metric, &redrawn, &mean);
         let mut reference = Self {
@@ -113,6 +122,8 @@ impl NullModel {
             mean,
             spread,
             jacobian,
+            lamp_slopes,
+            noise_without_lamps,
             noise: full,
             metric,
             missed,
@@ -176,14 +187,16 @@ impl NullModel {
         let sample = model.sample(u, &[], self.setup.recordings.len())?;
         let simulate =
             |i: usize| Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
-        let one = |i: usize| self.remembered.or(&sample, i, || simulate(i));
+        let shift = self.lamp_shift(model);
+        let one = |i: usize| Ok(self.remembered.or(&sample, i, || simulate(i))? - &shift);
         let mut each = known;
         let more = threads::try_map(each.len()..count.min(FIXED), one)?;
         each.extend(more);
         Ok(Means { mean: self.controlled(&each), each })
     }
 
-    /// Mean vector of a fitted model under another protocol of as many statistics: the other half of the recordings.
+    /// Mean vector of a fitted model under another protocol of as many statistics: the other half of the recordings, or the same
+    /// scenes with other light.
     pub(in crate::diagnose) fn mean_under(
         &self,
         setup: &Setup,
@@ -191,8 +204,11 @@ impl NullModel {
         u: &[f64],
     ) -> Result<DVector<f64>> {
         let sample = model.sample(u, &[], setup.recordings.len())?;
-        let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &sample, self.seed + i as u64)?));
-        Ok(average(&threads::try_map(0..HALVES, one)?))
+        let shift = self.lamp_shift(model);
+        let simulate = |i: usize| {
+            Ok(DVector::from_vec(simulate::values(setup, &sample, self.seed + i as u64)?) - &shift)
+        };
+        Ok(self.controlled(&threads::try_map(0..HALVES, simulate)?))
     }
 
     fn controlled(&self, each: &[DVector<f64>]) -> DVector<f64> {

@@ -1,6 +1,6 @@
 //! Sensors of the base model, simulated: those that a first look needs come first.
 
-use super::derivatives::{Changes, changes, lamp_columns, pairs, with_lamps};
+use super::derivatives::{Changes, changes, lamp_slopes as slopes_of_lamps, pairs, with_lamps};
 use super::first_look::{First, Sketch};
 use super::mean::average;
 use super::redraw::REDRAWN;
@@ -54,7 +54,8 @@ pub(super) struct Simulated {
     /// The deviation of every statistic from one sensor to another.
     pub spread: Vec<f64>,
     pub jacobian: DMatrix<f64>,
-    pub lamps: DMatrix<f64>,
+    /// Changes per unit of each lamp's deviation.
+    pub lamp_slopes: DMatrix<f64>,
     /// What candidates change with the first draws, as far as that was looked at.
     pub signed: Vec<Vec<DVector<f64>>>,
 }
@@ -107,7 +108,7 @@ impl Simulated {
         let asked = if first.is_some() { candidates.len() } else { 0 };
         let few = few_pairs(setup);
         let stage = STAGES.first(FEW.max(lamped) + few * numbers + asked);
-        let (mut baseline, lamps, signed) = watched(&stage, progress, |done| -> Result<_> {
+        let (mut baseline, lamp_slopes, signed) = watched(&stage, progress, |done| -> Result<_> {
             let drawn = threads::try_map(0..lamped, |i| {
                 let drawn = with_lamps(setup, model, seed + i as u64).inspect(|_| count(done))?;
                 Ok((drawn.vector, drawn.lamps))
@@ -120,7 +121,7 @@ impl Simulated {
             let sign =
                 |c: &Candidate| changed_by(c, setup, model, seed, &baseline, 0).inspect(|_| count(done));
             let signed = threads::try_map(&candidates[..asked], sign)?;
-            Ok((baseline, lamp_columns(&lamps, model, statistics.len()), signed))
+            Ok((baseline, slopes_of_lamps(&lamps, model, statistics.len()), signed))
         })?;
         if let Some(first) = first {
             let signatures: Vec<_> = candidates.iter().zip(signed.iter().cloned()).collect();
@@ -128,11 +129,11 @@ impl Simulated {
             let sketch = Sketch {
                 baseline: &baseline,
                 jacobian,
-                lamps: &lamps,
+                lamps: &super::lamps::columns(&lamp_slopes, model),
                 floors: &floors,
                 signatures: &signatures,
             };
-            (first.told)(&sketch.look(first.data)?);
+            (first.told)(&sketch.look(&super::lamps::shifted(first.data, &lamp_slopes, model))?);
         }
         let open = (lamped - moved.count().min(lamped)) * numbers + FIXED.saturating_sub(baseline.len());
         watched(&STAGES.null(open), progress, |done| -> Result<()> {
@@ -145,7 +146,7 @@ impl Simulated {
         let (mean, spread) = (average(&baseline), spread(&baseline));
         let jacobian = moved.jacobian(model, &spread);
         let signed = signed.into_iter().map(|s| vec![s]).collect();
-        Ok(Self { statistics, floors, baseline, mean, spread, jacobian, lamps, signed })
+        Ok(Self { statistics, floors, baseline, mean, spread, jacobian, lamp_slopes, signed })
     }
 }
 

@@ -24,6 +24,10 @@ pub struct RecordedScene {
     pub first_readout: usize,
     /// What is known of an unknown scene.
     pub static_scene: Option<StaticScene>,
+    /// Relative standard deviation of the light: how well the stated light is known.
+    pub light_uncertainty: f64,
+    /// Relative deviation of the found light from the stated light. Sensors are simulated at the found light.
+    pub light_offset: f64,
 }
 
 impl RecordedScene {
@@ -37,6 +41,11 @@ impl RecordedScene {
     #[must_use]
     pub fn level(&self) -> Option<f64> {
         self.light.level()
+    }
+
+    /// The light as it was found, with which statistics compare the rates.
+    pub(in crate::diagnose) fn found_light(&self) -> Stimulus {
+        self.light.scale(1.0 + self.light_offset)
     }
 
     /// Whether the light stays the same over time.

@@ -14,8 +14,8 @@ const FEWEST: usize = 256;
 /// Most pixels of a still scene that are simulated: some 20,000 tell temporal noise to a per cent.
 pub(crate) const LARGEST: usize = 20_000;
 
-/// Relative standard deviation of a level of light of which nothing else is stated or found.
-pub(in crate::diagnose) const LAMP: f64 = 1e-3;
+/// Relative standard deviation of the light of a recording if neither the recording nor the set states one.
+pub(in crate::diagnose) const DEFAULT_LIGHT_UNCERTAINTY: f64 = 0.01;
 
 fn too_short(file: &str, readouts: usize, part: RecordingPart) -> Error {
     let (expected, remedy) = match part {
@@ -49,8 +49,6 @@ pub struct Setup {
     pub row_band: Option<(usize, usize)>,
     /// Smallest and largest number of judged readouts, over the recordings that have more.
     pub judged_readouts: Option<[usize; 2]>,
-    /// Relative standard deviation of a light level.
-    pub lamp_uncertainty: f64,
 }
 
 impl Setup {
@@ -99,6 +97,11 @@ impl Setup {
                 readouts,
                 first_readout: skip,
                 static_scene: still,
+                light_uncertainty: recording
+                    .light_uncertainty
+                    .or(set.light_uncertainty)
+                    .unwrap_or(DEFAULT_LIGHT_UNCERTAINTY),
+                light_offset: 0.0,
             });
         }
         let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
@@ -110,9 +113,13 @@ impl Setup {
             has_rate_maps: maps,
             row_band: None,
             judged_readouts: first_readouts,
-            lamp_uncertainty: LAMP,
         };
         setup.cut_to_band()
+    }
+
+    /// Whether the recordings have the same found light.
+    pub(in crate::diagnose) fn has_light_of(&self, other: &Self) -> bool {
+        self.recordings.iter().zip(&other.recordings).all(|(a, b)| a.light_offset == b.light_offset)
     }
 
     /// Without some of its recordings.

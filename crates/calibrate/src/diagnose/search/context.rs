@@ -5,34 +5,56 @@ use nalgebra::DVector;
 use super::alarm::alarm;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::fit::by_itself::Own;
+use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::search::round::Step;
+use crate::diagnose::sensors::model::Model;
 use spikelane::error::Result;
+
+/// Steps in which the lamps of the set that judges are found.
+const LAMP_STEPS: usize = 2;
 
 /// The set that judges: another take, or the second half of the first one, which the model must be
 /// simulated up to.
 pub(in crate::diagnose) struct Judge<'a> {
     pub data: &'a DVector<f64>,
-    /// The protocol, where it is not that of the fitted set.
+    /// The protocol and the light, where they are not those of the fitted set.
     pub setup: Option<&'a Setup>,
     /// Whether it is other data than what was fitted.
     pub held_out: bool,
 }
 
 impl Judge<'_> {
-    /// What `fit` promises of this set.
+    /// What `fit` promises of this set. Its lamps have deviations of their own.
     fn mean(&self, reference: &NullModel, fit: &Fit) -> Result<DVector<f64>> {
-        match self.setup {
-            Some(setup) => reference.mean_under(setup, &fit.judging(), &fit.u),
-            None if fit.model.pinned.is_any() => {
-                Ok(reference.mean_of(&fit.judging(), &fit.u, fit.each.len(), Vec::new())?.mean)
-            }
-            None => Ok(fit.mean.clone()),
+        let mut model = fit.judging();
+        if let Some(setup) = self.setup {
+            // What the fit moved the lamps of its own set by belongs to its effects.
+            let found = model.lamps.iter().zip(&reference.model.lamps);
+            let found = found.map(|(lamp, base)| {
+                setup.recordings[lamp.recording].light_offset + lamp.offset - base.offset
+            });
+            model.lit_by(&found.collect::<Vec<f64>>());
         }
+        let simulated = |model: &Model| match self.setup {
+            Some(setup) => reference.mean_under(setup, model, &fit.u),
+            None => Ok(reference.mean_of(model, &fit.u, fit.each.len(), Vec::new())?.mean),
+        };
+        let is_known = self.setup.is_none() && !fit.model.pinned.is_any();
+        let mut mean = if is_known { fit.mean.clone() } else { simulated(&model)? };
+        for _ in 0..LAMP_STEPS {
+            let lamps = reference.lamps_of(fit.noise(), &(self.data - &mean));
+            if !model.needs_offsets(&lamps) {
+                break;
+            }
+            model.lit_by(&lamps);
+            mean = simulated(&model)?;
+        }
+        Ok(mean)
     }
 
     fn off(&self, reference: &NullModel, fit: &Fit) -> Result<DVector<f64>> {
@@ -71,7 +93,14 @@ impl Judged {
 impl Case<'_> {
     pub(crate) fn base(&self) -> Result<Judged> {
         let Fitter { reference, data } = self.fitter;
-        let (fit, own) = (Fit::base(reference, data, self.located.clone()), Own::of_base(reference));
+        let mut fit = Fit::base(reference, data, self.located.clone());
+        let lamps = reference.lamps_of(&reference.noise, &(data - &reference.mean));
+        if fit.model.needs_offsets(&lamps) {
+            fit.model.lit_by(&lamps);
+            let means = reference.mean_of(&fit.model, &fit.u, MOST_SIMULATIONS, Vec::new())?;
+            fit.compare(reference, data, means);
+        }
+        let own = Own { mean: fit.mean.clone(), ..Own::of_base(reference) };
         let left = self.alarm(&fit, &own, &(data - &own.mean));
         Ok(Judged { off: self.judge.off(reference, &fit)?, fit, own, left, left_fitted: left })
     }

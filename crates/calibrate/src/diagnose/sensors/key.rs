@@ -16,12 +16,20 @@ pub(in crate::diagnose) fn hash(setup: &Setup, sample: &Sample, seed: u64, into:
         has_rate_maps: maps,
         row_band: _,
         judged_readouts: _,
-        lamp_uncertainty: _,
     } = setup;
     (geometry.width(), geometry.height(), readout_hz.to_bits(), maps, scenes.len(), seed).hash(into);
-    for RecordedScene { name: _, light, readouts, first_readout: skip, static_scene: still } in scenes {
+    for RecordedScene {
+        name: _,
+        light,
+        readouts,
+        first_readout: skip,
+        static_scene: still,
+        light_uncertainty: _,
+        light_offset,
+    } in scenes
+    {
         // Numbers are written with as many digits as tell them from every other one.
-        (format!("{light:?}"), readouts, skip, still.is_some()).hash(into);
+        (format!("{light:?}"), light_offset.to_bits(), readouts, skip, still.is_some()).hash(into);
         if let Some(still) = still {
             still.hash_exactly(into);
         }
@@ -54,6 +62,8 @@ mod tests {
             readouts: 256,
             first_readout: 0,
             static_scene: None,
+            light_uncertainty: 0.01,
+            light_offset: 0.0,
         };
         let wave = StimulusPattern::Square { high: 0.5, low: 0.1, half_period: 64 };
         Setup {
@@ -63,7 +73,6 @@ mod tests {
             has_rate_maps: false,
             row_band: None,
             judged_readouts: None,
-            lamp_uncertainty: 1e-3,
         }
     }
 
@@ -99,6 +108,7 @@ mod tests {
             changed(|setup, _| setup.geometry = Geometry::new(4, 16).unwrap()),
             changed(|setup, _| setup.has_rate_maps = true),
             changed(|setup, _| setup.recordings[0].readouts += 1),
+            changed(|setup, _| setup.recordings[0].light_offset = 1e-9),
             changed(|setup, _| setup.recordings[1].first_readout += 1),
             changed(|setup, _| setup.recordings[0].light = Stimulus::Level(0.3_f64.next_up())),
             changed(|setup, _| {
@@ -158,7 +168,7 @@ mod tests {
             |setup, _| setup.recordings[0].name = "other/b.dat".to_owned(),
             |setup, _| setup.row_band = Some((8, 8)),
             |setup, _| setup.judged_readouts = Some([256; 2]),
-            |setup, _| setup.lamp_uncertainty = 0.1,
+            |setup, _| setup.recordings[0].light_uncertainty = 0.1,
             |_, sample| sample.camera.name = "other".to_owned(),
             |_, sample| sample.camera.source = "elsewhere".to_owned(),
         ];

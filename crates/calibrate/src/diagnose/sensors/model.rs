@@ -10,15 +10,23 @@ use spikelane::effects::Camera;
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 
+/// The lamp of one recording. Its light is the stated light times one plus a relative deviation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::diagnose) struct Lamp {
+    pub recording: usize,
+    /// Standard deviation of the relative deviation, as it is known before the recordings are seen.
+    pub uncertainty: f64,
+    /// The deviation at which sensors are simulated.
+    pub offset: f64,
+}
+
 /// A camera, its knobs and the lamps of the scenes.
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct Model {
     pub camera: Camera,
     pub knobs: Vec<Knob>,
-    /// Scenes whose light is known to [`Model::lamp`] only.
-    pub lamps: Vec<usize>,
-    /// Relative standard deviation of a lamp.
-    pub lamp: f64,
+    /// The lamps of the lit recordings.
+    pub lamps: Vec<Lamp>,
     /// Lost and repeated readouts that are not left to chance.
     pub pinned: Pinned,
     /// Where vectors of its samples are kept.
@@ -46,10 +54,14 @@ impl Model {
         let lit = |k: &usize| {
             setup.recordings[*k].brightness() > 0.0 && setup.recordings[*k].static_scene.is_none()
         };
+        let lamp = |k: usize| Lamp {
+            recording: k,
+            uncertainty: setup.recordings[k].light_uncertainty,
+            offset: setup.recordings[k].light_offset,
+        };
         Self {
             knobs: BASE.iter().filter(shown).filter_map(knob).collect(),
-            lamps: (0..setup.recordings.len()).filter(lit).collect(),
-            lamp: setup.lamp_uncertainty,
+            lamps: (0..setup.recordings.len()).filter(lit).map(lamp).collect(),
             camera,
             pinned: Pinned::default(),
             kept: None,
@@ -66,16 +78,16 @@ impl Model {
         self.knobs.iter().map(|knob| knob.position(knob.value_in(camera))).collect()
     }
 
-    /// The sample at knob positions `u` and relative lamp errors `lamps` (one for each scene of [`Model::lamps`]).
-    pub(crate) fn sample(&self, u: &[f64], lamps: &[f64], scenes: usize) -> Result<Sample> {
+    /// The sample at knob positions `u`. `moved` are relative deviations that are added to the offsets of the lamps.
+    pub(crate) fn sample(&self, u: &[f64], moved: &[f64], scenes: usize) -> Result<Sample> {
         let mut camera = self.camera.clone();
         for (knob, u) in self.knobs.iter().zip(u) {
             let effect = camera.effect(knob.effect.name).cloned().unwrap_or_else(|| knob.effect.neutral());
             camera = camera.with_effect(effect.with_value(knob.key, knob.value(*u))?);
         }
         let mut factors = vec![1.0; scenes];
-        for (k, off) in self.lamps.iter().zip(lamps) {
-            factors[*k] = 1.0 + off;
+        for (i, lamp) in self.lamps.iter().enumerate() {
+            factors[lamp.recording] = 1.0 + lamp.offset + moved.get(i).copied().unwrap_or(0.0);
         }
         Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), kept: self.kept.clone() })
     }

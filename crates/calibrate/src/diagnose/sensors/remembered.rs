@@ -14,8 +14,9 @@ use spikelane::error::Result;
 /// Most vectors that are kept, some 60 MB of them.
 const MOST: usize = 20_000;
 
-/// The number of the draws, that of the readouts that are lost or repeated for certain, and a camera's effects with the bits of their values.
-type Key = (usize, u64, Vec<(&'static str, Vec<u64>)>);
+/// The number of the draws, that of the readouts that are lost or repeated for certain, the light of each recording, and a
+/// camera's effects with the bits of their values.
+type Key = (usize, u64, Vec<u64>, Vec<(&'static str, Vec<u64>)>);
 
 #[derive(Debug, Default)]
 pub(in crate::diagnose) struct Remembered(Mutex<HashMap<Key, DVector<f64>>>);
@@ -34,9 +35,9 @@ impl Remembered {
         i: usize,
         simulate: impl FnOnce() -> Result<DVector<f64>>,
     ) -> Result<DVector<f64>> {
-        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect();
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
         let effects = sample.camera.effects().iter().map(|e| (e.definition().name, bits(e.values())));
-        let key: Key = (i, sample.pinned.id(), effects.collect());
+        let key: Key = (i, sample.pinned.id(), bits(&sample.lamps), effects.collect());
         if let Some(vector) = self.all().get(&key) {
             return Ok(vector.clone());
         }

@@ -30,8 +30,12 @@ fn scale(light: f64) -> f64 {
 
 /// `None` without two levels.
 pub(in crate::diagnose) fn lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
-    let levels: Vec<(usize, f64)> =
-        setup.recordings.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?))).collect();
+    let levels: Vec<(usize, f64)> = setup
+        .recordings
+        .iter()
+        .enumerate()
+        .filter_map(|(k, s)| Some((k, s.found_light().level()?)))
+        .collect();
     if levels.len() < 2 {
         return None;
     }

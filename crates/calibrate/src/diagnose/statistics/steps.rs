@@ -56,7 +56,7 @@ pub(in crate::diagnose) fn after_falls(
     lines: &Lines,
     [gain, dark]: [&Map<'_>; 2],
 ) {
-    let Stimulus::Scene(StimulusPattern::Square { low, .. }) = scene.light else { return };
+    let Stimulus::Scene(StimulusPattern::Square { low, .. }) = scene.found_light() else { return };
     if scene.half_period().is_none() {
         return;
     }
@@ -79,7 +79,9 @@ pub(in crate::diagnose) fn checkerboard(
     scene: &RecordedScene,
     lines: &Lines,
 ) {
-    let Stimulus::Scene(StimulusPattern::Checkerboard { high, low, cell }) = scene.light else { return };
+    let Stimulus::Scene(StimulusPattern::Checkerboard { high, low, cell }) = scene.found_light() else {
+        return;
+    };
     let (width, height) = (scan.geometry.width(), scan.geometry.height());
     let cell = cell.max(1) as usize;
     let bright = |row: usize, col: usize| (row / cell + col / cell).is_multiple_of(2);

@@ -1,0 +1,99 @@
+//! The lamps as parameters of every model.
+//!
+//! The light of recording `k` is the stated light times `1 + e_k`, and `e_k` is normal about zero with the stated standard
+//! deviation `u_k`. Sensors are simulated at offsets `o_k`, which are near the true `e_k`, because many statistics are
+//! linear in the light over a few thousandths only. The data are moved by `sum_k l_k o_k`, where `l_k` is the derivative by
+//! `e_k`, and the covariance is `C + sum_k u_k^2 l_k l_k^T`. Both together are the likelihood with every `e_k` integrated
+//! out, about the *stated* light: a found light that has absorbed the effect of a bent response is no prior.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::derivatives::SMALL_LAMP_DEVIATION;
+use super::metric::Noise;
+use super::reference::NullModel;
+use crate::diagnose::sensors::model::{Lamp, Model};
+
+/// Change of a lamp's offset from which on a model is simulated at the new offset. Within it, derivatives hold.
+const LINEAR: f64 = 1e-3;
+
+/// Uncertainties by which a fit may move a lamp away from the stated light. A strong effect that is not in the model yet
+/// asks for more.
+const FURTHEST: f64 = 4.0;
+
+/// Changes per standard deviation of each lamp.
+pub(in crate::diagnose) fn columns(slopes: &DMatrix<f64>, model: &Model) -> DMatrix<f64> {
+    let mut columns = slopes.clone();
+    for (mut column, lamp) in columns.column_iter_mut().zip(&model.lamps) {
+        column *= lamp.uncertainty;
+    }
+    columns
+}
+
+/// `data` as they would be if every lamp had the light that is stated, for a model whose offsets are the lamps' deviations.
+pub(in crate::diagnose) fn shifted(
+    data: &DVector<f64>,
+    slopes: &DMatrix<f64>,
+    model: &Model,
+) -> DVector<f64> {
+    data + slopes * offsets(&model.lamps)
+}
+
+fn offsets(lamps: &[Lamp]) -> DVector<f64> {
+    DVector::from_iterator(lamps.len(), lamps.iter().map(|lamp| lamp.offset))
+}
+
+/// The deviations of the lamps of one sensor, from standard normal draws.
+pub(in crate::diagnose) struct LampDraw {
+    /// The deviations, with the uncertainties as standard deviations.
+    pub whole: DVector<f64>,
+    /// The part that is simulated, with [`SMALL_LAMP_DEVIATION`] at most. Derivatives add the remainder.
+    pub simulated: DVector<f64>,
+}
+
+impl LampDraw {
+    pub(in crate::diagnose) fn new(lamps: &[Lamp], normal: &DVector<f64>) -> Self {
+        let whole = DVector::from_fn(lamps.len(), |i, _| lamps[i].uncertainty * normal[i]);
+        let small = |i: usize| lamps[i].uncertainty.min(SMALL_LAMP_DEVIATION) * normal[i];
+        Self { whole, simulated: DVector::from_fn(lamps.len(), |i, _| small(i)) }
+    }
+
+    pub(in crate::diagnose) fn remainder(&self) -> DVector<f64> {
+        &self.whole - &self.simulated
+    }
+}
+
+impl NullModel {
+    /// `data` in the coordinates of this model: see the top of this file.
+    pub(in crate::diagnose) fn shifted(&self, data: &DVector<f64>) -> DVector<f64> {
+        shifted(data, &self.lamp_slopes, &self.model)
+    }
+
+    /// What is subtracted from vectors of `model`, so that they compare with data that were moved by this model's offsets.
+    pub(in crate::diagnose) fn lamp_shift(&self, model: &Model) -> DVector<f64> {
+        &self.lamp_slopes * (offsets(&model.lamps) - offsets(&self.model.lamps))
+    }
+
+    /// The deviations of the lamps that are most likely, if a model with this `noise` leaves `off`.
+    pub(in crate::diagnose) fn lamps_of(&self, noise: &Noise, off: &DVector<f64>) -> Vec<f64> {
+        let along = self.lamp_slopes.transpose() * noise.solve_vector(off);
+        let of = |(lamp, along): (&Lamp, &f64)| {
+            let most = (FURTHEST * lamp.uncertainty).max(lamp.offset.abs());
+            (lamp.uncertainty * lamp.uncertainty * along).clamp(-most, most)
+        };
+        self.model.lamps.iter().zip(along.iter()).map(of).collect()
+    }
+}
+
+impl Model {
+    /// Whether a lamp is further from its offset than derivatives hold.
+    pub(in crate::diagnose) fn needs_offsets(&self, found: &[f64]) -> bool {
+        self.lamps.iter().zip(found).any(|(lamp, e)| (lamp.offset - e).abs() > LINEAR)
+    }
+
+    /// The model at other offsets, if these are further off than derivatives hold.
+    pub(in crate::diagnose) fn lit_by(&mut self, found: &[f64]) {
+        if self.needs_offsets(found) {
+            self.lamps.iter_mut().zip(found).for_each(|(lamp, e)| lamp.offset = *e);
+        }
+    }
+}
