@@ -241,4 +241,4 @@ class SpikeShards(_EpochDataset):
     def __repr__(self) -> str:
         part = f"rank {self.rank} of {self.ranks}, epoch {self.epoch}"
         shards = len(self.reader.parts)
-        return f"<spikelane.torch.SpikeShards, {part}, {shards} shards, split {self.reader.split or 'all'}>"
+        return f"<spikelane.torch.SpikeShards, {part}, {shards} shard{'s' * (shards != 1)}, split {self.reader.split or 'all'}>"

@@ -237,7 +237,8 @@ impl FitsFile {
     /// [`ErrorKind::Input`] if a pixel is undefined.
     pub(super) fn read_page(&self, path: &Path, page: usize) -> Result<Pixels> {
         let name = path.display();
-        inputs::check_memory(&name, self.page_bytes() as usize + 4 * self.size.pixels())?;
+        // The values have four bytes per pixel, and codes have at most two.
+        inputs::check_memory(&name, self.page_bytes() as usize + 6 * self.size.pixels())?;
         let mut bytes = inputs::zeroed_vec(&name, self.page_bytes() as usize)?;
         InputFile::open(path)?.read_at(self.data_offset + page as u64 * self.page_bytes(), &mut bytes)?;
         let values = match self.bits {
@@ -283,11 +284,14 @@ impl FitsFile {
 
     /// Converts samples to values from the top row to the bottom row.
     fn top_down<const N: usize>(&self, samples: &[[u8; N]], sample: impl Fn([u8; N]) -> f64) -> Vec<f32> {
-        let rows = samples.chunks_exact(self.size.width());
-        let values = |row: &[[u8; N]]| -> Vec<f32> {
-            row.iter().map(|b| (self.zero + self.scale * sample(*b)) as f32).collect()
-        };
-        if self.is_top_down { rows.flat_map(values).collect() } else { rows.rev().flat_map(values).collect() }
+        let (width, height) = (self.size.width(), self.size.height());
+        let mut values = Vec::with_capacity(samples.len());
+        for row in 0..height {
+            let stored = if self.is_top_down { row } else { height - 1 - row };
+            let samples = &samples[stored * width..(stored + 1) * width];
+            values.extend(samples.iter().map(|b| (self.zero + self.scale * sample(*b)) as f32));
+        }
+        values
     }
 }
 
