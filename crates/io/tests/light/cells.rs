@@ -855,3 +855,33 @@ fn frames_of_a_deep_animation_are_drawn_on_the_canvas() {
         near(&found, &wanted);
     }
 }
+
+#[test]
+fn fits_files_without_a_supported_image_are_refused_with_the_cause() {
+    let dir = TempDir::new().unwrap();
+    let whole = fits(16, 1, &[], &[0; 16]);
+    // The card that begins with `keyword` becomes `card`.
+    let with = |keyword: &str, card: &str| {
+        let text = String::from_utf8_lossy(&whole[..2880]).into_owned();
+        let at = text.find(keyword).unwrap();
+        [&text.as_bytes()[..at], format!("{card:<80}").as_bytes(), &whole[at + 80..]].concat()
+    };
+    let table = ["XTENSION= 'BINTABLE'", "BITPIX  = 8", "NAXIS   = 2", "NAXIS1  = 4", "NAXIS2  = 3"];
+    let table =
+        table.iter().chain(&["ZIMAGE  = T", "END"]).map(|card| format!("{card:<80}")).collect::<String>();
+    let empty = &with("NAXIS   ", "NAXIS   = 0")[..2880];
+    let compressed = [empty, format!("{table:<2880}").as_bytes(), &[0; 2880]].concat();
+    for (bytes, cause) in [
+        (compressed, "compressed"),
+        (with("NAXIS   ", "NAXIS   = 0"), "no image"),
+        (with("BITPIX", "BITPIX  = 12"), "samples of 12 bits"),
+        (with("BITPIX", "BITPIX  = x"), "`x` of BITPIX"),
+        (with("NAXIS3", "NAXIS3  = 18446744073709551615"), "2880"),
+        (with("NAXIS1", "NAXIS1  = 99999999999"), "99999999999"),
+        (whole[..2880 + 8].to_vec(), "2888 bytes"),
+        (whole[..80].repeat(36), "no END card"),
+    ] {
+        let text = refusal(&file(&dir, "f.fits", &bytes), &options());
+        assert!(text.contains(cause) && text.contains("f.fits"), "{cause}: {text}");
+    }
+}
