@@ -149,7 +149,7 @@ impl Args {
         }
         let used = first.saturating_add(half).min(readouts - 1) + 1 - first.saturating_sub(half);
         out.print_message(format_args!(
-            "note: the window of {} exceeds the stream at {}: at readout {first}, the window has {}",
+            "note: the window of {} exceeds the stream at {}: at readout {first}, the stream contains {} of the window",
             Count(window, "readout"),
             Count(short.len(), "image"),
             Count(used, "readout"),
