@@ -52,6 +52,7 @@
 //! `spikelane-scene`, `spikelane-measure`, `spikelane-calibrate`, `spikelane-dataset` and `spikelane-cli`.
 
 mod conversions;
+mod count;
 mod draws;
 pub mod effects;
 pub mod error;

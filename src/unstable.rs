@@ -3,6 +3,7 @@
 //! Any release may change or remove the items of this module. If your program needs an item, ask for a public
 //! replacement.
 
+pub use crate::count::Count;
 pub use crate::setters::with_methods;
 
 /// Random draws that depend only on seed, stream, pixel and readout.

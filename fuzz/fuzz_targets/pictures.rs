@@ -17,7 +17,7 @@ static LINEAR: LazyLock<Linearization> = LazyLock::new(|| Linearization::new(Non
 /// determine the format, the extension does.
 static FILES: LazyLock<Vec<PathBuf>> = LazyLock::new(|| {
     let folder = spikelane_fuzz::temp_folder("pictures");
-    ["png", "jpg", "tiff", "exr", "bmp", "ppm", "webp"].map(|e| folder.join(format!("a.{e}"))).into()
+    ["png", "jpg", "tiff", "exr", "bmp", "ppm", "webp", "fits"].map(|e| folder.join(format!("a.{e}"))).into()
 });
 
 fuzz_target!(|data: &[u8]| {

@@ -2,6 +2,7 @@
 
 use std::hash::{Hash as _, Hasher};
 
+use crate::count::Count;
 use crate::draws::Seeds;
 use crate::error::{Error, ErrorKind, Result};
 use crate::inputs;
@@ -294,7 +295,7 @@ impl Maps {
             let Some(map) = map else { continue };
             if map.len() != pixels || map.iter().any(|v| !v.is_finite()) {
                 return Err(Error::new(ErrorKind::Config, what)
-                    .found(format_args!("{} values", map.len()))
+                    .found(Count(map.len(), "value"))
                     .expected(format_args!("{pixels} finite values, one per pixel")));
             }
             target.clone_from(map);

@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 
 /// Largest size in bytes of a text file with settings: a plan, a camera, a set of recordings or a sidecar.
@@ -53,7 +54,11 @@ impl InputFile {
         if range.start > range.end || range.end > self.len {
             return Err(Error::new(ErrorKind::Input, path.display())
                 .found(format_args!("bytes {} to {}", range.start, range.end))
-                .expected(format_args!("bytes within the {} bytes of {}", self.len, self.path.display()))
+                .expected(format_args!(
+                    "bytes within the {} of {}",
+                    Count(self.len, "byte"),
+                    self.path.display(),
+                ))
                 .remedy("the file is truncated or damaged; copy it again"));
         }
         let file = Arc::clone(&self.file);
@@ -112,8 +117,8 @@ impl InputFile {
     pub fn read_all(&self, description: &str, limit: u64) -> Result<Vec<u8>> {
         if self.len > limit {
             return Err(Error::new(ErrorKind::Input, self.path.display())
-                .found(format_args!("{} bytes", self.len))
-                .expected(format_args!("{description}, at most {limit} bytes")));
+                .found(Count(self.len, "byte"))
+                .expected(format_args!("{description}, at most {}", Count(limit, "byte"))));
         }
         let len = usize::try_from(self.len).unwrap_or(usize::MAX);
         let mut bytes = super::zeroed_vec(self.path.display(), len)?;
@@ -124,7 +129,7 @@ impl InputFile {
     fn shortened_error(&self, wanted: u64) -> Error {
         let now = self.file.metadata().map_or(0, |m| m.len()).saturating_sub(self.start);
         Error::new(ErrorKind::Input, self.path.display())
-            .found(format_args!("{now} bytes; the file had {} bytes when the program opened the file", self.len))
+            .found(format_args!("{}; the file had {} when the program opened the file", Count(now, "byte"), Count(self.len, "byte")))
             .expected(format_args!("bytes up to {wanted}"))
             .remedy("another process shortened or replaced the file; read the file again when the other process has finished")
     }

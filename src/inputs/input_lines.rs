@@ -3,6 +3,7 @@
 use std::io::{BufRead as _, BufReader, Read as _};
 
 use super::input_file::{InputFile, InputReader};
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 
 /// A reader of the lines of an [`InputFile`]. Only one line is in memory at a time.
@@ -37,8 +38,8 @@ impl<'a> InputLines<'a> {
         self.number += 1;
         if self.line.len() as u64 > self.limit {
             return Err(Error::new(ErrorKind::Input, self.file.path().display())
-                .found(format_args!("more than {} bytes in line {}", self.limit, self.number))
-                .expected(format_args!("lines of at most {} bytes", self.limit)));
+                .found(format_args!("more than {} in line {}", Count(self.limit, "byte"), self.number))
+                .expected(format_args!("lines of at most {}", Count(self.limit, "byte"))));
         }
         Ok(Some(&self.line))
     }

@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 
 /// Checks that the system can allocate `bytes` now.
@@ -25,7 +26,10 @@ pub fn reserved_vec<T>(subject: impl Display, len: usize) -> Result<Vec<T>> {
     match values.try_reserve_exact(len) {
         Ok(()) => Ok(values),
         Err(_) => Err(Error::new(ErrorKind::Memory, subject)
-            .found(format_args!("not enough memory for {} bytes", len as u128 * size_of::<T>() as u128))
+            .found(format_args!(
+                "not enough memory for {}",
+                Count(len as u128 * size_of::<T>() as u128, "byte"),
+            ))
             .expected("enough free memory")
             .remedy("use a smaller input, a machine with more memory or a higher memory limit")),
     }

@@ -1,9 +1,10 @@
 //! A frame of linear light, and the trait of its sources.
 
 use super::rate::Rate;
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::kernels;
-use crate::sensor::{FrontEnd, Transfer};
+use crate::sensor::{FrontEnd, FullScale, Transfer};
 use crate::spikes::Geometry;
 use crate::spikes::MAX_PIXELS;
 
@@ -95,7 +96,7 @@ impl Frame {
     pub fn new(geometry: Geometry, samples: OwnedSamples) -> Result<Self> {
         if samples.len() != geometry.pixels() {
             return Err(Error::new(ErrorKind::Input, "frame of light")
-                .found(format_args!("{} samples", samples.len()))
+                .found(Count(samples.len(), "sample"))
                 .expected(format_args!("{} for {geometry}", geometry.pixels()))
                 .remedy("check width and height"));
         }
@@ -313,6 +314,14 @@ pub trait Source: Send {
     /// The default implementation is for drawn frames and floats, because both contain linear light.
     fn front_end(&self) -> FrontEnd {
         FrontEnd { transfer: Some(Transfer::Linear), ..FrontEnd::default() }
+    }
+
+    /// Returns the stored value that corresponds to light 1.0, in the units of the input. An input of 16 bits whose
+    /// largest code is light 1.0 returns 65535.
+    ///
+    /// The default implementation returns the full scale of [`Source::front_end`].
+    fn full_scale(&self) -> FullScale {
+        self.front_end().full_scale
     }
 
     /// Returns one line of text with the name, the size and the number of frames of the input.

@@ -8,6 +8,7 @@
 use std::str::FromStr;
 use std::sync::Arc;
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::light::rate::{Rate, gcd};
 
@@ -207,7 +208,7 @@ impl Timeline {
         let rises = starts.windows(2).all(|w| w[0] < w[1]);
         if starts.len() < 2 || starts[0] != 0 || !rises || starts[starts.len() - 1] > MAX_NANOSECONDS {
             return Err(Error::new(ErrorKind::Input, "times of frames")
-                .found(format_args!("{} times", starts.len()))
+                .found(Count(starts.len(), "time"))
                 .expected("at least two times that start at 0 and increase, at most 11 days"));
         }
         let ratio = Self::from_rates(Rate::new(1_000_000_000, 1)?, readout, interpolation)?;

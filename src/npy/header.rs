@@ -3,6 +3,7 @@
 use std::io::Read;
 
 use super::{Element, header_text};
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 
 /// The first bytes of every file.
@@ -59,7 +60,7 @@ impl Header {
         read_exactly(name, reader, &mut bytes, field)?;
         let length = bytes[8..].iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
         if length > MAX_HEADER_BYTES {
-            return Err(damaged_error(name, format_args!("a header of {length} bytes")));
+            return Err(damaged_error(name, format_args!("a header of {}", Count(length, "byte"))));
         }
         let start = bytes.len();
         read_exactly(name, reader, &mut bytes, length)?;

@@ -13,6 +13,7 @@ pub use header::{Header, MAGIC, header_bytes};
 
 use std::io::{self, Read};
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::inputs;
 
@@ -28,7 +29,7 @@ pub fn to_bytes<const N: usize>(
     let wanted: u64 = shape.iter().product();
     if values.len() as u64 != wanted || N != element.bytes() {
         return Err(Error::new(ErrorKind::Usage, "array")
-            .found(format_args!("{} values of {N} bytes", values.len()))
+            .found(format_args!("{} of {N} bytes", Count(values.len(), "value")))
             .expected(format_args!("{wanted} of {} ({element}) for shape {shape:?}", element.bytes())));
     }
     let mut bytes = header_bytes(element, shape);
@@ -85,7 +86,7 @@ pub fn read_values(name: &str, bytes: &[u8]) -> Result<(Header, Vec<f64>)> {
     let data = &bytes[header.data_offset..];
     let wanted = header.data_bytes().filter(|&n| n <= data.len() as u64).ok_or_else(|| {
         Error::new(ErrorKind::Input, name)
-            .found(format_args!("{} bytes after the header", data.len()))
+            .found(format_args!("{} after the header", Count(data.len(), "byte")))
             .expected(format_args!("an array of shape {:?} of {}", header.shape, header.element))
             .remedy("the file is truncated; save the array again")
     })?;

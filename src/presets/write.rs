@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::count::Count;
 use crate::effects::Camera;
 use crate::effects::definition::{Param, ParamKind};
 use crate::error::{Error, ErrorKind, Result};
@@ -126,7 +127,7 @@ fn map_table(camera: &Camera, saved: &mut Vec<(String, Vec<u8>)>) -> Result<maps
         let Some(map) = map else { return Ok(None) };
         if map.len() != geometry.pixels() {
             return Err(Error::new(ErrorKind::Config, name)
-                .found(format_args!("{} values", map.len()))
+                .found(Count(map.len(), "value"))
                 .expected(format_args!("{}, one per pixel of {geometry}", geometry.pixels())));
         }
         let bytes = maps::write(map, geometry)?;

@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result, Setting};
 use crate::reconstruct::{psnr, span_rates};
 use crate::spikes::{Geometry, SpikeFramesRef};
@@ -110,10 +111,13 @@ impl DetailReference {
         if used_readouts.start < Self::MIN_SIDE_READOUTS || used_readouts.end + Self::MIN_SIDE_READOUTS > all
         {
             return Err(Error::new(ErrorKind::Usage, "readouts outside the window of the image")
-                .found(format_args!("{all} readouts, of which readouts {used_readouts:?} are in the window"))
+                .found(format_args!(
+                    "{}, of which readouts {used_readouts:?} are in the window",
+                    Count(all, "readout"),
+                ))
                 .expected(format_args!(
-                    "at least {} readouts before and after the window",
-                    Self::MIN_SIDE_READOUTS
+                    "at least {} before and after the window",
+                    Count(Self::MIN_SIDE_READOUTS, "readout"),
                 ))
                 .remedy(format_args!(
                     "reduce {}, or move {} toward the middle",

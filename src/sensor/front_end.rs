@@ -25,6 +25,24 @@ pub enum FullScale {
 impl FullScale {
     /// Full scale at the largest code.
     pub const MAX_CODE: Self = Self::Code(255.0);
+
+    /// Returns this full scale in the units of an input in which `white` is the value of an 8-bit code 255.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::sensor::FullScale;
+    /// assert_eq!(FullScale::MAX_CODE.in_units_of(65535.0), FullScale::Code(65535.0));
+    /// assert_eq!(FullScale::Code(51.0).in_units_of(65535.0), FullScale::Code(13107.0));
+    /// assert_eq!(FullScale::Peak.in_units_of(65535.0), FullScale::Peak);
+    /// ```
+    #[must_use]
+    pub fn in_units_of(self, white: f64) -> Self {
+        match self {
+            Self::MAX_CODE => Self::Code(white),
+            Self::Code(code) => Self::Code(white * code / 255.0),
+            Self::Peak => Self::Peak,
+        }
+    }
 }
 
 impl std::fmt::Display for FullScale {

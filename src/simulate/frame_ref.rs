@@ -1,5 +1,6 @@
 use std::borrow::Cow;
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::kernels::Samples;
 use crate::light::Frame;
@@ -75,7 +76,7 @@ impl<'a> FrameRef<'a> {
         let Some(stride) = self.stride else {
             if len != geometry.pixels() {
                 return Err(error(
-                    format_args!("{len} samples"),
+                    format_args!("{}", Count(len, "sample")),
                     format_args!("{} samples, one for each of {geometry} pixels", geometry.pixels()),
                 )
                 .remedy(
@@ -87,8 +88,8 @@ impl<'a> FrameRef<'a> {
         let needed = stride.saturating_mul(height - 1).saturating_add(width);
         if stride < width || len < needed {
             return Err(error(
-                format_args!("{len} samples with a stride of {stride}"),
-                format_args!("a stride of at least {width}, and {height} rows"),
+                format_args!("{} with a stride of {stride}", Count(len, "sample")),
+                format_args!("a stride of at least {width}, and {}", Count(height, "row")),
             )
             .remedy("check the stride and the size of the frame"));
         }

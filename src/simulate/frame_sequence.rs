@@ -1,5 +1,6 @@
 //! Frames on a timeline, converted to the segments that kernels run.
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::kernels::{Samples, Segment, SegmentLight};
 use crate::light::{FlowInterpolator, Frame, Interpolation, OwnedSamples as Owned, Timeline};
@@ -39,7 +40,7 @@ impl<'a> FrameSequence<'a> {
             let limit = available.unwrap_or(0);
             return Err(Error::new(ErrorKind::Usage, "readouts")
                 .found(readouts)
-                .expected(format_args!("at most {limit}, the duration of {} frames", frames.len()))
+                .expected(format_args!("at most {limit}, the duration of {}", Count(frames.len(), "frame")))
                 .remedy("pass more frames, or more readouts per frame"));
         }
         let checked = |(i, frame): (usize, &FrameRef<'a>)| {

@@ -1,5 +1,6 @@
 //! The light of a run: the form that callers pass, and the form that kernels use.
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::kernels::{Samples, Segment, SegmentLight};
 use crate::light::Timeline;
@@ -169,7 +170,7 @@ fn check_weights(weights: &[f32], readouts: usize) -> Result<()> {
     let error = || Error::new(ErrorKind::Usage, "weights");
     if weights.len() != readouts {
         return Err(error()
-            .found(format_args!("{} weights", weights.len()))
+            .found(Count(weights.len(), "weight"))
             .expected(format_args!("{readouts}, one for each readout")));
     }
     match weights.iter().find(|w| !(0.0..=1.0).contains(*w)) {

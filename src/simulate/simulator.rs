@@ -1,3 +1,4 @@
+use crate::count::Count;
 use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Error, ErrorKind, Result};
@@ -313,7 +314,7 @@ impl Simulator {
         let room = self.frames_in(out)?;
         if room < readouts {
             return Err(Error::new(ErrorKind::Usage, "output buffer")
-                .found(format_args!("space for {room} packed frames"))
+                .found(format_args!("space for {}", Count(room, "packed frame")))
                 .expected(format_args!("space for {readouts}")));
         }
         let mut light = ValidLight::new(light.into(), self.plan.geometry(), readouts)?;
@@ -324,7 +325,7 @@ impl Simulator {
         let bytes = self.plan.geometry().frame_bytes();
         if !out.len().is_multiple_of(bytes) {
             return Err(Error::new(ErrorKind::Usage, "output buffer")
-                .found(format_args!("{} bytes", out.len()))
+                .found(Count(out.len(), "byte"))
                 .expected(format_args!("a multiple of {bytes}, one packed frame")));
         }
         Ok(out.len() / bytes)

@@ -1,5 +1,6 @@
 //! Conversion between packed bits and bytes. The byte of a pixel is 0 or 1.
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::spikes::Geometry;
 
@@ -63,7 +64,7 @@ fn check(geometry: Geometry, packed: usize, bits: usize) -> Result<()> {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Usage, "frames")
-        .found(format_args!("{packed} packed bytes for {bits} bits"))
+        .found(format_args!("{} for {bits} bits", Count(packed, "packed byte")))
         .expected(format_args!("{frame} for every {pixels}, one {geometry} frame")))
 }
 

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::spikes::{Geometry, bit, count_spikes, firing_pixels, pack, set_bit, unpack};
 
@@ -65,8 +66,8 @@ impl<'a> SpikeFrame<'a> {
     pub fn new(geometry: Geometry, bytes: &'a [u8]) -> Result<Self> {
         if bytes.len() != geometry.frame_bytes() {
             return Err(Error::new(ErrorKind::Input, "packed frame")
-                .found(format_args!("{} bytes", bytes.len()))
-                .expected(format_args!("{} bytes for {geometry} pixels", geometry.frame_bytes()))
+                .found(Count(bytes.len(), "byte"))
+                .expected(format_args!("{} for {geometry} pixels", Count(geometry.frame_bytes(), "byte")))
                 .remedy("check width and height"));
         }
         Ok(Self { geometry, bytes })
@@ -115,7 +116,7 @@ impl AsRef<[u8]> for SpikeFrame<'_> {
 
 impl fmt::Debug for SpikeFrame<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "SpikeFrame({}, {} spikes)", self.geometry, self.spikes())
+        write!(f, "SpikeFrame({}, {})", self.geometry, Count(self.spikes(), "spike"))
     }
 }
 
@@ -269,7 +270,7 @@ impl<'a> IntoIterator for SpikeFramesRef<'a> {
 impl fmt::Display for SpikeFramesRef<'_> {
     /// Formats the stream as, for example, `64 readouts of 400x250 pixels`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} readouts of {} pixels", self.readouts(), self.geometry)
+        write!(f, "{} of {} pixels", Count(self.readouts(), "readout"), self.geometry)
     }
 }
 
@@ -382,8 +383,10 @@ impl SpikeFrames {
     /// Returns [`ErrorKind::Memory`] if the system cannot allocate the memory.
     pub fn zeros(geometry: Geometry, readouts: usize) -> Result<Self> {
         let bytes = readouts.saturating_mul(geometry.frame_bytes());
-        let bytes =
-            crate::inputs::zeroed_vec(format_args!("{readouts} readouts of {geometry} pixels"), bytes)?;
+        let bytes = crate::inputs::zeroed_vec(
+            format_args!("{} of {geometry} pixels", Count(readouts, "readout")),
+            bytes,
+        )?;
         Ok(Self { geometry, bytes })
     }
 
@@ -408,7 +411,7 @@ impl SpikeFrames {
     pub fn from_dense(geometry: Geometry, dense: &[u8]) -> Result<Self> {
         if !dense.len().is_multiple_of(geometry.pixels()) {
             return Err(Error::new(ErrorKind::Input, "dense frames")
-                .found(format_args!("{} bytes", dense.len()))
+                .found(Count(dense.len(), "byte"))
                 .expected(format_args!(
                     "a multiple of {}, one byte per pixel of {geometry}",
                     geometry.pixels()
@@ -449,7 +452,10 @@ impl SpikeFrames {
             if readout >= readouts || row >= geometry.height() || col >= geometry.width() {
                 return Err(Error::new(ErrorKind::Input, "spike")
                     .found(format_args!("readout {readout}, row {row}, column {col}"))
-                    .expected(format_args!("a pixel of {readouts} readouts of {geometry} pixels")));
+                    .expected(format_args!(
+                        "a pixel of {} of {geometry} pixels",
+                        Count(readouts, "readout"),
+                    )));
             }
             let frame = &mut frames.bytes[readout * geometry.frame_bytes()..][..geometry.frame_bytes()];
             set_bit(frame, row * geometry.width() + col);
@@ -610,7 +616,10 @@ fn check_length(geometry: Geometry, bytes: &[u8]) -> Result<()> {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Input, "packed stream")
-        .found(format_args!("{} bytes", bytes.len()))
-        .expected(format_args!("a multiple of {} bytes, one {geometry} frame", geometry.frame_bytes()))
+        .found(Count(bytes.len(), "byte"))
+        .expected(format_args!(
+            "a multiple of {}, one {geometry} frame",
+            Count(geometry.frame_bytes(), "byte"),
+        ))
         .remedy("check width and height"))
 }

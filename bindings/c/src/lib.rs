@@ -18,6 +18,7 @@ mod writer;
 use std::ffi::{CStr, c_char};
 use std::path::Path;
 
+use spikelane::unstable::Count;
 use spikelane::{Geometry, Result, Seeds, presets, spikes};
 use spikelane_io::simulate::{FrameRef, Samples};
 
@@ -540,7 +541,7 @@ pub unsafe extern "C" fn spl_simulator_state_save(
         let out = slice_mut(state, state_bytes, "state")?;
         let saved = read(simulator, |s: &Simulator| Ok(s.state()))?;
         if saved.len() != out.len() {
-            let expected = format!("{} bytes", saved.len());
+            let expected = Count(saved.len(), "byte").to_string();
             return Err(usage(
                 "state_bytes",
                 out.len(),
@@ -758,7 +759,7 @@ fn check_memory_range<T>(values: *const T, count: usize, name: &str) -> Result<(
     }
     let bytes = count.checked_mul(size_of::<T>()).filter(|bytes| *bytes <= isize::MAX as usize);
     if bytes.and_then(|bytes| (values as usize).checked_add(bytes)).is_none() {
-        return Err(usage(name, format_args!("{count} values"), "what memory can hold", "check the size"));
+        return Err(usage(name, Count(count, "value"), "what memory can hold", "check the size"));
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Simulator handles. This module uses no pointers.
 #![forbid(unsafe_code)]
 
+use spikelane::unstable::Count;
 use spikelane::{Backend, Geometry, Light, Plan, Result, Seeds, presets};
 use spikelane_io::light::{Interpolation, Timeline};
 use spikelane_io::simulate::FrameRef;
@@ -72,7 +73,7 @@ impl Simulator {
         Err(usage(
             "packed_bytes",
             packed.len(),
-            format_args!("{readouts} readouts of {bytes} bytes"),
+            format_args!("{} of {}", Count(readouts, "readout"), Count(bytes, "byte")),
             "pass a buffer for exactly these readouts",
         ))
     }

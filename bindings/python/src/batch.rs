@@ -1,6 +1,7 @@
 //! Simulation of many clips on several threads.
 
 use spikelane::Light;
+use spikelane::unstable::Count;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
@@ -112,7 +113,7 @@ pub fn simulate_batch<'py>(
             let expected = format!("{}, as the first clip has", lights[0].count());
             return Err(usage_error(
                 name,
-                format_args!("{} frames", light.count()),
+                Count(light.count(), "frame"),
                 expected,
                 "pass clips of one length",
             ));

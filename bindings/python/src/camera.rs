@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
 use spikelane::effects::definition::{Param, ParamKind};
 use spikelane::spikes::Crop;
+use spikelane::unstable::Count;
 use spikelane::{Effect, Plan, Seeds, Sensor};
 use spikelane_io::formats::OutputSet;
 
@@ -456,10 +457,10 @@ impl Camera {
         let maps = self.map_names();
         let maps = if maps.is_empty() { String::new() } else { format!(", maps: {}", maps.join(", ")) };
         format!(
-            "<spikelane.Camera {:?}, {height} x {width} pixels, {} readouts/s, {} effects{}{maps}>",
+            "<spikelane.Camera {:?}, {height} x {width} pixels, {} readouts/s, {}{}{maps}>",
             self.name(),
             self.readout_hz(),
-            camera.effects().len(),
+            Count(camera.effects().len(), "effect"),
             window.unwrap_or_default(),
         )
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use spikelane::presets;
+use spikelane::unstable::Count;
 
 use crate::argument;
 use crate::camera::Camera;
@@ -75,7 +76,7 @@ impl CameraDistribution {
     fn __repr__(&self) -> String {
         let ranges = self.0.ranges();
         let first = ranges.first().map_or(String::new(), |range| format!(" such as {}", range.key));
-        format!("<spikelane.CameraDistribution, {} ranges{first}>", ranges.len())
+        format!("<spikelane.CameraDistribution, {}{first}>", Count(ranges.len(), "range"))
     }
 
     /// Lists the ranges.

@@ -3,6 +3,7 @@
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
+use spikelane::unstable::Count;
 use spikelane_scene::{Labels, Lighting, SamplesPerPixel, SceneOptions, Semantic};
 
 use crate::argument::{self, describe, suggestion};
@@ -228,13 +229,13 @@ impl Scene {
 
     fn __repr__(&self) -> String {
         format!(
-            "<spikelane.Scene, seed {}, {}, {} s, {} vehicles, {} x {} pixels>",
+            "<spikelane.Scene, seed {}, {}, {} s, {}, {} x {}>",
             self.scene.seed(),
             self.scene.lighting().name(),
             self.scene.duration_s(),
-            self.scene.vehicles(),
+            Count(self.scene.vehicles(), "vehicle"),
             self.options.height,
-            self.options.width
+            Count(self.options.width, "pixel"),
         )
     }
 }

@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard};
 use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict as _, PyBytes, PyDict};
+use spikelane::unstable::Count;
 use spikelane::{Backend, Geometry, Light, Seeds, spikes};
 use spikelane_io::light::{Interpolation, Timeline};
 
@@ -131,7 +132,7 @@ impl Simulator {
         let light = LightSequence::new(self, light, readouts_per_frame, interpolation, full_scale)?;
         let mut inner = self.lock()?;
         let readouts = check_frame_buffer(out, self.geometry().frame_bytes())?.shape()[0];
-        light.check_duration("out", format_args!("room for {readouts} readouts"), readouts)?;
+        light.check_duration("out", format_args!("room for {}", Count(readouts, "readout")), readouts)?;
         inner.fill(py, &light, out.cast::<PyArrayDyn<u8>>()?, progress)
     }
 
@@ -383,7 +384,7 @@ impl<'py> LightSequence<'py> {
                 ));
             }
             (false, None) => {
-                let expected = format!("a number for {} frames of light (N, H, W)", array.count());
+                let expected = format!("a number for {} of light (N, H, W)", Count(array.count(), "frame"));
                 let remedy = match array.count() {
                     3 => {
                         "pass the readouts that each frame lasts, for example readouts_per_frame=20; for a color image (3, H, W), pass numpy.tensordot([0.2126, 0.7152, 0.0722], light, 1).astype(light.dtype)"

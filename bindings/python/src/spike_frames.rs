@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PySlice, PyType};
 use spikelane::Geometry;
 use spikelane::spikes::SpikeFramesRef;
+use spikelane::unstable::Count;
 
 use crate::argument::{self, describe};
 use crate::arrays::{array_from_vec, borrow_bytes, geometry, shape_text, zeros};
@@ -279,6 +280,6 @@ impl SpikeFrames {
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let (readouts, height, width) = self.shape(py)?;
-        Ok(format!("<spikelane.SpikeFrames, {readouts} readouts of {height} x {width} pixels>"))
+        Ok(format!("<spikelane.SpikeFrames, {} of {height} x {width} pixels>", Count(readouts, "readout")))
     }
 }

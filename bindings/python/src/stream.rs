@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::{PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
+use spikelane::unstable::Count;
 use spikelane::{Geometry, spikes};
 use spikelane_io::formats::{Layout, OutputSet, StreamReader, StreamWriter};
 use spikelane_io::simulate::{Sidecar, StreamFacts};
@@ -170,7 +171,9 @@ impl Stream {
 
     fn __repr__(&self) -> String {
         match self.shape() {
-            Ok((t, h, w)) => format!("<spikelane.Stream {:?}, {t} readouts of {h} x {w} pixels>", self.path),
+            Ok((t, h, w)) => {
+                format!("<spikelane.Stream {:?}, {} of {h} x {w} pixels>", self.path, Count(t, "readout"))
+            }
             Err(_) => format!("<spikelane.Stream {:?}, closed>", self.path),
         }
     }

@@ -27,6 +27,19 @@ class Tensor:
         return self.array
 
 
+class Exporter:
+    """An array of another library. NumPy before version 2 reads the methods of the type only."""
+
+    def __init__(self, array: np.ndarray, device: tuple[int, int]) -> None:
+        self.array, self.device = array, device
+
+    def __dlpack__(self, **options: object) -> object:
+        return self.array.__dlpack__(**options)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return self.device
+
+
 class Image:
     """An object with the methods of a Pillow image that the package uses."""
 
@@ -327,11 +340,9 @@ def test_a_tensor_on_the_cpu_is_light_and_spikes():
 
 
 def test_an_array_of_another_library_is_read_through_dlpack():
-    on_cpu = SimpleNamespace(__dlpack__=GRAY.__dlpack__, __dlpack_device__=GRAY.__dlpack_device__)
-    assert sl.Simulator(CAMERA).run(on_cpu, 20) == sl.Simulator(CAMERA).run(GRAY, 20)
-    on_cuda = SimpleNamespace(__dlpack__=GRAY.__dlpack__, __dlpack_device__=lambda: (2, 0))
+    assert sl.Simulator(CAMERA).run(Exporter(GRAY, GRAY.__dlpack_device__()), 20) == sl.Simulator(CAMERA).run(GRAY, 20)
     with pytest.raises(sl.SpikelaneTypeError, match=r"on another device.* copy it to the CPU first"):
-        sl.Simulator(CAMERA).run(on_cuda, 20)
+        sl.Simulator(CAMERA).run(Exporter(GRAY, (2, 0)), 20)
 
 
 @pytest.mark.parametrize(("axis", "remedy"), [(1, r"array\[:, 0\]"), (3, r"array\[\.\.\., 0\]")])

@@ -6,6 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use crate::InputContent;
 use crate::fingerprint::image_files;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::Count;
 use spikelane::unstable::draws::RandomStream;
 use spikelane::unstable::inputs::{PlainName, read_text_up_to};
 use spikelane_io::light::{TIME_FILE_NAMES, image_file};
@@ -99,7 +100,7 @@ fn for_each_in_folder(
         return Ok(());
     }
     Err(Error::new(ErrorKind::Input, folder.display())
-        .found(format_args!("neither a video nor a folder of images among {others} files"))
+        .found(format_args!("neither a video nor a folder of images among {}", Count(others, "file")))
         .expected("at least one video, or a folder of two or more images")
         .remedy(format_args!(
             "add a video or a folder of images; a single image can be simulated as a stream, still or with {}",

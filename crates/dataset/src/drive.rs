@@ -2,6 +2,7 @@
 
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane_io::light::{Frame, OwnedSamples, Rate, Source};
 use spikelane_scene::{self as scene, KeyframePlan, RenderedFrame, Scene};
 
@@ -49,14 +50,14 @@ impl Drive {
         let white = white_cd_m2.unwrap_or(scene.white_cd_m2());
         if readouts == 0 || !(white.is_finite() && white > 0.0) {
             return Err(Error::new(ErrorKind::Usage, "drive")
-                .found(format_args!("{readouts} readouts, white at {white} cd/m2"))
+                .found(format_args!("{}, white at {white} cd/m2", Count(readouts, "readout")))
                 .expected("at least one readout and a positive luminance"));
         }
         let last = (readouts - 1) as f64 / rate.hz();
         let plan = scene.plan_keyframes(0.0, last, rate.hz(), threads)?;
         if plan.readouts.len() as u64 != readouts {
             return Err(Error::new(ErrorKind::Usage, "drive")
-                .found(format_args!("{} instants", plan.readouts.len()))
+                .found(Count(plan.readouts.len(), "instant"))
                 .expected(format_args!("{readouts}, one per readout")));
         }
         let here = scene.camera(0.0)?.intrinsics;
@@ -178,12 +179,12 @@ impl Source for Drive {
 
     fn describe(&self) -> String {
         format!(
-            "driving scene {} ({}), white {} cd/m2, {} frames, up to {:.3} px per frame",
+            "driving scene {} ({}), white {} cd/m2, {}, up to {:.3} px per frame",
             self.scene.seed(),
             self.scene.lighting().name(),
             self.white_cd_m2,
-            self.plan.readouts.len(),
-            self.plan.max_px_per_readout
+            Count(self.plan.readouts.len(), "frame"),
+            self.plan.max_px_per_readout,
         )
     }
 }

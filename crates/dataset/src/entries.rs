@@ -4,6 +4,7 @@ use crate::discover::{self, Input};
 use crate::manifest::SequenceEntry;
 use crate::{Content, DatasetOptions, InputContent, SceneContent};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::PlainName;
 use spikelane_io::formats::Layout;
 use spikelane_io::light::DEFAULT_READOUTS_PER_FRAME;
@@ -99,7 +100,7 @@ pub(super) fn expected_bytes(options: &DatasetOptions, readouts: Option<u64>) ->
     // Numbers of readouts have 64 bits, and a frame has at most 2^28 pixels. Therefore the sum fits in 128 bits.
     let all = u64::try_from(streams + rest).map_err(|_| {
         Error::new(ErrorKind::Config, "dataset")
-            .found(format_args!("sequences of {} bytes", streams + rest))
+            .found(format_args!("sequences of {}", Count(streams + rest, "byte")))
             .expected("sequences that fit on a disk")
             .remedy(format_args!("reduce {}, or use a smaller camera", Setting("readouts")))
     })?;

@@ -12,6 +12,7 @@ use crate::{
     Content, DatasetOptions, Manifest, SequenceEntry, SequenceRecord, SequenceStatus, datasheet, sequence,
 };
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{Access, InnerPath};
 use spikelane_io::storage::{self, OutputSet, folders};
 
@@ -119,7 +120,7 @@ fn planned_manifest(options: &DatasetOptions) -> Result<Manifest> {
         && u64::from(drives.sequences) > MAX_SEQUENCES
     {
         return Err(Error::new(ErrorKind::Usage, "dataset")
-            .found(format_args!("{} sequences", drives.sequences))
+            .found(Count(drives.sequences, "sequence"))
             .expected(format_args!("at most {MAX_SEQUENCES} in one process"))
             .remedy("plan the dataset in shards"));
     }
@@ -173,7 +174,7 @@ pub fn generate(
     let needed = estimate(options)?.bytes;
     if let Some(free) = storage::free_space(&options.output)?.filter(|&free| needed > free) {
         return Err(Error::new(ErrorKind::Space, options.output.display())
-            .found(format_args!("{free} bytes free"))
+            .found(format_args!("{} free", Count(free, "byte")))
             .expected(format_args!("about {needed}"))
             .remedy("generate fewer sequences, or choose another disk"));
     }

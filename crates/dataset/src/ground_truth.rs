@@ -7,7 +7,7 @@ use crate::labels::write_label_file;
 use crate::{DatasetLayout, DatasetOptions};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
 use spikelane_io::light::{Frame, OwnedSamples, Rate, Source, Timeline};
 use spikelane_io::simulate::{ImageFormat, light_at, linear_png};
@@ -129,6 +129,9 @@ impl Source for ScaledSource<'_> {
     }
     fn front_end(&self) -> FrontEnd {
         self.source.front_end()
+    }
+    fn full_scale(&self) -> FullScale {
+        self.source.full_scale()
     }
     fn describe(&self) -> String {
         let mut text = self.source.describe();

@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use crate::fingerprint::file_digest;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{Access, InnerPath, PlainName, read_bytes};
 use spikelane_io::storage::{self, Digest};
 
@@ -113,8 +114,8 @@ impl SequenceRecord {
             let path = file.path.resolve_in(folder, access)?;
             let bytes = fs::metadata(&path).map_err(|e| Error::io(path.display(), e))?.len();
             if bytes != file.bytes {
-                let expected = format!("{} bytes", file.bytes);
-                return Err(digest_error(&path, &format!("{bytes} bytes"), &expected));
+                let expected = Count(file.bytes, "byte").to_string();
+                return Err(digest_error(&path, &Count(bytes, "byte").to_string(), &expected));
             }
             let actual = file_digest(&path, stop).map_err(corrupt_error)?;
             if actual != file.digest {

@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{InnerPath, InputFile};
 
 /// Maximum number of members. A shard of half a million sequences has fewer.
@@ -58,7 +59,7 @@ impl TarIndex {
             }
             let end = start.checked_add(size).filter(|&end| end <= file.len());
             let Some(end) = end else {
-                return Err(wrong(format!("{name} of {size} bytes, which exceeds the file")));
+                return Err(wrong(format!("{name} of {}, which exceeds the file", Count(size, "byte"))));
             };
             if members.len() == MAX_MEMBERS {
                 return Err(wrong(format!("more than {MAX_MEMBERS} members")));

@@ -7,6 +7,7 @@
 use nalgebra::{DMatrix, DMatrixView, DVector};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 
 /// Side of a square patch of [`patch_noise`], in pixels.
 const PATCH_SIDE_PIXELS: usize = 8;
@@ -76,7 +77,7 @@ fn check(picture: &[f32], geometry: Geometry, large: bool) -> Result<()> {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Usage, "image whose noise is estimated")
-        .found(format_args!("{} values for {geometry} pixels", picture.len()))
+        .found(format_args!("{} for {geometry} pixels", Count(picture.len(), "value")))
         .expected("a complete image of at least about 32x32 pixels"))
 }
 

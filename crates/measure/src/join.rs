@@ -2,6 +2,7 @@
 
 use super::Statistics;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 
 impl Statistics {
     /// Joins the statistics of several bands of rows of one stream.
@@ -47,8 +48,8 @@ impl Statistics {
     fn add(&mut self, part: Self) -> Result<()> {
         if part.geometry != self.geometry || part.readouts != self.readouts {
             return Err(Error::new(ErrorKind::Usage, "statistics to join")
-                .found(format_args!("{} over {} readouts", part.geometry, part.readouts))
-                .expected(format_args!("{} over {} readouts", self.geometry, self.readouts)));
+                .found(format_args!("{} over {}", part.geometry, Count(part.readouts, "readout")))
+                .expected(format_args!("{} over {}", self.geometry, Count(self.readouts, "readout"))));
         }
         if part.frames.is_some() && self.frames.is_some() {
             return Err(Error::new(ErrorKind::Usage, "statistics to join")

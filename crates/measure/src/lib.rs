@@ -39,6 +39,7 @@ use std::ops::Range;
 use block::Block;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::{Geometry, SpikeFramesRef};
+use spikelane::unstable::Count;
 
 pub use counts::NO_SPIKE;
 pub use counts::{Counts, NeighborPair};
@@ -164,7 +165,7 @@ impl Accumulator {
         let total = self.start as usize + self.block.len() + frames.readouts();
         if total > MAX_READOUTS as usize {
             return Err(Error::new(ErrorKind::Input, "length of the stream")
-                .found(format_args!("at least {total} readouts"))
+                .found(format_args!("at least {}", Count(total, "readout")))
                 .expected(format_args!("at most {MAX_READOUTS}"))
                 .remedy("measure parts of the stream"));
         }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::intervals::MAX_LAG_INTERVALS;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 
 /// Selects the statistics to measure, and their parameters.
 ///
@@ -110,7 +111,7 @@ impl MeasureOptions {
         if !(1..=1 << 20).contains(&self.longest_bin) {
             return Err(Error::new(ErrorKind::Usage, "longest bin of the interval histogram")
                 .found(self.longest_bin)
-                .expected(format_args!("1 to {} readouts", 1 << 20)));
+                .expected(format_args!("1 to {}", Count(1 << 20, "readout"))));
         }
         Ok((rows, lags))
     }

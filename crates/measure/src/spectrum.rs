@@ -4,6 +4,7 @@ use realfft::{FftError, RealFftPlanner, RealToComplex};
 
 use crate::Statistics;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 
 /// A power spectrum, estimated by Welch's method.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -108,7 +109,7 @@ pub fn squared_magnitudes(
 pub fn spectrum(totals: &[u32], segment: usize) -> Result<Spectrum> {
     if segment < 8 || !segment.is_multiple_of(2) || totals.len() < segment {
         return Err(Error::new(ErrorKind::Usage, "segment of a spectrum")
-            .found(format_args!("{segment} readouts"))
+            .found(Count(segment, "readout"))
             .expected(format_args!("an even number from 8 to {}", totals.len())));
     }
     let window: Vec<f64> = (0..segment)

@@ -7,6 +7,7 @@ use super::intervals::PhaseNoise;
 use super::maps::{Correlations, high_pass, line_structure, local_median_residual, pattern_correlations};
 use super::{Counts, Intervals, Statistics};
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 
 /// Smallest distance of an outlier from the median of its neighborhood, in robust standard deviations. One in 5e8 values
 /// of a normal distribution exceeds this distance.
@@ -106,8 +107,10 @@ pub fn summarize(statistics: &Statistics) -> Result<Summary> {
     let Some(counts) = counts.filter(|_| statistics.rows == all && statistics.readouts > 0) else {
         return Err(Error::new(ErrorKind::Usage, "statistics to summarize")
             .found(format_args!(
-                "rows {}..{}, {} readouts",
-                statistics.rows.start, statistics.rows.end, statistics.readouts
+                "rows {}..{}, {}",
+                statistics.rows.start,
+                statistics.rows.end,
+                Count(statistics.readouts, "readout"),
             ))
             .expected("counts of all rows over at least one readout"));
     };

@@ -16,6 +16,7 @@ use super::shapes::lamp_shadows::{LampShadows, POST_RADIUS_M};
 use super::shapes::mesh::TRIANGLE_BITS;
 use super::shapes::sun_shadows::SunShadows;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 
 /// Length of the road behind the start of the drive, in meters. `ROAD_AHEAD_M` is the length of the road beyond the
 /// end of the drive.
@@ -193,7 +194,7 @@ fn check_counts(city: &City, traffic: &Traffic) -> Result<()> {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Usage, "scene")
-        .found(format_args!("{triangles} triangles, {parts} moving parts"))
+        .found(format_args!("{}, {}", Count(triangles, "triangle"), Count(parts, "moving part")))
         .expected(format_args!("fewer than {max_triangles} and {most_parts}"))
         .remedy("shorten or slow down the drive, or split it into several scenes"))
 }

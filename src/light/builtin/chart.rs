@@ -11,6 +11,7 @@
 //! The chart is computed from distances and areas. Every edge is therefore one pixel wide without supersampling.
 //! A pixel has an equal value on every machine.
 
+use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::light::frame::{Frame, OwnedSamples, Source};
 use crate::light::rate::Rate;
@@ -127,7 +128,7 @@ impl Source for Chart {
     }
 
     fn describe(&self) -> String {
-        let frames = self.frames.map_or("endless".into(), |n| format!("{n} frames"));
+        let frames = self.frames.map_or("endless".into(), |n| Count(n, "frame").to_string());
         format!("built-in test chart, {}, {frames} at {} per second", self.geometry, self.rate)
     }
 }

@@ -6,6 +6,7 @@
 //! 4 pixels, which avoids aliasing. Edges are one pixel wide. An object that moves out of the image on one side returns
 //! on the opposite side.
 
+use crate::count::Count;
 use crate::draws::hash::mix64;
 use crate::error::{Error, ErrorKind, Result};
 use crate::light::frame::{Frame, OwnedSamples, Source};
@@ -240,6 +241,12 @@ impl Source for Objects {
 
     fn describe(&self) -> String {
         let n = self.objects.len();
-        format!("{n} random objects of seed {}, {}, {} frames", self.seed, self.geometry, self.frames)
+        format!(
+            "{} of seed {}, {}, {}",
+            Count(n, "random object"),
+            self.seed,
+            self.geometry,
+            Count(self.frames, "frame"),
+        )
     }
 }

@@ -264,4 +264,4 @@ class ClipSampler:
 
     def __repr__(self) -> str:
         crop = f", crop={self.crop}" if self.crop else ""
-        return f"<spikelane.ClipSampler of {len(self)} clips{crop}, seed={self.seed}, {self.camera!r}>"
+        return f"<spikelane.ClipSampler of {len(self)} clip{'s' * (len(self) != 1)}{crop}, seed={self.seed}, {self.camera!r}>"

@@ -240,5 +240,6 @@ class SpikeShards(_EpochDataset):
 
     def __repr__(self) -> str:
         part = f"rank {self.rank} of {self.ranks}, epoch {self.epoch}"
-        shards = len(self.reader.parts)
-        return f"<spikelane.torch.SpikeShards, {part}, {shards} shards, split {self.reader.split or 'all'}>"
+        count = len(self.reader.parts)
+        shards = "1 shard" if count == 1 else f"{count} shards"
+        return f"<spikelane.torch.SpikeShards, {part}, {shards}, split {self.reader.split or 'all'}>"

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use clap::{Arg, Command};
+use spikelane::unstable::Count;
 use spikelane::{Error, Result};
 use spikelane_io::Stdin;
 
@@ -80,7 +81,7 @@ pub(crate) fn read_stdin() -> Result<Vec<u8>> {
         }
         bytes.try_reserve(count).map_err(|_| {
             Error::new(spikelane::ErrorKind::Memory, SUBJECT)
-                .found(format_args!("not enough memory for {} bytes", bytes.len() + count))
+                .found(format_args!("not enough memory for {}", Count(bytes.len() + count, "byte")))
                 .expected("a stream that fits in memory")
                 .remedy("write the stream to a file, and read the file")
         })?;

@@ -1,6 +1,7 @@
 //! The number of threads.
 
 use super::console::Console;
+use spikelane::unstable::Count;
 
 #[derive(clap::Args, Clone, Copy, Debug, Default)]
 pub(crate) struct ThreadArgs {
@@ -18,7 +19,9 @@ impl ThreadArgs {
         let requested = self.threads.map_or(cpus, usize::from);
         if requested > cpus {
             out.print_message(format_args!(
-                "note: {cpus} threads are used instead of {requested}, because this machine has {cpus} CPUs"
+                "note: the program uses {} instead of {requested}, because this machine has {}",
+                Count(cpus, "thread"),
+                Count(cpus, "CPU"),
             ));
         }
         requested.min(cpus)

@@ -18,6 +18,7 @@ use crate::common::progress::run_interruptible;
 use messages::{print_copied_files, print_failures, print_skipped_files};
 use progress::DatasetProgress;
 use spec::DatasetSpec;
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::{self as dataset, Content, DatasetEstimate, DatasetOptions, DatasetReport, config};
 use spikelane_io::formats::Layout;
@@ -124,10 +125,10 @@ fn print_estimate(estimate: &DatasetEstimate, result: bool, out: &Console) -> Re
         n => format!(", and {n} of unknown length"),
     };
     let text = format!(
-        "{} sequences to generate: {} readouts, about {}{unknown}",
-        estimate.sequences,
-        estimate.readouts,
-        DecimalBytes(estimate.bytes)
+        "{} to generate: {}, about {}{unknown}",
+        Count(estimate.sequences, "sequence"),
+        Count(estimate.readouts, "readout"),
+        DecimalBytes(estimate.bytes),
     );
     let event = json!({
         "event": "estimate", "sequences": estimate.sequences, "readouts": estimate.readouts,
@@ -159,15 +160,16 @@ fn print_report(options: &DatasetOptions, report: &DatasetReport, out: &Console)
     print_copied_files(report.copied_files, out);
     if report.too_fast_scenes > 0 {
         out.print_message(format_args!(
-            "{} generated scenes move by more than half a pixel from one readout to the next. Every readout of these scenes was rendered separately, which is exact but slow. For faster scenes, set --readout-hz to at least {}, use a smaller image or reduce --speed-kmh",
-            report.too_fast_scenes, report.required_readout_hz
+            "{}: objects move by more than half a pixel from one readout to the next. Every readout of these scenes was rendered separately, which is exact but slow. For faster scenes, set --readout-hz to at least {}, use a smaller image or reduce --speed-kmh",
+            Count(report.too_fast_scenes, "generated scene"),
+            report.required_readout_hz,
         ));
     }
     if report.failed_sequences == 0 {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Input, options.output.join("manifest.jsonl").display())
-        .found(format_args!("{} failed sequences", report.failed_sequences))
+        .found(Count(report.failed_sequences, "failed sequence"))
         .expected("none")
         .remedy("correct the failed inputs, which the manifest lists with the reasons, then continue with --resume"))
 }

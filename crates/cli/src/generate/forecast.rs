@@ -1,6 +1,7 @@
 //! The estimate of `simulate --dry-run`: frames, readouts, bytes and time.
 
 use spikelane::SimulatorOptions;
+use spikelane::unstable::Count;
 use std::time::Instant;
 
 use indicatif::DecimalBytes;
@@ -57,12 +58,12 @@ pub(crate) fn print_forecast(
         event["frames"] = json!(frames);
     }
     let bound = if job.expected_readouts(frames).is_some() { "" } else { "at most " };
-    let frames =
-        frames.map_or(String::new(), |n| format!("{n} {}, ", if n == 1 { "frame" } else { "frames" }));
+    let frames = frames.map_or(String::new(), |n| format!("{}, ", Count(n, "frame")));
     let known = format!(
-        "{bound}{frames}{readouts} readouts, {}, about {seconds:.1} s ({light_s:.1} s to read the light, {kernel_s:.2} s \
+        "{bound}{frames}{}, {}, about {seconds:.1} s ({light_s:.1} s to read the light, {kernel_s:.2} s \
          in the kernels)",
-        DecimalBytes(bytes)
+        Count(readouts, "readout"),
+        DecimalBytes(bytes),
     );
     out.print_result(&event, &format!("{light_text}\n{known}; {space}\n"))
 }

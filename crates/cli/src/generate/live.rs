@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
+use spikelane::unstable::Count;
 use spikelane::{Backend, Camera, Error, ErrorKind, Result, Seeds};
 use spikelane_io::formats::{Codec, Layout};
 use spikelane_io::live::{
@@ -262,7 +263,7 @@ fn open_sink(
                 }
                 _ => e,
             })?;
-            out.print_message(format_args!("a ring of {room} readouts in {}", path.display()));
+            out.print_message(format_args!("a ring of {} in {}", Count(room, "readout"), path.display()));
             Ok(Some(Box::new(ring)))
         }
     }
@@ -370,7 +371,8 @@ fn print_report(args: &Args, job: &RunOptions, report: &LiveSummary, out: &Conso
     });
     out.print_event(&insert_present(event, [("readouts_per_second", rate.map(Into::into))]))?;
     out.print_message(format_args!(
-        "{readouts} readouts in {seconds:.2} s, {:.0} per second of {}: {delivered} delivered, {dropped} dropped by a slow consumer (--{policy}){}",
+        "{} in {seconds:.2} s, {:.0} per second of {}: {delivered} delivered, {dropped} dropped by a slow consumer (--{policy}){}",
+        Count(*readouts, "readout"),
         rate.unwrap_or(0.0),
         job.camera.sensor.readout_hz,
         if *left { "; the consumer disconnected" } else { "" },

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::storage;
 use spikelane_scene::{RenderedFrame, SamplesPerPixel, Scene, SceneOptions, labels};
@@ -129,13 +130,13 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         "white_cd_m2": scene.white_cd_m2(),
     });
     let text = format!(
-        "{}: {} frame(s) of scene {}, {}, {} vehicles, white at {} cd/m2\n",
+        "{}: {} of scene {}, {}, {}, white at {} cd/m2\n",
         args.output.display(),
-        args.frames,
+        Count(args.frames, "frame"),
         scene.seed(),
         scene.lighting().name(),
-        scene.vehicles(),
-        scene.white_cd_m2()
+        Count(scene.vehicles(), "vehicle"),
+        scene.white_cd_m2(),
     );
     out.print_result(&event, &text)
 }

@@ -3,6 +3,7 @@
 use indicatif::DecimalBytes;
 use serde_json::{Value, json};
 use spikelane::Result;
+use spikelane::unstable::Count;
 use spikelane_io::formats::StreamSummary;
 use spikelane_io::simulate::{RunOptions, RunSummary, Sidecar};
 
@@ -62,8 +63,8 @@ impl RunReport<'_> {
     fn time_summary(&self) -> String {
         let sensor = &self.options.camera.sensor;
         format!(
-            "{} readouts of {}: {} of camera time at {} Hz in {:.2} s",
-            self.outcome.readouts,
+            "{} of {}: {} of camera time at {} Hz in {:.2} s",
+            Count(self.outcome.readouts, "readout"),
             sensor.geometry,
             format_duration(self.camera_seconds()),
             sensor.readout_hz,
@@ -75,18 +76,16 @@ impl RunReport<'_> {
         let (o, job) = (self.outcome, self.options);
         let kernel = o.kernel_time.as_secs_f64();
         format!(
-            "speed    whole run {}, kernel alone {}\ntime     {:.2} s waiting for light, {kernel:.3} s in the kernels ({:.2} Gpixel-readouts/s: {}, {} {}, {} {}), {:.2} s writing to disk\nlight    {} frames, of which {} contain light above {} times full scale, which was clipped",
+            "speed    whole run {}, kernel alone {}\ntime     {:.2} s waiting for light, {kernel:.3} s in the kernels ({:.2} Gpixel-readouts/s: {}, {}, {}), {:.2} s writing to disk\nlight    {}, of which {} contain light above {} times full scale, which was clipped",
             format_pace(self.camera_seconds(), self.seconds),
             format_pace(self.camera_seconds(), kernel),
             o.wait_time.as_secs_f64(),
             self.gigapixels(kernel),
             job.backend,
-            job.threads,
-            if job.threads == 1 { "thread" } else { "threads" },
-            self.streams(),
-            if self.streams() == 1 { "stream" } else { "streams" },
+            Count(job.threads, "thread"),
+            Count(self.streams(), "stream"),
             o.sync_time.as_secs_f64(),
-            o.frames,
+            Count(o.frames, "frame"),
             o.frames_above_max_light,
             o.max_light,
         )
@@ -114,16 +113,17 @@ impl RunReport<'_> {
         }
         if let Some(wanted) = self.options.readouts.filter(|&n| n > o.readouts) {
             out.print_message(format_args!(
-                "note: the input ended after {} of {wanted} readouts",
-                o.readouts
+                "note: the input ended after {} of {}",
+                o.readouts,
+                Count(wanted, "readout"),
             ));
         }
         let thresholds = o.max_light * self.options.camera.sensor.thresholds_at_full_scale;
         if o.frames_above_max_light > 0 && thresholds < SATURATION_THRESHOLDS {
             out.print_message(format_args!(
-                "note: {} of {} frames contained light above {} times full scale. This light was clipped, although it does not saturate the pixels; to simulate this light, set --max-light to {}",
+                "note: {} of {} contained light above {} times full scale. This light was clipped, although it does not saturate the pixels; to simulate this light, set --max-light to {}",
                 o.frames_above_max_light,
-                o.frames,
+                Count(o.frames, "frame"),
                 o.max_light,
                 2.0 * o.max_light
             ));

@@ -6,6 +6,7 @@ use clap::Args as ClapArgs;
 
 use serde_json::json;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 use spikelane_calibrate::{
     CalibrateOptions, Calibration, CalibrationFiles, RecordingSet, SneeOptions, calibrate, estimate_snee,
     import_maps, measure_levels,
@@ -135,12 +136,12 @@ fn result_text(calibration: &Calibration, files: &CalibrationFiles) -> String {
     if let Some(paper) = &calibration.snee {
         let edges = paper.edge_counts();
         lines.push(format!(
-            "The paper's estimator placed {} thresholds at the lower limit of +-{:.0} %, {} thresholds at the upper limit and {} thresholds between the limits ({} pixels without a solution). At a limit, the split of a threshold into C_S and V_S is not a measurement.",
-            edges.at_lower_edge,
+            "The paper's estimator placed {} at the lower limit of +-{:.0} %, {} at the upper limit and {} between the limits ({} without a solution). At a limit, the split of a threshold into C_S and V_S is not a measurement.",
+            Count(edges.at_lower_edge, "threshold"),
             100.0 * paper.box_half_width,
-            edges.at_upper_edge,
-            edges.between_edges,
-            edges.unsolved
+            Count(edges.at_upper_edge, "threshold"),
+            Count(edges.between_edges, "threshold"),
+            Count(edges.unsolved, "pixel"),
         ));
     }
     lines.extend([&files.camera, &files.calibration_json, &files.report].map(|f| f.display().to_string()));

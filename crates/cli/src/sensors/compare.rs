@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets;
+use spikelane::unstable::Count;
 use spikelane::unstable::draws::Seeds;
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::compare::{
@@ -181,8 +182,10 @@ fn row_band_table(comparison: &SceneComparison) -> String {
 fn compare_static(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
     let comparison = compare_static_scene(&args.stream.open(&args.recording, out)?, cameras, seeds)?;
     let mut text = format!(
-        "{} static pixels, mean rate {:.4} spikes per readout; a distance is a sum of |ln(model / measured)|, of which {:.3} are due to errors of the recording\n",
-        comparison.pixels, comparison.mean_rate, comparison.noise_floor_distance
+        "{}, mean rate {:.4} spikes per readout; a distance is a sum of |ln(model / measured)|, of which {:.3} are due to errors of the recording\n",
+        Count(comparison.pixels, "static pixel"),
+        comparison.mean_rate,
+        comparison.noise_floor_distance,
     );
     let mut row = |m: &SceneStatistics| {
         let (near, far) = (m.distance, m.long_lag_distance);
@@ -219,9 +222,9 @@ fn compare_windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console)
         compare_realism(&recording, cameras, &options, &mut |name, share| progress.update(name, share))?;
     drop(progress);
     let mut text = format!(
-        "{} windows at {} places, mean rate {:.4}; {:.1} % of the pixels are excluded\n",
-        comparison.windows,
-        comparison.places,
+        "{} at {}, mean rate {:.4}; {:.1} % of the pixels are excluded\n",
+        Count(comparison.windows, "window"),
+        Count(comparison.places, "place"),
         comparison.mean_rate,
         100.0 * comparison.excluded_share
     );

@@ -8,6 +8,7 @@ use indicatif::DecimalBytes;
 use serde_json::{Value, json};
 use spikelane::effects::Camera;
 use spikelane::error::{Error, Result};
+use spikelane::unstable::Count;
 use spikelane_calibrate::{Protocol, predict_precision};
 use spikelane_io::formats::Layout;
 use spikelane_measure::report::insert_present;
@@ -91,7 +92,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     };
     let (rows, mut text) = precision_table(&protocol, &camera);
     let bytes = protocol.recording_bytes(&camera);
-    text += &format!("{} recordings, {}\n", protocol.recordings.len(), DecimalBytes(bytes));
+    text += &format!("{}, {}\n", Count(protocol.recordings.len(), "recording"), DecimalBytes(bytes));
     if args.dry_run {
         return out.print_result(&json!({"event": "dry-run", "precision": rows, "bytes": bytes}), &text);
     }

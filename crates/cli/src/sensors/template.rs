@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_calibrate::UNSPECIFIED_LIGHT;
 use spikelane_io::formats::StreamReader;
@@ -102,8 +103,8 @@ fn template_text(folder: &Path, streams: &[StreamInfo], readout_hz: Option<f64>)
     for f in streams {
         let _ = write!(
             text,
-            "\n[[recording]]  # {} readouts, mean rate {:.4}\nfile = \"{}\"\nlayout = \"{}\"\n{}\n",
-            f.readouts,
+            "\n[[recording]]  # {}, mean rate {:.4}\nfile = \"{}\"\nlayout = \"{}\"\n{}\n",
+            Count(f.readouts, "readout"),
             f.rate,
             f.file.replace('\\', "\\\\").replace('"', "\\\""),
             f.layout,

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use serde_json::{Value, json};
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 
 use super::processes::ProcessResult;
@@ -129,8 +130,13 @@ impl SpeedReport {
     fn page_tables(&self) -> String {
         let m = &self.machine;
         let mut text = format!(
-            "Measured on {}: {}, {} threads; {}; commit {}; portable lanes: {}.\n\n",
-            m.date, m.cpu, m.threads, m.compiler, m.commit, m.portable_lanes
+            "Measured on {}: {}, {}; {}; commit {}; portable lanes: {}.\n\n",
+            m.date,
+            m.cpu,
+            Count(m.threads, "thread"),
+            m.compiler,
+            m.commit,
+            m.portable_lanes,
         );
         let needed = CAMERA_PIXEL_RATES.map(|(camera, rate)| format!("{rate} ({camera})")).join(", ");
         let _ = writeln!(text, "Speeds are in 10^9 pixel-readouts per second. Cameras produce {needed}.\n");
@@ -217,7 +223,8 @@ impl SpeedReport {
             let real: serde_json::Map<_, _> = CAMERA_PIXEL_RATES.map(real).into_iter().collect();
             json!({"work": r.work, "backend": r.backend, "noise": r.noise_set, "light": r.light,
                 "threads": r.threads, "gpixel_readouts_per_s": r.speed,
-                "speedup_over_scalar": r.speed / self.scalar_speed(), "real_time_factors": real})
+                "speedup_over_scalar": r.speed / self.scalar_speed(), "real_time_factors": real,
+            })
         };
         let fact = |f: &BenchmarkFigure| json!({"name": f.name, "value": f.value, "unit": f.unit});
         let m = &self.machine;
@@ -227,7 +234,8 @@ impl SpeedReport {
             "figures": self.figures.iter().map(fact).collect::<Vec<_>>(),
             "scenes": self.scenes.iter().map(RenderTime::json).collect::<Vec<_>>(),
             "stages": self.stages.iter().map(RenderStage::json).collect::<Vec<_>>(),
-            "processes": self.processes.iter().map(ProcessResult::json).collect::<Vec<_>>()})
+            "processes": self.processes.iter().map(ProcessResult::json).collect::<Vec<_>>(),
+        })
     }
 
     /// Writes the page. The existing text after the marker line is preserved.

@@ -1,6 +1,7 @@
 //! Benchmarks short work: calls of `fill` with few readouts, and crops of 41 readouts.
 
 use spikelane::Light;
+use spikelane::unstable::Count;
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -95,7 +96,7 @@ pub(crate) fn benchmark_crops(budget: Duration) -> Result<Vec<BenchmarkFigure>> 
     Ok(vec![
         figure(format!("plan of a `physical` camera, {side}x{side}"), 1e3 / planned, "ms"),
         figure(
-            format!("recordings of {readouts} readouts with this plan, one byte per pixel"),
+            format!("recordings of {} with this plan, one byte per pixel", Count(readouts, "readout")),
             whole,
             "per second",
         ),

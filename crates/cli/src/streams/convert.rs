@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::builder::PossibleValuesParser;
 use indicatif::DecimalBytes;
 use serde_json::json;
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::{
     EVENTS_LAYOUT, Layout, OpenOptions, StreamSummary, StreamWriter, convert, convert_to, sidecar_path,
@@ -196,9 +197,9 @@ fn print_summary(
     out: &Console,
 ) {
     out.print_message(format_args!(
-        "{}  {} readouts of {geometry}, layout {}, {}\n{}",
+        "{}  {} of {geometry}, layout {}, {}\n{}",
         args.output.display(),
-        readouts,
+        Count(readouts, "readout"),
         form.name(),
         DecimalBytes(bytes),
         args.sidecar().display()

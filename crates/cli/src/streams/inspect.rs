@@ -6,6 +6,7 @@ use indicatif::DecimalBytes;
 use serde_json::json;
 use spikelane::reconstruct::tfp;
 use spikelane::spikes::SpikeFramesRef;
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::{LayoutGuess, LayoutGuesses, StreamReader};
 use spikelane_io::storage;
@@ -107,9 +108,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         .and_then(|(_, s)| s.readout_hz)
         .map_or(String::new(), |hz| format!(", {:.4} s at {hz} Hz", reader.readouts() as f64 / hz));
     let mut text = format!(
-        "{}: {} readouts of {}{seconds}; layout {}, {}\nmean rate  {:.5} spikes per readout; pixels from {:.5} to {:.5}\npixels     {} silent (of which {} are dead: their neighbors fire), {} always firing, {} brighter and {} darker than their neighbors\n",
+        "{}: {} of {}{seconds}; layout {}, {}\nmean rate  {:.5} spikes per readout; pixels from {:.5} to {:.5}\npixels     {} silent (of which {} are dead: their neighbors fire), {} always firing, {} brighter and {} darker than their neighbors\n",
         args.file.display(),
-        reader.readouts(),
+        Count(reader.readouts(), "readout"),
         reader.geometry(),
         reader.layout(),
         DecimalBytes(bytes),
@@ -128,7 +129,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         text += &format!("{head:<10} {}{}\n", guess_line(reading), if given { "  (as read)" } else { "" });
     }
     if leading + trailing > 0 {
-        text += &format!("ignored    {leading} bytes before and {trailing} after the whole frames\n");
+        text +=
+            &format!("ignored    {} before and {trailing} after the whole frames\n", Count(leading, "byte"));
     }
     if let Some(digest) = &digest {
         let verdict = match matches {

@@ -6,6 +6,7 @@ use clap::ValueEnum;
 use serde_json::json;
 use spikelane::reconstruct::{isi_map, span_rates, tfi_with_open_pixels, tfp};
 use spikelane::spikes::SpikeFramesRef;
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;
 
@@ -142,13 +143,16 @@ impl Args {
         let (half, window) = (self.half_window(), 2 * self.half_window() + 1);
         if readouts < window {
             return out.print_message(format_args!(
-                "note: the stream has {readouts} readouts, fewer than the window of {window}"
+                "note: the stream has {}, fewer than the window of {window}",
+                Count(readouts, "readout"),
             ));
         }
         let used = first.saturating_add(half).min(readouts - 1) + 1 - first.saturating_sub(half);
         out.print_message(format_args!(
-            "note: the window of {window} readouts exceeds the stream at {}: at readout {first}, {used} readouts are used",
-            count_text(short.len())
+            "note: the window of {} exceeds the stream at {}: at readout {first}, the stream contains {} of the window",
+            Count(window, "readout"),
+            Count(short.len(), "image"),
+            Count(used, "readout"),
         ));
     }
 
@@ -266,8 +270,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     out.print_message(format_args!(
         "{}  {} of {}",
         args.output.display(),
-        count_text(moments.len()),
-        reader.geometry()
+        Count(moments.len(), "image"),
+        reader.geometry(),
     ));
     let short = args.cut_windows(&moments, reader.readouts());
     args.print_window_note(&short, reader.readouts(), out);
@@ -286,10 +290,6 @@ fn print_cut_warning(cut: &[usize], out: &Console) {
         if first == last { format!("readout {first}") } else { format!("readouts {first} to {last}") };
     out.print_message(format_args!(
         "note: unreliable: {} at {place}, because the stream begins or ends within the interval of too many pixels",
-        count_text(cut.len())
+        Count(cut.len(), "image"),
     ));
-}
-
-fn count_text(n: usize) -> String {
-    if n == 1 { "1 image".into() } else { format!("{n} images") }
 }

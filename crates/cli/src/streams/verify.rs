@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::Access;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::{EVENTS_LAYOUT, Layout, StreamReader};
@@ -102,8 +103,8 @@ fn compare_with_sidecar(path: &Path, sidecar: &Sidecar, facts: &StreamFacts) -> 
     if digest != facts.digest {
         let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
         return Err(Error::new(ErrorKind::Corrupt, path.display())
-            .found(format_args!("{bytes} bytes with {digest}"))
-            .expected(format_args!("{} bytes with {}, as in the sidecar", facts.bytes, facts.digest))
+            .found(format_args!("{} with {digest}", Count(bytes, "byte")))
+            .expected(format_args!("{} with {}, as in the sidecar", Count(facts.bytes, "byte"), facts.digest))
             .remedy("the file was changed or truncated; copy or simulate the stream again"));
     }
     if sidecar.layout == EVENTS_LAYOUT {
@@ -116,7 +117,7 @@ fn compare_with_sidecar(path: &Path, sidecar: &Sidecar, facts: &StreamFacts) -> 
     let count = count_spikes(&reader, 0..reader.readouts())?;
     if (reader.readouts() as u64, count) != (sidecar.readouts, facts.spikes) {
         return Err(Error::new(ErrorKind::Corrupt, path.display())
-            .found(format_args!("{} readouts with {count} spikes", reader.readouts()))
+            .found(format_args!("{} with {}", Count(reader.readouts(), "readout"), Count(count, "spike")))
             .expected(format_args!("{} with {}, as in the sidecar", sidecar.readouts, facts.spikes))
             .remedy("the sidecar belongs to another stream"));
     }

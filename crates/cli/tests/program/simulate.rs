@@ -284,6 +284,7 @@ fn the_first_line_and_the_sidecar_say_how_codes_became_light() {
         ("--camera spikingsim", "each frame's brightest pixel", "linear", "peak", 0.99),
         ("--camera ideal", "sRGB curve inverted", "srgb", "255", 0.216),
         ("--camera ideal --transfer 2.2", "exponent 2.2 inverted", "2.2", "255", 0.220),
+        ("--camera ideal --transfer linear --full-scale 200", "full scale 200", "linear", "200", 0.64),
     ] {
         let ran = place.run_ok(&format!("{base} {flags}"));
         let first = ran.stderr.lines().next().unwrap();
@@ -295,6 +296,36 @@ fn the_first_line_and_the_sidecar_say_how_codes_became_light() {
         let found = place.json("o.json")["mean_rate"].as_f64().unwrap();
         assert!((found - rate).abs() < 0.005, "{flags}: {found}");
     }
+}
+
+#[test]
+fn full_scale_of_the_light_is_in_the_units_of_the_input() {
+    let place = TestFolder::new();
+    image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(16, 12, image::Luma([2048_u16]))
+        .save(place.path("g.png"))
+        .unwrap();
+    let base = "simulate g.png --width 16 --height 12 --readouts 20 --camera ideal --force -o o";
+    for (flags, full_scale) in [("", "65535"), ("--full-scale 4095", "4095")] {
+        let ran = place.run_ok(&format!("{base} {flags}"));
+        assert!(ran.stderr.contains(&format!("full scale {full_scale}\n")), "{}", ran.stderr);
+        assert_eq!(place.json("o.json")["light"]["full_scale"], full_scale, "{flags}");
+    }
+    // Earlier versions wrote the 8-bit code of the camera's front end.
+    let sidecar = place.read("o.json");
+    let sidecar = String::from_utf8(sidecar).unwrap().replace("\"4095\",", "\"255\",");
+    place.write("o.json", sidecar);
+    place.run_ok("verify o.json");
+}
+
+#[test]
+fn a_count_of_one_has_a_singular_noun() {
+    let place = TestFolder::new();
+    place.picture("g.png", 16, 12, 128);
+    let ran = place.run_ok("simulate g.png --width 16 --height 12 --readouts 1 -o o");
+    assert!(ran.stderr.contains("1 readout of 16x12"), "{}", ran.stderr);
+    let inspected = place.run_ok("inspect o.dat").stdout;
+    assert!(inspected.contains("1 readout of 16x12"), "{inspected}");
+    place.run_refused("inspect o.dat --width 17 --height 12", 4, &["24 bytes (0 whole frames and 24 bytes)"]);
 }
 
 #[test]

@@ -227,7 +227,10 @@ fn a_window_that_exceeds_the_stream_is_reported() {
     let short = stderr("reconstruct c.dat -o a.png --window 100");
     assert!(short.contains("the stream has 20 readouts, fewer than the window of 101"), "{short}");
     let edge = stderr("reconstruct c.dat -o a.png --window 9 --at 2");
-    assert!(edge.contains("window of 9") && edge.contains("at readout 2, 7 readouts are used"), "{edge}");
+    assert!(
+        edge.contains("window of 9") && edge.contains("at readout 2, the stream contains 7 readouts"),
+        "{edge}"
+    );
     let whole = stderr("reconstruct c.dat -o a.png --window 9");
     assert!(!whole.contains("note"), "{whole}");
     assert!(!stderr("reconstruct c.dat -o a --every 4 --window 4").contains("fewer"));

@@ -7,6 +7,7 @@ use super::plan::ShardPlan;
 use super::shard_numbers;
 use crate::SequenceEntry;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{Access, InnerPath};
 
 /// Returns the entries of the finished shard in `folder`, and the path of its tar if the shard is packed. Returns `None`
@@ -69,7 +70,7 @@ pub(super) fn check_finished(plan: &ShardPlan, watch: &mut dyn FnMut() -> Result
 
 fn missing_error(plan: &ShardPlan, missing: &[u64]) -> Error {
     Error::new(ErrorKind::Input, plan.folder.display())
-        .found(format_args!("{} of {} shards missing", missing.len(), plan.shards()))
+        .found(format_args!("{} of {} missing", missing.len(), Count(plan.shards(), "shard")))
         .expected("all shards")
         .remedy(format_args!("run the shards {}", shard_numbers::format_shards(missing)))
 }

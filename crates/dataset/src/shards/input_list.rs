@@ -9,6 +9,7 @@ use crate::discover;
 use crate::fingerprint::{self, Fingerprint};
 use crate::{DatasetOptions, InputContent};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::Count;
 use spikelane::unstable::draws::RandomStream;
 use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName, zeroed_vec};
 use spikelane_io::storage::{Digest, folders, sync};
@@ -46,12 +47,16 @@ pub(super) fn check_slices(pieces: &[ListSlice], shards: u64) -> Result<()> {
             .expected("one part of the list for each shard"))
     };
     if pieces.len() as u64 != shards {
-        return wrong(&format_args!("{} parts for {shards} shards", pieces.len()));
+        return wrong(&format_args!("{} for {}", Count(pieces.len(), "part"), Count(shards, "shard")));
     }
     let mut end = 0u64;
     for (number, piece) in pieces.iter().enumerate() {
         if piece.offset != end || piece.bytes > MAX_SLICE_BYTES {
-            return wrong(&format_args!("{} bytes from {} on for shard {number}", piece.bytes, piece.offset));
+            return wrong(&format_args!(
+                "{} from {} on for shard {number}",
+                Count(piece.bytes, "byte"),
+                piece.offset,
+            ));
         }
         // The sum cannot overflow, because each slice has at most 2^30 bytes and all slice descriptions are in memory.
         end += piece.bytes;
@@ -79,7 +84,7 @@ pub(super) fn read_inputs(
     let file = InputFile::open(&path)?;
     let end = piece.offset.checked_add(piece.bytes).filter(|&end| end <= file.len());
     let len = end.and_then(|_| usize::try_from(piece.bytes).ok());
-    let len = len.ok_or_else(|| bad(&format_args!("{} bytes", file.len())))?;
+    let len = len.ok_or_else(|| bad(&Count(file.len(), "byte")))?;
     let mut text = zeroed_vec(path.display(), len)?;
     file.read_at(piece.offset, &mut text)?;
     if Digest::hash_bytes(&text) != piece.digest {
@@ -90,7 +95,7 @@ pub(super) fn read_inputs(
         all.push(serde_json::from_slice(line).map_err(|e| bad(&e))?);
     }
     if all.len() as u64 != sequences {
-        return Err(bad(&format_args!("{} inputs in the part of shard {number}", all.len())));
+        return Err(bad(&format_args!("{} in the part of shard {number}", Count(all.len(), "input"))));
     }
     Ok(all)
 }

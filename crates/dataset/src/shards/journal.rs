@@ -13,6 +13,7 @@ use crate::manifest;
 use crate::record::{self, SequenceRecord};
 use crate::{SequenceEntry, SequenceStatus};
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{
     Access, InnerPath, InputFile, InputLines, MAX_TEXT_BYTES, not_found_as_none, read_bytes,
 };
@@ -176,7 +177,7 @@ pub(super) fn read_manifest(
     let head = parse_head(&mut text, &path)?;
     let other = |found: u64| {
         Err(Error::new(ErrorKind::Corrupt, path.display())
-            .found(format_args!("{found} sequences"))
+            .found(Count(found, "sequence"))
             .expected(format_args!("{sequences}, as in the plan"))
             .remedy("remove the file and run the shard again"))
     };

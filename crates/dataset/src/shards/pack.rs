@@ -17,6 +17,7 @@ use crate::pack_schema::{self, SampleDescription};
 use crate::record;
 use crate::{SequenceFiles, SequenceRecord, SequenceStatus};
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName};
 use spikelane_io::storage::{Digest, FileWriter};
 
@@ -45,7 +46,8 @@ impl Piece {
             Self::File { path, bytes } => {
                 let file = InputFile::open(path).map_err(io::Error::other)?;
                 if file.len() != *bytes {
-                    let text = format!("{}: {} bytes, not {bytes} as recorded", path.display(), file.len());
+                    let text =
+                        format!("{}: {}, not {bytes} as recorded", path.display(), Count(file.len(), "byte"));
                     return Err(io::Error::other(text));
                 }
                 Ok(Box::new(file.into_reader()))

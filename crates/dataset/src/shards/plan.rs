@@ -10,6 +10,7 @@ use crate::config;
 use crate::entries::{planned_input_entry, planned_scene_entry};
 use crate::{Content, DatasetOptions, Fingerprint, Input, InputContent, SequenceEntry, Split};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{Access, InnerPath, PlainName, read_bytes};
 use spikelane_io::storage::{self, OutputSet, folders};
 
@@ -145,7 +146,11 @@ impl ShardPlan {
             .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
         if bytes.len() as u64 > MAX_PLAN_BYTES {
             return Err(Error::new(ErrorKind::Usage, Setting("sequences_per_shard"))
-                .found(format_args!("a plan of {} bytes for {} shards", bytes.len(), on_disk.shards))
+                .found(format_args!(
+                    "a plan of {} for {}",
+                    Count(bytes.len(), "byte"),
+                    Count(on_disk.shards, "shard"),
+                ))
                 .expected(format_args!("at most {MAX_PLAN_BYTES} bytes"))
                 .remedy("increase the number of sequences per shard"));
         }
@@ -193,11 +198,15 @@ impl ShardPlan {
             ..
         } = on_disk;
         if per_shard == 0 || shards != sequences.div_ceil(per_shard) {
-            return Err(bad(&format_args!("{shards} shards of {per_shard} for {sequences} sequences")));
+            return Err(bad(&format_args!(
+                "{} of {per_shard} for {}",
+                Count(shards, "shard"),
+                Count(sequences, "sequence"),
+            )));
         }
         match &options.content {
             Content::Scenes(drives) if sequences != u64::from(drives.sequences) => {
-                return Err(bad(&format_args!("{sequences} sequences"))
+                return Err(bad(&Count(sequences, "sequence"))
                     .expected(format_args!("{}, as required by the options of the plan", drives.sequences))
                     .remedy("copy the plan again, or plan again"));
             }
@@ -222,7 +231,7 @@ impl ShardPlan {
             let differs = spec_text.lines().zip(text.lines()).find(|(a, b)| a != b);
             differs.map_or("other options".to_owned(), |(a, b)| format!("`{a}`, not `{b}`"))
         } else if self.sequences_per_shard != per_shard {
-            format!("{} sequences per shard, not {per_shard}", self.sequences_per_shard)
+            format!("{} per shard, not {per_shard}", Count(self.sequences_per_shard, "sequence"))
         } else if self.pack_shards != pack {
             format!("pack = {}", self.pack_shards)
         } else {

@@ -17,6 +17,7 @@ use crate::{
     sequence,
 };
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{Access, InnerPath, PlainName};
 use spikelane_io::storage::folders;
 
@@ -355,10 +356,11 @@ impl ShardRun<'_> {
             return Ok(());
         }
         Err(Error::new(ErrorKind::Input, path.display())
-            .found(format_args!("{} bytes, changed at {} ns", current.bytes, current.mtime_ns))
+            .found(format_args!("{}, changed at {} ns", Count(current.bytes, "byte"), current.mtime_ns))
             .expected(format_args!(
-                "{} bytes, changed at {} ns, as in the plan",
-                fingerprint.bytes, fingerprint.mtime_ns
+                "{}, changed at {} ns, as in the plan",
+                Count(fingerprint.bytes, "byte"),
+                fingerprint.mtime_ns,
             ))
             .remedy("restore the file with its time (cp -p), or plan again in another folder"))
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{DatasetStatistics, format_number};
 use spikelane::error::Result;
+use spikelane::unstable::Count;
 use spikelane_measure::report::{Curve, PageElement, Table, bar_plot, page, png_image};
 
 /// Returns the statistics as one HTML file.
@@ -13,8 +14,9 @@ use spikelane_measure::report::{Curve, PageElement, Table, bar_plot, page, png_i
 pub fn html_report(name: &str, stats: &DatasetStatistics) -> Result<String> {
     let sequences: u64 = stats.splits.values().sum();
     let mut parts = vec![PageElement::text(format!(
-        "{sequences} sequences, {} readouts, {} MB; {} set aside. Digest {}.",
-        stats.readouts,
+        "{}, {}, {} MB; {} set aside. Digest {}.",
+        Count(sequences, "sequence"),
+        Count(stats.readouts, "readout"),
         format_number(stats.bytes as f64 / 1e6),
         stats.failed_sequences,
         stats.digest
@@ -49,7 +51,7 @@ pub fn html_report(name: &str, stats: &DatasetStatistics) -> Result<String> {
         let count = stats.quantities.get(name).map_or(0, |s| s.count);
         parts.push(PageElement::figure(
             bar_plot(name, name, &[shares])?,
-            format!("Shares of {count} values."),
+            format!("Shares of {}.", Count(count, "value")),
         ));
     }
     Ok(page(&format!("Dataset {name}"), &parts))

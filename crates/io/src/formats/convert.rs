@@ -7,6 +7,7 @@ use crate::formats::layouts::copy_bits;
 use crate::formats::{Codec, Layout, StreamReader, StreamSummary, StreamWriter};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::{Crop, Geometry};
+use spikelane::unstable::Count;
 use spikelane::unstable::threads;
 
 /// Number of bytes of packed frames in one batch.
@@ -59,8 +60,8 @@ pub fn convert(
     reader.frames(readouts.clone())?;
     if writer.geometry() != to || writer.readouts() != readouts.len() as u64 {
         return Err(Error::new(ErrorKind::Usage, "output stream")
-            .found(format_args!("{} readouts of {}", writer.readouts(), writer.geometry()))
-            .expected(format_args!("{} readouts of {to}", readouts.len())));
+            .found(format_args!("{} of {}", Count(writer.readouts(), "readout"), writer.geometry()))
+            .expected(format_args!("{} of {to}", Count(readouts.len(), "readout"))));
     }
     for_each_batch(reader, readouts, crop, |packed| {
         writer.write_frames(writer.written(), packed)?;

@@ -11,6 +11,7 @@ use crate::formats::source::{ByteSource, FrameOffsets};
 use crate::formats::{Codec, Layout, dataset_config, foreign_format, layout_guesses, sidecar, size};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::InputFile;
 use spikelane::unstable::npy;
 
@@ -224,13 +225,14 @@ impl ReaderBuilder<'_> {
         let numbered = reader.numbered_readouts() as u64;
         if numbered > expected {
             return Err(Error::new(ErrorKind::Input, &self.name)
-                .found(format_args!("{numbered} readouts"))
+                .found(Count(numbered, "readout"))
                 .expected(format_args!("{expected}, as stated in the sidecar"))
                 .remedy("the stream file does not belong to the sidecar; check both files"));
         }
         if numbered < expected {
             reader.warn(format!(
-                "the stream has {numbered} readouts, but the sidecar states {expected}: the file is truncated"
+                "the stream has {}, but the sidecar states {expected}: the file is truncated",
+                Count(numbered, "readout"),
             ));
         }
         Ok(())
@@ -309,10 +311,11 @@ impl ReaderBuilder<'_> {
         let readouts = (data as u64).min(claims) / codec.frame_bytes() as u64;
         if readouts == 0 || claims < data as u64 {
             return Err(Error::new(ErrorKind::Input, &self.name)
-                .found(format_args!("{data} bytes after the header"))
+                .found(format_args!("{} after the header", Count(data, "byte")))
                 .expected(format_args!(
-                    "{claims} bytes, at least one frame, for the shape {:?} in the header",
-                    array.shape
+                    "{}, at least one frame, for the shape {:?} in the header",
+                    Count(claims, "byte"),
+                    array.shape,
                 ))
                 .remedy("the file is truncated or still being written"));
         }
@@ -325,8 +328,9 @@ impl ReaderBuilder<'_> {
         reader.set_partial_bytes(0, trailing);
         if claims > data as u64 {
             reader.warn(format!(
-                "the stream has {readouts} whole readouts, but the header states {}: the file is truncated",
-                array.shape[0]
+                "the stream has {}, but the header states {}: the file is truncated",
+                Count(readouts, "whole readout"),
+                array.shape[0],
             ));
         }
         Ok(reader)
@@ -343,7 +347,10 @@ impl ReaderBuilder<'_> {
         let axes = if let ArrayContent::Pixels(axes) = meaning { axes } else { ReadoutAxis::First };
         if array.data_bytes().is_none_or(|n| n != (source.len() - array.data_offset_bytes) as u64) {
             return Err(Error::new(ErrorKind::Input, &self.name)
-                .found(format_args!("{} bytes after the header", source.len() - array.data_offset_bytes))
+                .found(format_args!(
+                    "{} after the header",
+                    Count(source.len() - array.data_offset_bytes, "byte"),
+                ))
                 .expected(format_args!(
                     "as many bytes as the shape {:?} of {} requires",
                     array.shape, array.element
@@ -412,7 +419,8 @@ fn no_frame_error(name: &str, codec: &Codec, bytes: usize) -> Error {
     }
     Error::new(ErrorKind::Input, name)
         .found(format_args!(
-            "{bytes} bytes without a frame near the start whose first tag is (line 500, channel 0)"
+            "{} without a frame near the start whose first tag is (line 500, channel 0)",
+            Count(bytes, "byte"),
         ))
         .expected("layout rows1024 of the 1000x1000 camera, with 128000 bytes per frame")
         .remedy(format_args!("check {}; frames of 125000 bytes have layout dat", Setting("layout")))

@@ -8,6 +8,7 @@ use crate::formats::{Codec, Layout};
 use crate::storage::READ_BYTES;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::{Geometry, SpikeFrames};
+use spikelane::unstable::Count;
 
 /// Maximum number of missing frames that a warning lists.
 const MAX_LISTED_READOUTS: usize = 12;
@@ -21,7 +22,7 @@ const MAX_LISTED_READOUTS: usize = 12;
 /// // Two readouts and one byte of a third readout.
 /// let reader = StreamReader::from_bytes("mine", vec![1, 0, 0, 128, 7], None, Some(geometry))?;
 /// assert_eq!(reader.readouts(), 2);
-/// assert!(reader.warnings()[0].contains("1 bytes after the 2 whole readouts are ignored"));
+/// assert!(reader.warnings()[0].contains("ignored: 1 byte after 2 whole readouts"));
 ///
 /// let mut frames = reader.frames(0..2)?;
 /// let mut spikes = 0;
@@ -87,13 +88,16 @@ impl StreamReader {
         (self.leading_bytes, self.trailing_bytes) = (leading, trailing);
         if trailing > 0 {
             self.warn(format!(
-                "the stream ends inside readout {}: {trailing} bytes after the {} whole readouts are ignored",
-                self.readouts, self.readouts
+                "the stream ends inside readout {}; ignored: {} after {}",
+                self.readouts,
+                Count(trailing, "byte"),
+                Count(self.readouts, "whole readout"),
             ));
         }
         if leading > 0 {
             self.warn(format!(
-                "the stream starts inside a readout: {leading} bytes before the first whole readout are ignored"
+                "the stream starts inside a readout; ignored: {} before the first whole readout",
+                Count(leading, "byte"),
             ));
         }
     }
@@ -128,9 +132,10 @@ impl StreamReader {
             }
         };
         self.warn(format!(
-            "{} of {all} readouts {are} missing, {number} {}: {what}",
+            "{} of {} {are} missing, {number} {}: {what}",
             numbers.len(),
-            listed.join(", ")
+            Count(all, "readout"),
+            listed.join(", "),
         ));
         self.omitted_readouts = if policy == MissingFrames::Drop { numbers.len() } else { 0 };
         self.missing_frames = numbers;
@@ -227,7 +232,7 @@ impl StreamReader {
     pub fn read_frame(&self, i: usize, packed: &mut [u8]) -> Result<()> {
         if packed.len() != self.geometry().frame_bytes() {
             return Err(Error::new(ErrorKind::Usage, "frame buffer")
-                .found(format_args!("{} bytes", packed.len()))
+                .found(Count(packed.len(), "byte"))
                 .expected(format_args!("{}", self.geometry().frame_bytes())));
         }
         self.read_frames(i, packed)

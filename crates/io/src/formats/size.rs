@@ -3,6 +3,7 @@
 use crate::formats::{Codec, Layout};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 
 /// Frame sizes and layouts of known cameras and data sets.
 pub(super) const KNOWN_SIZES: [(u32, u32, Layout); 5] = [
@@ -45,11 +46,17 @@ pub(super) fn size_mismatch_error(name: &str, codec: &Codec, data: usize) -> Err
     let error = if data == 0 {
         error.found("an empty file, 0 bytes")
     } else {
-        error.found(format_args!("{data} bytes ({} whole frames and {} bytes)", data / frame, data % frame))
+        error.found(format_args!(
+            "{} ({} and {})",
+            Count(data, "byte"),
+            Count(data / frame, "whole frame"),
+            Count(data % frame, "byte"),
+        ))
     };
     error
         .expected(format_args!(
-            "a multiple of {frame} bytes, one frame of {} in layout {}",
+            "a multiple of {}, one frame of {} in layout {}",
+            Count(frame, "byte"),
             codec.geometry(),
             codec.layout()
         ))
@@ -59,7 +66,10 @@ pub(super) fn size_mismatch_error(name: &str, codec: &Codec, data: usize) -> Err
 /// Returns the error for a file whose frame size cannot be determined.
 pub(super) fn unknown_size_error(name: &str, data: usize) -> Error {
     Error::new(ErrorKind::Usage, name)
-        .found(format_args!("{data} bytes, and neither a sidecar nor a config.yaml with width and height"))
+        .found(format_args!(
+            "{}, and neither a sidecar nor a config.yaml with width and height",
+            Count(data, "byte"),
+        ))
         .expected("width and height of the camera")
         .remedy(remedy(data, None))
 }

@@ -8,6 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::storage::READ_BYTES;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, InputFile};
 
 /// Number of bytes at the start of a file that are compared with the signatures of other formats. `.npy` headers are
@@ -38,7 +39,7 @@ impl ByteSource {
     pub(super) fn from_file(file: InputFile) -> Result<Self> {
         let len = usize::try_from(file.len()).map_err(|_| {
             Error::new(ErrorKind::Input, file.path().display())
-                .found(format_args!("{} bytes", file.len()))
+                .found(Count(file.len(), "byte"))
                 .expected(format_args!("at most {}", usize::MAX))
         })?;
         Ok(Self::File { file, len })

@@ -7,6 +7,7 @@ use crate::formats::{Codec, Layout};
 use crate::storage::{Digest, FileWriter};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::{self, Geometry};
+use spikelane::unstable::Count;
 use spikelane::unstable::threads;
 
 /// Number of bytes that are encoded and then hashed in one step. A piece of this size stays in the second-level cache
@@ -167,7 +168,7 @@ impl StreamWriter {
         // length for every stream that fits on a disk.
         if header.len() as u64 != self.start {
             return Err(Error::new(ErrorKind::Usage, self.writer.path().display())
-                .found(format_args!("a header of {} bytes", header.len()))
+                .found(format_args!("a header of {}", Count(header.len(), "byte")))
                 .expected(format_args!("{}, as reserved", self.start))
                 .remedy("set the number of readouts"));
         }
@@ -228,10 +229,12 @@ impl StreamWriter {
         let fits = packed.len().is_multiple_of(size) && frames <= self.readouts - self.written;
         if first != self.written || !fits {
             return Err(Error::new(ErrorKind::Usage, self.writer.path().display())
-                .found(format_args!("{} bytes from readout {first} on", packed.len()))
+                .found(format_args!("{} from readout {first} on", Count(packed.len(), "byte")))
                 .expected(format_args!(
-                    "frames of {size} bytes for readouts {}..{}, in order",
-                    self.written, self.readouts
+                    "frames of {} for readouts {}..{}, in order",
+                    Count(size, "byte"),
+                    self.written,
+                    self.readouts,
                 )));
         }
         let piece = if self.is_packed_layout() { PIECE_BYTES } else { CONCURRENT_PIECE_BYTES };
@@ -281,8 +284,8 @@ impl StreamWriter {
         }
         if self.written != self.readouts {
             return Err(Error::new(ErrorKind::Usage, self.writer.path().display())
-                .found(format_args!("{} frames", self.written))
-                .expected(format_args!("{} frames before the end", self.readouts)));
+                .found(Count(self.written, "frame"))
+                .expected(format_args!("{} before the end", Count(self.readouts, "frame"))));
         }
         // The sidecar of the replaced stream must be removed before the new stream has its final name. Otherwise a
         // reader could use the old sidecar for the new stream.

@@ -34,7 +34,7 @@ const VIDEO_EXTENSIONS: [&str; 16] = [
     "mxf",
 ];
 
-const SUPPORTED_INPUTS: &str = "a folder of images, a PNG, JPEG, TIFF, EXR, HDR, PFM, BMP, PNM or WEBP image, .npy, .npz, .y4m, a video with an extension that ffmpeg reads, or - for y4m or npy on standard input";
+const SUPPORTED_INPUTS: &str = "a folder of images, a PNG, JPEG, TIFF, EXR, HDR, PFM, BMP, PNM, WEBP or FITS image, .npy, .npz, .y4m, a video with an extension that ffmpeg reads, or - for y4m or npy on standard input";
 
 /// Options for reading a light input.
 ///

@@ -67,6 +67,10 @@ impl Source for ScaledSource {
         self.front_end
     }
 
+    fn full_scale(&self) -> FullScale {
+        self.source.full_scale()
+    }
+
     fn describe(&self) -> String {
         self.source.describe()
     }

@@ -4,7 +4,7 @@
 //!
 //! * `timestamps.txt` (vid2e): the time in seconds, alone or after a number or a name,
 //! * `info.txt` (DVS-Voltmeter): a name and the time in microseconds,
-//! * `images.csv` (ESIM): the time in nanoseconds and a name.
+//! * `images.csv` (ESIM): the time in nanoseconds and a name. A comment starts with `#` or `%`.
 //!
 //! Times with a decimal point are in seconds in all three files.
 
@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use super::images::image_file;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs;
 
 /// Names of the files with frame times. If a folder has several, the first one is used.
@@ -76,15 +77,15 @@ pub(super) fn read_beside(
 fn read(path: &Path, images: &[PathBuf]) -> Result<Vec<u64>> {
     let limit = (images.len() as u64 + 64) * MAX_LINE_BYTES;
     let text = inputs::read_text_up_to(path, "times of frames", limit)?;
-    let lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
+    let lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with(['#', '%']));
     let lines: Vec<&str> = lines.collect();
     // A table can start with the names of its columns.
     let is_header = |line: &&&str| !line.contains(|c: char| c.is_ascii_digit());
     let lines = if lines.first().as_ref().is_some_and(is_header) { &lines[1..] } else { &lines[..] };
     if lines.len() != images.len() {
         return Err(Error::new(ErrorKind::Input, path.display())
-            .found(format_args!("{} times", lines.len()))
-            .expected(format_args!("one time for each of the {} images", images.len()))
+            .found(Count(lines.len(), "time"))
+            .expected(format_args!("one time for each of the {}", Count(images.len(), "image")))
             .remedy(remedy()));
     }
     let is_decimal_comma = has_decimal_commas(lines).map_err(|e| e.with_context(path.display()))?;

@@ -8,6 +8,7 @@ use crate::live::sink::{Delivery, OverflowPolicy, Sink, StopFlag, wait_for};
 use crate::storage::SharedMemory;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 
 /// The first word of a ring contains the bytes `SPKRING1`. The writer stores this word after all other header words,
 /// so the header of a ring with this word is complete.
@@ -61,7 +62,7 @@ impl RingWriter {
         let words = usize::try_from(slots).ok().filter(|&n| n > 0).and_then(|n| n.checked_mul(slot_words));
         let words = words.filter(|&n| n <= 1 << 40).ok_or_else(|| {
             Error::new(ErrorKind::Usage, path.display())
-                .found(format_args!("{slots} slots"))
+                .found(Count(slots, "slot"))
                 .expected("at least one slot, and no more than fit in memory")
         })?;
         let shared = SharedMemory::create(path, HEADER_WORDS + words)?;
@@ -174,7 +175,11 @@ impl RingReader {
         if get(FRAME_BYTES_WORD) != frame_bytes as u64
             || needed.is_none_or(|n| n == 0 || n > (words.len() - HEADER_WORDS) as u64)
         {
-            return Err(bad(&format_args!("{slots} slots of {} bytes", get(FRAME_BYTES_WORD))));
+            return Err(bad(&format_args!(
+                "{} of {}",
+                Count(slots, "slot"),
+                Count(get(FRAME_BYTES_WORD), "byte"),
+            )));
         }
         let next = get(WRITTEN_WORD).saturating_sub(slots);
         Ok(Self { geometry, layout, frame_bytes, slots, next, shared })
@@ -207,7 +212,7 @@ impl RingReader {
     pub fn next(&mut self, frame: &mut [u8]) -> Result<RingRead> {
         if frame.len() != self.frame_bytes {
             return Err(Error::new(ErrorKind::Usage, "frame")
-                .found(format_args!("{} bytes", frame.len()))
+                .found(Count(frame.len(), "byte"))
                 .expected(self.frame_bytes));
         }
         let words = self.shared.words();

@@ -1,6 +1,7 @@
 //! Simulates a light source and writes the streams to files.
 
 use spikelane::SimulatorOptions;
+use spikelane::unstable::Count;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -120,7 +121,11 @@ impl RunOptions {
         };
         let seconds = readouts as f64 / self.camera.sensor.readout_hz;
         Err(Error::new(ErrorKind::Input, "times of frames")
-            .found(format_args!("{seconds} s for {frames} frames, which are {readouts} readouts"))
+            .found(format_args!(
+                "{seconds} s for {}, or {}",
+                Count(frames, "frame"),
+                Count(readouts, "readout"),
+            ))
             .expected(format_args!("at most {MAX_TIMED_READOUTS} readouts without a number of readouts"))
             .remedy(format_args!("{}, or set {}", unit_remedy(seconds, frames), Setting("readouts"))))
     }
@@ -260,7 +265,7 @@ pub fn run(
         (feeder.next_readout(), feeder.frames, feeder.frames_above_max_light);
     if let Some(total) = total.filter(|&n| n != readouts) {
         return Err(Error::new(ErrorKind::Input, description)
-            .found(format_args!("light for {readouts} readouts"))
+            .found(format_args!("light for {}", Count(readouts, "readout")))
             .expected(format_args!("{total}, from the announced number of frames"))
             .remedy(
                 "the input was truncated during reading; run the command again with the complete input",

@@ -101,7 +101,8 @@ pub struct LightFacts {
     /// Whether color was converted to a rounded gray code before the inverse of the transfer function was applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gray_codes: Option<bool>,
-    /// The 8-bit code that represents light 1.0, or `peak` if the brightest pixel of each frame represents light 1.0.
+    /// The stored value that represents light 1.0, in the units of the input, or `peak` if the brightest pixel of each
+    /// frame represents light 1.0. Earlier versions wrote the 8-bit code of the camera's front end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub full_scale: Option<String>,
     /// How frames were resized to the camera's geometry. `None` for drawn light.
@@ -153,8 +154,10 @@ impl LightFacts {
 }
 
 /// Returns the conversion of stored values to light, or `None` if the light is drawn at the camera's size.
+///
+/// Full scale is in the units of the input, because the user sets it in these units.
 fn conversion(source: &dyn Source) -> Option<FrontEnd> {
-    source.stored_geometry().map(|_| source.front_end())
+    source.stored_geometry().map(|_| FrontEnd { full_scale: source.full_scale(), ..source.front_end() })
 }
 
 /// The nominal values of the sensor circuit.

@@ -11,6 +11,7 @@ use crate::storage::mapping_guard::MappingGuard;
 use crate::storage::platform::{is_same_file, reserve};
 use crate::storage::writer::reserve_error;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 
 /// Number of bytes per word.
 const WORD_BYTES: usize = 8;
@@ -68,7 +69,7 @@ impl SharedMemory {
         let bytes = metadata.len();
         if !metadata.is_file() || bytes == 0 || bytes % WORD_BYTES as u64 != 0 {
             return Err(Error::new(ErrorKind::Input, path.display())
-                .found(format_args!("{bytes} bytes"))
+                .found(Count(bytes, "byte"))
                 .expected("a regular file whose size is a multiple of 8 bytes"));
         }
         let map = MmapOptions::new().map_raw(&file).map_err(io)?;
@@ -87,7 +88,11 @@ impl SharedMemory {
             return Ok(());
         }
         Err(Error::new(ErrorKind::Io, self.path.display())
-            .found(format_args!("{now} bytes, {} before: another process shortened the file", self.map.len()))
+            .found(format_args!(
+                "{}, {} before: another process shortened the file",
+                Count(now, "byte"),
+                self.map.len(),
+            ))
             .expected("a file that keeps its size while it is shared")
             .remedy("find the process that writes to this name, or choose another name"))
     }

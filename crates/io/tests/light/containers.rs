@@ -18,24 +18,24 @@ use tiff::encoder::colortype::{ColorType, Gray8, Gray16, Gray32Float, GrayI16};
 use tiff::encoder::{TiffEncoder, TiffValue};
 use tiff::tags::Tag;
 
-const SIZE: (u32, u32) = (4, 2);
+pub(crate) const SIZE: (u32, u32) = (4, 2);
 
-fn options() -> InputOptions {
+pub(crate) fn options() -> InputOptions {
     InputOptions::new(Geometry::new(SIZE.0, SIZE.1).unwrap())
 }
 
-fn linear() -> InputOptions {
+pub(crate) fn linear() -> InputOptions {
     options().with_transfer(Some(Transfer::Linear))
 }
 
 /// The lights of the first pixel of all frames, and the notes.
-fn read(path: &Path, options: &InputOptions) -> (Vec<f32>, String) {
+pub(crate) fn read(path: &Path, options: &InputOptions) -> (Vec<f32>, String) {
     let mut source = open(path, options).unwrap();
     let notes = source.notes().join("\n");
     (first_pixels(&mut *source), notes)
 }
 
-fn first_pixels(source: &mut dyn Source) -> Vec<f32> {
+pub(crate) fn first_pixels(source: &mut dyn Source) -> Vec<f32> {
     let mut frame = Frame::dark(source.geometry());
     let mut lights = Vec::new();
     while source.next_frame(&mut frame).unwrap() {
@@ -44,26 +44,26 @@ fn first_pixels(source: &mut dyn Source) -> Vec<f32> {
     lights
 }
 
-fn refusal(path: &Path, options: &InputOptions) -> String {
+pub(crate) fn refusal(path: &Path, options: &InputOptions) -> String {
     let mut frame = Frame::dark(options.camera);
     let error = open(path, options).and_then(|mut source| source.next_frame(&mut frame)).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Input, "{error}");
     error.to_string()
 }
 
-fn near(lights: &[f32], wanted: &[f32]) {
+pub(crate) fn near(lights: &[f32], wanted: &[f32]) {
     assert_eq!(lights.len(), wanted.len(), "{lights:?}");
     assert!(lights.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{lights:?} {wanted:?}");
 }
 
-fn file(folder: &TempDir, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+pub(crate) fn file(folder: &TempDir, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
     let path = folder.path().join(name);
     fs::write(&path, bytes).unwrap();
     path
 }
 
 /// Returns a TIFF with one page per value.
-fn tiff<C: ColorType>(pages: &[C::Inner], tags: &[(Tag, &str, u16)]) -> Vec<u8>
+pub(crate) fn tiff<C: ColorType>(pages: &[C::Inner], tags: &[(Tag, &str, u16)]) -> Vec<u8>
 where
     [C::Inner]: TiffValue,
     C::Inner: Copy,
@@ -85,17 +85,17 @@ where
     bytes.into_inner()
 }
 
-fn png(image: &DynamicImage) -> Vec<u8> {
+pub(crate) fn png(image: &DynamicImage) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
     bytes.into_inner()
 }
 
-fn gray8(code: u8) -> DynamicImage {
+pub(crate) fn gray8(code: u8) -> DynamicImage {
     GrayImage::from_pixel(SIZE.0, SIZE.1, Luma([code])).into()
 }
 
-fn gray16(code: u16) -> DynamicImage {
+pub(crate) fn gray16(code: u16) -> DynamicImage {
     ImageBuffer::<Luma<u16>, _>::from_pixel(SIZE.0, SIZE.1, Luma([code])).into()
 }
 
@@ -105,13 +105,13 @@ fn crc32(bytes: &[u8]) -> u32 {
     })
 }
 
-fn chunk(kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
+pub(crate) fn chunk(kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
     let body = [&kind[..], data].concat();
     [&(data.len() as u32).to_be_bytes()[..], &body, &crc32(&body).to_be_bytes()].concat()
 }
 
 /// Returns a PNG with additional chunks after the header.
-fn png_with(image: &DynamicImage, chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
+pub(crate) fn png_with(image: &DynamicImage, chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
     let bytes = png(image);
     // The signature has 8 bytes, and the chunk IHDR has 25 bytes.
     let chunks = chunks.iter().flat_map(|(kind, data)| chunk(kind, data));
@@ -119,7 +119,7 @@ fn png_with(image: &DynamicImage, chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
 }
 
 /// Returns the compressed samples of a PNG.
-fn samples_of(png: &[u8]) -> Vec<u8> {
+pub(crate) fn samples_of(png: &[u8]) -> Vec<u8> {
     let (mut at, mut samples) = (8, Vec::new());
     while at < png.len() {
         let len = u32::from_be_bytes(png[at..at + 4].try_into().unwrap()) as usize;
@@ -131,21 +131,28 @@ fn samples_of(png: &[u8]) -> Vec<u8> {
     samples
 }
 
-/// Returns an animated PNG. A frame has a code and a duration in milliseconds.
-fn apng(frames: &[(u8, u16)]) -> Vec<u8> {
+/// Returns an animated PNG of gray frames with 8 bits. A frame has a code and a duration in milliseconds.
+pub(crate) fn apng(frames: &[(u8, u16)]) -> Vec<u8> {
+    let frames: Vec<_> = frames.iter().map(|(code, time)| (gray8(*code), [0; 2], [0; 2], *time)).collect();
+    apng_of(SIZE, &frames)
+}
+
+/// Returns an animated PNG. A frame has a picture, its offset, its disposal and blending, and a duration in milliseconds.
+pub(crate) fn apng_of(size: (u32, u32), frames: &[(DynamicImage, [u32; 2], [u8; 2], u16)]) -> Vec<u8> {
     let mut sequence = 0_u32;
     let mut number = || {
         sequence += 1;
         (sequence - 1).to_be_bytes()
     };
-    let mut bytes = png(&gray8(0))[..33].to_vec();
+    let mut bytes = png(&frames[0].0)[..33].to_vec();
     bytes.extend(chunk(b"acTL", &[(frames.len() as u32).to_be_bytes(), [0; 4]].concat()));
-    for (i, (code, milliseconds)) in frames.iter().enumerate() {
-        let (w, h) = (SIZE.0.to_be_bytes(), SIZE.1.to_be_bytes());
-        let control =
-            [&number()[..], &w, &h, &[0; 8], &milliseconds.to_be_bytes(), &1000_u16.to_be_bytes(), &[0; 2]];
+    assert_eq!((frames[0].0.width(), frames[0].0.height()), size, "the first frame is the canvas");
+    for (i, (image, offset, operations, milliseconds)) in frames.iter().enumerate() {
+        let [w, h, x, y] = [image.width(), image.height(), offset[0], offset[1]].map(u32::to_be_bytes);
+        let times = [milliseconds.to_be_bytes(), 1000_u16.to_be_bytes()].concat();
+        let control = [&number()[..], &w, &h, &x, &y, &times, operations];
         bytes.extend(chunk(b"fcTL", &control.concat()));
-        let samples = samples_of(&png(&gray8(*code)));
+        let samples = samples_of(&png(image));
         bytes.extend(if i == 0 {
             chunk(b"IDAT", &samples)
         } else {
@@ -157,7 +164,7 @@ fn apng(frames: &[(u8, u16)]) -> Vec<u8> {
 }
 
 /// Returns an animated WebP. A frame has a code and a duration in milliseconds.
-fn animated_webp(frames: &[(u8, u8)]) -> Vec<u8> {
+pub(crate) fn animated_webp(frames: &[(u8, u8)]) -> Vec<u8> {
     let riff_chunk = |kind: &[u8; 4], data: &[u8]| {
         let padding = vec![0; data.len() % 2];
         [&kind[..], &(data.len() as u32).to_le_bytes(), data, &padding].concat()
@@ -203,7 +210,7 @@ fn pages_that_are_thumbnails_are_reported() {
     let (lights, notes) = read(&path, &linear());
     near(&lights, &[0.2]);
     // A single page is read as a still picture, whose notes are those of its file.
-    assert!(notes.contains("1 pages are thumbnails"), "{notes}");
+    assert!(notes.contains("not used: 1 page (thumbnails"), "{notes}");
 }
 
 #[test]
@@ -260,7 +267,7 @@ fn several_pages_in_the_files_of_a_folder_are_reported() {
     file(&dir, "2.tif", tiff::<Gray8>(&[102], &[]));
     let (lights, notes) = read(dir.path(), &linear());
     near(&lights, &[0.2, 0.4]);
-    assert!(notes.contains("1 files have several pages"), "{notes}");
+    assert!(notes.contains("1 file with several pages"), "{notes}");
 }
 
 #[test]
@@ -311,7 +318,7 @@ fn codes_of_fewer_bits_are_reported_with_the_full_scale_that_fits() {
 }
 
 /// Returns a `.npy` with one 16-bit frame.
-fn spikelane_array(codes: &[u16]) -> Vec<u8> {
+pub(crate) fn spikelane_array(codes: &[u16]) -> Vec<u8> {
     let header = "{'descr': '<u2', 'fortran_order': False, 'shape': (1, 2, 4), }";
     let header = format!("{header:<117}\n");
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
@@ -418,7 +425,7 @@ fn a_radiance_picture_is_read_and_its_exposure_reported() {
 }
 
 /// Writes an EXR with channels of one value each.
-fn exr(folder: &TempDir, name: &str, channels: &[(&str, f32)]) -> PathBuf {
+pub(crate) fn exr(folder: &TempDir, name: &str, channels: &[(&str, f32)]) -> PathBuf {
     let path = folder.path().join(name);
     let samples = |value: f32| FlatSamples::F32(vec![value; 8]);
     let list: SmallVec<[AnyChannel<FlatSamples>; 4]> =
@@ -559,8 +566,8 @@ fn times_beside_images_are_read_in_the_units_of_their_programs() {
         ("timestamps.txt", b"\xEF\xBB\xBF0\r\n0.01\r\n0.03\r\n".to_vec()),
         ("timestamps.txt", b"0,00\n0,01\n0,03\n".to_vec()),
         ("timestamps.txt", wide("0\r\n0.01\r\n0.03\r\n")),
-        ("info.txt", b"f/1.png 0\nf/2.png 10000\nf/3.png 30000\n".to_vec()),
-        ("images.csv", b"0,1.png\n10000000,2.png\n30000000,3.png\n".to_vec()),
+        ("info.txt", b"./f/1.png 000000013767\n./f/2.png 000000023767\n./f/3.png 000000043767\n".to_vec()),
+        ("images.csv", b"% time, name\n# by hand\n1,1.png\n10000001,2.png\n30000001,3.png\n".to_vec()),
     ];
     for (name, bytes) in cases {
         let dir = TempDir::new().unwrap();

@@ -1,5 +1,6 @@
 //! Tests of light sources. The sources are images, videos, arrays and interpolated frames.
 
+mod cells;
 mod containers;
 mod files;
 mod frames_and_timeline;

@@ -26,6 +26,7 @@ use std::io::Cursor;
 use image::{ExtendedColorType, ImageEncoder};
 
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 
 /// Encodes 8-bit samples, or 16-bit samples in native byte order, as a PNG file.
 fn png(bytes: &[u8], width: usize, height: usize, color: ExtendedColorType) -> Result<Vec<u8>> {
@@ -44,7 +45,7 @@ fn expect_len(what: &str, found: usize, expected: usize) -> Result<()> {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Usage, what)
-        .found(format_args!("{found} values"))
+        .found(Count(found, "value"))
         .expected(format_args!("{expected}"))
         .remedy("pass width times height values"))
 }

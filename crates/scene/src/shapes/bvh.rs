@@ -6,6 +6,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
+use spikelane::unstable::Count;
 
 /// Triangles in a bounding volume hierarchy.
 pub(crate) struct Bvh {
@@ -16,7 +17,7 @@ pub(crate) struct Bvh {
 
 impl std::fmt::Debug for Bvh {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Bvh of {} triangles", self.triangles.len())
+        write!(f, "Bvh of {}", Count(self.triangles.len(), "triangle"))
     }
 }
 

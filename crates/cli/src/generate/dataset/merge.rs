@@ -8,6 +8,7 @@ use serde_json::json;
 use super::messages::{print_copied_files, print_failures, print_outside_inputs};
 use crate::common::console::Console;
 use crate::common::progress::{FileProgress, stop_flag};
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::Access;
 use spikelane_dataset::shards::{self, MergeOptions, ShardPlan};
@@ -68,8 +69,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let merged = merged?;
     let place = plan.folder.display();
     let text = format!(
-        "{place}: {} sequences, {} failed\ndigest {}\n",
-        merged.sequences,
+        "{place}: {}, {} failed\ndigest {}\n",
+        Count(merged.sequences, "sequence"),
         merged.failures.len(),
         merged.digest
     );
@@ -86,7 +87,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Input, plan.folder.join("manifest.jsonl").display())
-        .found(format_args!("{} failed sequences", merged.failures.len()))
+        .found(Count(merged.failures.len(), "failed sequence"))
         .expected("none")
         .remedy("see the manifest for the reasons; the other sequences are merged"))
 }

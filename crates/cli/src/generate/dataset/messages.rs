@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::common::console::Console;
 use spikelane::Result;
+use spikelane::unstable::Count;
 use spikelane_dataset::shards::ShardPlan;
 use spikelane_dataset::{self as dataset, Content, DatasetOptions, InputContent};
 
@@ -70,7 +71,8 @@ pub(super) fn print_failures(set_aside: &[(String, String)], notes: &[String], o
 pub(super) fn print_copied_files(copied: u64, out: &Console) {
     if copied > 0 {
         out.print_message(format_args!(
-            "note: this file system has no hard links: {copied} files were copied into the folders for data loaders"
+            "note: this file system has no hard links, so the folders for data loaders contain copies of {}",
+            Count(copied, "file"),
         ));
     }
 }

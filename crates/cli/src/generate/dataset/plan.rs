@@ -6,6 +6,7 @@ use serde_json::json;
 use super::messages::print_skipped_files;
 use super::spec::DatasetSpec;
 use crate::common::console::Console;
+use spikelane::unstable::Count;
 use spikelane::{Error, Result};
 use spikelane_dataset::Content;
 use spikelane_dataset::shards::ShardPlan;
@@ -48,10 +49,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let bytes = plan.estimated_bytes()?;
     let size = bytes.map_or(String::new(), |bytes| format!(", about {}", DecimalBytes(bytes)));
     let text = format!(
-        "{}: {} sequences in {} shards{size}{}\nrun the shards: --array=0-{last} with 'spikelane dataset run {} --shards K'\n",
+        "{}: {} in {}{size}{}\nrun the shards: --array=0-{last} with 'spikelane dataset run {} --shards K'\n",
         plan.folder.display(),
-        plan.sequences,
-        plan.shards(),
+        Count(plan.sequences, "sequence"),
+        Count(plan.shards(), "shard"),
         if is_existing { "; the existing plan was not changed" } else { "" },
         plan.folder.display(),
     );

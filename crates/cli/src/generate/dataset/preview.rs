@@ -11,6 +11,7 @@ use crate::common::output_claims;
 use crate::common::video::{FrameEncoding, VideoWriter};
 use spikelane::reconstruct::tfp;
 use spikelane::spikes::SpikeFramesRef;
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_dataset::DatasetReader;
 use spikelane_io::formats::{OpenOptions, StreamReader};
@@ -95,7 +96,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         "event": "preview", "output": args.output.display().to_string(), "sequences": shown,
         "width": 3 * geometry.width(), "height": geometry.height(),
     });
-    out.print_result(&event, &format!("{}: {shown} of {} sequences\n", args.output.display(), done.len()))
+    out.print_result(
+        &event,
+        &format!("{}: {shown} of {}\n", args.output.display(), Count(done.len(), "sequence")),
+    )
 }
 
 /// Returns one image with three pictures at the readout `at`. From left to right: the spikes, the noisy stream and the

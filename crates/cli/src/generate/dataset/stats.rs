@@ -7,6 +7,7 @@ use serde_json::json;
 
 use crate::common::console::Console;
 use crate::common::output_claims;
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::statistics::{DatasetStatistics, dataset_statistics, format_number, html_report};
 use spikelane_io::storage;
@@ -48,9 +49,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 
 fn statistics_text(stats: &DatasetStatistics) -> String {
     let mut text = format!(
-        "{} sequences, {} readouts, {}, {} failed\n",
-        stats.splits.values().sum::<u64>(),
-        stats.readouts,
+        "{}, {}, {}, {} failed\n",
+        Count(stats.splits.values().sum::<u64>(), "sequence"),
+        Count(stats.readouts, "readout"),
         DecimalBytes(stats.bytes),
         stats.failed_sequences
     );

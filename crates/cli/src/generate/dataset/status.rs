@@ -7,6 +7,7 @@ use serde_json::json;
 
 use crate::common::console::Console;
 use crate::common::progress::stop_flag;
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::Access;
 use spikelane_dataset::shards::{self, PlanStatus, ShardPlan, shard_numbers};
@@ -59,12 +60,18 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 
 fn status_text(standing: &PlanStatus) -> String {
     let mut text = format!(
-        "done       {} of {} shards\nfailed     {} sequences\n",
-        standing.done_shards, standing.shards, standing.failed_sequences
+        "done       {} of {}\nfailed     {}\n",
+        standing.done_shards,
+        Count(standing.shards, "shard"),
+        Count(standing.failed_sequences, "sequence"),
     );
     for at in &standing.running_shards {
-        text +=
-            &format!("running    shard {}: {}, {} sequences processed\n", at.shard, at.holder, at.processed);
+        text += &format!(
+            "running    shard {}: {}, {} processed\n",
+            at.shard,
+            at.holder,
+            Count(at.processed, "sequence"),
+        );
     }
     if !standing.missing_shards.is_empty() {
         text += &format!("missing    --array={}\n", shard_numbers::format_shards(&standing.missing_shards));

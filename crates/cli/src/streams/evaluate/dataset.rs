@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::common::console::Console;
 use serde_json::{Value, json};
+use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::{DatasetReader, SequenceFiles};
 
@@ -37,7 +38,7 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
             all.push(pictures);
         }
     }
-    let mut text = format!("{}: means over {} sequences\n", args.file.display(), done.len());
+    let mut text = format!("{}: means over {}\n", args.file.display(), Count(done.len(), "sequence"));
     for (kind, all) in &kinds {
         if all.is_empty() {
             continue;

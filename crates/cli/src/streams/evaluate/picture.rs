@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use serde_json::{Value, json};
 use spikelane::reconstruct::{Tfi, gaussian_blur, span_rates, tfi_with_open_pixels, tfp};
 use spikelane::spikes::SpikeFramesRef;
+use spikelane::unstable::Count;
 use spikelane::{Geometry, Result};
 use spikelane_io::formats::StreamReader;
 
@@ -128,8 +129,9 @@ pub(super) fn evaluate_pictures(
             let packed = SpikeFramesRef::new(geometry, &bytes)?;
             let (wanted, there) = (2 * half + 1, packed.readouts());
             let rates = make(packed, center, half)?;
-            let note = (there < wanted)
-                .then(|| format!("the stream has only {there} of the {wanted} readouts of the window"));
+            let note = (there < wanted).then(|| {
+                format!("the stream has only {there} of the {} of the window", Count(wanted, "readout"))
+            });
             let marks = Ok(comparison.score(&rates, geometry, near(half))?);
             all.push(EvaluatedPicture { name: format!("{kind} {wanted}"), scores: marks, note });
             if kind == "tfp" && comparison.has_reference() {
@@ -163,8 +165,9 @@ pub(super) fn evaluate_pictures(
 /// Returns the reason why a TFI picture cannot be scored, or `None` if it can be scored.
 fn unmeasurable_reason(tfi: &Tfi) -> Option<String> {
     let (open, all) = (tfi.open_pixels, tfi.rates.len());
-    (!tfi.is_measurable())
-        .then(|| format!("the stream begins or ends within the interval of {open} of {all} pixels"))
+    (!tfi.is_measurable()).then(|| {
+        format!("the stream begins or ends within the interval of {open} of {}", Count(all, "pixel"))
+    })
 }
 
 /// Returns the table of detail scores, or an empty text if the table has no rows.

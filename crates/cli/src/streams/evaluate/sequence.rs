@@ -7,6 +7,7 @@ use crate::common::images::sample_readouts;
 use crate::common::progress::{CountProgress, stop_flag};
 use serde_json::json;
 use spikelane::reconstruct::DetailReference;
+use spikelane::unstable::Count;
 use spikelane::unstable::threads;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;
@@ -62,7 +63,7 @@ pub(super) fn run(args: &Args, reader: &StreamReader, folder: Option<&Path>, out
     }
     let file = args.file.display();
     let (first, last) = (moments[0].at, moments[moments.len() - 1].at);
-    let mut text = format!("{file}: means over {} readouts, {first} to {last}\n", moments.len());
+    let mut text = format!("{file}: means over {}, {first} to {last}\n", Count(moments.len(), "readout"));
     let left_out = count - moments.len();
     if left_out > 0 {
         text += &format!("excluded: {left_out} of {count}, whose windows exceed the stream\n");
@@ -127,7 +128,11 @@ fn reference_points(folder: &Path, reader: &StreamReader) -> Result<Vec<Evaluati
     }
     let readouts = reader.readouts();
     if let Some(beyond) = all.iter().find(|moment| moment.at >= readouts) {
-        return Err(wrong(format!("an image of readout {}, but a stream of {readouts} readouts", beyond.at)));
+        return Err(wrong(format!(
+            "an image of readout {}, but a stream of {}",
+            beyond.at,
+            Count(readouts, "readout"),
+        )));
     }
     Ok(all)
 }
@@ -157,8 +162,10 @@ fn within_stream(
     if all.is_empty() {
         return Err(Error::new(ErrorKind::Input, args.file.display())
             .found(format_args!(
-                "{count} positions in {} readouts, of which none is at least {margin} readouts from both ends",
-                reader.readouts()
+                "{} in {}, of which none is at least {} from both ends",
+                Count(count, "position"),
+                Count(reader.readouts(), "readout"),
+                Count(margin, "readout"),
             ))
             .expected("positions whose windows are inside the stream")
             .remedy("reduce --window, or change --every"));

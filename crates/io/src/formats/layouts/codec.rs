@@ -3,6 +3,7 @@
 use super::layout::Layout;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::spikes::{pack_frame, unpack_frame};
 
 /// A layout with a geometry that it supports.
@@ -136,7 +137,7 @@ impl Codec {
             return Ok(());
         }
         Err(Error::new(ErrorKind::Usage, "frames")
-            .found(format_args!("{packed} packed bytes for {file} bytes of the file"))
+            .found(format_args!("{} for {} of the file", Count(packed, "packed byte"), Count(file, "byte")))
             .expected(format_args!(
                 "{size} for every {} ({}, layout {})",
                 self.frame_bytes, self.geometry, self.layout

@@ -17,6 +17,7 @@ use crate::Archive;
 use crate::formats::source::ByteSource;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::{Geometry, set_bit};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs;
 use spikelane::unstable::npy::{Element, Header};
 
@@ -123,7 +124,7 @@ fn find_readout_axis(
 pub(crate) fn ambiguous_axes_error(subject: &str, shape: [u64; 3], remedy: std::fmt::Arguments<'_>) -> Error {
     let describe = |axes: ReadoutAxis| match axes.readouts_and_geometry(shape) {
         Some((readouts, g)) => {
-            format!("{readouts} readouts of {g} (width x height), axes {}", axes.name())
+            format!("{} of {g} (width x height), axes {}", Count(readouts, "readout"), axes.name())
         }
         None => format!("no stream, axes {}", axes.name()),
     };
@@ -146,7 +147,7 @@ fn read_length(name: &str, archive: &mut Archive<impl Read + Seek>) -> Result<u6
     match values[..] {
         [n] if (1.0..=1e12).contains(&n) && n.fract() == 0.0 => Ok(n as u64),
         _ => Err(Error::new(ErrorKind::Input, subject)
-            .found(format_args!("{} values", values.len()))
+            .found(Count(values.len(), "value"))
             .expected("a single number: the number of readouts, as in RSIR")),
     }
 }
@@ -168,11 +169,11 @@ fn unpack_eight_per_byte(
         .filter(|(groups, _)| length <= groups.saturating_mul(8) && length > groups.saturating_mul(8) - 8)
         .ok_or_else(|| bad(format!("shape {:?} for a length of {length}", array.shape)))?;
     if array.element != Element::U8 || array.is_fortran_order {
-        return Err(bad(format!("{} elements", array.element)));
+        return Err(bad(format!("elements of type {}", array.element)));
     }
     let size = geometry.frame_bytes();
     if (size as u64).saturating_mul(length) > 1 << 30 {
-        return Err(bad(format!("{length} readouts, more than 1 GiB of packed frames")));
+        return Err(bad(format!("{}, more than 1 GiB of packed frames", Count(length, "readout"))));
     }
     let mut packed = inputs::zeroed_vec(subject, size * length as usize)?;
     let mut bytes = inputs::zeroed_vec(subject, geometry.pixels())?;

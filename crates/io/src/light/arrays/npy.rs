@@ -13,6 +13,7 @@ use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::{Frame, OwnedSamples, Rate, Source, ToneCurve, Transfer};
 use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 use spikelane::unstable::npy::Header;
@@ -55,8 +56,8 @@ impl ArraySource {
         let wanted = array.reader.total_bytes();
         if len < wanted {
             return Err(Error::new(ErrorKind::Input, name)
-                .found(format_args!("{len} bytes"))
-                .expected(format_args!("{wanted} bytes, as stated in the header"))
+                .found(Count(len, "byte"))
+                .expected(format_args!("{}, as stated in the header", Count(wanted, "byte")))
                 .remedy("the file is truncated; save the array again"));
         }
         array.codes = array.reader.scan_codes(&file)?;
@@ -212,10 +213,19 @@ impl Source for ArraySource {
         self.front_end
     }
 
+    fn full_scale(&self) -> FullScale {
+        let largest = match self.reader.element() {
+            Element::U8 => 255.0,
+            Element::U16 => 65535.0,
+            _ => 1.0,
+        };
+        self.front_end.full_scale.in_units_of(self.scale.unwrap_or(largest))
+    }
+
     fn describe(&self) -> String {
         let r = &self.reader;
         let scale = self.scale.map_or(String::new(), |s| format!(", full scale at {s}"));
-        format!("{}: {} frames of {}, {}{scale}", r.name, r.frames, r.geometry, r.element)
+        format!("{}: {} of {}, {}{scale}", r.name, Count(r.frames, "frame"), r.geometry, r.element)
     }
 
     fn stored_geometry(&self) -> Option<Geometry> {
@@ -374,7 +384,7 @@ impl<R: Read> ArrayReader<R> {
 fn truncated_error(name: &str, frame: u64, frames: u64) -> Error {
     Error::new(ErrorKind::Input, name)
         .found(format_args!("the end of the file in frame {frame}"))
-        .expected(format_args!("{frames} frames, as stated in the header"))
+        .expected(format_args!("{}, as stated in the header", Count(frames, "frame")))
         .remedy("the file is truncated; save the array again")
 }
 

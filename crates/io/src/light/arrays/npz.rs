@@ -13,6 +13,7 @@ use crate::Archive;
 use crate::light::resize_mode::ResizeMode;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Transfer;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::InputFile;
 
 use spikelane::spikes::Geometry;
@@ -38,7 +39,7 @@ pub fn open(
     let arrays = archive.array_names();
     let [array] = &arrays[..] else {
         return Err(Error::new(ErrorKind::Input, name)
-            .found(format_args!("{} arrays: {}", arrays.len(), arrays.join(", ")))
+            .found(format_args!("{}: {}", Count(arrays.len(), "array"), arrays.join(", ")))
             .expected("exactly one array")
             .remedy("save only the frames, as .npy or .npz"));
     };

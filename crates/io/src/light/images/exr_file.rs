@@ -9,6 +9,7 @@ use exr::prelude::*;
 use image::{DynamicImage, ImageBuffer};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 
@@ -141,7 +142,7 @@ pub(super) fn read(file: impl BufRead + Seek, path: &Path, picture: &ExrPicture)
     let bytes = size.pixels() as u64 * 4 * count as u64;
     if bytes > MAX_PICTURE_BYTES {
         return Err(Error::new(ErrorKind::Input, path.display())
-            .found(format_args!("{bytes} bytes of samples"))
+            .found(format_args!("{} of samples", Count(bytes, "byte")))
             .expected(format_args!("at most {MAX_PICTURE_BYTES} bytes")));
     }
     inputs::check_memory(path.display(), 2 * bytes as usize)?;

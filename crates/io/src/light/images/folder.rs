@@ -12,8 +12,9 @@ use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::Rate;
 use spikelane::light::Transfer;
 use spikelane::light::{Frame, Source};
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 
 /// The images of a folder. Each image is one frame. Subfolders are ignored.
 #[derive(Debug)]
@@ -53,7 +54,7 @@ impl ImageFolder {
         let (files, mut ignored, others) = list_images(folder)?;
         let Some(first) = files.first() else {
             return Err(Error::new(ErrorKind::Input, folder.display())
-                .found(format_args!("no image among {others} entries"))
+                .found(format_args!("no image among {}", Count(others, "entry")))
                 .expected(format_args!("files named {}", image_file::EXTENSIONS.join(", "))));
         };
         let mut first_file = ImageFile::open(first)?;
@@ -75,9 +76,10 @@ impl ImageFolder {
         let scanned = scanned.collect::<Result<Vec<_>>>()?;
         first_file.complete_notes(&linear, &scanned, "of the first, middle and last image");
         if multipage > 0 {
-            first_file
-                .notes
-                .push(format!("{multipage} files have several pages: the first page of each is used"));
+            first_file.notes.push(format!(
+                "{} with several pages: only the first page is used",
+                Count(multipage, "file"),
+            ));
         }
         let linear = linear.for_encoding(&first_file.encoding);
         let times = timestamps::read_beside(folder, &files, &mut first_file.notes)?;
@@ -221,14 +223,18 @@ impl Source for ImageFolder {
         self.front_end
     }
 
+    fn full_scale(&self) -> FullScale {
+        self.linear.full_scale()
+    }
+
     fn describe(&self) -> String {
         format!(
-            "{}: {} images of {}, {} other entries ignored{}",
+            "{}: {} of {}, {} ignored{}",
             self.folder.display(),
-            self.files.len(),
+            Count(self.files.len(), "image"),
             self.size,
-            self.ignored_entries,
-            self.linear.full_scale_text()
+            Count(self.ignored_entries, "other entry"),
+            self.linear.full_scale_text(),
         )
     }
 

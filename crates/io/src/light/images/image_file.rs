@@ -10,19 +10,20 @@ use image::codecs::hdr::SIGNATURE as HDR_MAGIC;
 use image::codecs::png::PngDecoder;
 use image::codecs::webp::WebPDecoder;
 use image::metadata::Orientation;
-use image::{
-    AnimationDecoder, DynamicImage, Frames, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits,
-};
+use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Frame;
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, InputFile, InputReader};
 use spikelane::unstable::light::declared_geometry;
 
+use super::deep_apng::DeepApng;
 use super::encoding::{CodeScan, Encoding, hdr_note, store_transfer, transfer_from_icc};
 #[cfg(feature = "exr")]
 use super::exr_file;
+use super::fits_file::{self, FitsFile};
 use super::linearization::{Pixels, swaps_axes};
 use super::page_timing::PageTiming;
 use super::patched_reader::PatchedReader;
@@ -32,9 +33,9 @@ use super::{pfm, png_chunks, tiff_file, webp_chunks};
 pub use super::linearization::{Linearization, linearize};
 
 /// File extensions of images.
-pub const EXTENSIONS: [&str; 15] = [
+pub const EXTENSIONS: [&str; 18] = [
     "png", "jpg", "jpeg", "tif", "tiff", "exr", "bmp", "pgm", "ppm", "pnm", "pbm", "webp", "apng", "pfm",
-    "hdr",
+    "hdr", "fits", "fit", "fts",
 ];
 
 /// The first bytes of every OpenEXR file.
@@ -104,6 +105,7 @@ enum Container {
     Tiff(TiffFile),
     #[cfg(feature = "exr")]
     Exr(exr_file::ExrPicture),
+    Fits(FitsFile),
     Pfm,
     /// The `image` crate decodes the file. `animation` is the format of a file with several pages.
     Common {
@@ -115,6 +117,8 @@ enum Container {
 #[derive(Clone, Debug)]
 enum Animation {
     Png,
+    /// Samples of 16 bits.
+    DeepPng,
     /// The value replaces bytes of the file, as [`webp_chunks::WebpChunks::opaque_flags`].
     WebP(Vec<(u64, u8)>),
 }
@@ -147,17 +151,26 @@ impl ImageFile {
         if tiff_file::is_tiff(start) {
             return Self::open_tiff(path);
         }
+        if fits_file::is_fits(start) {
+            let fits = fits_file::read_header(path)?;
+            return Ok(Self {
+                encoding: fits.encoding,
+                pages: fits.pages,
+                notes: fits.notes.clone(),
+                ..Self::of_floats(path, fits.size, Container::Fits(fits))
+            });
+        }
         if pfm::is_pfm(start) {
             let header = pfm::read_header(&mut buffered(path)?, path)?;
             let note = format!("the scale {} in the header is not used", header.scale);
             let notes = if header.scale == 1.0 { Vec::new() } else { vec![note] };
-            return Ok(Self { notes, ..Self::of_floats(path, Container::Pfm, header.size) });
+            return Ok(Self { notes, ..Self::of_floats(path, header.size, Container::Pfm) });
         }
         Self::open_common(path, start)
     }
 
     /// Returns a file of floats with one page.
-    fn of_floats(path: &Path, container: Container, size: Geometry) -> Self {
+    fn of_floats(path: &Path, size: Geometry, container: Container) -> Self {
         Self {
             path: path.to_owned(),
             container,
@@ -179,8 +192,7 @@ impl ImageFile {
         } else {
             vec![format!("other pictures in the file are not used: {layers}")]
         };
-        let size = picture.size;
-        Ok(Self { notes, ..Self::of_floats(path, Container::Exr(picture), size) })
+        Ok(Self { notes, ..Self::of_floats(path, picture.size, Container::Exr(picture)) })
     }
 
     #[cfg(not(feature = "exr"))]
@@ -229,7 +241,8 @@ impl ImageFile {
                 transfer = chunks.transfer;
             }
             encoding.significant_bits = chunks.significant_bits.filter(|_| largest == Some(65535.0));
-            (pages, timing, animation) = (chunks.pages, chunks.timing, Some(Animation::Png));
+            (pages, timing) = (chunks.pages, chunks.timing);
+            animation = Some(if largest == Some(65535.0) { Animation::DeepPng } else { Animation::Png });
         } else if webp_chunks::is_webp(start) {
             let chunks = webp_chunks::read(buffered(path)?).map_err(|e| Error::io(path.display(), e))?;
             (pages, timing) = (chunks.pages, chunks.timing);
@@ -279,9 +292,10 @@ impl ImageFile {
             Container::Tiff(tiff) => tiff_file::read_page(&self.path, tiff.pages[page]),
             #[cfg(feature = "exr")]
             Container::Exr(picture) => exr_file::read(buffered(&self.path)?, &self.path, picture),
+            Container::Fits(fits) => fits.read_page(&self.path, page),
             Container::Pfm => pfm::read(&mut buffered(&self.path)?, &self.path),
             Container::Common { animation: Some(_) } => match self.animation()?.next() {
-                Some(frame) => frame.map_err(|e| decode_error(&self.path, e)).map(animation_pixels),
+                Some(pixels) => pixels,
                 None => Err(missing_page_error(&self.path, 0, self.pages)),
             },
             Container::Common { animation: None } => {
@@ -291,18 +305,34 @@ impl ImageFile {
     }
 
     /// Starts decoding the frames of an animation.
-    pub(in crate::light) fn animation(&self) -> Result<Frames<'static>> {
+    pub(in crate::light) fn animation(&self) -> Result<Box<dyn Iterator<Item = Result<Pixels>>>> {
         let refused = |e| decode_error(&self.path, e);
-        // The canvas and the frame each have four bytes per pixel, and the decoder keeps up to four of them.
-        inputs::check_memory(self.path.display(), 16 * self.size.pixels())?;
-        if let Container::Common { animation: Some(Animation::WebP(flags)) } = &self.container {
-            let file = BufReader::new(PatchedReader::open(&self.path, flags.clone())?);
-            let mut decoder = WebPDecoder::new(file).map_err(refused)?;
-            decoder.set_limits(limits()).map_err(refused)?;
-            return Ok(decoder.into_frames());
-        }
-        let decoder = PngDecoder::with_limits(buffered(&self.path)?, limits());
-        Ok(decoder.and_then(PngDecoder::apng).map_err(refused)?.into_frames())
+        let Container::Common { animation: Some(animation) } = &self.container else {
+            return Err(missing_page_error(&self.path, 1, self.pages));
+        };
+        // The canvas and the frame each have up to eight bytes per pixel, and the decoder keeps up to four of them.
+        let sample_bytes = if matches!(animation, Animation::DeepPng) { 2 } else { 1 };
+        inputs::check_memory(self.path.display(), 16 * sample_bytes * self.size.pixels())?;
+        let frames = match animation {
+            Animation::DeepPng => {
+                return Ok(Box::new(DeepApng::new(buffered(&self.path)?, &self.path)?));
+            }
+            Animation::WebP(flags) => {
+                let file = BufReader::new(PatchedReader::open(&self.path, flags.clone())?);
+                let mut decoder = WebPDecoder::new(file).map_err(refused)?;
+                decoder.set_limits(limits()).map_err(refused)?;
+                decoder.into_frames()
+            }
+            Animation::Png => {
+                let decoder = PngDecoder::with_limits(buffered(&self.path)?, limits());
+                decoder.and_then(PngDecoder::apng).map_err(refused)?.into_frames()
+            }
+        };
+        let path = self.path.clone();
+        Ok(Box::new(frames.map(move |frame| {
+            let buffer = frame.map_err(|e| decode_error(&path, e))?.into_buffer();
+            Ok(Pixels::Image(DynamicImage::ImageRgba8(buffer)))
+        })))
     }
 
     /// Converts decoded pixels to light in the displayed orientation.
@@ -346,16 +376,11 @@ impl ImageFile {
     }
 }
 
-/// Returns the pixels of a frame of an animation.
-pub(in crate::light) fn animation_pixels(frame: image::Frame) -> Pixels {
-    Pixels::Image(DynamicImage::ImageRgba8(frame.into_buffer()))
-}
-
 /// Returns the error for a file with fewer pages than its header states.
 pub(in crate::light) fn missing_page_error(path: &Path, found: u64, pages: u64) -> Error {
     Error::new(ErrorKind::Input, path.display())
-        .found(format_args!("the end of the file after {found} pages"))
-        .expected(format_args!("{pages} pages, as stated in the header"))
+        .found(format_args!("the end of the file after {}", Count(found, "page")))
+        .expected(format_args!("{}, as stated in the header", Count(pages, "page")))
         .remedy("save the file again, because it is truncated")
 }
 
@@ -424,14 +449,14 @@ pub(super) fn decode_error(path: &Path, error: ImageError) -> Error {
         }
         other => {
             let remedy = if matches!(other, ImageError::Unsupported(_)) {
-                "save the image with 8-bit or 16-bit samples and another compression; save an animation of 16 bits as a folder of images"
+                "save the image with 8-bit or 16-bit samples and another compression"
             } else {
                 "open the image in a viewer to check whether the file is damaged"
             };
             Error::new(ErrorKind::Input, path.display())
                 .found(other)
                 .expected(
-                    "a complete PNG, JPEG, TIFF, EXR, HDR, PFM, BMP, PNM or WEBP image of a supported type",
+                    "a complete PNG, JPEG, TIFF, EXR, HDR, PFM, BMP, PNM, WEBP or FITS image of a supported type",
                 )
                 .remedy(remedy)
         }

@@ -3,14 +3,15 @@
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use super::image_file::{ImageFile, animation_pixels, decode_error, missing_page_error};
+use super::image_file::{ImageFile, missing_page_error};
 use super::linearization::{Linearization, Pixels};
 use super::page_timing::PageTiming;
 use crate::light::resize_mode::ResizeMode;
 use spikelane::error::Result;
 use spikelane::light::{Frame, Rate, Source};
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::threads;
 
 /// Number of decoded frames of an animation that wait for their use.
@@ -70,8 +71,7 @@ fn send_pages(file: &ImageFile, sender: &SyncSender<Result<Pixels>>) {
         Ok(frames) => frames,
         Err(e) => return drop(sender.send(Err(e))),
     };
-    for frame in frames {
-        let pixels = frame.map(animation_pixels).map_err(|e| decode_error(file.path(), e));
+    for pixels in frames {
         let is_last = pixels.is_err();
         if sender.send(pixels).is_err() || is_last {
             return;
@@ -116,9 +116,13 @@ impl Source for ImagePages {
         self.linear.front_end_for(self.file.has_float_pixels())
     }
 
+    fn full_scale(&self) -> FullScale {
+        self.linear.full_scale()
+    }
+
     fn describe(&self) -> String {
         let scale = self.linear.full_scale_text();
-        format!("{}: {} pages of {}{scale}", self.path().display(), self.file.pages, self.file.size)
+        format!("{}: {} of {}{scale}", self.path().display(), Count(self.file.pages, "page"), self.file.size)
     }
 
     fn stored_geometry(&self) -> Option<Geometry> {

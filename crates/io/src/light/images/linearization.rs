@@ -5,8 +5,9 @@ use image::metadata::Orientation;
 
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::{Frame, OwnedSamples, ToneCurve, Transfer};
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::light::declared_geometry;
 
 use super::encoding::Encoding;
@@ -27,6 +28,8 @@ pub struct Linearization {
     stated_full_scale: Option<f64>,
     /// The code or the float value of full scale, if it is not the largest code or 1.0.
     full_scale: Option<f64>,
+    /// Full scale in the units of the file.
+    stored_full_scale: FullScale,
     /// The light of each 16-bit code, if full scale is not the largest code.
     scaled_table: Option<Vec<f32>>,
 }
@@ -57,6 +60,7 @@ impl Linearization {
             is_default: stated.is_none(),
             stated_full_scale: None,
             full_scale: None,
+            stored_full_scale: front_end.full_scale,
             scaled_table: None,
         }
     }
@@ -92,6 +96,10 @@ impl Linearization {
             integers: ToneCurve::new(transfer),
             front_end: FrontEnd { transfer: Some(transfer), ..self.front_end },
             full_scale,
+            stored_full_scale: match encoding.largest_code {
+                None => FullScale::Code(full_scale.unwrap_or(1.0)),
+                Some(largest) => self.front_end.full_scale.in_units_of(full_scale.unwrap_or(largest)),
+            },
             scaled_table,
             ..*self
         }
@@ -99,13 +107,17 @@ impl Linearization {
 
     /// Returns whether the caller or the camera states which code is full scale.
     pub(in crate::light) fn has_full_scale(&self) -> bool {
-        self.stated_full_scale.is_some()
-            || self.front_end.full_scale != spikelane::sensor::FullScale::MAX_CODE
+        self.stated_full_scale.is_some() || self.front_end.full_scale != FullScale::MAX_CODE
     }
 
     /// Returns whether the transfer function of a file is used.
     pub(in crate::light) const fn uses_transfer_of_file(&self) -> bool {
         self.is_default
+    }
+
+    /// Returns full scale in the units of the file.
+    pub(in crate::light) const fn full_scale(&self) -> FullScale {
+        self.stored_full_scale
     }
 
     /// Returns a part of a description that names a full scale other than the largest code or 1.0.
@@ -296,9 +308,9 @@ pub fn linearize(image: DynamicImage, linear: &Linearization) -> Result<Frame> {
         other => {
             return Err(Error::new(ErrorKind::Input, "pixel type")
                 .found(format_args!(
-                    "pixels of {} channels and {} bits",
-                    other.color().channel_count(),
-                    other.color().bits_per_pixel()
+                    "pixels of {} and {} bits",
+                    Count(other.color().channel_count(), "channel"),
+                    other.color().bits_per_pixel(),
                 ))
                 .expected("gray or RGB of 8 or 16 bits or 32-bit float"));
         }

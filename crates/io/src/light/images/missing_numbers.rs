@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use spikelane::unstable::Count;
+
 /// Maximum number of missing numbers that a note lists.
 const MAX_LISTED_NUMBERS: usize = 8;
 
@@ -34,9 +36,9 @@ pub(in crate::light) fn missing_numbers_note(files: &[PathBuf]) -> Option<String
     }
     let (number, is) = if count == 1 { ("number", "is") } else { ("numbers", "are") };
     Some(format!(
-        "{number} {} {is} missing ({count} of {} images): each gap is skipped, so every later image is one frame too early per missing image",
+        "{number} {} {is} missing ({count} of {}): each gap is skipped, so every later image is one frame too early per missing image",
         listed.join(", "),
-        files.len() as u64 + count
+        Count(files.len() as u64 + count, "image"),
     ))
 }
 

@@ -1,8 +1,10 @@
 //! Single images, and folders of images in order.
 
+mod deep_apng;
 pub(super) mod encoding;
 #[cfg(feature = "exr")]
 mod exr_file;
+mod fits_file;
 pub mod folder;
 pub mod image_file;
 pub(super) mod image_pages;

@@ -9,6 +9,7 @@ use std::path::Path;
 use image::{DynamicImage, ImageBuffer};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 
@@ -79,8 +80,8 @@ pub(super) fn read(file: &mut impl BufRead, path: &Path) -> Result<Pixels> {
     file.take(4 * samples as u64).read_to_end(&mut bytes).map_err(|e| Error::io(&name, e))?;
     if bytes.len() < 4 * samples {
         return Err(Error::new(ErrorKind::Input, &name)
-            .found(format_args!("{} bytes of samples", bytes.len()))
-            .expected(format_args!("{} bytes", 4 * samples))
+            .found(format_args!("{} of samples", Count(bytes.len(), "byte")))
+            .expected(Count(4 * samples, "byte"))
             .remedy("save the image again, because the file is truncated"));
     }
     let order = if header.is_big_endian { f32::from_be_bytes } else { f32::from_le_bytes };

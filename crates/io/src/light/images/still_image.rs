@@ -10,8 +10,9 @@ use crate::light::resize_mode::ResizeMode;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Rate;
 use spikelane::light::{Frame, Source};
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 
 /// A camera motion and the full image across which the camera moves.
 #[derive(Debug)]
@@ -31,8 +32,9 @@ pub struct StillImage {
     frame_at_rest: Frame,
     motion_view: Option<MotionView>,
     front_end: FrontEnd,
+    full_scale: FullScale,
     /// The part of the description that names full scale.
-    full_scale: String,
+    full_scale_text: String,
     notes: Vec<String>,
     frames: u64,
     next: u64,
@@ -72,7 +74,8 @@ impl StillImage {
             frame_at_rest: frame,
             motion_view: None,
             front_end: linear.front_end_for(file.has_float_pixels()),
-            full_scale: linear.full_scale_text(),
+            full_scale: linear.full_scale(),
+            full_scale_text: linear.full_scale_text(),
             notes: file.named_notes(),
             frames: 1,
             next: 0,
@@ -135,13 +138,19 @@ impl Source for StillImage {
         self.front_end
     }
 
+    fn full_scale(&self) -> FullScale {
+        self.full_scale
+    }
+
     fn describe(&self) -> String {
         let path = self.path.display();
         match &self.motion_view {
-            None => format!("{path}: one image of {}{}", self.size, self.full_scale),
+            None => format!("{path}: one image of {}{}", self.size, self.full_scale_text),
             Some(MotionView { rate, .. }) => format!(
-                "{path}: motion over an image of {}, {} frames at {rate} per second{}",
-                self.size, self.frames, self.full_scale
+                "{path}: motion over an image of {}, {} at {rate} per second{}",
+                self.size,
+                Count(self.frames, "frame"),
+                self.full_scale_text,
             ),
         }
     }

@@ -2,7 +2,9 @@
 //!
 //! The `image` crate decodes the first page of a TIFF only. To decode another page, this module changes the offset of
 //! the first page in the header while the file is read. Sample types that the `image` crate does not support, such as
-//! gray floats and packed codes, are decoded by the `tiff` crate.
+//! gray floats, are decoded by the `tiff` crate. The `tiff` crate does not decode packed samples of 9 to 15 bits.
+//! Therefore, this module changes the tags of a page of packed samples to those of gray samples of 8 bits, and unpacks
+//! the decoded bytes.
 
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
@@ -12,6 +14,7 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageBuffer, ImageDecoder};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Rate;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -49,8 +52,8 @@ pub(super) struct TiffFile {
 enum Storage {
     /// The `image` crate decodes the page. The value is the largest code of integers.
     Common(Option<f64>),
-    /// Gray integers of 2 to 7 bits, without padding between the samples of a row. The value is the number of bits.
-    PackedCodes(u32),
+    /// Integers of 1 to 15 bits, without padding between the samples of a row.
+    PackedCodes { bits: u32, channels: usize },
     /// Floats or other integers. The value is the number of channels.
     Values(usize),
 }
@@ -71,7 +74,9 @@ fn storage<R: Read + Seek>(decoder: &mut Decoder<R>) -> tiff::TiffResult<Option<
         (SampleFormat::Uint, 8) => Some(Storage::Common(Some(255.0))),
         (SampleFormat::Uint, 1) if channels == 1 => Some(Storage::Common(Some(255.0))),
         (SampleFormat::Uint, 16) => Some(Storage::Common(Some(65535.0))),
-        (SampleFormat::Uint, 2..8) if channels == 1 => Some(Storage::PackedCodes(bits.into())),
+        (SampleFormat::Uint, 1..8 | 9..16) if channels == 1 || channels == 3 => {
+            Some(Storage::PackedCodes { bits: bits.into(), channels })
+        }
         (SampleFormat::IEEEFP, 32) if channels >= 3 => Some(Storage::Common(None)),
         (SampleFormat::IEEEFP, 16 | 32 | 64) | (SampleFormat::Uint | SampleFormat::Int, 8 | 16 | 32 | 64) => {
             Some(Storage::Values(channels))
@@ -94,7 +99,7 @@ pub(super) fn read_header(path: &Path) -> Result<TiffFile> {
     let kept = storage(&mut decoder).map_err(refused)?.ok_or_else(|| storage_error(path, &mut decoder))?;
     let mut notes = Vec::new();
     let mut encoding = Encoding { largest_code: largest_code(kept), ..Encoding::default() };
-    if let Storage::PackedCodes(bits) = kept {
+    if let Storage::PackedCodes { bits, .. } = kept {
         encoding.white_code = Some(f64::from((1_u32 << bits) - 1));
     } else if let Some(largest) = encoding.largest_code {
         let stated = decoder.find_tag_unsigned_vec::<u64>(Tag::MaxSampleValue).ok().flatten();
@@ -140,11 +145,15 @@ pub(super) fn read_header(path: &Path) -> Result<TiffFile> {
         }
     }
     if others > 0 {
-        notes.push(format!("{others} pages are thumbnails, masks or of another size, and are not used"));
+        notes.push(format!("not used: {} (thumbnails, masks or another size)", Count(others, "page")));
     }
     let imagej = ImageJ::parse(&description);
     if let Some(stated) = imagej.images.filter(|n| *n != pages.len() as u64) {
-        notes.push(format!("the description states {stated} images, but the file has {} pages", pages.len()));
+        notes.push(format!(
+            "the description states {}, but the file has {}",
+            Count(stated, "image"),
+            Count(pages.len(), "page"),
+        ));
     }
     Ok(TiffFile {
         pages,
@@ -159,7 +168,7 @@ pub(super) fn read_header(path: &Path) -> Result<TiffFile> {
 fn largest_code(kept: Storage) -> Option<f64> {
     match kept {
         Storage::Common(code) => code,
-        Storage::PackedCodes(_) => Some(65535.0),
+        Storage::PackedCodes { .. } => Some(65535.0),
         Storage::Values(_) => None,
     }
 }
@@ -200,60 +209,170 @@ impl ImageJ {
 /// [`ErrorKind::Input`] if the page is damaged or has a sample type that is not supported.
 pub(super) fn read_page(path: &Path, offset: u64) -> Result<Pixels> {
     let refused = |e| tiff_error(path, e);
-    let open = || open_page(path, offset);
+    let open = || open_page(path, offset, Vec::new());
     let mut decoder = Decoder::new(open()?).map_err(refused)?;
     let (width, height) = decoder.dimensions().map_err(refused)?;
     let name = path.display().to_string();
     let size = declared_geometry(width.into(), height.into(), &name)?;
     let kept = storage(&mut decoder).map_err(refused)?.ok_or_else(|| storage_error(path, &mut decoder))?;
-    if matches!(kept, Storage::Common(_)) {
-        let mut decoder = TiffDecoder::new(open()?).map_err(|e| decode_error(path, e))?;
-        limits().reserve(decoder.total_bytes()).map_err(|e| decode_error(path, e))?;
-        decoder.set_limits(limits()).map_err(|e| decode_error(path, e))?;
-        inputs::check_memory(&name, 2 * decoder.total_bytes() as usize)?;
-        return DynamicImage::from_decoder(decoder).map(Pixels::Image).map_err(|e| decode_error(path, e));
-    }
     // A sample has at most 8 bytes.
     let bytes = size.pixels() as u64 * 8 * 4;
-    inputs::check_memory(&name, usize::try_from(bytes.min(MAX_PICTURE_BYTES)).unwrap_or(usize::MAX))?;
+    let bytes = usize::try_from(bytes.min(MAX_PICTURE_BYTES)).unwrap_or(usize::MAX);
+    let channels = match kept {
+        Storage::Common(_) => {
+            let mut decoder = TiffDecoder::new(open()?).map_err(|e| decode_error(path, e))?;
+            limits().reserve(decoder.total_bytes()).map_err(|e| decode_error(path, e))?;
+            decoder.set_limits(limits()).map_err(|e| decode_error(path, e))?;
+            inputs::check_memory(&name, 2 * decoder.total_bytes() as usize)?;
+            let image = DynamicImage::from_decoder(decoder).map_err(|e| decode_error(path, e))?;
+            return Ok(Pixels::Image(image));
+        }
+        Storage::PackedCodes { bits, channels } => {
+            inputs::check_memory(&name, bytes)?;
+            return read_packed(path, offset, &mut decoder, bits, channels);
+        }
+        Storage::Values(channels) => channels,
+    };
+    inputs::check_memory(&name, bytes)?;
+    let values = floats(decode_samples(path, decoder)?);
+    if values.len() != size.pixels() * channels {
+        return Err(unsupported_error(path, "too few samples"));
+    }
+    let colors = |used: usize| -> Vec<f32> {
+        values.chunks_exact(channels).flat_map(|p| p[..used].iter().copied()).collect()
+    };
+    Ok(if channels < 3 {
+        Pixels::GrayFloats { size, values: colors(1) }
+    } else {
+        let image = ImageBuffer::from_raw(width, height, colors(3)).expect("a color has three samples");
+        Pixels::Image(DynamicImage::ImageRgb32F(image))
+    })
+}
+
+fn decode_samples<R: Read + Seek>(path: &Path, decoder: Decoder<R>) -> Result<DecodingResult> {
     let mut limits = Limits::default();
     limits.decoding_buffer_size = MAX_PICTURE_BYTES as usize;
     limits.intermediate_buffer_size = MAX_PICTURE_BYTES as usize;
-    let mut decoder = decoder.with_limits(limits);
     let mut result = DecodingResult::U8(Vec::new());
-    let layout = decoder.read_image_to_buffer(&mut result).map_err(refused)?;
-    if layout.planes > 1 {
+    let layout = decoder.with_limits(limits).read_image_to_buffer(&mut result);
+    if layout.map_err(|e| tiff_error(path, e))?.planes > 1 {
         return Err(unsupported_error(
             path,
             "separate planes of samples that are not integers of 8 or 16 bits",
         ));
     }
-    match kept {
-        Storage::PackedCodes(bits) => {
-            let buffer = result.as_buffer(0);
-            let row_bytes = (size.width() * bits as usize).div_ceil(8);
-            let rows = buffer.as_bytes().chunks_exact(row_bytes).take(size.height());
-            let codes: Vec<u16> = rows.flat_map(|row| unpacked(row, bits, size.width())).collect();
-            let image = ImageBuffer::from_raw(width, height, codes).map(DynamicImage::ImageLuma16);
-            image.map(Pixels::Image).ok_or_else(|| unsupported_error(path, "too few packed samples"))
+    Ok(result)
+}
+
+/// Decodes a page of packed samples, whose tags `decoder` has read.
+fn read_packed<R: Read + Seek>(
+    path: &Path,
+    offset: u64,
+    decoder: &mut Decoder<R>,
+    bits: u32,
+    channels: usize,
+) -> Result<Pixels> {
+    let (width, height) = decoder.dimensions().map_err(|e| tiff_error(path, e))?;
+    let mut tag = |tag: Tag| decoder.find_tag_unsigned::<u32>(tag).ok().flatten();
+    // Other compressions and the predictor depend on the number of bits.
+    for (name, value, supported) in [
+        ("compression", tag(Tag::Compression), &[1, 5, 8, 32773, 32946][..]),
+        ("predictor", tag(Tag::Predictor), &[1]),
+        ("fill order", tag(Tag::FillOrder), &[1]),
+        ("planar configuration", tag(Tag::PlanarConfiguration), &[1]),
+    ] {
+        if let Some(value) = value.filter(|value| !supported.contains(value)) {
+            let found = format!("packed samples of {bits} bits with the {name} {value}");
+            return Err(unsupported_error(path, &found));
         }
-        _ => {
-            let channels = if let Storage::Values(n) = kept { n } else { 1 };
-            let values = floats(result);
-            if values.len() != size.pixels() * channels {
-                return Err(unsupported_error(path, "too few samples"));
-            }
-            let colors = |used: usize| -> Vec<f32> {
-                values.chunks_exact(channels).flat_map(|p| p[..used].iter().copied()).collect()
-            };
-            Ok(if channels < 3 {
-                Pixels::GrayFloats { size, values: colors(1) }
-            } else {
-                let image =
-                    ImageBuffer::from_raw(width, height, colors(3)).expect("a color has three samples");
-                Pixels::Image(DynamicImage::ImageRgb32F(image))
-            })
+    }
+    let is_inverted = tag(Tag::PhotometricInterpretation) == Some(0);
+    let bytes_of = |pixels: u32| (u64::from(pixels) * channels as u64 * u64::from(bits)).div_ceil(8);
+    let row_bytes = bytes_of(width);
+    // The width of a tile is a multiple of 16, so a row of a tile has no unused bits.
+    let tile_bytes = tag(Tag::TileWidth).map(bytes_of);
+    let patches = packed_patches(path, offset, row_bytes, tile_bytes)?;
+    let decoder = Decoder::new(open_page(path, offset, patches)?).map_err(|e| tiff_error(path, e))?;
+    let DecodingResult::U8(bytes) = decode_samples(path, decoder)? else {
+        return Err(unsupported_error(path, "packed samples that are not unsigned integers"));
+    };
+    let samples = width as usize * channels;
+    let rows = bytes.chunks_exact(row_bytes as usize);
+    let mut codes: Vec<u16> = rows.flat_map(|row| unpacked(row, bits, samples)).collect();
+    if is_inverted {
+        let largest = ((1_u32 << bits) - 1) as u16;
+        codes.iter_mut().for_each(|code| *code = largest - *code);
+    }
+    let image = if channels == 1 {
+        ImageBuffer::from_raw(width, height, codes).map(DynamicImage::ImageLuma16)
+    } else {
+        ImageBuffer::from_raw(width, height, codes).map(DynamicImage::ImageRgb16)
+    };
+    image.map(Pixels::Image).ok_or_else(|| unsupported_error(path, "too few packed samples"))
+}
+
+/// Returns new bytes for the directory at `offset`, which then describes the bytes of packed samples as gray samples.
+fn packed_patches(
+    path: &Path,
+    offset: u64,
+    row_bytes: u64,
+    tile_bytes: Option<u64>,
+) -> Result<Vec<(u64, u8)>> {
+    const SHORT: u64 = 3;
+    const LONG: u64 = 4;
+    let file = InputFile::open(path)?;
+    let form = Form::read(&file)?;
+    let word = if form.is_big { 8 } else { 4 };
+    let (count_bytes, entry_bytes) = if form.is_big { (8, 20) } else { (2, 12) };
+    let mut count = [0; 8];
+    file.read_at(offset, &mut count[..count_bytes])?;
+    let entries = form.number(&count[..count_bytes]).min(u16::MAX.into());
+    let mut patches = Vec::new();
+    for i in 0..entries {
+        let at = offset + count_bytes as u64 + i * entry_bytes;
+        let mut tag = [0; 2];
+        file.read_at(at, &mut tag)?;
+        let (kind, value) = match (Tag::from_u16_exhaustive(form.number(&tag) as u16), tile_bytes) {
+            (Tag::ImageWidth, _) => (LONG, row_bytes),
+            (Tag::TileWidth, Some(bytes)) => (LONG, bytes),
+            (Tag::BitsPerSample, _) => (SHORT, 8),
+            (Tag::SamplesPerPixel | Tag::PhotometricInterpretation, _) => (SHORT, 1),
+            _ => continue,
+        };
+        let mut stored = form.bytes(value, if kind == SHORT { 2 } else { 4 });
+        stored.resize(word, 0);
+        let entry = [form.bytes(kind, 2), form.bytes(1, word), stored].concat();
+        patches.extend((at + 2..).zip(entry));
+    }
+    Ok(patches)
+}
+
+/// The byte order of a TIFF, and whether it is a BigTIFF.
+#[derive(Clone, Copy)]
+struct Form {
+    is_big_endian: bool,
+    is_big: bool,
+}
+
+impl Form {
+    fn read(file: &InputFile) -> Result<Self> {
+        let mut header = [0; 4];
+        file.read_at(0, &mut header)?;
+        Ok(Self { is_big_endian: header.starts_with(b"MM"), is_big: header[2..].contains(&43) })
+    }
+
+    /// Returns the lowest `len` bytes of a number in the byte order of the file.
+    fn bytes(self, value: u64, len: usize) -> Vec<u8> {
+        if self.is_big_endian {
+            value.to_be_bytes()[8 - len..].to_vec()
+        } else {
+            value.to_le_bytes()[..len].to_vec()
         }
+    }
+
+    fn number(self, bytes: &[u8]) -> u64 {
+        let join = |all: u64, byte: &u8| all << 8 | u64::from(*byte);
+        if self.is_big_endian { bytes.iter().fold(0, join) } else { bytes.iter().rev().fold(0, join) }
     }
 }
 
@@ -313,18 +432,13 @@ fn tiff_error(path: &Path, error: TiffError) -> Error {
     }
 }
 
-/// Opens a TIFF in whose header the first page is the page at the offset `page`.
-fn open_page(path: &Path, page: u64) -> Result<BufReader<PatchedReader>> {
-    let mut header = [0; 4];
-    InputFile::open(path)?.read_at(0, &mut header)?;
-    let is_big_endian = header.starts_with(b"MM");
-    let bytes = if is_big_endian { page.to_be_bytes() } else { page.to_le_bytes() };
-    let (at, bytes) = match (header[2..].contains(&43), is_big_endian) {
-        (true, _) => (8, &bytes[..]),
-        (false, true) => (4, &bytes[4..]),
-        (false, false) => (4, &bytes[..4]),
-    };
-    PatchedReader::open(path, (at..).zip(bytes.iter().copied()).collect()).map(BufReader::new)
+/// Opens a TIFF in whose header the first page is the page at the offset `page`. `patches` replaces bytes after the
+/// header.
+fn open_page(path: &Path, page: u64, patches: Vec<(u64, u8)>) -> Result<BufReader<PatchedReader>> {
+    let form = Form::read(&InputFile::open(path)?)?;
+    let (at, len) = if form.is_big { (8, 8) } else { (4, 4) };
+    let header = (at..).zip(form.bytes(page, len));
+    PatchedReader::open(path, header.chain(patches).collect()).map(BufReader::new)
 }
 
 #[cfg(test)]

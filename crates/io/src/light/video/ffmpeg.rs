@@ -17,7 +17,7 @@ use crate::light::resize_mode::ResizeMode;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Rate;
 use spikelane::light::{Frame, Source};
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::InputFile;
 use spikelane::unstable::threads;
@@ -223,6 +223,10 @@ impl Source for FfmpegSource {
 
     fn front_end(&self) -> FrontEnd {
         self.video.front_end()
+    }
+
+    fn full_scale(&self) -> FullScale {
+        self.video.full_scale()
     }
 
     fn describe(&self) -> String {

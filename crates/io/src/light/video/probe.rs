@@ -152,8 +152,9 @@ impl VideoProbe {
                     .to_owned(),
             );
         }
-        // Formats of animations always have alpha, although few animations use it.
-        let has_alpha = ["yuva", "ya", "gbrap"].iter().any(|family| pixels.starts_with(family));
+        // GIF is decoded as bgra, which always has alpha, although few animations use it.
+        let has_alpha =
+            ["yuva", "ya", "gbrap", "rgba", "argb", "abgr"].iter().any(|family| pixels.starts_with(family));
         if has_alpha {
             notes.push("alpha is not used: transparent pixels have their stored color".to_owned());
         }

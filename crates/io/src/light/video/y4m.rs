@@ -17,8 +17,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use ::y4m::{Decoder, Limits};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::{Frame, OwnedSamples, Rate, Source};
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 
@@ -125,8 +126,12 @@ impl Source for Y4mSource {
         self.linear.front_end_for(false)
     }
 
+    fn full_scale(&self) -> FullScale {
+        self.linear.full_scale()
+    }
+
     fn describe(&self) -> String {
-        let count = self.frames.map_or("frames".to_owned(), |n| format!("{n} frames"));
+        let count = self.frames.map_or("frames".to_owned(), |n| Count(n, "frame").to_string());
         let rate = self.rate().map_or(String::new(), |r| format!(" at {r} per second"));
         let (name, size) = (&self.reader.name, self.reader.geometry);
         format!("{name}: video of {size}, {count}{rate}{}", self.linear.full_scale_text())

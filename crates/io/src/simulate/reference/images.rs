@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane::unstable::light::srgb_byte;
 use spikelane::unstable::npy::{self, Element};
 
@@ -128,7 +129,7 @@ fn png(bytes: &[u8], geometry: Geometry, kind: ExtendedColorType) -> Result<Vec<
     let expected = geometry.pixels() * if kind == ExtendedColorType::L16 { 2 } else { 1 };
     if bytes.len() != expected {
         return Err(Error::new(ErrorKind::Input, "reference image")
-            .found(format_args!("{} bytes of samples", bytes.len()))
+            .found(format_args!("{} of samples", Count(bytes.len(), "byte")))
             .expected(format_args!("{expected}, for {geometry}")));
     }
     let mut out = Cursor::new(Vec::new());
