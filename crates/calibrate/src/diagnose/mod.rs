@@ -24,8 +24,8 @@ mod sensors;
 mod statistics;
 
 pub use answer::diagnosis::{
-    Diagnosis, Discrepancy, FoundEffect, Parameter, ParameterMismatch, ReportData, UnexplainedStatistic,
-    Verdict,
+    DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, Parameter, ParameterMismatch, ReportData,
+    UnexplainedStatistic, Verdict,
 };
 pub use answer::page::write_diagnosis;
 pub use answer::pictures::{NamedCurve, SetPlots};

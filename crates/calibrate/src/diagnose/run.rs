@@ -174,7 +174,6 @@ fn by_itself(
         },
         seed: options.seed,
         base_parameters: base.map_or_else(Vec::new, |b| b.numbers.clone()),
-        lamps: base.map_or_else(Vec::new, |b| b.lamps.clone()),
         ..description.clone()
     };
     if let Err(why) = poor(&both.fitted.setup, options.camera.is_some()) {

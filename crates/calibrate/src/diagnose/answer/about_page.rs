@@ -85,15 +85,11 @@ pub(super) fn judged(about: &Provenance) -> Vec<PageElement> {
     row("camera", about.camera.clone());
     row("seed", about.seed.to_string());
     parts.push(PageElement::Table(set));
-    let lamp = |file: &str| about.lamps.iter().find(|l| l.file.ends_with(file));
-    let mut files =
-        Table::new(&["recording", "light", "calibrated minus stated light", "readouts", "first readout"]);
+    let mut files = Table::new(&["recording", "light", "readouts", "first readout"]);
     for r in &about.recordings {
-        let found = lamp(&r.file).map_or_else(String::new, |l| format!("{:+.3} %", 100.0 * l.deviation));
         files.push_row([
             r.file.clone(),
             r.light.clone(),
-            found,
             r.readouts.to_string(),
             r.first_readout.to_string(),
         ]);

@@ -72,6 +72,36 @@ pub struct ParameterMismatch {
     pub ambiguous_with: Vec<&'static str>,
 }
 
+/// The light of a recording after the diagnosis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct DiagnosedLamp {
+    /// File of the recording.
+    pub file: String,
+    /// The stated light in words.
+    pub light: String,
+    /// Relative standard deviation with which the light was known before the diagnosis.
+    pub uncertainty: f64,
+    /// Relative deviation from the stated light, from all recordings and the final model.
+    pub deviation: f64,
+    /// Standard deviation of `deviation`.
+    pub error: f64,
+    /// Deviation in units of `uncertainty`.
+    pub pull: f64,
+    /// Influence of this lamp on the parameters that are named.
+    pub impacts: Vec<LampImpact>,
+}
+
+/// Influence of a lamp on a fitted parameter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LampImpact {
+    /// The parameter as `effect.key`.
+    pub parameter: String,
+    /// Change of the fitted value if the light of the lamp is larger by `error` of the lamp.
+    pub change: f64,
+}
+
 /// A significant deviation that nothing explains.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct UnexplainedStatistic {
@@ -131,6 +161,8 @@ pub struct Diagnosis {
     pub effects: Vec<FoundEffect>,
     /// Parameters of the model that the data contradict.
     pub parameter_mismatches: Vec<ParameterMismatch>,
+    /// The light of each lit recording.
+    pub lamps: Vec<DiagnosedLamp>,
     /// Significant deviations that remain.
     pub unexplained: Vec<UnexplainedStatistic>,
     /// Discrepancies after each step.
@@ -166,6 +198,7 @@ impl Diagnosis {
             faults,
             effects: Vec::new(),
             parameter_mismatches: Vec::new(),
+            lamps: Vec::new(),
             unexplained: Vec::new(),
             discrepancy: Discrepancy {
                 fitted_set: Vec::new(),

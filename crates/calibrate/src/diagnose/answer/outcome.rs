@@ -1,20 +1,23 @@
 //! From a search's end to what is said of it.
 
 use super::diagnosis::{
-    Diagnosis, Discrepancy, FoundEffect, Parameter, ParameterMismatch, ReportData, UnexplainedStatistic,
-    Verdict,
+    DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, Parameter, ParameterMismatch, ReportData,
+    UnexplainedStatistic, Verdict,
 };
 use super::next_recording::settle;
 use super::notes::{open, unjudged};
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
 use crate::diagnose::fit::fitter::Fitter;
+use crate::diagnose::fit::found_lamps::LampPosterior;
 use crate::diagnose::fit::interval::{interval, of_data};
 use crate::diagnose::fit::unlocated::allowing;
+use crate::diagnose::given::about::words;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::search::contradicted::{Contradicted, contradicted};
 use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Round, kept};
 use crate::diagnose::search::search::Found;
+use crate::diagnose::sensors::model::Lamp;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 
@@ -129,6 +132,7 @@ pub(in crate::diagnose) fn outcome(
         faults: Vec::new(),
         provenance: None,
         effects,
+        lamps: lamps(reference, found, &(data - &found.own.mean), &misfits),
         parameter_mismatches: misfits,
         unexplained: match verdict {
             _ if found.left => unknown(reference, found, &(data - &found.own.mean)),
@@ -184,6 +188,44 @@ fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
     let ends = interval(knob.scale, u, deviation, found.own.additive[j]);
     let ends = ends.map(|u| knob.value(knob.clamped(u)));
     Parameter { name: knob.key, value: knob.value(u), low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
+}
+
+/// The light of the recordings, and what each lamp moves in the parameters that are named.
+fn lamps(
+    reference: &NullModel,
+    found: &Found,
+    off: &nalgebra::DVector<f64>,
+    mismatches: &[ParameterMismatch],
+) -> Vec<DiagnosedLamp> {
+    let fit = &found.fit;
+    let lamps = &fit.model.lamps;
+    if lamps.is_empty() {
+        return Vec::new();
+    }
+    let uncertainties: Vec<f64> = lamps.iter().map(|lamp| lamp.uncertainty).collect();
+    let moved = found.own.metric.bounded(off, &fit.bounds());
+    let posterior =
+        LampPosterior::new(&found.own.metric, &reference.lamp_slopes, &uncertainties, off, &moved);
+    let name = |j: usize| format!("{}.{}", fit.model.knobs[j].effect.name, fit.model.knobs[j].key);
+    let is_named = |j: &usize| *j >= fit.base_knobs() || mismatches.iter().any(|m| m.parameter == name(*j));
+    let impact = |k: usize, j: usize| {
+        let (knob, u) = (fit.model.knobs[j], fit.u[j]);
+        let change = knob.value(knob.clamped(u + posterior.impacts[(j, k)])) - knob.value(u);
+        LampImpact { parameter: name(j), change }
+    };
+    let of = |(k, lamp): (usize, &Lamp)| {
+        let recording = &reference.setup.recordings[lamp.recording];
+        DiagnosedLamp {
+            file: recording.file_name(),
+            light: words(recording.light),
+            uncertainty: lamp.uncertainty,
+            deviation: posterior.deviations[k],
+            error: posterior.errors[k],
+            pull: if lamp.uncertainty > 0.0 { posterior.deviations[k] / lamp.uncertainty } else { 0.0 },
+            impacts: (0..fit.u.len()).filter(is_named).map(|j| impact(k, j)).collect(),
+        }
+    };
+    lamps.iter().enumerate().map(of).collect()
 }
 
 fn ties(round: Option<&Round>) -> Vec<&'static str> {

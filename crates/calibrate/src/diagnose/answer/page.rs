@@ -46,6 +46,7 @@ pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
         parts.push(PageElement::heading("Recordings that would distinguish ambiguous effects"));
         parts.push(PageElement::List { items: diagnosis.recommended_recordings.clone() });
     }
+    parts.extend(lamps(diagnosis));
     parts.extend(diagnosis.provenance.iter().flat_map(judged));
     if !diagnosis.notes.is_empty() {
         parts.push(PageElement::heading("Notes"));
@@ -178,6 +179,30 @@ fn named(d: &Diagnosis) -> Vec<PageElement> {
         parts.push(PageElement::Table(left));
     }
     parts
+}
+
+/// The light of the recordings: a row for each lamp.
+fn lamps(d: &Diagnosis) -> Vec<PageElement> {
+    let Some(first) = d.lamps.first() else { return Vec::new() };
+    let moved: Vec<String> = first.impacts.iter().map(|i| format!("moves {} by", i.parameter)).collect();
+    let mut titles = vec!["recording", "light", "uncertainty", "found minus stated light", "error", "pull"];
+    titles.extend(moved.iter().map(String::as_str));
+    let mut table = Table::new(&titles);
+    for lamp in &d.lamps {
+        let percent = |x: f64| format!("{:.2} %", 100.0 * x);
+        let mut row = vec![
+            lamp.file.clone(),
+            lamp.light.clone(),
+            percent(lamp.uncertainty),
+            format!("{:+.2} %", 100.0 * lamp.deviation),
+            percent(lamp.error),
+            format!("{:+.1}", lamp.pull),
+        ];
+        row.extend(lamp.impacts.iter().map(|i| format!("{:+.1e}", i.change)));
+        table.push_row(row);
+    }
+    const TEXT: &str = "The light of each recording is a parameter of every fit. The pull is the deviation of the found light from the stated light, divided by the uncertainty of the light. A pull beyond 3.5 is reported as a fault. The last columns show how a named parameter changes if the light of one recording increases by its error.";
+    vec![PageElement::heading("Light of the recordings"), PageElement::text(TEXT), PageElement::Table(table)]
 }
 
 fn gap(d: &Diagnosis) -> Result<Vec<PageElement>> {

@@ -6,6 +6,7 @@ pub(super) mod draws;
 #[allow(clippy::module_inception, reason = "the fit itself is what the room is named for")]
 pub(super) mod fit;
 pub(super) mod fitter;
+pub(super) mod found_lamps;
 pub(super) mod interval;
 pub(super) mod likelihood;
 pub(super) mod price;

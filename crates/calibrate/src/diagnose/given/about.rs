@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::base_model::{BaseParameter, FoundLamp};
+use super::base_model::BaseParameter;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::{RecordingSet, Stimulus, StimulusPattern};
 
@@ -49,8 +49,6 @@ pub struct Provenance {
     pub seed: u64,
     /// Its numbers.
     pub base_parameters: Vec<BaseParameter>,
-    /// Light levels as calibration found them.
-    pub lamps: Vec<FoundLamp>,
 }
 
 impl Provenance {
@@ -77,7 +75,7 @@ impl Provenance {
     }
 }
 
-fn words(light: Stimulus) -> String {
+pub(in crate::diagnose) fn words(light: Stimulus) -> String {
     match light {
         Stimulus::Level(0.0) => "dark".to_owned(),
         Stimulus::Level(level) => format!("{level}"),

@@ -64,23 +64,10 @@ impl BaseParameter {
     }
 }
 
-/// A level of light as calibration found it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct FoundLamp {
-    /// Its file.
-    pub file: String,
-    /// Light as the set states it.
-    pub stated_light: f64,
-    /// Relative deviation from that, in proportion to the other levels.
-    pub deviation: f64,
-}
-
 /// What a search starts from.
 pub(in crate::diagnose) struct BaseModel {
     pub camera: Camera,
     pub numbers: Vec<BaseParameter>,
-    pub lamps: Vec<FoundLamp>,
     pub notes: Vec<String>,
 }
 
@@ -123,14 +110,13 @@ impl BaseModel {
     fn running(taken: &Taken, given: Option<&Camera>) -> Result<Self> {
         let Taken { set, setup, measured } = taken;
         let calibration = calibration(set);
-        let lamps = calibration.as_ref().map_or_else(|_| Vec::new(), lamps);
         if let Some(given) = given {
-            return Ok(Self { lamps, ..Self::of_camera(given)? });
+            return Self::of_camera(given);
         }
         let camera = published(setup)?;
         match calibration {
             Ok(c) => {
-                let found = Self { camera, numbers: Vec::new(), lamps, notes: Vec::new() }.moved(&c)?;
+                let found = Self { camera, numbers: Vec::new(), notes: Vec::new() }.moved(&c)?;
                 if kept(setup, &measured.scans) { found.below_zero() } else { Ok(found) }
             }
             Err(why) => {
@@ -139,7 +125,7 @@ impl BaseModel {
                     "There is no camera file, and the recordings could not be calibrated ({}). The published values of scsim-code are used instead. Provide a camera file if the camera has other values.",
                     why.to_string().trim_end_matches('.')
                 );
-                Ok(Self { camera, numbers, lamps, notes: vec![note] })
+                Ok(Self { camera, numbers, notes: vec![note] })
             }
         }
     }
@@ -154,7 +140,7 @@ impl BaseModel {
                 "The camera file has maps of pixels. A diagnosis compares populations, so the maps are replaced by their medians, their spreads and a log-normal tail of the dark current. A property that only the maps contain, such as hot pixels, is therefore reported as a missing effect.".to_owned(),
             );
         }
-        Ok(Self { numbers: numbers(&camera, NumberSource::Camera), camera, lamps: Vec::new(), notes })
+        Ok(Self { numbers: numbers(&camera, NumberSource::Camera), camera, notes })
     }
 
     /// With dark currents below zero kept.
@@ -211,16 +197,6 @@ fn calibration(set: &RecordingSet) -> Result<Calibration> {
     let options = calibrate::CalibrateOptions::default();
     calibrate::measure_levels(set, &mut |_, _| {})
         .and_then(|observed| calibrate::calibrate(&observed, &options))
-}
-
-fn lamps(c: &Calibration) -> Vec<FoundLamp> {
-    let lit = c.lamps.iter().filter(|l| l.stated_light > 0.0 && !l.is_saturated);
-    let of = |l: &calibrate::Lamp| FoundLamp {
-        file: l.file.clone(),
-        stated_light: l.stated_light,
-        deviation: l.deviation.value / l.stated_light,
-    };
-    lit.map(of).filter(|l| l.deviation.is_finite()).collect()
 }
 
 fn numbers(camera: &Camera, source: NumberSource) -> Vec<BaseParameter> {
@@ -300,12 +276,7 @@ mod tests {
             BaseParameter::of(&prnu::EFFECT, "mean", 1.5, Some(0.01), NumberSource::Calibrated),
             BaseParameter::of(&shot_noise::EFFECT, "strength", 1.0, None, NumberSource::Published),
         ];
-        let base = BaseModel {
-            camera: camera.clone(),
-            numbers: numbers.to_vec(),
-            lamps: Vec::new(),
-            notes: Vec::new(),
-        };
+        let base = BaseModel { camera: camera.clone(), numbers: numbers.to_vec(), notes: Vec::new() };
         assert!(base.is_guessed());
         let quanta = camera.effect(shot_noise::EFFECT.name).unwrap().clone();
         let found = camera.with_effect(quanta.with_value("strength", 9.0).unwrap());
