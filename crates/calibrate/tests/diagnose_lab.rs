@@ -12,7 +12,9 @@ use hidden_sensor::{Physics, SCENES, Scene, Sensor, Size, record, write_set};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use spikelane::{Seeds, presets};
-use spikelane_calibrate::diagnose::{DiagnoseOptions, Diagnosis, FaultKind, Verdict, diagnose};
+use spikelane_calibrate::diagnose::{
+    DiagnoseOptions, Diagnosis, FaultKind, FoundEffect, Verdict, detectability, diagnose,
+};
 use spikelane_calibrate::{Protocol, RecordingSet};
 
 const SIZE: Size = Size { width: 24, height: 24, readouts: 2048 };
@@ -91,8 +93,8 @@ struct Lamps {
 }
 
 impl Lamps {
-    /// Diagnoses two sets of a sensor with `physics`.
-    fn diagnose(self, physics: Physics) -> Diagnosis {
+    /// Writes two sets of a sensor with `physics`.
+    fn record(self, physics: Physics) -> (tempfile::TempDir, [RecordingSet; 2]) {
         let sensor = Sensor::new(physics, SIZE.width, SIZE.height, 100 + self.seed);
         let folder = tempfile::tempdir().unwrap();
         let sets = [0, 1].map(|take: u64| {
@@ -113,6 +115,11 @@ impl Lamps {
             std::fs::write(path.join("recordings.toml"), set).unwrap();
             RecordingSet::open(&path.join("recordings.toml")).unwrap()
         });
+        (folder, sets)
+    }
+
+    fn diagnose(self, physics: Physics) -> Diagnosis {
+        let (_folder, sets) = self.record(physics);
         diagnose(&sets[0], Some(&sets[1]), DiagnoseOptions::default(), &mut |_, _| {}).unwrap()
     }
 }
@@ -169,6 +176,25 @@ fn alarms(laboratories: impl Iterator<Item = Lamps>) -> Vec<String> {
 fn lamps_off_by_up_to_5_percent_raise_no_alarm() {
     let alarms = alarms(laboratories(1));
     assert!(alarms.is_empty(), "{alarms:#?}");
+}
+
+/// The lamps are known to 1 %. The square wave and the checkerboard have two levels of one lamp each, so they show a bend of
+/// the response whatever the lamps are.
+#[test]
+fn a_bend_of_three_detectable_strengths_is_named_with_lamps_off_by_1_percent() {
+    let lamps = Lamps { seed: 6, deviation: 0.01, stated: 0.01 };
+    let (_folder, sets) = lamps.record(Physics::default());
+    let report = detectability(&sets[0], DiagnoseOptions::default(), &mut |_, _| {}).unwrap();
+    let smallest =
+        report.detectabilities.iter().find(|d| d.name == "response_nonlinearity").unwrap().strength;
+    eprintln!("smallest detectable bend: {smallest}");
+    let diagnosis = lamps.diagnose(Physics { quadratic: 3.0 * smallest, ..Physics::default() });
+    let named: Vec<_> =
+        diagnosis.effects.iter().map(|e| (e.name, &e.ambiguous_with, e.is_tentative)).collect();
+    let is_named = |e: &FoundEffect| {
+        e.name == "response_nonlinearity" || e.ambiguous_with.contains(&"response_nonlinearity")
+    };
+    assert!(diagnosis.effects.len() == 1 && is_named(&diagnosis.effects[0]), "{named:?}");
 }
 
 /// With a probability of an alarm of 1 % per set, three alarms in 40 sets have a probability of 0.7 %.
