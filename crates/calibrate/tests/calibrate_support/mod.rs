@@ -146,25 +146,31 @@ pub(crate) fn simulate_pixel(
     SpikeTrace { times }
 }
 
-/// Returns the phase variance per spike. It is computed from spans of a few intervals, by regression of the variances of
+/// Returns the phase variance per spike and the variance of the ends of a span. They are computed from spans of a few intervals, by regression of the variances of
 /// the spans.
 ///
 /// The length of `l` successive intervals has the variance `V(l) = l s + q` in readouts squared. `s` is the phase variance
 /// per spike times the squared mean interval. `q` is the contribution of rounding both ends to readouts. If the mean is
 /// estimated from all `n` intervals, the expected mean square deviation of the `K = n - l + 1` lengths is
-/// `s (l - l^2/n) + q (1 + l^2/n^2 - 2l/(nK))`. The function returns `s` divided by the squared mean interval.
+/// `s (l - l^2/n) + q (1 + l^2/n^2 - 2l/(nK))`. The first result is `s` divided by the squared mean interval. The second
+/// result is the end variance: the value of `q` that the spans of one interval have for this `s`, in readouts squared.
 ///
 /// For a pixel without noise `q` is 1/6. In the dark `q` is five times as large, because the charge after a spike varies
 /// with the redrawn threshold. If `q` were neglected, `s` of a pixel with 46 intervals would be too high by 1.1 %.
-fn phase_variance_slope(times: &[u32]) -> f64 {
+fn phase_variance(times: &[u32]) -> [f64; 2] {
     let n = times.len().saturating_sub(1);
     // In a dim pixel, even spans of one and two intervals are long enough to end at any phase between two readouts.
     let spans: &[usize] = if n < 32 { &[1, 2, 4, 8] } else { &[4, 8, 16] };
     let used = spans.iter().filter(|lag| **lag * 2 <= n);
     if n < 4 {
-        return f64::NAN;
+        return [f64::NAN; 2];
     }
     let mean = f64::from(times[n] - times[0]) / n as f64;
+    // A false spike divides an interval, and a missed spike doubles it.
+    let is_regular = |w: &[u32]| (0.6 * mean..1.4 * mean).contains(&f64::from(w[1] - w[0]));
+    if !times.windows(2).all(is_regular) {
+        return [f64::NAN; 2];
+    }
     let variance = |lag: usize| {
         let spans = times.windows(lag + 1).map(|w| (f64::from(w[lag] - w[0]) - lag as f64 * mean).powi(2));
         spans.sum::<f64>() / (n - lag + 1) as f64
@@ -179,7 +185,9 @@ fn phase_variance_slope(times: &[u32]) -> f64 {
         sv += s * v;
         qv += q * v;
     }
-    (sv * qq - qv * sq) / (ss * qq - sq * sq) / (mean * mean)
+    let s = (sv * qq - qv * sq) / (ss * qq - sq * sq);
+    let n = n as f64;
+    [s / (mean * mean), (variance(1) - s * (1.0 - 1.0 / n)) / (1.0 - 1.0 / (n * n))]
 }
 
 /// Returns the spike times of each pixel in the light `lit`.
@@ -209,10 +217,15 @@ pub(crate) fn level_from_times(times: &[Vec<u32>], light: f64, readouts: u32, di
         LightLevel::from_counts(&format!("light {light:.4}"), light, readouts, count, &first, &last)
             .with_first_half(&early);
     if dim {
-        let map = times.par_iter().map(|t| phase_variance_slope(t)).collect();
+        let both: Vec<[f64; 2]> = times.par_iter().map(|t| phase_variance(t)).collect();
+        let map = |i: usize| both.iter().map(|values| values[i]).collect();
         // Only dark levels can have too few spikes for lags of up to 16 intervals. In the dark the choice of lags makes
         // no difference.
-        level.interval_noise = Some(spikelane_calibrate::IntervalNoise { map, lags: vec![4, 8, 16] });
+        level.interval_noise = Some(spikelane_calibrate::IntervalNoise {
+            map: map(0),
+            end_variance: map(1),
+            lags: vec![4, 8, 16],
+        });
     }
     level
 }
