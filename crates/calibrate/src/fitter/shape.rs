@@ -20,15 +20,19 @@ use crate::result::{FieldTerm, LightField};
 use spikelane::spikes::Geometry;
 use spikelane_measure::Estimate;
 
-/// Degree of the polynomial. Natural vignetting, the fourth power of a cosine, is a polynomial of degree 4 within 1 % for
-/// a falloff of 60 %.
-const MAX_DEGREE: u32 = 4;
+/// Degree of the polynomial. For a light that falls off by 60 % with the squared radius, the polynomial of degree 6
+/// deviates from the logarithm by less than 0.5 %. The polynomial of degree 4 deviates by 2 % in the corners.
+const MAX_DEGREE: u32 = 6;
 /// Smallest number of pixels for each coefficient. With fewer pixels the degree is lower.
 const MIN_PIXELS_PER_TERM: usize = 12;
 
 /// Number of standard deviations of a normal variable that one of ten thousand exceeds. Of ten thousand sensors without a
 /// shape, one is given a shape.
 const SIGNIFICANCE_Z: f64 = 3.719;
+
+/// Largest number of pixels that are fitted. With 10,000 pixels and a gain spread of 7 %, the error of the falloff is 0.3 %.
+/// Larger sensors are thinned out by whole 2x2 cells.
+const MAX_FITTED_PIXELS: usize = 10_000;
 
 /// Number of iterations of the robust fit. The weights change by less than a thousandth after five.
 const ITERATIONS: usize = 10;
@@ -134,8 +138,14 @@ impl Fitter<'_> {
     fn fit_shape(&self) -> Option<GainShape> {
         let geometry = self.observed.geometry;
         let defect_free = self.defect_free_mask();
-        let good: Vec<usize> =
+        let all_good: Vec<usize> =
             (0..self.fits.len()).filter(|p| defect_free[*p] && self.fits[*p].a > 0.0).collect();
+        let stride = all_good.len().div_ceil(MAX_FITTED_PIXELS).max(1);
+        let is_fitted = |p: usize| {
+            let (row, column) = (p / geometry.width() / 2, p % geometry.width() / 2);
+            (row + 3 * column).is_multiple_of(stride)
+        };
+        let good: Vec<usize> = all_good.iter().copied().filter(|p| is_fitted(*p)).collect();
         let y: Vec<f64> = good.iter().map(|p| self.fits[*p].a.ln()).collect();
         let degree = (1..=MAX_DEGREE)
             .rev()
@@ -227,7 +237,7 @@ impl Fitter<'_> {
         }
         if has_classes {
             let gains = |c: usize| {
-                let of_class = good.iter().filter(|p| class(**p) == c);
+                let of_class = all_good.iter().filter(|p| class(**p) == c);
                 Estimate::mean(of_class.map(|p| self.fits[*p].a / shape.field[*p]))
             };
             shape.class_gains = (0..CELL_CLASSES).map(gains).collect();

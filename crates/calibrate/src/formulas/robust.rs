@@ -6,7 +6,15 @@
 use spikelane_measure::{median, median_and_spread};
 
 /// Limits of the groups in which estimates are counted, in standard deviations above the mean.
-const GROUP_LIMITS: [f64; 8] = [3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 17.0];
+const GROUP_LIMITS: [f64; 7] = [5.0, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0];
+
+/// Number of standard deviations by which a count exceeds its expectation before the weights of the group decrease. One
+/// regular group in a thousand exceeds it.
+const COUNT_Z_THRESHOLD: f64 = 3.0;
+
+/// Estimates farther from the mean, in standard deviations, are not used for the standard deviation. Of 4,000 regular
+/// estimates, at most one is farther.
+const MAX_SCALE_Z: f64 = 8.0;
 
 /// Number of iterations. The standard deviation changes by less than a thousandth after ten.
 const SCALE_ITERATIONS: usize = 20;
@@ -23,47 +31,39 @@ fn regular_share_above(z: f64) -> f64 {
     (-0.9 * z).exp() / 3.0
 }
 
-/// Returns, for each estimate of a variance, the probability that the estimate is regular. `precisions` are proportional
-/// to the inverse variances of the estimates. An estimate that is not finite has the weight 0.
-///
-/// The estimates more than three standard deviations above the mean are counted in groups. The weight of a group is the
-/// largest expected number of regular estimates, divided by the counted number, and at most 1. Without outliers all weights
-/// are therefore 1, so a clean mean does not change. Outliers far from the mean have the weight 0.
-pub(crate) fn regular_weights(values: &[f64], precisions: &[f64]) -> Vec<f64> {
-    let used: Vec<usize> =
-        (0..values.len()).filter(|p| values[*p].is_finite() && precisions[*p] > 0.0).collect();
-    let mut weights = vec![0.0; values.len()];
-    used.iter().for_each(|p| weights[*p] = 1.0);
-    let mut mean = median(&mut used.iter().map(|p| values[*p]).collect::<Vec<_>>());
-    let scaled = |p: usize, mean: f64| (values[p] - mean) * precisions[p].sqrt();
-    let mut sd = median_and_spread(&mut used.iter().map(|p| scaled(*p, mean)).collect::<Vec<_>>()).1;
+/// Returns estimates with equal errors in standard deviations from their mean. Outliers change neither the mean nor the
+/// standard deviation.
+pub(crate) fn standardize(values: &[f64]) -> Vec<f64> {
+    let (mut mean, mut sd) = median_and_spread(&mut values.to_vec());
     for _ in 0..SCALE_ITERATIONS {
-        if sd.is_nan() || sd <= 0.0 {
-            break;
-        }
-        let group = |p: usize| GROUP_LIMITS.partition_point(|limit| *limit <= scaled(p, mean) / sd);
-        let mut counts = [0.0; GROUP_LIMITS.len() + 1];
-        used.iter().for_each(|p| counts[group(*p)] += 1.0);
-        let regular: f64 = used.iter().map(|p| weights[*p]).sum();
-        let group_weight = |g: usize| {
-            let above = |limit: Option<&f64>| limit.map_or(0.0, |z| regular_share_above(*z));
-            match g.checked_sub(1) {
-                None => 1.0,
-                Some(i) => {
-                    let share = above(GROUP_LIMITS.get(i)) - above(GROUP_LIMITS.get(g));
-                    (regular * share / counts[g]).min(1.0)
-                }
-            }
-        };
-        let group_weights: Vec<f64> = (0..counts.len()).map(group_weight).collect();
-        used.iter().for_each(|p| weights[*p] = group_weights[group(*p)]);
-        let sum = |term: &dyn Fn(usize) -> f64| used.iter().map(|p| weights[*p] * term(*p)).sum::<f64>();
-        let squares = sum(&|p| scaled(p, mean).powi(2));
-        let total = sum(&|_| 1.0);
-        mean = sum(&|p| precisions[p] * values[p]) / sum(&|p| precisions[p]);
-        sd = (squares / total).sqrt();
+        let used = || values.iter().filter(|v| (**v - mean).abs() <= MAX_SCALE_Z * sd);
+        let count = used().count() as f64;
+        let next = used().sum::<f64>() / count;
+        sd = (used().map(|v| (v - next).powi(2)).sum::<f64>() / count).sqrt();
+        mean = next;
     }
-    weights
+    // If all values are equal, none is an outlier.
+    values.iter().map(|v| if sd > 0.0 { (v - mean) / sd } else { 0.0 }).collect()
+}
+
+/// Returns, for each standardized estimate of a variance, the probability that the estimate is regular.
+///
+/// The estimates more than five standard deviations above the mean are counted in groups. If a group contains significantly
+/// more estimates than the largest expected number of regular estimates, the weight is the ratio of both numbers. A clean
+/// mean therefore does not change. Outliers far from the mean have the weight 0.
+pub(crate) fn regular_weights(standardized: &[f64]) -> Vec<f64> {
+    let group = |z: &f64| GROUP_LIMITS.partition_point(|limit| limit <= z);
+    let mut counts = [0.0; GROUP_LIMITS.len() + 1];
+    standardized.iter().for_each(|z| counts[group(z)] += 1.0);
+    let share_above = |i: usize| GROUP_LIMITS.get(i).map_or(0.0, |z| regular_share_above(*z));
+    let weight = |g: usize| {
+        let Some(below) = g.checked_sub(1) else { return 1.0 };
+        let expected = counts[0] * (share_above(below) - share_above(g));
+        let is_excess = counts[g] > expected + COUNT_Z_THRESHOLD * expected.sqrt();
+        if is_excess { (expected / counts[g]).min(1.0) } else { 1.0 }
+    };
+    let weights: Vec<f64> = (0..counts.len()).map(weight).collect();
+    standardized.iter().map(|z| weights[group(z)]).collect()
 }
 
 /// Returns the robust standard deviation of residuals, and the weight of each residual by Tukey's biweight.
@@ -95,7 +95,7 @@ mod tests {
     }
 
     fn weighted_mean(values: &[f64]) -> f64 {
-        let weights = regular_weights(values, &vec![1.0; values.len()]);
+        let weights = regular_weights(&standardize(values));
         let sum: f64 = weights.iter().zip(values).map(|(w, v)| w * v).sum();
         sum / weights.iter().sum::<f64>()
     }

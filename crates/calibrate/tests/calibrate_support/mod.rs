@@ -37,6 +37,10 @@ pub(crate) struct Noise {
     pub sigma_t: f64,
     pub photons: f64,
     pub dead_time_fraction: f64,
+    /// Whether threshold noise is drawn at every readout. Otherwise it is drawn at every reset.
+    pub is_redrawn: bool,
+    /// Probability that a silent readout contains a false spike.
+    pub false_spikes: f64,
 }
 
 pub(crate) const PUBLISHED_NOISE: Noise = Noise {
@@ -47,6 +51,8 @@ pub(crate) const PUBLISHED_NOISE: Noise = Noise {
     sigma_t: 0.00636 / 1.0924,
     photons: 5e4,
     dead_time_fraction: 0.002,
+    is_redrawn: true,
+    false_spikes: 0.0,
 };
 
 /// A pixel with known parameters. `phi` and `gain` are divided by their nominal values. `dark` is the dark current in
@@ -56,11 +62,18 @@ pub(crate) struct Pixel {
     pub phi: f64,
     pub gain: f64,
     pub dark: f64,
+    /// Relative light on the pixel.
+    pub light: f64,
+    /// Relative amplitude of the telegraph noise of the dark current. The mean duration of a state is [`BLINK_READOUTS`].
+    pub blink: f64,
 }
+
+/// Mean duration of a state of a blinking pixel, in readouts.
+const BLINK_READOUTS: f64 = 300.0;
 
 impl Pixel {
     pub(crate) fn a(&self) -> f64 {
-        self.gain / self.phi
+        self.gain * self.light / self.phi
     }
 
     pub(crate) fn d(&self) -> f64 {
@@ -74,6 +87,8 @@ pub(crate) fn pixels(noise: &Noise, count: usize, seed: u64) -> Vec<Pixel> {
         phi: 1.0 + noise.threshold_sd * random.normal(),
         gain: 1.0 + noise.gain_sd * random.normal(),
         dark: (noise.dark + noise.dark_sd * random.normal()).max(0.0),
+        light: 1.0,
+        blink: 0.0,
     };
     (0..count).map(|_| pixel()).collect()
 }
@@ -107,9 +122,9 @@ pub(crate) fn simulate_pixel(
     readouts: u32,
     random: &mut Random,
 ) -> SpikeTrace {
-    let light = lit.light;
+    let light = lit.light * pixel.light;
     let mean_at =
-        |t: f64| pixel.gain * light * (1.0 + lit.rise * (t / f64::from(readouts) - 0.5)) + pixel.dark;
+        |t: f64, dark: f64| pixel.gain * light * (1.0 + lit.rise * (t / f64::from(readouts) - 0.5)) + dark;
     // Photons are counted before the gain is applied. For more than about a hundred photons, a normal distribution is exact
     // enough.
     let sd = if light > 0.0 { pixel.gain * (light / noise.photons).sqrt() } else { 0.0 };
@@ -118,12 +133,28 @@ pub(crate) fn simulate_pixel(
     let mut times = Vec::new();
     let mut fired = false;
     let mut t = 0;
+    // A blinking pixel has a dark current above or below its mean until `switch`.
+    let duration = |random: &mut Random| {
+        if pixel.blink > 0.0 {
+            1 + (-BLINK_READOUTS * (1.0 - random.uniform()).ln()) as u32
+        } else {
+            readouts
+        }
+    };
+    let mut dark = pixel.dark * (1.0 + pixel.blink);
+    let mut switch = duration(random);
+    let draw_threshold = |random: &mut Random| pixel.phi + noise.sigma_t * random.normal();
+    let mut theta = if noise.is_redrawn { pixel.phi } else { draw_threshold(random) };
     while t < readouts {
-        let mean = mean_at(f64::from(t));
+        if t >= switch {
+            dark = 2.0 * pixel.dark - dark;
+            switch = t + duration(random);
+        }
+        let mean = mean_at(f64::from(t), dark);
         let free = ((reach - charge - 8.0 * sd) / (mean + 8.0 * sd)).floor();
         if free >= 2.0 && !fired {
-            let n = free.min(f64::from(readouts - t));
-            charge += n * mean_at(f64::from(t) + 0.5 * n) + n.sqrt() * sd * random.normal();
+            let n = free.min(f64::from(readouts.min(switch) - t));
+            charge += n * mean_at(f64::from(t) + 0.5 * n, dark) + n.sqrt() * sd * random.normal();
             t += n as u32;
             continue;
         }
@@ -134,16 +165,40 @@ pub(crate) fn simulate_pixel(
         charge += step;
         fired = false;
         if charge > reach {
-            let theta = pixel.phi + noise.sigma_t * random.normal();
+            if noise.is_redrawn {
+                theta = draw_threshold(random);
+            }
             if charge >= theta {
                 charge -= theta;
                 fired = true;
                 times.push(t);
+                if !noise.is_redrawn {
+                    theta = draw_threshold(random);
+                }
             }
         }
         t += 1;
     }
+    add_false_spikes(noise.false_spikes, readouts, &mut times, random);
     SpikeTrace { times }
+}
+
+/// Adds a spike to each silent readout with the given probability.
+fn add_false_spikes(probability: f64, readouts: u32, times: &mut Vec<u32>, random: &mut Random) {
+    if probability == 0.0 {
+        return;
+    }
+    let mut at = 0.0;
+    loop {
+        // The distance to the next false spike is geometric.
+        at += 1.0 + ((1.0 - random.uniform()).ln() / (1.0 - probability).ln()).floor();
+        if at > f64::from(readouts) {
+            break;
+        }
+        times.push(at as u32 - 1);
+    }
+    times.sort_unstable();
+    times.dedup();
 }
 
 /// Returns the phase variance per spike and the variance of the ends of a span. They are computed from spans of a few intervals, by regression of the variances of
