@@ -70,7 +70,7 @@ impl Fitter<'_> {
         let defect_free = self.defect_free_mask();
         let (mut dark, mut lit) = (None, Vec::new());
         // A drift of 1 % doubles the variance of spans of 16 intervals. It would be mistaken for quanta.
-        for (k, level) in self.observed.levels.iter().enumerate().filter(|(_, l)| !l.drifts()) {
+        for (k, level) in self.observed.levels.iter().enumerate().filter(|(_, l)| !l.has_noisy_drift()) {
             let Some(mean) = self.variance_growth(k, &defect_free) else { continue };
             if level.light == 0.0 { dark = Some(mean) } else { lit.push(mean) }
         }
@@ -246,7 +246,11 @@ impl Fitter<'_> {
             |p: &usize| weight(*p) * self.light_share(*p, level, level.rate[*p]) * self.quantum(*p);
         let light = good.iter().map(of_light).sum::<f64>() / total;
         let ratio = self.growth_phase_correction(level, &good, square.sqrt(), light);
-        let s = Estimate { value: mean / ratio, error: squares.sqrt() / total / ratio, samples: good.len() };
+        // If the rate rises linearly by the share `rise`, a span of `n` intervals has the variance `(n rise)^2 / 12`.
+        let of_drift =
+            square_growth(&level.interval_noise.as_ref()?.lags) / 12.0 * level.undetected_rise_variance();
+        let error = (squares.sqrt() / total / ratio).hypot(of_drift);
+        let s = Estimate { value: mean / ratio, error, samples: good.len() };
         Some(VarianceGrowth { variance_per_spike: s, threshold_coefficient: unit, light_coefficient: light })
     }
 
@@ -351,6 +355,15 @@ impl Fitter<'_> {
         };
         self.mean_over_threshold(p, at).map(|(mean, _)| mean)
     }
+}
+
+/// Returns the slope of the line that is fitted to the squares of the lags.
+fn square_growth(lags: &[u32]) -> f64 {
+    let lags = || lags.iter().map(|l| f64::from(*l));
+    let mean = lags().sum::<f64>() / lags().count() as f64;
+    let slope =
+        lags().map(|l| (l - mean) * l * l).sum::<f64>() / lags().map(|l| (l - mean).powi(2)).sum::<f64>();
+    if slope.is_finite() { slope } else { 0.0 }
 }
 
 /// Returns `ratio` if it is plausible, otherwise 1. `ratio` is a quantity for correlated phases divided by the same

@@ -207,6 +207,7 @@ fn read_rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Lig
         rate,
         drifting_share: 0.0,
         rate_change: None,
+        start_offset: 0.5,
         interval_noise: None,
     })
 }

@@ -1,6 +1,6 @@
 //! Measurements of a recording set: for each uniform level, the data of each pixel.
 
-use super::check::SATURATION_RATE;
+use super::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
 use spikelane::spikes::{Geometry, span_rate};
 use spikelane_measure::{Estimate, finite_values, median};
 
@@ -48,6 +48,9 @@ pub struct LightLevel {
     /// Change of the mean rate of all pixels between the first and the second half of the recording, divided by the
     /// mean rate. `None` if unknown.
     pub rate_change: Option<Estimate>,
+    /// Distance of the mean start phase of the pixels from one half, in spikes. It is 0 for independent start phases, and
+    /// at most 0.5, if all pixels start empty or full.
+    pub start_offset: f64,
     /// Phase noise per spike. It is measured only for dim levels.
     pub interval_noise: Option<IntervalNoise>,
 }
@@ -74,7 +77,13 @@ impl LightLevel {
     ) -> Self {
         let counted = |p: usize| f64::from(count[p]) / f64::from(readouts);
         let rate = |p: usize| span_rate(count[p], first[p], last[p]).unwrap_or_else(|| counted(p));
-        let rate = (0..count.len()).map(rate).collect();
+        let rate: Vec<f64> = (0..count.len()).map(rate).collect();
+        // The product of the rate and the time of the first spike is the part of a cycle that was left at the start, up to one
+        // readout.
+        let fired = (0..count.len()).filter(|p| count[*p] >= MIN_TIMED_SPIKES);
+        let left: Vec<f64> = fired.map(|p| (rate[p] * (f64::from(first[p]) + 1.0)).min(1.0)).collect();
+        let mean = left.iter().sum::<f64>() / left.len() as f64;
+        let start_offset = if left.is_empty() { 0.5 } else { (mean - 0.5).abs().min(0.5) };
         Self {
             name: name.to_owned(),
             light,
@@ -84,6 +93,7 @@ impl LightLevel {
             rate,
             drifting_share: 0.0,
             rate_change: None,
+            start_offset,
             interval_noise: None,
         }
     }
