@@ -99,7 +99,11 @@ impl LightLevel {
     fn drifts_by(&self, min_relative: f64, min_z: f64) -> bool {
         let spikes = self.spikes.iter().map(|n| f64::from(*n)).sum::<f64>() / self.spikes.len() as f64;
         // Pixels that all start with the same charge fire up to half a spike more or less in the first half.
-        let min_change = min_relative.max(self.start_offset / (spikes / 2.0));
-        self.rate_change.is_some_and(|c| c.value.abs() > min_change && c.value.abs() > min_z * c.error)
+        let of_start = self.start_offset / (spikes / 2.0);
+        let exceeds = |c: Estimate| {
+            let excess = c.value.abs() - of_start;
+            excess > min_relative && excess > min_z * c.error
+        };
+        self.rate_change.is_some_and(exceeds)
     }
 }

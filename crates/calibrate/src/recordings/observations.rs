@@ -78,10 +78,9 @@ impl LightLevel {
         let counted = |p: usize| f64::from(count[p]) / f64::from(readouts);
         let rate = |p: usize| span_rate(count[p], first[p], last[p]).unwrap_or_else(|| counted(p));
         let rate: Vec<f64> = (0..count.len()).map(rate).collect();
-        // The product of the rate and the time of the first spike is the part of a cycle that was left at the start, up to one
-        // readout.
+        // The product of the rate and the time of the first spike is the part of a cycle that was left at the start.
         let fired = (0..count.len()).filter(|p| count[*p] >= MIN_TIMED_SPIKES);
-        let left: Vec<f64> = fired.map(|p| (rate[p] * (f64::from(first[p]) + 1.0)).min(1.0)).collect();
+        let left: Vec<f64> = fired.map(|p| (rate[p] * (f64::from(first[p]) + 0.5)).min(1.0)).collect();
         let mean = left.iter().sum::<f64>() / left.len() as f64;
         let start_offset = if left.is_empty() { 0.5 } else { (mean - 0.5).abs().min(0.5) };
         Self {
