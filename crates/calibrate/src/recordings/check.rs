@@ -206,6 +206,17 @@ fn significant(x: f64) -> String {
 fn check_monotonic(levels: &[LightLevel], width: usize) -> Result<()> {
     let rates: Vec<LevelRate> =
         levels.iter().map(|l| LevelRate::new(l, width)).filter(LevelRate::is_usable).collect();
+    // A level can be wrong in one class of the 2x2 cell, for example if half of the columns are silent.
+    for class in 0..levels.iter().map(|l| l.class_median_rates(width).len()).min().unwrap_or(0) {
+        let of_class = |l| LevelRate {
+            rate: LightLevel::class_median_rates(l, width)[class],
+            ..LevelRate::new(l, width)
+        };
+        let rates: Vec<LevelRate> = levels.iter().map(of_class).filter(LevelRate::is_usable).collect();
+        if rates.len() >= 4 {
+            check_linearity(&rates)?;
+        }
+    }
     if rates.len() >= 4 {
         // If the light of two adjacent levels differs by less than the uncertainty, their order can be wrong. The fit
         // of the pixels finds which level is wrong.
