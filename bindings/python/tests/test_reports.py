@@ -81,6 +81,10 @@ def test_calibrate_finds_the_camera_that_recorded(recordings, tmp_path):
     assert found.gain.value == pytest.approx(1.0, abs=0.03)
     assert 0.01 < found.gain_spread.value < 0.03
     assert {lamp.stated_light for lamp in found.lamps} == {0.0, 0.1, 0.3, 0.6}
+    assert [lamp.pull is None for lamp in found.lamps] == [True, False, False, False]
+    # The camera has no falloff and no mosaic, and its noise is constant between resets.
+    assert found.corner_falloff is None and found.class_gains == ()
+    assert found.redraw_share.value < 4 * found.redraw_share.error and found.noise_sampling == "every-reset"
     assert found.camera.shape == (32, 32) and set(found.camera.maps) == {"gain", "dark_pa", "swing_v"}
     assert sl.Camera.load(tmp_path / "c" / "camera.toml") == found.camera
     assert json.loads((tmp_path / "c" / "calibration.json").read_text())["width"] == 32

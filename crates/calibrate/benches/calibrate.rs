@@ -30,7 +30,7 @@ fn best_errors(s: &Score) -> String {
 }
 
 const POPULATION: &str = "
-| pixels | readouts | mean a | spread of a | mean d | spread of d | spread of thresholds | threshold noise | electrons a spike |
+| pixels | readouts | mean a | spread of a | mean d | spread of d | spread of thresholds | threshold noise | photons at full light |
 |---|---|---|---|---|---|---|---|---|
 ";
 
@@ -42,7 +42,7 @@ fn population_rows(found: &Calibration, truth: &[Pixel], name: &str) -> String {
     let p = &found.population;
     let off = [(p.mean_a, mean_a), (p.sd_a, sd_a), (p.mean_d, mean_d), (p.sd_d, sd_d)]
         .map(|(e, truth)| format!("{:+.4} %", 100.0 * (e.value / truth - 1.0)));
-    let (phi, noise, k) = (p.sigma_phi, found.sigma_t, found.electrons_per_spike);
+    let (phi, noise, k) = (p.sigma_phi, found.sigma_t, found.photons_at_full_light);
     let error = if k.error.is_nan() { "assumed".to_owned() } else { format!("\u{b1} {:.0}", k.error) };
     format!(
         "| {name} | {} | {:.3} % \u{b1} {:.3} % for {:.3} % | {:.4} % \u{b1} {:.4} % for {:.4} % | {:.0} {error} for {:.0} |\n",

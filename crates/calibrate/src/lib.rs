@@ -39,6 +39,6 @@ pub use recordings::published_maps::import_maps;
 pub use recordings::recording_set::UNSPECIFIED_LIGHT;
 pub use recordings::recording_set::{RateMap, Recording, RecordingSet, Stimulus, StimulusPattern};
 pub use result::DEFAULT_LIGHT_UNCERTAINTY;
-pub use result::{CalibrateOptions, Calibration, Lamp};
+pub use result::{CalibrateOptions, Calibration, FieldTerm, Lamp, LightField};
 pub use snee::{EdgeCounts, SneeMaps, SneeOptions, SneePixel, estimate_snee};
 pub use spikelane::pixel::NoiseSampling;

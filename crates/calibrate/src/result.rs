@@ -27,8 +27,8 @@ pub struct Lamp {
     /// Found light minus stated light. The error includes the error of the scale that all levels share. No recording
     /// determines this scale.
     pub deviation: Estimate,
-    /// Whether the level is off the line through the other levels by more than its uncertainty. Such a level is not
-    /// used to determine the scale.
+    /// Whether the level is off the line through the other levels by more than 3.5 times its uncertainty. The fit gives
+    /// such a level an uncertainty of 30 %.
     pub is_outlier: bool,
     /// Change of the light between the first and the second half of the recording, divided by the mean light. `None` if
     /// unknown.
@@ -54,12 +54,43 @@ impl Lamp {
         self.stated_light + self.deviation.value
     }
 
+    /// Returns the relative deviation divided by the uncertainty of the stated light. Returns `None` for a dark or
+    /// saturated level.
+    #[must_use]
+    pub fn pull(&self) -> Option<f64> {
+        self.relative_deviation().map(|[value, _]| value / self.stated_uncertainty)
+    }
+
     /// Returns the deviation and its error, divided by the stated light. Returns `None` for a dark or saturated level.
     #[must_use]
     pub fn relative_deviation(&self) -> Option<[f64; 2]> {
         let known = self.stated_light > 0.0 && !self.is_saturated;
         known.then(|| [self.deviation.value, self.deviation.error].map(|x| x / self.stated_light))
     }
+}
+
+/// The shape of the light on the sensor, which all recordings share. It is the product of the lamp and the lens.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct LightField {
+    /// Relative difference between the mean light of the four corner pixels and the light of the center, with the opposite
+    /// sign.
+    pub corner_falloff: Estimate,
+    /// Terms of the logarithm of the light relative to the center.
+    pub terms: Vec<FieldTerm>,
+}
+
+/// The term `coefficient * u^column_power * v^row_power`. `u` and `v` are the column and the row of a pixel, from -1 to 1
+/// between the edges of the sensor.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct FieldTerm {
+    /// Power of `u`.
+    pub column_power: i32,
+    /// Power of `v`.
+    pub row_power: i32,
+    /// Coefficient of the term.
+    pub coefficient: f64,
 }
 
 /// Options of the default estimator.
@@ -128,8 +159,11 @@ pub struct Calibration {
     pub population: Population,
     /// Standard deviation of the threshold noise, divided by the nominal threshold.
     pub sigma_t: Estimate,
-    /// Quanta of light per spike of a nominal pixel. The quanta are photons, counted before the gain is applied.
-    pub electrons_per_spike: Estimate,
+    /// Number of electrons that fill the threshold of a pixel with the mean gain. It does not depend on the unit of light.
+    pub electrons_per_threshold: Estimate,
+    /// Number of photons per readout at light 1 and gain 1, a parameter of the camera file. It changes with the unit of
+    /// light. It is the number of electrons per threshold, multiplied by the mean gain.
+    pub photons_at_full_light: Estimate,
     /// Strength of the shot noise of the dark current. 1 is full shot noise, and 0 is no shot noise.
     pub dark_shot_noise: f64,
     /// When the threshold noise is redrawn.
@@ -137,9 +171,18 @@ pub struct Calibration {
     /// Whether the data or the options determine when the noise is redrawn. If false, the nominal rule applies: the
     /// noise is redrawn at every reset.
     pub is_noise_sampling_identified: bool,
-    /// Fitted rate bias divided by the bias of noise that is redrawn at every readout. In theory it is 1 if the noise
-    /// is redrawn at every readout, and 0 otherwise.
-    pub bias_share: Estimate,
+    /// Share of the threshold noise that is redrawn at every readout, 0 to 1. The rest is constant from reset to reset. The
+    /// value is NaN if the recordings do not determine the share.
+    pub redraw_share: Estimate,
+    /// Shape of the light on the sensor. `None` if the light is uniform within the errors.
+    pub light_field: Option<LightField>,
+    /// Relative light on each pixel, with the mean 1. The gains of the camera are relative to this light.
+    pub light_field_map: Vec<f64>,
+    /// Mean gain of each class of the 2x2 cell: even row and even column, even row and odd column, odd row and even column,
+    /// odd row and odd column. Empty if the classes do not differ significantly.
+    pub class_gains: Vec<Estimate>,
+    /// Relative gain of the class of each pixel, with the mean 1.
+    pub class_gain_map: Vec<f64>,
     /// The light levels in ascending order of light.
     pub lamps: Vec<Lamp>,
     /// Relative standard error of the scale that all levels share. No recording determines this scale.
@@ -170,6 +213,8 @@ pub struct Calibration {
 impl Calibration {
     /// Returns the calibrated camera. It contains maps of gain, dark current and threshold voltage, and the noise.
     ///
+    /// The gains are relative to the shape of the light, because the shape belongs to the lamp and the lens.
+    ///
     /// Pixels without a fit have the means of the population. Dead pixels have a gain and a dark current of zero.
     ///
     /// No recording determines how `a` and `d` of a single pixel split into gain, dark current and threshold `phi`.
@@ -186,12 +231,15 @@ impl Calibration {
         let sensor = self.sensor;
         let to_pa = sensor.capacitance_ff * sensor.swing_v / (sensor.period_s() * 1e3);
         let mut maps = [Vec::new(), Vec::new(), Vec::new()];
-        for ((fit, [mean, sd]), z) in
-            self.fits.iter().zip(&self.threshold_posteriors).zip(self.threshold_posterior_draws())
+        for (p, ((fit, [mean, sd]), z)) in
+            self.fits.iter().zip(&self.threshold_posteriors).zip(self.threshold_posterior_draws()).enumerate()
         {
             let known = fit.a.is_finite();
-            let a =
-                if known { fit.a + z * fit.threshold_sensitivity[0] } else { self.population.mean_a.value };
+            let a = if known {
+                (fit.a + z * fit.threshold_sensitivity[0]) / self.light_field_map[p]
+            } else {
+                self.population.mean_a.value * self.class_gain_map[p]
+            };
             let d =
                 if known { fit.d + z * fit.threshold_sensitivity[1] } else { self.population.mean_d.value };
             let phi = mean + z * sd;
@@ -211,7 +259,7 @@ impl Calibration {
                     .neutral()
                     .with_value("strength", 1.0)?
                     .with_value("counts", 1.0)?
-                    .with_value("photons_at_full_scale", self.electrons_per_spike.value)?,
+                    .with_value("photons_at_full_scale", self.photons_at_full_light.value)?,
             )
             .with_effect(
                 find("thermal_noise")?

@@ -139,7 +139,9 @@ class Measurement:
 class Lamp:
     """The light level of a recording: the stated level of the recording set and the fitted level.
 
-    ``light_change`` is the relative difference of the light between the second and the first half of the recording.
+    ``pull`` is the relative deviation divided by ``stated_uncertainty``, or None for a dark or saturated level. A lamp whose
+    pull exceeds 3.5 is an outlier. ``light_change`` is the relative difference of the light between the second and the first
+    half of the recording.
     ``mean_rate`` is the mean rate of the fitted pixels in spikes per readout. ``rate_scatter`` is the spread of pixel rates
     around the fitted lines of the pixels, relative to ``mean_rate``. ``readouts`` is 0 for a map of unknown length.
     """
@@ -156,6 +158,7 @@ class Lamp:
     mean_rate: float
     rate_scatter: float
     light_change: Estimate
+    pull: float | None = None
 
 
 @dataclass(frozen=True)
@@ -164,7 +167,10 @@ class Calibration:
 
     ``gain`` and ``dark_rate`` are means over the pixels in thresholds per readout, at full-scale light and in the dark.
     ``gain_spread`` and ``dark_rate_spread`` are the standard deviations between pixels. ``threshold_spread`` and
-    ``threshold_noise`` are relative to the threshold. ``electrons_per_spike`` is in electrons. ``camera`` contains the maps.
+    ``threshold_noise`` are relative to the threshold. ``electrons_per_threshold`` does not depend on the unit of light.
+    ``photons_at_full_light`` is the parameter of the camera file. ``redraw_share`` is the share of the threshold noise that is
+    redrawn at every readout. ``corner_falloff`` is the falloff of the light at the corners, or None for uniform light.
+    ``class_gains`` lists the mean gains of the four pixels of a 2x2 cell if they differ. ``camera`` contains the maps.
     ``dead_pixels``, ``hot_pixels``, ``poor_fit_pixels`` and ``unfitted_pixels`` are int64 indices row * W + col.
     ``verdict`` is a sentence about the reliability of the camera, and ``cautions`` lists the limits of the camera. ``raw`` is
     the content of calibration.json.
@@ -177,8 +183,12 @@ class Calibration:
     dark_rate_spread: Estimate
     threshold_spread: Estimate
     threshold_noise: Estimate
-    electrons_per_spike: Estimate
+    electrons_per_threshold: Estimate
+    photons_at_full_light: Estimate
+    redraw_share: Estimate
     noise_sampling: str
+    corner_falloff: Estimate | None
+    class_gains: tuple[Estimate, ...]
     lamps: tuple[Lamp, ...]
     dead_pixels: NDArray[np.int64]
     hot_pixels: NDArray[np.int64]
@@ -339,8 +349,12 @@ def calibrate(
         dark_rate_spread=estimate(population["sd_d"]),
         threshold_spread=estimate(population["sigma_phi"]),
         threshold_noise=estimate(data["sigma_t"]),
-        electrons_per_spike=estimate(data["electrons_per_spike"]),
+        electrons_per_threshold=estimate(data["electrons_per_threshold"]),
+        photons_at_full_light=estimate(data["photons_at_full_light"]),
+        redraw_share=estimate(data["redraw_share"]),
         noise_sampling=data["noise_sampling"],
+        corner_falloff=estimate(data["light_field"]["corner_falloff"]) if "light_field" in data else None,
+        class_gains=tuple(estimate(gain) for gain in data["class_gains"]),
         lamps=tuple(
             Lamp(
                 **{

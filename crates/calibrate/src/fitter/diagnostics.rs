@@ -1,5 +1,6 @@
 //! Results of the light levels, notes about the levels, and the check that enough pixels were fitted.
 
+use super::alignment::OUTLIER_UNCERTAINTY;
 use super::state::Fitter;
 use crate::formulas::fit::{PixelFit, fit_line};
 use crate::recordings::observations::LightLevel;
@@ -92,10 +93,19 @@ impl Fitter<'_> {
     pub(super) fn note_levels(&mut self) {
         for (k, level) in self.observed.levels.iter().enumerate().filter(|(k, _)| self.is_outlier[*k]) {
             self.notes.push(format!(
-                "The light of {} deviates: {:.5} stated, {:.5} estimated in proportion to the other levels. This level does not contribute to the scale.",
+                "Lamp off: the light of {} deviates by {:.1} times its stated uncertainty, {:.5} stated, {:.5} estimated in proportion to the other levels. The fit gives this level an uncertainty of {:.0} %.",
                 level.name,
+                self.level_offsets[k].value.abs() / (level.light * self.level_uncertainty(k)),
                 level.light,
-                level.light + self.level_offsets[k].value
+                level.light + self.level_offsets[k].value,
+                100.0 * OUTLIER_UNCERTAINTY
+            ));
+        }
+        let lit = self.observed.levels.iter().filter(|l| l.light > 0.0).count();
+        let off = self.is_outlier.iter().filter(|off| **off).count();
+        if 3 * off > lit {
+            self.notes.push(format!(
+                "{off} of {lit} lit levels deviate by more than 3.5 times their stated uncertainty. The stated uncertainty of the light is probably too small."
             ));
         }
         if self.alignment.as_ref().is_some_and(|a| !a.is_outlier_identifiable) {
@@ -128,22 +138,44 @@ impl Fitter<'_> {
         }
     }
 
-    /// Returns the trend of the relative deviations of the trusted lit levels as a function of the light. The weights
-    /// are the stated uncertainties. Returns `None` with fewer than three trusted lit levels.
+    /// Adds notes about the shape of the light and the classes of the 2x2 cell.
+    pub(super) fn note_shape(&mut self) {
+        if let Some(field) = &self.shape.light_field {
+            self.notes.push(format!(
+                "The light falls off by {:.1} % +- {:.1} % from the center to the corners. The gains are relative to this shape. The recordings cannot separate the lamp from the lens.",
+                100.0 * field.corner_falloff.value,
+                100.0 * field.corner_falloff.error
+            ));
+        }
+        if !self.shape.class_gains.is_empty() {
+            let gains: Vec<String> =
+                self.shape.class_gains.iter().map(|g| format!("{:.4} +- {:.4}", g.value, g.error)).collect();
+            self.notes.push(format!(
+                "The pixels of a 2x2 cell have different mean gains: {} in the even rows and {} in the odd rows. Spreads are relative to the mean of each class.",
+                gains[..2].join(" and "),
+                gains[2..].join(" and ")
+            ));
+        }
+    }
+
+    /// Returns the trend of the relative deviations of the lit levels as a function of the light. The weights are the
+    /// uncertainties of the levels. Returns `None` with fewer than three lit levels whose lamps are not off.
     ///
     /// A nonlinearity that all pixels share does not appear as a misfit of single pixels, because the fitted levels absorb
     /// it.
     pub(super) fn nonlinearity(&self) -> Option<Estimate> {
         let used = |k: &usize| {
             let light = self.observed.levels[*k].light;
-            light > 0.0 && !self.is_saturated[*k] && !self.is_outlier[*k]
+            light > 0.0 && !self.is_saturated[*k]
         };
         let point = |k: usize| {
             let light = self.observed.levels[k].light;
-            (light, self.level_offsets[k].value / light, self.level_uncertainty(k).powi(2))
+            let uncertainty =
+                if self.is_outlier[k] { OUTLIER_UNCERTAINTY } else { self.level_uncertainty(k) };
+            (light, self.level_offsets[k].value / light, uncertainty.powi(2))
         };
         let points: Vec<_> = (0..self.level_offsets.len()).filter(used).map(point).collect();
-        if points.len() < 3 {
+        if points.len() < 3 + self.is_outlier.iter().filter(|off| **off).count() {
             return None;
         }
         let line = fit_line(&points)?;

@@ -8,8 +8,9 @@
 //!    the same time.
 //! 4. If the chi-square of a pixel shows that a level is wrong for this pixel, the line of least absolute deviations
 //!    replaces the weighted line.
-//! 5. The moments of the population are estimated. Threshold noise and quanta are estimated from the interval variance.
-//! 6. Posterior means of the thresholds are computed, because the data of a single pixel do not determine its threshold.
+//! 5. The shape of the light and the gains of a mosaic of filters are fitted to the gains of all pixels.
+//! 6. The moments of the population are estimated. Threshold noise and quanta are estimated from the interval variance.
+//! 7. Posterior means of the thresholds are computed, because the data of a single pixel do not determine its threshold.
 //!
 //! The symbols:
 //!
@@ -26,13 +27,13 @@ use super::identifiability::note_identifiability;
 use super::state::{Fitter, LevelPoint};
 use crate::formulas::fit::{PixelFit, fit_line, fit_line_least_absolute};
 use crate::population::Population;
-use crate::recordings::observations::Observations;
+use crate::recordings::observations::{CELL_CLASSES, Observations, cell_class};
 use crate::result::{CalibrateOptions, Calibration};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::pixel::NoiseSampling;
 use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
-use spikelane_measure::{finite_values, median_and_spread};
+use spikelane_measure::{Estimate, finite_values, median_and_spread};
 
 /// Smallest significant trend of the found levels against the stated levels, in standard errors of the trend. If the
 /// trend is larger, the response is nonlinear.
@@ -49,7 +50,6 @@ const MAX_BYTES_PER_PIXEL: usize =
 ///
 /// # Errors
 /// * If fewer than two levels are usable, or if too few pixels have a line.
-/// * If more than a third of the levels contradict the other levels.
 /// * If the gain error exceeds [`CalibrateOptions::max_gain_error`]. More readouts are then necessary.
 pub fn calibrate(observed: &Observations, options: &CalibrateOptions) -> Result<Calibration> {
     let geometry = observed.geometry;
@@ -58,22 +58,15 @@ pub fn calibrate(observed: &Observations, options: &CalibrateOptions) -> Result<
     fitter.measure_noise();
     fitter.fit_and_align_levels()?;
     fitter.check_fitted_pixels()?;
-    if options.noise_sampling.is_none() {
-        // Pixels with a low threshold have more relative noise and a higher dark rate. If all pixels had the same
-        // noise, a threshold spread of 4.5 % would reduce the fitted rate bias by 13 %.
-        fitter.fit(false);
-        fitter.update_threshold_posteriors();
-        fitter.measure_noise();
-        fitter.fit(true);
-        fitter.choose_noise_sampling();
-    }
     // The thresholds determine the noise of each pixel, and the noise shifts the dark rate of the pixel.
-    for _ in 0..2 {
-        fitter.fit(false);
-        fitter.update_threshold_posteriors();
-        fitter.measure_noise();
+    fitter.refine();
+    if options.noise_sampling.is_none() {
+        fitter.measure_redraw_share();
+        fitter.choose_noise_sampling();
+        fitter.refine();
     }
-    fitter.fit(false);
+    fitter.refine();
+    fitter.fit();
     if !fitter.is_noise_sampling_identified {
         fitter.use_nominal_noise();
     }
@@ -81,10 +74,18 @@ pub fn calibrate(observed: &Observations, options: &CalibrateOptions) -> Result<
 }
 
 impl Fitter<'_> {
-    /// Fits the levels and the pixels. If `test` is true, also fits [`Calibration::bias_share`].
-    fn fit(&mut self, test: bool) {
-        self.iterate_until_converged(test);
+    /// Fits the levels and the pixels, and then everything that the pixels share.
+    fn refine(&mut self) {
+        self.fit();
+        self.update_threshold_posteriors();
+        self.measure_noise();
+    }
+
+    /// Fits the levels, the pixels and the gain that the pixels share.
+    fn fit(&mut self) {
+        self.iterate_until_converged();
         self.fits = threads::map(0..self.fits.len(), |p| self.fit_pixel(p));
+        self.update_shape();
     }
 
     /// Returns the weighted line of a pixel for the current levels.
@@ -153,7 +154,7 @@ impl Fitter<'_> {
         let dark = pixel_variance(population.sd_d.value, population.mean_d.value);
         let is_defect_free = self.defect_free_mask();
         let of_pixel = |p: usize| {
-            let (fit, is_defect_free) = (&self.fits[p], &is_defect_free[p]);
+            let (fit, is_defect_free) = (self.shape.relative_fit(p, &self.fits[p]), &is_defect_free[p]);
             if !fit.a.is_finite() {
                 return [1.0, sigma.value];
             }
@@ -168,11 +169,20 @@ impl Fitter<'_> {
         self.threshold_posteriors = threads::map(0..self.fits.len(), of_pixel);
     }
 
-    /// Returns the pixels whose dark rate is more than six robust standard deviations above the median.
+    /// Returns the pixels whose dark rate is more than six robust standard deviations above the median. If the classes of
+    /// the 2x2 cell differ, the pixels of each class are compared with each other.
     fn hot_pixels(&self) -> Vec<usize> {
-        let (center, spread) =
-            median_and_spread(&mut finite_values(&self.fits.iter().map(|f| f.d).collect::<Vec<_>>()));
-        (0..self.fits.len()).filter(|p| self.fits[*p].d > center + 6.0 * spread).collect()
+        let width = self.observed.geometry.width();
+        let classes = if self.shape.class_gains.is_empty() { 1 } else { CELL_CLASSES };
+        let class = |p: usize| cell_class(p, width) % classes;
+        let limit = |c: usize| {
+            let of_class = self.fits.iter().enumerate().filter(|(p, _)| class(*p) == c);
+            let (center, spread) =
+                median_and_spread(&mut finite_values(&of_class.map(|(_, f)| f.d).collect::<Vec<_>>()));
+            center + 6.0 * spread
+        };
+        let limits: Vec<f64> = (0..classes).map(limit).collect();
+        (0..self.fits.len()).filter(|p| self.fits[*p].d > limits[class(*p)]).collect()
     }
 
     /// Returns, for each pixel, whether it has no defect. A pixel without defect follows a line and is not hot.
@@ -182,13 +192,19 @@ impl Fitter<'_> {
         mask
     }
 
-    /// Returns the moments over the pixels without defects. Defects are listed separately. Including a few hot pixels
-    /// would double the spread.
+    /// Returns the moments over the pixels without defects, relative to the gain that the pixels share. Defects are listed
+    /// separately. Including a few hot pixels would double the spread.
     fn population(&self) -> Population {
         let mask = self.defect_free_mask();
-        Population::from_fits(
-            self.fits.iter().zip(&mask).filter(|(_, is_defect_free)| **is_defect_free).map(|(fit, _)| fit),
-        )
+        let good = (0..self.fits.len()).filter(|p| mask[*p] && self.fits[*p].a.is_finite());
+        let fits: Vec<PixelFit> = good.map(|p| self.shape.relative_fit(p, &self.fits[p])).collect();
+        let mut population = Population::from_fits(fits.iter());
+        // The fitted shape reduces the scatter of the gains.
+        let n = fits.len() as f64;
+        let correction = (n / (n - self.shape.coefficients as f64)).sqrt();
+        population.sd_a.value *= correction;
+        population.sd_a.error *= correction;
+        population
     }
 
     fn into_calibration(mut self, options: &CalibrateOptions) -> Result<Calibration> {
@@ -200,6 +216,7 @@ impl Fitter<'_> {
         let mut population = self.population();
         check_precision(&self, &population, options)?;
         self.note_levels();
+        self.note_shape();
         let bend = self.nonlinearity();
         let bends = bend.is_some_and(|b| b.value.abs() > NONLINEARITY_Z_THRESHOLD * b.error);
         let (mut scale, shift) =
@@ -210,16 +227,24 @@ impl Fitter<'_> {
         if let Some(b) = bend.filter(|_| bends) {
             self.note_nonlinearity(b);
         }
+        // The unit of light cancels in the ratio of photons and gain.
+        let gain = population.mean_a;
+        let electrons = Estimate {
+            value: self.electrons.value / gain.value,
+            error: (self.electrons.error / gain.value)
+                .hypot(self.electrons.value * gain.error / gain.value.powi(2)),
+            samples: self.electrons.samples,
+        };
         population.add_shared_errors(scale, shift);
         self.electrons.error = self.electrons.error.hypot(self.electrons.value * scale);
         if self.electrons.error.is_nan() {
             self.notes.push(format!(
-                "The intervals cannot separate electrons from threshold noise. The fit assumes {:.0} electrons per spike, as in the nominal circuit. Threshold noise and the standard errors of a and d depend on this assumption.",
-                self.electrons.value
+                "The intervals cannot separate electrons from threshold noise. The fit assumes {:.0} electrons per threshold, as in the nominal circuit. Threshold noise and the standard errors of a and d depend on this assumption.",
+                electrons.value
             ));
         }
         let is_identified = self.is_noise_sampling_identified;
-        note_identifiability(&mut self.notes, self.observed, &population, self.bias_share, is_identified);
+        note_identifiability(&mut self.notes, self.observed, &population, self.redraw_share, is_identified);
         let levels = self.lamps(scale, shift);
         Ok(Calibration {
             sensor: self.sensor,
@@ -227,14 +252,19 @@ impl Fitter<'_> {
             threshold_posteriors: self.threshold_posteriors,
             population,
             sigma_t: self.sigma_t,
-            electrons_per_spike: self.electrons,
+            photons_at_full_light: self.electrons,
+            electrons_per_threshold: electrons,
             dark_shot_noise: if self.noise.inverse_dark_quanta > 0.0 { 1.0 } else { 0.0 },
             noise_sampling: self.noise.noise_sampling,
             is_noise_sampling_identified: self.is_noise_sampling_identified,
             light_scale_error: scale,
             nonlinearity: bend,
             is_nonlinear: bends,
-            bias_share: self.bias_share,
+            redraw_share: Estimate { value: self.redraw_share.value.clamp(0.0, 1.0), ..self.redraw_share },
+            light_field: self.shape.light_field,
+            light_field_map: self.shape.field,
+            class_gains: self.shape.class_gains,
+            class_gain_map: self.shape.class,
             lamps: levels,
             dead_pixels: dead,
             hot_pixels: hot,

@@ -1,7 +1,6 @@
 //! Adds notes about the quantities that the recordings identify or do not identify.
 
 use crate::population::Population;
-use crate::recordings::check::SATURATION_RATE;
 use crate::recordings::observations::Observations;
 use spikelane_measure::Estimate;
 
@@ -10,7 +9,7 @@ pub(super) fn note_identifiability(
     notes: &mut Vec<String>,
     observed: &Observations,
     population: &Population,
-    bias_share: Estimate,
+    redraw_share: Estimate,
     is_noise_sampling_identified: bool,
 ) {
     let mut say = |text: String| notes.push(text);
@@ -33,15 +32,15 @@ pub(super) fn note_identifiability(
     say(format!(
         "The scale of a depends on the stated light ({light} lit levels): an error common to all levels is not detectable, and errors of single levels average out."
     ));
-    if observed.levels.iter().filter(|l| l.median_rate() <= SATURATION_RATE).count() == 2 {
+    if observed.levels.iter().filter(|l| !l.is_saturated(observed.geometry.width())).count() == 2 {
         say("Two levels below saturation always fit a line. The recordings cannot show whether rates are proportional to the light, whether a level is wrong or which pixels deviate from the model, and chi-square has no degrees of freedom. A third level would answer these questions.".to_owned());
     }
     if observed.levels.iter().all(|l| l.light > 0.0) {
         say("Without a dark recording, d is an extrapolation, and threshold noise is not separated from shot noise.".to_owned());
-    } else if is_noise_sampling_identified && bias_share.error.is_finite() {
+    } else if is_noise_sampling_identified && redraw_share.error.is_finite() {
         say(format!(
-            "Noise that is redrawn at every readout would raise the rate; {:.3} +- {:.3} of this increase is present (1: redrawn at every readout, 0: constant from reset to reset).",
-            bias_share.value, bias_share.error
+            "The share of the threshold noise that is redrawn at every readout is {:.3} +- {:.3} (1: redrawn at every readout, 0: constant from reset to reset). This share follows from the variance of single intervals in the dark.",
+            redraw_share.value, redraw_share.error
         ));
     }
     if observed.other_recordings.is_empty() {

@@ -6,13 +6,12 @@
 
 use super::alignment::{Alignment, align_levels};
 use super::scale_posterior::StatedLevel;
-use super::state::{Fitter, LevelPoint};
+use super::state::Fitter;
 use crate::formulas::cholesky::solve_cholesky;
 use crate::formulas::fit::fit_line;
-use spikelane::error::{Error, ErrorKind, Result, Setting};
-use spikelane::pixel::NoiseSampling;
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::threads;
-use spikelane_measure::{Estimate, median};
+use spikelane_measure::median;
 
 /// Number of pixels whose equations one task adds to the sums.
 const PIXELS_PER_TASK: usize = 512;
@@ -28,10 +27,11 @@ const LEVEL_TOLERANCE: f64 = 1e-7;
 const MAX_ITERATIONS: usize = 12;
 
 impl Fitter<'_> {
-    /// Fits the levels twice: from the recordings alone, and then with the stated levels that agree with each other.
+    /// Fits the levels twice: from the recordings alone, and then with the stated levels. A level that is off the line
+    /// through the other levels keeps an uncertainty of 30 %.
     ///
     /// # Errors
-    /// If more than a third of the levels are off the line through the other levels.
+    /// If the levels do not determine a scale.
     pub(super) fn fit_and_align_levels(&mut self) -> Result<()> {
         let lit = |l: &crate::recordings::observations::LightLevel| l.light > 0.0;
         self.level_sd = self
@@ -40,12 +40,17 @@ impl Fitter<'_> {
             .iter()
             .map(|l| if lit(l) { UNCONSTRAINED_LEVEL_SD * l.light } else { 0.0 })
             .collect();
-        self.iterate_until_converged(false);
+        self.iterate_until_converged();
         let used: Vec<usize> = (0..self.level_offsets.len()).filter(|k| !self.is_saturated[*k]).collect();
         let stated: Vec<StatedLevel> = used.iter().map(|k| self.stated_level(*k)).collect();
-        let aligned = align_levels(&stated).ok_or_else(|| self.disagreement_error(&stated))?;
+        let aligned = align_levels(&stated).ok_or_else(|| {
+            Error::new(ErrorKind::Input, "light levels of the recording set")
+                .found("levels that do not determine a scale")
+                .expected("levels with different light")
+                .remedy("record flat fields at 0.1, 0.3 and 0.6 of saturation")
+        })?;
         self.apply_alignment(&used, &stated, aligned);
-        self.iterate_until_converged(false);
+        self.iterate_until_converged();
         Ok(())
     }
 
@@ -76,31 +81,12 @@ impl Fitter<'_> {
         self.alignment = Some(aligned);
     }
 
-    fn disagreement_error(&self, stated: &[StatedLevel]) -> Error {
-        let list: Vec<String> = stated
-            .iter()
-            .map(|s| format!("{:.5} stated, {:.5} estimated in proportion", s.stated_light, s.found_light))
-            .collect();
-        Error::new(ErrorKind::Input, "light levels of the recording set")
-            .found(format_args!(
-                "{} levels, of which more than a third contradict the others: {}",
-                stated.len(),
-                list.join("; ")
-            ))
-            .expected("levels of which two thirds agree within their stated uncertainty")
-            .remedy(format_args!(
-                "measure the light again, correct the levels, or set {} to the relative uncertainty of the levels",
-                Setting("light_uncertainty")
-            ))
-    }
-
-    /// Fits lines and levels in turn until the levels converge. If `test` is true, also fits the bias share, which is
-    /// the rate bias divided by the bias of noise that is redrawn at every readout.
-    pub(super) fn iterate_until_converged(&mut self, test: bool) {
+    /// Fits lines and levels in turn until the levels converge.
+    pub(super) fn iterate_until_converged(&mut self) {
         for _ in 0..MAX_ITERATIONS {
             self.fits = threads::map(0..self.fits.len(), |p| self.weighted_line(p));
             self.chi2_scale = self.median_chi2_ratio();
-            if self.fit_levels(test) < LEVEL_TOLERANCE {
+            if self.fit_levels() < LEVEL_TOLERANCE {
                 break;
             }
         }
@@ -117,13 +103,13 @@ impl Fitter<'_> {
     ///
     /// All pixels share the deviations. The line of every pixel is eliminated from the equations. The prior of a
     /// deviation is normal with the standard deviation `level_sd` of the level.
-    fn fit_levels(&mut self, test: bool) -> f64 {
-        let k = self.observed.levels.len() + usize::from(test);
+    fn fit_levels(&mut self) -> f64 {
+        let k = self.observed.levels.len();
         // All parts have the same size and are added in order, so the sums do not depend on the number of threads.
         let of_part = |part: usize| {
             let mut sums = (vec![0.0; k * k], vec![0.0; k]);
             let end = ((part + 1) * PIXELS_PER_TASK).min(self.fits.len());
-            (part * PIXELS_PER_TASK..end).for_each(|p| self.add_pixel_equations(p, test, k, &mut sums));
+            (part * PIXELS_PER_TASK..end).for_each(|p| self.add_pixel_equations(p, k, &mut sums));
             sums
         };
         let parts: Vec<_> = threads::map(0..self.fits.len().div_ceil(PIXELS_PER_TASK), of_part);
@@ -138,10 +124,6 @@ impl Fitter<'_> {
             h[i * k + i] += 1.0 / (sd * sd);
             g[i] -= self.level_offsets[i].value / (sd * sd);
         }
-        if test {
-            // The prior of the bias share has a standard deviation of 2.
-            h[k * k - 1] += 0.25;
-        }
         let Some((step, variance)) = solve_cholesky(&h, &g, k) else { return 0.0 };
         let mut furthest = 0.0_f64;
         for (i, offset) in self.level_offsets.iter_mut().enumerate() {
@@ -150,42 +132,21 @@ impl Fitter<'_> {
             offset.samples = self.fits.len();
             furthest = furthest.max(step[i].abs() / self.observed.levels[i].light.max(1e-3));
         }
-        if test {
-            let rule = if self.noise.noise_sampling == NoiseSampling::EveryReadout { 1.0 } else { 0.0 };
-            self.bias_share = Estimate {
-                value: rule + step[k - 1],
-                error: variance[k - 1].sqrt(),
-                samples: self.fits.len(),
-            };
-        }
         furthest
     }
 
-    fn add_pixel_equations(&self, p: usize, test: bool, k: usize, (h, g): &mut (Vec<f64>, Vec<f64>)) {
+    fn add_pixel_equations(&self, p: usize, k: usize, (h, g): &mut (Vec<f64>, Vec<f64>)) {
         let fit = &self.fits[p];
         if !fit.a.is_finite() || fit.is_poor_fit(self.chi2_scale) {
             return;
         }
-        let mut points = self.points(p);
-        // If a pixel has fewer than two spikes, its rate is computed from its count. Only slow pixels have such rates,
-        // so they would distort the fitted bias share and are removed.
-        points.retain(|q| q.is_timed || !test);
+        let points = self.points(p);
         // The line is fitted with the weights of the equations below. With other weights, a part of the residuals would look
         // like a common change of all levels.
         let Some(line) =
             fit_line(&points.iter().map(|q| (q.light, q.increment, q.variance)).collect::<Vec<_>>())
         else {
             return;
-        };
-        // Returns the derivative of the model with respect to an unknown, at a point.
-        let column = |unknown: usize, q: &LevelPoint| {
-            if unknown == q.level {
-                line.a
-            } else if test && unknown == k - 1 {
-                q.bias
-            } else {
-                0.0
-            }
         };
         // Weighted sums for the projection onto the pixel's own line.
         let (mut s0, mut s1, mut s2) = (0.0, 0.0, 0.0);
@@ -196,34 +157,14 @@ impl Fitter<'_> {
             s2 += w * q.light * q.light;
         }
         let det = s0 * s2 - s1 * s1;
-        let mut used: Vec<usize> = points.iter().map(|q| q.level).collect();
-        if test {
-            used.push(k - 1);
-        }
-        let onto = |u: usize| {
-            let (mut t0, mut t1) = (0.0, 0.0);
-            for q in points.iter().filter(|q| u == q.level || test && u == k - 1) {
-                let c = column(u, q) / q.variance;
-                t0 += c;
-                t1 += c * q.light;
-            }
-            (t0, t1)
-        };
-        let projections: Vec<(f64, f64)> = used.iter().map(|u| onto(*u)).collect();
-        for (i, u) in used.iter().enumerate() {
-            for q in points.iter().filter(|q| *u == q.level || test && *u == k - 1) {
-                g[*u] += column(*u, q) / q.variance * (q.increment - line.a * q.light - line.d);
-            }
-            for (j, v) in used.iter().enumerate() {
-                let (a, b) = (projections[i], projections[j]);
-                let shared = (a.0 * (s2 * b.0 - s1 * b.1) + a.1 * (s0 * b.1 - s1 * b.0)) / det;
-                let last = test && (*u == k - 1 || *v == k - 1);
-                let point_sum: f64 = if u == v || last {
-                    points.iter().map(|q| column(*u, q) * column(*v, q) / q.variance).sum()
-                } else {
-                    0.0
-                };
-                h[u * k + v] += point_sum - shared;
+        // The derivative of the model with respect to the light of a level is the gain.
+        for q in &points {
+            let w = line.a / q.variance;
+            g[q.level] += w * (q.increment - line.a * q.light - line.d);
+            h[q.level * k + q.level] += w * line.a;
+            for r in &points {
+                let leverage = s2 - s1 * (q.light + r.light) + s0 * q.light * r.light;
+                h[q.level * k + r.level] -= w * (line.a / r.variance) * leverage / det;
             }
         }
     }

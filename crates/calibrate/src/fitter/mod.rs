@@ -8,4 +8,5 @@ pub(super) mod levels;
 pub(super) mod noise;
 pub(super) mod noise_sampling;
 mod scale_posterior;
+pub(super) mod shape;
 pub(super) mod state;

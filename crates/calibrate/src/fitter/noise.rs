@@ -5,12 +5,51 @@
 
 use super::state::Fitter;
 use crate::formulas::phase::{interval_growth_ratio, mean_draw_ratio};
-use crate::formulas::selection;
+use crate::formulas::robust::{regular_weights, standardize};
+use crate::formulas::selection::{self, redraw_end_variance};
 use crate::recordings::observations::LightLevel;
 use spikelane::pixel::NoiseSampling;
 use spikelane::sensor::Sensor;
 use spikelane::unstable::threads;
 use spikelane_measure::{Estimate, median, median_and_spread};
+
+/// Highest rate of a pixel whose interval variance is used, in spikes per readout.
+const MAX_GROWTH_RATE: f64 = 0.2;
+
+/// Returns the relative inverse variance of the interval noise of a pixel.
+///
+/// The variance of an estimate decreases as its number of intervals grows. With few intervals it decreases faster, because
+/// few intervals hardly separate the growth from the constant.
+fn growth_precision(level: &LightLevel, p: usize) -> f64 {
+    match f64::from(level.spikes[p]) {
+        n if n < 32.0 => (n - 4.0).max(0.0).powi(2) / 28.0,
+        n => n - 4.0,
+    }
+}
+
+/// Smallest number of pixels whose interval noise is standardized together.
+const MIN_GROUP_PIXELS: usize = 200;
+/// Largest number of groups of pixels with similar numbers of spikes.
+const MAX_SPIKE_GROUPS: usize = 10;
+
+/// Returns, for each pixel of a level, the probability that its interval noise is not an outlier.
+///
+/// Pixels with similar numbers of spikes are standardized together, because the lags and the error of an estimate depend
+/// on this number.
+pub(super) fn interval_weights(level: &LightLevel) -> Vec<f64> {
+    let Some(noise) = &level.interval_noise else { return Vec::new() };
+    let mut weights = vec![0.0; noise.map.len()];
+    let mut used: Vec<usize> = (0..weights.len())
+        .filter(|p| noise.map[*p].is_finite() && level.rate[*p] < MAX_GROWTH_RATE)
+        .collect();
+    used.sort_by_key(|p| level.spikes[*p]);
+    let size = used.len().div_ceil(MAX_SPIKE_GROUPS).max(MIN_GROUP_PIXELS);
+    let standardized =
+        |group: &[usize]| standardize(&group.iter().map(|p| noise.map[*p]).collect::<Vec<_>>());
+    let all: Vec<f64> = used.chunks(size).flat_map(standardized).collect();
+    used.iter().zip(regular_weights(&all)).for_each(|(p, w)| weights[*p] = w);
+    weights
+}
 
 /// The growth of the interval variance of a level, and the contributions of the noise sources to this growth.
 struct VarianceGrowth {
@@ -31,42 +70,46 @@ impl Fitter<'_> {
         let defect_free = self.defect_free_mask();
         let (mut dark, mut lit) = (None, Vec::new());
         // A drift of 1 % doubles the variance of spans of 16 intervals. It would be mistaken for quanta.
-        for level in self.observed.levels.iter().filter(|l| !l.drifts()) {
-            let Some(mean) = self.variance_growth(level, &defect_free) else { continue };
+        for (k, level) in self.observed.levels.iter().enumerate().filter(|(_, l)| !l.has_noisy_drift()) {
+            let Some(mean) = self.variance_growth(k, &defect_free) else { continue };
             if level.light == 0.0 { dark = Some(mean) } else { lit.push(mean) }
         }
-        // `excess` subtracts the threshold noise from the variance of each dim level and returns the weighted mean of the rest.
-        let excess = |square: f64| {
-            let of_level = |g: &VarianceGrowth| {
-                (
-                    (g.variance_per_spike.value - square * g.threshold_coefficient) / g.light_coefficient,
-                    g.variance_per_spike.error / g.light_coefficient,
-                )
-            };
-            let terms = lit.iter().map(of_level);
-            let (sum, weight) = terms.fold((0.0, 0.0), |(a, w), (v, e)| (a + v / (e * e), w + 1.0 / (e * e)));
-            Estimate { value: sum / weight, error: weight.sqrt().recip(), samples: lit.len() }
+        // `excess` subtracts the threshold noise from the variance of each dim level and returns the weighted mean of the
+        // rest. `square_error` is the error of the variance of the threshold noise, which all levels share.
+        let excess = |square: f64, square_error: f64| {
+            let (mut sum, mut shared, mut weight) = (0.0, 0.0, 0.0);
+            for g in &lit {
+                let w = (g.light_coefficient / g.variance_per_spike.error).powi(2);
+                sum +=
+                    w * (g.variance_per_spike.value - square * g.threshold_coefficient) / g.light_coefficient;
+                shared += w * square_error * g.threshold_coefficient / g.light_coefficient;
+                weight += w;
+            }
+            Estimate {
+                value: sum / weight,
+                error: weight.sqrt().recip().hypot(shared / weight),
+                samples: lit.len(),
+            }
         };
-        let nominal = Sensor::electrons_from_fc(self.sensor.capacitance_ff * self.sensor.swing_v);
+        let [nominal, photons] = self.nominal_quanta();
         match dark {
             Some(VarianceGrowth { variance_per_spike: s, threshold_coefficient: threshold, .. })
                 if s.value > 0.0 =>
             {
                 let square = s.value / threshold;
-                let quanta = excess(square);
-                let same = quanta.value < 3.0 * quanta.error.hypot(s.error);
+                let quanta = excess(square, s.error / threshold);
+                let same = quanta.value < 3.0 * quanta.error;
                 if self.noise.noise_sampling == NoiseSampling::EveryReset && same && !lit.is_empty() {
                     self.noise.inverse_dark_quanta = 1.0 / nominal;
-                    self.noise.inverse_light_quanta = 1.0 / nominal;
+                    self.assume_quanta(photons);
                     self.set_noise((square - 1.0 / nominal).max(0.0), s.error / threshold);
-                    self.electrons = Estimate { value: nominal, error: f64::NAN, samples: 0 };
                 } else {
                     self.noise.inverse_dark_quanta = 0.0;
                     self.set_noise(square, s.error / threshold);
-                    self.set_quanta(quanta, s.error / threshold, nominal);
+                    self.set_quanta(quanta, photons);
                 }
             }
-            _ => self.assume_nominal_noise(&lit, nominal),
+            _ => self.assume_nominal_noise(&lit, photons),
         }
         self.phase_corrections =
             threads::map(&self.observed.levels, |level| self.draw_phase_correction(level));
@@ -99,22 +142,40 @@ impl Fitter<'_> {
         ratio_or_one(mean_draw_ratio(sigma / x, (lit * self.noise.inverse_light_quanta).sqrt() / x))
     }
 
+    /// Sets the threshold noise from the estimate of its variance. The 95 % interval of the noise covers the square roots of
+    /// both ends of the 95 % interval of the variance.
     fn set_noise(&mut self, square: f64, error: f64) {
         self.noise.threshold_variance = square;
         let value = square.sqrt();
-        let error = if value > 0.0 || error.is_nan() { error / (2.0 * value) } else { error.sqrt() };
+        let end = |z: f64| ((square + z * error).max(0.0).sqrt() - value).abs() / 1.96;
+        let error = if error.is_nan() { f64::NAN } else { end(1.96).max(end(-1.96)) };
         self.sigma_t = Estimate { value, error, samples: self.fits.len() };
     }
 
-    fn set_quanta(&mut self, quanta: Estimate, dark_error: f64, nominal: f64) {
-        let error = quanta.error.hypot(dark_error);
-        if quanta.value > 3.0 * error {
+    /// Returns the electrons per threshold of the nominal circuit, and the photons at full light that cause as many
+    /// electrons in a pixel with the mean gain.
+    pub(super) fn nominal_quanta(&self) -> [f64; 2] {
+        let electrons = Sensor::electrons_from_fc(self.sensor.capacitance_ff * self.sensor.swing_v);
+        let relative = |p: usize| self.shape.relative_fit(p, &self.fits[p]).a;
+        let mut gains: Vec<f64> = (0..self.fits.len()).map(relative).filter(|a| a.is_finite()).collect();
+        let gain = if gains.is_empty() { 1.0 } else { median(&mut gains) };
+        [electrons, electrons * gain]
+    }
+
+    /// Assumes a number of photons at full light.
+    pub(super) fn assume_quanta(&mut self, photons: f64) {
+        self.noise.inverse_light_quanta = 1.0 / photons;
+        self.electrons = Estimate { value: photons, error: f64::NAN, samples: 0 };
+    }
+
+    fn set_quanta(&mut self, quanta: Estimate, nominal: f64) {
+        if quanta.value > 3.0 * quanta.error {
             self.noise.inverse_light_quanta = quanta.value;
             let value = 1.0 / quanta.value;
-            self.electrons = Estimate { value, error: value * value * error, samples: quanta.samples };
+            let error = value * value * quanta.error;
+            self.electrons = Estimate { value, error, samples: quanta.samples };
         } else {
-            self.noise.inverse_light_quanta = 1.0 / nominal;
-            self.electrons = Estimate { value: nominal, error: f64::NAN, samples: 0 };
+            self.assume_quanta(nominal);
         }
     }
 
@@ -128,8 +189,7 @@ impl Fitter<'_> {
     /// Estimates threshold noise without the variance of dark intervals. The quanta are assumed to be those of the nominal
     /// circuit. The remaining variance is attributed to threshold noise.
     fn assume_nominal_noise(&mut self, lit: &[VarianceGrowth], nominal: f64) {
-        self.electrons = Estimate { value: nominal, error: f64::NAN, samples: 0 };
-        self.noise.inverse_light_quanta = 1.0 / nominal;
+        self.assume_quanta(nominal);
         match lit.first() {
             Some(g) => {
                 // An error of the assumed quanta changes the threshold noise by an unknown amount, so the error of the
@@ -148,16 +208,12 @@ impl Fitter<'_> {
         }
     }
 
-    fn variance_growth(&self, level: &LightLevel, defect_free: &[bool]) -> Option<VarianceGrowth> {
+    fn variance_growth(&self, k: usize, defect_free: &[bool]) -> Option<VarianceGrowth> {
+        let level = &self.observed.levels[k];
         let map = &level.interval_noise.as_ref()?.map;
-        // The variance of a pixel's estimate decreases as its number of intervals grows. With few intervals it decreases
-        // faster, because few intervals hardly separate the growth from the constant.
-        let weight = |p: usize| match f64::from(level.spikes[p]) {
-            n if n < 32.0 => (n - 4.0).max(0.0).powi(2) / 28.0,
-            n => n - 4.0,
-        };
+        let weight = |p: usize| self.noise_weights[k][p] * growth_precision(level, p);
         let good: Vec<usize> = (0..map.len())
-            .filter(|p| defect_free[*p] && map[*p].is_finite() && level.rate[*p] < 0.2)
+            .filter(|p| defect_free[*p] && map[*p].is_finite() && level.rate[*p] < MAX_GROWTH_RATE)
             .collect();
         let total: f64 = good.iter().map(|p| weight(*p)).sum();
         if good.len() < 16 || total <= 0.0 {
@@ -190,8 +246,81 @@ impl Fitter<'_> {
             |p: &usize| weight(*p) * self.light_share(*p, level, level.rate[*p]) * self.quantum(*p);
         let light = good.iter().map(of_light).sum::<f64>() / total;
         let ratio = self.growth_phase_correction(level, &good, square.sqrt(), light);
-        let s = Estimate { value: mean / ratio, error: squares.sqrt() / total / ratio, samples: good.len() };
+        // If the rate rises linearly by the share `rise`, a span of `n` intervals has the variance `(n rise)^2 / 12`.
+        let of_drift =
+            square_growth(&level.interval_noise.as_ref()?.lags) / 12.0 * level.undetected_rise_variance();
+        let error = (squares.sqrt() / total / ratio).hypot(of_drift);
+        let s = Estimate { value: mean / ratio, error, samples: good.len() };
         Some(VarianceGrowth { variance_per_spike: s, threshold_coefficient: unit, light_coefficient: light })
+    }
+
+    /// Estimates the share of the threshold noise that is redrawn at every readout, from the variance of single dark
+    /// intervals. Call this method while the noise is redrawn at every readout.
+    ///
+    /// Let `e` be the end variance of a pixel in readouts squared. Noise that is constant between resets only rounds both
+    /// ends to whole readouts, so `e` is 1/6. Noise that is redrawn at every readout adds `Q`, because a pixel fires at a
+    /// low draw and keeps the charge that this draw saved. The share is the slope of `e - 1/6` over `Q`. It does not depend
+    /// on the light or on the gains.
+    pub(super) fn measure_redraw_share(&mut self) {
+        selection::prepare_tables();
+        let defect_free = self.defect_free_mask();
+        let (k, level) = (0, &self.observed.levels[0]);
+        let Some(noise) = level.interval_noise.as_ref().filter(|_| level.light == 0.0 && !level.drifts())
+        else {
+            return;
+        };
+        let sigma = self.noise.threshold_variance.sqrt();
+        let is_used = |p: &usize| {
+            defect_free[*p] && noise.end_variance[*p].is_finite() && level.rate[*p] < MAX_GROWTH_RATE
+        };
+        let used: Vec<usize> = (0..self.fits.len()).filter(is_used).collect();
+        struct Sample {
+            /// Weight of the pixel in the slope.
+            weight: f64,
+            redrawn: f64,
+            /// `e - 1/6`.
+            excess: f64,
+            /// Weight of the pixel in the estimate of the threshold noise.
+            growth_weight: f64,
+            growth: f64,
+            /// Measured growth minus `growth`.
+            growth_residual: f64,
+        }
+        let of_pixel = |p: &usize| {
+            let f = level.rate[*p];
+            let at = |phi: f64| {
+                let relative_sigma = sigma / phi;
+                let x = self.increment(f, relative_sigma);
+                let growth = relative_sigma * relative_sigma * self.variance_share(x, relative_sigma);
+                [redraw_end_variance(x / relative_sigma), growth]
+            };
+            let [(redrawn, _), (growth, _)] = self.mean_over_threshold(*p, at);
+            let (rounding, regular) = (1.0 / 6.0, self.noise_weights[k][*p]);
+            let variance = growth / (f * f) + rounding + redrawn;
+            Sample {
+                weight: regular * f64::from(level.spikes[*p] - 1) / (variance * variance),
+                redrawn,
+                excess: noise.end_variance[*p] - rounding,
+                growth_weight: regular * growth_precision(level, *p),
+                growth,
+                growth_residual: noise.map[*p] - growth,
+            }
+        };
+        let samples: Vec<Sample> = threads::map(&used, of_pixel);
+        let sum = |term: &dyn Fn(&Sample) -> f64| samples.iter().map(term).sum::<f64>();
+        let total = sum(&|s| s.weight * s.redrawn * s.redrawn);
+        let value = sum(&|s| s.weight * s.redrawn * s.excess) / total;
+        let all_growth = sum(&|s| s.growth_weight * s.growth);
+        // The error of `Q` follows from the error of the threshold noise. `Q` is nearly proportional to the variance of the
+        // noise. If a pixel has too large a growth, its end variance is too small, so both errors are correlated.
+        let influence = |s: &Sample| {
+            s.weight * s.redrawn * (s.excess - value * s.redrawn) / total
+                - value * s.growth_weight * s.growth_residual / all_growth
+        };
+        let error = sum(&|s| influence(s).powi(2)).sqrt();
+        if value.is_finite() && error.is_finite() {
+            self.redraw_share = Estimate { value, error, samples: samples.len() };
+        }
     }
 
     /// Returns a correction factor for correlated phases, at the median rate of the pixels `good`. It divides the
@@ -226,6 +355,15 @@ impl Fitter<'_> {
         };
         self.mean_over_threshold(p, at).map(|(mean, _)| mean)
     }
+}
+
+/// Returns the slope of the line that is fitted to the squares of the lags.
+fn square_growth(lags: &[u32]) -> f64 {
+    let lags = || lags.iter().map(|l| f64::from(*l));
+    let mean = lags().sum::<f64>() / lags().count() as f64;
+    let slope =
+        lags().map(|l| (l - mean) * l * l).sum::<f64>() / lags().map(|l| (l - mean).powi(2)).sum::<f64>();
+    if slope.is_finite() { slope } else { 0.0 }
 }
 
 /// Returns `ratio` if it is plausible, otherwise 1. `ratio` is a quantity for correlated phases divided by the same

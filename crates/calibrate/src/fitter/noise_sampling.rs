@@ -1,22 +1,21 @@
 //! Chooses when threshold noise is redrawn: at every readout or at every reset. If the data do not determine this rule,
 //! nominal noise is used.
 
-use super::state::{Fitter, NoiseEstimate};
+use super::state::Fitter;
 use spikelane::pixel::NoiseSampling;
-use spikelane::sensor::Sensor;
 use spikelane_measure::Estimate;
 
-/// Largest distance of the fitted bias share from the share of the chosen rule, 0 or 1, in standard errors.
+/// Largest distance of the redraw share from the share of the chosen rule, 0 or 1, in standard errors.
 const AGREEMENT_Z_THRESHOLD: f64 = 4.0;
-/// Smallest distance of the fitted bias share from the share of the rejected rule, 0 or 1, in standard errors. If the
+/// Smallest distance of the redraw share from the share of the rejected rule, 0 or 1, in standard errors. If the
 /// standard error is correct, one choice in thirty thousand is wrong.
 const EXCLUSION_Z_THRESHOLD: f64 = 4.0;
 
 impl Fitter<'_> {
-    /// Chooses the rule whose bias share is nearest to the fitted bias share. Share 1 means that the noise is redrawn
+    /// Chooses the rule whose share is nearest to the estimated redraw share. Share 1 means that the noise is redrawn
     /// at every readout. Share 0 means that the noise is constant between resets.
     pub(super) fn choose_noise_sampling(&mut self) {
-        let share = self.bias_share;
+        let share = self.redraw_share;
         let frozen = share.value.is_nan() || share.value < 0.5;
         let [chosen, other] = if frozen { [0.0, 1.0] } else { [1.0, 0.0] };
         let distance = |rule: f64| (share.value - rule).abs() / share.error;
@@ -33,13 +32,13 @@ impl Fitter<'_> {
             let contradicts =
                 distance(chosen) > AGREEMENT_Z_THRESHOLD && distance(other) > AGREEMENT_Z_THRESHOLD;
             format!(
-                "{:.2} +- {:.2} of the rate increase of a redraw at every readout is present{}",
+                "the share that is redrawn at every readout is {:.2} +- {:.2}{}",
                 share.value,
                 share.error,
                 if contradicts { ", which contradicts both models" } else { "" }
             )
         } else {
-            "too few pixels fired twice in the dark".to_owned()
+            "too few pixels fired in a steady dark recording".to_owned()
         };
         self.notes.push(format!(
             "The recordings do not show whether threshold noise is redrawn at every readout or at every reset: {why}. The camera file uses the nominal setting, every reset."
@@ -58,9 +57,8 @@ impl Fitter<'_> {
         self.noise.noise_sampling = NoiseSampling::EveryReadout;
         self.measure_noise();
         let redrawn = self.sigma_t;
-        let electrons = Sensor::electrons_from_fc(self.sensor.capacitance_ff * self.sensor.swing_v);
-        self.noise = NoiseEstimate { inverse_light_quanta: 1.0 / electrons, ..previous };
-        self.electrons = Estimate { value: electrons, error: f64::NAN, samples: 0 };
+        self.noise = previous;
+        self.assume_quanta(self.nominal_quanta()[1]);
         let nominal = self.nominal_noise_variance().sqrt();
         if !(frozen.error.is_finite() && redrawn.error.is_finite()) {
             self.noise.threshold_variance = nominal * nominal;

@@ -1,13 +1,16 @@
 //! Posterior error of the line through the light levels. A lamp that agrees with the other lamps can still be wrong.
 //! Another line can therefore be right.
 //!
-//! The prior of each lit lamp has two cases. With probability 0.9 the lamp is as accurate as stated. With probability
-//! 0.1 it deviates by up to 12 %, and all deviations are equally likely. For example, three lamps can form two pairs,
+//! The prior of each lit lamp has three cases. With probability 0.9 the lamp is as accurate as stated. With probability
+//! 0.09 it deviates by up to 12 %, and all deviations are equally likely. With probability 0.01 it is mislabeled, and its
+//! deviation has a standard deviation of 30 %. For example, three lamps can form two pairs,
 //! and the lamps of each pair can differ by 3 standard deviations. Either pair can then be right. The posterior of the
 //! scale then has two peaks, and the error must cover both peaks.
 //!
 //! The posterior is summed on a grid of lines. The result is the posterior root mean square deviation from the chosen
 //! line. If this deviation exceeds the error of the chosen line, it replaces the error.
+
+use super::alignment::OUTLIER_UNCERTAINTY;
 
 /// A lit or dark level: its found light, its stated light, and the standard deviation of the stated light.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +26,9 @@ const OUTLIER_PRIOR: f64 = 0.1;
 /// Largest relative deviation of a wrong lamp. A recording set may contain deviations of up to 10 %. The other 2 % are
 /// for the deviation of a lamp that is as accurate as stated.
 const MAX_RELATIVE_DEVIATION: f64 = 0.12;
+
+/// Prior probability that a wrong lamp is mislabeled. Its deviation is then normal with a standard deviation of 30 %.
+const FAR_PRIOR: f64 = 0.1;
 
 /// Step of the grid in standard errors of the line.
 const GRID_STEP: f64 = 0.25;
@@ -72,15 +78,17 @@ fn half_width_steps(range: f64, step: f64) -> i32 {
 }
 
 /// Returns the log density of a lamp's deviation from a line. The deviation is in units of the lamp's stated standard
-/// deviation. The density is a mixture of a normal distribution and a uniform distribution over the possible
-/// deviations.
+/// deviation. The density is the mixture of the three cases.
 fn log_density(l: &StatedLevel, scale: f64, shift: f64) -> f64 {
     let deviation = scale * l.found_light + shift - l.stated_light;
     let z = deviation / l.sd;
     let right = (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt();
-    let within = deviation.abs() <= MAX_RELATIVE_DEVIATION * l.stated_light;
-    // Outside the range of possible deviations the density is small but not zero. A set with a lamp outside the range
-    // therefore still has a best line.
-    let off = l.sd / (2.0 * MAX_RELATIVE_DEVIATION * l.stated_light) * if within { 1.0 } else { 1e-6 };
+    let relative_sd = l.sd / l.stated_light;
+    let relative = deviation / l.stated_light;
+    let near = if relative.abs() <= MAX_RELATIVE_DEVIATION { 0.5 / MAX_RELATIVE_DEVIATION } else { 0.0 };
+    // A mislabeled lamp can be outside the range, so a set with such a lamp still has a best line.
+    let u = relative / OUTLIER_UNCERTAINTY;
+    let far = (-0.5 * u * u).exp() / ((2.0 * std::f64::consts::PI).sqrt() * OUTLIER_UNCERTAINTY);
+    let off = relative_sd * ((1.0 - FAR_PRIOR) * near + FAR_PRIOR * far);
     ((1.0 - OUTLIER_PRIOR) * right + OUTLIER_PRIOR * off).ln()
 }

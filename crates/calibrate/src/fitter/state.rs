@@ -8,10 +8,12 @@
 //! * `psi`: rate that redrawn noise adds, divided by the variance of the noise. [`noise_rate_gain`] returns it.
 
 use super::alignment::Alignment;
+use super::noise::interval_weights;
+use super::shape::GainShape;
 use crate::formulas::fit::{PixelFit, RateWeighting, correct_end_bias};
 use crate::formulas::selection::{firing_draw_variance, noise_rate_gain};
 use crate::recordings::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
-use crate::recordings::observations::{LightLevel, Observations};
+use crate::recordings::observations::{LightLevel, Observations, cell_class};
 use crate::result::CalibrateOptions;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::pixel::NoiseSampling;
@@ -32,15 +34,12 @@ pub(super) struct NoiseEstimate {
 }
 
 /// One light level of one pixel. `level` is the index of the level. `increment` is `x`, and `variance` is the variance of
-/// `x`. `bias` is the rate bias that was subtracted.
+/// `x`.
 pub(super) struct LevelPoint {
     pub(super) level: usize,
     pub(super) light: f64,
     pub(super) increment: f64,
     pub(super) variance: f64,
-    pub(super) bias: f64,
-    /// Whether the rate was computed from spike times. Otherwise it was computed from a spike count.
-    pub(super) is_timed: bool,
     /// Change of `x` if the threshold of the pixel changes by its standard deviation.
     pub(super) threshold_sensitivity: f64,
 }
@@ -57,9 +56,13 @@ pub(super) struct Fitter<'a> {
     pub(super) level_sd: Vec<f64>,
     /// Whether each level is off the line through the other levels.
     pub(super) is_outlier: Vec<bool>,
-    /// For each level, whether most pixels fire at nearly every readout. The light of such a level cannot be
-    /// determined. The few slow pixels of such a level are therefore not used either.
+    /// For each level and each class of a 2x2 cell, whether most pixels fire at nearly every readout. The few slow pixels
+    /// of such a class are not used, because their noise made them slow.
+    pub(super) saturated_classes: Vec<Vec<bool>>,
+    /// For each level, whether all classes are saturated. The light of such a level cannot be determined.
     pub(super) is_saturated: Vec<bool>,
+    /// Gain that neighboring pixels share: the shape of the light and the classes of the 2x2 cell.
+    pub(super) shape: GainShape,
     pub(super) alignment: Option<Alignment>,
     /// Ratio of the typical chi-square of a pixel to its expectation. It is 1 if the model fits.
     pub(super) chi2_scale: f64,
@@ -67,7 +70,10 @@ pub(super) struct Fitter<'a> {
     /// For each level, the correction factor for correlated phases. It multiplies the rate that low threshold draws
     /// add.
     pub(super) phase_corrections: Vec<f64>,
-    pub(super) bias_share: Estimate,
+    /// For each level, the probability that the interval noise of each pixel has no outlier. Empty without interval noise.
+    pub(super) noise_weights: Vec<Vec<f64>>,
+    /// Share of the threshold noise that is redrawn at every readout.
+    pub(super) redraw_share: Estimate,
     pub(super) sigma_t: Estimate,
     pub(super) electrons: Estimate,
     pub(super) notes: Vec<String>,
@@ -78,12 +84,16 @@ pub(super) const ZERO_ESTIMATE: Estimate = Estimate { value: 0.0, error: 0.0, sa
 impl<'a> Fitter<'a> {
     pub(super) fn new(observed: &'a Observations, options: &CalibrateOptions) -> Result<Self> {
         let geometry = observed.geometry;
-        let usable = observed.levels.iter().filter(|l| l.median_rate() <= SATURATION_RATE).count();
+        let width = geometry.width();
+        let usable = observed.levels.iter().filter(|l| !l.is_saturated(width)).count();
         if usable < 2 || observed.levels.iter().all(|l| l.light == 0.0) {
             return Err(Error::new(ErrorKind::Input, "recording set")
                 .found(format_args!("{usable} usable levels"))
                 .expected("at least two below saturation, of which at least one is lit"));
         }
+        let saturated_classes = |level: &LightLevel| {
+            level.class_median_rates(width).iter().map(|rate| *rate > SATURATION_RATE).collect()
+        };
         let mut sensor = Sensor::new(geometry.width() as u32, geometry.height() as u32, observed.readout_hz)?;
         sensor.capacitance_ff = options.capacitance_ff;
         sensor.swing_v = options.swing_v;
@@ -109,12 +119,15 @@ impl<'a> Fitter<'a> {
             level_offsets: vec![ZERO_ESTIMATE; observed.levels.len()],
             level_sd: vec![0.0; observed.levels.len()],
             is_outlier: vec![false; observed.levels.len()],
-            is_saturated: observed.levels.iter().map(|l| l.median_rate() > SATURATION_RATE).collect(),
+            saturated_classes: observed.levels.iter().map(saturated_classes).collect(),
+            is_saturated: observed.levels.iter().map(|l| l.is_saturated(width)).collect(),
+            shape: GainShape::uniform(geometry.pixels()),
             alignment: None,
             chi2_scale: 1.0,
             is_noise_sampling_identified: options.noise_sampling.is_some(),
             phase_corrections: vec![1.0; observed.levels.len()],
-            bias_share: Estimate { value: f64::NAN, error: f64::INFINITY, samples: 0 },
+            noise_weights: observed.levels.iter().map(interval_weights).collect(),
+            redraw_share: Estimate { value: f64::NAN, error: f64::INFINITY, samples: 0 },
             sigma_t: ZERO_ESTIMATE,
             electrons: ZERO_ESTIMATE,
             notes: Vec::new(),
@@ -176,10 +189,11 @@ impl<'a> Fitter<'a> {
     }
 
     /// Returns the charge of a quantum of light in thresholds of the pixel, divided by the charge for a nominal pixel.
-    /// Quanta are photons, and they are counted before the gain is applied. The published model does the same.
+    /// Quanta are photons, and they are counted before the gain is applied. The published model does the same. The shape
+    /// of the light changes the number of photons, but not their charge.
     pub(super) fn quantum(&self, p: usize) -> f64 {
         let a = self.fits[p].a;
-        if a.is_finite() { a } else { 1.0 }
+        if a.is_finite() { a / self.shape.field[p] } else { 1.0 }
     }
 
     pub(super) fn point(&self, p: usize, k: usize, level: &LightLevel) -> Option<LevelPoint> {
@@ -188,7 +202,8 @@ impl<'a> Fitter<'a> {
         // A silent pixel in the dark has a small dark current, so its rate of 0 is used. A dark rate that is fitted to the
         // lit levels alone scatters about zero, and a camera file stores only positive values. A silent pixel in light is
         // dead and is skipped.
-        if self.is_saturated[k]
+        let class = cell_class(p, self.observed.geometry.width());
+        if self.saturated_classes[k].get(class).copied().unwrap_or(false)
             || f.is_nan()
             || f > SATURATION_RATE
             || (of_length && n == 0 && level.light > 0.0)
@@ -219,14 +234,11 @@ impl<'a> Fitter<'a> {
             (false, _) => weighting.variance(f, 1000.0, lit) + 1e-14,
         };
         let light = level.light + self.level_offsets[k].value;
-        let timed = by_time || !of_length;
         Some(LevelPoint {
             level: k,
             light,
             increment: x,
             variance,
-            bias,
-            is_timed: timed,
             threshold_sensitivity: -by_threshold / live_share,
         })
     }

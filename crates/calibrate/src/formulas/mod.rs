@@ -4,4 +4,5 @@ pub(super) mod cholesky;
 pub(super) mod draw_integrals;
 pub(super) mod fit;
 pub(super) mod phase;
+pub(super) mod robust;
 pub(super) mod selection;

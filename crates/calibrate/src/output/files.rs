@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::population::mean_and_sd;
-use crate::result::{Calibration, Lamp};
+use crate::result::{Calibration, Lamp, LightField};
 use crate::snee::{SneeMaps, SneePixel};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::pixel::NoiseSampling;
@@ -37,7 +37,8 @@ fn lamp_json(l: &Lamp) -> Value {
         "deviation": estimate_json(l.deviation), "is_outlier": l.is_outlier, "is_saturated": l.is_saturated, "drifts": l.drifts,
         "readouts": l.readouts, "mean_rate": l.mean_rate, "rate_scatter": l.rate_scatter,
     });
-    insert_present(fields, [("light_change", l.light_change.map(estimate_json))])
+    let pull = l.pull().filter(|x| x.is_finite()).map(Into::into);
+    insert_present(fields, [("light_change", l.light_change.map(estimate_json)), ("pull", pull)])
 }
 
 impl Calibration {
@@ -55,11 +56,13 @@ impl Calibration {
                 "covariance": estimate_json(p.covariance), "sigma_phi": estimate_json(p.sigma_phi),
             },
             "sigma_t": estimate_json(self.sigma_t),
-            "electrons_per_spike": estimate_json(self.electrons_per_spike),
+            "electrons_per_threshold": estimate_json(self.electrons_per_threshold),
+            "photons_at_full_light": estimate_json(self.photons_at_full_light),
             "dark_shot_noise": self.dark_shot_noise,
             "is_noise_sampling_identified": self.is_noise_sampling_identified,
             "noise_sampling": if self.noise_sampling == NoiseSampling::EveryReadout { "every-readout" } else { "every-reset" },
-            "bias_share": estimate_json(self.bias_share),
+            "redraw_share": estimate_json(self.redraw_share),
+            "class_gains": self.class_gains.iter().copied().map(estimate_json).collect::<Vec<_>>(),
             "dead_time_fraction": self.dead_time_fraction,
             "light_scale_error": self.light_scale_error,
             "is_nonlinear": self.is_nonlinear,
@@ -69,7 +72,10 @@ impl Calibration {
             "verdict": self.verdict(), "cautions": self.cautions(),
             "notes": self.notes,
         });
+        let field =
+            |f: &LightField| json!({ "corner_falloff": estimate_json(f.corner_falloff), "terms": f.terms });
         let optional_fields = [
+            ("light_field", self.light_field.as_ref().map(field)),
             ("nonlinearity", self.nonlinearity.map(estimate_json)),
             ("reduced_chi2", self.reduced_chi2().map(Into::into)),
             ("snee", self.snee.as_ref().map(|paper| self.snee_json(paper))),
@@ -110,7 +116,7 @@ impl Calibration {
 
     /// Returns the maps of the fit and their names. Pixels without a fit have the means and spreads of the population. In
     /// the map `known` they have the value 0.
-    pub(crate) fn maps(&self) -> [(&'static str, Vec<f64>); 7] {
+    pub(crate) fn maps(&self) -> [(&'static str, Vec<f64>); 8] {
         let p = &self.population;
         let of_population = crate::formulas::fit::PixelFit {
             a: p.mean_a.value,
@@ -131,6 +137,7 @@ impl Calibration {
             ("d", map(|f| f.d)),
             ("d_error", map(|f| f.var_d.sqrt())),
             ("chi2", map(|f| f.chi2)),
+            ("light_field", self.light_field_map.clone()),
             ("threshold_sd", self.threshold_posteriors.iter().map(|t| t[1]).collect()),
         ]
     }

@@ -121,13 +121,25 @@ fn population_table(c: &Calibration) -> Table {
         ("DSNU: spread of d", p.sd_d, Some(d)),
         ("spread of thresholds", p.sigma_phi, Some(1.0)),
         ("threshold noise, relative to the threshold", c.sigma_t, Some(1.0)),
-        ("electrons per spike", c.electrons_per_spike, None),
+        ("electrons per threshold", c.electrons_per_threshold, None),
+        ("photons per readout at light 1 and gain 1", c.photons_at_full_light, None),
     ];
+    let shares =
+        [("share of the threshold noise that is redrawn at every readout".to_owned(), c.redraw_share)];
+    let falloff =
+        c.light_field.iter().map(|f| ("falloff of the light at the corners".to_owned(), f.corner_falloff));
+    let cells =
+        ["even row, even column", "even row, odd column", "odd row, even column", "odd row, odd column"];
+    let classes =
+        c.class_gains.iter().zip(cells).map(|(g, cell)| (format!("mean gain of the class {cell}"), *g));
+    let rows = rows.map(|(name, e, mean)| (name.to_owned(), e, mean)).into_iter();
+    let others = shares.into_iter().chain(falloff).chain(classes).filter(|(_, e)| e.value.is_finite());
+    let rows = rows.chain(others.map(|(name, e)| (name, e, None)));
     for (name, e, mean) in rows {
         let digits = if e.value >= 100.0 { 0 } else { 6 };
         let error = if e.error.is_finite() { format!("{:.2e}", e.error) } else { "assumed".to_owned() };
         let relative = mean.map_or(String::new(), |m| format!("{:.3} %", 100.0 * e.value / m));
-        table.push_row([name.to_owned(), format!("{:.digits$}", e.value), error, relative]);
+        table.push_row([name, format!("{:.digits$}", e.value), error, relative]);
     }
     table
 }
@@ -137,9 +149,11 @@ fn lamp_table(c: &Calibration) -> Table {
         "recording",
         "readouts",
         "stated light",
+        "uncertainty",
         "estimated light",
-        "difference",
+        "deviation",
         "standard error",
+        "pull",
         "spikes per readout",
         "scatter of the pixels around their lines",
         "verdict",
@@ -147,12 +161,14 @@ fn lamp_table(c: &Calibration) -> Table {
     let percent = |x: f64| format!("{:.3} %", 100.0 * x);
     for lamp in &c.lamps {
         let readouts = if lamp.readouts > 0 { lamp.readouts.to_string() } else { "a map".to_owned() };
-        let [estimated, difference, error] = match lamp.relative_deviation() {
-            Some([value, error]) => [format!("{:.5}", lamp.found_light()), percent(value), percent(error)],
-            None => [String::new(), String::new(), String::new()],
+        let [estimated, deviation, error, pull] = match (lamp.relative_deviation(), lamp.pull()) {
+            (Some([value, error]), Some(pull)) => {
+                [format!("{:.5}", lamp.found_light()), percent(value), percent(error), format!("{pull:+.2}")]
+            }
+            _ => Default::default(),
         };
-        let stated = format!("{:.5}", lamp.stated_light);
-        let cells = [lamp.file.clone(), readouts, stated, estimated, difference, error];
+        let (stated, uncertainty) = (format!("{:.5}", lamp.stated_light), percent(lamp.stated_uncertainty));
+        let cells = [lamp.file.clone(), readouts, stated, uncertainty, estimated, deviation, error, pull];
         let fitted =
             [format!("{:.5}", lamp.mean_rate), percent(lamp.rate_scatter), lamp_verdict(lamp).to_owned()];
         table.push_row(cells.into_iter().chain(fitted));
@@ -163,7 +179,7 @@ fn lamp_table(c: &Calibration) -> Table {
 fn lamp_verdict(lamp: &Lamp) -> &'static str {
     match (lamp.stated_light == 0.0, lamp.is_saturated, lamp.is_outlier, lamp.drifts) {
         (_, true, ..) => "saturated: not estimated",
-        (_, _, true, _) => "deviates, not used for the scale",
+        (_, _, true, _) => "lamp off, uncertainty 30 %",
         (_, _, _, true) => "drifts",
         (true, ..) => "dark, as stated",
         _ => "as stated",

@@ -36,6 +36,18 @@ impl Calibration {
         if let Some(chi2) = self.reduced_chi2().filter(|x| *x > CHI2_CAUTION_RATIO) {
             cautions.push(format!("The pixel responses are not linear: the typical chi-square per degree of freedom is {chi2:.1}."));
         }
+        if let Some(field) = &self.light_field {
+            cautions.push(format!(
+                "The light falls off by {:.1} % toward the corners: the gains of the camera file are relative to this shape.",
+                100.0 * field.corner_falloff.value
+            ));
+        }
+        if !self.class_gains.is_empty() {
+            cautions.push(
+                "The pixels of a 2x2 cell have different mean gains, as with a mosaic of color filters."
+                    .to_owned(),
+            );
+        }
         if !self.is_noise_sampling_identified {
             cautions.push("The recordings do not show when threshold noise is redrawn: the camera file uses the nominal setting, every reset.".to_owned());
         }
@@ -48,7 +60,7 @@ impl Calibration {
                 )
             })
         };
-        cautions.extend(assumed("The number of electrons per spike", self.electrons_per_spike));
+        cautions.extend(assumed("The number of electrons per threshold", self.electrons_per_threshold));
         cautions.extend(assumed("The threshold noise", self.sigma_t));
         let (unknown, all) = (self.unfitted_pixels().len(), self.fits.len());
         if unknown as f64 > UNFITTED_CAUTION_SHARE * all as f64 {

@@ -21,6 +21,14 @@ pub(crate) const MIN_TIMED_SPIKES: u32 = 2;
 /// Number of spikes that most pixels of a lit level must have.
 pub(crate) const MIN_LIT_SPIKES: u32 = 3;
 
+/// Largest deviation of the rate of a level from the line through the other levels, divided by the expected rate. A lamp
+/// that is off has a standard deviation of 30 %.
+const MAX_LEVEL_DEVIATION: f64 = 0.5;
+
+/// Largest deviation of a rate from the line of the levels that is always accepted, in spikes per readout. The median dark
+/// rate differs from the median intercept of the lines by less.
+const MAX_RATE_DEVIATION: f64 = 0.003;
+
 /// Largest share of drifting pixels in a scene that counts as static.
 const MAX_DRIFTING_SHARE: f64 = 0.02;
 
@@ -72,7 +80,7 @@ pub(crate) fn check_checkerboard(level: &LightLevel, light: Stimulus, geometry: 
 
 /// Checks the levels of a set for motion, usable light, spike counts, unit of the light, order and orientation.
 pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
-    let levels = &observed.levels;
+    let (levels, width) = (&observed.levels, observed.geometry.width());
     if let Some(level) = levels.iter().find(|l| l.drifting_share > MAX_DRIFTING_SHARE) {
         return Err(set_error(&level.name)
             .found(format_args!(
@@ -90,7 +98,7 @@ pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
             .expected("at least two levels, of which at least one is lit")
             .remedy("add flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation"));
     }
-    let usable = |l: &LightLevel| l.median_rate() <= SATURATION_RATE;
+    let usable = |l: &LightLevel| !l.is_saturated(width);
     if !lit.iter().any(|l| usable(l)) {
         return Err(set_error(set)
             .found("only saturated lit levels")
@@ -105,9 +113,10 @@ pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
     }
     check_spike_counts(&lit)?;
     // Rate maps of unknown length are not checked, because they can have another unit.
-    let streams: Vec<LevelRate> = levels.iter().filter(|l| l.readouts > 0).map(LevelRate::from).collect();
+    let streams: Vec<LevelRate> =
+        levels.iter().filter(|l| l.readouts > 0).map(|l| LevelRate::new(l, width)).collect();
     check_light_unit(&streams, 0.5..2.0)?;
-    check_monotonic(levels)?;
+    check_monotonic(levels, width)?;
     check_orientation(observed)
 }
 
@@ -140,13 +149,11 @@ pub(crate) struct LevelRate<'a> {
     pub rate: f64,
 }
 
-impl<'a> From<&'a LightLevel> for LevelRate<'a> {
-    fn from(level: &'a LightLevel) -> Self {
-        Self { name: &level.name, light: level.light, rate: level.median_rate() }
+impl<'a> LevelRate<'a> {
+    fn new(level: &'a LightLevel, width: usize) -> Self {
+        Self { name: &level.name, light: level.light, rate: level.typical_rate(width) }
     }
-}
 
-impl LevelRate<'_> {
     fn is_usable(&self) -> bool {
         self.rate <= SATURATION_RATE
     }
@@ -196,8 +203,20 @@ fn significant(x: f64) -> String {
 }
 
 /// Checks that more light causes more spikes, nearly in proportion.
-fn check_monotonic(levels: &[LightLevel]) -> Result<()> {
-    let rates: Vec<LevelRate> = levels.iter().map(LevelRate::from).filter(LevelRate::is_usable).collect();
+fn check_monotonic(levels: &[LightLevel], width: usize) -> Result<()> {
+    let rates: Vec<LevelRate> =
+        levels.iter().map(|l| LevelRate::new(l, width)).filter(LevelRate::is_usable).collect();
+    // A level can be wrong in one class of the 2x2 cell, for example if half of the columns are silent.
+    for class in 0..levels.iter().map(|l| l.class_median_rates(width).len()).min().unwrap_or(0) {
+        let of_class = |l| LevelRate {
+            rate: LightLevel::class_median_rates(l, width)[class],
+            ..LevelRate::new(l, width)
+        };
+        let rates: Vec<LevelRate> = levels.iter().map(of_class).filter(LevelRate::is_usable).collect();
+        if rates.len() >= 4 {
+            check_linearity(&rates)?;
+        }
+    }
     if rates.len() >= 4 {
         // If the light of two adjacent levels differs by less than the uncertainty, their order can be wrong. The fit
         // of the pixels finds which level is wrong.
@@ -217,8 +236,8 @@ fn check_monotonic(levels: &[LightLevel]) -> Result<()> {
 /// Checks that the levels lie on a line, and returns the slope of this line. The error names the level that is off the
 /// line through the other levels, even if a neighbor of this level also contradicts it.
 ///
-/// The check accepts deviations of up to 12 % from the line. They are errors of the lamps, and the fit of the pixels
-/// finds them.
+/// The check accepts deviations of up to half of the rate. They are errors of the lamps, and the fit of the pixels finds
+/// them. A larger deviation is a mislabeled file.
 fn check_linearity(levels: &[LevelRate]) -> Result<f64> {
     // The slope of Theil's line is the median of the slopes between all pairs of levels. A few wrong levels hardly
     // change this median.
@@ -235,7 +254,7 @@ fn check_linearity(levels: &[LevelRate]) -> Result<f64> {
         // The light of the dark level is exact. If the dark level is off the line, a wrong lit level may have tilted the
         // line. The dark level therefore has the tolerance of a lit level. The fit of the pixels finds the wrong level.
         let scale = if level.light == 0.0 { expected.max(lowest) } else { expected };
-        if (level.rate - expected).abs() > 0.12 * scale + 0.003 {
+        if (level.rate - expected).abs() > MAX_LEVEL_DEVIATION * scale + MAX_RATE_DEVIATION {
             return Err(contradiction_error(level).found(format_args!(
                 "rate {:.5} at light {}, where the other levels give {expected:.5}",
                 level.rate, level.light
@@ -256,7 +275,7 @@ fn contradiction_error(level: &LevelRate) -> Error {
 fn check_orientation(observed: &Observations) -> Result<()> {
     let geometry = observed.geometry;
     let (width, height) = (geometry.width(), geometry.height());
-    let usable = |l: &&LightLevel| l.light > 0.0 && l.median_rate() <= SATURATION_RATE;
+    let usable = |l: &&LightLevel| l.light > 0.0 && !l.is_saturated(width);
     let lit: Vec<&LightLevel> = observed.levels.iter().filter(usable).collect();
     if lit.len() < 2 || height < 5 || width < 5 {
         return Ok(());

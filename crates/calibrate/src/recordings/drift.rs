@@ -10,10 +10,9 @@ const DRIFT_Z_THRESHOLD: f64 = 5.0;
 /// of the halves change the mean by less.
 const MIN_RELATIVE_DRIFT: f64 = 1e-3;
 
-/// Difference between the halves, in spikes per pixel, that start phases can cause without any change of light. In the
-/// first half, pixels that all start empty fire half a spike less than pixels at random phases. Pixels that all start
-/// full fire half a spike more.
-const START_PHASE_SPIKES: f64 = 0.5;
+/// Smallest change of the mean rate, in standard errors, for which a lit recording is not used for noise. With a steady
+/// lamp, one recording in eighty exceeds it. The drift that remains is part of the error.
+const NOISE_DRIFT_Z_THRESHOLD: f64 = 2.5;
 
 /// Largest deviation of the change of a pixel from the median change, in robust standard deviations. Larger deviations are
 /// clamped, because a single blinking pixel must not look like a drifting lamp.
@@ -77,9 +76,34 @@ impl LightLevel {
     /// pixels' charge at the start does not count as a change.
     #[must_use]
     pub fn drifts(&self) -> bool {
+        self.drifts_by(MIN_RELATIVE_DRIFT, DRIFT_Z_THRESHOLD)
+    }
+
+    /// Returns whether the intervals of the recording contain too much drift for an estimate of the noise.
+    pub(crate) fn has_noisy_drift(&self) -> bool {
+        match self.light {
+            0.0 => self.drifts(),
+            _ => self.drifts_by(0.0, NOISE_DRIFT_Z_THRESHOLD),
+        }
+    }
+
+    /// Returns the likely variance that an undetected linear drift of the lamp adds to the relative rate, as its rise over
+    /// the whole recording. It is 0 in the dark.
+    pub(crate) fn undetected_rise_variance(&self) -> f64 {
+        // A linear rise changes the mean of a half by a quarter of the rise in each direction, so the halves differ by half
+        // of it.
+        let error = self.rate_change.map_or(0.0, |c| 2.0 * c.error);
+        if self.light == 0.0 { 0.0 } else { error * error }
+    }
+
+    fn drifts_by(&self, min_relative: f64, min_z: f64) -> bool {
         let spikes = self.spikes.iter().map(|n| f64::from(*n)).sum::<f64>() / self.spikes.len() as f64;
-        let min_change = MIN_RELATIVE_DRIFT.max(START_PHASE_SPIKES / (spikes / 2.0));
-        self.rate_change
-            .is_some_and(|c| c.value.abs() > min_change && c.value.abs() > DRIFT_Z_THRESHOLD * c.error)
+        // Pixels that all start with the same charge fire up to half a spike more or less in the first half.
+        let of_start = self.start_offset / (spikes / 2.0);
+        let exceeds = |c: Estimate| {
+            let excess = c.value.abs() - of_start;
+            excess > min_relative && excess > min_z * c.error
+        };
+        self.rate_change.is_some_and(exceeds)
     }
 }

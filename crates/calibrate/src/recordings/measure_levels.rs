@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::check;
 use super::observations::{IntervalNoise, LightLevel, Observations};
-use super::recording_set::{RateMap, RecordingSet, Stimulus, StimulusPattern};
+use super::recording_set::{RateMap, RecordingSet, Stimulus, StimulusPattern, mean_rate_at_start};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs;
@@ -14,12 +14,20 @@ use spikelane::unstable::npy;
 use spikelane::unstable::threads;
 use spikelane_io::formats::StreamReader;
 use spikelane_measure::{
-    MeasureOptions, NO_SPIKE, Statistics, finite_values, measure_stream, median, median_and_spread,
+    Intervals, MeasureOptions, NO_SPIKE, Statistics, finite_values, measure_stream, median, median_and_spread,
 };
 
-/// Brightest light at which intervals are measured. In brighter light the quantization of spike times hides the phase
-/// noise per spike, and measuring intervals takes the most time.
-const MAX_INTERVAL_LIGHT: f64 = 0.12;
+/// Highest rate at which intervals are measured, in spikes per readout. In brighter light the quantization of spike times
+/// hides the phase noise per spike, and measuring intervals takes the most time.
+const MAX_INTERVAL_RATE: f64 = 0.125;
+
+/// Smallest relative deviation of an interval from the mean interval of its pixel that noise cannot explain. A false spike
+/// divides an interval, and one part is at most half as long. A missed spike doubles it.
+const MIN_IRREGULAR_DEVIATION: f64 = 0.4;
+
+/// Smallest deviation of an irregular interval in standard deviations of an interval. Of a billion regular intervals, two
+/// deviate by more.
+const IRREGULAR_Z_THRESHOLD: f64 = 6.0;
 
 /// Lags whose variances are measured, in intervals.
 const INTERVAL_LAGS: [u32; 6] = [1, 2, 4, 8, 16, 32];
@@ -58,7 +66,7 @@ pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Res
         let wanted =
             light.level().is_some() || matches!(light, Stimulus::Scene(StimulusPattern::Checkerboard { .. }));
         if wanted {
-            let dim = light.level().is_some_and(|l| l <= MAX_INTERVAL_LIGHT);
+            let dim = light.level().is_some() && mean_rate_at_start(reader)? <= MAX_INTERVAL_RATE;
             let statistics = measure_recording(reader, dim, &mut report_readouts)?;
             let mut level = level_from_statistics(name, light.level().unwrap_or(f64::NAN), &statistics);
             level.light_uncertainty = recording.light_uncertainty.or(set.light_uncertainty);
@@ -115,13 +123,40 @@ fn level_from_statistics(name: &str, light: f64, statistics: &Statistics) -> Lig
     if let Some(early) = &statistics.counts_before_split {
         level = level.with_first_half(early);
     }
-    level.interval_noise = statistics.intervals.as_ref().map(|intervals| {
-        let shortest = shortest_lag(&level);
-        let of_pixel = |p: usize| intervals.growth(p, shortest) * level.rate[p] * level.rate[p];
-        let map = threads::map(0..intervals.len(), of_pixel);
-        IntervalNoise { map, lags: fitted_lags(&level, shortest) }
-    });
+    level.interval_noise = statistics.intervals.as_ref().map(|intervals| interval_noise(&level, intervals));
     level
+}
+
+/// Returns the growth of the variance of spike times, and the variance of the ends of a span.
+///
+/// The variance of one interval is `D(1) = s (1 - 1/N) + q (1 - 1/N^2)` for `N` intervals, the variance per spike `s` and
+/// the end variance `q`. `spikelane_measure::Intervals` derives this expectation.
+fn interval_noise(level: &LightLevel, intervals: &Intervals) -> IntervalNoise {
+    let shortest = shortest_lag(level);
+    let single = intervals.lag_variance_map(1);
+    let mut relative: Vec<f64> = single.iter().zip(&level.rate).map(|(v, f)| v.sqrt() * f).collect();
+    relative.retain(|sd| sd.is_finite());
+    relative.sort_by(f64::total_cmp);
+    // Irregular intervals make the deviations of most pixels too large in a long recording, so the lower quartile is used.
+    let typical = relative.get(relative.len() / 4).copied().unwrap_or(0.0);
+    let reach = MIN_IRREGULAR_DEVIATION.max(IRREGULAR_Z_THRESHOLD * typical);
+    let of_pixel = |p: usize| {
+        let pixel = intervals.pixel(p);
+        let n = f64::from(pixel.intervals);
+        let mean = pixel.sum as f64 / n;
+        let is_regular = pixel.extremes.is_some_and(|(least, most)| {
+            f64::from(least) >= (1.0 - reach) * mean && f64::from(most) <= (1.0 + reach) * mean
+        });
+        if !is_regular {
+            return [f64::NAN; 2];
+        }
+        let growth = intervals.growth(p, shortest);
+        let end = (single[p] - growth * (1.0 - 1.0 / n)) / (1.0 - 1.0 / (n * n));
+        [growth * level.rate[p] * level.rate[p], end]
+    };
+    let both: Vec<[f64; 2]> = threads::map(0..intervals.len(), of_pixel);
+    let map = |i: usize| both.iter().map(|values| values[i]).collect();
+    IntervalNoise { map: map(0), end_variance: map(1), lags: fitted_lags(level, shortest) }
 }
 
 /// Returns the shortest lag, in intervals, at which the growth of the variance of spike times is fitted.
@@ -172,6 +207,7 @@ fn read_rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Lig
         rate,
         drifting_share: 0.0,
         rate_change: None,
+        start_offset: 0.5,
         interval_noise: None,
     })
 }

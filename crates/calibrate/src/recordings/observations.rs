@@ -1,15 +1,28 @@
 //! Measurements of a recording set: for each uniform level, the data of each pixel.
 
+use super::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
 use spikelane::spikes::{Geometry, span_rate};
 use spikelane_measure::{Estimate, finite_values, median};
 
-/// Phase variance per spike of every pixel at one light level.
+/// Phase variance of every pixel at one light level. The variance of a span of `n` intervals is `n` times the variance
+/// per spike, plus the end variance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntervalNoise {
-    /// Variance per spike of each pixel, in squared thresholds of this pixel. NaN if the pixel has too few intervals.
+    /// Variance per spike of each pixel, in squared thresholds of this pixel. NaN if the pixel has too few intervals, or
+    /// an interval that noise cannot explain, such as an interval that a false spike divides.
     pub map: Vec<f64>,
+    /// Variance that both ends of a span contribute, in readouts squared. It is NaN where `map` is NaN.
+    pub end_variance: Vec<f64>,
     /// Lags in intervals. The map was fitted to the variances at these lags.
     pub lags: Vec<u32>,
+}
+
+/// Number of pixels of a 2x2 cell. A mosaic of filters repeats after two pixels in both directions.
+pub(crate) const CELL_CLASSES: usize = 4;
+
+/// Returns the position of pixel `p` in its 2x2 cell: twice the parity of its row plus the parity of its column.
+pub(crate) fn cell_class(p: usize, width: usize) -> usize {
+    2 * (p / width % 2) + p % width % 2
 }
 
 /// Measurements at one uniform light level. Maps are row-major, with one entry per pixel.
@@ -35,6 +48,9 @@ pub struct LightLevel {
     /// Change of the mean rate of all pixels between the first and the second half of the recording, divided by the
     /// mean rate. `None` if unknown.
     pub rate_change: Option<Estimate>,
+    /// Distance of the mean start phase of the pixels from one half, in spikes. It is 0 for independent start phases, and
+    /// at most 0.5, if all pixels start empty or full.
+    pub start_offset: f64,
     /// Phase noise per spike. It is measured only for dim levels.
     pub interval_noise: Option<IntervalNoise>,
 }
@@ -61,7 +77,12 @@ impl LightLevel {
     ) -> Self {
         let counted = |p: usize| f64::from(count[p]) / f64::from(readouts);
         let rate = |p: usize| span_rate(count[p], first[p], last[p]).unwrap_or_else(|| counted(p));
-        let rate = (0..count.len()).map(rate).collect();
+        let rate: Vec<f64> = (0..count.len()).map(rate).collect();
+        // The product of the rate and the time of the first spike is the part of a cycle that was left at the start.
+        let fired = (0..count.len()).filter(|p| count[*p] >= MIN_TIMED_SPIKES);
+        let left: Vec<f64> = fired.map(|p| (rate[p] * (f64::from(first[p]) + 0.5)).min(1.0)).collect();
+        let mean = left.iter().sum::<f64>() / left.len() as f64;
+        let start_offset = if left.is_empty() { 0.5 } else { (mean - 0.5).abs().min(0.5) };
         Self {
             name: name.to_owned(),
             light,
@@ -71,6 +92,7 @@ impl LightLevel {
             rate,
             drifting_share: 0.0,
             rate_change: None,
+            start_offset,
             interval_noise: None,
         }
     }
@@ -85,6 +107,32 @@ impl LightLevel {
     ) -> Self {
         let nowhere = vec![0; spikes.len()];
         Self { rate, ..Self::from_counts(name, light, readouts, spikes, &nowhere, &nowhere) }
+    }
+
+    /// Returns the median rates of the four classes of a 2x2 cell in spikes per readout. `width` is the number of pixels
+    /// per row. [`cell_class`] numbers the classes. The median of a sensor with a mosaic of filters is between the
+    /// classes, and it is not a linear function of the light. The median of one class is.
+    pub(crate) fn class_median_rates(&self, width: usize) -> Vec<f64> {
+        let rates = |class: usize| {
+            let of_class = self.rate.iter().enumerate().filter(|(p, _)| cell_class(*p, width) == class);
+            of_class.map(|(_, rate)| *rate).filter(|rate| rate.is_finite()).collect::<Vec<f64>>()
+        };
+        (0..CELL_CLASSES).map(|class| median(&mut rates(class))).filter(|m| !m.is_nan()).collect()
+    }
+
+    /// Returns the mean over the classes of a 2x2 cell of their median rates. It is a linear function of the light. Returns
+    /// 1, the rate of a saturated pixel, if a class is saturated.
+    pub(crate) fn typical_rate(&self, width: usize) -> f64 {
+        let rates = self.class_median_rates(width);
+        if rates.iter().any(|rate| *rate > SATURATION_RATE) {
+            return 1.0;
+        }
+        rates.iter().sum::<f64>() / rates.len() as f64
+    }
+
+    /// Returns whether most pixels of every class of a 2x2 cell fire at nearly every readout.
+    pub(crate) fn is_saturated(&self, width: usize) -> bool {
+        self.class_median_rates(width).iter().all(|rate| *rate > SATURATION_RATE)
     }
 
     /// Returns the median rate of the pixels in spikes per readout.

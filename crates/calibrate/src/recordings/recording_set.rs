@@ -127,8 +127,19 @@ impl Stimulus {
     }
 }
 
-/// Number of readouts of each recording from which [`RecordingSet::check_light_unit`] computes a rate.
-const UNIT_CHECK_READOUTS: usize = 1000;
+/// Number of readouts from which [`mean_rate_at_start`] computes a rate.
+const START_READOUTS: usize = 1000;
+
+/// Returns the mean rate of all pixels in the first readouts of a recording, in spikes per readout.
+pub(super) fn mean_rate_at_start(reader: &StreamReader) -> Result<f64> {
+    let readouts = reader.readouts().min(START_READOUTS);
+    let mut frames = reader.frames(0..readouts)?;
+    let mut spikes = 0;
+    while let Some(frame) = frames.next_frame() {
+        spikes += count_spikes(frame?);
+    }
+    Ok(spikes as f64 / (readouts * reader.geometry().pixels()) as f64)
+}
 
 /// Gains that [`RecordingSet::check_light_unit`] attributes to the camera. Percent, gray values and lux are outside.
 const PLAUSIBLE_GAINS: Range<f64> = 0.1..10.0;
@@ -317,14 +328,7 @@ impl RecordingSet {
         let mut levels = Vec::new();
         for recording in &self.recordings {
             let Some(light) = recording.light.level() else { continue };
-            let reader = self.reader(recording)?;
-            let readouts = reader.readouts().min(UNIT_CHECK_READOUTS);
-            let mut frames = reader.frames(0..readouts)?;
-            let mut spikes = 0;
-            while let Some(frame) = frames.next_frame() {
-                spikes += count_spikes(frame?);
-            }
-            let rate = spikes as f64 / (readouts * reader.geometry().pixels()) as f64;
+            let rate = mean_rate_at_start(&self.reader(recording)?)?;
             levels.push(LevelRate { name: &recording.file, light, rate });
         }
         levels.sort_by(|a, b| a.light.total_cmp(&b.light));

@@ -5,4 +5,5 @@ mod calibrate_support;
 
 mod recording_sets;
 mod recovery;
+mod robustness;
 mod round_trip;

@@ -153,7 +153,7 @@ fn dark_saturated_and_short_sets_say_what_is_missing() {
 #[test]
 fn a_level_that_contradicts_the_others_is_named() {
     let (folder, path) = record(&flats(&[0.0, 0.1, 0.3, 0.5, 0.8], 500));
-    let text = std::fs::read_to_string(&path).unwrap().replace("light = 0.5", "light = 0.6");
+    let text = std::fs::read_to_string(&path).unwrap().replace("light = 0.5", "light = 0.05");
     let path = folder.path().join("wrong.toml");
     std::fs::write(&path, text).unwrap();
     let text = refusal_message(&path);
@@ -251,7 +251,7 @@ fn the_factor_of_levels_in_another_unit_is_estimated() {
 fn levels_in_another_unit_that_contradict_each_other_get_no_factor() {
     let (folder, path) = record(&flats(&[0.0, 0.03, 0.1, 0.3, 0.6], 1000));
     let scaled = with_levels_times(&path, 400.0);
-    let text = std::fs::read_to_string(&scaled).unwrap().replace("light = 120", "light = 200");
+    let text = std::fs::read_to_string(&scaled).unwrap().replace("light = 120", "light = 20");
     let wrong = folder.path().join("wrong.toml");
     std::fs::write(&wrong, text).unwrap();
     let text = refusal_message(&wrong);

@@ -15,7 +15,7 @@ fn report(calibration: &Calibration, s: &Score, readouts: u32) {
     println!("sigma_t {:?} true {}", calibration.sigma_t, PUBLISHED_NOISE.sigma_t);
     println!(
         "electrons {:?}, share {:?}, {:?}",
-        calibration.electrons_per_spike, calibration.bias_share, calibration.noise_sampling
+        calibration.photons_at_full_light, calibration.redraw_share, calibration.noise_sampling
     );
     println!("misfits {} chi2 {:?}", calibration.poor_fit_pixels.len(), calibration.reduced_chi2());
 }
@@ -77,7 +77,7 @@ fn calibrated_noise(width: u32, height: u32, readouts: u32, cameras: u64) -> Vec
         let all = [
             (calibration.population.sigma_phi, phi),
             (calibration.sigma_t, noise.sigma_t),
-            (calibration.electrons_per_spike, noise.photons),
+            (calibration.photons_at_full_light, noise.photons),
         ];
         println!(
             "{camera}: {}",
@@ -123,7 +123,7 @@ fn hot_pixels_have_thresholds_like_the_others() {
         let [threshold, sd] = calibration.threshold_posteriors[p];
         assert!((threshold - truth[p].phi).abs() < 4.0 * sd && sd < 0.06, "{p}: {threshold} +- {sd}");
     }
-    let share = calibration.bias_share;
+    let share = calibration.redraw_share;
     assert!((share.value - 1.0).abs() < 4.0 * share.error, "{share:?}");
 }
 

@@ -102,7 +102,7 @@ fn compare_with_truth(lab: &Laboratory, calibration: &Value) -> AssessmentOutcom
         (&p["mean_d"], n.dark * one),
         (&p["sd_d"], spread(n.dark, n.dark_sd)),
         (&calibration["sigma_t"], n.sigma_t),
-        (&calibration["electrons_per_spike"], n.photons),
+        (&calibration["photons_at_full_light"], n.photons),
     ];
     let best = error_bounds::best_errors(lab);
     let mut assessment =

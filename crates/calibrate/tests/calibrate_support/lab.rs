@@ -10,7 +10,7 @@ use spikelane_calibrate::{LightLevel, Observations};
 use super::calibrate_support::{LightCourse, Noise, Pixel, Random, level_from_times, pixels, traces};
 
 /// The faults. Laboratory `i` has the fault `i` modulo the number of faults.
-pub(crate) const FAULTS: [&str; 15] = [
+pub(crate) const FAULTS: [&str; 20] = [
     "nothing; lamps exact",
     "lamps within 0.1 %",
     "lamps within 1 %, as stated",
@@ -26,6 +26,11 @@ pub(crate) const FAULTS: [&str; 15] = [
     "dark and 29 levels",
     "lamps that drift by 1 % within a recording",
     "a response that bends alike in all pixels",
+    "false spikes, 5e-6 to 5e-5 per readout",
+    "light that falls off by 20 to 60 %",
+    "a mosaic of two to four gains",
+    "pixels that blink within a recording",
+    "noise drawn at resets",
 ];
 
 /// Width of the sensors in pixels.
@@ -56,7 +61,11 @@ impl Laboratory {
     pub(crate) fn new(index: u64) -> Self {
         let fault = FAULTS[index as usize % FAULTS.len()];
         let mut random = Random::new(0x1AB0_0000 + index);
-        let noise = population(&mut random);
+        let mut noise = population(&mut random);
+        noise.is_redrawn = fault != "noise drawn at resets";
+        if fault.starts_with("false spikes") {
+            noise.false_spikes = 5e-6 * 10.0_f64.powf(random.uniform());
+        }
         let mut truth = pixels(&noise, (WIDTH * HEIGHT) as usize, 7_000 + index);
         add_defects(fault, &mut truth, &mut random);
         let levels = lamp_levels(fault, &mut random);
@@ -151,6 +160,8 @@ fn population(random: &mut Random) -> Noise {
         sigma_t: 5e-4 * 16.0_f64.powf(between(0.0, 1.0)),
         photons: between(2e4, 8e4),
         dead_time_fraction: 0.002,
+        is_redrawn: true,
+        false_spikes: 0.0,
     }
 }
 
@@ -163,8 +174,31 @@ fn add_defects(fault: &str, truth: &mut [Pixel], random: &mut Random) {
             truth[15..20].iter_mut().for_each(dead);
         }
         "a stuck column" => truth.iter_mut().skip(3).step_by(WIDTH as usize).for_each(dead),
+        "light that falls off by 20 to 60 %" => {
+            let falloff = 0.2 + 0.4 * random.uniform();
+            let at = |p: usize, count: u32| (2 * p as u32 + 1) as f64 / f64::from(count) - 1.0;
+            let square = |p: usize| {
+                let (row, column) = (p / WIDTH as usize, p % WIDTH as usize);
+                0.5 * (at(row, HEIGHT).powi(2) + at(column, WIDTH).powi(2))
+            };
+            set_light(truth, |p| 1.0 - falloff * square(p));
+        }
+        "a mosaic of two to four gains" => {
+            let gains: [f64; 4] = std::array::from_fn(|_| 0.4 + 0.6 * random.uniform());
+            let gains = if random.uniform() < 0.5 { gains } else { [gains[0], gains[0], gains[1], gains[1]] };
+            set_light(truth, |p| gains[2 * (p / WIDTH as usize % 2) + p % WIDTH as usize % 2]);
+        }
+        "pixels that blink within a recording" => {
+            truth[..20].iter_mut().for_each(|p| p.blink = 0.02 + 0.5 * random.uniform());
+        }
         _ => {}
     }
+}
+
+/// Sets the relative light on each pixel. The mean over the pixels is 1.
+fn set_light(truth: &mut [Pixel], light: impl Fn(usize) -> f64) {
+    let mean = (0..truth.len()).map(&light).sum::<f64>() / truth.len() as f64;
+    truth.iter_mut().enumerate().for_each(|(p, pixel)| pixel.light = light(p) / mean);
 }
 
 /// Returns the number of lit levels, 2 to 29. Its logarithm is uniformly distributed, so 2 to 4 levels are as likely as 8

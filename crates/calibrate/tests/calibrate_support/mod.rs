@@ -37,6 +37,10 @@ pub(crate) struct Noise {
     pub sigma_t: f64,
     pub photons: f64,
     pub dead_time_fraction: f64,
+    /// Whether threshold noise is drawn at every readout. Otherwise it is drawn at every reset.
+    pub is_redrawn: bool,
+    /// Probability that a silent readout contains a false spike.
+    pub false_spikes: f64,
 }
 
 pub(crate) const PUBLISHED_NOISE: Noise = Noise {
@@ -47,6 +51,8 @@ pub(crate) const PUBLISHED_NOISE: Noise = Noise {
     sigma_t: 0.00636 / 1.0924,
     photons: 5e4,
     dead_time_fraction: 0.002,
+    is_redrawn: true,
+    false_spikes: 0.0,
 };
 
 /// A pixel with known parameters. `phi` and `gain` are divided by their nominal values. `dark` is the dark current in
@@ -56,11 +62,18 @@ pub(crate) struct Pixel {
     pub phi: f64,
     pub gain: f64,
     pub dark: f64,
+    /// Relative light on the pixel.
+    pub light: f64,
+    /// Relative amplitude of the telegraph noise of the dark current. The mean duration of a state is [`BLINK_READOUTS`].
+    pub blink: f64,
 }
+
+/// Mean duration of a state of a blinking pixel, in readouts.
+const BLINK_READOUTS: f64 = 300.0;
 
 impl Pixel {
     pub(crate) fn a(&self) -> f64 {
-        self.gain / self.phi
+        self.gain * self.light / self.phi
     }
 
     pub(crate) fn d(&self) -> f64 {
@@ -74,6 +87,8 @@ pub(crate) fn pixels(noise: &Noise, count: usize, seed: u64) -> Vec<Pixel> {
         phi: 1.0 + noise.threshold_sd * random.normal(),
         gain: 1.0 + noise.gain_sd * random.normal(),
         dark: (noise.dark + noise.dark_sd * random.normal()).max(0.0),
+        light: 1.0,
+        blink: 0.0,
     };
     (0..count).map(|_| pixel()).collect()
 }
@@ -107,9 +122,9 @@ pub(crate) fn simulate_pixel(
     readouts: u32,
     random: &mut Random,
 ) -> SpikeTrace {
-    let light = lit.light;
+    let light = lit.light * pixel.light;
     let mean_at =
-        |t: f64| pixel.gain * light * (1.0 + lit.rise * (t / f64::from(readouts) - 0.5)) + pixel.dark;
+        |t: f64, dark: f64| pixel.gain * light * (1.0 + lit.rise * (t / f64::from(readouts) - 0.5)) + dark;
     // Photons are counted before the gain is applied. For more than about a hundred photons, a normal distribution is exact
     // enough.
     let sd = if light > 0.0 { pixel.gain * (light / noise.photons).sqrt() } else { 0.0 };
@@ -118,12 +133,28 @@ pub(crate) fn simulate_pixel(
     let mut times = Vec::new();
     let mut fired = false;
     let mut t = 0;
+    // A blinking pixel has a dark current above or below its mean until `switch`.
+    let duration = |random: &mut Random| {
+        if pixel.blink > 0.0 {
+            1 + (-BLINK_READOUTS * (1.0 - random.uniform()).ln()) as u32
+        } else {
+            readouts
+        }
+    };
+    let mut dark = pixel.dark * (1.0 + pixel.blink);
+    let mut switch = duration(random);
+    let draw_threshold = |random: &mut Random| pixel.phi + noise.sigma_t * random.normal();
+    let mut theta = if noise.is_redrawn { pixel.phi } else { draw_threshold(random) };
     while t < readouts {
-        let mean = mean_at(f64::from(t));
+        if t >= switch {
+            dark = 2.0 * pixel.dark - dark;
+            switch = t + duration(random);
+        }
+        let mean = mean_at(f64::from(t), dark);
         let free = ((reach - charge - 8.0 * sd) / (mean + 8.0 * sd)).floor();
         if free >= 2.0 && !fired {
-            let n = free.min(f64::from(readouts - t));
-            charge += n * mean_at(f64::from(t) + 0.5 * n) + n.sqrt() * sd * random.normal();
+            let n = free.min(f64::from(readouts.min(switch) - t));
+            charge += n * mean_at(f64::from(t) + 0.5 * n, dark) + n.sqrt() * sd * random.normal();
             t += n as u32;
             continue;
         }
@@ -134,37 +165,67 @@ pub(crate) fn simulate_pixel(
         charge += step;
         fired = false;
         if charge > reach {
-            let theta = pixel.phi + noise.sigma_t * random.normal();
+            if noise.is_redrawn {
+                theta = draw_threshold(random);
+            }
             if charge >= theta {
                 charge -= theta;
                 fired = true;
                 times.push(t);
+                if !noise.is_redrawn {
+                    theta = draw_threshold(random);
+                }
             }
         }
         t += 1;
     }
+    add_false_spikes(noise.false_spikes, readouts, &mut times, random);
     SpikeTrace { times }
 }
 
-/// Returns the phase variance per spike. It is computed from spans of a few intervals, by regression of the variances of
+/// Adds a spike to each silent readout with the given probability.
+fn add_false_spikes(probability: f64, readouts: u32, times: &mut Vec<u32>, random: &mut Random) {
+    if probability == 0.0 {
+        return;
+    }
+    let mut at = 0.0;
+    loop {
+        // The distance to the next false spike is geometric.
+        at += 1.0 + ((1.0 - random.uniform()).ln() / (1.0 - probability).ln()).floor();
+        if at > f64::from(readouts) {
+            break;
+        }
+        times.push(at as u32 - 1);
+    }
+    times.sort_unstable();
+    times.dedup();
+}
+
+/// Returns the phase variance per spike and the variance of the ends of a span. They are computed from spans of a few intervals, by regression of the variances of
 /// the spans.
 ///
 /// The length of `l` successive intervals has the variance `V(l) = l s + q` in readouts squared. `s` is the phase variance
 /// per spike times the squared mean interval. `q` is the contribution of rounding both ends to readouts. If the mean is
 /// estimated from all `n` intervals, the expected mean square deviation of the `K = n - l + 1` lengths is
-/// `s (l - l^2/n) + q (1 + l^2/n^2 - 2l/(nK))`. The function returns `s` divided by the squared mean interval.
+/// `s (l - l^2/n) + q (1 + l^2/n^2 - 2l/(nK))`. The first result is `s` divided by the squared mean interval. The second
+/// result is the end variance: the value of `q` that the spans of one interval have for this `s`, in readouts squared.
 ///
 /// For a pixel without noise `q` is 1/6. In the dark `q` is five times as large, because the charge after a spike varies
 /// with the redrawn threshold. If `q` were neglected, `s` of a pixel with 46 intervals would be too high by 1.1 %.
-fn phase_variance_slope(times: &[u32]) -> f64 {
+fn phase_variance(times: &[u32]) -> [f64; 2] {
     let n = times.len().saturating_sub(1);
     // In a dim pixel, even spans of one and two intervals are long enough to end at any phase between two readouts.
     let spans: &[usize] = if n < 32 { &[1, 2, 4, 8] } else { &[4, 8, 16] };
     let used = spans.iter().filter(|lag| **lag * 2 <= n);
     if n < 4 {
-        return f64::NAN;
+        return [f64::NAN; 2];
     }
     let mean = f64::from(times[n] - times[0]) / n as f64;
+    // A false spike divides an interval, and a missed spike doubles it.
+    let is_regular = |w: &[u32]| (0.6 * mean..1.4 * mean).contains(&f64::from(w[1] - w[0]));
+    if !times.windows(2).all(is_regular) {
+        return [f64::NAN; 2];
+    }
     let variance = |lag: usize| {
         let spans = times.windows(lag + 1).map(|w| (f64::from(w[lag] - w[0]) - lag as f64 * mean).powi(2));
         spans.sum::<f64>() / (n - lag + 1) as f64
@@ -179,7 +240,9 @@ fn phase_variance_slope(times: &[u32]) -> f64 {
         sv += s * v;
         qv += q * v;
     }
-    (sv * qq - qv * sq) / (ss * qq - sq * sq) / (mean * mean)
+    let s = (sv * qq - qv * sq) / (ss * qq - sq * sq);
+    let n = n as f64;
+    [s / (mean * mean), (variance(1) - s * (1.0 - 1.0 / n)) / (1.0 - 1.0 / (n * n))]
 }
 
 /// Returns the spike times of each pixel in the light `lit`.
@@ -209,10 +272,15 @@ pub(crate) fn level_from_times(times: &[Vec<u32>], light: f64, readouts: u32, di
         LightLevel::from_counts(&format!("light {light:.4}"), light, readouts, count, &first, &last)
             .with_first_half(&early);
     if dim {
-        let map = times.par_iter().map(|t| phase_variance_slope(t)).collect();
+        let both: Vec<[f64; 2]> = times.par_iter().map(|t| phase_variance(t)).collect();
+        let map = |i: usize| both.iter().map(|values| values[i]).collect();
         // Only dark levels can have too few spikes for lags of up to 16 intervals. In the dark the choice of lags makes
         // no difference.
-        level.interval_noise = Some(spikelane_calibrate::IntervalNoise { map, lags: vec![4, 8, 16] });
+        level.interval_noise = Some(spikelane_calibrate::IntervalNoise {
+            map: map(0),
+            end_variance: map(1),
+            lags: vec![4, 8, 16],
+        });
     }
     level
 }

@@ -166,7 +166,7 @@ fn result_lines(c: &Calibration) -> Vec<String> {
             value(p.mean_d, 6),
             value(p.sd_d, 6)
         ),
-        format!("electrons per spike   {}", value(c.electrons_per_spike, 0)),
+        format!("electrons             {} per threshold", value(c.electrons_per_threshold, 0)),
         format!("threshold noise       {} of the threshold", value(c.sigma_t, 6)),
         format!(
             "defects               {} dead, {} hot, {} nonlinear, {} unknown",
@@ -180,11 +180,12 @@ fn result_lines(c: &Calibration) -> Vec<String> {
         let verdict = match (lamp.is_saturated, lamp.is_outlier) {
             (true, _) => "saturated: not estimated".to_owned(),
             (_, wrong) => format!(
-                "estimated {:.5} ({:+.3} % +- {:.3} %){}",
+                "estimated {:.5} ({:+.3} % +- {:.3} %, pull {:+.1}){}",
                 lamp.found_light(),
                 100.0 * lamp.deviation.value / lamp.stated_light,
                 100.0 * lamp.deviation.error / lamp.stated_light,
-                if wrong { ", deviates" } else { "" }
+                lamp.pull().unwrap_or(0.0),
+                if wrong { ", lamp off" } else { "" }
             ),
         };
         lines.push(format!("light {:<15.5} {verdict}; {}", lamp.stated_light, lamp.file));

@@ -227,7 +227,7 @@ fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static
     let mean_d = (center_d / inverse).max(1e-6);
     let mean_a = p.mean_a.value / inverse;
     let electrons = camera.operating_point(0.0).electrons;
-    let strength = electrons / c.electrons_per_spike.value;
+    let strength = electrons / c.photons_at_full_light.value;
     let relative_d = p.sd_d.error / p.sd_d.value;
     vec![
         (&prnu::EFFECT, "mean", mean_a, p.mean_a.error),
@@ -250,7 +250,7 @@ fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static
             &shot_noise::EFFECT,
             "strength",
             strength,
-            strength * c.electrons_per_spike.error / c.electrons_per_spike.value,
+            strength * c.photons_at_full_light.error / c.photons_at_full_light.value,
         ),
     ]
 }
