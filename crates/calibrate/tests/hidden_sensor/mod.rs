@@ -106,11 +106,16 @@ pub fn changes_bits(physics: &Physics, size: Size, seed: u64) -> bool {
 }
 
 /// Writes the eight recordings of `sensor` and `recordings.toml` into `folder`. If two sets of one sensor have different
-/// `take` numbers, their temporal noise and their lamp differ.
+/// `take` numbers, their temporal noise and their lamp differ. The set states the true uncertainty of the lamps.
 pub fn write_set(sensor: &Sensor, size: Size, take: u64, folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
     let streams = streams(sensor, size, take);
-    let mut toml = format!("width = {}\nheight = {}\nreadout_hz = {READOUT_HZ:?}\n", size.width, size.height);
+    let mut toml = format!(
+        "width = {}\nheight = {}\nreadout_hz = {READOUT_HZ:?}\nlight_uncertainty = {}\n",
+        size.width,
+        size.height,
+        run::LAMP_DEVIATION
+    );
     for ((name, scene), bits) in SCENES.iter().zip(&streams) {
         std::fs::write(folder.join(format!("{name}.dat")), bits).unwrap();
         let light = scene.toml();

@@ -8,7 +8,7 @@ use super::physics::{Physics, Sensor, generator, normal};
 use super::{READOUT_HZ, Scene};
 
 /// Relative standard deviation of the light of the lamp.
-const LAMP: f64 = 1e-3;
+pub const LAMP_DEVIATION: f64 = 1e-3;
 
 /// Draws a Poisson-distributed number of electrons. Above a mean of 400 the function rounds a normal draw instead, whose
 /// distribution differs by at most 1e-3.
@@ -74,7 +74,7 @@ pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Ve
     let (width, height) = (sensor.width, sensor.height);
     let n = width * height;
     let mut streams = Streams::new(sensor.seed, number);
-    let lamp = 1.0 + LAMP * normal(&mut generator(sensor.seed, "lamp", number + 1));
+    let lamp = 1.0 + LAMP_DEVIATION * normal(&mut generator(sensor.seed, "lamp", number + 1));
     let mut start = generator(sensor.seed, "start", number + 1);
     let mut pixels = Pixels {
         missing_electrons: (0..n).map(|i| sensor.threshold[i] * (1.0 - start.random::<f64>())).collect(),

@@ -4,7 +4,7 @@ use super::draws::MEAN_SIMULATIONS;
 use super::draws::SOME_SIMULATIONS;
 use super::fit::{Fit, trust};
 use super::fitter::Fitter;
-use super::likelihood::own_noise;
+use super::likelihood::{own_noise, with_lamps};
 use super::slopes::Secant;
 use super::unlocated::allowing;
 use crate::diagnose::null::known::CALIBRATED;
@@ -81,8 +81,10 @@ impl Fitter<'_> {
         let mean = fit.mean.clone();
         let each: Vec<DVector<f64>> = redrawn.iter().map(|r| r.vector.clone()).collect();
         let at_known_light: Vec<DVector<f64>> = redrawn.iter().map(|r| &r.vector - &r.by_lamps).collect();
-        let noise = own_noise(reference, &fit.events, &at_known_light, &mean, each.len() as f64)?
-            .unwrap_or_else(|| reference.noise.clone());
+        let noise = match own_noise(reference, &fit.events, &at_known_light, &mean, each.len() as f64)? {
+            Some(noise) => with_lamps(reference, &noise)?,
+            None => reference.noise.clone(),
+        };
         let metric = Metric::new(&noise, fit.directions(reference)).knowing(&known);
         let open: Vec<&Signature> = reference.signatures.iter().filter(|s| fit.lacks(s)).collect();
         let strays: Vec<[f64; 3]> = each.iter().map(|s| strays_by(&metric, &(s - &mean), &open)).collect();

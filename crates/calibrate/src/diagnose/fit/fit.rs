@@ -6,8 +6,9 @@ use super::likelihood::Likelihood;
 use crate::diagnose::events::located::Count;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::null::known::CALIBRATED;
-use crate::diagnose::null::metric::{Bound, Metric, Noise};
-use crate::diagnose::null::reference::{Means, NullModel};
+use crate::diagnose::null::lamps::columns;
+use crate::diagnose::null::metric::{Bound, Metric};
+use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::fixed::Pinned;
@@ -78,13 +79,6 @@ impl Fit {
         }
     }
 
-    /// The base model with a mean from simulations at other light.
-    pub(crate) fn compare(&mut self, reference: &NullModel, data: &DVector<f64>, means: Means) {
-        self.misfit = reference.metric.square(&(data - &means.mean));
-        self.cost = self.misfit;
-        (self.mean, self.each) = (means.mean, means.each);
-    }
-
     /// How unlikely data are that lie `off` from this model's mean: twice the negative logarithm, less a constant.
     pub(crate) fn deviance_of(&self, off: &DVector<f64>) -> f64 {
         self.likelihood.deviance(off)
@@ -110,14 +104,14 @@ impl Fit {
         self.effects.iter().all(|e| e.0 != signature.candidate.effect)
     }
 
-    /// This model's noise.
-    pub(crate) fn noise(&self) -> &Noise {
-        &self.likelihood.noise
-    }
-
-    /// The metric of this model's noise, with what the data have been fitted along projected out.
-    pub(crate) fn metric(&self, reference: &NullModel) -> Metric {
-        Metric::new(&self.likelihood.noise, self.directions(reference))
+    /// Directions of the numbers, and then those of the lamps with a unit for each uncertainty.
+    pub(crate) fn directions_with_lamps(&self, reference: &NullModel) -> DMatrix<f64> {
+        let (numbers, lamps) =
+            (self.directions(reference), columns(&reference.lamp_slopes, &reference.model));
+        let mut all = DMatrix::zeros(numbers.nrows(), numbers.ncols() + lamps.ncols());
+        all.columns_mut(0, numbers.ncols()).copy_from(&numbers);
+        all.columns_mut(numbers.ncols(), lamps.ncols()).copy_from(&lamps);
+        all
     }
 
     /// Whether one of its effects sets in late.

@@ -20,7 +20,8 @@ const WIDER_VARIANCE: f64 = 1.6;
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct Likelihood {
     pub metric: Metric,
-    pub noise: Noise,
+    /// The noise of sensors at known light, with that of numbers of events.
+    pub noise_without_lamps: Noise,
     /// Logarithm of the noise's determinant over the null's.
     pub log_volume: f64,
 }
@@ -37,16 +38,22 @@ impl Likelihood {
             return Ok(plain());
         }
         let (mean, freedom) = (average(simulations), simulations.len() as f64 - 1.0);
-        let Some(noise) = own_noise(reference, events, simulations, &mean, freedom)? else {
+        let Some(noise_without_lamps) = own_noise(reference, events, simulations, &mean, freedom)? else {
             return Ok(plain());
         };
+        let noise = with_lamps(reference, &noise_without_lamps)?;
         let log_volume = noise.log_determinant() - reference.noise.log_determinant();
-        Ok(Self { metric: Metric::new(&noise, reference.jacobian.clone()), noise, log_volume })
+        let metric = Metric::new(&noise, reference.jacobian.clone());
+        Ok(Self { metric, noise_without_lamps, log_volume })
     }
 
     /// That of the base model.
     pub(crate) fn of_null(reference: &NullModel) -> Self {
-        Self { metric: reference.metric.clone(), noise: reference.noise.clone(), log_volume: 0.0 }
+        Self {
+            metric: reference.metric.clone(),
+            noise_without_lamps: reference.noise_without_lamps.clone(),
+            log_volume: 0.0,
+        }
     }
 
     /// Twice the negative logarithm of the likelihood, less a constant.
@@ -55,7 +62,7 @@ impl Likelihood {
     }
 }
 
-/// The noise of simulations of a fitted model about `mean`; `None` where it is the null's.
+/// The noise of simulations of a fitted model about `mean`, at known light; `None` where it is the null's.
 pub(super) fn own_noise(
     reference: &NullModel,
     events: &DMatrix<f64>,
@@ -63,13 +70,17 @@ pub(super) fn own_noise(
     mean: &DVector<f64>,
     freedom: f64,
 ) -> Result<Option<Noise>> {
-    let rest = |s: &DVector<f64>| without_events(&reference.noise, s - mean, events);
+    let rest = |s: &DVector<f64>| without_events(&reference.noise_without_lamps, s - mean, events);
     let factors = factors(reference, &simulations.iter().map(rest).collect::<Vec<_>>(), freedom);
     if factors.iter().all(|f| *f == 1.0) && events.is_empty() {
         return Ok(None);
     }
-    let sensors = reference.noise_without_lamps.scaled(&factors)?;
-    sensors.with_columns(&columns(&reference.lamp_slopes, &reference.model))?.with_columns(events).map(Some)
+    reference.noise_without_lamps.scaled(&factors)?.with_columns(events).map(Some)
+}
+
+/// The noise of sensors at known light, with that of the lamps.
+pub(super) fn with_lamps(reference: &NullModel, noise: &Noise) -> Result<Noise> {
+    noise.with_columns(&columns(&reference.lamp_slopes, &reference.model))
 }
 
 /// By how much every statistic's deviation exceeds the null's, one where it hardly does.

@@ -9,16 +9,19 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::derivatives::SMALL_LAMP_DEVIATION;
-use super::metric::Noise;
+use super::metric::Bound;
 use super::reference::NullModel;
 use crate::diagnose::sensors::model::{Lamp, Model};
 
 /// Change of a lamp's offset from which on a model is simulated at the new offset. Within it, derivatives hold.
 const LINEAR: f64 = 1e-3;
 
-/// Uncertainties by which a fit may move a lamp away from the stated light. A strong effect that is not in the model yet
-/// asks for more.
+/// Uncertainties by which a fit may move a lamp away from the stated light.
 const FURTHEST: f64 = 4.0;
+
+/// Largest change of a lamp in one step of a fit. Derivatives do not hold beyond it. Far from the solution, an effect that is
+/// not fitted yet would otherwise move the lamps, and the lamps would take its place.
+const TRUSTED: f64 = 3e-3;
 
 /// Changes per standard deviation of each lamp.
 pub(in crate::diagnose) fn columns(slopes: &DMatrix<f64>, model: &Model) -> DMatrix<f64> {
@@ -72,15 +75,23 @@ impl NullModel {
     pub(in crate::diagnose) fn lamp_shift(&self, model: &Model) -> DVector<f64> {
         &self.lamp_slopes * (offsets(&model.lamps) - offsets(&self.model.lamps))
     }
+}
 
-    /// The deviations of the lamps that are most likely, if a model with this `noise` leaves `off`.
-    pub(in crate::diagnose) fn lamps_of(&self, noise: &Noise, off: &DVector<f64>) -> Vec<f64> {
-        let along = self.lamp_slopes.transpose() * noise.solve_vector(off);
-        let of = |(lamp, along): (&Lamp, &f64)| {
-            let most = (FURTHEST * lamp.uncertainty).max(lamp.offset.abs());
-            (lamp.uncertainty * lamp.uncertainty * along).clamp(-most, most)
-        };
-        self.model.lamps.iter().zip(along.iter()).map(of).collect()
+impl Lamp {
+    /// A deviation in units of the uncertainty.
+    pub(in crate::diagnose) fn pull(&self, deviation: f64) -> f64 {
+        deviation / self.uncertainty.max(1e-9)
+    }
+
+    /// Where a step of a fit may move the deviation, in units of the uncertainty. The prior is about the stated light.
+    pub(in crate::diagnose) fn bound(&self) -> Bound {
+        let place = |e: f64| self.pull(e).clamp(-FURTHEST, FURTHEST);
+        Bound {
+            low: place(self.offset - TRUSTED),
+            high: place(self.offset + TRUSTED),
+            leans: 0.0,
+            weight: 1.0,
+        }
     }
 }
 

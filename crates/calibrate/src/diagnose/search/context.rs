@@ -5,7 +5,6 @@ use nalgebra::DVector;
 use super::alarm::alarm;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::fit::by_itself::Own;
-use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::null::reference::NullModel;
@@ -14,9 +13,6 @@ use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::search::round::Step;
 use crate::diagnose::sensors::model::Model;
 use spikelane::error::Result;
-
-/// Steps in which the lamps of the set that judges are found.
-const LAMP_STEPS: usize = 2;
 
 /// The set that judges: another take, or the second half of the first one, which the model must be
 /// simulated up to.
@@ -45,16 +41,7 @@ impl Judge<'_> {
             None => Ok(reference.mean_of(model, &fit.u, fit.each.len(), Vec::new())?.mean),
         };
         let is_known = self.setup.is_none() && !fit.model.pinned.is_any();
-        let mut mean = if is_known { fit.mean.clone() } else { simulated(&model)? };
-        for _ in 0..LAMP_STEPS {
-            let lamps = reference.lamps_of(fit.noise(), &(self.data - &mean));
-            if !model.needs_offsets(&lamps) {
-                break;
-            }
-            model.lit_by(&lamps);
-            mean = simulated(&model)?;
-        }
-        Ok(mean)
+        if is_known { Ok(fit.mean.clone()) } else { simulated(&model) }
     }
 
     fn off(&self, reference: &NullModel, fit: &Fit) -> Result<DVector<f64>> {
@@ -93,14 +80,7 @@ impl Judged {
 impl Case<'_> {
     pub(crate) fn base(&self) -> Result<Judged> {
         let Fitter { reference, data } = self.fitter;
-        let mut fit = Fit::base(reference, data, self.located.clone());
-        let lamps = reference.lamps_of(&reference.noise, &(data - &reference.mean));
-        if fit.model.needs_offsets(&lamps) {
-            fit.model.lit_by(&lamps);
-            let means = reference.mean_of(&fit.model, &fit.u, MOST_SIMULATIONS, Vec::new())?;
-            fit.compare(reference, data, means);
-        }
-        let own = Own { mean: fit.mean.clone(), ..Own::of_base(reference) };
+        let (fit, own) = (Fit::base(reference, data, self.located.clone()), Own::of_base(reference));
         let left = self.alarm(&fit, &own, &(data - &own.mean));
         Ok(Judged { off: self.judge.off(reference, &fit)?, fit, own, left, left_fitted: left })
     }
