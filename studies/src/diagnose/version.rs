@@ -2,7 +2,7 @@
 //!
 //! If a commit changes the diagnosis of a sensor, raise the version number of the changed code. Moves, renames and
 //! changes of comments do not require a new number. `studies/tests/diagnose_study.rs` repeats recorded diagnoses and
-//! requires every digit to be the same. If this test fails, a diagnosis has changed.
+//! requires the first nine digits to be the same. If this test fails, a diagnosis has changed.
 //!
 //! Some records remain valid when code changes. If a diagnosis finds no discrepancy, it does not run the code that
 //! chooses names. If a diagnosis adds a single name, it does not run the code that examines several names. `search`
