@@ -9,7 +9,7 @@
 //! * `--profile` prints the seconds of every phase.
 //! * `--only TEXT` selects sensors whose id contains TEXT.
 //! * `--large` uses sets of 128x96 pixels and 10,000 readouts, which need a separate folder and file.
-//! * `--again LIST` diagnoses the sensors in LIST, one per line, again. It compares every digit with the records, and
+//! * `--again LIST` diagnoses the sensors in LIST, one per line, again. It compares nine digits with the records, and
 //!   fails if one differs.
 
 mod diagnose_sensor;
