@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use spikelane::{ErrorKind, Geometry};
-use spikelane_io::light::{InputOptions, TIMESTAMPS_FILE_NAME, open};
+use spikelane_io::light::{InputOptions, open};
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = spikelane_fuzz::temp_folder("timestamps");
@@ -19,7 +19,7 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
 
 fuzz_target!(|data: &[u8]| {
     let folder: &Path = &FOLDER;
-    std::fs::write(folder.join(TIMESTAMPS_FILE_NAME), data).expect("a temporary file");
+    std::fs::write(folder.join("timestamps.txt"), data).expect("a temporary file");
     match open(folder, &InputOptions::new(Geometry::new(1, 1).expect("a pixel"))) {
         Ok(source) => {
             let times = source.frame_times().expect("a file of times");

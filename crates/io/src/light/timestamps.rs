@@ -175,10 +175,10 @@ fn has_decimal_commas(lines: &[&str]) -> Result<bool> {
             lines.iter().map(|line| Entry::parse(line, is_decimal_comma).map(|e| e.time)).collect();
         times.is_some_and(|t| t.windows(2).all(|w| w[0] < w[1]))
     };
-    let numbers = |line: &str| words(line, false)[0].parse::<u64>().ok();
+    let numbers = |line: &str| words(line, false).first()?.parse::<u64>().ok();
     let first = lines.first().and_then(|line| numbers(line));
     // The first column of a table with numbers of frames counts from the first number.
-    let counts = (0..).zip(lines).all(|(i, line)| numbers(line) == first.map(|n| n + i));
+    let counts = (0..).zip(lines).all(|(i, line)| numbers(line) == first.and_then(|n| n.checked_add(i)));
     match (increases(true), increases(false) && counts) {
         (true, true) if lines.len() > 1 => Err(Error::new(ErrorKind::Input, "times")
             .found(format_args!(
@@ -284,6 +284,16 @@ mod tests {
         }
         for line in ["0,25", "3 0,25", "a.png;0,25"] {
             assert_eq!(Entry::parse(line, true).map(|e| (e.time, e.is_whole)), Some((0.25, false)), "{line}");
+        }
+    }
+
+    /// A line without words and the largest number.
+    #[test]
+    fn any_line_is_read_or_rejected() {
+        let largest = format!("{},0.5", u64::MAX);
+        for lines in [[":", "8,8", ",,"], [",,", "8,8", "1"], [largest.as_str(), "1,0.75", "2,1,25"]] {
+            let read = has_decimal_commas(&lines);
+            assert!(read.is_ok() || read.is_err_and(|e| e.kind() == ErrorKind::Input), "{lines:?}");
         }
     }
 
