@@ -8,16 +8,21 @@ use super::jobs::SensorJob;
 use super::phases::PhaseTimer;
 use super::{diagnose_sensor, records, version};
 
-/// Returns the differences between the record of a sensor and its new diagnosis. The list is empty if all words and
-/// the first nine digits of all numbers are the same.
-pub(crate) fn differences(recorded: &Value, reference: &NullModel) -> Vec<String> {
-    let now = diagnose_sensor::diagnose_hidden(
+/// Diagnoses the sensor of a record again and returns the new record.
+pub(crate) fn repeat(recorded: &Value, reference: &NullModel) -> Value {
+    diagnose_sensor::diagnose_hidden(
         &job_from_record(recorded),
         &strengths_from_record(recorded),
         reference,
         SMALL_SIZE,
         &mut PhaseTimer::new(false),
-    );
+    )
+}
+
+/// Returns the differences between the record of a sensor and its new diagnosis. The list is empty if all words and
+/// the first nine digits of all numbers are the same.
+pub(crate) fn differences(recorded: &Value, reference: &NullModel) -> Vec<String> {
+    let now = repeat(recorded, reference);
     let mut differences = Vec::new();
     let was = records::without_omitted_keys(recorded.clone());
     let now = records::without_omitted_keys(now);
@@ -90,8 +95,6 @@ fn compare_values(place: &str, was: &Value, now: &Value, differences: &mut Vec<S
             });
         }
         _ if was == now || is_equal_number(was, now) => {}
-        // Records from before the light of the recordings was reported.
-        (Value::Null, _) if place.ends_with(".lamps") => {}
         _ => differences.push(format!("{place}: recorded {was}, now {now}")),
     }
 }

@@ -14,13 +14,13 @@
 use serde_json::Value;
 
 /// Version of the code that detects a discrepancy, computes the smallest detectable strengths, and makes the sensors.
-pub(crate) const ALARM_VERSION: u32 = 1;
+pub(crate) const ALARM_VERSION: u32 = 2;
 
 /// Version of the code that names an effect after an alarm and estimates its strength.
-pub(crate) const NAMING_VERSION: u32 = 1;
+pub(crate) const NAMING_VERSION: u32 = 2;
 
 /// Version of the code that examines several names again.
-pub(crate) const ELIMINATION_VERSION: u32 = 1;
+pub(crate) const ELIMINATION_VERSION: u32 = 2;
 
 /// Returns the versions of the code that made the diagnosis `diagnosis`, joined by dots.
 pub(crate) fn version_of_diagnosis(diagnosis: &Value) -> String {
