@@ -9,7 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::derivatives::SMALL_LAMP_DEVIATION;
-use super::metric::Bound;
+use super::metric::{Bound, Noise};
 use super::reference::NullModel;
 use crate::diagnose::sensors::model::{Lamp, Model};
 
@@ -76,6 +76,21 @@ impl NullModel {
     pub(in crate::diagnose) fn lamp_shift(&self, model: &Model) -> DVector<f64> {
         &self.lamp_slopes * (offsets(&model.lamps) - offsets(&self.model.lamps))
     }
+}
+
+/// The deviations of `lamps` that are most likely, if a model leaves `off`. `noise` has the noise of the lamps.
+pub(in crate::diagnose) fn likely_deviations(
+    lamps: &[Lamp],
+    slopes: &DMatrix<f64>,
+    noise: &Noise,
+    off: &DVector<f64>,
+) -> Vec<f64> {
+    let along = slopes.transpose() * noise.solve_vector(off);
+    let of = |(lamp, along): (&Lamp, &f64)| {
+        let most = FURTHEST * lamp.uncertainty;
+        (lamp.uncertainty * lamp.uncertainty * along).clamp(-most, most)
+    };
+    lamps.iter().zip(along.iter()).map(of).collect()
 }
 
 impl Lamp {

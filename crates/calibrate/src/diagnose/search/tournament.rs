@@ -9,6 +9,7 @@ use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::price::Priced;
 use crate::diagnose::fit::unlocated::allowing;
+use crate::diagnose::null::lamps::likely_deviations;
 use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::null::signature::reach;
@@ -127,15 +128,22 @@ impl Case<'_> {
         metric: &Metric,
         signatures: &[&Signature],
     ) -> Result<Vec<(&'static str, Vec<Fit>)>> {
-        let of = |fit: &Fit| -> Vec<(&'static str, Fit)> {
-            let entrants = entrants(fit, metric, &(self.fitter.data - &fit.mean), signatures);
-            entrants
-                .into_iter()
-                .map(|(scale, s)| (s.candidate.effect.name, fit.with(&s.candidate, scale)))
-                .collect()
+        let of = |fit: &Fit| -> Vec<(&'static str, Vec<Fit>)> {
+            let off = self.fitter.data - &fit.mean;
+            let start = |(scale, s): (f64, &Signature)| {
+                let plain = fit.with(&s.candidate, scale);
+                // The found light took in what the effect does to the rates.
+                let left = metric.rest(&(&off - &s.mean * scale));
+                let slopes = &self.fitter.reference.lamp_slopes;
+                let lamps = likely_deviations(&plain.model.lamps, slopes, &metric.noise, &left);
+                let mut lit = plain.clone();
+                lit.model.lit_by(&lamps);
+                let is_other = lit.model.lamps != plain.model.lamps;
+                (s.candidate.effect.name, if is_other { vec![plain, lit] } else { vec![plain] })
+            };
+            entrants(fit, metric, &off, signatures).into_iter().map(start).collect()
         };
-        let mut starts: Vec<(&'static str, Vec<Fit>)> =
-            of(fit).into_iter().map(|(name, fit)| (name, vec![fit])).collect();
+        let mut starts = of(fit);
         for s in signatures.iter().filter(|s| fit.lacks(s) && fit.located.demand(s.candidate.effect)) {
             if starts.iter().all(|start| start.0 != s.candidate.effect.name) {
                 starts.push((s.candidate.effect.name, vec![fit.with(&s.candidate, 1.0)]));
@@ -146,10 +154,10 @@ impl Case<'_> {
         }
         let mut calibrated = fit.with_calibrated_base();
         self.fitter.evaluate(&mut calibrated, fit.draws()[0])?;
-        for (place, (name, fit)) in of(&calibrated).into_iter().enumerate() {
+        for (place, (name, fits)) in of(&calibrated).into_iter().enumerate() {
             match starts.iter_mut().find(|s| s.0 == name) {
-                Some(start) => start.1.push(fit),
-                None if place < 2 => starts.push((name, vec![fit])),
+                Some(start) => start.1.extend(fits),
+                None if place < 2 => starts.push((name, fits)),
                 None => {}
             }
         }
