@@ -75,7 +75,9 @@ fn the_lock_of_a_killed_writer_blocks_nobody() {
     first.kill().unwrap();
     first.wait().unwrap();
     let listed = place.run_ok("partials").stdout;
-    assert!(listed.contains(".t.png.lock: process") && listed.contains("ended"), "{listed}");
+    // The process may have been killed before it wrote its number into the last lock.
+    let mut locks = listed.lines().filter(|line| line.contains(".lock:")).peekable();
+    assert!(locks.peek().is_some() && locks.all(|line| line.contains("ended")), "{listed}");
     place.run_ok(&format!("{CHART} -o t --clean"));
     place.run_ok("verify t.json");
     assert!(!place.file_names().iter().any(|name| name.starts_with('.')), "{:?}", place.file_names());
