@@ -104,7 +104,7 @@ impl Lamps {
             );
             for (number, (name, scene)) in SCENES.iter().enumerate() {
                 let error: f64 = StandardNormal.sample(&mut errors);
-                let lit = scale(*scene, 1.0 + self.deviation * error);
+                let lit = scene.scale(1.0 + self.deviation * error);
                 let bits = record(&sensor, lit, SIZE.readouts, 100 * take + number as u64);
                 std::fs::write(path.join(format!("{name}.dat")), bits).unwrap();
                 write!(set, "[[recording]]\nfile = \"{name}.dat\"\nlight = {}\n", scene.toml()).unwrap();
@@ -118,18 +118,6 @@ impl Lamps {
     fn diagnose(self, physics: Physics) -> Diagnosis {
         let (_folder, sets) = self.record(physics);
         diagnose(&sets[0], Some(&sets[1]), DiagnoseOptions::default(), &mut |_, _| {}).unwrap()
-    }
-}
-
-fn scale(scene: Scene, factor: f64) -> Scene {
-    match scene {
-        Scene::Flat(level) => Scene::Flat(level * factor),
-        Scene::Square { high, low, half_period } => {
-            Scene::Square { high: high * factor, low: low * factor, half_period }
-        }
-        Scene::Checkerboard { high, low, cell } => {
-            Scene::Checkerboard { high: high * factor, low: low * factor, cell }
-        }
     }
 }
 

@@ -8,31 +8,7 @@ use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{ReadoutSelection, RecordingPart, Setup, published_camera};
 
 use super::factors::Factors;
-use super::hidden_sensor::{Scene, Sensor, record};
-
-fn scale_scene(scene: Scene, by: f64) -> Scene {
-    match scene {
-        Scene::Flat(light) => Scene::Flat(light * by),
-        Scene::Square { high, low, half_period } => {
-            Scene::Square { high: high * by, low: low * by, half_period }
-        }
-        Scene::Checkerboard { high, low, cell } => {
-            Scene::Checkerboard { high: high * by, low: low * by, cell }
-        }
-    }
-}
-
-fn light_toml(scene: Scene) -> String {
-    match scene {
-        Scene::Flat(light) => format!("{light:?}"),
-        Scene::Square { high, low, half_period } => {
-            format!("{{ kind = \"square\", high = {high:?}, low = {low:?}, half_period = {half_period} }}")
-        }
-        Scene::Checkerboard { high, low, cell } => {
-            format!("{{ kind = \"checkerboard\", high = {high:?}, low = {low:?}, cell = {cell} }}")
-        }
-    }
-}
+use super::hidden_sensor::{Sensor, record};
 
 /// Writes the recordings of one take and opens their recording set.
 pub(crate) fn record_take(sensor: &Sensor, factors: &Factors, take: u64, folder: &Path) -> RecordingSet {
@@ -40,10 +16,10 @@ pub(crate) fn record_take(sensor: &Sensor, factors: &Factors, take: u64, folder:
     let (width, height, hz) = (sensor.width, sensor.height, factors.readout_hz());
     let mut toml = format!("width = {width}\nheight = {height}\nreadout_hz = {hz:?}\n");
     for (k, (name, scene, readouts)) in factors.scenes().into_iter().enumerate() {
-        let lit = scale_scene(scene, factors.lamp_error(k, take));
+        let lit = scene.scale(factors.lamp_error(k, take));
         let bits = record(sensor, lit, readouts, take * 100 + k as u64);
         std::fs::write(folder.join(format!("{name}.dat")), bits).unwrap();
-        write!(toml, "[[recording]]\nfile = \"{name}.dat\"\nlight = {}\n", light_toml(scene)).unwrap();
+        write!(toml, "[[recording]]\nfile = \"{name}.dat\"\nlight = {}\n", scene.toml()).unwrap();
     }
     std::fs::write(folder.join("recordings.toml"), toml).unwrap();
     RecordingSet::open(&folder.join("recordings.toml")).unwrap()

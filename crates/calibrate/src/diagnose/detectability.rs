@@ -3,7 +3,6 @@
 use crate::ProgressCallback;
 use crate::RecordingSet;
 use crate::diagnose::given::base_model::BaseModel;
-use crate::diagnose::given::found_light::find_light;
 use crate::diagnose::given::taken::Both;
 use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::lab::fault::Fault;
@@ -45,7 +44,7 @@ pub fn detectability(
     set.check_light_unit()?;
     let mut both = Both::read([set, set], [RecordingPart::Whole; 2], options.readout_selection)?;
     let base = BaseModel::of(&both, options.camera)?;
-    find_light(&mut both.fitted.setup, &both.fitted.measured.scans, &base.camera, options.seed)?;
+    both.fitted.find_light(&base.camera, options.seed)?;
     let library = Catalog::new();
     let effects = options.effects.unwrap_or(&library);
     let setup = both.fitted.setup;

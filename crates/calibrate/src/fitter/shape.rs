@@ -12,6 +12,7 @@
 //! The polynomial and the differences between the classes are used only if they are significant.
 
 use super::state::Fitter;
+use crate::formulas::chi_square::chi_square_over_freedom;
 use crate::formulas::cholesky::solve_cholesky;
 use crate::formulas::fit::PixelFit;
 use crate::formulas::robust::biweights;
@@ -121,13 +122,6 @@ impl Model {
     }
 }
 
-/// Returns the limit of chi-square with `n` degrees of freedom (Wilson and Hilferty).
-fn chi2_limit(n: usize) -> f64 {
-    let n = n as f64;
-    let c = 2.0 / (9.0 * n);
-    n * (1.0 - c + SIGNIFICANCE_Z * c.sqrt()).powi(3)
-}
-
 impl Fitter<'_> {
     /// Fits the shape of the light and the classes to the gains of the pixels without defects.
     pub(super) fn update_shape(&mut self) {
@@ -175,10 +169,11 @@ impl Fitter<'_> {
         }
         let total: f64 = weights.iter().sum();
         let variance = fit.squares / (total - full.columns as f64);
+        let limit = |n: f64| n * chi_square_over_freedom(n, SIGNIFICANCE_Z);
         let is_significant = |reduced: &Model| {
             let removed = full.columns - reduced.columns;
             let gain = reduced.fit(&y, &weights).map_or(f64::INFINITY, |r| r.squares - fit.squares);
-            removed > 0 && gain > chi2_limit(removed) * variance
+            removed > 0 && gain > limit(removed as f64) * variance
         };
         let has_field = is_significant(&model(true, false));
         let has_classes = is_significant(&model(false, true));

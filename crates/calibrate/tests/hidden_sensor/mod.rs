@@ -49,6 +49,20 @@ impl Scene {
         }
     }
 
+    /// Returns this scene with every level multiplied by `factor`.
+    pub fn scale(self, factor: f64) -> Self {
+        match self {
+            Self::Flat(level) => Self::Flat(level * factor),
+            Self::Square { high, low, half_period } => {
+                Self::Square { high: high * factor, low: low * factor, half_period }
+            }
+            Self::Checkerboard { high, low, cell } => {
+                Self::Checkerboard { high: high * factor, low: low * factor, cell }
+            }
+        }
+    }
+
+    /// Returns the light as `recordings.toml` states it.
     pub fn toml(self) -> String {
         match self {
             Self::Flat(light) => format!("{light:?}"),

@@ -80,7 +80,7 @@ pub struct DiagnosedLamp {
     pub file: String,
     /// The stated light in words.
     pub light: String,
-    /// Relative standard deviation with which the light was known before the diagnosis.
+    /// Relative standard deviation of the light: the stated one, or a larger one if the levels contradict the stated one.
     pub uncertainty: f64,
     /// Relative deviation from the stated light, from all recordings and the final model.
     pub deviation: f64,

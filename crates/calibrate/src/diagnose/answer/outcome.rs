@@ -190,7 +190,7 @@ fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
     Parameter { name: knob.key, value: knob.value(u), low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
 }
 
-/// The light of the recordings, and what each lamp moves in the parameters that are named.
+/// Returns the light of the recordings, and the influence of each lamp on the named parameters.
 fn lamps(
     reference: &NullModel,
     found: &Found,

@@ -201,7 +201,7 @@ fn lamps(d: &Diagnosis) -> Vec<PageElement> {
         row.extend(lamp.impacts.iter().map(|i| format!("{:+.1e}", i.change)));
         table.push_row(row);
     }
-    const TEXT: &str = "The light of each recording is a parameter of every fit. The pull is the deviation of the found light from the stated light, divided by the uncertainty of the light. A pull beyond 3.5 is reported as a fault. The last columns show how a named parameter changes if the light of one recording increases by its error.";
+    const TEXT: &str = "The light of each recording is a parameter of every fit. The pull is the deviation of the found light from the stated light, divided by the uncertainty of the light. If the levels contradict a stated uncertainty, the table has the larger uncertainty that the diagnosis used. The last columns show how a named parameter changes if the light of one recording increases by its error.";
     vec![PageElement::heading("Light of the recordings"), PageElement::text(TEXT), PageElement::Table(table)]
 }
 

@@ -1,4 +1,4 @@
-//! The lamps after a fit: their deviations, and what they move in the fitted numbers.
+//! The deviations of the lamps after a fit, and their influence on the fitted numbers.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -14,8 +14,8 @@ pub(in crate::diagnose) struct LampPosterior {
 }
 
 impl LampPosterior {
-    /// `metric` has the noise with lamps and the fitted numbers as directions. `off` is what the mean of the model leaves of
-    /// the data, and `moved` is the last step of the fitted numbers. `slopes` are the derivatives by each lamp.
+    /// `metric` has the noise with lamps and the fitted numbers as directions. `off` is the difference of
+    /// the data and the mean of the model, and `moved` is the last step of the fitted numbers. `slopes` are the derivatives by each lamp.
     ///
     /// With the marginal covariance `M = C + L U L^T` and the directions `D`, the posterior of the numbers has the covariance
     /// `S = (D^T M^-1 D + K)^-1`. The lamps have the mean `U L^T M^-1 (off - D moved)` and the covariance

@@ -10,6 +10,7 @@ use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::quantiles::Spread;
+use crate::recordings::check::SATURATION_RATE;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
@@ -21,14 +22,12 @@ const STEPS: usize = 4;
 /// Change of the light below which no further step is made.
 const CLOSE: f64 = 2e-4;
 
-/// Uncertainties by which a lamp may lie from the stated light. A response that is not smooth asks for more.
+/// Largest deviation of the found light from the stated light, in uncertainties. The rates of a camera with a strong effect
+/// would require a larger deviation.
 const FURTHEST: f64 = 3.5;
 
 /// Change of the light from which on two steps show the slope of the rate.
 const APART: f64 = 2e-3;
-
-/// Rate above which a level contains no information.
-const SATURATED: f64 = 0.985;
 
 /// Change of the light that other simulations must follow.
 const MOVED: f64 = 1e-3;
@@ -86,7 +85,7 @@ fn step(setup: &mut Setup, measured: &[f64], here: &Place, before: Option<&Place
     for (k, recording) in setup.recordings.iter_mut().enumerate() {
         let (measured, simulated) = (measured[k], here.rates[k]);
         let is_lit = recording.brightness() > 0.0 && recording.static_scene.is_none();
-        if !is_lit || measured > SATURATED || simulated > SATURATED {
+        if !is_lit || measured > SATURATION_RATE || simulated > SATURATION_RATE {
             continue;
         }
         // The rate is nearly proportional to the light, except near saturation.

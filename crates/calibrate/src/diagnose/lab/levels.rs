@@ -11,22 +11,25 @@ use nalgebra::{DMatrix, DVector};
 use super::fault::{Fault, FaultKind};
 use crate::LightLevel;
 use crate::diagnose::statistics::quantiles::Spread;
+use crate::formulas::chi_square::chi_square_over_freedom;
+use crate::recordings::check::SATURATION_RATE;
 
-/// Standard deviations of a lamp from which on a single lamp is reported. A lamp with the stated uncertainty exceeds them
+/// Deviation of a single level above which the level is reported, in uncertainties of its lamp. A lamp with the stated uncertainty exceeds them
 /// with a probability of 5e-4.
-const OFF: f64 = 3.5;
+const MAX_PULL: f64 = 3.5;
 
 /// Smallest relative deviation that is reported, and that of the darkest and of the brightest level. A bend of the response is
 /// largest there, and the other levels determine it least.
 const LEAST: [f64; 2] = [0.005, 0.012];
 
-/// Relative uncertainty of a lamp that was reported: its level then says nothing about the response.
+/// Relative uncertainty of a reported lamp. Its level then contains nearly no information about the response.
 const UNKNOWN_LAMP: f64 = 0.3;
 
-/// Probability with which lamps that have their stated uncertainties scatter by more than a limit: the limit of a report,
-/// and the limit from which on larger uncertainties are used. Larger uncertainties cost little, so the second one is lower.
-const REPORTED: f64 = 0.001;
-const WIDENED: f64 = 0.05;
+/// Normal quantile of the limit above which a scatter is reported, and of the limit above which larger uncertainties are used.
+/// Lamps with their stated uncertainties exceed the limits with a probability of 0.001 and 0.05. Larger uncertainties cost
+/// little, so the second limit is lower.
+const REPORTED_Z: f64 = 3.09;
+const WIDENED_Z: f64 = 1.645;
 
 /// Largest relative scatter that is attributed to lamps. A response with a larger scatter is not smooth.
 const LARGEST_SCATTER: f64 = 0.1;
@@ -34,16 +37,13 @@ const LARGEST_SCATTER: f64 = 0.1;
 /// Smallest relative uncertainty of a measured response.
 const OF_RATE: f64 = 1e-4;
 
-/// Fewest lit levels of which one can be reported, and of which all can be found to scatter.
-const FEWEST: [usize; 2] = [4, 3];
-
-/// Rate above which a level contains no information.
-const SATURATED: f64 = 0.985;
+/// Smallest number of lit levels for a report of a single level, and for a report of the scatter.
+const MIN_LEVELS: [usize; 2] = [4, 3];
 
 /// A level of light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
-    /// Recording of which the level can be reported.
+    /// The recording whose level can be reported.
     pub recording: Option<usize>,
     pub light: f64,
     /// Rate minus the rate in the dark, divided by the light.
@@ -66,7 +66,7 @@ pub(super) struct LampCheck {
 /// Returns the points of uniform levels. `uncertainty` is that of a recording.
 pub(super) fn points(levels: &[(usize, LightLevel)], uncertainty: impl Fn(usize) -> f64) -> Vec<Point> {
     let dark = dark_rate(levels);
-    let lit = levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= SATURATED);
+    let lit = levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= SATURATION_RATE);
     lit.map(|(k, l)| Point {
         recording: Some(*k),
         light: l.light,
@@ -91,7 +91,7 @@ impl LampCheck {
         let off = self.off.iter().filter_map(|(k, by)| {
             let point = stated(*k)?;
             let words = format!(
-                "the light of this recording deviates by {:+.1} %: {} stated, {:.5} estimated in proportion to the other levels. This is more than {OFF} times the uncertainty of the light ({} %), and no smooth response of a camera changes a single level in this way. Check the lamp. The diagnosis ignores the level of this recording and uses its noise.",
+                "the light of this recording deviates by {:+.1} %: {} stated, {:.5} estimated in proportion to the other levels. This is more than {MAX_PULL} times the uncertainty of the light ({} %), and no smooth response of a camera changes a single level in this way. Check the lamp. The diagnosis uses the noise of this recording, but not its level.",
                 100.0 * by,
                 point.light,
                 point.light * (1.0 + by),
@@ -141,11 +141,11 @@ pub(super) fn check(points: &[Point]) -> LampCheck {
     left.iter_mut().for_each(|p| p.response = p.response / scale - 1.0);
     let mut found = LampCheck { factor: 1.0, ..LampCheck::default() };
     let own = |points: &[Point]| points.iter().filter(|p| p.recording.is_some()).count();
-    if own(&left) < FEWEST[1] || !(scale.is_finite() && scale > 0.0) {
+    if own(&left) < MIN_LEVELS[1] || !(scale.is_finite() && scale > 0.0) {
         return found;
     }
     // Most lamps must remain, because the others are compared with them.
-    while own(&left) >= FEWEST[0] && 3 * found.off.len() < points.len() && !is_smooth(&left, REPORTED) {
+    while own(&left) >= MIN_LEVELS[0] && 3 * found.off.len() < points.len() && !is_smooth(&left) {
         let Some((i, by)) = most_deviating(&left) else { break };
         found.off.extend(left[i].recording.map(|k| (k, by)));
         left.remove(i);
@@ -156,11 +156,11 @@ pub(super) fn check(points: &[Point]) -> LampCheck {
         return found;
     }
     let square = mean_square * freedom as f64;
-    if square > upper(freedom, WIDENED) {
+    if square > limit(freedom, WIDENED_Z) {
         // The largest uncertainty that scatters so little in no more than one of twenty sets.
         found.factor = (square / lower_twentieth(freedom)).sqrt().max(1.0);
     }
-    found.scatter = (square > upper(freedom, REPORTED)).then_some(relative);
+    found.scatter = (square > limit(freedom, REPORTED_Z)).then_some(relative);
     found
 }
 
@@ -171,8 +171,9 @@ fn scatter(points: &[Point]) -> Option<(usize, f64)> {
     fitted.map(|c| (c.freedom, c.mean_square)).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-fn is_smooth(points: &[Point], level: f64) -> bool {
-    scatter(points).is_none_or(|(freedom, mean_square)| mean_square * freedom as f64 <= upper(freedom, level))
+fn is_smooth(points: &[Point]) -> bool {
+    scatter(points)
+        .is_none_or(|(freedom, mean_square)| mean_square * freedom as f64 <= limit(freedom, REPORTED_Z))
 }
 
 /// The level that deviates most from every smooth response through the others, and its relative deviation.
@@ -195,37 +196,31 @@ fn deviation(points: &[Point], i: usize) -> Option<(f64, f64)> {
     let others: Vec<usize> = (0..points.len()).filter(|j| *j != i).collect();
     let of = |c| {
         let curve = Curve::of(points, &others, c)
-            .filter(|c| c.mean_square * c.freedom as f64 <= upper(c.freedom, REPORTED))?;
+            .filter(|c| c.mean_square * c.freedom as f64 <= limit(c.freedom, REPORTED_Z))?;
         let (expected, variance) = curve.at(points[i].light);
         let off = points[i].response - expected;
         // The other lamps may be wrong as well: two deviations of the curve are not held against this lamp.
         let own = points[i].uncertainty.hypot(OF_RATE);
-        Some(((off.abs() - 2.0 * variance.sqrt()) / own - OFF, off))
+        Some(((off.abs() - 2.0 * variance.sqrt()) / own - MAX_PULL, off))
     };
     let found: Vec<(f64, f64)> = curves(others.len()).into_iter().filter_map(of).collect();
     let least = found.iter().map(|f| f.0).fold(f64::INFINITY, f64::min);
     found.first().map(|f| (least, f.1))
 }
 
-/// Upper limit of chi-square, by Wilson and Hilferty's cube root. For one degree of freedom it is 3 % too large at 0.001.
-fn upper(freedom: usize, level: f64) -> f64 {
-    let z = if level == REPORTED { 3.090 } else { 1.645 };
-    cube_root_law(freedom, z)
+/// Limit of chi-square that corresponds to a normal quantile.
+fn limit(freedom: usize, z: f64) -> f64 {
+    freedom as f64 * chi_square_over_freedom(freedom as f64, z)
 }
 
 /// The value below which chi-square lies with a probability of a twentieth.
 fn lower_twentieth(freedom: usize) -> f64 {
     match freedom {
-        // The square of the normal quantile 0.525, and the exponential law: the cube root is inaccurate here.
+        // The square of the normal quantile 0.525, and the exponential law: the approximation is inaccurate here.
         1 => 0.003_93,
         2 => 0.102_6,
-        _ => cube_root_law(freedom, -1.645),
+        _ => limit(freedom, -WIDENED_Z),
     }
-}
-
-fn cube_root_law(freedom: usize, z: f64) -> f64 {
-    let c = 2.0 / (9.0 * freedom as f64);
-    freedom as f64 * (1.0 - c + z * c.sqrt()).max(0.0).powi(3)
 }
 
 /// A smooth response through some of the levels, weighted by their uncertainties.

@@ -9,6 +9,7 @@ use super::swing::swings;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::statistics::quantiles::Spread;
+use crate::recordings::check::SATURATION_RATE;
 use crate::{LightLevel, Stimulus, StimulusPattern};
 
 /// What was seen.
@@ -101,7 +102,7 @@ fn bright_squares(setup: &Setup, scans: &[Scan], dark: f64) -> Option<Point> {
     let rates: Vec<f64> =
         (0..scans[k].pixels.len()).filter(inside).map(|p| scans[k].pixels[p].rate).collect();
     let usual = Spread::of(&rates).trimmed;
-    (rates.len() >= 100 && usual < 0.985).then_some(Point {
+    (rates.len() >= 100 && usual < SATURATION_RATE).then_some(Point {
         recording: None,
         light: high,
         response: (usual - dark) / high,

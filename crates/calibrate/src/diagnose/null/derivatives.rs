@@ -42,7 +42,7 @@ pub(in crate::diagnose) struct Drawn {
     pub lamps: Vec<DVector<f64>>,
 }
 
-/// Relative deviation of a lamp by which a derivative is taken. It is small whatever the uncertainty of the lamp is, because
+/// Step of the derivative by a lamp, relative to its light. The step does not depend on the uncertainty of the lamp, because
 /// the statistics of bright intervals are linear in the light over a few thousandths only.
 const LAMP_STEP: f64 = 3e-3;
 
@@ -83,7 +83,7 @@ pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -
 }
 
 /// Changes per unit of each lamp's deviation; `all` has those of each simulation.
-pub(in crate::diagnose) fn lamp_slopes(
+pub(in crate::diagnose) fn slopes_of_lamps(
     all: &[Vec<DVector<f64>>],
     model: &Model,
     entries: usize,

@@ -4,7 +4,7 @@
 //! deviation `u_k`. Sensors are simulated at offsets `o_k`, which are near the true `e_k`, because many statistics are
 //! linear in the light over a few thousandths only. The data are moved by `sum_k l_k o_k`, where `l_k` is the derivative by
 //! `e_k`, and the covariance is `C + sum_k u_k^2 l_k l_k^T`. Both together are the likelihood with every `e_k` integrated
-//! out, about the *stated* light: a found light that has absorbed the effect of a bent response is no prior.
+//! out about the *stated* light. The found light would be a wrong prior, because it absorbs the bend of a response.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,7 +17,7 @@ use crate::diagnose::sensors::model::{Lamp, Model};
 /// by a step of three thousandths.
 const LINEAR: f64 = 2e-3;
 
-/// Uncertainties by which a fit may move a lamp away from the stated light.
+/// Largest deviation of a lamp from the stated light in a fit, in uncertainties.
 const FURTHEST: f64 = 4.0;
 
 /// Largest change of a lamp in one step of a fit. Derivatives do not hold beyond it. Far from the solution, an effect that is

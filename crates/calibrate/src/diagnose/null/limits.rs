@@ -3,6 +3,7 @@
 use super::metric::{Metric, noise};
 use super::redraw::Redrawn;
 use super::signature::Signature;
+use crate::formulas::chi_square::chi_square_over_freedom;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
@@ -116,14 +117,12 @@ fn moments(values: &[f64]) -> (f64, f64) {
     (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0))
 }
 
-/// Upper limit of a gamma law of these moments at [`LEVEL`], by Wilson and Hilferty's cube root.
+/// Upper limit of a gamma law of these moments at [`LEVEL`].
 pub(in crate::diagnose) fn gamma_limit(values: &[f64]) -> f64 {
     let (mean, variance) = moments(values);
     let freedom = 2.0 * mean * mean / variance.max(1e-12);
-    let c = 2.0 / (9.0 * freedom);
     // The normal quantile of LEVEL.
-    let z = 3.09;
-    mean * (1.0 - c + z * c.sqrt()).powi(3)
+    mean * chi_square_over_freedom(freedom, 3.09)
 }
 
 /// Upper limit of a Gumbel law of these moments at [`LEVEL`].

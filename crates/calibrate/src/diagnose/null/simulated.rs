@@ -1,6 +1,6 @@
 //! Sensors of the base model, simulated: those that a first look needs come first.
 
-use super::derivatives::{Changes, changes, lamp_slopes as slopes_of_lamps, pairs, with_lamps};
+use super::derivatives::{Changes, changes, pairs, slopes_of_lamps, with_lamps};
 use super::first_look::{First, Sketch};
 use super::mean::average;
 use super::redraw::REDRAWN;

@@ -25,11 +25,11 @@ pub(in crate::diagnose) struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// What `fit` promises of this set. Its lamps have deviations of their own.
+    /// Returns the mean that `fit` predicts for this set. The lamps of this set differ from those of the fitted set.
     fn mean(&self, reference: &NullModel, fit: &Fit) -> Result<DVector<f64>> {
         let mut model = fit.judging();
         if let Some(setup) = self.setup {
-            // What the fit moved the lamps of its own set by belongs to its effects.
+            // A fit moves the lamps of the fitted set if its effects change the rates. The lamps of this set move as much.
             let found = model.lamps.iter().zip(&reference.model.lamps);
             let found = found.map(|(lamp, base)| {
                 setup.recordings[lamp.recording].light_offset + lamp.offset - base.offset
