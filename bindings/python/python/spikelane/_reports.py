@@ -169,8 +169,9 @@ class Calibration:
     ``gain_spread`` and ``dark_rate_spread`` are the standard deviations between pixels. ``threshold_spread`` and
     ``threshold_noise`` are relative to the threshold. ``electrons_per_threshold`` does not depend on the unit of light.
     ``photons_at_full_light`` is the parameter of the camera file. ``redraw_share`` is the share of the threshold noise
-    that is redrawn at every readout. ``corner_falloff`` is the falloff of the light at the corners, or None for uniform light.
-    ``class_gains`` lists the mean gains of the four pixels of a 2x2 cell if they differ. ``camera`` contains the maps.
+    that is redrawn at every readout. ``corner_falloff`` is the falloff of the light at the corners, or None for uniform
+    light. ``class_gains`` lists the mean gains of the four pixels of a 2x2 cell if they differ. ``camera`` contains the
+    maps.
     ``dead_pixels``, ``hot_pixels``, ``poor_fit_pixels`` and ``unfitted_pixels`` are int64 indices row * W + col.
     ``verdict`` is a sentence about the reliability of the camera, and ``cautions`` lists the limits of the camera. ``raw`` is
     the content of calibration.json.

@@ -3,8 +3,8 @@
 /// Returns the limit of chi-square over its degrees of freedom that corresponds to the normal quantile `z`, by the cube root
 /// of Wilson and Hilferty.
 ///
-/// The upper limit with a probability of 0.001 (`z` = 3.09) is 3 % too large for one degree of freedom. A lower limit needs
-/// at least three.
+/// The upper limit with a probability of 0.001 (`z` = 3.09) is 3 % too large for one degree of freedom and 0.6 % for ten. A
+/// lower limit needs at least three.
 pub(crate) fn chi_square_over_freedom(freedom: f64, z: f64) -> f64 {
     let c = 2.0 / (9.0 * freedom);
     (1.0 - c + z * c.sqrt()).powi(3)
@@ -19,7 +19,7 @@ mod tests {
     fn limits_are_those_of_tables() {
         for (freedom, z, limit, tolerance) in [
             (1.0, 3.0902, 10.828, 0.04),
-            (10.0, 3.0902, 29.588, 0.003),
+            (10.0, 3.0902, 29.588, 0.007),
             (3.0, -1.6449, 0.352, 0.07),
             (10.0, -1.6449, 3.940, 0.003),
         ] {
