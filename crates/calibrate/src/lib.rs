@@ -36,6 +36,7 @@ pub use recordings::observations::{IntervalNoise, LightLevel, Observations};
 pub use recordings::protocol::Protocol;
 pub use recordings::protocol::{Precision, predict_precision};
 pub use recordings::published_maps::import_maps;
+pub use recordings::recorded_camera::RecordedCamera;
 pub use recordings::recording_set::UNSPECIFIED_LIGHT;
 pub use recordings::recording_set::{RateMap, Recording, RecordingSet, Stimulus, StimulusPattern};
 pub use result::DEFAULT_LIGHT_UNCERTAINTY;

@@ -1,6 +1,7 @@
 //! Options of a calibration, and its results: maps, moments, and the calibrated camera.
 
 use super::population::Population;
+use super::recordings::recorded_camera::RecordedCamera;
 use super::snee::SneeMaps;
 use crate::formulas::fit::PixelFit;
 use spikelane::effects::{Camera, Maps, find};
@@ -205,6 +206,8 @@ pub struct Calibration {
     pub dead_time_fraction: f64,
     /// Sentences about the quantities that the data identify or do not identify.
     pub notes: Vec<String>,
+    /// Description of the recorded camera, if the set has one.
+    pub recorded_camera: Option<RecordedCamera>,
     /// Result of the estimator of the SCSim paper for the same data, if this estimator was run. Reports compare it with
     /// the default estimator.
     pub snee: Option<SneeMaps>,

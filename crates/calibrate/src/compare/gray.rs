@@ -3,7 +3,7 @@
 use serde::Serialize;
 use spikelane::SimulatorOptions;
 
-use crate::{ProgressCallback, RecordingSet};
+use crate::{ProgressCallback, RecordedCamera, RecordingSet};
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::SpikeFramesRef;
@@ -47,6 +47,9 @@ pub struct GrayComparison {
     pub measured_camera: CameraDistance,
     /// Name of the simulated camera. `None` if a real camera was measured.
     pub simulated_camera: Option<String>,
+    /// Description of the recorded camera, if the set has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recorded_camera: Option<RecordedCamera>,
     /// Distances between the two halves of the measured recordings. Only temporal noise causes them.
     pub noise_floor: NoiseFloor,
     /// Distances between the nearest model and the same model with another fixed pattern. Two real cameras of the same
@@ -134,6 +137,7 @@ pub fn compare_gray_levels(
         histogram_lights: chosen.iter().map(|k| lights[*k]).collect(),
         lights,
         simulated_camera: set.simulated_camera.clone(),
+        recorded_camera: set.camera.clone(),
         measured_camera: camera_distance("measured", same, &measured),
         noise_floor: floor,
         fixed_pattern_floor: pattern_floor,

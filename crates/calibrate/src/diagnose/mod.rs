@@ -24,11 +24,12 @@ mod sensors;
 mod statistics;
 
 pub use answer::diagnosis::{
-    DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, Parameter, ParameterMismatch, ReportData,
-    UnexplainedStatistic, Verdict,
+    DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, LimitTest, Parameter, ParameterMismatch,
+    ReportData, UnexplainedStatistic, Verdict,
 };
 pub use answer::page::write_diagnosis;
 pub use answer::pictures::{NamedCurve, SetPlots};
+pub use answer::rates::RateResidual;
 pub use lab::fault::{Fault, FaultKind};
 pub use null::first_look::PreliminaryResult;
 pub use null::nameable::DETECTION_SCORE;

@@ -11,6 +11,7 @@ use crate::diagnose::answer::diagnosis::Diagnosis;
 use crate::diagnose::answer::notes::of_the_sets;
 use crate::diagnose::answer::outcome::outcome;
 use crate::diagnose::answer::pictures::pictures;
+use crate::diagnose::answer::rates::rate_residuals;
 use crate::diagnose::events::located::Events;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::given::about::Provenance;
@@ -306,6 +307,7 @@ impl<'a> Given<'a> {
         progress("pictures", 0.95);
         let last = (&found.fit.model, found.fit.u.as_slice());
         let fitted = &self.both.fitted;
+        diagnosis.rates = rate_residuals(reference, &found, &self.data, &fitted.measured.scans);
         diagnosis.traces.plots = pictures(reference, &fitted.set, &fitted.measured.scans, last)?;
         let Held { second_set, alone } = self.held_out;
         diagnosis.notes.extend(of_the_sets(&fitted.setup, &self.both.aside, second_set, alone));

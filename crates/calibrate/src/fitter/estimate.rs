@@ -271,6 +271,7 @@ impl Fitter<'_> {
             poor_fit_pixels: misfits,
             dead_time_fraction: self.noise.dead_time_fraction,
             notes: self.notes,
+            recorded_camera: self.observed.camera.clone(),
             snee: None,
         })
     }

@@ -76,6 +76,7 @@ impl Calibration {
             |f: &LightField| json!({ "corner_falloff": estimate_json(f.corner_falloff), "terms": f.terms });
         let optional_fields = [
             ("light_field", self.light_field.as_ref().map(field)),
+            ("camera", self.recorded_camera.as_ref().map(|camera| json!(camera))),
             ("nonlinearity", self.nonlinearity.map(estimate_json)),
             ("reduced_chi2", self.reduced_chi2().map(Into::into)),
             ("snee", self.snee.as_ref().map(|paper| self.snee_json(paper))),

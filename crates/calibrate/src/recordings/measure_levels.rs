@@ -56,6 +56,7 @@ pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Res
         readout_hz: set.readout_hz,
         levels: Vec::new(),
         other_recordings: Vec::new(),
+        camera: set.camera.clone(),
     };
     let mut done = 0;
     for (recording, reader) in set.recordings.iter().zip(&readers) {

@@ -6,4 +6,5 @@ pub(super) mod measure_levels;
 pub(super) mod observations;
 pub(super) mod protocol;
 pub(super) mod published_maps;
+pub(super) mod recorded_camera;
 pub(super) mod recording_set;

@@ -1,6 +1,7 @@
 //! Measurements of a recording set: for each uniform level, the data of each pixel.
 
 use super::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
+use super::recorded_camera::RecordedCamera;
 use spikelane::spikes::{Geometry, span_rate};
 use spikelane_measure::{Estimate, finite_values, median};
 
@@ -153,4 +154,6 @@ pub struct Observations {
     pub levels: Vec<LightLevel>,
     /// File names of the recordings whose light is not uniform. The estimators do not use these recordings.
     pub other_recordings: Vec<String>,
+    /// Description of the camera, if the set has one.
+    pub camera: Option<RecordedCamera>,
 }

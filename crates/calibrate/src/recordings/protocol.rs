@@ -120,6 +120,7 @@ impl Protocol {
             layout: None,
             light_uncertainty: None,
             simulated_camera: Some(camera.name.clone()),
+            camera: None,
             recordings: self.recordings.iter().map(recording).collect(),
             rate_maps: Vec::new(),
             folder: folder.to_path_buf(),

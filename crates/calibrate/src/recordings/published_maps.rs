@@ -81,6 +81,7 @@ pub fn import_maps(archive: &Path, folder: &Path, force: bool) -> Result<PathBuf
         layout: None,
         light_uncertainty: None,
         simulated_camera: None,
+        camera: None,
         recordings: Vec::new(),
         rate_maps,
         folder: folder.to_path_buf(),

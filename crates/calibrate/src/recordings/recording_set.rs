@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::check::{LevelRate, check_light_unit};
+use super::recorded_camera::RecordedCamera;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::{Geometry, count_spikes};
 use spikelane::unstable::inputs;
@@ -230,6 +231,9 @@ pub struct RecordingSet {
     /// Name of the simulated camera, if the recordings were simulated. Reports mention this name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulated_camera: Option<String>,
+    /// Description of the camera. Reports print it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<RecordedCamera>,
     /// Recorded streams.
     #[serde(default, rename = "recording")]
     pub recordings: Vec<Recording>,
@@ -342,6 +346,7 @@ impl RecordingSet {
                 .found(self.readout_hz)
                 .expected("readouts per second, a positive number"));
         }
+        self.camera.as_ref().map_or(Ok(()), RecordedCamera::check)?;
         self.check_light(None)?;
         self.check_uncertainties()?;
         if self.recordings.is_empty() && self.rate_maps.is_empty() {

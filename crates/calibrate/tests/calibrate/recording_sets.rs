@@ -406,6 +406,7 @@ fn snee_thresholds_end_on_the_box_edges() {
         readout_hz: 20_000.0,
         levels: levels.collect(),
         other_recordings: Vec::new(),
+        camera: None,
     };
     let snee = estimate_snee(&observed, &SneeOptions::default()).unwrap();
     assert!(snee.edge_counts().edge_share() > 0.95, "{:?}", snee.edge_counts());

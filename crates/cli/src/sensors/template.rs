@@ -93,7 +93,7 @@ fn template_text(folder: &Path, streams: &[StreamInfo], readout_hz: Option<f64>)
     }
     let hz = readout_hz.or_else(|| streams.iter().find_map(|f| f.readout_hz));
     let mut text = format!(
-        "# Recordings of one camera. Set the light of each recording: 0 in the dark, otherwise a fraction of the light that\n# gives one spike per readout (0.25 if a pixel fires at every fourth readout). Then run: spikelane calibrate {}\nwidth = {}\nheight = {}\nreadout_hz = {:.1}{}\n# light_uncertainty = 0.01  # relative, of all levels\n",
+        "# Recordings of one camera. Set the light of each recording: 0 in the dark, otherwise a fraction of the light that\n# gives one spike per readout (0.25 if a pixel fires at every fourth readout). Then run: spikelane calibrate {}\nwidth = {}\nheight = {}\nreadout_hz = {:.1}{}\n# light_uncertainty = 0.01  # relative, of all levels\n# [camera]  # printed in reports\n# name = \"\"\n# serial = \"\"\n# temperature_c = 25.0\n# date = \"\"\n",
         folder.join("recordings.toml").display(),
         one.geometry.width(),
         one.geometry.height(),

@@ -75,6 +75,8 @@ pub(super) fn judged(about: &Provenance) -> Vec<PageElement> {
     let mut set = Table::new(&["", ""]);
     let mut row = |name: &str, value: String| set.push_row([name.to_owned(), value]);
     row("recording set", about.set_file.clone().unwrap_or_else(|| "a recording set in memory".to_owned()));
+    let description = about.recorded_camera.iter().flat_map(|camera| camera.rows());
+    description.for_each(|(title, text)| row(title, text));
     row("pixels", format!("{} x {}", about.width, about.height));
     row("readouts per second", format!("{}", about.readout_hz));
     // Without a number nothing was judged.
@@ -82,7 +84,7 @@ pub(super) fn judged(about: &Provenance) -> Vec<PageElement> {
     if judged {
         row("held-out recordings", about.held_out.clone());
     }
-    row("camera", about.camera.clone());
+    row("initial model", about.camera.clone());
     row("seed", about.seed.to_string());
     parts.push(PageElement::Table(set));
     let mut files = Table::new(&["recording", "light", "readouts", "first readout"]);

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::pictures::SetPlots;
+use super::rates::RateResidual;
 use crate::diagnose::given::about::Provenance;
 use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::search::round::{EliminationReason, Step};
@@ -111,6 +112,29 @@ pub struct UnexplainedStatistic {
     pub z: f64,
 }
 
+/// A value of the recordings under the final model, and its limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LimitTest {
+    /// The quantity in words.
+    pub quantity: &'static str,
+    /// Value of the fitted recordings.
+    pub fitted_set: f64,
+    /// Value of the held-out recordings. `None` if they were not tested: nothing was held out, or no effect was added.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub held_out_set: Option<f64>,
+    /// Limit of both values. One sensor in a thousand that follows the model exceeds it.
+    pub limit: f64,
+}
+
+impl LimitTest {
+    /// Returns whether no tested value exceeds the limit.
+    #[must_use]
+    pub fn passes(&self) -> bool {
+        self.fitted_set <= self.limit && self.held_out_set.is_none_or(|value| value <= self.limit)
+    }
+}
+
 /// Discrepancy between model and data after each step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Discrepancy {
@@ -163,10 +187,14 @@ pub struct Diagnosis {
     pub parameter_mismatches: Vec<ParameterMismatch>,
     /// The light of each lit recording.
     pub lamps: Vec<DiagnosedLamp>,
+    /// Rates of the uniform recordings and their deviations from the models, in ascending order of light.
+    pub rates: Vec<RateResidual>,
     /// Significant deviations that remain.
     pub unexplained: Vec<UnexplainedStatistic>,
     /// Discrepancies after each step.
     pub discrepancy: Discrepancy,
+    /// Values of the recordings under the final model, and the limits that decide whether a deviation is significant.
+    pub tests: Vec<LimitTest>,
     /// Recordings that would separate ambiguous effects.
     pub recommended_recordings: Vec<String>,
     /// Effects that this set cannot show.
@@ -199,6 +227,7 @@ impl Diagnosis {
             effects: Vec::new(),
             parameter_mismatches: Vec::new(),
             lamps: Vec::new(),
+            rates: Vec::new(),
             unexplained: Vec::new(),
             discrepancy: Discrepancy {
                 fitted_set: Vec::new(),
@@ -206,6 +235,7 @@ impl Diagnosis {
                 noise_floor: 0.0,
                 noise_floor_sd: 0.0,
             },
+            tests: Vec::new(),
             recommended_recordings: Vec::new(),
             undetectable: Vec::new(),
             seconds: 0.0,

@@ -9,4 +9,5 @@ pub(super) mod outcome;
 pub(super) mod page;
 pub(super) mod pictures;
 pub(super) mod pictures_page;
+pub(super) mod rates;
 mod words;

@@ -1,8 +1,8 @@
 //! From a search's end to what is said of it.
 
 use super::diagnosis::{
-    DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, Parameter, ParameterMismatch, ReportData,
-    UnexplainedStatistic, Verdict,
+    DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, LimitTest, Parameter, ParameterMismatch,
+    ReportData, UnexplainedStatistic, Verdict,
 };
 use super::next_recording::settle;
 use super::notes::{open, unjudged};
@@ -13,6 +13,7 @@ use crate::diagnose::fit::interval::{interval, of_data};
 use crate::diagnose::fit::unlocated::allowing;
 use crate::diagnose::given::about::words;
 use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::search::alarm::values_and_limits;
 use crate::diagnose::search::contradicted::{Contradicted, contradicted};
 use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Round, kept};
@@ -134,6 +135,7 @@ pub(in crate::diagnose) fn outcome(
         effects,
         lamps: lamps(reference, found, &(data - &found.own.mean), &misfits),
         parameter_mismatches: misfits,
+        rates: Vec::new(),
         unexplained: match verdict {
             _ if found.left => unknown(reference, found, &(data - &found.own.mean)),
             // No single statistic is beyond its limit; these are what the gap of the held-out set comes from.
@@ -142,6 +144,7 @@ pub(in crate::diagnose) fn outcome(
         },
         notes,
         discrepancy: gap,
+        tests: limit_tests(reference, found, data),
         recommended_recordings: settle(reference, &found.rounds),
         undetectable: reference.not_testable(),
         seconds: 0.0,
@@ -226,6 +229,24 @@ fn lamps(
         }
     };
     lamps.iter().enumerate().map(of).collect()
+}
+
+/// Compares the recordings with the limits of the final model.
+fn limit_tests(reference: &NullModel, found: &Found, data: &nalgebra::DVector<f64>) -> Vec<LimitTest> {
+    const QUANTITIES: [&str; 3] =
+        ["total deviation", "largest deviation of a statistic", "largest score of an effect"];
+    let values =
+        |off: &nalgebra::DVector<f64>| values_and_limits(&found.fit, &found.own, off, &reference.signatures);
+    let fitted = values(&(data - &found.own.mean));
+    let is_tested = !found.fit.effects.is_empty() && found.train != found.heldout;
+    let held_out = is_tested.then(|| values(&found.off));
+    let test = |i: usize| LimitTest {
+        quantity: QUANTITIES[i],
+        fitted_set: fitted[i].0,
+        held_out_set: held_out.map(|values| values[i].0),
+        limit: fitted[i].1,
+    };
+    (0..QUANTITIES.len()).map(test).collect()
 }
 
 fn ties(round: Option<&Round>) -> Vec<&'static str> {

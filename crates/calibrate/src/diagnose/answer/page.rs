@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::about_page::{glossary, judged, made};
 use super::diagnosis::{Diagnosis, Discrepancy, Verdict};
 use super::pictures_page::seen;
+use super::rates::rate_figures;
 use super::words::{interval, rounded};
 use crate::diagnose::search::round::EliminationReason;
 use spikelane::error::{Error, ErrorKind, Result};
@@ -40,6 +41,7 @@ pub fn write_diagnosis(diagnosis: &Diagnosis, folder: &Path, force: bool) -> Res
 /// When a plot cannot be made.
 pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
     let mut parts = vec![PageElement::text(sentence(diagnosis))];
+    parts.extend(limit_tests(diagnosis));
     parts.extend(faults(diagnosis));
     parts.extend(named(diagnosis));
     if !diagnosis.recommended_recordings.is_empty() {
@@ -54,6 +56,7 @@ pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
     }
     // Where nothing was searched for there is nothing to plot.
     if !diagnosis.discrepancy.held_out_set.is_empty() {
+        parts.extend(rate_figures(&diagnosis.rates, diagnosis.discrepancy.fitted_set.len() > 1)?);
         parts.push(PageElement::heading("Deviations of the recordings from the model"));
         parts.extend(disagreements(diagnosis)?);
         parts.push(PageElement::heading("Discrepancy after each step"));
@@ -67,6 +70,26 @@ pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
     }
     parts.extend(diagnosis.provenance.iter().flat_map(made));
     Ok(render("Diagnosis", &parts))
+}
+
+/// The values behind the verdict, each with its limit.
+fn limit_tests(d: &Diagnosis) -> Vec<PageElement> {
+    if d.tests.is_empty() {
+        return Vec::new();
+    }
+    let mut table = Table::new(&["test", "fitted recordings", "held-out recordings", "limit", ""]);
+    let number = |x: f64| if x.abs() < 100.0 { format!("{x:.1}") } else { format!("{x:.0}") };
+    for test in &d.tests {
+        table.push_row([
+            test.quantity.to_owned(),
+            number(test.fitted_set),
+            test.held_out_set.map_or_else(|| "not tested".to_owned(), number),
+            number(test.limit),
+            if test.passes() { "passes" } else { "exceeds the limit" }.to_owned(),
+        ]);
+    }
+    const TEXT: &str = "One sensor in a thousand that follows the model exceeds a limit. The total deviation is the squared distance of all statistics from the model. The other two values are in standard deviations.";
+    vec![PageElement::Table(table), PageElement::text(TEXT)]
 }
 
 /// What is wrong in the laboratory stands above everything.

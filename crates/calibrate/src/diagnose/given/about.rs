@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::base_model::BaseParameter;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::{RecordingSet, Stimulus, StimulusPattern};
+use crate::{RecordedCamera, RecordingSet, Stimulus, StimulusPattern};
 
 /// A recording as it was judged.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -27,6 +27,9 @@ pub struct Provenance {
     /// The set's file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub set_file: Option<String>,
+    /// Description of the recorded camera.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recorded_camera: Option<RecordedCamera>,
     /// What was typed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command: Option<String>,
@@ -69,6 +72,7 @@ impl Provenance {
             width: setup.geometry.width(),
             height: setup.geometry.height(),
             readout_hz: setup.readout_hz,
+            recorded_camera: set.camera.clone(),
             recordings: judged.chain(maps).collect(),
             ..Self::default()
         }

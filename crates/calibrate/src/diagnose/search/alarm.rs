@@ -1,4 +1,4 @@
-//! Whether anything is off beyond what a model's own sensors show.
+//! Compares the deviations of recordings with the limits of sensors that follow the model.
 
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
@@ -6,9 +6,21 @@ use crate::diagnose::null::limits::strays_by;
 use crate::diagnose::null::signature::Signature;
 use nalgebra::DVector;
 
-/// Whether anything about what is `off` the mean of `fit` is beyond what its own sensors show.
-pub(in crate::diagnose) fn alarm(fit: &Fit, own: &Own, off: &DVector<f64>, signatures: &[Signature]) -> bool {
+/// Returns the total deviation, the largest deviation of a statistic and the largest score of an effect that the model
+/// lacks, each with its limit. `off` is the deviation of the statistics from the mean of `fit`.
+pub(in crate::diagnose) fn values_and_limits(
+    fit: &Fit,
+    own: &Own,
+    off: &DVector<f64>,
+    signatures: &[Signature],
+) -> [(f64, f64); 3] {
     let open: Vec<&Signature> = signatures.iter().filter(|s| fit.lacks(s)).collect();
     let [misfit, deviation, score] = strays_by(&own.metric, off, &open);
-    misfit > own.limits.misfit || deviation > own.limits.deviation || score > own.limits.score
+    let limits = own.limits;
+    [(misfit, limits.misfit), (deviation, limits.deviation), (score, limits.score)]
+}
+
+/// Returns whether a value exceeds its limit.
+pub(in crate::diagnose) fn alarm(fit: &Fit, own: &Own, off: &DVector<f64>, signatures: &[Signature]) -> bool {
+    values_and_limits(fit, own, off, signatures).iter().any(|(value, limit)| value > limit)
 }
