@@ -88,7 +88,7 @@ fn limit_tests(d: &Diagnosis) -> Vec<PageElement> {
             if test.passes() { "passes" } else { "exceeds the limit" }.to_owned(),
         ]);
     }
-    const TEXT: &str = "One sensor in a thousand that follows the model exceeds a limit. The total deviation is the squared distance of all statistics from the model. The other two values are in standard deviations.";
+    const TEXT: &str = "One sensor in a thousand that follows the model exceeds a limit. The total deviation is the squared distance of all statistics from the model. The other two values are in standard deviations. The held-out recordings are tested after an effect was added.";
     vec![PageElement::Table(table), PageElement::text(TEXT)]
 }
 

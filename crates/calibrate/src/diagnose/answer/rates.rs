@@ -73,7 +73,7 @@ pub(super) fn rate_figures(rates: &[RateResidual], has_additions: bool) -> Resul
         None,
     )?;
     let band = ShadedBand {
-        name: "two standard deviations of sensors",
+        name: "simulated sensors",
         low: points(&|r| -200.0 * r.error),
         high: points(&|r| 200.0 * r.error),
     };
@@ -88,7 +88,7 @@ pub(super) fn rate_figures(rates: &[RateResidual], has_additions: bool) -> Resul
         PageElement::figure(rate, "Mean rate of all pixels of each uniform recording."),
         PageElement::figure(
             residual,
-            "Deviation of the rates from the model at the found light. The lines of the pixels through all levels are \
+            "Deviation of the rates from the model at the found light. The band is two standard deviations between simulated sensors. The lines of the pixels through all levels are \
              subtracted from the recordings and from the model, so a wrong gain or dark current does not appear. A \
              curve that leaves the band shows a nonlinear response.",
         ),
