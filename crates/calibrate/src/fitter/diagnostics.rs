@@ -6,6 +6,7 @@ use crate::formulas::fit::{PixelFit, fit_line};
 use crate::recordings::observations::LightLevel;
 use crate::result::Lamp;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 use spikelane_measure::{Estimate, median_and_spread};
 
 /// Smallest number of fitted pixels for which spreads are estimated.
@@ -38,7 +39,7 @@ impl Fitter<'_> {
             return Ok(());
         }
         Err(Error::new(ErrorKind::Input, "recording set")
-            .found(format_args!("{known} pixels with spikes at two levels below saturation"))
+            .found(format_args!("{} with spikes at two levels below saturation", Count(known, "pixel")))
             .expected(format_args!("at least {MIN_FITTED_PIXELS}"))
             .remedy("record longer, or at levels where pixels neither stay silent nor saturate"))
     }
@@ -111,7 +112,8 @@ impl Fitter<'_> {
         if self.alignment.as_ref().is_some_and(|a| !a.is_outlier_identifiable) {
             let usable = self.is_saturated.iter().filter(|s| !**s).count();
             self.notes.push(format!(
-                "{usable} levels cannot show whether a single level is wrong: such a test requires three lit levels and a dark recording, or four lit levels. The errors include the stated uncertainty of the light."
+                "{} cannot show whether a single level is wrong: such a test requires three lit levels and a dark recording, or four lit levels. The errors include the stated uncertainty of the light.",
+                Count(usable, "level")
             ));
         }
         if self.alignment.as_ref().is_some_and(|a| a.is_ambiguous) {

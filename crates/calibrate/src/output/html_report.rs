@@ -5,6 +5,7 @@ use crate::population::mean_and_sd;
 use crate::result::{Calibration, Lamp};
 use crate::snee::{SneeMaps, SneePixel};
 use spikelane::error::Result;
+use spikelane::unstable::Count;
 use spikelane_measure::finite_values;
 use spikelane_measure::report::{
     Curve, PageElement, ShadedBand, Table, bar_plot, heat_map, marked_line_plot, page as render, today,
@@ -63,11 +64,12 @@ fn page(c: &Calibration) -> Result<String> {
 fn set_summary(c: &Calibration) -> String {
     let readouts: u64 = c.lamps.iter().map(|l| u64::from(l.readouts)).sum();
     format!(
-        "{} recordings of {}x{} pixels at {} readouts per second, {readouts} readouts in total, {:.2} s. Created on {}.",
-        c.lamps.len(),
+        "{} of {}x{} pixels at {} readouts per second, {} in total, {:.2} s. Created on {}.",
+        Count(c.lamps.len(), "recording"),
         c.sensor.geometry.width(),
         c.sensor.geometry.height(),
         c.sensor.readout_hz,
+        Count(readouts, "readout"),
         readouts as f64 / c.sensor.readout_hz,
         today()
     )

@@ -6,6 +6,7 @@ use super::observations::{LightLevel, Observations};
 use super::recording_set::Stimulus;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::Count;
 use spikelane_measure::{finite_values, high_pass, median};
 
 /// Rate above which a pixel is saturated, in spikes per readout. A saturated pixel fires at nearly every readout, so its
@@ -130,7 +131,7 @@ fn check_spike_counts(lit: &[&LightLevel]) -> Result<()> {
             // If pixels have ten spikes on average, slow pixels have at least three spikes.
             let rate = if rate > 0.0 { rate } else { level.light };
             return Err(set_error(&level.name)
-                .found(format_args!("{} readouts, too few spikes for a rate", level.readouts))
+                .found(format_args!("{}, too few spikes for a rate", Count(level.readouts, "readout")))
                 .expected(format_args!("at least {MIN_LIT_SPIKES} spikes in most pixels"))
                 .remedy(format_args!("record at least {:.0} readouts", (10.0 / rate).ceil())));
         }
