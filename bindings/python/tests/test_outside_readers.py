@@ -46,6 +46,29 @@ def sets(program: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_pillow_reads_the_frames_of_animated_images(program: list[str], tmp_path: Path) -> None:
+    pytest.importorskip("PIL")
+    from PIL import Image, ImageSequence
+
+    size = ["--width", "33", "--height", "24", "--readouts", "200"]
+    pictures = ["reconstruct", "c.dat", "--window", "41", "--every", "40"]
+    for words in (
+        ["simulate", "--builtin-light", "chart", *size, "-o", "c"],
+        [*pictures, "-o", "folder"],
+        [*pictures, "-o", "a.gif"],
+        [*pictures, "-o", "a.webp"],
+    ):
+        subprocess.run([*program, *words], cwd=tmp_path, check=True, capture_output=True)
+    expected = [np.asarray(Image.open(path).convert("L")) for path in sorted((tmp_path / "folder").iterdir())]
+    for name in ("a.gif", "a.webp"):
+        with Image.open(tmp_path / name) as animation:
+            assert animation.info["loop"] == 0
+            frames = [np.asarray(frame.convert("L")) for frame in ImageSequence.Iterator(animation)]
+            assert animation.info["duration"] == 40
+        assert len(frames) == len(expected) == 5
+        assert all(np.array_equal(a, b) for a, b in zip(frames, expected)), name
+
+
 @pytest.fixture(params=["scenes", "inputs"])
 def packed(sets: Path, request: pytest.FixtureRequest) -> tuple[list[str], Path]:
     """Returns the tars of a set and the folder of the same sequences."""

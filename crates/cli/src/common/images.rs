@@ -40,9 +40,9 @@ fn image_from_levels(levels: impl Iterator<Item = u8>, geometry: Geometry) -> Gr
 
 /// Returns the value that one pixel in 500 exceeds. If it is used as the white level, a few hot pixels do not matter.
 pub(crate) fn white_rate(values: &[f32]) -> f32 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    let value = sorted.get(sorted.len() - 1 - sorted.len() / 500).copied().unwrap_or(0.0);
+    let mut values = values.to_vec();
+    let place = values.len() - 1 - values.len() / 500;
+    let value = *values.select_nth_unstable_by(place, f32::total_cmp).1;
     if value > 0.0 { value } else { 1.0 }
 }
 

@@ -1,10 +1,12 @@
 //! Code that several commands share: flags, progress and output.
 
+pub(super) mod animation;
 pub(super) mod camera;
 pub(super) mod console;
 pub(super) mod images;
 pub(super) mod lighting;
 pub(super) mod limits;
+pub(super) mod movie;
 pub(super) mod output_claims;
 pub(super) mod output_stem;
 pub(super) mod progress;

@@ -12,31 +12,31 @@ use spikelane_io::formats::StreamReader;
 
 use crate::common::console::Console;
 use crate::common::images::{frames_around, sample_readouts, white_rate};
+use crate::common::movie::{MOVIE_EXTENSIONS, MovieFormat, MovieWriter};
 use crate::common::output_claims;
 use crate::common::progress::{CountProgress, stop_flag};
 use crate::common::standard_streams::{is_dash, refuse_json};
 use crate::common::stream::StreamArgs;
-use crate::common::video::{FrameEncoding, VideoWriter};
 use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
 
 mod npy_sink;
 mod sinks;
 
-use sinks::{FolderSink, GrayScale, PictureSink, PngSink, StdoutSink, VideoSink};
+use sinks::{FolderSink, GrayScale, MovieSink, PictureSink, PngSink, StdoutSink};
 
 /// Number of pictures that a thread reconstructs per batch. The pictures of a batch are written when it is complete.
 const BATCH_PICTURES: usize = 4;
 
 /// Reconstruct images from a stream
 ///
-/// The output is one image (.png), an array (.npy, f32), a folder of numbered PNGs, or a video by ffmpeg (.mp4, .mkv,
-/// .mov, .avi, .webm). Values of an array are spikes per readout, or for isi the length of an interval in readouts.
+/// The output is one image (.png), an array (.npy, f32), a folder of numbered PNGs, an animated image (.gif, .webp), or
+/// a video by ffmpeg (.mp4, .mkv, .mov, .avi, .webm). Values of an array are spikes per readout, or for isi the length of an interval in readouts.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Read this stream file, or - for standard input
     file: PathBuf,
-    /// Write a .png, an .npy, a video or a folder
+    /// Write a .png, an .npy, an animated image, a video or a folder
     ///
     /// - writes a PNG to standard output.
     #[arg(short, long, value_name = "PATH")]
@@ -61,7 +61,7 @@ pub(crate) struct Args {
     window: Option<u32>,
     /// Write one image per this many readouts
     ///
-    /// --every requires a folder, an .npy file or a video as the output. Without --every, a folder or a video has one
+    /// --every requires a folder, an .npy file or a movie as the output. Without --every, a folder or a movie has one
     /// image per window, and an .npy file has one image.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
@@ -71,7 +71,9 @@ pub(crate) struct Args {
     /// default, white is the value that one pixel in 500 of the first image exceeds.
     #[arg(long, value_name = "RATE")]
     white: Option<f32>,
-    /// Set the frames per second of a video
+    /// Set the frames per second of an animated image or a video
+    ///
+    /// A GIF has at most 50 frames per second.
     #[arg(long, value_name = "HZ", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..))]
     fps: u32,
     /// Overwrite existing files
@@ -170,7 +172,7 @@ enum OutputKind {
     Stdout,
     Png,
     Npy,
-    Video,
+    Movie(MovieFormat),
     Folder,
 }
 
@@ -178,16 +180,18 @@ fn output_kind(path: &Path) -> Result<OutputKind> {
     if is_dash(path) {
         return Ok(OutputKind::Stdout);
     }
+    if let Some(format) = MovieFormat::from_path(path) {
+        return Ok(OutputKind::Movie(format));
+    }
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     match ending.as_deref() {
         Some("png") => Ok(OutputKind::Png),
         Some("npy") => Ok(OutputKind::Npy),
-        Some("mp4" | "mkv" | "mov" | "avi" | "webm") => Ok(OutputKind::Video),
         None => Ok(OutputKind::Folder),
         Some(_) if path.is_dir() => Ok(OutputKind::Folder),
         Some(other) => Err(Error::new(ErrorKind::Usage, path.display())
             .found(format_args!("the extension .{other}"))
-            .expected(".png, .npy, .mp4, .mkv, .mov, .avi, .webm, or a folder name without an extension")),
+            .expected(format_args!(".png, .npy, {MOVIE_EXTENSIONS}, or a folder name without an extension"))),
     }
 }
 
@@ -207,11 +211,11 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         OutputKind::Png | OutputKind::Stdout if args.every.is_some() => {
             return Err(Error::new(ErrorKind::Usage, "--every")
                 .found("one image to write")
-                .expected("a folder, .npy or a video as output"));
+                .expected("a folder, an .npy file, an animated image or a video as output"));
         }
         OutputKind::Png | OutputKind::Stdout => false,
         OutputKind::Npy => args.every.is_some(),
-        OutputKind::Video | OutputKind::Folder => true,
+        OutputKind::Movie(_) | OutputKind::Folder => true,
     };
     let moments = args.picture_readouts(reader.readouts(), many);
     let _claim = match target {
@@ -239,10 +243,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             reader.geometry(),
             many.then_some(moments.len()),
         )?),
-        OutputKind::Video => {
-            let pictures = FrameEncoding::Gray(reader.geometry());
-            let video = VideoWriter::start(&args.output, pictures, f64::from(args.fps), args.force)?;
-            Box::new(VideoSink { video, gray_scale: shown })
+        OutputKind::Movie(format) => {
+            let fps = f64::from(args.fps);
+            let movie = MovieWriter::create(&args.output, format, geometry, fps, args.force)?;
+            Box::new(MovieSink { movie, format, gray_scale: shown })
         }
     };
     let mut progress = CountProgress::new(out, stop_flag()?);

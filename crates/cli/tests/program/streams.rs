@@ -215,8 +215,38 @@ fn arrays_of_reconstruct_have_the_shape_of_their_images() {
     assert!(header.contains("'shape': (5, 24, 32)"), "{header}");
     assert_eq!((many.len(), &many[24 * 32..2 * 24 * 32]), (5 * 24 * 32, &one[..]));
     for name in ["x.npz", "x.tif", "x.jpg"] {
-        place.run_refused(&format!("reconstruct c.dat -o {name}"), 2, &[name, ".png, .npy, .mp4"]);
+        place.run_refused(&format!("reconstruct c.dat -o {name}"), 2, &[name, ".png, .npy, .gif"]);
     }
+}
+
+#[test]
+fn an_animated_webp_has_the_images_of_a_folder() {
+    use image::AnimationDecoder as _;
+    let place = TestFolder::new();
+    place.run_ok("simulate --builtin-light chart --width 33 --height 24 --readouts 200 -o c");
+    let pictures = "reconstruct c.dat --window 41 --every 40";
+    place.run_ok(&format!("{pictures} -o folder"));
+    place.run_ok(&format!("{pictures} -o a.webp --fps 30"));
+    let bytes = place.read("a.webp");
+    let decoder = image::codecs::webp::WebPDecoder::new(std::io::Cursor::new(&bytes)).unwrap();
+    let frames: Vec<_> = decoder.into_frames().map(Result::unwrap).collect();
+    assert_eq!(frames.len(), 5);
+    for (k, frame) in frames.iter().enumerate() {
+        let file = place.path(&format!("folder/{:09}.png", 20 + 40 * k));
+        let expected = image::open(file).unwrap().into_rgba8();
+        assert!(*frame.buffer() == expected, "frame {k}");
+    }
+    // 30 frames per second are 33, 34, 33, ... ms.
+    let total: f64 = frames.iter().map(|f| f.delay().numer_denom_ms().0 as f64).sum();
+    assert!((total - 5.0 * 1000.0 / 30.0).abs() <= 0.5, "{total} ms");
+}
+
+#[test]
+fn an_animated_image_refuses_what_its_format_cannot_have() {
+    let place = TestFolder::new();
+    place.run_ok("simulate --builtin-light chart --width 32 --height 24 --readouts 40 -o c");
+    place.run_refused("reconstruct c.dat -o a.gif --every 4 --fps 60", 2, &["--fps", "50", ".webp"]);
+    assert!(!place.path("a.gif").exists());
 }
 
 #[test]

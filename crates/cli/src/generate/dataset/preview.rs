@@ -7,19 +7,23 @@ use serde_json::json;
 
 use crate::common::console::Console;
 use crate::common::images::{frames_around, gray_image, spikes_picture, white_rate};
+use crate::common::movie::{MovieFormat, MovieWriter};
 use crate::common::output_claims;
-use crate::common::video::{FrameEncoding, VideoWriter};
+use crate::common::progress::{CountProgress, stop_flag};
 use spikelane::reconstruct::tfp;
 use spikelane::spikes::SpikeFramesRef;
-use spikelane::unstable::Count;
+use spikelane::unstable::{Count, threads};
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_dataset::DatasetReader;
 use spikelane_io::formats::{OpenOptions, StreamReader};
 
-/// Frames per second of the video.
-const VIDEO_FPS: f64 = 25.0;
+/// Frames per second of the movie.
+const FPS: f64 = 25.0;
 
-/// Write a video of sequences of a dataset
+/// Frames that a thread prepares per batch. The frames of a batch are written when it is complete.
+const BATCH_FRAMES: usize = 4;
+
+/// Write a movie of sequences of a dataset
 ///
 /// Each frame shows one readout of spikes, the noisy stream and the clean stream side by side. All sequences have the
 /// same number of frames, evenly spaced. The pictures of both streams are means over readouts (TFP) with the same
@@ -29,9 +33,10 @@ pub(crate) struct Args {
     /// Show the dataset in this folder, or this packed shard
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Write the video to this file
+    /// Write the movie to this file
     ///
-    /// The extension of FILE determines the video format.
+    /// The extension of FILE selects the format: an animated image (.gif, .webp), or a video by ffmpeg (.mp4, .mkv,
+    /// .mov, .avi, .webm).
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Set the number of sequences
@@ -55,43 +60,52 @@ pub(crate) struct Args {
 /// # Errors
 /// * Those of [`DatasetReader::open`].
 /// * [`ErrorKind::Input`] if the dataset has no finished sequences.
-/// * [`ErrorKind::Tool`] if ffmpeg is missing.
+/// * [`ErrorKind::Usage`] if the extension is not that of a movie.
+/// * [`ErrorKind::Tool`] if ffmpeg is missing for a video.
 /// * If a file cannot be read.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    let format = MovieFormat::require(&args.output)?;
     let _claim = output_claims::claim([&args.output], args.force)?;
     let dataset = DatasetReader::open(&args.folder, args.follow_links)?;
     let done = dataset.done_entries();
     let shown = done.len().min(args.sequences as usize);
     let chosen = (0..shown).map(|i| done[i * done.len() / shown]);
-    let mut video: Option<(VideoWriter, Geometry)> = None;
+    let mut movie: Option<(MovieWriter, Geometry)> = None;
+    let mut progress = CountProgress::new(out, stop_flag()?);
+    let (mut written, total) = (0, shown as u64 * u64::from(args.frames_per_sequence));
     for entry in chosen {
-        spikelane::unstable::threads::check_stop();
         let files = dataset.sequence(entry)?;
         let open = |file| files.stream(file, &OpenOptions::default());
         let (noisy, clean) = (open("stream.dat")?, open("stream.clean.dat")?);
         let geometry = noisy.geometry();
-        let (video, _) = match &mut video {
-            Some(begun) => begun,
+        let wide = Geometry::new(3 * geometry.width() as u32, geometry.height() as u32)?;
+        let (movie, _) = match &mut movie {
+            Some(open) => open,
             None => {
-                let wide = Geometry::new(3 * geometry.width() as u32, geometry.height() as u32)?;
-                let begun =
-                    VideoWriter::start(&args.output, FrameEncoding::Gray(wide), VIDEO_FPS, args.force)?;
-                video.insert((begun, geometry))
+                movie.insert((MovieWriter::create(&args.output, format, wide, FPS, args.force)?, geometry))
             }
         };
         let readouts = noisy.readouts().min(clean.readouts());
         let moments = (args.frames_per_sequence as usize).min(readouts);
-        for moment in 0..moments {
-            let at = ((2 * moment + 1) as u128 * readouts as u128 / (2 * moments) as u128) as usize;
-            video.push(&frame_row(&noisy, &clean, at)?)?;
+        let at =
+            |moment: usize| ((2 * moment + 1) as u128 * readouts as u128 / (2 * moments) as u128) as usize;
+        let all: Vec<usize> = (0..moments).map(at).collect();
+        for batch in all.chunks(BATCH_FRAMES * threads::thread_count()) {
+            let encode = |&at: &usize| format.encode_frame(wide, frame_row(&noisy, &clean, at)?);
+            for frame in threads::map(batch, encode) {
+                movie.push(&frame?).map_err(|e| progress.error_or_interrupt(e))?;
+                written += 1;
+                progress.update(written, Some(total))?;
+            }
         }
     }
-    let Some((video, geometry)) = video else {
+    let Some((movie, geometry)) = movie else {
         return Err(Error::new(ErrorKind::Input, args.folder.display())
             .found("no finished sequence")
             .expected("at least one finished sequence"));
     };
-    video.finish()?;
+    movie.finish()?;
+    drop(progress);
     let event = json!({
         "event": "preview", "output": args.output.display().to_string(), "sequences": shown,
         "width": 3 * geometry.width(), "height": geometry.height(),

@@ -1,10 +1,11 @@
-//! Outputs of pictures: one file, a folder, or a video.
+//! Outputs of pictures: one file, a folder, or a movie.
 
 use std::path::{Path, PathBuf};
 
 use crate::common::images::{encode_png, gray_image};
+use crate::common::movie::{MovieFormat, MovieWriter};
 use crate::common::standard_streams::StreamOutput;
-use crate::common::video::VideoWriter;
+
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::storage;
 
@@ -69,22 +70,25 @@ impl PictureSink for StdoutSink {
     }
 }
 
-pub(super) struct VideoSink {
-    pub video: VideoWriter,
+/// Writes an animated image or a video.
+pub(super) struct MovieSink {
+    pub movie: MovieWriter,
+    pub format: MovieFormat,
     pub gray_scale: GrayScale,
 }
 
-impl PictureSink for VideoSink {
+impl PictureSink for MovieSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        Ok(self.gray_scale.image(values).into_raw())
+        let levels = self.gray_scale.image(values).into_raw();
+        self.format.encode_frame(self.gray_scale.geometry, levels)
     }
 
     fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
-        self.video.push(encoded)
+        self.movie.push(encoded)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        self.video.finish()
+        self.movie.finish()
     }
 }
 
