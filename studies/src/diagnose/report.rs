@@ -9,7 +9,6 @@ use serde_json::Value;
 use super::multiple_effects::MultipleEffects;
 use super::outcomes::{discrepancy, interval_covers};
 use super::sensor_table::sensor_table;
-use super::share::Share;
 use super::summary::{run_time_text, summary};
 
 /// Smallest share of intervals that contain the true value for which the table omits an effect, the target of the study.
