@@ -14,32 +14,6 @@ pub(crate) fn discrepancy(record: &Value) -> Option<[f64; 4]> {
     ])
 }
 
-/// Number of recording sets with the verdict `explained`, and number of these sets whose held-out discrepancy is within
-/// the limit.
-#[derive(Clone, Copy)]
-pub(crate) struct DiscrepancyCounts {
-    pub explained: usize,
-    pub within_limit: usize,
-}
-
-impl DiscrepancyCounts {
-    pub(crate) fn from_records(records: &[&Value]) -> Self {
-        let mut gaps = Self { explained: 0, within_limit: 0 };
-        records.iter().for_each(|r| gaps.add(r));
-        gaps
-    }
-
-    pub(crate) fn add(&mut self, record: &Value) {
-        let ("explained", Some([first, last, floor, sd])) =
-            (record["score"]["verdict"].as_str().unwrap_or(""), discrepancy(record))
-        else {
-            return;
-        };
-        self.explained += 1;
-        self.within_limit += usize::from(last - floor <= f64::max(0.01 * (first - floor), 2.0 * sd));
-    }
-}
-
 /// Returns whether the interval of the amplitude contains the hidden strength.
 pub(crate) fn interval_covers(record: &Value, name: &str) -> Option<bool> {
     let strength = record["hidden"][0]["strength"].as_f64()?;

@@ -24,8 +24,8 @@ pub(crate) fn sensor_table(records: &[Value]) -> String {
         .unwrap();
     }
     text.push_str(
-        "\nStrengths are absolute values: effects that can have both signs are hidden with either sign. The times exclude simulations that all \
-         sensors of a protocol share.\n",
+        "\nStrengths are absolute values: effects that can have both signs are hidden with either sign. The times exclude shared \
+         simulations.\n",
     );
     text
 }

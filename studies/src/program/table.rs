@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::share::Share;
 
 /// Factors of the laboratory that the table contains. The records also contain the other factors.
-const SHOWN_FACTORS: [&str; 3] = ["camera", "lamps off by", "protocol"];
+const SHOWN_FACTORS: [&str; 2] = ["lamps off by", "protocol"];
 
 /// Returns a table row with a share, its target, and whether the share reaches the target.
 fn row(what: &str, aim: &str, share: Share, at_least: Option<f64>, at_most: Option<f64>) -> String {
@@ -40,7 +40,10 @@ fn has_wrong_name(r: &Value) -> bool {
     name_count(r, "wrong") > 0
 }
 
-/// Returns the table of wrong names, and for each the number of sensors with this name.
+/// Smallest number of sensors with a wrong name that the table lists.
+const MIN_SENSORS: usize = 3;
+
+/// Returns the table of frequent wrong names, and for each the number of sensors with this name.
 fn wrong_name_table(records: &[Value]) -> String {
     let mut counts: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
     for r in records {
@@ -52,9 +55,12 @@ fn wrong_name_table(records: &[Value]) -> String {
             counts.entry(name).or_default()[usize::from(r["class"] != "null")] += 1;
         }
     }
-    let mut rows: Vec<_> = counts.into_iter().collect();
+    let is_listed = |(_, [clean, other]): &(&str, [usize; 2])| clean + other >= MIN_SENSORS;
+    let mut rows: Vec<_> = counts.into_iter().filter(is_listed).collect();
     rows.sort_by_key(|(name, [clean, other])| (std::cmp::Reverse(clean + other), *name));
-    let mut text = "\nSensors with a wrong name:\n\n| wrong name | clean sensors | sensors with an effect |\n|---|--:|--:|\n".to_owned();
+    let mut text = format!(
+        "\nWrong names of at least {MIN_SENSORS} sensors:\n\n| wrong name | clean sensors | sensors with an effect |\n|---|--:|--:|\n"
+    );
     for (name, [clean, other]) in rows {
         text += &format!("| `{name}` | {clean} | {other} |\n");
     }
