@@ -109,6 +109,21 @@ pub struct DetectionScores {
 /// threshold. Objects outside the area range and crowd regions are ignored, and other objects have priority over them. A
 /// detection without a match is ignored if its own area is outside the area range.
 ///
+/// # Examples
+/// ```
+/// use spikelane_benchmark::BoundingBox;
+/// use spikelane_benchmark::detection::{Detection, GroundTruth, detection_scores, match_image};
+/// let bounds = BoundingBox { x: 0.0, y: 0.0, width: 20.0, height: 20.0 };
+/// let object = GroundTruth { class: 1, bounds, area: 400.0, is_crowd: false };
+/// let crowd = GroundTruth { bounds: BoundingBox { x: 50.0, width: 200.0, ..bounds }, is_crowd: true, ..object };
+/// let found = Detection { class: 1, bounds, score: 0.5 };
+/// // A detection in a crowd region is not a false detection, although its score is larger.
+/// let ignored = Detection { bounds: BoundingBox { x: 100.0, ..bounds }, score: 0.9, ..found };
+/// let scores = detection_scores([&match_image(&[object, crowd], &[found, ignored])?]);
+/// assert!((scores.ap.unwrap() - 1.0).abs() < 1e-9);
+/// # Ok::<(), spikelane_benchmark::MetricError>(())
+/// ```
+///
 /// # Errors
 /// [`MetricError`] if a box or a score is not finite, if a side is negative, or if an area of an object is negative.
 pub fn match_image(truth: &[GroundTruth], detections: &[Detection]) -> Result<ImageMatches> {

@@ -7,6 +7,9 @@ use spikelane::error::{Error, ErrorKind};
 /// A result whose error type is [`MetricError`].
 pub type Result<T, E = MetricError> = std::result::Result<T, E>;
 
+/// The subject of an error of the output.
+const OUTPUT: &str = "output of the method";
+
 /// The reason why a metric has no value.
 ///
 /// All variants except [`Reference`](Self::Reference) are faults of the output.
@@ -36,6 +39,13 @@ pub enum MetricError {
         /// Number of values that the reference requires.
         expected: usize,
     },
+    /// The output belongs to another interval than the reference.
+    WrongInterval {
+        /// Interval of the output in seconds.
+        found_seconds: f64,
+        /// Interval of the reference in seconds.
+        expected_seconds: f64,
+    },
     /// A value of the output is infinite or not a number.
     NonFinite {
         /// Index of the first such value, of the first such box, or of the first such pixel.
@@ -64,6 +74,25 @@ impl MetricError {
         !matches!(self, Self::Reference(_))
     }
 
+    /// Returns what is wrong with the output, and the expected output. An error of the reference has its own text.
+    fn found_and_expected(&self) -> (String, String) {
+        match self {
+            Self::Missing => ("no output".into(), "one output for each reference".into()),
+            Self::WrongSize { found, expected } => (format!("{found} values"), expected.to_string()),
+            Self::WrongInterval { found_seconds, expected_seconds } => {
+                (format!("an interval of {found_seconds} s"), format!("{expected_seconds} s"))
+            }
+            Self::NonFinite { index } => {
+                (format!("an infinite value or NaN at index {index}"), "finite values".into())
+            }
+            Self::OutOfRange { index, requirement } => {
+                (format!("an invalid value at index {index}"), (*requirement).into())
+            }
+            Self::Undefined { cause } => ((*cause).into(), "an image for which the metric is defined".into()),
+            Self::Reference(error) => (error.to_string(), "a valid reference".into()),
+        }
+    }
+
     /// Returns an error of the reference.
     pub(crate) fn reference(subject: &str, found: impl fmt::Display, expected: impl fmt::Display) -> Self {
         Self::Reference(Error::new(ErrorKind::Input, subject).found(found).expected(expected))
@@ -72,21 +101,12 @@ impl MetricError {
 
 impl fmt::Display for MetricError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Self::Reference(error) = self {
-            return error.fmt(f);
-        }
-        f.write_str("output of the method: found ")?;
         match self {
-            Self::Missing => f.write_str("no output, expected one output for each reference"),
-            Self::WrongSize { found, expected } => write!(f, "{found} values, expected {expected}"),
-            Self::NonFinite { index } => {
-                write!(f, "an infinite value or NaN at index {index}, expected finite values")
+            Self::Reference(error) => error.fmt(f),
+            fault => {
+                let (found, expected) = fault.found_and_expected();
+                write!(f, "{OUTPUT}: found {found}, expected {expected}")
             }
-            Self::OutOfRange { index, requirement } => {
-                write!(f, "an invalid value at index {index}, expected {requirement}")
-            }
-            Self::Undefined { cause } => write!(f, "{cause}, for which the metric is not defined"),
-            Self::Reference(_) => Ok(()),
         }
     }
 }
@@ -104,7 +124,10 @@ impl From<MetricError> for Error {
     fn from(error: MetricError) -> Self {
         match error {
             MetricError::Reference(error) => error,
-            fault => Self::new(ErrorKind::Input, "metric").found(fault).expected("a valid output"),
+            fault => {
+                let (found, expected) = fault.found_and_expected();
+                Self::new(ErrorKind::Input, OUTPUT).found(found).expected(expected)
+            }
         }
     }
 }

@@ -88,7 +88,10 @@ pub fn flow_scores(output: FlowField<'_>, reference: FlowReference<'_>) -> Resul
         return Err(MetricError::WrongSize { found: output.displacements.len(), expected: truth.len() });
     }
     if output.interval_seconds != reference.field.interval_seconds {
-        return Err(MetricError::OutOfRange { index: 0, requirement: "the interval of the reference" });
+        return Err(MetricError::WrongInterval {
+            found_seconds: output.interval_seconds,
+            expected_seconds: reference.field.interval_seconds,
+        });
     }
     if let Some(index) = output.displacements.iter().position(|d| !is_finite(d)) {
         return Err(MetricError::NonFinite { index });

@@ -27,7 +27,7 @@ pub struct Metric {
     pub name: &'static str,
     /// Version. It increases if a value changes by more than 1e-6.
     pub version: u32,
-    /// Unit of the value. A ratio has the unit `1`.
+    /// Unit of the value. A ratio has the unit `1`, and a value in the unit of the image has the unit `image`.
     pub unit: &'static str,
     /// The direction in which the value improves.
     pub better: Better,

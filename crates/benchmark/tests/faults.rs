@@ -63,6 +63,22 @@ fn images_of_a_wrong_size_have_no_score() {
 }
 
 #[test]
+fn an_error_of_the_library_has_the_text_of_the_fault() {
+    for fault in [
+        MetricError::Missing,
+        MetricError::WrongSize { found: 3, expected: 4 },
+        MetricError::WrongInterval { found_seconds: 0.1, expected_seconds: 0.2 },
+        MetricError::NonFinite { index: 2 },
+        MetricError::OutOfRange { index: 0, requirement: "positive depths" },
+        MetricError::Undefined { cause: "a flat image" },
+    ] {
+        let text = fault.to_string();
+        let error = spikelane::Error::from(fault);
+        assert_eq!((error.to_string(), error.kind()), (text, spikelane::ErrorKind::Input));
+    }
+}
+
+#[test]
 fn images_with_a_value_that_is_not_finite_have_no_score() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let mut output = scene();
@@ -127,7 +143,7 @@ fn faulty_flow_has_no_score_and_zero_flow_has_one() {
     let mut broken = truth.clone();
     broken[4][1] = f32::NAN;
     assert!(matches!(score(&broken, 0.1), Err(MetricError::NonFinite { index: 4 })));
-    assert!(score(&truth, 0.2).unwrap_err().is_output_fault());
+    assert!(matches!(score(&truth, 0.2), Err(MetricError::WrongInterval { .. })));
     let zero = score(&[[0.0; 2]; 6], 0.1).unwrap();
     assert_eq!(zero.visible.unwrap().epe_px, 5.0);
     assert_eq!((zero.visible.unwrap().outlier_percent, zero.occluded), (100.0, None));

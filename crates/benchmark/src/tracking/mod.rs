@@ -66,6 +66,22 @@ pub struct TrackingScores {
 /// 4. The association score of a match of two tracks is `k / (n + n' - k)`. `k` is the number of matches of the two
 ///    tracks, and `n` and `n'` are their lengths.
 ///
+/// # Examples
+/// ```
+/// use spikelane_benchmark::BoundingBox;
+/// use spikelane_benchmark::tracking::{TrackedBox, TrackingFrame, count_matches};
+/// let bounds = BoundingBox { x: 0.0, y: 0.0, width: 10.0, height: 10.0 };
+/// let truth = vec![TrackedBox { track: 1, bounds }];
+/// let frames = [
+///     TrackingFrame { truth: truth.clone(), output: vec![TrackedBox { track: 8, bounds }] },
+///     TrackingFrame { truth, output: Vec::new() },
+/// ];
+/// // The method finds one of two boxes.
+/// let scores = count_matches(&frames)?.scores();
+/// assert_eq!((scores.det_a, scores.ass_a, scores.loc_a), (0.5, 0.5, 1.0));
+/// # Ok::<(), spikelane_benchmark::MetricError>(())
+/// ```
+///
 /// # Errors
 /// [`MetricError`] if a box is not finite, if a side is negative, or if a track has two boxes in one frame. The index in
 /// the error is the index of the frame.
@@ -130,9 +146,14 @@ impl TrackingCounts {
     ///
     /// # Examples
     /// ```
-    /// use spikelane_benchmark::tracking::TrackingCounts;
-    /// let none = TrackingCounts::combine([]);
-    /// assert_eq!(none, TrackingCounts::default());
+    /// use spikelane_benchmark::BoundingBox;
+    /// use spikelane_benchmark::tracking::{TrackedBox, TrackingCounts, TrackingFrame, count_matches};
+    /// let bounds = BoundingBox { x: 0.0, y: 0.0, width: 10.0, height: 10.0 };
+    /// let truth = vec![TrackedBox { track: 1, bounds }];
+    /// let found = count_matches(&[TrackingFrame { truth: truth.clone(), output: truth.clone() }])?;
+    /// let missed = count_matches(&[TrackingFrame { truth, output: Vec::new() }])?;
+    /// assert_eq!(TrackingCounts::combine([&found, &missed]).scores().det_a, 0.5);
+    /// # Ok::<(), spikelane_benchmark::MetricError>(())
     /// ```
     #[must_use]
     pub fn combine<'a>(sequences: impl IntoIterator<Item = &'a Self>) -> Self {
@@ -189,6 +210,20 @@ impl TrackingCounts {
     }
 
     /// Returns the scores at each threshold, 0.05 to 0.95.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane_benchmark::BoundingBox;
+    /// use spikelane_benchmark::tracking::{TrackedBox, TrackingFrame, count_matches};
+    /// let bounds = BoundingBox { x: 0.0, y: 0.0, width: 10.0, height: 10.0 };
+    /// let half = BoundingBox { width: 5.0, ..bounds };
+    /// let boxes = |bounds| vec![TrackedBox { track: 1, bounds }];
+    /// let counts = count_matches(&[TrackingFrame { truth: boxes(bounds), output: boxes(half) }])?;
+    /// // The intersection over union is 0.5, which reaches the thresholds 0.05 to 0.50.
+    /// let reached = counts.scores_by_threshold().iter().filter(|scores| scores.hota == 1.0).count();
+    /// assert_eq!(reached, 10);
+    /// # Ok::<(), spikelane_benchmark::MetricError>(())
+    /// ```
     #[must_use]
     pub fn scores_by_threshold(&self) -> [TrackingScores; THRESHOLDS] {
         std::array::from_fn(|a| {

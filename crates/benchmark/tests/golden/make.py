@@ -1,13 +1,14 @@
 """Writes the golden vectors of the metrics with other programs.
 
-    pip install numpy==2.4.6 scipy==1.17.1 scikit-image==0.26.0 opencv-python-headless==5.0.0.93 pycocotools==2.0.11
-    pip install --no-deps trackeval==1.3.0 ssimulacra2==0.3.0 pillow
+    pip install numpy==2.4.6 scipy==1.17.1 scikit-image==0.26.0 pycocotools==2.0.11
+    pip install opencv-python-headless==5.0.0.93
+    pip install --no-deps trackeval==1.3.0 ssimulacra2==0.3.0
     pip download --no-deps spikezoo==0.2.3.7
     python make.py --spikezoo spikezoo-0.2.3.7-py3-none-any.whl --spikecv reconsturction.py
 
-The file for `--spikecv` is `SpikeCV/metrics/reconsturction.py` of https://github.com/Zyj061/SpikeCV at commit 0c5f332. The
-script runs functions of Spike-Zoo and SpikeCV without their imports, because these need PyTorch. It writes the JSON files
-beside this script. Images, depths and displacements are whole numbers: a value is `code / 1000` in single precision.
+The file for `--spikecv` is `SpikeCV/metrics/reconsturction.py` of https://github.com/Zyj061/SpikeCV at commit 0c5f332.
+The script runs functions of Spike-Zoo and SpikeCV without their imports, because these need PyTorch. It writes the JSON
+files beside this script. Images, depths and displacements are whole numbers: a value is `code / 1000` in single precision.
 """
 
 import argparse
@@ -43,7 +44,7 @@ def functions(source, names, variables):
     """Returns functions of a Python source. `variables` replaces the imports of the source."""
     nodes = [n for n in ast.parse(source).body if isinstance(n, ast.FunctionDef) and n.name in names]
     space = dict(variables)
-    exec(compile(ast.Module(nodes, []), "source", "exec"), space)  # noqa: S102
+    exec(compile(ast.Module(nodes, []), "source", "exec"), space)
     return [space[name] for name in names]
 
 
@@ -231,8 +232,8 @@ def ssimulacra2_images(amplitude):
 def ssimulacra2_cases():
     """Returns the scores of a Python program.
 
-    The program blurs with a Gaussian, and the crate with a recursive approximation. Both treat the outside as black after
-    the replacement of `blur_image`, which reflects images at two borders.
+    The program reflects images at two borders. After the replacement of `blur_image`, the outside is black at all borders,
+    as in the crate. The crate approximates the Gaussian by a recursive filter.
     """
     import ssimulacra2.ssimulacra2 as program
     from PIL import Image
@@ -406,10 +407,10 @@ def tracking_frames(random, count, objects, noise):
                 moved[2:] = np.abs(moved[2:]) + 1
                 output.append({"track": int(numbers[k]), "box": moved.tolist()})
             if random.random() < 0.03:
-                numbers[k] = 100 + 20 * t + k
+                numbers[k] = 100 * (t + 1) + k
         if random.random() < 0.3:
             box = np.round([*random.uniform(0, 200, 2), 30, 30], 2).tolist()
-            output.append({"track": 5000 + t, "box": box})
+            output.append({"track": 100000 + t, "box": box})
         frames.append({"truth": truth, "output": output})
     return frames
 
@@ -483,8 +484,11 @@ def bootstrap(n, seed, resamples, statistic):
 
 def summary(sequences, seed, resamples):
     means = [np.mean(s) for s in sequences]
-    pooled = bootstrap(len(means), seed, resamples, lambda c: np.mean(np.concatenate([sequences[i] for i in c])))
-    return {"pooled": pooled, "sequence_mean": bootstrap(len(means), seed, resamples, lambda c: np.mean([means[i] for i in c]))}
+    n = len(means)
+    return {
+        "pooled": bootstrap(n, seed, resamples, lambda c: np.mean(np.concatenate([sequences[i] for i in c]))),
+        "sequence_mean": bootstrap(n, seed, resamples, lambda c: np.mean([means[i] for i in c])),
+    }
 
 
 def aggregate_cases(random):
