@@ -6,5 +6,7 @@ for features in "" threads presets maps threads,presets; do
     echo "spikelane, features: ${features:-none}"
     cargo clippy -q -p spikelane --lib --no-default-features --features "$features" -- -D warnings
 done
+echo "spikelane-benchmark, without ssimulacra2"
+cargo clippy -q -p spikelane-benchmark --no-default-features --all-targets -- -D warnings
 echo "the program without exr and snee"
 cargo clippy -q -p spikelane-cli --no-default-features -- -D warnings

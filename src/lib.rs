@@ -48,8 +48,9 @@
 //! every other target, including WebAssembly, the kernels use portable lanes. The minimum Rust version is 1.89.
 //!
 //! # Other packages
-//! Files, scenes, measurements, calibration, data sets and the program are in separate packages: `spikelane-io`,
-//! `spikelane-scene`, `spikelane-measure`, `spikelane-calibrate`, `spikelane-dataset` and `spikelane-cli`.
+//! Files, scenes, measurements, calibration, data sets, metrics and the program are in separate packages:
+//! `spikelane-io`, `spikelane-scene`, `spikelane-measure`, `spikelane-calibrate`, `spikelane-dataset`,
+//! `spikelane-benchmark` and `spikelane-cli`.
 
 mod conversions;
 mod count;

@@ -15,6 +15,7 @@ const LIBRARIES: &[&str] = &[
     "crates/measure/src",
     "crates/calibrate/src",
     "crates/dataset/src",
+    "crates/benchmark/src",
 ];
 
 /// Lines that may contain a flag or a command of the program, with the reason.

@@ -1,7 +1,7 @@
 //! Compares blind estimates of image noise with noise of a known standard deviation.
 
 use spikelane::{ErrorKind, Geometry};
-use spikelane_measure::image_noise::{difference_noise, patch_noise};
+use spikelane_measure::image_noise::{difference_noise, patch_noise, weak_texture_noise};
 
 /// Returns an image: `pattern` plus normal noise of standard deviation `sigma`.
 fn noisy(sigma: f64, pattern: impl Fn(f64, f64) -> f64) -> (Geometry, Vec<f32>) {
@@ -37,10 +37,50 @@ fn blind_estimates_find_noise_of_a_known_width() {
     assert!(patch_noise(&still, g).unwrap() < 1e-6 && difference_noise(&still, g).unwrap() < 1e-6);
 }
 
+/// Returns the limits of the ratio between the estimate of [`weak_texture_noise`] and the noise, for `n` patches without
+/// texture.
+///
+/// The smallest of 49 eigenvalues from `n` independent patches has the relative deviation `-sqrt(49 / n)` as a standard
+/// deviation (edge of the law of Marchenko and Pastur). Overlapping patches are not independent, and the selection removes
+/// patches with much noise. Together they at most double the deviation. Texture only raises the estimate.
+fn weak_texture_limits(n: usize) -> std::ops::Range<f64> {
+    let deviation = (49.0 / n as f64).sqrt();
+    1.0 - 2.0 * deviation..1.0 + deviation
+}
+
+#[test]
+fn weakly_textured_patches_have_noise_of_the_known_width() {
+    let slope = |x: f64, y: f64| 0.2 + 0.001 * x + 0.002 * y;
+    let waves = |x: f64, y: f64| 0.5 + 0.2 * (x / 15.0).sin() * (y / 11.0).cos();
+    let limits = weak_texture_limits(194 * 144);
+    for sigma in [0.02, 0.1] {
+        for (g, picture) in [noisy(sigma, slope), noisy(sigma, waves)] {
+            let ratio = weak_texture_noise(&picture, g).unwrap() / sigma;
+            assert!(limits.contains(&ratio), "{ratio} for {sigma}");
+        }
+    }
+    let (g, still) = noisy(0.0, slope);
+    assert!(weak_texture_noise(&still, g).unwrap() < 1e-6);
+}
+
+/// The estimate from all patches would be `sqrt(0.02^2 + 0.2^2 / 8)` = 0.07.
+#[test]
+fn strong_texture_in_an_eighth_of_a_picture_is_not_noise() {
+    let (g, mut picture) = noisy(0.02, |_, _| 0.5);
+    let (_, texture) = noisy(0.2, |_, _| 0.0);
+    for (p, (x, t)) in picture.iter_mut().zip(texture.iter().rev()).enumerate() {
+        *x += if p % 200 < 25 { *t } else { 0.0 };
+    }
+    let ratio = weak_texture_noise(&picture, g).unwrap() / 0.02;
+    assert!(weak_texture_limits((194 - 25) * 144).contains(&ratio), "{ratio}");
+}
+
 #[test]
 fn noise_of_a_picture_too_small_is_refused() {
     let g = Geometry::new(20, 20).unwrap();
     assert_eq!(patch_noise(&vec![0.0; 400], g).unwrap_err().kind(), ErrorKind::Usage);
+    let g = Geometry::new(12, 14).unwrap();
+    assert_eq!(weak_texture_noise(&[0.0; 168], g).unwrap_err().kind(), ErrorKind::Usage);
     let g = Geometry::new(2, 20).unwrap();
     assert_eq!(difference_noise(&[0.0; 40], g).unwrap_err().kind(), ErrorKind::Usage);
 }
