@@ -1,8 +1,7 @@
-//! What to record next, where two names explain a set as well as each other.
+//! Recommended recordings, which distinguish ambiguous effects.
 
 use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::search::round::tied;
-use crate::diagnose::search::round::{Entrant, Round};
+use crate::diagnose::search::round::{Entrant, Round, tied};
 use spikelane::effects::{
     Definition, adaptation, column_pattern, comparator_noise, crosstalk, dark_shot_noise, dark_tail,
     dead_time, dropped_readouts, edge_columns, false_spikes, flicker, gain_drift, hot_pixels, image_lag,
@@ -10,13 +9,12 @@ use spikelane::effects::{
     saturation_clamp, slow_threshold_noise, smooth_prnu, spike_coupling, telegraph_dark, vignetting,
 };
 
-/// Deviations at which two fitted models count as told apart.
-const APART: f64 = 5.0;
+/// Number of standard deviations between two fitted models at which they count as distinguished.
+const DISTINCT_SDS: f64 = 5.0;
 
-/// Longest recording that is worth proposing, as a multiple of the present one.
-const LONGEST: f64 = 400.0;
+/// Largest recommended length of a recording, relative to the present one.
+const MAX_LENGTH_FACTOR: f64 = 400.0;
 
-/// Effects that look alike for one reason, and the recording in which they do not.
 const FAMILIES: [(&[&Definition], &str); 8] = [
     (
         &[
@@ -81,8 +79,8 @@ const FAMILIES: [(&[&Definition], &str); 8] = [
     ),
 ];
 
-/// A sentence for each tie of a name that was kept.
-pub(in crate::diagnose) fn settle(reference: &NullModel, rounds: &[Round]) -> Vec<String> {
+/// Returns one sentence for each effect that is ambiguous with a retained effect.
+pub(in crate::diagnose) fn recommended_recordings(reference: &NullModel, rounds: &[Round]) -> Vec<String> {
     let kept = rounds.iter().filter(|r| r.is_kept());
     kept.flat_map(|r| tied(r).into_iter().map(|e| sentence(reference, r, e))).collect()
 }
@@ -91,11 +89,11 @@ fn sentence(reference: &NullModel, round: &Round, other: &Entrant) -> String {
     let scores = reference.metric.scores(&(&other.mean - &round.mean));
     let best = (0..scores.len()).max_by(|a, b| scores[*a].abs().total_cmp(&scores[*b].abs())).unwrap_or(0);
     let (statistic, place) = reference.words(best);
-    // Deviations shrink with the root of the length.
-    let times = (APART / other.apart.max(1e-3)).powi(2);
+    // The distance in standard deviations grows with the square root of the length.
+    let times = (DISTINCT_SDS / other.apart.max(1e-3)).powi(2);
     let longer = if times <= 1.0 {
         format!("A second recording of {place} would distinguish both, where {statistic} differs most")
-    } else if times <= LONGEST {
+    } else if times <= MAX_LENGTH_FACTOR {
         format!(
             "Recordings {:.0} times as long would distinguish both, above all {place}, where {statistic} differs most",
             times.ceil()
