@@ -1,41 +1,16 @@
 //! Qualifications of a diagnosis: tentative names, ambiguities, causes outside the camera, and notes.
 
-use super::diagnosis::{Diagnosis, Discrepancy, ParameterMismatch, Verdict};
+use super::diagnosis::{Diagnosis, Discrepancy, FoundEffect, ParameterMismatch, Verdict};
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::protocol::recorded_set::Setup;
-use spikelane::effects::{
-    Definition, adaptation, dead_time, flicker, gain_drift, leak, partial_reset, readout_jitter,
-    response_nonlinearity, saturation_clamp, vignetting,
-};
+use spikelane::effects::{AmbiguityGroup, Definition};
 
 /// Standard deviation of the noise floor, divided by the noise floor, above which a discrepancy at the floor is not
 /// evidence. Such a floor is compatible with a discrepancy of zero and with one of several floors.
 const MAX_RELATIVE_FLOOR_SD: f64 = 3.0;
 
-const BENT: [&Definition; 6] = [
-    &dead_time::EFFECT,
-    &response_nonlinearity::EFFECT,
-    &partial_reset::EFFECT,
-    &adaptation::EFFECT,
-    &leak::EFFECT,
-    &saturation_clamp::EFFECT,
-];
-
 /// Smallest cosine of two signatures at which one effect may replace the other.
 const MIN_SIMILAR_COSINE: f64 = 0.9;
-
-const LOOKS_THE_SAME: [(&Definition, &str); 4] = [
-    (
-        &flicker::EFFECT,
-        "; a flickering lamp has the same statistics, so the cause is the lamp and not the camera",
-    ),
-    (&gain_drift::EFFECT, "; a lamp that drifts through all recordings has the same statistics"),
-    (&vignetting::EFFECT, "; light that decreases towards the corners has the same statistics"),
-    (
-        &readout_jitter::EFFECT,
-        "; the rows with the effect are not identified: a band around another row has nearly the same statistics, with half the spread if rows lie on both sides",
-    ),
-];
 
 /// Largest number of effects that are reported as ambiguous with one effect.
 const MAX_AMBIGUOUS: usize = 3;
@@ -59,8 +34,10 @@ pub(in crate::diagnose) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
         }
     }
     for effect in &mut d.effects {
-        let same = LOOKS_THE_SAME.iter().find(|l| l.0.name == effect.name);
-        effect.evidence += same.map_or("", |l| l.1);
+        let caveat = definition(reference, effect.name).map_or("", |definition| definition.caveat);
+        if !caveat.is_empty() {
+            effect.evidence += &format!("; {caveat}");
+        }
     }
     add_response_ambiguities(d, reference);
     let named = !d.parameter_mismatches.is_empty() || d.effects.iter().any(|e| !e.is_tentative);
@@ -81,31 +58,40 @@ pub(in crate::diagnose) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
 /// Adds ambiguities between effects that change the response curve: a found effect is ambiguous with a similar one
 /// that was never fitted beside it.
 fn add_response_ambiguities(d: &mut Diagnosis, reference: &NullModel) {
-    let bends = |name: &str| BENT.iter().any(|e| e.name == name);
-    let tried = |name: &str, other: &str| {
-        let rounds = d.traces.tournament.iter();
-        rounds.filter(|r| r.iter().any(|e| e.0 == name)).any(|r| r.iter().any(|e| e.0 == other))
+    let changes_response = |effect: &&Definition| effect.ambiguity_groups.contains(&AmbiguityGroup::Response);
+    let response_effects: Vec<&'static str> =
+        reference.effects().into_iter().filter(changes_response).map(|effect| effect.name).collect();
+    let are_compared = |name: &str, other: &str| {
+        let mut rounds = d.traces.tournament.iter();
+        rounds.any(|round| [name, other].iter().all(|name| round.iter().any(|e| e.0 == *name)))
     };
-    let said: Vec<&'static str> = d.effects.iter().map(|e| e.name).collect();
-    let mut ties: Vec<Vec<&'static str>> = Vec::new();
-    for effect in &d.effects {
-        let open = BENT.iter().map(|e| e.name).filter(|other| {
-            bends(effect.name)
-                && !said.contains(other)
+    let found: Vec<&'static str> = d.effects.iter().map(|e| e.name).collect();
+    let similar_effects = |effect: &FoundEffect| -> Vec<&'static str> {
+        if !response_effects.contains(&effect.name) {
+            return Vec::new();
+        }
+        let others = response_effects.iter().filter(|other| {
+            !found.contains(other)
                 && !effect.ambiguous_with.contains(other)
-                && !tried(effect.name, other)
+                && !are_compared(effect.name, other)
         });
-        let mut alike: Vec<(f64, &'static str)> = open
-            .map(|other| (reference.cosine_of(effect.name, other), other))
-            .filter(|a| a.0 >= MIN_SIMILAR_COSINE)
+        let mut similar: Vec<(f64, &'static str)> = others
+            .map(|other| (reference.cosine_of(effect.name, other), *other))
+            .filter(|(cosine, _)| *cosine >= MIN_SIMILAR_COSINE)
             .collect();
-        alike.sort_by(|a, b| b.0.total_cmp(&a.0));
-        ties.push(alike.into_iter().map(|a| a.1).collect());
+        similar.sort_by(|a, b| b.0.total_cmp(&a.0));
+        similar.into_iter().map(|(_, other)| other).collect()
+    };
+    let ambiguities: Vec<Vec<&'static str>> = d.effects.iter().map(similar_effects).collect();
+    for (effect, similar) in d.effects.iter_mut().zip(ambiguities) {
+        let free = MAX_AMBIGUOUS.saturating_sub(effect.ambiguous_with.len());
+        effect.ambiguous_with.extend(similar.into_iter().take(free));
     }
-    for (effect, alike) in d.effects.iter_mut().zip(ties) {
-        let room = MAX_AMBIGUOUS.saturating_sub(effect.ambiguous_with.len());
-        effect.ambiguous_with.extend(alike.into_iter().take(room));
-    }
+}
+
+/// Returns the definition of a searched effect.
+pub(super) fn definition(reference: &NullModel, name: &str) -> Option<&'static Definition> {
+    reference.effects().into_iter().find(|effect| effect.name == name)
 }
 
 /// Returns notes about the judged readouts and the held-out recordings. `aside` contains the excluded readouts at the

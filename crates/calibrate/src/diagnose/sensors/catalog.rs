@@ -2,50 +2,7 @@
 
 use super::model::Knob;
 use spikelane::effects::definition::{Param, ParamKind, SearchScale, SearchSpec};
-use spikelane::effects::{
-    Camera, Catalog, Definition, adaptation, column_pattern, comparator_noise, correlated_shot_noise,
-    crosstalk, dark_shot_noise, dark_tail, dead_pixels, dead_time, dropped_readouts, edge_columns,
-    false_spikes, flicker, gain_dark_correlation, gain_drift, hot_pixels, image_lag, leak, missed_spikes,
-    partial_reset, readout_jitter, repeated_readouts, response_nonlinearity, row_noise, row_pattern,
-    saturation_clamp, slow_threshold_noise, smooth_prnu, spike_coupling, supply_droop, telegraph_dark,
-    vignetting,
-};
-
-/// Ties go to the one that is tried first. Effects that are not among these follow in the order of their list.
-const FIRST: [&Definition; 32] = [
-    &dead_time::EFFECT,
-    &response_nonlinearity::EFFECT,
-    &partial_reset::EFFECT,
-    &leak::EFFECT,
-    &dark_shot_noise::EFFECT,
-    &comparator_noise::EFFECT,
-    &slow_threshold_noise::EFFECT,
-    &adaptation::EFFECT,
-    &telegraph_dark::EFFECT,
-    &hot_pixels::EFFECT,
-    &dead_pixels::EFFECT,
-    &column_pattern::EFFECT,
-    &row_pattern::EFFECT,
-    &smooth_prnu::EFFECT,
-    &vignetting::EFFECT,
-    &row_noise::EFFECT,
-    &flicker::EFFECT,
-    &gain_drift::EFFECT,
-    &image_lag::EFFECT,
-    &crosstalk::EFFECT,
-    &spike_coupling::EFFECT,
-    &supply_droop::EFFECT,
-    &missed_spikes::EFFECT,
-    &false_spikes::EFFECT,
-    &dropped_readouts::EFFECT,
-    &repeated_readouts::EFFECT,
-    &saturation_clamp::EFFECT,
-    &dark_tail::EFFECT,
-    &gain_dark_correlation::EFFECT,
-    &edge_columns::EFFECT,
-    &correlated_shot_noise::EFFECT,
-    &readout_jitter::EFFECT,
-];
+use spikelane::effects::{Camera, Catalog, Definition};
 
 /// An effect with its knobs and the positions that are tried.
 #[derive(Clone, Debug)]
@@ -57,9 +14,7 @@ pub(in crate::diagnose) struct Candidate {
 
 /// Returns the effects with searched parameters, in the order of the catalog.
 pub(in crate::diagnose) fn searched_effects(effects: &Catalog) -> Vec<&'static Definition> {
-    let mut all: Vec<_> = effects.all().filter(|effect| effect.searched_params().next().is_some()).collect();
-    all.sort_by_key(|effect| FIRST.iter().position(|first| first == effect).unwrap_or(FIRST.len()));
-    all
+    effects.all().filter(|effect| effect.searched_params().next().is_some()).collect()
 }
 
 /// Returns all candidates at all positions. `readouts` is the length of the longest recording.
@@ -130,13 +85,12 @@ mod tests {
     }
 
     #[test]
-    fn ties_go_as_they_did_and_to_effects_of_other_crates_last() {
+    fn effects_of_other_crates_are_searched_last() {
         static NEW: [Param; 1] =
             [Param::number("x", spikelane::units::Unit::Dimensionless, (0.0, 1.0), 0.0, 0.1, "x")
                 .with_search(SearchSpec::amplitude((0.0, 1.0), &[0.1]))];
-        static BROUGHT: Definition = Definition::new("abc", "", "", &NEW);
-        let order = searched_effects(&Catalog::new().with_definition(&BROUGHT).unwrap());
-        assert_eq!(order[..FIRST.len()], FIRST);
-        assert_eq!(order[FIRST.len()..], [&BROUGHT]);
+        static ADDED: Definition = Definition::new("abc", "", "", &NEW);
+        let order = searched_effects(&Catalog::new().with_definition(&ADDED).unwrap());
+        assert_eq!(order.last(), Some(&&ADDED));
     }
 }
