@@ -18,8 +18,10 @@ use spikelane_measure::report::{
     Curve, PageElement, ShadedBand, bar_plot, heat_map, line_plot_over_band, marked_line_plot,
 };
 
-/// Number of bins of interval lengths, and upper end of the last bin in mean intervals of the pixel.
+/// Number of bins of interval lengths.
 const INTERVAL_BINS: usize = 40;
+
+/// Upper end of the last bin, in mean intervals of the pixel.
 const MAX_RELATIVE_INTERVAL: f64 = 2.0;
 
 /// Number of points of a spectrum, equally spaced in the logarithm of the frequency.
@@ -28,6 +30,9 @@ const SPECTRUM_POINTS: usize = 60;
 /// Number of additional simulated sensors of the final model. At one frequency, another such sensor lies outside of
 /// their range with a probability of 2 / (20 + 1).
 pub(in crate::diagnose) const RANGE_SENSORS: usize = 20;
+
+/// Value of the statistic for a residual of 1.
+const STATISTIC_UNITS: f64 = 1e3;
 
 /// Points of a curve in ascending order of x.
 pub(crate) type Points = Vec<(f64, f64)>;
@@ -228,10 +233,8 @@ pub(in crate::diagnose) fn plot_sections(
     Ok(parts)
 }
 
-/// Name of the statistic that contains the residuals, in thousandths of the light.
+/// Name of the statistic that contains the residuals.
 const RESIDUAL_STATISTIC: &str = "rate against the pixel's line";
-const STATISTIC_UNITS: f64 = 1e3;
-
 /// The mean rate of a uniform recording, and its deviation from the models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]

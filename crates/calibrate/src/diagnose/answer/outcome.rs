@@ -29,9 +29,11 @@ const MIN_EXPLAINED_SHARE: f64 = 0.95;
 /// model with random events deviates by up to three standard deviations of the number of events.
 const MAX_FLOORS: f64 = 10.0;
 
-/// Limits of a model that describes the data: its remaining discrepancy is at most 3 noise floors, or it explains at
-/// least 99 % of the initial excess. True effects were measured to violate at most one of them.
+/// Largest remaining discrepancy, divided by the noise floor, of a model that explains less than [`COMPLETE_SHARE`] of
+/// the initial excess. Models with the true effects were measured to violate at most one of both limits.
 const INCOMPLETE_MAX_FLOORS: f64 = 3.0;
+
+/// Share of the initial excess above which a model may exceed [`INCOMPLETE_MAX_FLOORS`].
 const COMPLETE_SHARE: f64 = 0.99;
 
 /// Relative change of a base parameter, caused by added effects, above which its linear derivative is not valid.
@@ -315,7 +317,7 @@ mod tests {
     use super::is_inadequate;
 
     #[test]
-    fn a_model_is_a_stranger_where_it_leaves_much_in_its_own_terms_and_in_the_datas() {
+    fn a_model_is_inadequate_if_a_large_discrepancy_remains() {
         assert!(!is_inadequate(&[1000.0], 10.0), "nothing was added");
         assert!(is_inadequate(&[1e6, 3e4, 2100.0], 200.0), "ten times its own gap");
         assert!(!is_inadequate(&[1e6, 1500.0], 200.0), "a thousandth is left");

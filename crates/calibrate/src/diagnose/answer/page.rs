@@ -12,6 +12,13 @@ use spikelane::presets;
 use spikelane_io::storage::FileGroup;
 use spikelane_measure::report::{PageElement, RankedRow, Table, page as render, ranked_bar_plot};
 
+/// Number of statistics in the plot of the largest deviations.
+const MAX_SHOWN_DEVIATIONS: usize = 24;
+
+/// Number of standard deviations that some statistic of a sensor without missing effects exceeds with a probability of
+/// 0.001.
+const DEVIATION_LIMIT: f64 = 5.0;
+
 /// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`, and returns the diagnosis as
 /// JSON. Either all files are written or none.
 ///
@@ -194,9 +201,9 @@ fn findings(d: &Diagnosis) -> Vec<PageElement> {
         parts.push(PageElement::Table(table));
     }
     if !d.unexplained.is_empty() {
-        let mut left = Table::new(&["unexplained statistic", "standard deviations"]);
-        d.unexplained.iter().for_each(|u| left.push_row([u.r#where.clone(), format!("{:.1}", u.z)]));
-        parts.push(PageElement::Table(left));
+        let mut statistics = Table::new(&["unexplained statistic", "standard deviations"]);
+        d.unexplained.iter().for_each(|u| statistics.push_row([u.r#where.clone(), format!("{:.1}", u.z)]));
+        parts.push(PageElement::Table(statistics));
     }
     parts
 }
@@ -229,16 +236,18 @@ fn discrepancy_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
     const MEASURE: &str =
         "the squared distance of the statistics from the model, without the directions that calibration fits";
     let Discrepancy {
-        fitted_set: train,
-        held_out_set: heldout,
+        fitted_set: fitted_values,
+        held_out_set: held_out_values,
         noise_floor: floor,
         noise_floor_sd: floor_sd,
     } = &d.discrepancy;
     let held_out = d.discrepancy.is_held_out();
     // A single bar would show no more than its number.
-    if let ([fitted], [judging]) = (train.as_slice(), heldout.as_slice()) {
+    if let ([fitted], [held_out_value]) = (fitted_values.as_slice(), held_out_values.as_slice()) {
         let values = if held_out {
-            format!("{fitted:.0} for the fitted recordings and {judging:.0} for the held-out recordings")
+            format!(
+                "{fitted:.0} for the fitted recordings and {held_out_value:.0} for the held-out recordings"
+            )
         } else {
             format!("{fitted:.0}")
         };
@@ -246,19 +255,20 @@ fn discrepancy_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
             "No effect was added. The discrepancy, {MEASURE}, is {values}. The noise floor, which is the discrepancy of simulated sensors of the model, is {floor:.0} with a standard deviation of {floor_sd:.0}."
         ))]);
     }
-    let (sets, whose): (&[&str], _) = if held_out {
+    let (sets, recordings): (&[&str], _) = if held_out {
         (&["fitted recordings", "held-out recordings"], "of the held-out recordings")
     } else {
         (&["recordings"], "of these recordings")
     };
     let row = |(name, (a, b)): (&String, (&f64, &f64))| {
         let values = if held_out { vec![*a, *b] } else { vec![*a] };
-        let said: Vec<String> = values.iter().map(|v| format!("{v:.0}")).collect();
-        RankedRow { name: format!("{name}: {}", said.join(", ")), values }
+        let texts: Vec<String> = values.iter().map(|v| format!("{v:.0}")).collect();
+        RankedRow { name: format!("{name}: {}", texts.join(", ")), values }
     };
     let rows: Vec<RankedRow> =
-        d.traces.discrepancy_labels.iter().zip(train.iter().zip(heldout)).map(row).collect();
-    let [first, last] = [heldout.first(), heldout.last()].map(|v| v.copied().unwrap_or_default());
+        d.traces.discrepancy_labels.iter().zip(fitted_values.iter().zip(held_out_values)).map(row).collect();
+    let [first, last] =
+        [held_out_values.first(), held_out_values.last()].map(|v| v.copied().unwrap_or_default());
     Ok(vec![PageElement::figure(
         ranked_bar_plot(
             "squared distance, in standard deviations squared",
@@ -267,18 +277,11 @@ fn discrepancy_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
             Some((*floor, "noise floor")),
         )?,
         format!(
-            "The discrepancy is {MEASURE}. The discrepancy {whose} falls from {first:.0} to {last:.0}. The noise floor, which is the \
+            "The discrepancy is {MEASURE}. The discrepancy {recordings} falls from {first:.0} to {last:.0}. The noise floor, which is the \
              discrepancy of simulated sensors of the final model, is {floor:.0} with a standard deviation of {floor_sd:.0}."
         ),
     )])
 }
-
-/// Number of statistics in the plot of the largest deviations.
-const MAX_SHOWN_DEVIATIONS: usize = 24;
-
-/// Number of standard deviations that some statistic of a sensor without missing effects exceeds with a probability of
-/// 0.001.
-const DEVIATION_LIMIT: f64 = 5.0;
 
 fn deviations_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
     let mut rows: Vec<_> = d.traces.deviations.iter().collect();
@@ -290,21 +293,21 @@ fn deviations_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
         values: if added { vec![*before, *after] } else { vec![*before] },
     };
     let shown: Vec<RankedRow> = rows.iter().take(MAX_SHOWN_DEVIATIONS).map(|r| row(r)).collect();
-    let plain =
+    let exceeding =
         |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > DEVIATION_LIMIT).count();
     let series: &[&str] = if added { &["before", "after"] } else { &["recordings minus model"] };
     let caption = if added {
         format!(
             "The largest deviations of the fitted recordings from the model, before and after effects were added: {} of {} \
              statistics are beyond five standard deviations before, {} after.",
-            plain(false),
+            exceeding(false),
             rows.len(),
-            plain(true)
+            exceeding(true)
         )
     } else {
         format!(
             "The largest deviations of the fitted recordings from the model: {} of {} statistics are beyond five standard deviations.",
-            plain(false),
+            exceeding(false),
             rows.len()
         )
     };
@@ -366,7 +369,7 @@ mod tests {
     use super::{format_interval, format_value};
 
     #[test]
-    fn numbers_are_shown_as_far_as_they_are_known() {
+    fn values_have_the_precision_of_their_intervals() {
         assert_eq!(format_value(0.00744, 0.003_42, 0.011_46), "0.0074");
         assert_eq!(format_interval(0.003_42, 0.011_46), "0.0034 to 0.0115");
         assert_eq!(format_interval(6.574_67, 9.950_68), "6.6 to 10.0");

@@ -10,15 +10,15 @@ use spikelane::error::{Error, Result};
 use spikelane::unstable::kernels::Backend;
 use spikelane_io::storage::{write_small, write_small_unsynced};
 
-/// Backup programs exclude a folder that contains this file (<https://bford.info/cachedir/>).
-const TAG_NAME: &str = "CACHEDIR.TAG_NAME";
-const TAG_CONTENTS: &str = "Signature: 8a477f597d28d172789f06886806bc55
-# Simulations that spikelane keeps for further diagnoses. Any file of this folder may be deleted: it is made again when it is needed.
-";
-
 /// Version of the simulated numbers. Raise it in each change of them:
 /// `cache::key::tests::changed_results_have_another_version` fails until it is raised.
 pub(in crate::diagnose) const RESULTS_VERSION: u32 = 1;
+
+/// Backup programs exclude a folder that contains this file (<https://bford.info/cachedir/>).
+const TAG_NAME: &str = "CACHEDIR.TAG";
+const TAG_CONTENTS: &str = "Signature: 8a477f597d28d172789f06886806bc55
+# Simulations that spikelane keeps for further diagnoses. Any file of this folder may be deleted: it is made again when it is needed.
+";
 
 /// The cached simulations of this version in a folder.
 ///
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn another_process_finds_what_one_made_and_nothing_else() {
+    fn processes_share_cached_vectors_by_key() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new/deep");
         let (first, second) = (SimulationCache::open(&path).unwrap(), SimulationCache::open(&path).unwrap());
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_torn_damaged_or_of_another_key_is_made_again() {
+    fn incomplete_damaged_and_foreign_files_are_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let cache = SimulationCache::open(folder.path()).unwrap();
         let [key, other] = [1, 2].map(|what| key_of(&cache, what));
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_made_is_refused_and_one_that_goes_away_costs_no_result() {
+    fn an_unusable_folder_is_an_error_and_a_deleted_folder_is_not() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         fs::write(&file, "mine").unwrap();

@@ -23,16 +23,17 @@ pub(in crate::diagnose) fn hash_inputs(setup: &Setup, sample: &Sample, seed: u64
         name: _,
         light,
         readouts,
-        first_readout: skip,
-        static_scene: still,
+        first_readout,
+        static_scene,
         light_uncertainty: _,
         light_offset,
     } in scenes
     {
         // `Debug` prints enough digits to identify every number.
-        (format!("{light:?}"), light_offset.to_bits(), readouts, skip, still.is_some()).hash(into);
-        if let Some(still) = still {
-            still.hash_exactly(into);
+        (format!("{light:?}"), light_offset.to_bits(), readouts, first_readout, static_scene.is_some())
+            .hash(into);
+        if let Some(static_scene) = static_scene {
+            static_scene.hash_exactly(into);
         }
     }
     let Sample { camera, lamps, pinned, cache: _ } = sample;
@@ -95,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn every_last_bit_of_what_moves_a_vector_makes_another_key() {
+    fn the_key_depends_on_the_last_bit_of_every_input() {
         let next = |v: &mut f64| *v = v.next_up();
         let lost = |at: usize| {
             let located = Arc::new(LocatedEvents(vec![[Some(vec![at]), None]]));
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_part_of_the_key_moves_no_vector() {
+    fn inputs_outside_the_key_do_not_change_a_vector() {
         let changes: [fn(&mut Setup, &mut Sample); 6] = [
             |setup, _| setup.recordings[0].name = "other/b.dat".to_owned(),
             |setup, _| setup.row_band = Some((8, 8)),

@@ -64,7 +64,7 @@ mod tests {
     use spikelane::effects::Camera;
 
     #[test]
-    fn only_the_same_camera_with_the_same_draws_is_remembered() {
+    fn only_equal_cameras_and_draws_share_a_vector() {
         let camera = spikelane::presets::builtin("scsim-code").unwrap();
         let dead = camera.effect(spikelane::effects::dead_time::EFFECT.name).unwrap().clone();
         let other = camera.clone().with_effect(dead.with_value("lost_fraction", 0.0021).unwrap());

@@ -19,6 +19,12 @@ use spikelane::spikes::SpikeFramesRef;
 /// Number of event kinds: lost readouts, repeated readouts.
 pub(in crate::diagnose) const KIND_COUNT: usize = 2;
 
+/// Number of events from which on the effect is a candidate regardless of its signature.
+const MIN_CERTAIN_EVENTS: usize = 3;
+
+/// Largest number of events whose locations are listed.
+const MAX_LISTED_EVENTS: usize = 4;
+
 /// Locations of the events of each kind in a recording; `None` if they cannot be located. The location of a lost
 /// readout is the first readout after it.
 pub(in crate::diagnose) type EventLocations = [Option<Vec<usize>>; KIND_COUNT];
@@ -50,10 +56,6 @@ pub(in crate::diagnose) fn apply_events(
     }
 }
 
-/// Number of events from which on the effect is a candidate regardless of its signature.
-const MIN_CERTAIN_EVENTS: usize = 3;
-const MAX_LISTED_EVENTS: usize = 4;
-
 /// Returns the located events of a recording.
 pub(in crate::diagnose) fn locate_events(
     frames: SpikeFramesRef<'_>,
@@ -83,6 +85,7 @@ pub(in crate::diagnose) struct EventCount {
 }
 
 impl EventCount {
+    /// Returns the number of events per readout.
     pub(crate) fn rate(self) -> f64 {
         self.events as f64 / self.readouts as f64
     }
@@ -99,18 +102,19 @@ impl EventCount {
         [root(self.events as f64, -0.98), root(self.events as f64 + 1.0, 0.98)]
     }
 
-    fn and(self, other: Self) -> Self {
+    fn add(self, other: Self) -> Self {
         Self { events: self.events + other.events, readouts: self.readouts + other.readouts }
     }
 }
 
 impl LocatedEvents {
+    /// Counts the events of a kind in all recordings.
     fn count(&self, kind: usize, scenes: &[RecordedScene]) -> EventCount {
         let of = |(places, scene): (&EventLocations, &RecordedScene)| match &places[kind] {
             Some(found) => EventCount { events: found.len(), readouts: scene.readouts },
             None => EventCount::default(),
         };
-        self.0.iter().zip(scenes).map(of).fold(EventCount::default(), EventCount::and)
+        self.0.iter().zip(scenes).map(of).fold(EventCount::default(), EventCount::add)
     }
 }
 
@@ -132,7 +136,7 @@ impl Events {
     ) -> Self {
         let count = |kind| {
             let own = fitted.count(kind, scenes);
-            if held_out { own.and(judging.count(kind, scenes)) } else { own }
+            if held_out { own.add(judging.count(kind, scenes)) } else { own }
         };
         Self { counts: std::array::from_fn(count), fitted: Arc::new(fitted), judging: Arc::new(judging) }
     }
@@ -194,6 +198,7 @@ impl PinnedEvents {
         Self { located: located.clone(), kinds: self.kinds }
     }
 
+    /// Returns whether any kind of events is pinned.
     pub(crate) fn is_any(&self) -> bool {
         self.kinds.contains(&true)
     }
@@ -231,7 +236,7 @@ mod tests {
     use spikelane::effects::{dropped_readouts, flicker, repeated_readouts};
 
     #[test]
-    fn a_recording_loses_and_repeats_the_readouts_that_it_is_told_to() {
+    fn events_are_applied_at_their_locations() {
         // Readouts of two bytes. The first one is skipped. The readouts 1, 4 and 5 of the others are lost.
         let frames: Vec<u8> = (0..11_u8).flat_map(|t| [t, t]).collect();
         let put = |lost: &[usize], repeated: &[usize]| {
@@ -246,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_are_known_as_poissons_law_says() {
+    fn intervals_of_rates_agree_with_exact_poisson_limits() {
         // Exact limits (Garwood) for 5, 20 and 100 events.
         for (events, low, high) in [(5, 1.62, 11.67), (20, 12.22, 30.89), (100, 81.36, 121.63)] {
             let [found_low, found_high] = EventCount { events, readouts: 1 }.interval();
@@ -259,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_was_found_can_be_named_and_what_was_not_looked_for_can() {
+    fn an_effect_without_located_events_is_excluded() {
         let scene = |readouts| RecordedScene {
             name: String::new(),
             light: crate::Stimulus::Level(0.1),
@@ -282,21 +287,21 @@ mod tests {
             2
         );
         let none = Events::new(set(&[]), set(&[]), true, &scenes);
-        assert!(!none.allow(&dropped_readouts::EFFECT), "none was lost");
+        assert!(!none.allow(&dropped_readouts::EFFECT), "no readout is lost");
         assert!(
             none.allow(&repeated_readouts::EFFECT) && !none.demand(&repeated_readouts::EFFECT),
-            "cannot be told"
+            "the events cannot be located"
         );
         assert!(none.allow(&flicker::EFFECT) && none.of(&flicker::EFFECT).is_none());
     }
 
     #[test]
-    fn a_simulation_has_the_events_of_its_effects_and_no_others() {
+    fn pinned_events_belong_to_the_effects_of_the_model() {
         let located = Arc::new(LocatedEvents(vec![[Some(vec![3]), Some(vec![8])], [Some(vec![5]), None]]));
         let of = |effects: &[&'static Definition]| PinnedEvents::new(&located, effects.iter().copied());
         let both = of(&[&flicker::EFFECT, &repeated_readouts::EFFECT, &dropped_readouts::EFFECT]);
         assert_eq!(both.places(0), [Some([3].as_slice()), Some([8].as_slice())]);
-        assert_eq!(both.places(1), [Some([5].as_slice()), None], "left to chance");
+        assert_eq!(both.places(1), [Some([5].as_slice()), None], "drawn at random");
         assert_eq!(of(&[&repeated_readouts::EFFECT]).places(0), [None, Some([8].as_slice())]);
         assert!(!of(&[&flicker::EFFECT]).is_any() && of(&[&flicker::EFFECT]).id() == 0);
         assert_ne!(both.id(), of(&[&repeated_readouts::EFFECT]).id());

@@ -13,6 +13,32 @@ use crate::diagnose::recording::stretches::Stretch;
 use spikelane::unstable::spikes::set_bits;
 use spikelane::unstable::threads;
 
+/// Shortest mean interval, in readouts, at which a missing spike is visible. The interval across a lost readout is
+/// then `2 x 2.3 - 1 = 3.6`, above the longest regular interval of 3.
+const MIN_MEAN_INTERVAL: f64 = 2.3;
+
+/// Smallest length of an interval with a missing spike, in mean intervals.
+const MIN_GAP_INTERVALS: f64 = 1.4;
+
+/// Largest number of successive missing spikes. Two readouts at a distance of one mean interval cause two.
+const MAX_MISSING_RUN: u32 = 2;
+
+/// Smallest number of intervals that determine the mean interval of a pixel.
+const MIN_INTERVALS: usize = 4;
+
+/// Smallest expected number of spikes in a lost readout. With 30, the probability that fewer than [`MIN_FOUND_SHARE`]
+/// of them are missing is below 1/500.
+const MIN_EXPECTED_SPIKES: f64 = 30.0;
+
+/// Smallest share of the expected spikes that are missing at a lost readout.
+const MIN_FOUND_SHARE: f64 = 0.45;
+
+/// Smallest number of missing spikes at a lost readout, relative to the windows beside it.
+const MIN_SHARPNESS: f64 = 4.0;
+
+/// Share of the expected spikes in the adjacent readouts above which another lost readout is assumed there.
+const ADJACENT_SHARE: f64 = 0.15;
+
 /// The readouts of each light, as ranges.
 pub(in crate::diagnose) type LightPeriods = Vec<Vec<Range<usize>>>;
 
@@ -71,31 +97,6 @@ pub(in crate::diagnose) fn complete_waves(
     lost
 }
 
-/// Shortest mean interval, in readouts, at which a missing spike is visible. The interval across a lost readout is
-/// then `2 x 2.3 - 1 = 3.6`, above the longest regular interval of 3.
-const MIN_MEAN_INTERVAL: f64 = 2.3;
-
-/// Smallest length of an interval with a missing spike, in mean intervals.
-const MIN_GAP_INTERVALS: f64 = 1.4;
-
-/// Largest number of successive missing spikes. Two readouts at a distance of one mean interval cause two.
-const MAX_MISSING_RUN: u32 = 2;
-
-/// Smallest number of intervals that determine the mean interval of a pixel.
-const MIN_INTERVALS: usize = 4;
-
-/// Smallest expected number of spikes in a lost readout. With 30, the probability that fewer than [`MIN_FOUND_SHARE`]
-/// of them are missing is below 1/500.
-const MIN_EXPECTED_SPIKES: f64 = 30.0;
-
-/// Smallest share of the expected spikes that are missing at a lost readout, and smallest ratio to the windows beside
-/// it.
-const MIN_FOUND_SHARE: f64 = 0.45;
-const MIN_SHARPNESS: f64 = 4.0;
-
-/// Share of the expected spikes in the adjacent readouts above which another lost readout is assumed there.
-const ADJACENT_SHARE: f64 = 0.15;
-
 /// Missing spikes of all pixels. `at` is indexed by twice the readout after the missing one. `expected` is the number
 /// of spikes in a readout.
 #[derive(Clone, Debug)]
@@ -140,9 +141,9 @@ impl MissingSpikes {
         for (range, times) in period.iter().zip(times.iter_mut()) {
             collect_spikes(words, flip, range, times);
         }
-        let whole = |t: &&Vec<u32>| t.len() > 1;
+        let has_interval = |t: &&Vec<u32>| t.len() > 1;
         let (mut span, mut count) = (0, 0);
-        for times in times.iter().filter(whole) {
+        for times in times.iter().filter(has_interval) {
             span += times[times.len() - 1] - times[0];
             count += times.len() - 1;
         }
@@ -152,9 +153,9 @@ impl MissingSpikes {
         }
         self.expected += mean.recip();
         self.pixels += 1;
-        let least = ((MIN_GAP_INTERVALS * mean) as u32).max(mean.ceil() as u32);
-        for times in times.iter().filter(whole) {
-            for pair in times.windows(2).filter(|pair| pair[1] - pair[0] > least) {
+        let min_gap = ((MIN_GAP_INTERVALS * mean) as u32).max(mean.ceil() as u32);
+        for times in times.iter().filter(has_interval) {
+            for pair in times.windows(2).filter(|pair| pair[1] - pair[0] > min_gap) {
                 self.add_gap(pair[0], pair[1] - pair[0], mean);
             }
         }
@@ -168,24 +169,24 @@ impl MissingSpikes {
             return;
         }
         for k in 0..n {
-            let behind = 2 * (k + 1) * (gap + n) / (n + 1) - 2 * k;
-            self.at[(2 * start + behind) as usize] += 1;
+            let offset = 2 * (k + 1) * (gap + n) / (n + 1) - 2 * k;
+            self.at[(2 * start + offset) as usize] += 1;
         }
     }
 
     /// Returns the readouts with as many missing spikes as one readout has, and with hardly any around them.
     fn locate(mut self, period: &[Range<usize>]) -> Option<Vec<usize>> {
-        let usual = f64::from(self.at.iter().sum::<u32>()) / self.at.len() as f64;
+        let background = f64::from(self.at.iter().sum::<u32>()) / self.at.len() as f64;
         let reach = 2 + (0.06 * self.mean()) as usize;
-        let chance = count_limit(usual * (2 * reach + 1) as f64);
+        let chance = count_limit(background * (2 * reach + 1) as f64);
         if self.expected < MIN_EXPECTED_SPIKES || chance > 0.8 * self.expected {
             return None;
         }
         let mut found = Vec::new();
         while let Some(i) = self.find_peak(reach, chance, period) {
             let window = i.saturating_sub(reach)..(i + reach + 1).min(self.at.len());
-            let window = self.extend_window(window, reach + 1, usual);
-            found.extend(self.lost_readouts_in(window.clone(), usual));
+            let window = self.extend_window(window, reach + 1, background);
+            found.extend(self.lost_readouts_in(window.clone(), background));
             self.at[window].fill(0);
         }
         Some(found)
@@ -204,39 +205,39 @@ impl MissingSpikes {
             let inside = period.iter().filter(|r| r.contains(&at));
             inside.map(|r| (at - r.start).min(r.end - at) as f64 / mean).fold(0.0, f64::max).min(1.0)
         };
-        let (around, width) = (window_sums(&self.at, reach), (2 * reach + 1) as isize);
-        let plain =
-            |i: &usize| f64::from(around[*i]) >= chance.max(MIN_FOUND_SHARE * self.expected * share(i / 2));
-        let sharp = |i: &usize| {
-            let shifted = |n: isize| around.get(i.wrapping_add_signed(n * width)).copied();
-            let mut beside = [-2, -1, 1, 2].map(|n| shifted(n).unwrap_or(0));
-            beside.sort_unstable();
+        let (sums, width) = (window_sums(&self.at, reach), (2 * reach + 1) as isize);
+        let is_strong =
+            |i: &usize| f64::from(sums[*i]) >= chance.max(MIN_FOUND_SHARE * self.expected * share(i / 2));
+        let is_sharp = |i: &usize| {
+            let shifted = |n: isize| sums.get(i.wrapping_add_signed(n * width)).copied();
+            let mut neighbors = [-2, -1, 1, 2].map(|n| shifted(n).unwrap_or(0));
+            neighbors.sort_unstable();
             // One of the neighboring windows may contain another lost readout.
-            f64::from(around[*i]) >= MIN_SHARPNESS * f64::from(beside[2])
+            f64::from(sums[*i]) >= MIN_SHARPNESS * f64::from(neighbors[2])
         };
-        let most = |best: usize, i: usize| if around[i] > around[best] { i } else { best };
-        (0..around.len()).filter(|i| plain(i) && sharp(i)).reduce(most)
+        let larger = |best: usize, i: usize| if sums[i] > sums[best] { i } else { best };
+        (0..sums.len()).filter(|i| is_strong(i) && is_sharp(i)).reduce(larger)
     }
 
     /// Returns the lost readouts in `window`. The number of missing spikes determines how many there are.
-    fn lost_readouts_in(&self, window: Range<usize>, usual: f64) -> Vec<usize> {
-        let chance = usual * window.len() as f64;
+    fn lost_readouts_in(&self, window: Range<usize>, background: f64) -> Vec<usize> {
+        let chance = background * window.len() as f64;
         let spikes: Vec<usize> = window.flat_map(|j| std::iter::repeat_n(j, self.at[j] as usize)).collect();
-        let several = ((spikes.len() as f64 - chance) / self.expected).round().max(1.0) as usize;
+        let count = ((spikes.len() as f64 - chance) / self.expected).round().max(1.0) as usize;
         let center = |s: &[usize]| (0.5 * s.iter().sum::<usize>() as f64 / s.len() as f64).round() as usize;
-        spikes.chunks(spikes.len().div_ceil(several)).map(center).collect()
+        spikes.chunks(spikes.len().div_ceil(count)).map(center).collect()
     }
 
     /// Extends a window by `step` as long as the added part contains more than stray spikes of the same lost readout.
-    fn extend_window(&self, mut window: Range<usize>, step: usize, usual: f64) -> Range<usize> {
-        let enough = count_limit(usual * step as f64).max(ADJACENT_SHARE * self.expected);
-        let more = |range: Range<usize>| {
-            !range.is_empty() && f64::from(self.at[range].iter().sum::<u32>()) >= enough
+    fn extend_window(&self, mut window: Range<usize>, step: usize, background: f64) -> Range<usize> {
+        let min_spikes = count_limit(background * step as f64).max(ADJACENT_SHARE * self.expected);
+        let has_spikes = |range: Range<usize>| {
+            !range.is_empty() && f64::from(self.at[range].iter().sum::<u32>()) >= min_spikes
         };
-        while more(window.start.saturating_sub(step)..window.start) {
+        while has_spikes(window.start.saturating_sub(step)..window.start) {
             window.start = window.start.saturating_sub(step);
         }
-        while more(window.end..(window.end + step).min(self.at.len())) {
+        while has_spikes(window.end..(window.end + step).min(self.at.len())) {
             window.end = (window.end + step).min(self.at.len());
         }
         window
@@ -282,7 +283,7 @@ mod tests {
 
     const READOUTS: usize = 2000;
 
-    fn whole() -> LightPeriods {
+    fn whole_recording() -> LightPeriods {
         vec![std::iter::once(0..READOUTS).collect()]
     }
 
@@ -314,25 +315,26 @@ mod tests {
     }
 
     #[test]
-    fn readouts_that_were_lost_are_found_to_one_at_every_light() {
+    fn lost_readouts_are_located_within_one_readout_at_every_light() {
         let left_out = [310, 640, 655, 1402, 1752, 1772];
         // A location is an index into the file, which does not contain the lost readouts.
         let wanted = [310, 639, 653, 1399, 1748, 1767];
         for light in [0.03, 0.1, 0.3, 0.4, 0.6, 0.7, 0.9] {
-            let found = locate_lost(&simulated_bits(|_| light, &left_out), &whole(), &[]).unwrap();
+            let found = locate_lost(&simulated_bits(|_| light, &left_out), &whole_recording(), &[]).unwrap();
             assert_eq!(found.len(), 6, "{light}: {found:?}");
             assert!(found.iter().zip(wanted).all(|(f, w)| f.abs_diff(w) <= 1), "{light}: {found:?}");
         }
     }
 
     #[test]
-    fn two_that_were_lost_close_to_each_other_are_two() {
+    fn two_nearby_lost_readouts_are_separated() {
         // For distances up to one mean interval of the dimmest light, the same pixels lose two spikes. At intervals
         // below five readouts, two events at a distance below 3 leave most pixels with a regular interval.
         for (light, nearest) in [(0.05, 1), (0.1, 1), (0.2, 1), (0.3, 3), (0.4, 3), (0.6, 3), (0.9, 1)] {
             for between in nearest..24 {
                 let found =
-                    locate_lost(&simulated_bits(|_| light, &[700, 700 + between]), &whole(), &[]).unwrap();
+                    locate_lost(&simulated_bits(|_| light, &[700, 700 + between]), &whole_recording(), &[])
+                        .unwrap();
                 let near = |(f, w): (&usize, usize)| f.abs_diff(w) <= 1;
                 let all = found.len() == 2 && found.iter().zip([700, 699 + between]).all(near);
                 assert!(all, "{light}, {between}: {found:?}");
@@ -341,18 +343,18 @@ mod tests {
     }
 
     #[test]
-    fn a_light_that_falters_loses_nothing() {
+    fn oscillating_light_has_no_lost_readouts() {
         let swing = |t: usize| 1.0 + 0.6 * (t as f64 / 40.0).sin();
         for light in [0.03, 0.1, 0.3, 0.55] {
-            let swings = locate_lost(&simulated_bits(|t| light * swing(t), &[]), &whole(), &[]);
+            let swings = locate_lost(&simulated_bits(|t| light * swing(t), &[]), &whole_recording(), &[]);
             assert!(swings.as_ref().is_none_or(Vec::is_empty), "{light}: {swings:?}");
-            let steady = locate_lost(&simulated_bits(|_| light, &[]), &whole(), &[]);
+            let steady = locate_lost(&simulated_bits(|_| light, &[]), &whole_recording(), &[]);
             assert_eq!(steady, Some(Vec::new()), "{light}");
         }
     }
 
     #[test]
-    fn both_lights_of_a_wave_tell_what_was_lost_in_them() {
+    fn lost_readouts_are_located_in_both_lights_of_a_wave() {
         let light = |t: usize| if (t / 500).is_multiple_of(2) { 0.8 } else { 0.05 };
         let periods = [vec![0..500, 999..1499], vec![500..999, 1499..2000]];
         let found = locate_lost(&simulated_bits(light, &[700]), &periods, &[]).unwrap();
@@ -360,25 +362,29 @@ mod tests {
         assert_eq!(
             locate_lost(&simulated_bits(light, &[700]), &periods, &[701]),
             Some(Vec::new()),
-            "beside a repeated one"
+            "beside a repeated readout"
         );
     }
 
     #[test]
-    fn a_wave_that_is_shorter_than_its_period_has_lost_more_than_was_seen() {
+    fn short_waves_are_completed_with_lost_readouts() {
         let stretch = |is_bright, from, to| Stretch { is_bright, from, to };
         let short = [stretch(false, 500, 999), stretch(true, 999, 1497), stretch(false, 1497, 1997)];
         assert_eq!(complete_waves(vec![700], &short, 500), [700, 998, 998]);
-        assert_eq!(complete_waves(vec![700, 800, 1200], &short, 500), [700, 800, 1200], "all were seen");
-        assert!(complete_waves(Vec::new(), &short, 500).is_empty(), "none was seen anywhere");
+        assert_eq!(
+            complete_waves(vec![700, 800, 1200], &short, 500),
+            [700, 800, 1200],
+            "all lost readouts were located"
+        );
+        assert!(complete_waves(Vec::new(), &short, 500).is_empty(), "no lost readout was located");
         let late = [stretch(false, 500, 1003), stretch(true, 1003, 1500), stretch(false, 1500, 2003)];
-        assert_eq!(complete_waves(vec![1700], &late, 500), [1700], "rises show late");
+        assert_eq!(complete_waves(vec![1700], &late, 500), [1700], "the response to rises is delayed");
     }
 
     #[test]
-    fn pixels_that_hardly_fire_or_always_do_tell_nothing() {
-        assert_eq!(locate_lost(&simulated_bits(|_| 0.002, &[]), &whole(), &[]), None);
-        assert_eq!(locate_lost(&simulated_bits(|_| 2.0, &[]), &whole(), &[]), None);
+    fn rare_or_permanent_spikes_do_not_locate_lost_readouts() {
+        assert_eq!(locate_lost(&simulated_bits(|_| 0.002, &[]), &whole_recording(), &[]), None);
+        assert_eq!(locate_lost(&simulated_bits(|_| 2.0, &[]), &whole_recording(), &[]), None);
         assert_eq!(locate_lost(&simulated_bits(|_| 0.5, &[]), &[], &[]), None);
     }
 }

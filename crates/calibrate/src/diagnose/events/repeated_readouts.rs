@@ -46,16 +46,16 @@ fn repeated_under_light(
     let count = |p: usize| light.iter().map(|r| count_between(bits.pixel(p), r.start, r.end) as usize).sum();
     let counts: Vec<usize> = (0..scan.pixels.len()).map(count).collect();
     let bytes = scan.geometry.frame_bytes();
-    let tells = |frame: &[u8], p: usize| {
-        let own = if bit(frame, p) { counts[p] } else { length - counts[p] };
-        2 * own < length
+    let is_unusual = |frame: &[u8], p: usize| {
+        let like = if bit(frame, p) { counts[p] } else { length - counts[p] };
+        2 * like < length
     };
-    let again = |t: &usize| {
+    let is_repeated = |t: &usize| {
         let frame = &frames.as_bytes()[t * bytes..(t + 1) * bytes];
         scan.changes[*t - 1] == 0
-            && (0..counts.len()).filter(|p| tells(frame, *p)).count() >= MIN_UNUSUAL_PIXELS
+            && (0..counts.len()).filter(|p| is_unusual(frame, *p)).count() >= MIN_UNUSUAL_PIXELS
     };
-    light.iter().flat_map(|r| r.start + 1..r.end).filter(again).collect()
+    light.iter().flat_map(|r| r.start + 1..r.end).filter(is_repeated).collect()
 }
 
 #[cfg(test)]
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn readouts_that_repeat_the_one_before_are_found_in_every_light() {
+    fn repeated_readouts_are_located_at_every_light() {
         // After two repetitions in succession, every third pixel fires at the same readouts as before them.
         for (period, again) in
             [(3, vec![17, 301]), (5, vec![17, 18, 301]), (60, vec![17, 18]), (120, vec![17, 301])]
@@ -96,13 +96,13 @@ mod tests {
             assert_eq!(locate_in_pattern(period, &again), Some(again), "every {period}th");
             assert_eq!(locate_in_pattern(period, &[]), Some(Vec::new()), "every {period}th");
         }
-        assert_eq!(locate_in_pattern(1, &[17]), None, "what never changes cannot be told");
+        assert_eq!(locate_in_pattern(1, &[17]), None, "constant bits");
     }
 
     /// Two pixels fire at two of three bright readouts, the others at one of five. None fires for 60 readouts after
     /// the fall of the light.
     #[test]
-    fn silence_after_a_fall_of_the_light_repeats_nothing() {
+    fn silence_after_a_fall_is_not_a_repetition() {
         let geometry = Geometry::new(16, 16).unwrap();
         let mut bytes = vec![0; 400 * geometry.frame_bytes()];
         for (t, frame) in bytes.chunks_exact_mut(geometry.frame_bytes()).enumerate() {
@@ -113,9 +113,9 @@ mod tests {
         let lights = |at: usize| vec![std::iter::once(0..at).collect(), std::iter::once(at..400).collect()];
         assert_eq!(locate(geometry, &bytes, &lights(320)), Some(Vec::new()));
         let one = locate(geometry, &bytes, &vec![std::iter::once(0..400).collect()]).unwrap();
-        assert!(one.len() > 50, "taken for one light, the silence looks repeated: {one:?}");
+        assert!(one.len() > 50, "one light: {one:?}");
         apply_events(&mut bytes, geometry.frame_bytes(), &[None, Some(&[17, 390])], 0);
         assert_eq!(locate(geometry, &bytes, &lights(320)), Some(vec![17, 390]), "in both lights");
-        assert_eq!(locate(geometry, &bytes, &Vec::new()), None, "no light rests");
+        assert_eq!(locate(geometry, &bytes, &Vec::new()), None, "no constant light");
     }
 }

@@ -5,8 +5,10 @@ use crate::diagnose::protocol::recorded_scene::RecordedScene;
 use crate::diagnose::recording::scan::Scan;
 use crate::{LightLevel, pattern_correlation};
 
-/// Smallest pattern correlation of two recordings of one sensor, and largest correlation of two sensors.
+/// Smallest pattern correlation of two recordings of one sensor.
 const MIN_OWN_CORRELATION: f64 = 0.5;
+
+/// Largest pattern correlation of two sensors.
 const MAX_FOREIGN_CORRELATION: f64 = 0.25;
 
 /// Rate above which saturation distorts the pattern.
@@ -15,7 +17,7 @@ const MAX_PATTERN_RATE: f64 = 0.985;
 /// Returns a fault if the scene of a recording under constant light moves between its halves.
 pub(super) fn motion_fault(scene: &RecordedScene, scan: &Scan) -> Option<Fault> {
     let share = match &scene.static_scene {
-        Some(still) => still.moving_share,
+        Some(static_scene) => static_scene.moving_share,
         // Without light nothing visible can move. The few spikes of the dark current form patches by chance.
         None if scene.max_light() == 0.0 => None,
         None => Some(scan.motion(scene.readouts)).filter(|m| m.is_moving).map(|m| m.moving_share),
@@ -33,16 +35,16 @@ pub(super) fn motion_fault(scene: &RecordedScene, scan: &Scan) -> Option<Fault> 
 pub(super) fn foreign_patterns(levels: &[(usize, LightLevel)], width: usize) -> Vec<(usize, Fault)> {
     let usable: Vec<&(usize, LightLevel)> =
         levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= MAX_PATTERN_RATE).collect();
-    let best = |own: usize| {
-        let others = (0..usable.len()).filter(|j| *j != own);
-        others.map(|j| pattern_correlation(&usable[own].1, &usable[j].1, width)).fold(-1.0, f64::max)
+    let best = |i: usize| {
+        let others = (0..usable.len()).filter(|j| *j != i);
+        others.map(|j| pattern_correlation(&usable[i].1, &usable[j].1, width)).fold(-1.0, f64::max)
     };
     let all: Vec<f64> = (0..usable.len()).map(best).collect();
-    let own = all.iter().filter(|r| **r > MIN_OWN_CORRELATION).count();
-    if own < 2 || 2 * own < usable.len() {
+    let common = all.iter().filter(|r| **r > MIN_OWN_CORRELATION).count();
+    if common < 2 || 2 * common < usable.len() {
         return Vec::new();
     }
-    let stranger = |i: &usize| all[*i] < MAX_FOREIGN_CORRELATION;
+    let is_foreign = |i: &usize| all[*i] < MAX_FOREIGN_CORRELATION;
     let fault = |i: usize| {
         let (k, level) = usable[i];
         let words = format!(
@@ -52,7 +54,7 @@ pub(super) fn foreign_patterns(levels: &[(usize, LightLevel)], width: usize) -> 
         );
         (*k, Fault::new(&level.name, FaultKind::PatternMismatch, words))
     };
-    (0..usable.len()).filter(stranger).map(fault).collect()
+    (0..usable.len()).filter(is_foreign).map(fault).collect()
 }
 
 #[cfg(test)]
@@ -63,7 +65,7 @@ mod tests {
     use spikelane::spikes::{Geometry, SpikeFramesRef, set_bit};
 
     #[test]
-    fn few_spikes_that_come_side_by_side_move_a_lit_scene_alone() {
+    fn adjacent_dark_spikes_are_not_motion() {
         let geometry = Geometry::new(24, 24).unwrap();
         let readouts = 1024;
         let mut bits = vec![0; readouts * geometry.frame_bytes()];

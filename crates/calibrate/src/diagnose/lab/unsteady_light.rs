@@ -14,45 +14,6 @@ const MIN_CHANGE_RATIO: f64 = 5.0;
 /// Relative change between the halves below which a recording is steady.
 const MAX_STEADY_CHANGE: f64 = 1e-3;
 
-/// Returns the levels whose light drifts, if at least half of the lit levels are steady. If most levels drift
-/// together, the cause is the camera or a common lamp, and the search for effects examines it.
-pub(super) fn drift_faults(levels: &[(usize, LightLevel)]) -> Vec<(usize, Fault)> {
-    // A change of the dark current is part of the change of every level.
-    let dark = levels
-        .iter()
-        .find(|(_, l)| l.light == 0.0)
-        .and_then(|(_, l)| Some(l.rate_change?.value * l.median_rate()).filter(|_| l.drifts()));
-    let own = |l: &LightLevel| {
-        let change = l.rate_change?;
-        Some((change.value - dark.unwrap_or(0.0) / l.median_rate().max(1e-6), change.error))
-    };
-    let lit: Vec<(usize, &LightLevel, f64, f64)> = levels
-        .iter()
-        .filter(|(_, l)| l.light > 0.0)
-        .filter_map(|(k, l)| own(l).map(|(change, error)| (*k, l, change, error)))
-        .collect();
-    let steady = |change: f64, error: f64| change.abs() < MAX_STEADY_CHANGE.max(3.0 * error);
-    // Changes within two standard deviations count as zero.
-    let still: Vec<f64> =
-        lit.iter().filter(|l| steady(l.2, l.3)).map(|l| (l.2.abs() - 2.0 * l.3).max(0.0)).collect();
-    if still.len() < 2 || 2 * still.len() < lit.len() {
-        return Vec::new();
-    }
-    let usual = still.iter().copied().fold(0.2 * MAX_STEADY_CHANGE, f64::max);
-    let alone = |l: &&(usize, &LightLevel, f64, f64)| {
-        l.1.drifts() && !steady(l.2, l.3) && l.2.abs() > MIN_CHANGE_RATIO * usual
-    };
-    let fault = |(k, level, change, error): &(usize, &LightLevel, f64, f64)| {
-        let words = format!(
-            "the light of this recording drifts by {:+.2} % +- {:.2} % from the first half to the second half, and the light of the other recordings does not drift: the cause is the lamp, not the camera. Record again with a stable lamp.",
-            100.0 * change,
-            100.0 * error
-        );
-        (*k, Fault::new(&level.name, FaultKind::LightDrift, words))
-    };
-    lit.iter().filter(alone).map(fault).collect()
-}
-
 /// Smallest prominence of a line, which is its power divided by the mean power around it. One frequency in 1e17
 /// exceeds it by chance (exp(-40)).
 const MIN_PROMINENCE: f64 = 40.0;
@@ -62,6 +23,45 @@ const MIN_BRIGHT_LIGHT: f64 = 0.2;
 
 /// Twice the mains frequencies, in hertz.
 const MAINS_LIGHT_HZ: [f64; 2] = [100.0, 120.0];
+
+/// Returns the levels whose light drifts, if at least half of the lit levels are steady. If most levels drift
+/// together, the cause is the camera or a common lamp, and the search for effects examines it.
+pub(super) fn drift_faults(levels: &[(usize, LightLevel)]) -> Vec<(usize, Fault)> {
+    // A change of the dark current is part of the change of every level.
+    let dark = levels
+        .iter()
+        .find(|(_, l)| l.light == 0.0)
+        .and_then(|(_, l)| Some(l.rate_change?.value * l.median_rate()).filter(|_| l.drifts()));
+    let own_change = |l: &LightLevel| {
+        let change = l.rate_change?;
+        Some((change.value - dark.unwrap_or(0.0) / l.median_rate().max(1e-6), change.error))
+    };
+    let lit: Vec<(usize, &LightLevel, f64, f64)> = levels
+        .iter()
+        .filter(|(_, l)| l.light > 0.0)
+        .filter_map(|(k, l)| own_change(l).map(|(change, error)| (*k, l, change, error)))
+        .collect();
+    let is_steady = |change: f64, error: f64| change.abs() < MAX_STEADY_CHANGE.max(3.0 * error);
+    // Changes within two standard deviations count as zero.
+    let steady_changes: Vec<f64> =
+        lit.iter().filter(|l| is_steady(l.2, l.3)).map(|l| (l.2.abs() - 2.0 * l.3).max(0.0)).collect();
+    if steady_changes.len() < 2 || 2 * steady_changes.len() < lit.len() {
+        return Vec::new();
+    }
+    let largest_steady_change = steady_changes.iter().copied().fold(0.2 * MAX_STEADY_CHANGE, f64::max);
+    let drifts_alone = |l: &&(usize, &LightLevel, f64, f64)| {
+        l.1.drifts() && !is_steady(l.2, l.3) && l.2.abs() > MIN_CHANGE_RATIO * largest_steady_change
+    };
+    let fault = |(k, level, change, error): &(usize, &LightLevel, f64, f64)| {
+        let words = format!(
+            "the light of this recording drifts by {:+.2} % +- {:.2} % from the first half to the second half, and the light of the other recordings does not drift: the cause is the lamp, not the camera. Record again with a stable lamp.",
+            100.0 * change,
+            100.0 * error
+        );
+        (*k, Fault::new(&level.name, FaultKind::LightDrift, words))
+    };
+    lit.iter().filter(drifts_alone).map(fault).collect()
+}
 
 /// An oscillation of a recording.
 struct Oscillation {
@@ -78,20 +78,20 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
         .filter(|k| setup.recordings[*k].brightness() >= MIN_BRIGHT_LIGHT)
         .collect();
     let found = bright.iter().filter_map(|k| {
-        let (place, depth) = strongest_oscillation(&scans[*k])?;
-        Some(Oscillation { recording: *k, hz: place * setup.readout_hz, depth })
+        let (frequency, depth) = strongest_oscillation(&scans[*k])?;
+        Some(Oscillation { recording: *k, hz: frequency * setup.readout_hz, depth })
     });
     let found: Vec<Oscillation> = found.collect();
     let Some(strongest) = found.iter().max_by(|a, b| a.depth.total_cmp(&b.depth)) else { return Vec::new() };
     let bin = setup.readout_hz / setup.recordings[strongest.recording].readouts.max(1) as f64;
     let alike: Vec<&Oscillation> = found.iter().filter(|s| (s.hz - strongest.hz).abs() < 1.5 * bin).collect();
     let mains = MAINS_LIGHT_HZ.iter().find(|m| (strongest.hz - **m).abs() < bin);
-    let whose = mains.map_or_else(
+    let cause = mains.map_or_else(
         || "Such an oscillation comes from a lamp, a monitor or a power supply".to_owned(),
         |m| format!("{m:.0} Hz is twice the mains frequency of {:.0} Hz, so the cause is the lamp", m / 2.0),
     );
     let words = format!(
-        "the light oscillates at {:.1} Hz by {:.2} %. {whose}, not the camera. Use a lamp with a direct-current supply.",
+        "the light oscillates at {:.1} Hz by {:.2} %. {cause}, not the camera. Use a lamp with a direct-current supply.",
         strongest.hz,
         100.0 * strongest.depth
     );
@@ -106,22 +106,22 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
 /// relative depth of the oscillation.
 fn strongest_oscillation(scan: &Scan) -> Option<(f64, f64)> {
     let power = power(&scan.totals);
-    let (place, ratio) = line(&power, scan.totals.len());
+    let (frequency, ratio) = line(&power, scan.totals.len());
     if ratio.is_nan() || ratio <= MIN_PROMINENCE {
         return None;
     }
     let n = scan.totals.len() as f64;
     let mean = scan.totals.iter().map(|c| f64::from(*c)).sum::<f64>() / n.max(1.0);
-    let at = power.get((place * n).round() as usize)?;
+    let at = power.get((frequency * n).round() as usize)?;
     // Pixels with nearly equal rates fire together. Near one spike per readout, they cause a slow beat.
     let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
-    let found = SpectralLine { frequency: place, power: *at, prominence: ratio };
+    let found = SpectralLine { frequency: frequency, power: *at, prominence: ratio };
     if found.harmonic_of(&rates, 1.0 / n).is_some() {
         return None;
     }
     // An oscillation of depth `m` has `|F| = m mean n / 2`, and the power is `|F|^2 / (n mean)`.
     let depth = (4.0 * at / (n * mean)).sqrt();
-    depth.is_finite().then_some((place, depth))
+    depth.is_finite().then_some((frequency, depth))
 }
 
 #[cfg(test)]
@@ -143,10 +143,10 @@ mod tests {
     }
 
     #[test]
-    fn one_lamp_that_drifts_is_told_from_a_camera_that_does() {
+    fn a_drifting_lamp_is_distinguished_from_a_drifting_camera() {
         let one = drift_faults(&levels(&[0.0, 2e-4, -1e-4, 0.005, 1e-4, 0.0]));
         assert_eq!(one.iter().map(|f| f.0).collect::<Vec<_>>(), [3]);
-        assert!(drift_faults(&levels(&[0.0, 0.005, 0.005, 0.005, 0.005, 0.005])).is_empty(), "all alike");
+        assert!(drift_faults(&levels(&[0.0, 0.005, 0.005, 0.005, 0.005, 0.005])).is_empty(), "equal drifts");
         // Adaptation grows with the light. The last case is a dark current that increases by a factor of 1.2.
         assert!(drift_faults(&levels(&[0.0, 3e-4, 1e-3, 3e-3, 6e-3, 9e-3])).is_empty());
         let warm = |light: f64| 0.2 * 0.005 / (light + 0.005);
@@ -160,11 +160,11 @@ mod tests {
         let geometry = Geometry::new(24, 24).unwrap();
         let mut bits = vec![0; 2048 * geometry.frame_bytes()];
         for p in 0..geometry.pixels() {
-            let [phase, place] = [0.618_034, 0.754_878].map(|step| p as f64 * step % 1.0);
+            let [phase, frequency] = [0.618_034, 0.754_878].map(|step| p as f64 * step % 1.0);
             let mut charge = phase;
             for (t, frame) in bits.chunks_exact_mut(geometry.frame_bytes()).enumerate() {
                 let light = 1.0 + depth * (std::f64::consts::TAU * 0.06 * t as f64).sin();
-                charge += 0.9047 * (1.0 + spread * (place - 0.5)) * light;
+                charge += 0.9047 * (1.0 + spread * (frequency - 0.5)) * light;
                 if charge >= 1.0 {
                     charge -= 1.0;
                     set_bit(frame, p);
@@ -175,9 +175,9 @@ mod tests {
     }
 
     #[test]
-    fn a_lamp_swings_and_pixels_that_are_alike_do_not() {
-        let (place, depth) = strongest_oscillation(&lit(0.1, 0.02)).unwrap();
-        assert!((place - 0.06).abs() < 5e-4 && (depth / 0.02 - 1.0).abs() < 0.2, "{place}, {depth}");
+    fn beats_of_similar_pixels_are_not_oscillations() {
+        let (frequency, depth) = strongest_oscillation(&lit(0.1, 0.02)).unwrap();
+        assert!((frequency - 0.06).abs() < 5e-4 && (depth / 0.02 - 1.0).abs() < 0.2, "{frequency}, {depth}");
         // The frequency of the beat is 1 - 0.9047.
         assert_eq!(strongest_oscillation(&lit(1e-4, 0.0)), None);
         assert_eq!(strongest_oscillation(&lit(0.1, 0.0)), None);

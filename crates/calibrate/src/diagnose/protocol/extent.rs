@@ -7,9 +7,11 @@ use spikelane::spikes::Geometry;
 /// than the noise of so many, and the time of a simulation is proportional to their number.
 const MAX_PIXEL_READOUTS: usize = 35_000_000;
 
-/// Smallest number of judged readouts of a long recording, and number of half periods of a square wave. They allow the
-/// spectra and the responses of few, large frames.
+/// Smallest number of judged readouts of a long recording, however large its frames are. The low frequency bands of the
+/// spectra require it.
 const MIN_JUDGED_READOUTS: usize = 1250;
+
+/// Smallest number of judged half periods of a square wave.
 const MIN_HALF_PERIODS: usize = 5;
 
 /// The readouts of large recordings that are judged.
@@ -79,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn halves_are_alike_in_length_behind_what_is_set_aside() {
+    fn halves_have_equal_lengths_after_excluded_readouts() {
         let square = Stimulus::Scene(StimulusPattern::Square { high: 0.8, low: 0.1, half_period: 500 });
         for (light, readouts, aside) in [
             (Stimulus::Level(0.1), 4001, 0),

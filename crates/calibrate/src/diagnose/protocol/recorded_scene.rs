@@ -17,6 +17,12 @@ const MAX_INTERVAL_RATE: f64 = 0.25;
 /// Shortest half period, in readouts, whose response to steps is measured: at least 40 readouts are steady.
 const MIN_HALF_PERIOD: usize = STEADY_READOUTS + 40;
 
+/// Radius of the neighborhood, in pixels, whose mean rate is the rate of the scene.
+const SURFACE_RADIUS: usize = 2;
+
+/// Smallest number of uniform, static pixels.
+const MIN_UNIFORM_PIXELS: usize = 500;
+
 /// The protocol of one recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedScene {
@@ -89,6 +95,7 @@ impl RecordedScene {
         self.is_constant() && self.static_scene.is_none() && self.brightness() >= 0.09
     }
 
+    /// Returns whether the light is constant and so low that all intervals are measured.
     pub(in crate::diagnose) fn is_dim(&self) -> bool {
         self.is_constant() && self.brightness() < MAX_INTERVAL_RATE
     }
@@ -99,6 +106,7 @@ impl RecordedScene {
         Some(half_period as usize).filter(|h| *h >= MIN_HALF_PERIOD)
     }
 
+    /// Returns the quantities that are measured in the recording.
     pub(in crate::diagnose) fn scan_options(&self) -> ScanOptions {
         ScanOptions {
             with_intervals: self.is_dim(),
@@ -107,12 +115,6 @@ impl RecordedScene {
         }
     }
 }
-
-/// Radius of the neighborhood, in pixels, whose mean rate is the rate of the scene.
-const SURFACE_RADIUS: usize = 2;
-
-/// Smallest number of uniform, static pixels.
-const MIN_UNIFORM_PIXELS: usize = 500;
 
 /// A static scene under unknown light, as the rates of a recording show it.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,7 +129,7 @@ pub struct StaticScene {
     pub(in crate::diagnose) mean: f64,
     /// Highest rate of a pixel.
     pub(in crate::diagnose) brightest: f64,
-    /// Share of the pixels that changed in patches, if the scene moving_share.
+    /// Share of the pixels that changed in patches, if the scene moves.
     pub(in crate::diagnose) moving_share: Option<f64>,
 }
 
@@ -146,10 +148,10 @@ impl StaticScene {
             let (a, b) = p.blocks.split_at(p.blocks.len() / 2);
             if late { b.iter().sum() } else { a.iter().sum() }
         };
-        let steady = |p: &usize| half(&scan.pixels[*p], false).abs_diff(half(&scan.pixels[*p], true)) <= 2;
+        let is_static = |p: &usize| half(&scan.pixels[*p], false).abs_diff(half(&scan.pixels[*p], true)) <= 2;
         // A limit of 6 % over 11x11 pixels is below the contrast of an edge and above the spread of the pixels.
         let uniform = select_uniform(&rates, geometry.width(), &(0.05..0.45), 5, 0.06);
-        let uniform: Vec<usize> = uniform.into_iter().filter(steady).collect();
+        let uniform: Vec<usize> = uniform.into_iter().filter(is_static).collect();
         if uniform.len() < MIN_UNIFORM_PIXELS {
             return Err(Error::new(ErrorKind::Input, reader.name())
                 .found(format_args!("{} static pixels of uniform areas", uniform.len()))
@@ -159,8 +161,8 @@ impl StaticScene {
         let mean = uniform.iter().map(|p| rates[*p]).sum::<f64>() / uniform.len() as f64;
         let brightest = rates.iter().copied().fold(0.0, f64::max);
         let surface = spikelane_measure::box_means(&rates, geometry.width(), SURFACE_RADIUS);
-        let found = scan.motion(reader.readouts());
-        let moving_share = found.is_moving.then_some(found.moving_share);
+        let motion = scan.motion(reader.readouts());
+        let moving_share = motion.is_moving.then_some(motion.moving_share);
         Ok(Self { rates, surface, uniform, mean, brightest, moving_share })
     }
 

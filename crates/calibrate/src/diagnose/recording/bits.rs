@@ -14,6 +14,15 @@ use spikelane::unstable::{inputs, threads};
 /// the limits of the parts.
 pub(in crate::diagnose) const BAND_COUNT: usize = 8;
 
+/// Number of groups of 64 pixels that one task transposes. 8 groups have 64 bytes per frame, which is one cache line.
+const GROUPS_PER_TASK: usize = 8;
+
+/// Number of words that are processed together, so that the compiler vectorizes the loops.
+const LANE_WORDS: usize = 8;
+
+/// Largest number of binary digits of a count of pixels in half a row.
+const MAX_DIGITS: usize = 28;
+
 /// The bits of a recording by pixel. Bit `t % 64` of word `t / 64` of a pixel is readout `t`.
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct PixelBits {
@@ -23,9 +32,6 @@ pub(in crate::diagnose) struct PixelBits {
     pub words: usize,
     data: Vec<u64>,
 }
-
-/// Number of groups of 64 pixels that one task transposes. 8 groups have 64 bytes per frame, which is one cache line.
-const GROUPS_PER_TASK: usize = 8;
 
 impl PixelBits {
     /// Transposes `frames`.
@@ -133,18 +139,18 @@ pub(in crate::diagnose) fn coincidences(a: &[u64], b: &[u64]) -> [u64; 2] {
     let n = a.len().min(b.len());
     let (a, b) = (&a[..n], &b[..n]);
     let both = |a: u64, b: u64| u64::from((a & b).count_ones());
-    let (mut same, mut late) = (0, 0);
+    let (mut coincident, mut delayed) = (0, 0);
     if let ([a, ..], [b, ..]) = (a, b) {
-        same += both(*a, *b);
-        late += both(a << 1, *b) + both(b << 1, *a);
+        coincident += both(*a, *b);
+        delayed += both(a << 1, *b) + both(b << 1, *a);
     }
     // Each word takes its carry from the previous word and not from the previous iteration. The iterations are
     // independent, so the compiler vectorizes the loop.
     for i in 1..n {
-        same += both(a[i], b[i]);
-        late += both(a[i] << 1 | a[i - 1] >> 63, b[i]) + both(b[i] << 1 | b[i - 1] >> 63, a[i]);
+        coincident += both(a[i], b[i]);
+        delayed += both(a[i] << 1 | a[i - 1] >> 63, b[i]) + both(b[i] << 1 | b[i - 1] >> 63, a[i]);
     }
-    [same, late]
+    [coincident, delayed]
 }
 
 /// Returns the number of spikes of each readout, and the number of bits that differ between successive readouts.
@@ -197,12 +203,6 @@ pub(in crate::diagnose) fn row_halves(bits: &PixelBits) -> f64 {
     let rows: Vec<f64> = threads::map(0..bits.geometry.height(), of_row);
     rows.iter().sum::<f64>() / bits.geometry.height() as f64
 }
-
-/// Number of words that are processed together, so that the compiler vectorizes the loops.
-const LANE_WORDS: usize = 8;
-
-/// Largest number of binary digits of a count of pixels in half a row.
-const MAX_DIGITS: usize = 28;
 
 /// Numbers of spikes in half a row at `64 * LANE_WORDS` readouts, in binary. The element `[d][w]` holds digit `d` of
 /// the counts at 64 readouts, one bit per readout.
@@ -264,6 +264,7 @@ fn row_correlation(bits: &PixelBits, row: usize) -> f64 {
     if scale > 0.0 { (lr - l1 * r1) / scale } else { 0.0 }
 }
 
+/// Returns the coincidences of neighbors divided by their expectation, minus 1: right and below at lag 0, then at lag 1.
 pub(in crate::diagnose) fn neighbors(bits: &PixelBits, pixels: &[PixelScan]) -> [f64; 4] {
     let of_row = |row: usize| {
         dispatch(
@@ -292,10 +293,10 @@ fn row_neighbors(bits: &PixelBits, pixels: &[PixelScan], row: usize) -> [[f64; 2
                 continue;
             }
             let chance = f64::from(pixels[p].count) * f64::from(pixels[q].count) / bits.readouts as f64;
-            let [same, late] = coincidences(bits.pixel(p), bits.pixel(q));
-            sums[k][0] += same as f64;
+            let [coincident, delayed] = coincidences(bits.pixel(p), bits.pixel(q));
+            sums[k][0] += coincident as f64;
             sums[k][1] += chance;
-            sums[k + 2][0] += late as f64;
+            sums[k + 2][0] += delayed as f64;
             sums[k + 2][1] += 2.0 * chance;
         }
     }
@@ -308,7 +309,7 @@ mod tests {
     use spikelane::spikes::{Geometry, bit, set_bit};
 
     #[test]
-    fn every_bit_of_a_recording_is_found_under_its_pixel() {
+    fn transposed_bits_equal_the_frames() {
         let geometry = Geometry::new(13, 11).unwrap();
         let readouts = 150;
         let mut bytes = vec![0; readouts * geometry.frame_bytes()];
@@ -338,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn words_of_bits_say_what_a_visit_of_each_bit_says() {
+    fn word_operations_equal_operations_on_single_bits() {
         let geometry = Geometry::new(13, 11).unwrap();
         let bytes = recording(geometry);
         let frames = SpikeFramesRef::new(geometry, &bytes).unwrap();

@@ -18,6 +18,15 @@ pub(in crate::diagnose) const BLOCK_COUNT: usize = 8;
 /// Lags of the phase variance, in intervals.
 pub(in crate::diagnose) const PHASE_LAGS: [usize; 3] = [1, 4, 16];
 
+/// Longest interval, in readouts, that is found by shifted words. Longer intervals of a bright pixel are not examined.
+const MAX_SHIFTED_INTERVAL: usize = 8;
+
+/// Number of positions that are converted together.
+const POSITION_CHUNK: usize = 16;
+
+/// Number of words that are processed together, so that the compiler vectorizes the loops.
+const LANE_WORDS: usize = 8;
+
 /// The quantities of one pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::diagnose) struct PixelScan {
@@ -79,14 +88,14 @@ impl Scan {
         let half = BLOCK_COUNT / 2 * readouts / BLOCK_COUNT;
         let rate =
             |blocks: &[u32], readouts: usize| f64::from(blocks.iter().sum::<u32>()) / readouts.max(1) as f64;
-        let of = |late: bool| -> Vec<f64> {
+        let rates = |is_second: bool| -> Vec<f64> {
             let parts = self.pixels.iter().map(|p| p.blocks.split_at(BLOCK_COUNT / 2));
-            parts.map(|(a, b)| if late { rate(b, readouts - half) } else { rate(a, half) }).collect()
+            parts.map(|(a, b)| if is_second { rate(b, readouts - half) } else { rate(a, half) }).collect()
         };
         // The counts of the halves differ by `u0 - 2 u1 + u2`, where each uniform phase has the variance 1/12. The
         // variance is 6/12.
         let sd = 0.5_f64.sqrt() / half.max(1) as f64;
-        detect_motion(&[of(false), of(true)], self.geometry.width(), sd, half)
+        detect_motion(&[rates(false), rates(true)], self.geometry.width(), sd, half)
     }
 }
 
@@ -204,15 +213,6 @@ pub(in crate::diagnose) fn dark_windows(stretches: &[Stretch]) -> impl Iterator<
     stretches.iter().filter(|s| !s.is_bright).map(|s| (s.from + SETTLED_READOUTS, s.to))
 }
 
-/// Longest interval, in readouts, that is found by shifted words. Longer intervals of a bright pixel are not examined.
-const MAX_SHIFTED_INTERVAL: usize = 8;
-
-/// Number of positions that are converted together.
-const POSITION_CHUNK: usize = 16;
-
-/// Number of words that are processed together, so that the compiler vectorizes the loops.
-const LANE_WORDS: usize = 8;
-
 /// Returns the readouts of all `count` spikes of a pixel, written into `all`. `places` is scratch space for the
 /// positions in one word.
 #[inline(always)]
@@ -230,11 +230,11 @@ pub(in crate::diagnose) fn spike_times<'a, B: BitOps>(
     let (mut at, mut base) = (0, 0);
     for word in words {
         let end = at + b.positions(*word, 0, places, 0);
-        for sixteen in places.as_chunks::<POSITION_CHUNK>().0 {
+        for chunk in places.as_chunks::<POSITION_CHUNK>().0 {
             if at >= end {
                 break;
             }
-            for (time, place) in all[at..at + POSITION_CHUNK].iter_mut().zip(sixteen) {
+            for (time, place) in all[at..at + POSITION_CHUNK].iter_mut().zip(chunk) {
                 *time = base + *place as u32;
             }
             at += POSITION_CHUNK;
@@ -245,24 +245,24 @@ pub(in crate::diagnose) fn spike_times<'a, B: BitOps>(
 }
 
 /// Returns the sum of the squared differences between the intervals and `expected`. Each difference is limited to
-/// `widest`.
+/// `limit`.
 #[inline(always)]
-fn squared_deviations(ends: &[u32], starts: &[u32], expected: f64, widest: f64) -> f64 {
-    let off = |end: u32, start: u32| {
-        let off = (f64::from(end - start) - expected).clamp(-widest, widest);
-        off * off
+fn squared_deviations(ends: &[u32], starts: &[u32], expected: f64, limit: f64) -> f64 {
+    let deviation = |end: u32, start: u32| {
+        let difference = (f64::from(end - start) - expected).clamp(-limit, limit);
+        difference * difference
     };
     // Eight independent sums avoid the latency of a chain of additions.
     let mut sums = [0.0; 8];
     let (wide, rest) = ends.as_chunks::<8>();
     for (e, s) in wide.iter().zip(starts.as_chunks::<8>().0) {
         for i in 0..8 {
-            sums[i] += off(e[i], s[i]);
+            sums[i] += deviation(e[i], s[i]);
         }
     }
     let mut last = 0.0;
     for (e, s) in rest.iter().zip(&starts[wide.len() * 8..]) {
-        last += off(*e, *s);
+        last += deviation(*e, *s);
     }
     sums[0] += last;
     sums.iter().sum()
@@ -280,7 +280,7 @@ pub(in crate::diagnose) fn measure_intervals(
     let square = scan.rate * scan.rate;
     // The limit keeps a single missing or additional spike from exceeding the noise of all other intervals. Such
     // spikes are counted as `off_lattice`.
-    let widest = 3.0 + 0.06 * mean;
+    let limit = 3.0 + 0.06 * mean;
     for (k, lag) in PHASE_LAGS.into_iter().enumerate() {
         let expected = lag as f64 * mean;
         // The intervals of an integrator without noise are the two whole numbers around `expected`. Their variance is
@@ -288,25 +288,25 @@ pub(in crate::diagnose) fn measure_intervals(
         let part = expected.fract();
         let lattice = part * (1.0 - part);
         let pairs = times.len().saturating_sub(lag);
-        let sum = squared_deviations(&times[times.len() - pairs..], &times[..pairs], expected, widest);
+        let sum = squared_deviations(&times[times.len() - pairs..], &times[..pairs], expected, limit);
         scan.variance[k] += square * (sum - pairs as f64 * lattice);
         scan.terms[k] += pairs as f64;
     }
     let (low, high) = (mean.floor() as u32, mean.ceil() as u32);
     let margin = 1 + (0.03 * mean) as u32;
-    let (mut past, mut covariance) = ([0.0; 2], [0.0; 2]);
+    let (mut previous, mut covariance) = ([0.0; 2], [0.0; 2]);
     let (mut shorter, mut longer) = (0, 0);
     for (end, start) in times[1..].iter().zip(times) {
         let length = end - start;
-        let off = f64::from(length) - mean;
-        let usual = off.clamp(-widest, widest);
-        covariance[0] += square * usual * past[0];
-        covariance[1] += square * usual * past[1];
-        past = [usual, past[0]];
+        let deviation = f64::from(length) - mean;
+        let limited = deviation.clamp(-limit, limit);
+        covariance[0] += square * limited * previous[0];
+        covariance[1] += square * limited * previous[1];
+        previous = [limited, previous[0]];
         shorter += u32::from(length + margin < low);
         longer += u32::from(length > high + margin);
         let ends = &mut deviations[*end as usize];
-        *ends = [ends[0] + off, ends[1] + 1.0];
+        *ends = [ends[0] + deviation, ends[1] + 1.0];
     }
     scan.covariance = covariance;
     scan.off_lattice = [shorter, longer];
@@ -321,21 +321,21 @@ pub(in crate::diagnose) fn count_off_lattice(words: &[u64], mean: f64, scan: &mu
     }
     let (mut shorter, mut within) = ([0; LANE_WORDS], [0; LANE_WORDS]);
     for w in (0..words.len()).step_by(LANE_WORDS) {
-        let (open, next) = (load_words(words, w), load_words(words, w + 1));
+        let (word, next) = (load_words(words, w), load_words(words, w + 1));
         // Marks the spikes that have another spike at most `length` readouts later.
         let mut followed = [0; LANE_WORDS];
         for length in 1..=high {
             if length == low {
                 for i in 0..LANE_WORDS {
-                    shorter[i] += u64::from((open[i] & followed[i]).count_ones());
+                    shorter[i] += u64::from((word[i] & followed[i]).count_ones());
                 }
             }
             for i in 0..LANE_WORDS {
-                followed[i] |= open[i] >> length | next[i] << (64 - length);
+                followed[i] |= word[i] >> length | next[i] << (64 - length);
             }
         }
         for i in 0..LANE_WORDS {
-            within[i] += u64::from((open[i] & followed[i]).count_ones());
+            within[i] += u64::from((word[i] & followed[i]).count_ones());
         }
     }
     let sum = |sums: [u64; LANE_WORDS]| sums.iter().sum::<u64>() as u32;
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn times_and_lengths_are_those_that_a_visit_of_each_bit_finds() {
+    fn spike_times_and_off_lattice_counts_equal_operations_on_single_bits() {
         let mut state = 1_u64;
         let mut next = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -58,14 +58,14 @@ fn find_steps(totals: &[u32], half: usize) -> Option<Vec<(usize, bool)>> {
         return None;
     }
     let middle = 0.5 * (low + high);
-    let above = |t: usize| f64::from(totals[t]) > middle;
+    let is_above = |t: usize| f64::from(totals[t]) > middle;
     let mut steps: Vec<(usize, bool)> = Vec::new();
     let mut bright = totals.iter().take(MIN_AGREEING_READOUTS).filter(|c| f64::from(**c) > middle).count()
         * 2
         > MIN_AGREEING_READOUTS;
     let mut at = 0;
     while at + MIN_AGREEING_READOUTS <= totals.len() {
-        if (at..at + MIN_AGREEING_READOUTS).all(|t| above(t) != bright) {
+        if (at..at + MIN_AGREEING_READOUTS).all(|t| is_above(t) != bright) {
             bright = !bright;
             steps.push((at, bright));
             at += half / 4;
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_are_found_where_the_light_steps_and_not_where_the_protocol_has_them() {
+    fn steps_are_located_in_recordings_with_lost_readouts() {
         // The readouts 130 and 700 to 719 are lost.
         let light = (0..2000).filter(|t| *t != 130 && !(700..720).contains(t));
         let totals: Vec<u32> =
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_that_ends_just_behind_a_step_ends_before_it() {
+    fn a_step_in_the_last_readouts_ends_no_stretch_late() {
         for behind in 0..MIN_AGREEING_READOUTS {
             let totals: Vec<u32> =
                 (0..2000 + behind).map(|t| if t / 500 % 2 == 0 { 600 } else { 100 }).collect();
@@ -104,16 +104,16 @@ mod tests {
     }
 
     #[test]
-    fn lights_too_much_alike_step_where_the_protocol_has_them() {
+    fn similar_lights_have_the_steps_of_the_protocol() {
         let totals: Vec<u32> = (0..1800).map(|t| 400 + t % 90).collect();
         let wanted = [stretch(false, 500, 1000), stretch(true, 1000, 1500)];
         assert_eq!(find_stretches(&totals, 500), wanted);
     }
 
     #[test]
-    fn without_light_there_is_no_step() {
+    fn dark_or_short_recordings_have_no_stretch() {
         assert!(find_steps(&[], 500).is_none());
-        assert_eq!(find_stretches(&[900, 0], 500), [], "shorter than a step can be told in");
+        assert_eq!(find_stretches(&[900, 0], 500), [], "shorter than a step");
         assert_eq!(find_stretches(&[0; 300], 500), []);
     }
 }

@@ -36,8 +36,8 @@ pub(in crate::diagnose) struct Model {
 impl Model {
     /// Creates the base model of a camera, whose knobs are the parameters that calibration fits.
     pub(crate) fn base(camera: Camera, setup: &Setup) -> Self {
-        let knob = |number: &BaseKnob| {
-            let BaseKnob { effect, key, .. } = *number;
+        let knob = |parameter: &BaseKnob| {
+            let BaseKnob { effect, key, .. } = *parameter;
             let center = camera.effect(effect.name)?.get(key).ok()?;
             let range = (0.02 * center, 20.0 * center);
             (center > 0.0).then_some(Knob {
@@ -49,9 +49,9 @@ impl Model {
                 range,
             })
         };
-        let shown = |number: &&BaseKnob| number.is_shown_by_static_scene || !setup.only_still();
+        let is_determined = |parameter: &&BaseKnob| parameter.is_shown_by_static_scene || !setup.only_still();
         // The light of an unknown scene follows from its rates, so it has no lamp.
-        let lit = |k: &usize| {
+        let has_lamp = |k: &usize| {
             setup.recordings[*k].brightness() > 0.0 && setup.recordings[*k].static_scene.is_none()
         };
         let lamp = |k: usize| Lamp {
@@ -60,8 +60,8 @@ impl Model {
             offset: setup.recordings[k].light_offset,
         };
         Self {
-            knobs: BASE_KNOBS.iter().filter(shown).filter_map(knob).collect(),
-            lamps: (0..setup.recordings.len()).filter(lit).map(lamp).collect(),
+            knobs: BASE_KNOBS.iter().filter(is_determined).filter_map(knob).collect(),
+            lamps: (0..setup.recordings.len()).filter(has_lamp).map(lamp).collect(),
             camera,
             pinned: PinnedEvents::default(),
             cache: None,
@@ -78,9 +78,9 @@ impl Model {
         self.knobs.iter().map(|knob| knob.position(knob.value_in(camera))).collect()
     }
 
-    /// Returns the sample at the knob positions `u`. `moved` contains relative deviations that are added to the
+    /// Returns the sample at the knob positions `u`. `lamp_deviations` contains relative deviations that are added to the
     /// offsets of the lamps.
-    pub(crate) fn sample(&self, u: &[f64], moved: &[f64], scenes: usize) -> Result<Sample> {
+    pub(crate) fn sample(&self, u: &[f64], lamp_deviations: &[f64], scenes: usize) -> Result<Sample> {
         let mut camera = self.camera.clone();
         for (knob, u) in self.knobs.iter().zip(u) {
             let effect = camera.effect(knob.effect.name).cloned().unwrap_or_else(|| knob.effect.neutral());
@@ -88,7 +88,7 @@ impl Model {
         }
         let mut factors = vec![1.0; scenes];
         for (i, lamp) in self.lamps.iter().enumerate() {
-            factors[lamp.recording] = 1.0 + lamp.offset + moved.get(i).copied().unwrap_or(0.0);
+            factors[lamp.recording] = 1.0 + lamp.offset + lamp_deviations.get(i).copied().unwrap_or(0.0);
         }
         Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), cache: self.cache.clone() })
     }
@@ -222,9 +222,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_number_of_the_base_model_is_one_of_its_effects() {
-        for number in &BASE_KNOBS {
-            number.effect.param_index(number.key).unwrap();
+    fn base_knobs_are_parameters_of_their_effects() {
+        for parameter in &BASE_KNOBS {
+            parameter.effect.param_index(parameter.key).unwrap();
         }
     }
 }

@@ -21,6 +21,10 @@ use spikelane::unstable::plan::Plan;
 use spikelane::unstable::{inputs, threads};
 use spikelane_io::simulate::{FrameRef, Simulator};
 
+/// Number of simulated readouts before the recording, during which pixels with a common start phase become
+/// independent.
+const LEAD_READOUTS: usize = 200;
+
 /// Returns the entries of the vector of `sample`.
 pub(in crate::diagnose) fn statistics(
     setup: &Setup,
@@ -79,8 +83,8 @@ pub(in crate::diagnose) fn scan_of_recording(
     seed: u64,
 ) -> Result<Scan> {
     let scene = &setup.recordings[k];
-    if let Some(still) = &scene.static_scene {
-        return simulate_static_scene(still, camera_for(setup, &sample.camera), seeds(seed, k), scene);
+    if let Some(static_scene) = &scene.static_scene {
+        return simulate_static_scene(static_scene, camera_for(setup, &sample.camera), seeds(seed, k), scene);
     }
     scan_of(setup.geometry, &bits(setup, sample, k, seed)?, scene)
 }
@@ -124,12 +128,12 @@ fn bits_of(setup: &Setup, model: &Model, sample: &Sample, k: usize, seed: u64) -
     let (mut filled, mut at) = (0, 0);
     while filled < total {
         // A camera that drops readouts does not stop the light, so later edges have a smaller index in the file.
-        let now = (hold - at % hold).min(total - filled);
+        let count = (hold - at % hold).min(total - filled);
         let level = |p: usize| scene.light.level_at(p / width, p % width, at as u64).unwrap_or(0.0);
         let samples: Vec<f32> = (0..setup.geometry.pixels()).map(|p| (lamp * level(p)) as f32).collect();
         let frame = FrameRef::new(&samples);
-        filled += simulator.advance(frame, now, &mut out[filled * bytes..])?;
-        at += now;
+        filled += simulator.advance(frame, count, &mut out[filled * bytes..])?;
+        at += count;
     }
     apply_events(&mut out, bytes, &events, scene.first_readout);
     out.drain(..scene.first_readout * bytes);
@@ -162,14 +166,10 @@ fn scan_of(geometry: Geometry, bytes: &[u8], scene: &RecordedScene) -> Result<Sc
     scan(SpikeFramesRef::new(geometry, bytes)?, scene.scan_options())
 }
 
-/// Number of simulated readouts before the recording, during which pixels with a common start phase become
-/// independent.
-const LEAD_READOUTS: usize = 200;
-
 /// Simulates a camera that records the surface of a static scene: the measured rates without the differences between
 /// neighbors.
 pub(in crate::diagnose) fn simulate_static_scene(
-    still: &StaticScene,
+    static_scene: &StaticScene,
     camera: Camera,
     seeds: Seeds,
     scene: &RecordedScene,
@@ -181,18 +181,18 @@ pub(in crate::diagnose) fn simulate_static_scene(
         let light = camera.operating_point(*rate).light;
         if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
     };
-    let samples: Vec<f32> = still.surface.iter().map(light).collect();
+    let samples: Vec<f32> = static_scene.surface.iter().map(light).collect();
     let mut simulator = Simulator::from_plan(Plan::with_max_light(&camera, seeds, 1.0)?);
     let mut bits = inputs::zeroed_vec("simulated readouts", LEAD_READOUTS * geometry.frame_bytes())?;
     simulator.fill(&samples, &mut bits)?;
     bits.resize(scene.readouts * geometry.frame_bytes(), 0);
     simulator.fill(&samples, &mut bits)?;
-    let mut found = scan(
+    let mut scan_result = scan(
         SpikeFramesRef::new(geometry, &bits)?,
         ScanOptions { with_intervals: scene.is_dim(), ..ScanOptions::default() },
     )?;
-    still.retain_uniform(&mut found);
-    Ok(found)
+    static_scene.retain_uniform(&mut scan_result);
+    Ok(scan_result)
 }
 
 /// Returns the statistics of the maps that follow from the fixed pattern of a camera.

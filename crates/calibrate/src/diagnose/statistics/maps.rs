@@ -8,7 +8,20 @@ use crate::diagnose::recording::scan::Scan;
 
 /// Rate above which a pixel fires at nearly every readout, so that its rate contains little information about the
 /// light.
-const MAX_LINE_RATE: f64 = 0.985;
+pub(super) const MAX_LINE_RATE: f64 = 0.985;
+
+/// Smallest number of half periods across the map at which a wave belongs to the spectrum. Longer waves are uneven
+/// light.
+const MIN_HALF_PERIODS: usize = 4;
+
+/// Number of robust standard deviations from the median beyond which a pixel is an outlier.
+const OUTLIER_SDS: f64 = 5.0;
+
+/// Number of outliers at which their mean distance has half of its full weight. One or two outliers are insignificant.
+const OUTLIER_HALF_WEIGHT: f64 = 9.0;
+
+/// Number of parameters of the parabola that [`subtract_parabola`] fits.
+const PARABOLA_PARAMETERS: usize = 3;
 
 /// The line of every pixel, `rate = gain * light + dark`, over the uniform levels.
 ///
@@ -44,27 +57,27 @@ pub(in crate::diagnose) fn fit_lines(setup: &Setup, scans: &[Scan]) -> Option<Li
         return None;
     }
     let n = scans[0].pixels.len();
-    let mut fitted = Lines { gain: vec![0.0; n], dark: vec![0.0; n], residuals: Vec::new() };
-    let weighed: Vec<(usize, f64, f64)> =
+    let mut lines = Lines { gain: vec![0.0; n], dark: vec![0.0; n], residuals: Vec::new() };
+    let weighted_levels: Vec<(usize, f64, f64)> =
         levels.iter().map(|(k, l)| (*k, *l, residual_unit(*l).powi(-2))).collect();
     for p in 0..n {
-        (fitted.gain[p], fitted.dark[p]) = fit_line(&weighed, |k| scans[k].pixels[p].rate);
+        (lines.gain[p], lines.dark[p]) = fit_line(&weighted_levels, |k| scans[k].pixels[p].rate);
     }
     for (k, light) in &levels {
-        let off = |p: usize| {
+        let residual = |p: usize| {
             let rate = scans[*k].pixels[p].rate;
             // Dead pixels do not follow an error of the lamp. 1 % of them would determine the tail of the
             // distribution.
-            let dead = rate <= 0.0 && *light > 0.0;
-            if dead || rate > MAX_LINE_RATE {
+            let is_dead = rate <= 0.0 && *light > 0.0;
+            if is_dead || rate > MAX_LINE_RATE {
                 f64::NAN
             } else {
-                (rate - fitted.expected(p, *light)) / residual_unit(*light)
+                (rate - lines.expected(p, *light)) / residual_unit(*light)
             }
         };
-        fitted.residuals.push((*k, (0..n).map(off).collect()));
+        lines.residuals.push((*k, (0..n).map(residual).collect()));
     }
-    Some(fitted)
+    Some(lines)
 }
 
 /// Fits a line to the rates over weighted levels. `levels` contains the recording, the light and the weight of each
@@ -89,17 +102,7 @@ fn fit_line(levels: &[(usize, f64, f64)], rate: impl Fn(usize) -> f64) -> (f64, 
     ((s0 * y1 - s1 * y0) / det, (s2 * y0 - s1 * y1) / det)
 }
 
-/// Smallest number of half periods across the map at which a wave belongs to the spectrum. Longer waves are uneven
-/// light.
-const MIN_HALF_PERIODS: usize = 4;
-
-/// Number of robust standard deviations from the median beyond which a pixel is an outlier.
-const OUTLIER_SDS: f64 = 5.0;
-
-/// Number of outliers at which their mean distance has half of its full weight. One or two outliers are insignificant.
-const OUTLIER_HALF_WEIGHT: f64 = 9.0;
-
-/// StatisticNames of the statistics of one map.
+/// Names of the statistics of one map.
 struct StatisticNames([&'static str; 26]);
 
 macro_rules! names {
@@ -155,11 +158,12 @@ impl<'a> Map<'a> {
     }
 
     /// Returns the slope of `values` over the relative deviation of this map from its median. Outliers of both are
-    /// limited. `other` contains the order statistics of `values`.
-    pub(crate) fn slope(&self, values: &[f64], other: &Spread) -> f64 {
+    /// limited. `value_spread` contains the order statistics of `values`.
+    pub(crate) fn slope(&self, values: &[f64], value_spread: &Spread) -> f64 {
         let (mut xy, mut xx) = (0.0, 0.0);
         for (x, y) in self.z.iter().zip(values).filter(|(_, y)| y.is_finite()) {
-            let y = (y - other.median()).clamp(-OUTLIER_SDS * other.sd(), OUTLIER_SDS * other.sd());
+            let y = (y - value_spread.median())
+                .clamp(-OUTLIER_SDS * value_spread.sd(), OUTLIER_SDS * value_spread.sd());
             xy += x * y;
             xx += x * x;
         }
@@ -167,6 +171,7 @@ impl<'a> Map<'a> {
     }
 }
 
+/// Adds the statistics of the maps of gain and dark current.
 pub(in crate::diagnose) fn push_maps(v: &mut StatisticsVector, gain: &Map<'_>, dark: &Map<'_>, width: usize) {
     push_map(v, &GAIN_NAMES, gain, width);
     push_map(v, &DARK_NAMES, dark, width);
@@ -175,28 +180,29 @@ pub(in crate::diagnose) fn push_maps(v: &mut StatisticsVector, gain: &Map<'_>, d
     v.push(None, "gain and dark current together", both, 1e-3);
 }
 
+/// Adds the statistics of one map.
 fn push_map(v: &mut StatisticsVector, names: &StatisticNames, map: &Map<'_>, width: usize) {
     let Map { values: map, spread, z } = map;
     let n = map.len() as f64;
     let height = map.len() / width;
     let limit = OUTLIER_SDS * spread.sd();
-    // Returns the number of pixels beyond the limit, and their mean logarithmic distance.
-    let far = |sign: f64| {
+    // The number of pixels beyond the limit, and their mean logarithmic distance.
+    let outliers = |sign: f64| {
         let beyond = map.iter().map(|x| sign * (x - spread.median())).filter(|off| *off > limit);
         let (count, sum) = beyond.fold((0.0, 0.0), |(n, sum), off| (n + 1.0, sum + (off / limit).ln()));
         (count, sum / (OUTLIER_HALF_WEIGHT + count))
     };
-    let (above, below) = (far(1.0), far(-1.0));
+    let (above, below) = (outliers(1.0), outliers(-1.0));
     // Outliers are counted above. They are excluded here, because a 1 % quantile would change abruptly when 1 % of the
     // pixels become outliers.
-    let near = |x: &&f64| (*x - spread.median()).abs() <= limit;
-    let body = Spread::of(&map.iter().filter(near).copied().collect::<Vec<f64>>());
+    let is_inlier = |x: &&f64| (*x - spread.median()).abs() <= limit;
+    let inliers = Spread::of(&map.iter().filter(is_inlier).copied().collect::<Vec<f64>>());
     let mut values = vec![
         (ln(spread.median()), 1e-4),
         (ln(spread.sd() / spread.median().abs().max(1e-9)), 2e-3),
         (spread.skew(), 2e-3),
-        (ln(body.upper_tail()), 4e-3),
-        (ln(body.lower_tail()), 4e-3),
+        (ln(inliers.upper_tail()), 4e-3),
+        (ln(inliers.lower_tail()), 4e-3),
         scaled_count(above.0),
         scaled_count(below.0),
         (above.1, 0.08),
@@ -205,13 +211,13 @@ fn push_map(v: &mut StatisticsVector, names: &StatisticNames, map: &Map<'_>, wid
     let columns: Vec<f64> =
         (0..width).map(|c| z.iter().skip(c).step_by(width).sum::<f64>() / height as f64).collect();
     let rows: Vec<f64> = z.chunks_exact(width).map(|r| r.iter().sum::<f64>() / width as f64).collect();
-    let (columns_off, rows_off) = (subtract_parabola(&columns), subtract_parabola(&rows));
+    let (column_residuals, row_residuals) = (subtract_parabola(&columns), subtract_parabola(&rows));
     let total = z.iter().map(|x| x * x).sum::<f64>() / n;
     values.extend([
-        (ln(variance(&columns_off) * height as f64), 5e-3),
-        (ln(variance(&rows_off) * width as f64), 5e-3),
-        (ln(largest_magnitude(&columns_off) * (height as f64).sqrt()), 5e-3),
-        (ln(largest_magnitude(&rows_off) * (width as f64).sqrt()), 5e-3),
+        (ln(variance(&column_residuals) * height as f64), 5e-3),
+        (ln(variance(&row_residuals) * width as f64), 5e-3),
+        (ln(largest_magnitude(&column_residuals) * (height as f64).sqrt()), 5e-3),
+        (ln(largest_magnitude(&row_residuals) * (width as f64).sqrt()), 5e-3),
     ]);
     for (down, right) in [(0, 1), (1, 0), (1, 1), (1, -1), (0, 4)] {
         values.push((mean_product(z, width, down, right) / total, 1e-3));
@@ -232,9 +238,6 @@ fn push_map(v: &mut StatisticsVector, names: &StatisticNames, map: &Map<'_>, wid
         v.push(None, name, value, floor);
     }
 }
-
-/// Number of parameters of the parabola that [`subtract_parabola`] fits.
-const PARABOLA_PARAMETERS: usize = 3;
 
 /// Subtracts a parabola from the means of rows or columns, without the first and the last one.
 ///
@@ -328,7 +331,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_fall_off_toward_the_corners_is_no_pattern_of_lines() {
+    fn vignetting_does_not_appear_as_a_line_pattern() {
         let fall: Vec<f64> = (0..48).map(|i| 1.0 + 0.02 * f64::from(i) - 0.01 * f64::from(i * i)).collect();
         // The values are at most about 20, and 48 of them are summed. The rounding error is below 48 x 20 x 2.2e-16.
         assert!(largest_magnitude(&subtract_parabola(&fall)) < 1e-12);
@@ -339,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn variance_of_lines_allows_for_the_numbers_that_are_fitted() {
+    fn variance_of_lines_is_unbiased() {
         let mut state = 1_u64;
         let mut draw = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-use super::maps::{Lines, Map};
+use super::maps::{Lines, MAX_LINE_RATE, Map};
 use super::quantiles::Spread;
 use super::vector::{StatisticsVector, ln};
 use crate::diagnose::protocol::recorded_scene::RecordedScene;
@@ -20,6 +20,16 @@ const MAX_LINE_FREQUENCY: f64 = 0.13;
 /// Smallest light at which the firing rates of the pixels exceed [`MAX_LINE_FREQUENCY`].
 const MIN_LINE_LIGHT: f64 = 0.2;
 
+/// Number of examined frequencies per frequency step of the spectrum.
+const STEPS_PER_BIN: f64 = 10.0;
+
+/// Number of frequencies on either side of a line whose mean power is its background.
+const BACKGROUND_BINS: usize = 40;
+
+/// Windows after a step, in readouts.
+const STEP_WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
+
+/// Adds the statistics of the spikes per readout and of the coincidences of neighbors.
 pub(in crate::diagnose) fn push_totals(
     v: &mut StatisticsVector,
     k: usize,
@@ -103,13 +113,13 @@ pub(in crate::diagnose) fn power(totals: &[u32]) -> Vec<f64> {
     squares.iter().map(|square| square / (n as f64 * mean.max(1e-9))).collect()
 }
 
-/// Returns the frequency near `place` at which all of `totals` together have the highest power, in cycles per readout.
+/// Returns the frequency near a given `frequency` at which all of `totals` together have the highest power, in cycles per readout.
 ///
 /// For a clear line, the error is a few hundredths of the frequency step of the spectrum.
-pub(in crate::diagnose) fn refine_line(totals: &[&[u32]], place: f64) -> f64 {
+pub(in crate::diagnose) fn refine_line(totals: &[&[u32]], frequency: f64) -> f64 {
     let longest = totals.iter().map(|t| t.len()).max().unwrap_or(1) as f64;
-    let at = |i: i32| place + f64::from(i) / (STEPS_PER_BIN * longest);
-    let power = |frequency: f64| totals.iter().map(|t| power_at(t, frequency)).sum::<f64>();
+    let at = |i: i32| frequency + f64::from(i) / (STEPS_PER_BIN * longest);
+    let power = |f: f64| totals.iter().map(|t| power_at(t, f)).sum::<f64>();
     let reach = STEPS_PER_BIN as i32;
     let all: Vec<f64> = (-reach - 1..=reach + 1).map(|i| power(at(i))).collect();
     let best = (1..all.len() - 1).max_by(|a, b| all[*a].total_cmp(&all[*b])).unwrap_or(1);
@@ -117,9 +127,6 @@ pub(in crate::diagnose) fn refine_line(totals: &[&[u32]], place: f64) -> f64 {
     let top = if 2.0 * b > a + c { 0.5 * (a - c) / (a - 2.0 * b + c) } else { 0.0 };
     at(best as i32 - 1 - reach) + top.clamp(-0.5, 0.5) / (STEPS_PER_BIN * longest)
 }
-
-/// Number of examined frequencies per frequency step of the spectrum.
-const STEPS_PER_BIN: f64 = 10.0;
 
 /// Returns the power of the totals at any frequency, divided by their mean.
 fn power_at(totals: &[u32], frequency: f64) -> f64 {
@@ -132,6 +139,7 @@ fn power_at(totals: &[u32], frequency: f64) -> f64 {
     (re * re + im * im) / mean.max(1e-9)
 }
 
+/// Adds the power of the spikes per readout in frequency bands.
 fn push_spectrum(v: &mut StatisticsVector, k: usize, totals: &[u32], light: f64) {
     let power = power(totals);
     let t = totals.len();
@@ -148,9 +156,6 @@ fn push_spectrum(v: &mut StatisticsVector, k: usize, totals: &[u32], light: f64)
         v.push(k, "line in the total", ln(line(&power, t).1), 1e-2);
     }
 }
-
-/// Number of frequencies on either side of a line whose mean power is its background.
-const BACKGROUND_BINS: usize = 40;
 
 /// Returns the frequency of the highest line in cycles per readout, and its power divided by the mean power around it.
 pub(in crate::diagnose) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
@@ -195,9 +200,7 @@ fn add_neighbor(sums: &mut [f64], power: &[f64], first: usize, others: &[f64]) {
     }
 }
 
-/// Windows after a step, in readouts.
-const STEP_WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
-
+/// Adds the rates in the windows after a step, relative to the steady rate.
 pub(in crate::diagnose) fn push_steps(
     v: &mut StatisticsVector,
     k: usize,
@@ -219,10 +222,10 @@ pub(in crate::diagnose) fn push_steps(
         "60 to 120 after a fall",
         "120 to 300 after a fall",
     ];
-    for (names, bright) in [(UP, true), (DOWN, false)] {
+    for (names, is_bright) in [(UP, true), (DOWN, false)] {
         let mean = |window: &dyn Fn(&Stretch) -> (usize, usize)| {
             let (mut sum, mut count) = (0.0, 0.0);
-            for (from, to) in scan.stretches.iter().filter(|s| s.is_bright == bright).map(window) {
+            for (from, to) in scan.stretches.iter().filter(|s| s.is_bright == is_bright).map(window) {
                 sum += scan.totals[from..to].iter().map(|c| f64::from(*c)).sum::<f64>();
                 count += (to - from) as f64;
             }
@@ -230,8 +233,8 @@ pub(in crate::diagnose) fn push_steps(
         };
         let steady = mean(&|s| (s.from + STEADY_READOUTS, s.to));
         for (name, (from, to)) in names.into_iter().zip(STEP_WINDOWS) {
-            let now = mean(&|s| (s.from + from, s.from + to));
-            v.push(k, name, 10.0 * (ln(now) - ln(steady)), 1e-3);
+            let rate = mean(&|s| (s.from + from, s.from + to));
+            v.push(k, name, 10.0 * (ln(rate) - ln(steady)), 1e-3);
         }
     }
 }
@@ -278,13 +281,14 @@ pub(in crate::diagnose) fn push_checkerboard(
     let mut groups: [Vec<f64>; 4] = Default::default();
     for p in 0..width * height {
         let (row, col) = (p / width, p % width);
-        let own = bright(row, col);
-        let beside = [(row.wrapping_sub(1), col), (row + 1, col), (row, col.wrapping_sub(1)), (row, col + 1)];
-        let edge = beside.iter().any(|(r, c)| *r < height && *c < width && bright(*r, *c) != own);
+        let is_bright = bright(row, col);
+        let neighbors =
+            [(row.wrapping_sub(1), col), (row + 1, col), (row, col.wrapping_sub(1)), (row, col + 1)];
+        let is_edge = neighbors.iter().any(|(r, c)| *r < height && *c < width && bright(*r, *c) != is_bright);
         let rate = scan.pixels[p].rate;
-        let expected = lines.expected(p, if own { high } else { low });
-        if expected > 0.0 && rate < 0.985 {
-            groups[2 * usize::from(!own) + usize::from(edge)].push(rate / expected - 1.0);
+        let expected = lines.expected(p, if is_bright { high } else { low });
+        if expected > 0.0 && rate < MAX_LINE_RATE {
+            groups[2 * usize::from(!is_bright) + usize::from(is_edge)].push(rate / expected - 1.0);
         }
     }
     const NAMES: [&str; 4] = [
@@ -307,12 +311,12 @@ static PLANS: LazyLock<Mutex<HashMap<Vec<usize>, Vec<Transform>>>> = LazyLock::n
 /// Returns transforms of these lengths. They are cached, because thousands of simulations use the same few lengths and
 /// planning takes longer than a transform.
 pub(in crate::diagnose) fn transforms<const N: usize>(lengths: [usize; N]) -> [Transform; N] {
-    let mut planned = PLANS.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut plans = PLANS.lock().unwrap_or_else(PoisonError::into_inner);
     let plan = || {
         let mut planner = RealFftPlanner::new();
         lengths.iter().map(|n| planner.plan_fft_forward(*n)).collect()
     };
-    let all = planned.entry(lengths.to_vec()).or_insert_with(plan);
+    let all = plans.entry(lengths.to_vec()).or_insert_with(plan);
     std::array::from_fn(|i| Arc::clone(&all[i]))
 }
 
@@ -321,7 +325,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_between_two_frequencies_of_the_spectrum_is_found() {
+    fn a_line_between_two_frequencies_of_the_spectrum_is_located() {
         // 103.5 Hz at 20,000 readouts per second. The spectrum contains 100 Hz and 105 Hz.
         let total = |phase: f64| {
             move |t: u32| {
@@ -338,7 +342,7 @@ mod tests {
 
     /// Tests lengths of recordings at which bands of frequencies are empty or nearly empty.
     #[test]
-    fn short_recordings_have_a_spectrum() {
+    fn short_recordings_have_finite_spectra() {
         for readouts in [256, 499, 500, 534, 599, 600, 601] {
             let totals: Vec<u32> = (0..readouts).map(|t| 100 + t % 7).collect();
             let mut v = StatisticsVector { statistics: Vec::new(), values: Vec::new() };

@@ -29,6 +29,7 @@ pub(in crate::diagnose) struct StatisticsVector {
 }
 
 impl StatisticsVector {
+    /// Adds an entry. A non-finite value counts as 0.
     pub(crate) fn push(
         &mut self,
         recording: impl Into<Option<usize>>,
@@ -80,12 +81,12 @@ pub(in crate::diagnose) fn measure(setup: &Setup, set: &RecordingSet) -> Result<
         let bytes = setup.part(set, recording, scene)?;
         let frames = SpikeFramesRef::new(setup.geometry, &bytes)?;
         let bits = PixelBits::new(frames)?;
-        let mut found = scan_bits(frames, &bits, scene.scan_options());
-        if let Some(still) = &scene.static_scene {
-            still.retain_uniform(&mut found);
+        let mut scan = scan_bits(frames, &bits, scene.scan_options());
+        if let Some(static_scene) = &scene.static_scene {
+            static_scene.retain_uniform(&mut scan);
         }
-        located.push(locate_events(frames, &bits, &found, scene));
-        scans.push(found);
+        located.push(locate_events(frames, &bits, &scan, scene));
+        scans.push(scan);
     }
     let values = statistics_vector(setup, &scans).values;
     Ok(MeasuredSet { scans, values, located: LocatedEvents(located) })
@@ -122,20 +123,21 @@ pub(in crate::diagnose) fn statistics_vector(setup: &Setup, scans: &[Scan]) -> S
     v
 }
 
+/// Adds the statistics of intervals.
 fn push_intervals(v: &mut StatisticsVector, k: usize, scan: &Scan, dim: bool) {
     let pixels = &scan.pixels;
-    let off = |i: usize| pixels.iter().map(|p| f64::from(p.off_lattice[i])).sum::<f64>();
-    v.push_count(k, "short intervals", off(0));
-    v.push_count(k, "long intervals", off(1));
+    let off_lattice = |i: usize| pixels.iter().map(|p| f64::from(p.off_lattice[i])).sum::<f64>();
+    v.push_count(k, "short intervals", off_lattice(0));
+    v.push_count(k, "long intervals", off_lattice(1));
     if !dim {
         return;
     }
     const NAMES: [&str; PHASE_LAGS.len()] =
         ["interval variance, lag 1", "interval variance, lag 4", "interval variance, lag 16"];
     for i in 0..PHASE_LAGS.len() {
-        let usual: Vec<f64> =
+        let measured: Vec<f64> =
             pixels.iter().filter(|p| p.terms[i] > 0.0).map(|p| p.variance[i] / p.terms[i]).collect();
-        let spread = Spread::of(&usual);
+        let spread = Spread::of(&measured);
         // The unit is 1e-4 thresholds squared. The trimmed mean excludes the pixels with the largest deviations.
         v.push(k, NAMES[i], 1e4 * spread.trimmed, 2e-3);
         if i == 1 {
@@ -144,9 +146,9 @@ fn push_intervals(v: &mut StatisticsVector, k: usize, scan: &Scan, dim: bool) {
         }
     }
     for (i, name) in ["interval covariance, lag 1", "interval covariance, lag 2"].into_iter().enumerate() {
-        let usual: Vec<f64> =
+        let measured: Vec<f64> =
             pixels.iter().filter(|p| p.count > 4).map(|p| p.covariance[i] / f64::from(p.count - 2)).collect();
-        v.push(k, name, 1e4 * Spread::of(&usual).trimmed, 2e-3);
+        v.push(k, name, 1e4 * Spread::of(&measured).trimmed, 2e-3);
     }
 }
 
@@ -164,8 +166,8 @@ fn push_stability(v: &mut StatisticsVector, k: usize, scan: &Scan) {
     let change: Vec<f64> = scan.pixels.iter().map(|p| half(p, true) - half(p, false) * ratio).collect();
     let square = |x: &[f64]| x.iter().map(|d| d.clamp(-6.0, 6.0).powi(2)).sum::<f64>() / n;
     v.push(k, "change between halves, variance", square(&change), 1e-3);
-    let wild = change.iter().filter(|d| d.abs() > 2.5).count() as f64;
-    v.push_count(k, "change between halves, tail", wild);
+    let outliers = change.iter().filter(|d| d.abs() > 2.5).count() as f64;
+    v.push_count(k, "change between halves, tail", outliers);
     let mean = |b: usize| scan.pixels.iter().map(|p| u64::from(p.blocks[b])).sum::<u64>() as f64 / n;
     let common: [f64; BLOCK_COUNT - 1] = std::array::from_fn(|b| mean(b + 1) - mean(b));
     let mut squares = [0.0; BLOCK_COUNT - 1];
