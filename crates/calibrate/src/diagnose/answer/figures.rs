@@ -31,6 +31,9 @@ const SPECTRUM_POINTS: usize = 60;
 /// their range with a probability of 2 / (20 + 1).
 pub(in crate::diagnose) const RANGE_SENSORS: usize = 20;
 
+/// Name of the statistic that contains the residuals.
+const RESIDUAL_STATISTIC: &str = "rate against the pixel's line";
+
 /// Value of the statistic for a residual of 1.
 const STATISTIC_UNITS: f64 = 1e3;
 
@@ -90,6 +93,7 @@ fn flats(setup: &Setup) -> impl Iterator<Item = (usize, f64)> {
     setup.recordings.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?))).filter(|f| f.1 > 0.0)
 }
 
+/// Returns the lowest and the highest power of the spectra of simulated sensors.
 fn spectrum_range(reference: &NullModel, sample: &Sample) -> Result<Option<[Points; 2]>> {
     let setup = &reference.setup;
     let Some(k) = spectrum_recording(setup) else { return Ok(None) };
@@ -105,6 +109,7 @@ fn spectrum_range(reference: &NullModel, sample: &Sample) -> Result<Option<[Poin
     Ok(Some([ends(f64::min), ends(f64::max)]))
 }
 
+/// Returns the plot data of one set.
 fn plots_of(setup: &Setup, scans: &[Scan], bits: impl Fn(usize) -> Result<Vec<u8>>) -> Result<SetPlots> {
     let intervals = match flats(setup).min_by(|a, b| a.1.total_cmp(&b.1)) {
         Some((k, _)) => Some((setup.recordings[k].name.clone(), interval_lengths(setup, &bits(k)?)?)),
@@ -156,10 +161,12 @@ fn band_means(totals: &[u32], readout_hz: f64) -> Vec<(f64, f64)> {
     (0..SPECTRUM_POINTS).filter_map(band).collect()
 }
 
+/// Returns the decimal logarithms of a point.
 fn logarithms((x, y): &(f64, f64)) -> (f64, f64) {
     (x.log10(), y.max(1e-6).log10())
 }
 
+/// Returns the figure of the spectra.
 fn spectrum(
     place: &str,
     curves: &[Curve<'_>],
@@ -233,8 +240,6 @@ pub(in crate::diagnose) fn plot_sections(
     Ok(parts)
 }
 
-/// Name of the statistic that contains the residuals.
-const RESIDUAL_STATISTIC: &str = "rate against the pixel's line";
 /// The mean rate of a uniform recording, and its deviation from the models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]

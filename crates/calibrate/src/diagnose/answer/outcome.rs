@@ -63,8 +63,8 @@ pub(in crate::diagnose) fn outcome(
         }
     }
     let interval = |j: usize| parameter(found, j);
-    let left = allowing(reference, &found.fit.events)?.square(&(data - &found.fit.mean));
-    let whole = (found.train[0] - left) / (found.train[0] - found.own.allowed_floor).max(1.0);
+    let remaining = allowing(reference, &found.fit.events)?.square(&(data - &found.fit.mean));
+    let explained_share = (found.train[0] - remaining) / (found.train[0] - found.own.allowed_floor).max(1.0);
     let is_inadequate = is_inadequate(&found.train, found.own.floor);
     let (mut effects, mut mismatches) = (Vec::new(), Vec::new());
     for (i, (effect, _)) in found.fit.effects.iter().enumerate() {
@@ -73,9 +73,9 @@ pub(in crate::diagnose) fn outcome(
         let parameters: Vec<Parameter> = found.fit.knobs_of(i).map(interval).collect();
         let ambiguous_with = ambiguous_names(round);
         let share = round.map_or(0.0, |r| r.share);
-        let faint = round.is_some_and(|r| r.faint);
-        let is_tentative =
-            faint || (found.left && (share < 0.5 || whole < MIN_EXPLAINED_SHARE || is_inadequate));
+        let is_faint = round.is_some_and(|r| r.faint);
+        let is_tentative = is_faint
+            || (found.left && (share < 0.5 || explained_share < MIN_EXPLAINED_SHARE || is_inadequate));
         // If the name of a base parameter is tentative, its fitted value is not evidence of a mismatch.
         if effect.is_base_model
             && !is_tentative
@@ -98,27 +98,27 @@ pub(in crate::diagnose) fn outcome(
         effects.push(FoundEffect { name, parameters, ambiguous_with, is_tentative, evidence, step });
     }
     let mut notes = Vec::new();
-    let wrong = given.map_or_else(Vec::new, |given| base_mismatches(reference, found, data, given));
+    let contradictions = given.map_or_else(Vec::new, |given| base_mismatches(reference, found, data, given));
     if !found.has_disturbed_base(reference) {
-        mismatches.extend(wrong);
-    } else if !wrong.is_empty() {
-        notes.push(untested_note(&wrong));
+        mismatches.extend(contradictions);
+    } else if !contradictions.is_empty() {
+        notes.push(untested_note(&contradictions));
     }
-    let named = !mismatches.is_empty() || effects.iter().any(|e| !e.is_tentative);
-    let gap = Discrepancy {
+    let is_named = !mismatches.is_empty() || effects.iter().any(|e| !e.is_tentative);
+    let discrepancy = Discrepancy {
         fitted_set: found.train.clone(),
         held_out_set: found.heldout.clone(),
         noise_floor: found.own.floor,
         noise_floor_sd: found.own.floor_sd,
     };
-    let verdict = match (found.left, named) {
-        (false, true) if gap.is_within_limit() => Verdict::Explained,
+    let verdict = match (found.left, is_named) {
+        (false, true) if discrepancy.is_within_limit() => Verdict::Explained,
         (false, false) => Verdict::Agrees,
         (_, true) => Verdict::PartlyExplained,
         (true, false) => Verdict::Unknown,
     };
     if !found.left && verdict == Verdict::PartlyExplained {
-        notes.push(open_discrepancy_note(&gap));
+        notes.push(open_discrepancy_note(&discrepancy));
     }
     let sample = found.fit.model.sample(&found.fit.u, &[], reference.setup.recordings.len())?;
     let mut camera = sample.camera;
@@ -139,7 +139,7 @@ pub(in crate::diagnose) fn outcome(
             _ => Vec::new(),
         },
         notes,
-        discrepancy: gap,
+        discrepancy,
         tests: limit_tests(reference, found, data),
         recommended_recordings: recommended_recordings(reference, &found.rounds),
         undetectable: reference.not_testable(),
@@ -165,8 +165,8 @@ impl Found {
     /// Rate maps contain no temporal noise, and the base parameters of such sets remain unchanged.
     fn has_disturbed_base(&self, reference: &NullModel) -> bool {
         let mut numbers = self.fit.u[..self.fit.base_knobs()].iter().zip(&self.own.deviations);
-        let far = numbers.any(|(u, deviation)| u.abs() > MAX_BASE_CHANGE.max(3.0 * deviation));
-        !self.fit.effects.is_empty() && !reference.setup.has_rate_maps && (far || self.fit.is_noisy())
+        let is_changed = numbers.any(|(u, deviation)| u.abs() > MAX_BASE_CHANGE.max(3.0 * deviation));
+        !self.fit.effects.is_empty() && !reference.setup.has_rate_maps && (is_changed || self.fit.is_noisy())
     }
 
     /// Returns the standard deviation of knob `j`. For a base parameter, the prior of the calibration is excluded,

@@ -1,4 +1,4 @@
-//! A folder of vectors, a file each.
+//! A folder of simulated vectors, with one file per vector.
 
 use std::fs;
 use std::hash::{Hash as _, Hasher};
@@ -118,8 +118,8 @@ fn encode(values: &[f64], key: &Key) -> Vec<u8> {
 fn decode(bytes: &[u8], key: &Key) -> Option<Vec<f64>> {
     let (values, seal) = bytes.split_last_chunk::<{ blake3::OUT_LEN }>()?;
     let (values, rest) = values.as_chunks::<8>();
-    let whole = rest.is_empty() && blake3::keyed_hash(key.as_bytes(), values.as_flattened()) == *seal;
-    whole.then(|| values.iter().map(|v| f64::from_le_bytes(*v)).collect())
+    let is_complete = rest.is_empty() && blake3::keyed_hash(key.as_bytes(), values.as_flattened()) == *seal;
+    is_complete.then(|| values.iter().map(|v| f64::from_le_bytes(*v)).collect())
 }
 
 #[cfg(test)]
@@ -158,16 +158,16 @@ mod tests {
         let cache = SimulationCache::open(folder.path()).unwrap();
         let [key, other] = [1, 2].map(|what| key_of(&cache, what));
         let path = |key: &Key| cache.0.path.join(key.to_hex().as_str());
-        let whole = encode(&VALUES, &key);
-        let mut damaged = whole.clone();
+        let complete = encode(&VALUES, &key);
+        let mut damaged = complete.clone();
         damaged[9] ^= 1;
-        let torn: Vec<Vec<u8>> = (0..whole.len()).map(|n| whole[..n].to_vec()).collect();
-        let longer = [whole.clone(), vec![0]].concat();
-        let wrong = [damaged, longer, vec![0; whole.len()], encode(&VALUES, &other)];
+        let torn: Vec<Vec<u8>> = (0..complete.len()).map(|n| complete[..n].to_vec()).collect();
+        let longer = [complete.clone(), vec![0]].concat();
+        let wrong = [damaged, longer, vec![0; complete.len()], encode(&VALUES, &other)];
         for bytes in torn.iter().chain(&wrong) {
             fs::write(path(&key), bytes).unwrap();
             assert_eq!(cache.get_or_simulate(key, || Ok(VALUES.to_vec())).unwrap(), VALUES);
-            assert_eq!(fs::read(path(&key)).unwrap(), whole, "{} bytes", bytes.len());
+            assert_eq!(fs::read(path(&key)).unwrap(), complete, "{} bytes", bytes.len());
         }
         assert_eq!((cache.hit_count(), cache.miss_count()), (0, torn.len() + wrong.len()));
     }

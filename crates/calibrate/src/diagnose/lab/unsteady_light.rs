@@ -73,18 +73,19 @@ struct Oscillation {
 /// Returns a fault of the recording whose light oscillates. If other recordings oscillate too, the fault belongs to
 /// the set.
 pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault)> {
-    let bright: Vec<usize> = (0..scans.len())
+    let bright_recordings: Vec<usize> = (0..scans.len())
         .filter(|k| setup.recordings[*k].is_constant() && setup.recordings[*k].static_scene.is_none())
         .filter(|k| setup.recordings[*k].brightness() >= MIN_BRIGHT_LIGHT)
         .collect();
-    let found = bright.iter().filter_map(|k| {
+    let found = bright_recordings.iter().filter_map(|k| {
         let (frequency, depth) = strongest_oscillation(&scans[*k])?;
         Some(Oscillation { recording: *k, hz: frequency * setup.readout_hz, depth })
     });
     let found: Vec<Oscillation> = found.collect();
     let Some(strongest) = found.iter().max_by(|a, b| a.depth.total_cmp(&b.depth)) else { return Vec::new() };
     let bin = setup.readout_hz / setup.recordings[strongest.recording].readouts.max(1) as f64;
-    let alike: Vec<&Oscillation> = found.iter().filter(|s| (s.hz - strongest.hz).abs() < 1.5 * bin).collect();
+    let similar: Vec<&Oscillation> =
+        found.iter().filter(|s| (s.hz - strongest.hz).abs() < 1.5 * bin).collect();
     let mains = MAINS_LIGHT_HZ.iter().find(|m| (strongest.hz - **m).abs() < bin);
     let cause = mains.map_or_else(
         || "Such an oscillation comes from a lamp, a monitor or a power supply".to_owned(),
@@ -95,7 +96,7 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
         strongest.hz,
         100.0 * strongest.depth
     );
-    if alike.len() == 1 && bright.len() >= 3 {
+    if similar.len() == 1 && bright_recordings.len() >= 3 {
         let name = setup.recordings[strongest.recording].file_name();
         return vec![(Some(strongest.recording), Fault::new(&name, FaultKind::LightFlicker, words))];
     }
@@ -115,7 +116,7 @@ fn strongest_oscillation(scan: &Scan) -> Option<(f64, f64)> {
     let at = power.get((frequency * n).round() as usize)?;
     // Pixels with nearly equal rates fire together. Near one spike per readout, they cause a slow beat.
     let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
-    let found = SpectralLine { frequency: frequency, power: *at, prominence: ratio };
+    let found = SpectralLine { frequency, power: *at, prominence: ratio };
     if found.harmonic_of(&rates, 1.0 / n).is_some() {
         return None;
     }

@@ -28,14 +28,14 @@ pub enum ReadoutSelection {
 impl ReadoutSelection {
     /// Returns the largest number of readouts that are judged.
     pub(in crate::diagnose) fn max_readouts(self, geometry: Geometry, light: Stimulus) -> usize {
-        let least = match light {
+        let min_readouts = match light {
             Stimulus::Scene(StimulusPattern::Square { half_period, .. }) => {
                 MIN_HALF_PERIODS * half_period as usize
             }
             _ => MIN_JUDGED_READOUTS,
         };
         match self {
-            Self::Leading => (MAX_PIXEL_READOUTS / geometry.pixels()).max(least),
+            Self::Leading => (MAX_PIXEL_READOUTS / geometry.pixels()).max(min_readouts),
             Self::All => usize::MAX,
         }
     }

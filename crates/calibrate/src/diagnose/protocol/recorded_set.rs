@@ -16,6 +16,7 @@ pub(crate) const MAX_STATIC_PIXELS: usize = 20_000;
 /// Relative standard deviation of the light of a recording if neither the recording nor the set states one.
 pub(in crate::diagnose) const DEFAULT_LIGHT_UNCERTAINTY: f64 = 0.01;
 
+/// Returns the error of a recording with too few readouts.
 fn too_short(file: &str, readouts: usize, part: RecordingPart) -> Error {
     let (expected, remedy) = match part {
         RecordingPart::Whole => ("", "record longer".to_owned()),
@@ -71,22 +72,23 @@ impl Setup {
         aside: &[usize],
     ) -> Result<Self> {
         let geometry = set.geometry()?;
-        let (mut scenes, mut first_readouts) = (Vec::new(), None::<[usize; 2]>);
+        let (mut scenes, mut judged_readouts) = (Vec::new(), None::<[usize; 2]>);
         for (k, recording) in set.recordings.iter().enumerate() {
             let aside = aside.get(k).copied().unwrap_or(0);
             let reader = set.reader(recording)?;
-            let most = extent.max_readouts(geometry, recording.light);
+            let limit = extent.max_readouts(geometry, recording.light);
             // Both halves of a divided recording have the largest number of readouts.
-            let all = if part == RecordingPart::Whole { most } else { most.saturating_mul(2) };
-            if reader.readouts() > all {
-                let [fewest, longest] = first_readouts.unwrap_or([all; 2]);
-                first_readouts = Some([fewest.min(all), longest.max(all)]);
+            let max_readouts = if part == RecordingPart::Whole { limit } else { limit.saturating_mul(2) };
+            if reader.readouts() > max_readouts {
+                let [fewest, longest] = judged_readouts.unwrap_or([max_readouts; 2]);
+                judged_readouts = Some([fewest.min(max_readouts), longest.max(max_readouts)]);
             }
-            let (skip, readouts) = select_readouts(reader.readouts().min(all), recording.light, part, aside);
+            let (first_readout, readouts) =
+                select_readouts(reader.readouts().min(max_readouts), recording.light, part, aside);
             if readouts < MIN_READOUTS {
                 return Err(too_short(&recording.file, readouts, part));
             }
-            let still = match recording.light {
+            let static_scene = match recording.light {
                 Stimulus::Scene(StimulusPattern::StaticUnknown {}) => Some(StaticScene::read(&reader)?),
                 _ => None,
             };
@@ -95,8 +97,8 @@ impl Setup {
                 name,
                 light: recording.light,
                 readouts,
-                first_readout: skip,
-                static_scene: still,
+                first_readout: first_readout,
+                static_scene: static_scene,
                 light_uncertainty: recording
                     .light_uncertainty
                     .or(set.light_uncertainty)
@@ -104,15 +106,15 @@ impl Setup {
                 light_offset: 0.0,
             });
         }
-        let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
+        let has_rate_maps = scenes.is_empty() && set.rate_maps.len() >= 2;
         let readout_hz = set.readout_hz;
         let setup = Self {
             geometry,
             readout_hz,
             recordings: scenes,
-            has_rate_maps: maps,
+            has_rate_maps: has_rate_maps,
             row_band: None,
-            judged_readouts: first_readouts,
+            judged_readouts: judged_readouts,
         };
         setup.cut_to_band()
     }
@@ -142,18 +144,19 @@ impl Setup {
         let (width, height) = (self.geometry.width(), self.geometry.height());
         // Eight rows always begin at a whole byte.
         let rows = (MAX_STATIC_PIXELS / width / 8 * 8).max(8);
-        let Some(still) = self.recordings.iter().find_map(|s| s.static_scene.as_ref()) else {
+        let Some(static_scene) = self.recordings.iter().find_map(|s| s.static_scene.as_ref()) else {
             return Ok(self);
         };
         if height <= rows {
             return Ok(self);
         }
         let starts = (0..=height - rows).step_by(8);
-        let first = starts.max_by_key(|r| still.uniform_in(r * width..(r + rows) * width)).unwrap_or(0);
+        let first =
+            starts.max_by_key(|r| static_scene.uniform_in(r * width..(r + rows) * width)).unwrap_or(0);
         self.geometry = Geometry::new(width as u32, rows as u32)?;
         self.row_band = Some((first, rows));
-        for still in self.recordings.iter_mut().filter_map(|s| s.static_scene.as_mut()) {
-            still.cut(first * width..(first + rows) * width);
+        for static_scene in self.recordings.iter_mut().filter_map(|s| s.static_scene.as_mut()) {
+            static_scene.cut(first * width..(first + rows) * width);
         }
         Ok(self)
     }
@@ -163,6 +166,7 @@ impl Setup {
         self.part(set, &set.recordings[k], &self.recordings[k])
     }
 
+    /// Reads the judged bits of `recording`, which `scene` describes.
     pub(in crate::diagnose) fn part(
         &self,
         set: &RecordingSet,
@@ -170,12 +174,12 @@ impl Setup {
         scene: &RecordedScene,
     ) -> Result<Vec<u8>> {
         let reader = set.reader(recording)?;
-        let whole = reader.geometry().frame_bytes();
-        let mut bytes = inputs::zeroed_vec(reader.name(), scene.readouts * whole)?;
+        let frame_bytes = reader.geometry().frame_bytes();
+        let mut bytes = inputs::zeroed_vec(reader.name(), scene.readouts * frame_bytes)?;
         reader.read_frames(scene.first_readout, &mut bytes)?;
         let Some((first, _)) = self.row_band else { return Ok(bytes) };
-        let (from, own) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());
-        Ok(bytes.chunks_exact(whole).flat_map(|f| &f[from..from + own]).copied().collect())
+        let (from, band_bytes) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());
+        Ok(bytes.chunks_exact(frame_bytes).flat_map(|f| &f[from..from + band_bytes]).copied().collect())
     }
 }
 
@@ -184,9 +188,9 @@ impl Setup {
 /// # Errors
 /// If the set has too few levels or pixels, and neither rate maps nor a static scene that test a given camera.
 pub(in crate::diagnose) fn check_sufficient(setup: &Setup, with_camera: bool) -> Result<()> {
-    let of_one_kind = setup.has_rate_maps || setup.recordings.iter().any(|s| s.static_scene.is_some());
+    let has_one_kind = setup.has_rate_maps || setup.recordings.iter().any(|s| s.static_scene.is_some());
     // Rate maps or a static scene are sufficient to test a given camera.
-    if with_camera && of_one_kind {
+    if with_camera && has_one_kind {
         return Ok(());
     }
     let levels: Vec<f64> = setup.recordings.iter().filter_map(RecordedScene::level).collect();
@@ -194,7 +198,7 @@ pub(in crate::diagnose) fn check_sufficient(setup: &Setup, with_camera: bool) ->
     if levels.len() >= 3 && lit >= 2 && setup.geometry.width() >= 8 && setup.geometry.height() >= 8 {
         return Ok(());
     }
-    let remedy = if of_one_kind {
+    let remedy = if has_one_kind {
         format!("set {}: maps and static scenes are not sufficient for a calibration", Setting("camera"))
     } else {
         "record a dark recording, flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation, steps and a checkerboard"
@@ -214,7 +218,7 @@ pub(in crate::diagnose) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
     let key = |s: &Setup, k: usize| s.recordings.get(k).map(|x| (format!("{:?}", x.light), x.readouts));
     let size = |s: &Setup| format!("{} at {} readouts per second", s.geometry, s.readout_hz);
     let other = (0..a.recordings.len().max(b.recordings.len())).find(|k| key(a, *k) != key(b, *k));
-    let said = |s: &Setup| match other {
+    let description = |s: &Setup| match other {
         _ if size(a) != size(b) => size(s),
         Some(k) => s.recordings.get(k).map_or_else(
             || format!("{} recordings", s.recordings.len()),
@@ -225,8 +229,8 @@ pub(in crate::diagnose) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
     if other.is_none() && size(a) == size(b) {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::Input, "held-out recordings").found(said(b)).expected(format_args!(
+    Err(Error::new(ErrorKind::Input, "held-out recordings").found(description(b)).expected(format_args!(
         "the same scenes in the same order and of the same length as in the first set: {}",
-        said(a)
+        description(a)
     )))
 }

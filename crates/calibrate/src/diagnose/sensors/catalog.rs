@@ -23,6 +23,7 @@ pub(in crate::diagnose) fn candidates(base: &Camera, readouts: usize, effects: &
     searched_effects(effects).into_iter().flat_map(of).collect()
 }
 
+/// Returns the candidates of an effect at all combinations of its searched values.
 fn positions(effect: &'static Definition, base: &Camera, readouts: f64) -> Vec<Candidate> {
     let knobs: Vec<Knob> =
         effect.searched_params().map(|(param, tried)| knob(effect, param, tried, base, readouts)).collect();
@@ -36,6 +37,7 @@ fn positions(effect: &'static Definition, base: &Camera, readouts: f64) -> Vec<C
     values.into_iter().map(|value| Candidate { effect, knobs: knobs.clone(), at: at(value) }).collect()
 }
 
+/// Returns the knob of a searched parameter.
 fn knob(
     effect: &'static Definition,
     param: &'static Param,
