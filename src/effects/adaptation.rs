@@ -1,6 +1,6 @@
 //! Adaptation: every spike raises the threshold, which then decays.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -32,7 +32,8 @@ pub static EFFECT: Definition = Definition::new(
     ],
 )
 .with_ops(ops)
-.with_moments(moments);
+.with_moments(moments)
+.with_ambiguity_groups(&[AmbiguityGroup::Response, AmbiguityGroup::Memory]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Adaptation { rise: v[0], retention: v[1] }]

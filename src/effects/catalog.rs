@@ -168,6 +168,14 @@ mod tests {
     }
 
     #[test]
+    fn every_ambiguity_group_has_several_effects() {
+        for group in ALL.iter().flat_map(|definition| definition.ambiguity_groups) {
+            let members = ALL.iter().filter(|definition| definition.ambiguity_groups.contains(group));
+            assert!(members.count() > 1, "{group:?}");
+        }
+    }
+
+    #[test]
     fn a_name_that_is_taken_is_refused() {
         static LEAK: Definition = Definition::new("leak", "", "", &[]);
         static NEW: Definition = Definition::new("new", "", "", &[]);

@@ -1,6 +1,6 @@
 //! Noise of the comparator.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -21,7 +21,8 @@ pub static EFFECT: Definition = Definition::new(
     .with_search(SearchSpec::deviation((0.0, 0.05), &[0.004, 0.015]))],
 )
 .with_ops(ops)
-.with_moments(moments);
+.with_moments(moments)
+.with_ambiguity_groups(&[AmbiguityGroup::IrregularIntervals]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::ComparatorNoise { sigma: v[0] }]

@@ -1,6 +1,6 @@
 //! Dead time of the reset: the first increment after a spike is smaller.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -16,7 +16,8 @@ pub static EFFECT: Definition = Definition::new(
 .with_ops(ops)
 .with_moments(moments)
 .scene_like()
-.in_base_model();
+.in_base_model()
+.with_ambiguity_groups(&[AmbiguityGroup::Response]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::FirstIncrement { lost: v[0] }]

@@ -172,6 +172,40 @@ pub enum EventKind {
     Pixels,
 }
 
+/// A reason for which several effects have similar statistics.
+///
+/// If two effects with a common group fit recordings equally well, a diagnosis recommends recordings that distinguish the
+/// effects of the group.
+///
+/// # Examples
+/// ```
+/// use spikelane::effects::{self, AmbiguityGroup};
+/// // Dead time and a reset that leaves charge both reduce the rate in bright light.
+/// for name in ["dead_time", "partial_reset"] {
+///     assert!(effects::find(name)?.ambiguity_groups.contains(&AmbiguityGroup::Response));
+/// }
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum AmbiguityGroup {
+    /// The effects change the rate of a pixel as a function of its light.
+    Response,
+    /// The effects make neighboring pixels similar.
+    Neighbors,
+    /// The effects add spikes in the dark.
+    DarkSpikes,
+    /// The effects disturb single readouts.
+    SingleReadouts,
+    /// The effects cause a smooth pattern or a pattern of lines.
+    SpatialPattern,
+    /// The effects change the rate slowly.
+    SlowChange,
+    /// The effects depend on earlier light or earlier spikes.
+    Memory,
+    /// The effects make intervals irregular.
+    IrregularIntervals,
+}
+
 /// A function that edits the circuit of every pixel once. The edit does not slow down the readouts.
 ///
 /// # Examples
@@ -278,6 +312,12 @@ pub struct Definition {
     pub couples_spreads: bool,
     /// The kind of the effect's events, or `None` if the effect does not consist of discrete events.
     pub event_kind: Option<EventKind>,
+    /// The reasons for which other effects have similar statistics.
+    pub ambiguity_groups: &'static [AmbiguityGroup],
+    /// A limit of the evidence for the effect, such as a cause outside the camera with the same statistics.
+    ///
+    /// It is a clause that reports append to the evidence, or empty.
+    pub caveat: &'static str,
 }
 
 fn no_edit(_: Values<'_>, _: &Sensor, _: &mut Circuit, _: &mut PatternRng) {}
@@ -333,6 +373,8 @@ impl Definition {
             is_base_model: false,
             couples_spreads: false,
             event_kind: None,
+            ambiguity_groups: &[],
+            caveat: "",
         }
     }
 
@@ -469,6 +511,35 @@ impl Definition {
     #[must_use]
     pub const fn with_event_kind(mut self, events: EventKind) -> Self {
         self.event_kind = Some(events);
+        self
+    }
+
+    /// Returns this effect with the reasons for which other effects have similar statistics.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects::{AmbiguityGroup, Definition};
+    /// static SLOWDOWN: Definition = Definition::new("slowdown", "Bright pixels fire late.", "an example", &[])
+    ///     .with_ambiguity_groups(&[AmbiguityGroup::Response]);
+    /// assert_eq!(SLOWDOWN.ambiguity_groups, [AmbiguityGroup::Response]);
+    /// ```
+    #[must_use]
+    pub const fn with_ambiguity_groups(mut self, groups: &'static [AmbiguityGroup]) -> Self {
+        self.ambiguity_groups = groups;
+        self
+    }
+
+    /// Returns this effect with a limit of its evidence, as a clause without a period.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::effects;
+    /// assert!(effects::find("flicker")?.caveat.starts_with("a flickering lamp has the same statistics"));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    #[must_use]
+    pub const fn with_caveat(mut self, caveat: &'static str) -> Self {
+        self.caveat = caveat;
         self
     }
 

@@ -1,6 +1,6 @@
 //! Readouts that are lost between the camera and the disk.
 
-use crate::effects::definition::{Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -15,7 +15,8 @@ pub static EFFECT: Definition = Definition::new(
 )
 .with_ops(ops)
 .with_moments(moments)
-.with_event_kind(EventKind::DroppedReadouts);
+.with_event_kind(EventKind::DroppedReadouts)
+.with_ambiguity_groups(&[AmbiguityGroup::SingleReadouts]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::DropReadouts { probability: v[0] }]

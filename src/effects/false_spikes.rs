@@ -1,6 +1,6 @@
 //! Readouts that report a spike although the pixel did not fire.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -14,7 +14,8 @@ pub static EFFECT: Definition = Definition::new(
         .with_search(SearchSpec::amplitude((0.0, 0.05), &[4e-6, 6e-5, 1e-3]))],
 )
 .with_ops(ops)
-.with_moments(moments);
+.with_moments(moments)
+.with_ambiguity_groups(&[AmbiguityGroup::DarkSpikes, AmbiguityGroup::IrregularIntervals]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Flip { missed_spikes: 0.0, false_spikes: v[0] }]

@@ -1,6 +1,6 @@
 //! Light that oscillates with the mains or with the refresh of a screen.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -19,7 +19,9 @@ pub static EFFECT: Definition = Definition::new(
     ],
 )
 .with_ops(ops)
-.with_moments(moments);
+.with_moments(moments)
+.with_ambiguity_groups(&[AmbiguityGroup::SlowChange])
+.with_caveat("a flickering lamp has the same statistics, so the cause is the lamp and not the camera");
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Flicker { depth: v[0], frequency_hz: v[1], phase_turns: v[2] }]

@@ -1,6 +1,6 @@
 //! Slow, steady change of the gain.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -32,7 +32,9 @@ pub static EFFECT: Definition = Definition::new(
     ],
 )
 .with_ops(ops)
-.with_moments(moments);
+.with_moments(moments)
+.with_ambiguity_groups(&[AmbiguityGroup::SlowChange])
+.with_caveat("a lamp that drifts through all recordings has the same statistics");
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Drift { change: v[0], readouts: v[1] }]

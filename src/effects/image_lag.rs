@@ -1,6 +1,6 @@
 //! Delayed arrival of a part of the light.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -26,7 +26,8 @@ pub static EFFECT: Definition = Definition::new(
 )
 .with_ops(ops)
 .with_moments(moments)
-.scene_like();
+.scene_like()
+.with_ambiguity_groups(&[AmbiguityGroup::Memory]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Lag { fraction: v[0], time_constant: v[1] }]

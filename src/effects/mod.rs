@@ -21,7 +21,7 @@ mod window;
 pub use camera::{Camera, Maps};
 pub use catalog::{Catalog, find};
 pub use circuit::Circuit;
-pub use definition::{Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec};
+pub use definition::{AmbiguityGroup, Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec};
 pub use effect::Effect;
 pub use model::{Model, StartPhases};
 

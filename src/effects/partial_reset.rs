@@ -1,6 +1,6 @@
 //! Loss of charge above the threshold at a reset.
 
-use crate::effects::definition::{Definition, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -20,7 +20,8 @@ pub static EFFECT: Definition = Definition::new(
     )
     .with_search(SearchSpec::amplitude((0.0, 1.0), &[0.02, 0.25, 0.8]))],
 )
-.with_ops(ops);
+.with_ops(ops)
+.with_ambiguity_groups(&[AmbiguityGroup::Response]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Remainder { lost: v[0] }]

@@ -46,7 +46,8 @@ pub static EFFECT: Definition = Definition::new(
 )
 .with_edit(edit)
 .with_ops(ops)
-.with_moments(moments);
+.with_moments(moments)
+.with_caveat("the rows with the effect are not identified: a band around another row has nearly the same statistics, with half the spread if rows lie on both sides");
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut PatternRng) {
     if v[0] == 0.0 {

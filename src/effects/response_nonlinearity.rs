@@ -1,6 +1,6 @@
 //! Charge that is not proportional to the light.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -22,7 +22,8 @@ pub static EFFECT: Definition = Definition::new(
 )
 .with_ops(ops)
 .with_moments(moments)
-.scene_like();
+.scene_like()
+.with_ambiguity_groups(&[AmbiguityGroup::Response]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Response { quadratic: v[0] }]

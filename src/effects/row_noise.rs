@@ -1,6 +1,6 @@
 //! Threshold noise that all pixels of a row share.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -21,7 +21,8 @@ pub static EFFECT: Definition = Definition::new(
     .with_search(SearchSpec::deviation((0.0, 0.05), &[0.002, 0.012]))],
 )
 .with_ops(ops)
-.with_moments(moments);
+.with_moments(moments)
+.with_ambiguity_groups(&[AmbiguityGroup::SingleReadouts, AmbiguityGroup::IrregularIntervals]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::RowNoise { sigma: v[0] }]

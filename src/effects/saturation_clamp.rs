@@ -1,6 +1,6 @@
 //! Upper limit of the charge that a pixel stores.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -23,7 +23,8 @@ pub static EFFECT: Definition = Definition::new(
 .with_ops(ops)
 .with_moments(moments)
 .scene_like()
-.with_onset();
+.with_onset()
+.with_ambiguity_groups(&[AmbiguityGroup::Response]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::Ceiling { thresholds: v[0] }]

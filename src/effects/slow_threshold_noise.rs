@@ -1,6 +1,6 @@
 //! Low-frequency noise of the threshold.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 use crate::units::Unit;
@@ -32,7 +32,8 @@ pub static EFFECT: Definition = Definition::new(
     ],
 )
 .with_ops(ops)
-.with_moments(moments);
+.with_moments(moments)
+.with_ambiguity_groups(&[AmbiguityGroup::SlowChange, AmbiguityGroup::Memory, AmbiguityGroup::IrregularIntervals]);
 
 fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
     vec![Op::SlowThresholdNoise { sigma: v[0], time_constant: v[1] }]

@@ -2,7 +2,7 @@
 
 use crate::draws::pattern_rng::PatternRng;
 use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
+use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
 use crate::sensor::Sensor;
 use crate::units::Unit;
 
@@ -27,7 +27,8 @@ pub static EFFECT: Definition = Definition::new(
 )
 .with_edit(edit)
 .with_moments(moments)
-.scene_like();
+.scene_like()
+.with_ambiguity_groups(&[AmbiguityGroup::Neighbors, AmbiguityGroup::SpatialPattern]);
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     if v[0] == 0.0 {

@@ -2,9 +2,9 @@
 
 use crate::ProgressCallback;
 use crate::RecordingSet;
+use crate::diagnose::cache::folder::SimulationCache;
 use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::Both;
-use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::null::nameable::Detectability;
 use crate::diagnose::null::reference::NullModel;
@@ -39,7 +39,7 @@ pub fn detectability(
     options: DiagnoseOptions<'_>,
     progress: ProgressCallback<'_>,
 ) -> Result<DetectabilityReport> {
-    let kept = options.cache.map(Kept::open).transpose()?;
+    let kept = options.cache.map(SimulationCache::open).transpose()?;
     progress("reading", 0.0);
     set.check_light_unit()?;
     let mut both = Both::read([set, set], [RecordingPart::Whole; 2], options.readout_selection)?;

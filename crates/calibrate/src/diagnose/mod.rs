@@ -9,11 +9,11 @@
 //! can absorb a spatial effect. One simulation serves both temporal and spatial statistics.
 
 mod answer;
+mod cache;
 mod detectability;
 mod events;
 mod fit;
 mod given;
-mod kept;
 mod lab;
 mod null;
 mod protocol;
@@ -27,9 +27,9 @@ pub use answer::diagnosis::{
     DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, LimitTest, Parameter, ParameterMismatch,
     ReportData, UnexplainedStatistic, Verdict,
 };
+pub use answer::figures::RateResidual;
+pub use answer::figures::{NamedCurve, SetPlots};
 pub use answer::page::write_diagnosis;
-pub use answer::pictures::{NamedCurve, SetPlots};
-pub use answer::rates::RateResidual;
 pub use lab::fault::{Fault, FaultKind};
 pub use null::first_look::PreliminaryResult;
 pub use null::nameable::DETECTION_SCORE;
@@ -42,12 +42,12 @@ pub use run::{DiagnoseOptions, diagnose};
 
 pub use detectability::{DetectabilityReport, detectability};
 pub use search::round::EliminationReason;
-pub use statistics::entry::DiagnosticStatistic;
+pub use statistics::vector::DiagnosticStatistic;
 
 /// Returns the published model with the size and the rate of a set: the initial model of a diagnosis.
 ///
 /// # Errors
 /// Never in practice: the model is built in.
 pub fn published_camera(setup: &Setup) -> spikelane::error::Result<spikelane::effects::Camera> {
-    sensors::published::published(setup)
+    sensors::model::published(setup)
 }

@@ -6,29 +6,29 @@ use std::time::Instant;
 use nalgebra::DVector;
 
 use crate::ProgressCallback;
-use crate::diagnose::answer::caution::cautious;
 use crate::diagnose::answer::diagnosis::Diagnosis;
-use crate::diagnose::answer::notes::of_the_sets;
+use crate::diagnose::answer::figures::rate_residuals;
+use crate::diagnose::answer::figures::set_plots;
 use crate::diagnose::answer::outcome::outcome;
-use crate::diagnose::answer::pictures::pictures;
-use crate::diagnose::answer::rates::rate_residuals;
-use crate::diagnose::events::located::Events;
+use crate::diagnose::answer::qualifications::qualify;
+use crate::diagnose::answer::qualifications::set_notes;
+use crate::diagnose::cache::folder::SimulationCache;
+use crate::diagnose::events::locations::Events;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::given::about::Provenance;
 use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::{Both, Taken};
-use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::null::first_look::{First, PreliminaryResult};
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::null::simulated::Begun;
-use crate::diagnose::protocol::agreement::{poor, same_protocol};
 use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
+use crate::diagnose::protocol::recorded_set::{check_sufficient, same_protocol};
 use crate::diagnose::search::context::{Case, Judge};
 use crate::diagnose::search::own_numbers::rebased;
 use crate::diagnose::search::search::{Found, search};
 use crate::diagnose::search::with_line::with_line;
-use crate::diagnose::sensors::published::published;
+use crate::diagnose::sensors::model::published;
 use crate::{self as calibrate, RecordingSet, Stimulus, StimulusPattern};
 use spikelane::effects::{Camera, Catalog, Maps, start_phase};
 use spikelane::error::Result;
@@ -104,7 +104,7 @@ pub fn diagnose_with_preliminary(
     };
     let sets = [set, holdout.unwrap_or(set)];
     let held_out = Held { second_set: holdout.is_some(), alone };
-    let kept = options.cache.map(Kept::open).transpose()?;
+    let kept = options.cache.map(SimulationCache::open).transpose()?;
     progress("reading", 0.0);
     if options.null_model.is_none() {
         [Some(set), holdout].into_iter().flatten().try_for_each(RecordingSet::check_light_unit)?;
@@ -113,7 +113,7 @@ pub fn diagnose_with_preliminary(
         Some(reference) => shared(sets, parts, held_out, reference, options, progress)?,
         None => by_itself(sets, parts, held_out, options, kept.as_ref(), progress, on_preliminary)?,
     };
-    diagnosis.cache_counts = kept.map(|kept| [kept.found(), kept.made()]);
+    diagnosis.cache_counts = kept.map(|kept| [kept.hit_count(), kept.miss_count()]);
     diagnosis.seconds = start.elapsed().as_secs_f64();
     Ok(diagnosis)
 }
@@ -144,7 +144,7 @@ fn shared(
     let [fitted, judging] = [0, 1].map(|i| Taken::of(sets[i], parts[i], options.readout_selection, &[]));
     let both =
         Both { fitted: fitted?, judging: judging?, aside: Vec::new(), begun_over: None, faults: Vec::new() };
-    poor(&both.fitted.setup, options.camera.is_some())?;
+    check_sufficient(&both.fitted.setup, options.camera.is_some())?;
     same_protocol(&both.fitted.setup, &both.judging.setup)?;
     same_protocol(&both.fitted.setup, &reference.setup)?;
     let given = Given::of(&both, parts, held_out).shifted(reference);
@@ -159,7 +159,7 @@ fn by_itself(
     parts: [RecordingPart; 2],
     held_out: Held,
     options: DiagnoseOptions<'_>,
-    kept: Option<&Kept>,
+    kept: Option<&SimulationCache>,
     progress: ProgressCallback<'_>,
     first: &mut dyn FnMut(&PreliminaryResult),
 ) -> Result<Diagnosis> {
@@ -177,7 +177,7 @@ fn by_itself(
         base_parameters: base.map_or_else(Vec::new, |b| b.numbers.clone()),
         ..description.clone()
     };
-    if let Err(why) = poor(&both.fitted.setup, options.camera.is_some()) {
+    if let Err(why) = check_sufficient(&both.fitted.setup, options.camera.is_some()) {
         if both.faults.is_empty() {
             return Err(why);
         }
@@ -206,7 +206,7 @@ fn by_itself(
     let found = given.sets().searched(&reference, &base.camera, progress)?;
     let own = options.camera.map(|_| &base.camera);
     let mut diagnosis = given.said(&reference, found, own, progress)?;
-    cautious(&mut diagnosis, &reference);
+    qualify(&mut diagnosis, &reference);
     restore(&mut diagnosis.camera, options.camera)?;
     let base = if moved { base.fitted(&reference.model.camera)? } else { base };
     diagnosis.provenance = Some(about(Some(&base)));
@@ -308,9 +308,9 @@ impl<'a> Given<'a> {
         let last = (&found.fit.model, found.fit.u.as_slice());
         let fitted = &self.both.fitted;
         diagnosis.rates = rate_residuals(reference, &found, &self.data, &fitted.measured.scans);
-        diagnosis.traces.plots = pictures(reference, &fitted.set, &fitted.measured.scans, last)?;
+        diagnosis.traces.plots = set_plots(reference, &fitted.set, &fitted.measured.scans, last)?;
         let Held { second_set, alone } = self.held_out;
-        diagnosis.notes.extend(of_the_sets(&fitted.setup, &self.both.aside, second_set, alone));
+        diagnosis.notes.extend(set_notes(&fitted.setup, &self.both.aside, second_set, alone));
         diagnosis.faults.clone_from(&self.both.faults);
         Ok(diagnosis)
     }

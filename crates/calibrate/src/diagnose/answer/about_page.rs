@@ -1,12 +1,12 @@
-//! The part of the report's page that says what was judged, from which numbers, and how it was made.
+//! Sections of the report about the recordings, the initial model, the terms and the command.
 
 use super::diagnosis::Diagnosis;
-use super::words::rounded;
+use super::page::format_value;
 use crate::diagnose::given::about::Provenance;
 use crate::diagnose::given::base_model::{BaseParameter, NumberSource};
 use spikelane_measure::report::{PageElement, Table};
 
-/// Terms of the tables and plots, each with a line.
+/// Terms of the tables and plots, with their definitions.
 const TERMS: [(&str, &str); 17] = [
     (
         "discrepancy",
@@ -69,8 +69,8 @@ const TERMS: [(&str, &str); 17] = [
     ),
 ];
 
-/// The sets and the numbers that the search began with.
-pub(super) fn judged(about: &Provenance) -> Vec<PageElement> {
+/// Returns the sections about the recordings and the initial parameters.
+pub(super) fn recording_sections(about: &Provenance) -> Vec<PageElement> {
     let mut parts = vec![PageElement::heading("Recordings and camera")];
     let mut set = Table::new(&["", ""]);
     let mut row = |name: &str, value: String| set.push_row([name.to_owned(), value]);
@@ -79,7 +79,7 @@ pub(super) fn judged(about: &Provenance) -> Vec<PageElement> {
     description.for_each(|(title, text)| row(title, text));
     row("pixels", format!("{} x {}", about.width, about.height));
     row("readouts per second", format!("{}", about.readout_hz));
-    // Without a number nothing was judged.
+    // Without parameters of an initial model, no recording was judged.
     let judged = !about.base_parameters.is_empty();
     if judged {
         row("held-out recordings", about.held_out.clone());
@@ -115,15 +115,15 @@ fn numbers(all: &[BaseParameter]) -> Table {
             NumberSource::Fitted => "a fit that started from the published model",
             NumberSource::Camera => "the camera file",
         };
-        // Both to two digits of the error.
-        let error = n.error.map_or_else(String::new, |e| rounded(e, -e, e));
-        let value = n.error.map_or_else(|| format!("{:.5}", n.value), |e| rounded(n.value, -e, e));
+        // The error has two significant digits, and the value has the same number of decimals.
+        let error = n.error.map_or_else(String::new, |e| format_value(e, -e, e));
+        let value = n.error.map_or_else(|| format!("{:.5}", n.value), |e| format_value(n.value, -e, e));
         table.push_row([n.parameter.clone(), value, error, n.unit.to_owned(), source.to_owned()]);
     }
     table
 }
 
-/// A line for each term that the page uses.
+/// Returns the definitions of the terms that the page uses.
 pub(super) fn glossary(d: &Diagnosis) -> Table {
     let used = |term: &str| {
         let statistics = d.traces.deviations.iter().map(|s| s.0.as_str());
@@ -135,8 +135,8 @@ pub(super) fn glossary(d: &Diagnosis) -> Table {
     table
 }
 
-/// What was typed, and when.
-pub(super) fn made(about: &Provenance) -> Vec<PageElement> {
+/// Returns the command and the date.
+pub(super) fn command_section(about: &Provenance) -> Vec<PageElement> {
     let command = about.command.iter().map(|c| format!("Command: {c}"));
     let date = about.date.iter().map(|d| format!("Date: {d} (UTC)"));
     let lines: Vec<String> = command.chain(date).collect();

@@ -1,12 +1,10 @@
-//! The words in which a diagnosis is given.
+//! The result of a diagnosis.
 
-use serde::Serialize;
-
-use super::pictures::SetPlots;
-use super::rates::RateResidual;
+use super::figures::{RateResidual, SetPlots};
 use crate::diagnose::given::about::Provenance;
 use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::search::round::{EliminationReason, Step};
+use serde::Serialize;
 use spikelane::effects::Camera;
 
 /// The verdict of a diagnosis.
@@ -51,7 +49,7 @@ pub struct FoundEffect {
     pub is_tentative: bool,
     /// The evidence for the effect in words.
     pub evidence: String,
-    /// The step of which that tells.
+    /// The step that `evidence` describes.
     #[serde(skip)]
     pub(in crate::diagnose) step: Option<Step>,
 }
@@ -219,7 +217,7 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Of sets that are at fault in so much that nothing can be said of the camera.
+    /// Returns the result for sets with so many faults that no diagnosis is possible.
     pub(in crate::diagnose) fn stopped(faults: Vec<Fault>, camera: Camera) -> Self {
         Self {
             verdict: Verdict::Unknown,

@@ -1,13 +1,9 @@
-//! What is said of a set, and the page that shows it.
+//! The result of a diagnosis, its qualifications, and the report.
 
 mod about_page;
-pub(super) mod caution;
 pub(super) mod diagnosis;
-pub(super) mod next_recording;
-pub(super) mod notes;
+pub(super) mod figures;
 pub(super) mod outcome;
 pub(super) mod page;
-pub(super) mod pictures;
-pub(super) mod pictures_page;
-pub(super) mod rates;
-mod words;
+pub(super) mod qualifications;
+pub(super) mod recommended_recordings;

@@ -1,11 +1,11 @@
-//! From a search's end to what is said of it.
+//! Conversion of the result of a search to a diagnosis.
 
 use super::diagnosis::{
     DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, LimitTest, Parameter, ParameterMismatch,
     ReportData, UnexplainedStatistic, Verdict,
 };
-use super::next_recording::settle;
-use super::notes::{open, unjudged};
+use super::qualifications::{open_discrepancy_note, untested_note};
+use super::recommended_recordings::recommended_recordings;
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
 use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::found_lamps::LampPosterior;
@@ -15,31 +15,33 @@ use crate::diagnose::given::about::words;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::search::alarm::values_and_limits;
 use crate::diagnose::search::contradicted::{Contradicted, contradicted};
-use crate::diagnose::search::round::tied;
-use crate::diagnose::search::round::{Round, kept};
+use crate::diagnose::search::round::{Round, kept, tied};
 use crate::diagnose::search::search::Found;
 use crate::diagnose::sensors::model::Lamp;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 
-/// Share of the first excess that all names together must explain where something is left: what the catalog holds
-/// leaves a few per cent at most, and a name that stands in for something else leaves a fifth.
-const WHOLE: f64 = 0.95;
+/// Smallest share of the initial excess that the model must explain if a significant discrepancy remains. Below it,
+/// all names are tentative. True effects leave a few percent at most, and wrong ones were measured to leave 20 %.
+const MIN_EXPLAINED_SHARE: f64 = 0.95;
 
-/// Misfit left, over what sensors of the final model have, from which on that model is a stranger to the data: three deviations of how many
-/// events a recording holds, which is what its own sensors differ by.
-const STRANGE: f64 = 10.0;
+/// Remaining discrepancy, divided by the noise floor, above which the model does not describe the data. The floor of a
+/// model with random events deviates by up to three standard deviations of the number of events.
+const MAX_FLOORS: f64 = 10.0;
 
-/// The same for a model that leaves more than a hundredth of what there was: what the catalog holds left that much of strong effects
-/// or that many times the gap of its own sensors, never both.
-const POOR: (f64, f64) = (3.0, 0.99);
+/// Largest remaining discrepancy, divided by the noise floor, of a model that explains less than [`COMPLETE_SHARE`] of
+/// the initial excess. Models with the true effects were measured to violate at most one of both limits.
+const INCOMPLETE_MAX_FLOORS: f64 = 3.0;
 
-/// Share by which a base number moves beside the effects from which on its derivative says nothing of it: row noise of 20 mV, which is not
-/// in the camera, makes its threshold noise 3.6 times what it is, its thresholds' spread 0.37, and the light's noise a fifth.
-const GAVE_WAY: f64 = 0.45;
+/// Share of the initial excess above which a model may exceed [`INCOMPLETE_MAX_FLOORS`].
+const COMPLETE_SHARE: f64 = 0.99;
 
-/// Relative deviation below which a known number is not worth a word.
-const WORTH: f64 = 0.02;
+/// Relative change of a base parameter, caused by added effects, above which its linear derivative is not valid.
+/// Strong row noise was measured to change base parameters by factors of 0.2 to 3.6.
+const MAX_BASE_CHANGE: f64 = 0.45;
+
+/// Smallest relative deviation of a parameter that is reported.
+const MIN_MISMATCH: f64 = 0.02;
 
 pub(in crate::diagnose) fn outcome(
     fitter: Fitter<'_>,
@@ -48,7 +50,7 @@ pub(in crate::diagnose) fn outcome(
 ) -> Result<Diagnosis> {
     let Fitter { reference, data } = fitter;
     let off = data - &found.own.mean;
-    // The last, small step that the linear fit still asks for.
+    // The linear fit still predicts a small step. It is used if it reduces the cost.
     for mut bounds in [found.fit.bounds(), found.fit.bounds_of_effects()] {
         for (bound, deviation) in bounds.iter_mut().zip(&found.own.deviations) {
             (bound.low, bound.high) = (bound.low.max(-2.0 * deviation), bound.high.min(2.0 * deviation));
@@ -61,68 +63,62 @@ pub(in crate::diagnose) fn outcome(
         }
     }
     let interval = |j: usize| parameter(found, j);
-    let left = allowing(reference, &found.fit.events)?.square(&(data - &found.fit.mean));
-    let whole = (found.train[0] - left) / (found.train[0] - found.own.allowed_floor).max(1.0);
-    let strange = strange(&found.train, found.own.floor);
-    let (mut effects, mut misfits) = (Vec::new(), Vec::new());
+    let remaining = allowing(reference, &found.fit.events)?.square(&(data - &found.fit.mean));
+    let explained_share = (found.train[0] - remaining) / (found.train[0] - found.own.allowed_floor).max(1.0);
+    let is_inadequate = is_inadequate(&found.train, found.own.floor);
+    let (mut effects, mut mismatches) = (Vec::new(), Vec::new());
     for (i, (effect, _)) in found.fit.effects.iter().enumerate() {
         let name = effect.name;
         let round = kept(&found.rounds, name);
         let parameters: Vec<Parameter> = found.fit.knobs_of(i).map(interval).collect();
-        let tied_with = ties(round);
+        let ambiguous_with = ambiguous_names(round);
         let share = round.map_or(0.0, |r| r.share);
-        let faint = round.is_some_and(|r| r.faint);
-        let resembles = faint || (found.left && (share < 0.5 || whole < WHOLE || strange));
-        // A number of the base model that only resembles what is there is no wrong number.
+        let is_faint = round.is_some_and(|r| r.faint);
+        let is_tentative = is_faint
+            || (found.left && (share < 0.5 || explained_share < MIN_EXPLAINED_SHARE || is_inadequate));
+        // If the name of a base parameter is tentative, its fitted value is not evidence of a mismatch.
         if effect.is_base_model
-            && !resembles
+            && !is_tentative
             && let Some(p) = parameters.first()
         {
             let knob = found.fit.model.knobs[found.fit.knobs_of(i).start];
-            misfits.push(ParameterMismatch {
+            mismatches.push(ParameterMismatch {
                 parameter: format!("{name}.{}", p.name),
                 model_value: knob.value(0.0),
                 fitted_value: p.value,
                 low: p.low,
                 high: p.high,
-                ambiguous_with: tied_with,
+                ambiguous_with,
             });
             continue;
         }
         let evidence = round.map_or_else(String::new, |r| r.evidence.clone())
-            + &found.fit.located.words(effect, &reference.setup.recordings);
+            + &found.fit.located.describe(effect, &reference.setup.recordings);
         let step = round.and_then(|r| r.step);
-        effects.push(FoundEffect {
-            name,
-            parameters,
-            ambiguous_with: tied_with,
-            is_tentative: resembles,
-            evidence,
-            step,
-        });
+        effects.push(FoundEffect { name, parameters, ambiguous_with, is_tentative, evidence, step });
     }
     let mut notes = Vec::new();
-    let wrong = given.map_or_else(Vec::new, |given| base_misfits(reference, found, data, given));
-    if !found.gave_way(reference) {
-        misfits.extend(wrong);
-    } else if !wrong.is_empty() {
-        notes.push(unjudged(&wrong));
+    let contradictions = given.map_or_else(Vec::new, |given| base_mismatches(reference, found, data, given));
+    if !found.has_disturbed_base(reference) {
+        mismatches.extend(contradictions);
+    } else if !contradictions.is_empty() {
+        notes.push(untested_note(&contradictions));
     }
-    let named = !misfits.is_empty() || effects.iter().any(|e| !e.is_tentative);
-    let gap = Discrepancy {
+    let is_named = !mismatches.is_empty() || effects.iter().any(|e| !e.is_tentative);
+    let discrepancy = Discrepancy {
         fitted_set: found.train.clone(),
         held_out_set: found.heldout.clone(),
         noise_floor: found.own.floor,
         noise_floor_sd: found.own.floor_sd,
     };
-    let verdict = match (found.left, named) {
-        (false, true) if gap.is_within_limit() => Verdict::Explained,
+    let verdict = match (found.left, is_named) {
+        (false, true) if discrepancy.is_within_limit() => Verdict::Explained,
         (false, false) => Verdict::Agrees,
         (_, true) => Verdict::PartlyExplained,
         (true, false) => Verdict::Unknown,
     };
     if !found.left && verdict == Verdict::PartlyExplained {
-        notes.push(open(&gap));
+        notes.push(open_discrepancy_note(&discrepancy));
     }
     let sample = found.fit.model.sample(&found.fit.u, &[], reference.setup.recordings.len())?;
     let mut camera = sample.camera;
@@ -133,19 +129,19 @@ pub(in crate::diagnose) fn outcome(
         faults: Vec::new(),
         provenance: None,
         effects,
-        lamps: lamps(reference, found, &(data - &found.own.mean), &misfits),
-        parameter_mismatches: misfits,
+        lamps: lamps(reference, found, &(data - &found.own.mean), &mismatches),
+        parameter_mismatches: mismatches,
         rates: Vec::new(),
         unexplained: match verdict {
-            _ if found.left => unknown(reference, found, &(data - &found.own.mean)),
-            // No single statistic is beyond its limit; these are what the gap of the held-out set comes from.
-            Verdict::PartlyExplained => unknown(reference, found, &found.off),
+            _ if found.left => unexplained_statistics(reference, found, &(data - &found.own.mean)),
+            // No single statistic exceeds its limit. These statistics contribute most to the held-out discrepancy.
+            Verdict::PartlyExplained => unexplained_statistics(reference, found, &found.off),
             _ => Vec::new(),
         },
         notes,
-        discrepancy: gap,
+        discrepancy,
         tests: limit_tests(reference, found, data),
-        recommended_recordings: settle(reference, &found.rounds),
+        recommended_recordings: recommended_recordings(reference, &found.rounds),
         undetectable: reference.not_testable(),
         seconds: 0.0,
         cache_counts: None,
@@ -154,24 +150,27 @@ pub(in crate::diagnose) fn outcome(
     })
 }
 
-/// Whether a model whose own sensors have the gap `floor` is a stranger to data that it brought from the first gap to the last.
-fn strange(gaps: &[f64], floor: f64) -> bool {
+/// Returns whether a model does not describe the data. `gaps` are the discrepancies after each step, and `floor` is
+/// the noise floor of the model.
+fn is_inadequate(gaps: &[f64], floor: f64) -> bool {
     let [first, .., last] = gaps else { return false };
     let explained = (first - last) / (first - floor).max(1.0);
-    *last > STRANGE * floor || (*last > POOR.0 * floor && explained < POOR.1)
+    *last > MAX_FLOORS * floor || (*last > INCOMPLETE_MAX_FLOORS * floor && explained < COMPLETE_SHARE)
 }
 
 impl Found {
-    /// Whether the base model's numbers, or what they move, were others before the effects were known than what they are beside these.
-    /// In maps nothing strays from readout to readout, and the camera's numbers stay as they were given.
-    fn gave_way(&self, reference: &NullModel) -> bool {
+    /// Returns whether the added effects change the base parameters, or the noise, so strongly that the base
+    /// parameters are not determined.
+    ///
+    /// Rate maps contain no temporal noise, and the base parameters of such sets remain unchanged.
+    fn has_disturbed_base(&self, reference: &NullModel) -> bool {
         let mut numbers = self.fit.u[..self.fit.base_knobs()].iter().zip(&self.own.deviations);
-        let far = numbers.any(|(u, deviation)| u.abs() > GAVE_WAY.max(3.0 * deviation));
-        !self.fit.effects.is_empty() && !reference.setup.has_rate_maps && (far || self.fit.is_noisy())
+        let is_changed = numbers.any(|(u, deviation)| u.abs() > MAX_BASE_CHANGE.max(3.0 * deviation));
+        !self.fit.effects.is_empty() && !reference.setup.has_rate_maps && (is_changed || self.fit.is_noisy())
     }
 
-    /// What the data say of a number. Of the base model's, what they say alone: that it was calibrated is no evidence against the
-    /// calibration.
+    /// Returns the standard deviation of knob `j`. For a base parameter, the prior of the calibration is excluded,
+    /// because it is not evidence about the calibration itself.
     fn deviation(&self, j: usize) -> f64 {
         let deviation = self.own.deviations[j];
         if j < self.fit.base_knobs() { of_data(deviation) } else { deviation }
@@ -249,12 +248,12 @@ fn limit_tests(reference: &NullModel, found: &Found, data: &nalgebra::DVector<f6
     (0..QUANTITIES.len()).map(test).collect()
 }
 
-fn ties(round: Option<&Round>) -> Vec<&'static str> {
+fn ambiguous_names(round: Option<&Round>) -> Vec<&'static str> {
     round.map_or_else(Vec::new, |r| tied(r).into_iter().map(|e| e.name).collect())
 }
 
-/// Numbers of the given camera that the data contradict.
-fn base_misfits(
+/// Returns the parameters of the given camera that the data contradict.
+fn base_mismatches(
     reference: &NullModel,
     found: &Found,
     data: &nalgebra::DVector<f64>,
@@ -262,7 +261,7 @@ fn base_misfits(
 ) -> Vec<ParameterMismatch> {
     let knobs = &reference.model.knobs;
     let places = reference.model.places_in(given);
-    let misfit = |c: &Contradicted| {
+    let mismatch = |c: &Contradicted| {
         let knob = knobs[c.number];
         let p = parameter_at(found, c.number, c.position, c.deviation);
         ParameterMismatch {
@@ -274,13 +273,18 @@ fn base_misfits(
             ambiguous_with: c.tied.iter().take(2).map(|j| knobs[*j].effect.name).collect(),
         }
     };
-    let worth = |m: &ParameterMismatch| (m.fitted_value - m.model_value).abs() > WORTH * m.model_value.abs();
+    let is_reported =
+        |m: &ParameterMismatch| (m.fitted_value - m.model_value).abs() > MIN_MISMATCH * m.model_value.abs();
     let off = data - &found.fit.mean;
-    contradicted(found, &reference.missed, &off, &places).iter().map(misfit).filter(worth).collect()
+    contradicted(found, &reference.missed, &off, &places).iter().map(mismatch).filter(is_reported).collect()
 }
 
-/// The recordings and statistics that are furthest off.
-fn unknown(reference: &NullModel, found: &Found, off: &nalgebra::DVector<f64>) -> Vec<UnexplainedStatistic> {
+/// Returns the statistics with the largest deviations.
+fn unexplained_statistics(
+    reference: &NullModel,
+    found: &Found,
+    off: &nalgebra::DVector<f64>,
+) -> Vec<UnexplainedStatistic> {
     let scores = found.own.metric.scores(off);
     let mut order: Vec<usize> = (0..scores.len()).collect();
     order.sort_by(|a, b| scores[*b].abs().total_cmp(&scores[*a].abs()));
@@ -310,14 +314,14 @@ fn traces(reference: &NullModel, found: &Found, data: &nalgebra::DVector<f64>) -
 
 #[cfg(test)]
 mod tests {
-    use super::strange;
+    use super::is_inadequate;
 
     #[test]
-    fn a_model_is_a_stranger_where_it_leaves_much_in_its_own_terms_and_in_the_datas() {
-        assert!(!strange(&[1000.0], 10.0), "nothing was added");
-        assert!(strange(&[1e6, 3e4, 2100.0], 200.0), "ten times its own gap");
-        assert!(!strange(&[1e6, 1500.0], 200.0), "a thousandth is left");
-        assert!(strange(&[1e6, 6e4], 15e3), "four times its own gap, and a twentieth");
-        assert!(!strange(&[1e4, 500.0], 200.0), "a twentieth, but hardly more than its own gap");
+    fn a_model_is_inadequate_if_a_large_discrepancy_remains() {
+        assert!(!is_inadequate(&[1000.0], 10.0), "nothing was added");
+        assert!(is_inadequate(&[1e6, 3e4, 2100.0], 200.0), "ten times its own gap");
+        assert!(!is_inadequate(&[1e6, 1500.0], 200.0), "a thousandth is left");
+        assert!(is_inadequate(&[1e6, 6e4], 15e3), "four times its own gap, and a twentieth");
+        assert!(!is_inadequate(&[1e4, 500.0], 200.0), "a twentieth, but hardly more than its own gap");
     }
 }

@@ -1,19 +1,23 @@
-//! The report: one page, and its files.
+//! The report and the other files of a diagnosis.
 
 use std::path::Path;
 
-use serde_json::Value;
-
-use super::about_page::{glossary, judged, made};
+use super::about_page::{command_section, glossary, recording_sections};
 use super::diagnosis::{Diagnosis, Discrepancy, Verdict};
-use super::pictures_page::seen;
-use super::rates::rate_figures;
-use super::words::{interval, rounded};
+use super::figures::{plot_sections, rate_figures};
 use crate::diagnose::search::round::EliminationReason;
+use serde_json::Value;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets;
 use spikelane_io::storage::FileGroup;
 use spikelane_measure::report::{PageElement, RankedRow, Table, page as render, ranked_bar_plot};
+
+/// Number of statistics in the plot of the largest deviations.
+const MAX_SHOWN_DEVIATIONS: usize = 24;
+
+/// Number of standard deviations that some statistic of a sensor without missing effects exceeds with a probability of
+/// 0.001.
+const DEVIATION_LIMIT: f64 = 5.0;
 
 /// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`, and returns the diagnosis as
 /// JSON. Either all files are written or none.
@@ -35,44 +39,44 @@ pub fn write_diagnosis(diagnosis: &Diagnosis, folder: &Path, force: bool) -> Res
     Ok(value)
 }
 
-/// The page of a diagnosis.
+/// Returns the report as an HTML page.
 ///
 /// # Errors
-/// When a plot cannot be made.
+/// If a plot cannot be drawn.
 pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
-    let mut parts = vec![PageElement::text(sentence(diagnosis))];
+    let mut parts = vec![PageElement::text(summary(diagnosis))];
     parts.extend(limit_tests(diagnosis));
     parts.extend(faults(diagnosis));
-    parts.extend(named(diagnosis));
+    parts.extend(findings(diagnosis));
     if !diagnosis.recommended_recordings.is_empty() {
         parts.push(PageElement::heading("Recordings that would distinguish ambiguous effects"));
         parts.push(PageElement::List { items: diagnosis.recommended_recordings.clone() });
     }
     parts.extend(lamps(diagnosis));
-    parts.extend(diagnosis.provenance.iter().flat_map(judged));
+    parts.extend(diagnosis.provenance.iter().flat_map(recording_sections));
     if !diagnosis.notes.is_empty() {
         parts.push(PageElement::heading("Notes"));
         parts.push(PageElement::List { items: diagnosis.notes.clone() });
     }
-    // Where nothing was searched for there is nothing to plot.
+    // Without a search there are no data to plot.
     if !diagnosis.discrepancy.held_out_set.is_empty() {
         parts.extend(rate_figures(&diagnosis.rates, diagnosis.discrepancy.fitted_set.len() > 1)?);
         parts.push(PageElement::heading("Deviations of the recordings from the model"));
-        parts.extend(disagreements(diagnosis)?);
+        parts.extend(deviations_section(diagnosis)?);
         parts.push(PageElement::heading("Discrepancy after each step"));
-        parts.extend(gap(diagnosis)?);
+        parts.extend(discrepancy_section(diagnosis)?);
         parts.extend(tournament(diagnosis)?);
-        parts.extend(seen(&diagnosis.traces.plots, diagnosis.discrepancy.fitted_set.len() > 1)?);
+        parts.extend(plot_sections(&diagnosis.traces.plots, diagnosis.discrepancy.fitted_set.len() > 1)?);
         parts.push(PageElement::heading("Effects that this recording set cannot reveal"));
-        parts.push(PageElement::text(unseen(diagnosis)));
+        parts.push(PageElement::text(undetectable_text(diagnosis)));
         parts.push(PageElement::heading("Terms"));
         parts.push(PageElement::Table(glossary(diagnosis)));
     }
-    parts.extend(diagnosis.provenance.iter().flat_map(made));
+    parts.extend(diagnosis.provenance.iter().flat_map(command_section));
     Ok(render("Diagnosis", &parts))
 }
 
-/// The values behind the verdict, each with its limit.
+/// Returns the values behind the verdict, each with its limit.
 fn limit_tests(d: &Diagnosis) -> Vec<PageElement> {
     if d.tests.is_empty() {
         return Vec::new();
@@ -92,7 +96,7 @@ fn limit_tests(d: &Diagnosis) -> Vec<PageElement> {
     vec![PageElement::Table(table), PageElement::text(TEXT)]
 }
 
-/// What is wrong in the laboratory stands above everything.
+/// Returns the faults, which precede all results.
 fn faults(d: &Diagnosis) -> Vec<PageElement> {
     if d.faults.is_empty() {
         return Vec::new();
@@ -101,8 +105,8 @@ fn faults(d: &Diagnosis) -> Vec<PageElement> {
     vec![PageElement::heading("Faults of the recordings"), PageElement::List { items }]
 }
 
-/// What the set cannot show, in words that fit what it is.
-pub(in crate::diagnose) fn unseen(d: &Diagnosis) -> String {
+/// Describes the effects that the set cannot show.
+pub(in crate::diagnose) fn undetectable_text(d: &Diagnosis) -> String {
     if d.undetectable.is_empty() {
         "Each effect of the catalog is detectable at the maximum of its range. The detectability analysis estimates the smallest detectable strength for this recording set.".to_owned()
     } else {
@@ -113,7 +117,7 @@ pub(in crate::diagnose) fn unseen(d: &Diagnosis) -> String {
     }
 }
 
-fn sentence(d: &Diagnosis) -> String {
+fn summary(d: &Diagnosis) -> String {
     let effects: Vec<String> = d
         .effects
         .iter()
@@ -126,7 +130,7 @@ fn sentence(d: &Diagnosis) -> String {
             format!("{}{}{ties}", if e.is_tentative { "an effect that resembles " } else { "" }, e.name)
         })
         .chain(d.parameter_mismatches.iter().map(|m| {
-            let [fitted, model] = [m.fitted_value, m.model_value].map(|x| rounded(x, m.low, m.high));
+            let [fitted, model] = [m.fitted_value, m.model_value].map(|x| format_value(x, m.low, m.high));
             format!("a different value of {} ({fitted} instead of {model})", m.parameter)
         }))
         .collect();
@@ -161,7 +165,7 @@ fn sentence(d: &Diagnosis) -> String {
     }
 }
 
-fn named(d: &Diagnosis) -> Vec<PageElement> {
+fn findings(d: &Diagnosis) -> Vec<PageElement> {
     let mut table =
         Table::new(&["effect", "parameter", "value", "95 % interval", "ambiguous with", "evidence"]);
     for e in &d.effects {
@@ -174,20 +178,20 @@ fn named(d: &Diagnosis) -> Vec<PageElement> {
             table.push_row([
                 name,
                 p.name,
-                &rounded(p.value, p.low, p.high),
-                &interval(p.low, p.high),
+                &format_value(p.value, p.low, p.high),
+                &format_interval(p.low, p.high),
                 &ties,
                 evidence,
             ]);
         }
     }
     for m in &d.parameter_mismatches {
-        let note = format!("the model has {}", rounded(m.model_value, m.low, m.high));
+        let note = format!("the model has {}", format_value(m.model_value, m.low, m.high));
         table.push_row([
             "mismatch",
             &m.parameter,
-            &rounded(m.fitted_value, m.low, m.high),
-            &interval(m.low, m.high),
+            &format_value(m.fitted_value, m.low, m.high),
+            &format_interval(m.low, m.high),
             &m.ambiguous_with.join(", "),
             &note,
         ]);
@@ -197,14 +201,14 @@ fn named(d: &Diagnosis) -> Vec<PageElement> {
         parts.push(PageElement::Table(table));
     }
     if !d.unexplained.is_empty() {
-        let mut left = Table::new(&["unexplained statistic", "standard deviations"]);
-        d.unexplained.iter().for_each(|u| left.push_row([u.r#where.clone(), format!("{:.1}", u.z)]));
-        parts.push(PageElement::Table(left));
+        let mut statistics = Table::new(&["unexplained statistic", "standard deviations"]);
+        d.unexplained.iter().for_each(|u| statistics.push_row([u.r#where.clone(), format!("{:.1}", u.z)]));
+        parts.push(PageElement::Table(statistics));
     }
     parts
 }
 
-/// The light of the recordings: a row for each lamp.
+/// Returns a table with one row for each lamp.
 fn lamps(d: &Diagnosis) -> Vec<PageElement> {
     let Some(first) = d.lamps.first() else { return Vec::new() };
     let moved: Vec<String> = first.impacts.iter().map(|i| format!("moves {} by", i.parameter)).collect();
@@ -228,20 +232,22 @@ fn lamps(d: &Diagnosis) -> Vec<PageElement> {
     vec![PageElement::heading("Light of the recordings"), PageElement::text(TEXT), PageElement::Table(table)]
 }
 
-fn gap(d: &Diagnosis) -> Result<Vec<PageElement>> {
+fn discrepancy_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
     const MEASURE: &str =
         "the squared distance of the statistics from the model, without the directions that calibration fits";
     let Discrepancy {
-        fitted_set: train,
-        held_out_set: heldout,
+        fitted_set: fitted_values,
+        held_out_set: held_out_values,
         noise_floor: floor,
         noise_floor_sd: floor_sd,
     } = &d.discrepancy;
     let held_out = d.discrepancy.is_held_out();
-    // One bar beside no other says no more than its number.
-    if let ([fitted], [judging]) = (train.as_slice(), heldout.as_slice()) {
+    // A single bar would show no more than its number.
+    if let ([fitted], [held_out_value]) = (fitted_values.as_slice(), held_out_values.as_slice()) {
         let values = if held_out {
-            format!("{fitted:.0} for the fitted recordings and {judging:.0} for the held-out recordings")
+            format!(
+                "{fitted:.0} for the fitted recordings and {held_out_value:.0} for the held-out recordings"
+            )
         } else {
             format!("{fitted:.0}")
         };
@@ -249,19 +255,20 @@ fn gap(d: &Diagnosis) -> Result<Vec<PageElement>> {
             "No effect was added. The discrepancy, {MEASURE}, is {values}. The noise floor, which is the discrepancy of simulated sensors of the model, is {floor:.0} with a standard deviation of {floor_sd:.0}."
         ))]);
     }
-    let (sets, whose): (&[&str], _) = if held_out {
+    let (sets, recordings): (&[&str], _) = if held_out {
         (&["fitted recordings", "held-out recordings"], "of the held-out recordings")
     } else {
         (&["recordings"], "of these recordings")
     };
     let row = |(name, (a, b)): (&String, (&f64, &f64))| {
         let values = if held_out { vec![*a, *b] } else { vec![*a] };
-        let said: Vec<String> = values.iter().map(|v| format!("{v:.0}")).collect();
-        RankedRow { name: format!("{name}: {}", said.join(", ")), values }
+        let texts: Vec<String> = values.iter().map(|v| format!("{v:.0}")).collect();
+        RankedRow { name: format!("{name}: {}", texts.join(", ")), values }
     };
     let rows: Vec<RankedRow> =
-        d.traces.discrepancy_labels.iter().zip(train.iter().zip(heldout)).map(row).collect();
-    let [first, last] = [heldout.first(), heldout.last()].map(|v| v.copied().unwrap_or_default());
+        d.traces.discrepancy_labels.iter().zip(fitted_values.iter().zip(held_out_values)).map(row).collect();
+    let [first, last] =
+        [held_out_values.first(), held_out_values.last()].map(|v| v.copied().unwrap_or_default());
     Ok(vec![PageElement::figure(
         ranked_bar_plot(
             "squared distance, in standard deviations squared",
@@ -270,47 +277,42 @@ fn gap(d: &Diagnosis) -> Result<Vec<PageElement>> {
             Some((*floor, "noise floor")),
         )?,
         format!(
-            "The discrepancy is {MEASURE}. The discrepancy {whose} falls from {first:.0} to {last:.0}. The noise floor, which is the \
+            "The discrepancy is {MEASURE}. The discrepancy {recordings} falls from {first:.0} to {last:.0}. The noise floor, which is the \
              discrepancy of simulated sensors of the final model, is {floor:.0} with a standard deviation of {floor_sd:.0}."
         ),
     )])
 }
 
-/// Rows of the largest deviations.
-const SHOWN: usize = 24;
-
-/// Deviations that a clean sensor shows somewhere once in a thousand times.
-const PLAIN: f64 = 5.0;
-
-fn disagreements(d: &Diagnosis) -> Result<Vec<PageElement>> {
+fn deviations_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
     let mut rows: Vec<_> = d.traces.deviations.iter().collect();
     rows.sort_by(|a, b| b.2.abs().max(b.3.abs()).total_cmp(&a.2.abs().max(a.3.abs())));
-    // Where nothing was added there is no after.
+    // If no effect was added, the deviations before and after are equal.
     let added = d.discrepancy.fitted_set.len() > 1;
     let row = |(name, place, before, after): &(String, String, f64, f64)| RankedRow {
         name: format!("{place}: {name}"),
         values: if added { vec![*before, *after] } else { vec![*before] },
     };
-    let shown: Vec<RankedRow> = rows.iter().take(SHOWN).map(|r| row(r)).collect();
-    let plain = |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > PLAIN).count();
+    let shown: Vec<RankedRow> = rows.iter().take(MAX_SHOWN_DEVIATIONS).map(|r| row(r)).collect();
+    let exceeding =
+        |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > DEVIATION_LIMIT).count();
     let series: &[&str] = if added { &["before", "after"] } else { &["recordings minus model"] };
     let caption = if added {
         format!(
             "The largest deviations of the fitted recordings from the model, before and after effects were added: {} of {} \
              statistics are beyond five standard deviations before, {} after.",
-            plain(false),
+            exceeding(false),
             rows.len(),
-            plain(true)
+            exceeding(true)
         )
     } else {
         format!(
             "The largest deviations of the fitted recordings from the model: {} of {} statistics are beyond five standard deviations.",
-            plain(false),
+            exceeding(false),
             rows.len()
         )
     };
     Ok(vec![PageElement::figure(
-        ranked_bar_plot("standard deviations", series, &shown, Some((PLAIN, "5")))?,
+        ranked_bar_plot("standard deviations", series, &shown, Some((DEVIATION_LIMIT, "5")))?,
         caption,
     )])
 }
@@ -318,7 +320,8 @@ fn disagreements(d: &Diagnosis) -> Result<Vec<PageElement>> {
 fn tournament(d: &Diagnosis) -> Result<Vec<PageElement>> {
     let mut parts = Vec::new();
     let rounds = d.traces.tournament.iter().zip(&d.traces.step_outcomes);
-    // A name that came in the place of another one won no tournament, its evidence says so; and one alone had no rival.
+    // Only rounds with several candidates are shown. An effect that replaced another one was not part of a comparison,
+    // and its evidence describes the replacement.
     for (round, (winner, fate)) in rounds.filter(|(round, _)| round.len() > 1) {
         let (what, caption) = match fate {
             EliminationReason::Retained => (
@@ -348,4 +351,29 @@ fn tournament(d: &Diagnosis) -> Result<Vec<PageElement>> {
         ));
     }
     Ok(parts)
+}
+
+/// Formats `value` with a precision of two significant digits of half its interval.
+pub(super) fn format_value(value: f64, low: f64, high: f64) -> String {
+    let half = (high - low) / 2.0;
+    let decimals = if half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 7.0) as usize } else { 5 };
+    format!("{value:.decimals$}")
+}
+
+pub(super) fn format_interval(low: f64, high: f64) -> String {
+    format!("{} to {}", format_value(low, low, high), format_value(high, low, high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{format_interval, format_value};
+
+    #[test]
+    fn values_have_the_precision_of_their_intervals() {
+        assert_eq!(format_value(0.00744, 0.003_42, 0.011_46), "0.0074");
+        assert_eq!(format_interval(0.003_42, 0.011_46), "0.0034 to 0.0115");
+        assert_eq!(format_interval(6.574_67, 9.950_68), "6.6 to 10.0");
+        assert_eq!(format_value(2480.0, 2100.0, 2900.0), "2480");
+        assert_eq!(format_value(0.5, 0.5, 0.5), "0.50000", "known exactly");
+    }
 }

@@ -1,7 +1,5 @@
-//! Lost and repeated readouts, found one by one.
+//! Lost and repeated readouts: their detection, their locations and their simulation.
 
-pub(super) mod located;
+pub(super) mod locations;
 pub(super) mod lost_readouts;
-pub(super) mod missing_spikes;
-pub(super) mod places;
-pub(super) mod repeated;
+pub(super) mod repeated_readouts;

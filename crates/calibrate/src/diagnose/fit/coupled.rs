@@ -10,7 +10,7 @@ use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::derivatives::step;
 use crate::diagnose::null::mean::average;
 use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::sensors::base::number_of;
+use crate::diagnose::sensors::model::find_base_knob;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
@@ -27,7 +27,7 @@ pub(in crate::diagnose) fn jacobian(
     }
     let column = |j: usize| -> Result<DVector<f64>> {
         let (knob, plain) = (&reference.model.knobs[j], reference.jacobian.column(j));
-        if !number_of(knob).is_some_and(|number| number.is_spread) {
+        if !find_base_knob(knob).is_some_and(|number| number.is_spread) {
             return Ok(plain.into_owned());
         }
         let h = step(knob);

@@ -3,15 +3,15 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::likelihood::Likelihood;
-use crate::diagnose::events::located::Count;
-use crate::diagnose::events::located::Events;
+use crate::diagnose::events::locations::EventCount;
+use crate::diagnose::events::locations::Events;
+use crate::diagnose::events::locations::PinnedEvents;
 use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::lamps::columns;
 use crate::diagnose::null::metric::{Bound, Metric};
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::catalog::Candidate;
-use crate::diagnose::sensors::fixed::Pinned;
 use crate::diagnose::sensors::model::Model;
 use spikelane::effects::Definition;
 use spikelane::effects::definition::SearchScale;
@@ -247,7 +247,7 @@ pub(in crate::diagnose) fn trust(scale: SearchScale, u: f64) -> f64 {
 impl Fit {
     /// Has lost and repeated readouts that are its effects' where the fitted set has them, as often as the sets at hand do.
     pub(crate) fn pin(&mut self) {
-        self.model.pinned = Pinned::new(&self.located.fitted, self.effects.iter().map(|e| e.0));
+        self.model.pinned = PinnedEvents::new(&self.located.fitted, self.effects.iter().map(|e| e.0));
         for e in 0..self.effects.len() {
             let j = self.knobs_of(e).start;
             if let Some(count) = self.count(j) {
@@ -263,7 +263,7 @@ impl Fit {
     }
 
     /// How many events a number is the probability of, where they are located: then no fit moves it.
-    pub(crate) fn count(&self, j: usize) -> Option<Count> {
+    pub(crate) fn count(&self, j: usize) -> Option<EventCount> {
         let knob = self.model.knobs[j];
         (j >= self.base_knobs()).then(|| self.located.of(knob.effect)).flatten()
     }

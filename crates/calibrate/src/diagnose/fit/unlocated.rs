@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::Fit;
-use crate::diagnose::events::places::kind;
+use crate::diagnose::events::locations::kind_index;
 use crate::diagnose::null::denoised::quiet;
 use crate::diagnose::null::mean::average;
 use crate::diagnose::null::metric::Metric;
@@ -22,7 +22,7 @@ pub(in crate::diagnose) fn columns(reference: &NullModel, fit: &Fit) -> Result<D
     for (e, (effect, _)) in fit.effects.iter().enumerate() {
         let j = fit.knobs_of(e).start;
         let probability = fit.model.knobs[j].value(fit.u[j]);
-        let Some(kind) = kind(effect).filter(|_| probability > 0.0) else { continue };
+        let Some(kind) = kind_index(effect).filter(|_| probability > 0.0) else { continue };
         let by_chance = |k: &usize| fit.model.pinned.places(*k)[kind].is_none();
         let scenes: Vec<usize> = (0..reference.setup.recordings.len()).filter(by_chance).collect();
         if scenes.is_empty() {

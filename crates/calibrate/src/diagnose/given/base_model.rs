@@ -5,8 +5,8 @@ use serde::Serialize;
 use crate::diagnose::given::negative::kept;
 use crate::diagnose::given::reduced::reduced;
 use crate::diagnose::given::taken::{Both, Taken};
-use crate::diagnose::sensors::base::BASE;
-use crate::diagnose::sensors::published::published;
+use crate::diagnose::sensors::model::BASE_KNOBS;
+use crate::diagnose::sensors::model::published;
 use crate::diagnose::statistics::quantiles::Spread;
 use crate::{self as calibrate, Calibration, NoiseSampling, RecordingSet};
 use spikelane::effects::definition::ParamKind;
@@ -200,11 +200,11 @@ fn calibration(set: &RecordingSet) -> Result<Calibration> {
 }
 
 fn numbers(camera: &Camera, source: NumberSource) -> Vec<BaseParameter> {
-    let of = |n: &crate::diagnose::sensors::base::Number| {
+    let of = |n: &crate::diagnose::sensors::model::BaseKnob| {
         let value = camera.effect(n.effect.name)?.get(n.key).ok()?;
         Some(BaseParameter::of(n.effect, n.key, value, None, source))
     };
-    BASE.iter().filter_map(of).collect()
+    BASE_KNOBS.iter().filter_map(of).collect()
 }
 
 /// The base model's numbers as a calibration has them, with their errors.

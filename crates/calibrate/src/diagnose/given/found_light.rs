@@ -109,7 +109,7 @@ fn step(setup: &mut Setup, measured: &[f64], here: &Place, before: Option<&Place
 mod tests {
     use super::*;
     use crate::Stimulus;
-    use crate::diagnose::protocol::recorded::RecordedScene;
+    use crate::diagnose::protocol::recorded_scene::RecordedScene;
     use spikelane::spikes::Geometry;
 
     /// The lamps of a simulated sensor are found up to a common factor, because the mean gains of two sensors with 32x32
@@ -135,7 +135,7 @@ mod tests {
             row_band: None,
             judged_readouts: None,
         };
-        let camera = crate::diagnose::sensors::published::published(&setup).unwrap();
+        let camera = crate::diagnose::sensors::model::published(&setup).unwrap();
         let truth = [0.0, 0.012, -0.009, 0.004, -0.015, 0.011, 0.002, -0.006];
         let mut real = setup.clone();
         real.recordings.iter_mut().zip(truth).for_each(|(r, e)| r.light_offset = e);

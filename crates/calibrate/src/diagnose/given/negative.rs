@@ -61,7 +61,7 @@ mod tests {
     use crate::diagnose::protocol::extent::ReadoutSelection;
     use crate::diagnose::protocol::extent::RecordingPart;
     use crate::diagnose::sensors::model::Model;
-    use crate::diagnose::sensors::published::published;
+    use crate::diagnose::sensors::model::published;
     use crate::diagnose::sensors::simulate::scans;
     use spikelane::effects::dark_current;
 

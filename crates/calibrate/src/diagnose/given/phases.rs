@@ -5,7 +5,7 @@
 //! of its noise, and no calibrated number is known well enough to place them. So these readouts are set aside.
 
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::recording::pixel::PixelScan;
+use crate::diagnose::recording::scan::PixelScan;
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::statistics::quantiles::Spread;
 

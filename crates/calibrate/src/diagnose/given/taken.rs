@@ -8,8 +8,8 @@ use crate::diagnose::lab::look::look;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::statistics::all::vector;
-use crate::diagnose::statistics::measured::{Measured, measure};
+use crate::diagnose::statistics::vector::statistics_vector;
+use crate::diagnose::statistics::vector::{MeasuredSet, measure};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 
@@ -17,7 +17,7 @@ use spikelane::error::Result;
 pub(in crate::diagnose) struct Taken {
     pub set: RecordingSet,
     pub setup: Setup,
-    pub measured: Measured,
+    pub measured: MeasuredSet,
 }
 
 /// The set that is fitted and the one that judges: another take, another part of the same one, or the same once more.
@@ -51,7 +51,7 @@ impl Taken {
         let is_other = find_light(&mut setup, &self.measured.scans, camera, seed)?;
         if is_other {
             self.setup = setup;
-            self.measured.values = vector(&self.setup, &self.measured.scans).values;
+            self.measured.values = statistics_vector(&self.setup, &self.measured.scans).values;
         }
         Ok(is_other)
     }
@@ -62,7 +62,7 @@ impl Taken {
         let offsets = fitted.iter().map(|r| r.light_offset);
         self.setup.recordings.iter_mut().zip(offsets).for_each(|(r, offset)| r.light_offset = offset);
         if !self.setup.has_rate_maps {
-            self.measured.values = vector(&self.setup, &self.measured.scans).values;
+            self.measured.values = statistics_vector(&self.setup, &self.measured.scans).values;
         }
         if is_other {
             self.find_light(&reference.model.camera, reference.seed)?;
@@ -83,8 +83,8 @@ impl Taken {
         located.0 = located.0.into_iter().enumerate().filter(|(k, _)| kept(k)).map(|(_, p)| p).collect();
         let scans: Vec<_> =
             measured.scans.into_iter().enumerate().filter(|(k, _)| kept(k)).map(|(_, s)| s).collect();
-        let values = vector(&setup, &scans).values;
-        Self { set, setup, measured: Measured { scans, values, located } }
+        let values = statistics_vector(&setup, &scans).values;
+        Self { set, setup, measured: MeasuredSet { scans, values, located } }
     }
 }
 

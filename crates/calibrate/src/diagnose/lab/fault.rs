@@ -1,4 +1,4 @@
-//! A fault of the laboratory, in words.
+//! Faults of recordings.
 
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ pub enum FaultKind {
     LightMismatch,
     /// The lit levels scatter by more than the assumed uncertainty of lamps.
     LightScatter,
-    /// The light oscillates, as that of a lamp on the mains does.
+    /// The light oscillates, for example with the mains frequency.
     LightFlicker,
 }
 
@@ -37,16 +37,16 @@ pub struct Fault {
 }
 
 impl Fault {
-    pub(super) fn of(recording: &str, kind: FaultKind, words: String) -> Self {
+    pub(super) fn new(recording: &str, kind: FaultKind, words: String) -> Self {
         Self { recording: Some(recording.to_owned()), kind, description: words, is_excluded: true }
     }
 
-    /// A lamp whose light differs from the stated light. Its recording stays in.
+    /// Returns a fault of a lamp whose light differs from the stated light. Its recording is not excluded.
     pub(super) fn of_lamp(recording: &str, words: String) -> Self {
-        Self { is_excluded: false, ..Self::of(recording, FaultKind::LightMismatch, words) }
+        Self { is_excluded: false, ..Self::new(recording, FaultKind::LightMismatch, words) }
     }
 
-    /// A fault that leaves all recordings in.
+    /// Returns a fault of the whole set, which excludes no recording.
     pub(super) fn of_set(kind: FaultKind, words: String) -> Self {
         Self { recording: None, kind, description: words, is_excluded: false }
     }

@@ -1,10 +1,10 @@
 //! Levels of light that contradict their stated uncertainty.
 //!
-//! The response of a camera is a smooth function of the light: dead time and nonlinearity change it in proportion to the
-//! light, leaks and offsets in inverse proportion. A level that deviates from every smooth response through the other levels
-//! therefore deviates because of its lamp. The mean rate of all pixels is known much better than any lamp.
+//! The response of a camera is a smooth function of the light. Dead time and nonlinearity change it in proportion to
+//! the light, leaks and offsets in inverse proportion. If a level deviates from every smooth response through the
+//! other levels, its lamp therefore deviates. The mean rate of all pixels has a much smaller error than any lamp.
 //!
-//! No recording is excluded for its level. A larger uncertainty of its lamp takes the deviation in.
+//! No recording is excluded for its level. The lamp receives a larger uncertainty, which covers the deviation.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -14,8 +14,8 @@ use crate::diagnose::statistics::quantiles::Spread;
 use crate::formulas::chi_square::chi_square_over_freedom;
 use crate::recordings::check::SATURATION_RATE;
 
-/// Deviation of a single level above which the level is reported, in uncertainties of its lamp. A lamp with the stated uncertainty exceeds them
-/// with a probability of 5e-4.
+/// Deviation of a single level above which the level is reported, in uncertainties of its lamp. A lamp with the stated
+/// uncertainty exceeds it with a probability of 5e-4.
 const MAX_PULL: f64 = 3.5;
 
 /// Smallest relative deviation that is reported, and that of the darkest and of the brightest level. A bend of the response is
@@ -85,7 +85,7 @@ fn usual(level: &LightLevel) -> f64 {
 }
 
 impl LampCheck {
-    /// The faults of these lamps, and the uncertainty of the light of each of `recordings` recordings.
+    /// Returns the faults of these lamps.
     pub(super) fn faults(&self, points: &[Point], name: impl Fn(usize) -> String) -> Vec<Fault> {
         let stated = |k: usize| points.iter().find(|p| p.recording == Some(k));
         let off = self.off.iter().filter_map(|(k, by)| {
@@ -116,7 +116,7 @@ impl LampCheck {
         faults
     }
 
-    /// The uncertainty of the light of recording `k`, which was `stated`.
+    /// Returns the uncertainty of the light of recording `k`, whose stated uncertainty is `stated`.
     pub(super) fn uncertainty(&self, k: usize, stated: f64) -> f64 {
         if self.off.iter().any(|(off, _)| *off == k) {
             return stated.max(UNKNOWN_LAMP);
@@ -157,14 +157,14 @@ pub(super) fn check(points: &[Point]) -> LampCheck {
     }
     let square = mean_square * freedom as f64;
     if square > limit(freedom, WIDENED_Z) {
-        // The largest uncertainty that scatters so little in no more than one of twenty sets.
+        // The largest uncertainty for which so small a scatter has a probability of at most 5 %.
         found.factor = (square / lower_twentieth(freedom)).sqrt().max(1.0);
     }
     found.scatter = (square > limit(freedom, REPORTED_Z)).then_some(relative);
     found
 }
 
-/// Degrees of freedom of the curve that fits best, and the mean square of the deviations from it.
+/// Returns the degrees of freedom of the best curve, and the mean square of the deviations from it.
 fn scatter(points: &[Point]) -> Option<(usize, f64)> {
     let all: Vec<usize> = (0..points.len()).collect();
     let fitted = curves(points.len()).into_iter().filter_map(|c| Curve::of(points, &all, c));
@@ -176,7 +176,8 @@ fn is_smooth(points: &[Point]) -> bool {
         .is_none_or(|(freedom, mean_square)| mean_square * freedom as f64 <= limit(freedom, REPORTED_Z))
 }
 
-/// The level that deviates most from every smooth response through the others, and its relative deviation.
+/// Returns the level with the largest deviation from every smooth response through the others, and its relative
+/// deviation.
 fn most_deviating(points: &[Point]) -> Option<(usize, f64)> {
     let brightest = (0..points.len()).max_by(|a, b| points[*a].light.total_cmp(&points[*b].light));
     let candidates = (0..points.len()).filter(|i| points[*i].recording.is_some()).filter_map(|i| {
@@ -190,8 +191,9 @@ fn most_deviating(points: &[Point]) -> Option<(usize, f64)> {
     candidates.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _, by)| (i, by))
 }
 
-/// By how many of its standard deviations level `i` exceeds the limit, for the curve that fits it best, and its relative
-/// deviation from the simplest curve. `None` if no curve fits the other levels.
+/// Returns the excess of the deviation of level `i` over the limit, in standard deviations, for the curve with the
+/// smallest excess. Also returns the relative deviation from the simplest curve. Returns `None` if no curve fits the
+/// other levels.
 fn deviation(points: &[Point], i: usize) -> Option<(f64, f64)> {
     let others: Vec<usize> = (0..points.len()).filter(|j| *j != i).collect();
     let of = |c| {
@@ -199,7 +201,7 @@ fn deviation(points: &[Point], i: usize) -> Option<(f64, f64)> {
             .filter(|c| c.mean_square * c.freedom as f64 <= limit(c.freedom, REPORTED_Z))?;
         let (expected, variance) = curve.at(points[i].light);
         let off = points[i].response - expected;
-        // The other lamps may be wrong as well: two deviations of the curve are not held against this lamp.
+        // The other lamps may deviate as well. Two standard deviations of the curve are therefore subtracted.
         let own = points[i].uncertainty.hypot(OF_RATE);
         Some(((off.abs() - 2.0 * variance.sqrt()) / own - MAX_PULL, off))
     };
@@ -208,15 +210,16 @@ fn deviation(points: &[Point], i: usize) -> Option<(f64, f64)> {
     found.first().map(|f| (least, f.1))
 }
 
-/// Limit of chi-square that corresponds to a normal quantile.
+/// Returns the limit of chi-square for a normal quantile.
 fn limit(freedom: usize, z: f64) -> f64 {
     freedom as f64 * chi_square_over_freedom(freedom as f64, z)
 }
 
-/// The value below which chi-square lies with a probability of a twentieth.
+/// Returns the 5 % quantile of chi-square.
 fn lower_twentieth(freedom: usize) -> f64 {
     match freedom {
-        // The square of the normal quantile 0.525, and the exponential law: the approximation is inaccurate here.
+        // The approximation is inaccurate here. One degree of freedom: square of the normal quantile at 0.525. Two:
+        // exponential distribution.
         1 => 0.003_93,
         2 => 0.102_6,
         _ => limit(freedom, -WIDENED_Z),
@@ -234,7 +237,7 @@ struct Curve {
 }
 
 impl Curve {
-    /// `None` without a degree of freedom.
+    /// Fits a curve. Returns `None` without a degree of freedom.
     fn of(points: &[Point], used: &[usize], basis: fn(f64) -> Vec<f64>) -> Option<Self> {
         let n = basis(1.0).len();
         if used.len() <= n {
@@ -251,7 +254,7 @@ impl Curve {
         Some(Self { basis, values, covariance, freedom, mean_square })
     }
 
-    /// Value and variance at a light.
+    /// Returns the value and its variance at a light.
     fn at(&self, light: f64) -> (f64, f64) {
         let row = DVector::from_vec((self.basis)(light));
         (row.dot(&self.values), row.dot(&(&self.covariance * &row)))
@@ -276,14 +279,14 @@ mod tests {
         lights.iter().enumerate().map(point).collect()
     }
 
-    /// Lamps with a deviation of 0.1 % on average, and one that deviates by 3 %.
+    /// The lamps deviate by about 0.1 %, and one lamp by 3 %.
     #[test]
     fn any_level_off_by_many_uncertainties_is_found() {
         let lamps = [4e-4, -1.1e-3, 9e-4, -3e-4, 1.2e-3];
         for off in 0..LIGHTS.len() {
             for by in [0.03, -0.03] {
                 let found = check(&set(&LIGHTS, 1e-3, |i, _| lamps[i] + if i == off { by } else { 0.0 }));
-                // The brightest level may be short of light because pixels saturate.
+                // A lack of light in the brightest level may be due to saturated pixels.
                 if off == 4 && by < 0.0 {
                     assert!(found.off.is_empty(), "{found:?}");
                     continue;
@@ -307,8 +310,8 @@ mod tests {
         }
     }
 
-    /// Ten levels, and lamps with the stated uncertainty. The probability that a lamp is reported is below 5e-4 per lamp, so
-    /// in 2,000 sets fewer than 10 reports are expected; more than 20 would be a deviation of three standard deviations.
+    /// Ten levels have lamps with the stated uncertainty. A lamp is reported with a probability below 5e-4, so fewer
+    /// than 10 reports are expected in 2,000 sets. The limit of 20 is three standard deviations higher.
     #[test]
     fn lamps_within_their_uncertainty_are_hardly_ever_reported() {
         let seeds = Seeds { camera: 8, shot: 0, sequence: 0 };
@@ -325,7 +328,8 @@ mod tests {
         assert!(off <= 20 && scattered <= 10 && widened <= 150, "{off} {scattered} {widened}");
     }
 
-    /// The widened uncertainty covers the true one in nearly all sets. A fifth of it was stated.
+    /// The stated uncertainty is a fifth of the true one. The widened uncertainty covers the true one in nearly all
+    /// sets.
     #[test]
     fn uncertainties_that_are_stated_too_small_are_widened() {
         let seeds = Seeds { camera: 9, shot: 0, sequence: 0 };

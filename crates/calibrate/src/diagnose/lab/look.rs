@@ -1,21 +1,20 @@
-//! Looks at a set for faults of the laboratory.
+//! Scan of a set for faults of its recordings.
 
-use super::drift::drifting;
 use super::fault::Fault;
-use super::level::level;
 use super::levels::{Point, check, dark_rate, points};
-use super::motion::{moves, strangers};
-use super::swing::swings;
+use super::light_level;
+use super::motion::{foreign_patterns, motion_fault};
+use super::unsteady_light::{drift_faults, oscillation_faults};
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::statistics::quantiles::Spread;
 use crate::recordings::check::SATURATION_RATE;
 use crate::{LightLevel, Stimulus, StimulusPattern};
 
-/// What was seen.
+/// Result of the scan.
 pub(in crate::diagnose) struct Seen {
     pub faults: Vec<Fault>,
-    /// Recordings that are set aside.
+    /// Excluded recordings.
     pub dropped: Vec<usize>,
     /// Relative standard deviation of the light of each recording.
     pub light_uncertainties: Vec<f64>,
@@ -29,19 +28,19 @@ pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan]) -> Seen {
     }
     let width = setup.geometry.width();
     let constant = (0..scans.len()).filter(|k| setup.recordings[*k].is_constant());
-    seen.take(constant.filter_map(|k| Some((k, moves(&setup.recordings[k], &scans[k])?))).collect());
+    seen.take(constant.filter_map(|k| Some((k, motion_fault(&setup.recordings[k], &scans[k])?))).collect());
     let level_of =
-        |k: usize| setup.recordings[k].level().map(|_| (k, level(&setup.recordings[k], &scans[k])));
+        |k: usize| setup.recordings[k].level().map(|_| (k, light_level(&setup.recordings[k], &scans[k])));
     let mut levels: Vec<(usize, LightLevel)> = (0..scans.len()).filter_map(level_of).collect();
     let pick = |levels: &mut Vec<(usize, LightLevel)>, seen: &Seen| {
         levels.retain(|(k, _)| !seen.dropped.contains(k))
     };
     pick(&mut levels, &seen);
-    seen.take(strangers(&levels, width));
+    seen.take(foreign_patterns(&levels, width));
     pick(&mut levels, &seen);
-    seen.take(drifting(&levels));
+    seen.take(drift_faults(&levels));
     pick(&mut levels, &seen);
-    for (scene, fault) in swings(setup, scans) {
+    for (scene, fault) in oscillation_faults(setup, scans) {
         match scene {
             Some(k) if !seen.dropped.contains(&k) => seen.take(vec![(k, fault)]),
             Some(_) => {}
@@ -67,7 +66,7 @@ impl Seen {
         }
     }
 
-    /// Adds what another set shows, which stands in `place`.
+    /// Adds the result of another set. `place` is appended to its file names.
     pub(crate) fn and(&mut self, more: Self, place: &str) {
         let Self { faults, dropped, light_uncertainties } = more;
         let known =
@@ -84,7 +83,7 @@ impl Seen {
     }
 }
 
-/// The level of the bright squares of a checkerboard, away from their edges.
+/// Returns the level of the bright squares of a checkerboard, without their edges.
 fn bright_squares(setup: &Setup, scans: &[Scan], dark: f64) -> Option<Point> {
     let board = |k: usize| match setup.recordings[k].light {
         Stimulus::Scene(StimulusPattern::Checkerboard { high, cell, .. }) => {
@@ -117,7 +116,7 @@ mod tests {
 
     #[test]
     fn what_two_takes_show_is_said_once_and_set_aside_in_both() {
-        let fault = |file: &str| Fault::of(file, FaultKind::LightDrift, "drifts".to_owned());
+        let fault = |file: &str| Fault::new(file, FaultKind::LightDrift, "drifts".to_owned());
         let mut seen =
             Seen { faults: vec![fault("a.dat")], dropped: vec![3], light_uncertainties: vec![0.01, 0.3] };
         let faults = vec![fault("a.dat"), fault("b.dat")];

@@ -1,12 +1,28 @@
-//! What is wrong in the laboratory: lamps, scenes and files, told before any effect of the camera is looked for.
+//! Faults of lamps, scenes and files, which a diagnosis reports before it searches effects of the camera.
 //!
-//! A fault of the laboratory is in single recordings, or in the light alone. A camera's effect is in all recordings, and changes
-//! smoothly from light to light.
+//! A fault changes single recordings or the light alone. An effect of the camera changes all recordings, and its change
+//! is a smooth function of the light.
 
-mod drift;
 pub(super) mod fault;
-mod level;
 mod levels;
 pub(super) mod look;
 mod motion;
-mod swing;
+mod unsteady_light;
+
+use crate::LightLevel;
+use crate::diagnose::protocol::recorded_scene::RecordedScene;
+use crate::diagnose::recording::scan::{BLOCK_COUNT, Scan};
+
+/// Returns the spike counts of the first half.
+fn first_half_counts(scan: &Scan) -> Vec<u32> {
+    scan.pixels.iter().map(|p| p.blocks[..BLOCK_COUNT / 2].iter().sum()).collect()
+}
+
+/// Returns the level of a scan with the change between its halves.
+pub(super) fn light_level(scene: &RecordedScene, scan: &Scan) -> LightLevel {
+    let counts = scan.pixels.iter().map(|p| p.count).collect();
+    let rates = scan.pixels.iter().map(|p| p.rate).collect();
+    let light = scene.level().unwrap_or_else(|| scene.brightness());
+    LightLevel::from_rates(&scene.file_name(), light, scene.readouts as u32, counts, rates)
+        .with_first_half(&first_half_counts(scan))
+}

@@ -1,23 +1,25 @@
-//! Scenes that move, and recordings that are not of this sensor as the set describes it.
+//! Moving scenes, and recordings with the fixed pattern of another sensor.
 
 use super::fault::{Fault, FaultKind};
-use crate::diagnose::protocol::recorded::RecordedScene;
+use crate::diagnose::protocol::recorded_scene::RecordedScene;
 use crate::diagnose::recording::scan::Scan;
 use crate::{LightLevel, pattern_correlation};
 
-/// Correlation of two recordings' patterns that one sensor has, and that two have.
-const OWN: f64 = 0.5;
-const OTHER: f64 = 0.25;
+/// Smallest pattern correlation of two recordings of one sensor.
+const MIN_OWN_CORRELATION: f64 = 0.5;
 
-/// Rate above which a pattern is cut off.
-const SATURATED: f64 = 0.985;
+/// Largest pattern correlation of two sensors.
+const MAX_FOREIGN_CORRELATION: f64 = 0.25;
 
-/// Whether the scene of a recording of constant light moved between its halves.
-pub(super) fn moves(scene: &RecordedScene, scan: &Scan) -> Option<Fault> {
+/// Rate above which saturation distorts the pattern.
+const MAX_PATTERN_RATE: f64 = 0.985;
+
+/// Returns a fault if the scene of a recording under constant light moves between its halves.
+pub(super) fn motion_fault(scene: &RecordedScene, scan: &Scan) -> Option<Fault> {
     let share = match &scene.static_scene {
-        Some(still) => still.moved,
-        // Nothing is seen that could move. Few spikes of the dark current come in patches by chance.
-        None if scene.greatest() == 0.0 => None,
+        Some(static_scene) => static_scene.moving_share,
+        // Without light nothing visible can move. The few spikes of the dark current form patches by chance.
+        None if scene.max_light() == 0.0 => None,
         None => Some(scan.motion(scene.readouts)).filter(|m| m.is_moving).map(|m| m.moving_share),
     };
     share.map(|share| {
@@ -25,24 +27,24 @@ pub(super) fn moves(scene: &RecordedScene, scan: &Scan) -> Option<Fault> {
             "the scene moves: {:.1} % of the pixels change between the halves of the recording, in patches that no camera effect causes. Record a static scene.",
             100.0 * share
         );
-        Fault::of(&scene.file_name(), FaultKind::SceneMoves, words)
+        Fault::new(&scene.file_name(), FaultKind::SceneMoves, words)
     })
 }
 
-/// Lit levels of which the pattern is none of the others', where the others share one.
-pub(super) fn strangers(levels: &[(usize, LightLevel)], width: usize) -> Vec<(usize, Fault)> {
+/// Returns the lit levels whose pattern differs from that of the others, if most of the others have a common pattern.
+pub(super) fn foreign_patterns(levels: &[(usize, LightLevel)], width: usize) -> Vec<(usize, Fault)> {
     let usable: Vec<&(usize, LightLevel)> =
-        levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= SATURATED).collect();
-    let best = |own: usize| {
-        let others = (0..usable.len()).filter(|j| *j != own);
-        others.map(|j| pattern_correlation(&usable[own].1, &usable[j].1, width)).fold(-1.0, f64::max)
+        levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= MAX_PATTERN_RATE).collect();
+    let best = |i: usize| {
+        let others = (0..usable.len()).filter(|j| *j != i);
+        others.map(|j| pattern_correlation(&usable[i].1, &usable[j].1, width)).fold(-1.0, f64::max)
     };
     let all: Vec<f64> = (0..usable.len()).map(best).collect();
-    let own = all.iter().filter(|r| **r > OWN).count();
-    if own < 2 || 2 * own < usable.len() {
+    let common = all.iter().filter(|r| **r > MIN_OWN_CORRELATION).count();
+    if common < 2 || 2 * common < usable.len() {
         return Vec::new();
     }
-    let stranger = |i: &usize| all[*i] < OTHER;
+    let is_foreign = |i: &usize| all[*i] < MAX_FOREIGN_CORRELATION;
     let fault = |i: usize| {
         let (k, level) = usable[i];
         let words = format!(
@@ -50,9 +52,9 @@ pub(super) fn strangers(levels: &[(usize, LightLevel)], width: usize) -> Vec<(us
             all[i],
             all.iter().copied().fold(-1.0, f64::max)
         );
-        (*k, Fault::of(&level.name, FaultKind::PatternMismatch, words))
+        (*k, Fault::new(&level.name, FaultKind::PatternMismatch, words))
     };
-    (0..usable.len()).filter(stranger).map(fault).collect()
+    (0..usable.len()).filter(is_foreign).map(fault).collect()
 }
 
 #[cfg(test)]
@@ -63,11 +65,11 @@ mod tests {
     use spikelane::spikes::{Geometry, SpikeFramesRef, set_bit};
 
     #[test]
-    fn few_spikes_that_come_side_by_side_move_a_lit_scene_alone() {
+    fn adjacent_dark_spikes_are_not_motion() {
         let geometry = Geometry::new(24, 24).unwrap();
         let readouts = 1024;
         let mut bits = vec![0; readouts * geometry.frame_bytes()];
-        // Pixels have 0 to 2 spikes in either half, and a patch of 16 has eight more in the second.
+        // The pixels have 0 to 2 spikes in each half. A patch of 16 pixels has eight more in the second half.
         for p in 0..geometry.pixels() {
             let patch = p % 24 < 4 && p / 24 < 4;
             let late = p * 7 % 3 + if patch { 8 } else { 0 };
@@ -83,8 +85,8 @@ mod tests {
             light_uncertainty: 0.01,
             light_offset: 0.0,
         };
-        let scan = scan(SpikeFramesRef::new(geometry, &bits).unwrap(), scene(0.0).look()).unwrap();
-        assert!(moves(&scene(0.03), &scan).is_some());
-        assert!(moves(&scene(0.0), &scan).is_none());
+        let scan = scan(SpikeFramesRef::new(geometry, &bits).unwrap(), scene(0.0).scan_options()).unwrap();
+        assert!(motion_fault(&scene(0.03), &scan).is_some());
+        assert!(motion_fault(&scene(0.0), &scan).is_none());
     }
 }

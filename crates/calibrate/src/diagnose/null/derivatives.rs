@@ -8,11 +8,11 @@ use super::mean::average;
 use super::watched::count;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
-use crate::diagnose::sensors::base::number_of;
-use crate::diagnose::sensors::knob::Knob;
+use crate::diagnose::sensors::model::Knob;
 use crate::diagnose::sensors::model::Model;
+use crate::diagnose::sensors::model::find_base_knob;
 use crate::diagnose::sensors::simulate;
-use crate::diagnose::statistics::all::vector;
+use crate::diagnose::statistics::vector::statistics_vector;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
@@ -33,7 +33,7 @@ pub(in crate::diagnose) fn pairs(setup: &Setup) -> usize {
 
 /// Step for the derivative by a base number, relative to its value.
 pub(in crate::diagnose) fn step(knob: &Knob) -> f64 {
-    number_of(knob).map_or(0.2, |number| number.step)
+    find_base_knob(knob).map_or(0.2, |number| number.step)
 }
 
 /// The base model with the draws of one seed: its vector, and the change of the vector per unit of each lamp's deviation.
@@ -58,22 +58,22 @@ pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -
         return Ok(Drawn { vector, lamps: Vec::new() });
     }
     let mut scanned: Option<Vec<Scan>> = None;
-    let plain = simulate::kept_or(setup, &still, seed, || {
+    let plain = simulate::cached_or(setup, &still, seed, || {
         let scans = scanned.insert(simulate::scans(setup, &still, seed)?);
-        Ok(vector(setup, scans).values)
+        Ok(statistics_vector(setup, scans).values)
     })?;
     let plain = DVector::from_vec(plain);
     let mut lamps = Vec::new();
     for k in model.lamps.iter().map(|lamp| lamp.recording) {
         let mut moved = still.clone();
         moved.lamps[k] += LAMP_STEP;
-        let values = simulate::kept_or(setup, &moved, seed, || {
+        let values = simulate::cached_or(setup, &moved, seed, || {
             let scans = match &mut scanned {
                 Some(scans) => scans,
                 None => scanned.insert(simulate::scans(setup, &still, seed)?),
             };
             let own = std::mem::replace(&mut scans[k], simulate::scan_of_recording(setup, &moved, k, seed)?);
-            let values = vector(setup, scans).values;
+            let values = statistics_vector(setup, scans).values;
             scans[k] = own;
             Ok(values)
         })?;
@@ -156,7 +156,7 @@ impl Changes {
 mod tests {
     use super::*;
     use crate::Stimulus;
-    use crate::diagnose::protocol::recorded::RecordedScene;
+    use crate::diagnose::protocol::recorded_scene::RecordedScene;
     use spikelane::spikes::Geometry;
 
     /// What is kept of a moved lamp is known by its sample alone, and must be that sample's vector.

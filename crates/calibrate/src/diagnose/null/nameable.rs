@@ -43,11 +43,11 @@ impl NullModel {
     /// and angles come from products of different simulations, so that their noise averages out.
     #[must_use]
     pub fn detectabilities(&self) -> Vec<Detectability> {
-        self.looked_for().into_iter().filter_map(|effect| self.nameable_one(effect)).collect()
+        self.effects().into_iter().filter_map(|effect| self.nameable_one(effect)).collect()
     }
 
     /// Effects whose signatures are known, in the order in which they are tried.
-    fn looked_for(&self) -> Vec<&'static Definition> {
+    pub(in crate::diagnose) fn effects(&self) -> Vec<&'static Definition> {
         let mut effects: Vec<&'static Definition> =
             self.signatures.iter().map(|s| s.candidate.effect).collect();
         effects.dedup();
@@ -61,7 +61,7 @@ impl NullModel {
             own.map(|s| self.square(s) * reach(s).powi(2)).fold(0.0, f64::max)
                 < DETECTION_SCORE * DETECTION_SCORE
         };
-        let weak = self.looked_for().into_iter().filter(strongest);
+        let weak = self.effects().into_iter().filter(strongest);
         weak.chain(self.missing.iter().copied()).map(|effect| effect.name).collect()
     }
 

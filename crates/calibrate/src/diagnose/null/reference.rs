@@ -12,12 +12,12 @@ use super::signature::{Signature, changed_by};
 use super::simulated::{Begun, FIXED, STAGES, Simulated};
 use super::watched::{count, watched};
 use crate::ProgressCallback;
+use crate::diagnose::cache::memory::SimulationMemory;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::sensors::catalog::{Candidate, candidates, looked_for};
+use crate::diagnose::sensors::catalog::{Candidate, candidates, searched_effects};
 use crate::diagnose::sensors::model::Model;
-use crate::diagnose::sensors::remembered::Remembered;
 use crate::diagnose::sensors::simulate;
-use crate::diagnose::statistics::entry::DiagnosticStatistic;
+use crate::diagnose::statistics::vector::DiagnosticStatistic;
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::{Camera, Catalog, Definition};
 use spikelane::error::Result;
@@ -58,7 +58,7 @@ pub struct NullModel {
     /// What clean sensors show.
     pub(in crate::diagnose) clean: Clean,
     /// What fitted models were simulated as.
-    remembered: Remembered,
+    remembered: SimulationMemory,
 }
 
 impl NullModel {
@@ -94,7 +94,7 @@ impl NullModel {
         first: Option<First<'_>>,
         progress: ProgressCallback<'_>,
     ) -> Result<Self> {
-        let model = Model::base(begun.camera.clone(), &setup).keeping(begun.kept.as_ref());
+        let model = Model::base(begun.camera.clone(), &setup).with_cache(begun.kept.as_ref());
         let (all, missing) = tried(&setup, &model, effects);
         let null = Simulated::of(&setup, &model, begun, seed, &all, first, progress)?;
         let Simulated { statistics, floors, baseline, mean, spread, jacobian, lamp_slopes, mut signed } =
@@ -129,7 +129,7 @@ impl NullModel {
             missed,
             signatures: Vec::new(),
             missing,
-            remembered: Remembered::default(),
+            remembered: SimulationMemory::default(),
         };
         signed.resize_with(all.len(), Vec::new);
         let sign = |(c, known): (Candidate, Vec<DVector<f64>>)| reference.signature_from(c, known);
@@ -188,7 +188,7 @@ impl NullModel {
         let simulate =
             |i: usize| Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
         let shift = self.lamp_shift(model);
-        let one = |i: usize| Ok(self.remembered.or(&sample, i, || simulate(i))? - &shift);
+        let one = |i: usize| Ok(self.remembered.get_or_simulate(&sample, i, || simulate(i))? - &shift);
         let mut each = known;
         let more = threads::try_map(each.len()..count.min(FIXED), one)?;
         each.extend(more);
@@ -232,7 +232,7 @@ fn tried(setup: &Setup, model: &Model, effects: &Catalog) -> (Vec<Candidate>, Ve
     let mut all = candidates(&model.camera, longest, effects);
     let mut missing = Vec::new();
     if setup.only_still() {
-        missing = looked_for(effects);
+        missing = searched_effects(effects);
         missing.retain(|effect| effect.is_scene_like);
         all.retain(|c| !c.effect.is_scene_like);
     }

@@ -7,12 +7,12 @@ use super::redraw::REDRAWN;
 use super::signature::changed_by;
 use super::watched::{Stage, count, watched};
 use crate::ProgressCallback;
-use crate::diagnose::kept::folder::Kept;
+use crate::diagnose::cache::folder::SimulationCache;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
-use crate::diagnose::statistics::entry::DiagnosticStatistic;
+use crate::diagnose::statistics::vector::DiagnosticStatistic;
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
@@ -36,11 +36,11 @@ pub(in crate::diagnose) struct Begun {
     pub each: Vec<DVector<f64>>,
     pub changes: Changes,
     /// Where vectors are kept.
-    pub kept: Option<Kept>,
+    pub kept: Option<SimulationCache>,
 }
 
 impl Begun {
-    pub(crate) fn of(camera: Camera, kept: Option<&Kept>) -> Self {
+    pub(crate) fn of(camera: Camera, kept: Option<&SimulationCache>) -> Self {
         Self { camera, each: Vec::new(), changes: Changes::default(), kept: kept.cloned() }
     }
 }

@@ -1,12 +1,18 @@
-//! How much of a recording is judged.
+//! Selection of the readouts that are judged.
 
 use crate::{Stimulus, StimulusPattern};
 use spikelane::spikes::Geometry;
 
-/// Pixel-readouts of a recording that are judged, readouts that are judged at least, and half periods of a square wave.
-/// What is named is far stronger than what so many show, and a simulation takes as long.
-const ENOUGH: (usize, usize) = (35_000_000, 1250);
-const HALF_PERIODS: usize = 5;
+/// Largest number of pixel-readouts that are judged per recording. The effects that a diagnosis names are far stronger
+/// than the noise of so many, and the time of a simulation is proportional to their number.
+const MAX_PIXEL_READOUTS: usize = 35_000_000;
+
+/// Smallest number of judged readouts of a long recording, however large its frames are. The low frequency bands of the
+/// spectra require it.
+const MIN_JUDGED_READOUTS: usize = 1250;
+
+/// Smallest number of judged half periods of a square wave.
+const MIN_HALF_PERIODS: usize = 5;
 
 /// The readouts of large recordings that are judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,16 +26,16 @@ pub enum ReadoutSelection {
 }
 
 impl ReadoutSelection {
-    /// Readouts that are judged at most.
-    pub(in crate::diagnose) fn most(self, geometry: Geometry, light: Stimulus) -> usize {
-        let least = match light {
+    /// Returns the largest number of readouts that are judged.
+    pub(in crate::diagnose) fn max_readouts(self, geometry: Geometry, light: Stimulus) -> usize {
+        let min_readouts = match light {
             Stimulus::Scene(StimulusPattern::Square { half_period, .. }) => {
-                HALF_PERIODS * half_period as usize
+                MIN_HALF_PERIODS * half_period as usize
             }
-            _ => ENOUGH.1,
+            _ => MIN_JUDGED_READOUTS,
         };
         match self {
-            Self::Leading => (ENOUGH.0 / geometry.pixels()).max(least),
+            Self::Leading => (MAX_PIXEL_READOUTS / geometry.pixels()).max(min_readouts),
             Self::All => usize::MAX,
         }
     }
@@ -46,8 +52,9 @@ pub enum RecordingPart {
     SecondHalf,
 }
 
-/// First readout and readouts of a part of a recording of which the first `aside` are not looked at. Both halves have as many.
-pub(in crate::diagnose) fn cut(
+/// Returns the first readout and the number of readouts of a part. The first `aside` readouts are excluded. Both
+/// halves have the same length.
+pub(in crate::diagnose) fn select_readouts(
     readouts: usize,
     light: Stimulus,
     part: RecordingPart,
@@ -74,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn halves_are_alike_in_length_behind_what_is_set_aside() {
+    fn halves_have_equal_lengths_after_excluded_readouts() {
         let square = Stimulus::Scene(StimulusPattern::Square { high: 0.8, low: 0.1, half_period: 500 });
         for (light, readouts, aside) in [
             (Stimulus::Level(0.1), 4001, 0),
@@ -83,11 +90,14 @@ mod tests {
             (square, 4000, 40),
         ] {
             let [first, second] = [RecordingPart::FirstHalf, RecordingPart::SecondHalf]
-                .map(|part| cut(readouts, light, part, aside));
+                .map(|part| select_readouts(readouts, light, part, aside));
             assert_eq!((first.0, first.1), (aside, second.1), "{light:?} {readouts}");
             assert!(first.0 + first.1 == second.0 && second.0 + second.1 <= readouts, "{light:?} {readouts}");
-            assert_eq!(cut(readouts, light, RecordingPart::Whole, aside), (aside, readouts - aside));
+            assert_eq!(
+                select_readouts(readouts, light, RecordingPart::Whole, aside),
+                (aside, readouts - aside)
+            );
         }
-        assert_eq!(cut(4000, square, RecordingPart::SecondHalf, 0), (2000, 2000));
+        assert_eq!(select_readouts(4000, square, RecordingPart::SecondHalf, 0), (2000, 2000));
     }
 }

@@ -1,7 +1,5 @@
-//! What a set holds, as data: its recordings, their light, and how much of them is judged.
+//! The protocol of a recording set: its recordings, their light, and the readouts that are judged.
 
-pub(super) mod agreement;
 pub(super) mod extent;
-pub(super) mod recorded;
+pub(super) mod recorded_scene;
 pub(super) mod recorded_set;
-pub(super) mod still;

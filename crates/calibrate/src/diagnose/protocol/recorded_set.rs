@@ -1,22 +1,22 @@
-//! What a set holds, free of files, as it is read.
+//! The protocol of a recording set, independent of the files.
 
-use super::extent::{ReadoutSelection, RecordingPart, cut};
-use super::recorded::RecordedScene;
-use super::still::StaticScene;
+use super::extent::{ReadoutSelection, RecordingPart, select_readouts};
+use super::recorded_scene::{RecordedScene, StaticScene};
 use crate::{Recording, RecordingSet, Stimulus, StimulusPattern};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs;
 
-/// Fewest readouts of a recording that can be judged.
-const FEWEST: usize = 256;
+/// Smallest number of readouts of a recording.
+const MIN_READOUTS: usize = 256;
 
-/// Most pixels of a still scene that are simulated: some 20,000 tell temporal noise to a per cent.
-pub(crate) const LARGEST: usize = 20_000;
+/// Largest number of simulated pixels of a static scene. 20,000 pixels determine the temporal noise to 1 %.
+pub(crate) const MAX_STATIC_PIXELS: usize = 20_000;
 
 /// Relative standard deviation of the light of a recording if neither the recording nor the set states one.
 pub(in crate::diagnose) const DEFAULT_LIGHT_UNCERTAINTY: f64 = 0.01;
 
+/// Returns the error of a recording with too few readouts.
 fn too_short(file: &str, readouts: usize, part: RecordingPart) -> Error {
     let (expected, remedy) = match part {
         RecordingPart::Whole => ("", "record longer".to_owned()),
@@ -30,14 +30,14 @@ fn too_short(file: &str, readouts: usize, part: RecordingPart) -> Error {
     };
     Error::new(ErrorKind::Input, file)
         .found(format_args!("{readouts} readouts"))
-        .expected(format_args!("at least {FEWEST}{expected}"))
+        .expected(format_args!("at least {MIN_READOUTS}{expected}"))
         .remedy(remedy)
 }
 
 /// The protocol of a recording set: size, rate and recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
-    /// Width and height.
+    /// Width and height in pixels.
     pub geometry: Geometry,
     /// Readouts per second.
     pub readout_hz: f64,
@@ -52,7 +52,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Reads the protocol of `set`, or of a part of it. A square wave is cut at whole periods.
+    /// Reads the protocol of a part of `set`. A square wave is divided at whole periods.
     ///
     /// # Errors
     /// If a file cannot be read, or a recording is too short.
@@ -60,10 +60,11 @@ impl Setup {
         Self::behind(set, part, extent, &[])
     }
 
-    /// The same without the first readouts of each recording, as many as `aside` says; none of those that it does not reach.
+    /// Reads the protocol without the first readouts of each recording. `aside` contains their numbers; a missing
+    /// element is 0.
     ///
     /// # Errors
-    /// As [`Setup::of`].
+    /// See [`Setup::new`].
     pub(in crate::diagnose) fn behind(
         set: &RecordingSet,
         part: RecordingPart,
@@ -71,23 +72,24 @@ impl Setup {
         aside: &[usize],
     ) -> Result<Self> {
         let geometry = set.geometry()?;
-        let (mut scenes, mut first_readouts) = (Vec::new(), None::<[usize; 2]>);
+        let (mut scenes, mut judged_readouts) = (Vec::new(), None::<[usize; 2]>);
         for (k, recording) in set.recordings.iter().enumerate() {
             let aside = aside.get(k).copied().unwrap_or(0);
             let reader = set.reader(recording)?;
-            let most = extent.most(geometry, recording.light);
-            // Both parts of a recording that is cut in the middle have as many.
-            let all = if part == RecordingPart::Whole { most } else { most.saturating_mul(2) };
-            if reader.readouts() > all {
-                let [fewest, longest] = first_readouts.unwrap_or([all; 2]);
-                first_readouts = Some([fewest.min(all), longest.max(all)]);
+            let limit = extent.max_readouts(geometry, recording.light);
+            // Both halves of a divided recording have the largest number of readouts.
+            let max_readouts = if part == RecordingPart::Whole { limit } else { limit.saturating_mul(2) };
+            if reader.readouts() > max_readouts {
+                let [fewest, longest] = judged_readouts.unwrap_or([max_readouts; 2]);
+                judged_readouts = Some([fewest.min(max_readouts), longest.max(max_readouts)]);
             }
-            let (skip, readouts) = cut(reader.readouts().min(all), recording.light, part, aside);
-            if readouts < FEWEST {
+            let (first_readout, readouts) =
+                select_readouts(reader.readouts().min(max_readouts), recording.light, part, aside);
+            if readouts < MIN_READOUTS {
                 return Err(too_short(&recording.file, readouts, part));
             }
-            let still = match recording.light {
-                Stimulus::Scene(StimulusPattern::StaticUnknown {}) => Some(StaticScene::of(&reader)?),
+            let static_scene = match recording.light {
+                Stimulus::Scene(StimulusPattern::StaticUnknown {}) => Some(StaticScene::read(&reader)?),
                 _ => None,
             };
             let name = recording.file.clone();
@@ -95,8 +97,8 @@ impl Setup {
                 name,
                 light: recording.light,
                 readouts,
-                first_readout: skip,
-                static_scene: still,
+                first_readout: first_readout,
+                static_scene: static_scene,
                 light_uncertainty: recording
                     .light_uncertainty
                     .or(set.light_uncertainty)
@@ -104,25 +106,25 @@ impl Setup {
                 light_offset: 0.0,
             });
         }
-        let maps = scenes.is_empty() && set.rate_maps.len() >= 2;
+        let has_rate_maps = scenes.is_empty() && set.rate_maps.len() >= 2;
         let readout_hz = set.readout_hz;
         let setup = Self {
             geometry,
             readout_hz,
             recordings: scenes,
-            has_rate_maps: maps,
+            has_rate_maps: has_rate_maps,
             row_band: None,
-            judged_readouts: first_readouts,
+            judged_readouts: judged_readouts,
         };
         setup.cut_to_band()
     }
 
-    /// Whether the recordings have the same found light.
+    /// Returns whether the recordings of both setups have the same found light.
     pub(in crate::diagnose) fn has_light_of(&self, other: &Self) -> bool {
         self.recordings.iter().zip(&other.recordings).all(|(a, b)| a.light_offset == b.light_offset)
     }
 
-    /// Without some of its recordings.
+    /// Removes recordings.
     pub(in crate::diagnose) fn without(mut self, dropped: &[usize]) -> Self {
         let mut k = 0;
         self.recordings.retain(|_| {
@@ -132,37 +134,39 @@ impl Setup {
         self
     }
 
-    /// Whether still scenes are all that there is.
+    /// Returns whether all recordings show static scenes.
     pub(in crate::diagnose) fn only_still(&self) -> bool {
         !self.recordings.is_empty() && self.recordings.iter().all(|s| s.static_scene.is_some())
     }
 
-    /// A large still scene cut to the rows that hold most of its even surface.
+    /// Reduces a large static scene to the rows that contain most of its uniform surface.
     fn cut_to_band(mut self) -> Result<Self> {
         let (width, height) = (self.geometry.width(), self.geometry.height());
-        // Rows in eights begin on whole bytes.
-        let rows = (LARGEST / width / 8 * 8).max(8);
-        let Some(still) = self.recordings.iter().find_map(|s| s.static_scene.as_ref()) else {
+        // Eight rows always begin at a whole byte.
+        let rows = (MAX_STATIC_PIXELS / width / 8 * 8).max(8);
+        let Some(static_scene) = self.recordings.iter().find_map(|s| s.static_scene.as_ref()) else {
             return Ok(self);
         };
         if height <= rows {
             return Ok(self);
         }
         let starts = (0..=height - rows).step_by(8);
-        let first = starts.max_by_key(|r| still.even_in(r * width..(r + rows) * width)).unwrap_or(0);
+        let first =
+            starts.max_by_key(|r| static_scene.uniform_in(r * width..(r + rows) * width)).unwrap_or(0);
         self.geometry = Geometry::new(width as u32, rows as u32)?;
         self.row_band = Some((first, rows));
-        for still in self.recordings.iter_mut().filter_map(|s| s.static_scene.as_mut()) {
-            still.cut(first * width..(first + rows) * width);
+        for static_scene in self.recordings.iter_mut().filter_map(|s| s.static_scene.as_mut()) {
+            static_scene.cut(first * width..(first + rows) * width);
         }
         Ok(self)
     }
 
-    /// The bits of a recording, as far as they are looked at.
+    /// Reads the judged bits of recording `k`.
     pub(in crate::diagnose) fn read(&self, set: &RecordingSet, k: usize) -> Result<Vec<u8>> {
         self.part(set, &set.recordings[k], &self.recordings[k])
     }
 
+    /// Reads the judged bits of `recording`, which `scene` describes.
     pub(in crate::diagnose) fn part(
         &self,
         set: &RecordingSet,
@@ -170,11 +174,63 @@ impl Setup {
         scene: &RecordedScene,
     ) -> Result<Vec<u8>> {
         let reader = set.reader(recording)?;
-        let whole = reader.geometry().frame_bytes();
-        let mut bytes = inputs::zeroed_vec(reader.name(), scene.readouts * whole)?;
+        let frame_bytes = reader.geometry().frame_bytes();
+        let mut bytes = inputs::zeroed_vec(reader.name(), scene.readouts * frame_bytes)?;
         reader.read_frames(scene.first_readout, &mut bytes)?;
         let Some((first, _)) = self.row_band else { return Ok(bytes) };
-        let (from, own) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());
-        Ok(bytes.chunks_exact(whole).flat_map(|f| &f[from..from + own]).copied().collect())
+        let (from, band_bytes) = (first * self.geometry.width() / 8, self.geometry.frame_bytes());
+        Ok(bytes.chunks_exact(frame_bytes).flat_map(|f| &f[from..from + band_bytes]).copied().collect())
     }
+}
+
+/// Checks that a set contains enough recordings for a diagnosis.
+///
+/// # Errors
+/// If the set has too few levels or pixels, and neither rate maps nor a static scene that test a given camera.
+pub(in crate::diagnose) fn check_sufficient(setup: &Setup, with_camera: bool) -> Result<()> {
+    let has_one_kind = setup.has_rate_maps || setup.recordings.iter().any(|s| s.static_scene.is_some());
+    // Rate maps or a static scene are sufficient to test a given camera.
+    if with_camera && has_one_kind {
+        return Ok(());
+    }
+    let levels: Vec<f64> = setup.recordings.iter().filter_map(RecordedScene::level).collect();
+    let lit = levels.iter().filter(|l| **l > 0.0).count();
+    if levels.len() >= 3 && lit >= 2 && setup.geometry.width() >= 8 && setup.geometry.height() >= 8 {
+        return Ok(());
+    }
+    let remedy = if has_one_kind {
+        format!("set {}: maps and static scenes are not sufficient for a calibration", Setting("camera"))
+    } else {
+        "record a dark recording, flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation, steps and a checkerboard"
+            .to_owned()
+    };
+    Err(Error::new(ErrorKind::Input, "recording set")
+        .found(format_args!("{} uniform levels, of which {lit} are lit, at {}", levels.len(), setup.geometry))
+        .expected("a dark level and at least two lit levels, at least 8x8 pixels")
+        .remedy(remedy))
+}
+
+/// Checks that two sets follow the same protocol.
+///
+/// # Errors
+/// If they do not. The error names the first difference.
+pub(in crate::diagnose) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
+    let key = |s: &Setup, k: usize| s.recordings.get(k).map(|x| (format!("{:?}", x.light), x.readouts));
+    let size = |s: &Setup| format!("{} at {} readouts per second", s.geometry, s.readout_hz);
+    let other = (0..a.recordings.len().max(b.recordings.len())).find(|k| key(a, *k) != key(b, *k));
+    let description = |s: &Setup| match other {
+        _ if size(a) != size(b) => size(s),
+        Some(k) => s.recordings.get(k).map_or_else(
+            || format!("{} recordings", s.recordings.len()),
+            |x| format!("{} of light {:?} with {} readouts", x.file_name(), x.light, x.readouts),
+        ),
+        None => String::new(),
+    };
+    if other.is_none() && size(a) == size(b) {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Input, "held-out recordings").found(description(b)).expected(format_args!(
+        "the same scenes in the same order and of the same length as in the first set: {}",
+        description(a)
+    )))
 }

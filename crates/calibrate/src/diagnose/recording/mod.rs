@@ -1,8 +1,5 @@
-//! One recording to one scan: what every statistic needs of its pixels and readouts.
+//! Scans of one recording: the quantities of its pixels and readouts from which all statistics are computed.
 
 pub(super) mod bits;
-pub(super) mod coincidences;
-pub(super) mod intervals;
-pub(super) mod pixel;
 pub(super) mod scan;
 pub(super) mod stretches;

@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::alarm::alarm;
-use crate::diagnose::events::located::Events;
+use crate::diagnose::events::locations::Events;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;

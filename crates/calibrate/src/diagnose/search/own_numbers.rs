@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicUsize;
 
-use crate::diagnose::kept::folder::Kept;
+use crate::diagnose::cache::folder::SimulationCache;
 use crate::diagnose::null::derivatives::{Changes, changes, pairs};
 use crate::diagnose::null::mean::average;
 use crate::diagnose::null::simulated::Begun;
@@ -51,10 +51,10 @@ pub(in crate::diagnose) fn rebased(
     camera: &Camera,
     data: &DVector<f64>,
     seed: u64,
-    kept: Option<&Kept>,
+    kept: Option<&SimulationCache>,
 ) -> Result<Begun> {
     let floors = floors(setup, camera, seed)?;
-    let of = |camera| Place::of(setup, Model::base(camera, setup).keeping(kept), data, seed, &floors);
+    let of = |camera| Place::of(setup, Model::base(camera, setup).with_cache(kept), data, seed, &floors);
     let mut best = of(camera.clone())?;
     let given = best.model.clone();
     let mut moved = best.changes(setup, seed)?;

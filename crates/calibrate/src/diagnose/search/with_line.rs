@@ -3,8 +3,8 @@
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::catalog::Candidate;
-use crate::diagnose::statistics::measured::Measured;
-use crate::diagnose::statistics::readouts::{line, power, sharpened};
+use crate::diagnose::statistics::readouts::{line, power, refine_line};
+use crate::diagnose::statistics::vector::MeasuredSet;
 use spikelane::effects::Definition;
 use spikelane::error::Result;
 
@@ -12,7 +12,10 @@ use spikelane::error::Result;
 const LINE: f64 = 12.0;
 
 /// The signatures, with those of swinging light at the frequency that the frame totals show.
-pub(in crate::diagnose) fn with_line(reference: &NullModel, measured: &Measured) -> Result<Vec<Signature>> {
+pub(in crate::diagnose) fn with_line(
+    reference: &NullModel,
+    measured: &MeasuredSet,
+) -> Result<Vec<Signature>> {
     let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
     let mut best = (0.0, LINE);
     let mut bright: Vec<&[u32]> = Vec::new();
@@ -26,7 +29,7 @@ pub(in crate::diagnose) fn with_line(reference: &NullModel, measured: &Measured)
     if best.0 == 0.0 {
         return Ok(signatures);
     }
-    let frequency = sharpened(&bright, best.0);
+    let frequency = refine_line(&bright, best.0);
     // One at the line stands for those at the frequencies that a strength is judged by.
     let mut kept: Vec<&Definition> = Vec::new();
     signatures.retain(|s| {

@@ -1,53 +1,10 @@
-//! What a camera may have that its model lacks: effects by what they say of themselves, and where to try them.
+//! Candidates of a search: the effects of a catalog with the parameter values that are tried.
 
-use super::knob::Knob;
+use super::model::Knob;
 use spikelane::effects::definition::{Param, ParamKind, SearchScale, SearchSpec};
-use spikelane::effects::{
-    Camera, Catalog, Definition, adaptation, column_pattern, comparator_noise, correlated_shot_noise,
-    crosstalk, dark_shot_noise, dark_tail, dead_pixels, dead_time, dropped_readouts, edge_columns,
-    false_spikes, flicker, gain_dark_correlation, gain_drift, hot_pixels, image_lag, leak, missed_spikes,
-    partial_reset, readout_jitter, repeated_readouts, response_nonlinearity, row_noise, row_pattern,
-    saturation_clamp, slow_threshold_noise, smooth_prnu, spike_coupling, supply_droop, telegraph_dark,
-    vignetting,
-};
+use spikelane::effects::{Camera, Catalog, Definition};
 
-/// Ties go to the one that is tried first. Effects that are not among these follow in the order of their list.
-const FIRST: [&Definition; 32] = [
-    &dead_time::EFFECT,
-    &response_nonlinearity::EFFECT,
-    &partial_reset::EFFECT,
-    &leak::EFFECT,
-    &dark_shot_noise::EFFECT,
-    &comparator_noise::EFFECT,
-    &slow_threshold_noise::EFFECT,
-    &adaptation::EFFECT,
-    &telegraph_dark::EFFECT,
-    &hot_pixels::EFFECT,
-    &dead_pixels::EFFECT,
-    &column_pattern::EFFECT,
-    &row_pattern::EFFECT,
-    &smooth_prnu::EFFECT,
-    &vignetting::EFFECT,
-    &row_noise::EFFECT,
-    &flicker::EFFECT,
-    &gain_drift::EFFECT,
-    &image_lag::EFFECT,
-    &crosstalk::EFFECT,
-    &spike_coupling::EFFECT,
-    &supply_droop::EFFECT,
-    &missed_spikes::EFFECT,
-    &false_spikes::EFFECT,
-    &dropped_readouts::EFFECT,
-    &repeated_readouts::EFFECT,
-    &saturation_clamp::EFFECT,
-    &dark_tail::EFFECT,
-    &gain_dark_correlation::EFFECT,
-    &edge_columns::EFFECT,
-    &correlated_shot_noise::EFFECT,
-    &readout_jitter::EFFECT,
-];
-
-/// An effect with the knobs that it adds and a position to try.
+/// An effect with its knobs and the positions that are tried.
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct Candidate {
     pub effect: &'static Definition,
@@ -55,19 +12,18 @@ pub(in crate::diagnose) struct Candidate {
     pub at: Vec<f64>,
 }
 
-/// The effects of which a number is tried, in the order in which ties go.
-pub(in crate::diagnose) fn looked_for(effects: &Catalog) -> Vec<&'static Definition> {
-    let mut all: Vec<_> = effects.all().filter(|effect| effect.searched_params().next().is_some()).collect();
-    all.sort_by_key(|effect| FIRST.iter().position(|first| first == effect).unwrap_or(FIRST.len()));
-    all
+/// Returns the effects with searched parameters, in the order of the catalog.
+pub(in crate::diagnose) fn searched_effects(effects: &Catalog) -> Vec<&'static Definition> {
+    effects.all().filter(|effect| effect.searched_params().next().is_some()).collect()
 }
 
-/// Every candidate at every position.
+/// Returns all candidates at all positions. `readouts` is the length of the longest recording.
 pub(in crate::diagnose) fn candidates(base: &Camera, readouts: usize, effects: &Catalog) -> Vec<Candidate> {
     let of = |effect| positions(effect, base, readouts as f64);
-    looked_for(effects).into_iter().flat_map(of).collect()
+    searched_effects(effects).into_iter().flat_map(of).collect()
 }
 
+/// Returns the candidates of an effect at all combinations of its searched values.
 fn positions(effect: &'static Definition, base: &Camera, readouts: f64) -> Vec<Candidate> {
     let knobs: Vec<Knob> =
         effect.searched_params().map(|(param, tried)| knob(effect, param, tried, base, readouts)).collect();
@@ -81,6 +37,7 @@ fn positions(effect: &'static Definition, base: &Camera, readouts: f64) -> Vec<C
     values.into_iter().map(|value| Candidate { effect, knobs: knobs.clone(), at: at(value) }).collect()
 }
 
+/// Returns the knob of a searched parameter.
 fn knob(
     effect: &'static Definition,
     param: &'static Param,
@@ -97,15 +54,15 @@ fn knob(
     let neutral = own.unwrap_or(param.neutral);
     let (center, unit) = match scale {
         SearchScale::Log | SearchScale::LogComplement => (values[values.len() / 2], 1.0),
-        // An infinite neutral value is one that the light of the set never reaches.
+        // An infinite neutral value means that the light of the set never reaches the limit.
         _ if neutral.is_infinite() => (range.1, -0.1),
         _ => (neutral, (first - neutral).abs()),
     };
-    Knob { effect, key, scale, center, unit, range: within(range, param) }
+    Knob { effect, key, scale, center, unit, range: allowed_range(range, param) }
 }
 
-/// The part of a range that the parameter can have.
-fn within(range: (f64, f64), param: &Param) -> (f64, f64) {
+/// Returns the part of a range that the parameter allows.
+fn allowed_range(range: (f64, f64), param: &Param) -> (f64, f64) {
     match param.kind {
         ParamKind::Number { low, high, .. } => (range.0.max(low), range.1.min(high)),
         ParamKind::Choice(_) => range,
@@ -115,28 +72,27 @@ fn within(range: (f64, f64), param: &Param) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::sensors::base::BASE;
+    use crate::diagnose::sensors::model::BASE_KNOBS;
     use spikelane::effects::{ALL, capacitor_mismatch, start_phase};
 
     #[test]
     fn every_effect_of_the_model_is_a_candidate_or_part_of_the_base() {
-        // The base model has the whole spread of thresholds in its voltages, and pixels that start anywhere.
+        // The base model describes the spread of thresholds by the voltages alone, and its start phases are random.
         let held = [&capacitor_mismatch::EFFECT, &start_phase::EFFECT];
         let all = candidates(&spikelane::presets::builtin("ideal").unwrap(), 4000, &Catalog::new());
         for effect in ALL {
-            let base = held.contains(effect) || BASE.iter().any(|n| n.effect == *effect);
+            let base = held.contains(effect) || BASE_KNOBS.iter().any(|n| n.effect == *effect);
             assert!(base != all.iter().any(|c| c.effect == *effect), "{} can never be found", effect.name);
         }
     }
 
     #[test]
-    fn ties_go_as_they_did_and_to_effects_of_other_crates_last() {
+    fn effects_of_other_crates_are_searched_last() {
         static NEW: [Param; 1] =
             [Param::number("x", spikelane::units::Unit::Dimensionless, (0.0, 1.0), 0.0, 0.1, "x")
                 .with_search(SearchSpec::amplitude((0.0, 1.0), &[0.1]))];
-        static BROUGHT: Definition = Definition::new("abc", "", "", &NEW);
-        let order = looked_for(&Catalog::new().with_definition(&BROUGHT).unwrap());
-        assert_eq!(order[..FIRST.len()], FIRST);
-        assert_eq!(order[FIRST.len()..], [&BROUGHT]);
+        static ADDED: Definition = Definition::new("abc", "", "", &NEW);
+        let order = searched_effects(&Catalog::new().with_definition(&ADDED).unwrap());
+        assert_eq!(order.last(), Some(&&ADDED));
     }
 }

@@ -1,46 +1,47 @@
-//! A set as a camera would give it.
+//! Simulation of a recording set.
 
 use std::borrow::Cow;
 
-use super::fixed::replaced;
-use super::key::hash;
-use super::sample::Sample;
-use super::still;
-use crate::diagnose::events::places::put_in;
-use crate::diagnose::protocol::recorded::RecordedScene;
+use super::model::Sample;
+use crate::diagnose::cache::key::hash_inputs;
+use crate::diagnose::events::locations::{apply_events, is_replaced};
+use crate::diagnose::protocol::recorded_scene::{RecordedScene, StaticScene};
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::recording::scan::{Scan, scan};
-use crate::diagnose::statistics::all::vector;
-use crate::diagnose::statistics::entry::DiagnosticStatistic;
-use crate::diagnose::statistics::entry::Vector;
+use crate::diagnose::recording::scan::{Scan, ScanOptions, scan};
+use crate::diagnose::statistics::vector::{
+    DiagnosticStatistic, StatisticsVector, rate_map_statistics, statistics_vector,
+};
 use crate::{Stimulus, StimulusPattern};
-use spikelane::effects::{Camera, Model};
+use spikelane::effects::{Camera, Model, start_phase};
 use spikelane::error::Result;
 use spikelane::pixel::Op;
 use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::draws::Seeds;
-use spikelane::unstable::inputs;
 use spikelane::unstable::plan::Plan;
-use spikelane::unstable::threads;
+use spikelane::unstable::{inputs, threads};
 use spikelane_io::simulate::{FrameRef, Simulator};
 
-/// The entries of the vector.
+/// Number of simulated readouts before the recording, during which pixels with a common start phase become
+/// independent.
+const LEAD_READOUTS: usize = 200;
+
+/// Returns the entries of the vector of `sample`.
 pub(in crate::diagnose) fn statistics(
     setup: &Setup,
     sample: &Sample,
     seed: u64,
 ) -> Result<Vec<DiagnosticStatistic>> {
-    Ok(statistics_of(setup, sample, seed)?.statistics)
+    Ok(simulate_vector(setup, sample, seed)?.statistics)
 }
 
-fn statistics_of(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vector> {
+fn simulate_vector(setup: &Setup, sample: &Sample, seed: u64) -> Result<StatisticsVector> {
     if setup.has_rate_maps {
-        return still::maps(setup, sample, seed);
+        return simulate_rate_maps(setup, sample, seed);
     }
-    Ok(vector(setup, &scans(setup, sample, seed)?))
+    Ok(statistics_vector(setup, &scans(setup, sample, seed)?))
 }
 
-/// Scans of the set as `sample` would give it.
+/// Returns scans of the simulated set.
 pub(in crate::diagnose) fn scans(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<Scan>> {
     let scenes = 0..setup.recordings.len();
     if setup.only_still() {
@@ -54,25 +55,27 @@ pub(in crate::diagnose) fn scans(setup: &Setup, sample: &Sample, seed: u64) -> R
     threads::try_map(scenes, scene)
 }
 
-/// The vector.
+/// Returns the vector of `sample`.
 pub(in crate::diagnose) fn values(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<f64>> {
-    kept_or(setup, sample, seed, || Ok(statistics_of(setup, sample, seed)?.values))
+    cached_or(setup, sample, seed, || Ok(simulate_vector(setup, sample, seed)?.values))
 }
 
-/// The vector of `sample` as it was kept, or as `simulate` makes it.
-pub(in crate::diagnose) fn kept_or(
+/// Returns the vector of `sample` from the cache, or simulates it.
+pub(in crate::diagnose) fn cached_or(
     setup: &Setup,
     sample: &Sample,
     seed: u64,
     simulate: impl FnOnce() -> Result<Vec<f64>>,
 ) -> Result<Vec<f64>> {
-    match &sample.kept {
-        Some(kept) => kept.or(kept.key(|hasher| hash(setup, sample, seed, hasher)), simulate),
+    match &sample.cache {
+        Some(cache) => {
+            cache.get_or_simulate(cache.key(|hasher| hash_inputs(setup, sample, seed, hasher)), simulate)
+        }
         None => simulate(),
     }
 }
 
-/// One recording of the simulated set.
+/// Simulates and scans one recording of the set.
 pub(in crate::diagnose) fn scan_of_recording(
     setup: &Setup,
     sample: &Sample,
@@ -80,26 +83,27 @@ pub(in crate::diagnose) fn scan_of_recording(
     seed: u64,
 ) -> Result<Scan> {
     let scene = &setup.recordings[k];
-    if let Some(still) = &scene.static_scene {
-        return still::recording(still, sized(setup, &sample.camera), seeds(seed, k), scene);
+    if let Some(static_scene) = &scene.static_scene {
+        return simulate_static_scene(static_scene, camera_for(setup, &sample.camera), seeds(seed, k), scene);
     }
     scan_of(setup.geometry, &bits(setup, sample, k, seed)?, scene)
 }
 
-/// The camera at this set's size and rate.
-fn sized(setup: &Setup, camera: &Camera) -> Camera {
+/// Returns the camera at the size and rate of the set.
+fn camera_for(setup: &Setup, camera: &Camera) -> Camera {
     let mut camera = camera.clone();
     camera.sensor.geometry = setup.geometry;
     camera.sensor.readout_hz = setup.readout_hz;
     camera
 }
 
-/// The camera with its fixed pattern drawn: the same for all recordings, and a good part of the work of planning one.
+/// Returns the camera with its fixed pattern. All recordings share it, because it takes a large part of the time of a
+/// plan.
 fn model_of(setup: &Setup, sample: &Sample, seed: u64) -> Result<Model> {
-    sized(setup, &sample.camera).model(seeds(seed, 0))
+    camera_for(setup, &sample.camera).model(seeds(seed, 0))
 }
 
-/// The bits of one recording of the simulated set.
+/// Simulates the bits of one recording of the set.
 pub(in crate::diagnose) fn bits(setup: &Setup, sample: &Sample, k: usize, seed: u64) -> Result<Vec<u8>> {
     bits_of(setup, &model_of(setup, sample, seed)?, sample, k, seed)
 }
@@ -107,12 +111,12 @@ pub(in crate::diagnose) fn bits(setup: &Setup, sample: &Sample, k: usize, seed: 
 fn bits_of(setup: &Setup, model: &Model, sample: &Sample, k: usize, seed: u64) -> Result<Vec<u8>> {
     let scene = &setup.recordings[k];
     let lamp = sample.lamps[k];
-    let mut model = in_any_phase(model, seed, k);
+    let mut model = with_random_phase(model, seed, k);
     let events = sample.pinned.places(k);
-    if model.ops.iter().any(|op| replaced(op, &events)) {
-        model.to_mut().ops.retain(|op| !replaced(op, &events));
+    if model.ops.iter().any(|op| is_replaced(op, &events)) {
+        model.to_mut().ops.retain(|op| !is_replaced(op, &events));
     }
-    let plan = Plan::from_model(&model, seeds(seed, k), (scene.greatest() * lamp).max(0.01))?;
+    let plan = Plan::from_model(&model, seeds(seed, k), (scene.max_light() * lamp).max(0.01))?;
     let mut simulator = Simulator::from_plan(plan);
     let (bytes, width) = (setup.geometry.frame_bytes(), setup.geometry.width());
     let total = scene.first_readout + scene.readouts + events[0].map_or(0, <[usize]>::len);
@@ -123,35 +127,35 @@ fn bits_of(setup: &Setup, model: &Model, sample: &Sample, k: usize, seed: u64) -
     };
     let (mut filled, mut at) = (0, 0);
     while filled < total {
-        // A camera that drops readouts does not stop the light: edges then come early in the file.
-        let now = (hold - at % hold).min(total - filled);
+        // A camera that drops readouts does not stop the light, so later edges have a smaller index in the file.
+        let count = (hold - at % hold).min(total - filled);
         let level = |p: usize| scene.light.level_at(p / width, p % width, at as u64).unwrap_or(0.0);
         let samples: Vec<f32> = (0..setup.geometry.pixels()).map(|p| (lamp * level(p)) as f32).collect();
         let frame = FrameRef::new(&samples);
-        filled += simulator.advance(frame, now, &mut out[filled * bytes..])?;
-        at += now;
+        filled += simulator.advance(frame, count, &mut out[filled * bytes..])?;
+        at += count;
     }
-    put_in(&mut out, bytes, &events, scene.first_readout);
+    apply_events(&mut out, bytes, &events, scene.first_readout);
     out.drain(..scene.first_readout * bytes);
     Ok(out)
 }
 
-/// A recording begins anywhere in a flicker's swing: with one phase for all, slow flicker would have to move a
-/// square wave's response as it does at that phase.
-fn in_any_phase(model: &Model, seed: u64, k: usize) -> Cow<'_, Model> {
+/// Gives flicker a random phase per recording, because a recording begins at any phase. With a common phase, slow
+/// flicker would change the response to a square wave in the way of that phase only.
+fn with_random_phase(model: &Model, seed: u64, k: usize) -> Cow<'_, Model> {
     let is_flicker = |op: &Op| matches!(op, Op::Flicker { depth, .. } if *depth != 0.0);
     if !model.ops.iter().any(is_flicker) {
         return Cow::Borrowed(model);
     }
-    // Fractions of the golden ratio's and of the plastic number's multiples spread evenly.
+    // Multiples of the golden ratio and of the plastic number have uniformly distributed fractions.
     let phase = (0.618_034 * (seed % 1_000_003) as f64 + 0.754_878 * k as f64).fract();
-    let mut turned = model.clone();
-    for op in &mut turned.ops {
+    let mut shifted = model.clone();
+    for op in &mut shifted.ops {
         if let Op::Flicker { phase_turns, .. } = op {
             *phase_turns = phase;
         }
     }
-    Cow::Owned(turned)
+    Cow::Owned(shifted)
 }
 
 fn seeds(seed: u64, k: usize) -> Seeds {
@@ -159,5 +163,50 @@ fn seeds(seed: u64, k: usize) -> Seeds {
 }
 
 fn scan_of(geometry: Geometry, bytes: &[u8], scene: &RecordedScene) -> Result<Scan> {
-    scan(SpikeFramesRef::new(geometry, bytes)?, scene.look())
+    scan(SpikeFramesRef::new(geometry, bytes)?, scene.scan_options())
+}
+
+/// Simulates a camera that records the surface of a static scene: the measured rates without the differences between
+/// neighbors.
+pub(in crate::diagnose) fn simulate_static_scene(
+    static_scene: &StaticScene,
+    camera: Camera,
+    seeds: Seeds,
+    scene: &RecordedScene,
+) -> Result<Scan> {
+    let geometry = camera.sensor.geometry;
+    // The phase of the pixels at the start of the recording is unknown.
+    let camera = camera.with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
+    let light = |rate: &f64| {
+        let light = camera.operating_point(*rate).light;
+        if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
+    };
+    let samples: Vec<f32> = static_scene.surface.iter().map(light).collect();
+    let mut simulator = Simulator::from_plan(Plan::with_max_light(&camera, seeds, 1.0)?);
+    let mut bits = inputs::zeroed_vec("simulated readouts", LEAD_READOUTS * geometry.frame_bytes())?;
+    simulator.fill(&samples, &mut bits)?;
+    bits.resize(scene.readouts * geometry.frame_bytes(), 0);
+    simulator.fill(&samples, &mut bits)?;
+    let mut scan_result = scan(
+        SpikeFramesRef::new(geometry, &bits)?,
+        ScanOptions { with_intervals: scene.is_dim(), ..ScanOptions::default() },
+    )?;
+    static_scene.retain_uniform(&mut scan_result);
+    Ok(scan_result)
+}
+
+/// Returns the statistics of the maps that follow from the fixed pattern of a camera.
+pub(in crate::diagnose) fn simulate_rate_maps(
+    setup: &Setup,
+    sample: &Sample,
+    seed: u64,
+) -> Result<StatisticsVector> {
+    let mut camera = sample.camera.clone();
+    camera.sensor.geometry = setup.geometry;
+    camera.sensor.readout_hz = setup.readout_hz;
+    let model = camera.model(Seeds { camera: seed, shot: 0, sequence: 0 })?;
+    let laws = (0..setup.geometry.pixels()).map(|p| model.law(p));
+    let (gain, dark): (Vec<f64>, Vec<f64>) =
+        laws.map(|l| (l.gain / l.threshold, l.dark / l.threshold)).unzip();
+    Ok(rate_map_statistics(&gain, &dark, setup))
 }

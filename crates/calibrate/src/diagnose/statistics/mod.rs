@@ -1,12 +1,6 @@
-//! The scans of a set to one vector of statistics.
+//! The vector of statistics of a recording set, computed from scans of its recordings.
 
-pub(super) mod all;
-pub(super) mod entry;
-pub(super) mod lines;
 pub(super) mod maps;
-pub(super) mod measured;
 pub(super) mod quantiles;
-pub(super) mod rate_maps;
 pub(super) mod readouts;
-pub(super) mod steps;
-pub(super) mod transforms;
+pub(super) mod vector;

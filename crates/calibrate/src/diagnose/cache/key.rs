@@ -1,14 +1,15 @@
-//! What a simulated vector depends on.
+//! Key of a simulated vector.
 
 use std::hash::{Hash as _, Hasher};
 
-use super::sample::Sample;
-use crate::diagnose::protocol::recorded::RecordedScene;
+use crate::diagnose::protocol::recorded_scene::RecordedScene;
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::model::Sample;
 
-/// Hashes all that moves the vector of `sample` under `setup` with the draws of `seed`, to the bit.
-pub(in crate::diagnose) fn hash(setup: &Setup, sample: &Sample, seed: u64, into: &mut impl Hasher) {
-    // Names move nothing, nor does what was left out of the recordings; how well lamps are known stands in the sample's lamps.
+/// Hashes all inputs of the vector of `sample` under `setup` with `seed`, to the last bit.
+pub(in crate::diagnose) fn hash_inputs(setup: &Setup, sample: &Sample, seed: u64, into: &mut impl Hasher) {
+    // File names and excluded readouts do not change a vector. The uncertainties of the lamps act through the lamps of
+    // the sample.
     let Setup {
         geometry,
         readout_hz,
@@ -22,19 +23,20 @@ pub(in crate::diagnose) fn hash(setup: &Setup, sample: &Sample, seed: u64, into:
         name: _,
         light,
         readouts,
-        first_readout: skip,
-        static_scene: still,
+        first_readout,
+        static_scene,
         light_uncertainty: _,
         light_offset,
     } in scenes
     {
-        // Numbers are written with as many digits as tell them from every other one.
-        (format!("{light:?}"), light_offset.to_bits(), readouts, skip, still.is_some()).hash(into);
-        if let Some(still) = still {
-            still.hash_exactly(into);
+        // `Debug` prints enough digits to identify every number.
+        (format!("{light:?}"), light_offset.to_bits(), readouts, first_readout, static_scene.is_some())
+            .hash(into);
+        if let Some(static_scene) = static_scene {
+            static_scene.hash_exactly(into);
         }
     }
-    let Sample { camera, lamps, pinned, kept: _ } = sample;
+    let Sample { camera, lamps, pinned, cache: _ } = sample;
     camera.hash_exactly(into);
     lamps.iter().for_each(|lamp| lamp.to_bits().hash(into));
     (0..scenes.len()).for_each(|k| pinned.places(k).hash(into));
@@ -46,11 +48,10 @@ mod tests {
     use std::hash::DefaultHasher;
     use std::sync::Arc;
 
-    use super::super::fixed::Pinned;
-    use super::super::simulate::values;
     use super::*;
-    use crate::diagnose::events::located::Located;
-    use crate::diagnose::kept::folder::RESULTS_VERSION;
+    use crate::diagnose::cache::folder::RESULTS_VERSION;
+    use crate::diagnose::events::locations::{LocatedEvents, PinnedEvents};
+    use crate::diagnose::sensors::simulate::values;
     use crate::{Stimulus, StimulusPattern};
     use spikelane::effects::{Catalog, dead_time, dropped_readouts};
     use spikelane::spikes::Geometry;
@@ -78,16 +79,16 @@ mod tests {
 
     fn sample() -> Sample {
         let camera = spikelane::presets::builtin("scsim-code").unwrap();
-        Sample { camera, lamps: vec![1.0; 2], pinned: Pinned::default(), kept: None }
+        Sample { camera, lamps: vec![1.0; 2], pinned: PinnedEvents::default(), cache: None }
     }
 
     fn key(setup: &Setup, sample: &Sample, seed: u64) -> u64 {
         let mut hasher = DefaultHasher::new();
-        hash(setup, sample, seed, &mut hasher);
+        hash_inputs(setup, sample, seed, &mut hasher);
         hasher.finish()
     }
 
-    /// What one change makes of the key.
+    /// Returns the key after a change.
     fn changed(change: impl FnOnce(&mut Setup, &mut Sample)) -> u64 {
         let (mut setup, mut sample) = (setup(), sample());
         change(&mut setup, &mut sample);
@@ -95,11 +96,11 @@ mod tests {
     }
 
     #[test]
-    fn every_last_bit_of_what_moves_a_vector_makes_another_key() {
+    fn the_key_depends_on_the_last_bit_of_every_input() {
         let next = |v: &mut f64| *v = v.next_up();
         let lost = |at: usize| {
-            let located = Arc::new(Located(vec![[Some(vec![at]), None]]));
-            Pinned::new(&located, [&dropped_readouts::EFFECT].into_iter())
+            let located = Arc::new(LocatedEvents(vec![[Some(vec![at]), None]]));
+            PinnedEvents::new(&located, [&dropped_readouts::EFFECT].into_iter())
         };
         let keys = [
             changed(|_, _| {}),
@@ -134,7 +135,8 @@ mod tests {
         assert_eq!(HashSet::from(keys).len(), keys.len());
     }
 
-    /// The mean of the vectors of each effect at its typical strength, each entry with a weight of its own.
+    /// Returns the weighted mean of the vectors of all effects at their typical strength. Each entry has its own
+    /// weight.
     fn mean_of_results() -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for maps in [false, true] {
@@ -152,18 +154,18 @@ mod tests {
         sum / count
     }
 
-    /// If this fails, simulations give other numbers: raise `RESULTS_VERSION`, and record the new mean with it.
+    /// If this test fails, simulations give other numbers. Raise `RESULTS_VERSION`, and record the new mean with it.
     #[test]
     fn changed_results_have_another_version() {
         let (recorded_version, recorded_mean) = (1, 2.374_734_856_690_362_8);
         assert_eq!(RESULTS_VERSION, recorded_version);
-        // Systems and instruction sets differ in the last digits.
+        // The last digits depend on the system and the instruction set.
         let mean = mean_of_results();
         assert!((mean / recorded_mean - 1.0_f64).abs() < 1e-11, "was {recorded_mean:?}, is {mean:?}");
     }
 
     #[test]
-    fn what_is_no_part_of_the_key_moves_no_vector() {
+    fn inputs_outside_the_key_do_not_change_a_vector() {
         let changes: [fn(&mut Setup, &mut Sample); 6] = [
             |setup, _| setup.recordings[0].name = "other/b.dat".to_owned(),
             |setup, _| setup.row_band = Some((8, 8)),

@@ -1,0 +1,323 @@
+//! Figures of the report: rates with residuals, maps, spectra and intervals of the recordings and of the models.
+
+use crate::RecordingSet;
+use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::recording::scan::Scan;
+use crate::diagnose::search::search::Found;
+use crate::diagnose::sensors::model::{Model, Sample};
+use crate::diagnose::sensors::simulate;
+use crate::diagnose::statistics::maps::fit_lines;
+use crate::diagnose::statistics::readouts::power;
+use nalgebra::DVector;
+use serde::Serialize;
+use spikelane::error::Result;
+use spikelane::spikes::{SpikeFramesRef, bit};
+use spikelane::unstable::threads;
+use spikelane_measure::report::{
+    Curve, PageElement, ShadedBand, bar_plot, heat_map, line_plot_over_band, marked_line_plot,
+};
+
+/// Number of bins of interval lengths.
+const INTERVAL_BINS: usize = 40;
+
+/// Upper end of the last bin, in mean intervals of the pixel.
+const MAX_RELATIVE_INTERVAL: f64 = 2.0;
+
+/// Number of points of a spectrum, equally spaced in the logarithm of the frequency.
+const SPECTRUM_POINTS: usize = 60;
+
+/// Number of additional simulated sensors of the final model. At one frequency, another such sensor lies outside of
+/// their range with a probability of 2 / (20 + 1).
+pub(in crate::diagnose) const RANGE_SENSORS: usize = 20;
+
+/// Name of the statistic that contains the residuals.
+const RESIDUAL_STATISTIC: &str = "rate against the pixel's line";
+
+/// Value of the statistic for a residual of 1.
+const STATISTIC_UNITS: f64 = 1e3;
+
+/// Points of a curve in ascending order of x.
+pub(crate) type Points = Vec<(f64, f64)>;
+
+/// Name of a recording, and the points of a curve.
+pub type NamedCurve = (String, Points);
+
+/// Plot data of one set.
+#[derive(Clone, Debug, Default)]
+pub struct SetPlots {
+    /// Number of pixels in a row; `None` without maps.
+    pub width: Option<usize>,
+    /// Gain, and dark current in thresholds per readout, of every pixel, top row first; `None` without flats.
+    pub maps: Option<[Vec<f64>; 2]>,
+    /// Spectrum of one recording: its name, and power over frequency in hertz. The power is relative to that of
+    /// independent pixels.
+    pub spectrum: Option<NamedCurve>,
+    /// Lowest and highest power of the spectra of 20 further sensors of the model.
+    pub spectrum_range: Option<[Points; 2]>,
+    /// Intervals of one recording: its name, and the share of the intervals over their length. The length is relative
+    /// to the pixel's mean.
+    pub intervals: Option<NamedCurve>,
+}
+
+/// Returns the plot data of the recordings, of the initial model and of the final model.
+pub(in crate::diagnose) fn set_plots(
+    reference: &NullModel,
+    set: &RecordingSet,
+    scans: &[Scan],
+    last: (&Model, &[f64]),
+) -> Result<Vec<(&'static str, SetPlots)>> {
+    let setup = &reference.setup;
+    if setup.has_rate_maps || setup.recordings.iter().any(|s| s.static_scene.is_some()) {
+        return Ok(Vec::new());
+    }
+    let base = reference.model.sample(&[], &[], setup.recordings.len())?;
+    let model = last.0.sample(last.1, &[], setup.recordings.len())?;
+    let data = plots_of(setup, scans, |k| setup.read(set, k))?;
+    let simulated = |sample: &Sample| {
+        let seed = reference.seed + 90_000;
+        plots_of(setup, &simulate::scans(setup, sample, seed)?, |k| simulate::bits(setup, sample, k, seed))
+    };
+    let range = spectrum_range(reference, &model)?;
+    let after = SetPlots { spectrum_range: range, ..simulated(&model)? };
+    Ok(vec![("recordings", data), ("model before", simulated(&base)?), ("model after", after)])
+}
+
+/// Returns the uniform recording nearest to half of full scale, whose spectrum is shown.
+fn spectrum_recording(setup: &Setup) -> Option<usize> {
+    flats(setup).min_by(|a, b| (a.1 - 0.5).abs().total_cmp(&(b.1 - 0.5).abs())).map(|(k, _)| k)
+}
+
+/// Returns the lit uniform recordings with their light.
+fn flats(setup: &Setup) -> impl Iterator<Item = (usize, f64)> {
+    setup.recordings.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?))).filter(|f| f.1 > 0.0)
+}
+
+/// Returns the lowest and the highest power of the spectra of simulated sensors.
+fn spectrum_range(reference: &NullModel, sample: &Sample) -> Result<Option<[Points; 2]>> {
+    let setup = &reference.setup;
+    let Some(k) = spectrum_recording(setup) else { return Ok(None) };
+    let spectrum = |i: usize| {
+        let scan = simulate::scan_of_recording(setup, sample, k, reference.seed + 91_000 + i as u64)?;
+        Ok(band_means(&scan.totals, setup.readout_hz))
+    };
+    let all = threads::try_map(0..RANGE_SENSORS, spectrum)?;
+    let ends = |pick: fn(f64, f64) -> f64| {
+        let at = |i: usize| (all[0][i].0, all.iter().map(|s| s[i].1).reduce(pick).unwrap_or_default());
+        (0..all[0].len()).map(at).collect()
+    };
+    Ok(Some([ends(f64::min), ends(f64::max)]))
+}
+
+/// Returns the plot data of one set.
+fn plots_of(setup: &Setup, scans: &[Scan], bits: impl Fn(usize) -> Result<Vec<u8>>) -> Result<SetPlots> {
+    let intervals = match flats(setup).min_by(|a, b| a.1.total_cmp(&b.1)) {
+        Some((k, _)) => Some((setup.recordings[k].name.clone(), interval_lengths(setup, &bits(k)?)?)),
+        None => None,
+    };
+    Ok(SetPlots {
+        width: Some(setup.geometry.width()),
+        maps: fit_lines(setup, scans).map(|l| [l.gain, l.dark]),
+        spectrum: spectrum_recording(setup)
+            .map(|k| (setup.recordings[k].name.clone(), band_means(&scans[k].totals, setup.readout_hz))),
+        intervals,
+        spectrum_range: None,
+    })
+}
+
+/// Returns the share of the intervals in each bin of their length, relative to the mean of the pixel.
+fn interval_lengths(setup: &Setup, bytes: &[u8]) -> Result<Vec<(f64, f64)>> {
+    let frames = SpikeFramesRef::new(setup.geometry, bytes)?;
+    let mut bins = [0.0; INTERVAL_BINS];
+    for p in 0..setup.geometry.pixels() {
+        let times: Vec<usize> =
+            frames.iter().enumerate().filter(|(_, f)| bit(f.as_bytes(), p)).map(|(t, _)| t).collect();
+        let (Some(first), Some(last)) = (times.first(), times.last()) else { continue };
+        let mean = (last - first) as f64 / (times.len() - 1).max(1) as f64;
+        for pair in times.windows(2) {
+            let place = (pair[1] - pair[0]) as f64 / mean / MAX_RELATIVE_INTERVAL * INTERVAL_BINS as f64;
+            bins[(place as usize).min(INTERVAL_BINS - 1)] += 1.0;
+        }
+    }
+    let all = bins.iter().sum::<f64>().max(1.0);
+    Ok(bins
+        .iter()
+        .enumerate()
+        .map(|(i, n)| ((i as f64 + 0.5) * MAX_RELATIVE_INTERVAL / INTERVAL_BINS as f64, n / all))
+        .collect())
+}
+
+/// Returns the mean power in frequency bands of equal ratio.
+fn band_means(totals: &[u32], readout_hz: f64) -> Vec<(f64, f64)> {
+    let power = power(totals);
+    let n = totals.len().max(1) as f64;
+    let edge = |i: usize| (power.len() as f64).powf(i as f64 / SPECTRUM_POINTS as f64);
+    let band = |i: usize| {
+        let (from, to) = (edge(i).floor() as usize, edge(i + 1).ceil() as usize);
+        let part = power.get(from.max(1)..to.min(power.len()))?;
+        let mean = part.iter().sum::<f64>() / part.len() as f64;
+        (!part.is_empty()).then(|| ((edge(i) * edge(i + 1)).sqrt() * readout_hz / n, mean))
+    };
+    (0..SPECTRUM_POINTS).filter_map(band).collect()
+}
+
+/// Returns the decimal logarithms of a point.
+fn logarithms((x, y): &(f64, f64)) -> (f64, f64) {
+    (x.log10(), y.max(1e-6).log10())
+}
+
+/// Returns the figure of the spectra.
+fn spectrum(
+    place: &str,
+    curves: &[Curve<'_>],
+    plots: &[(&'static str, SetPlots)],
+    added: bool,
+) -> Result<PageElement> {
+    let range = plots.iter().find_map(|(_, p)| p.spectrum_range.as_ref());
+    let in_logarithms = |line: &Vec<(f64, f64)>| line.iter().map(logarithms).collect();
+    let band = range.map(|[low, high]| ShadedBand {
+        name: "simulated sensors",
+        low: in_logarithms(low),
+        high: in_logarithms(high),
+    });
+    let axes = ("log10 of the frequency in Hz", "log10 of the power");
+    let plot = line_plot_over_band(place, axes, curves, band.as_ref())?;
+    let what = "Power, divided by the power of as many independent spikes.";
+    let model = if added { "the final model" } else { "the model" };
+    let gray = format!(
+        "{what} The gray band is the range of {RANGE_SENSORS} simulated sensors of {model}. A recording of such a sensor lies outside the band at one frequency in eleven."
+    );
+    Ok(PageElement::figure(plot, if band.is_some() { gray } else { what.to_owned() }))
+}
+
+/// Returns the plots of the recordings, of the initial model and of the final model. If no effect was `added`, both
+/// models are the same.
+pub(in crate::diagnose) fn plot_sections(
+    plots: &[(&'static str, SetPlots)],
+    added: bool,
+) -> Result<Vec<PageElement>> {
+    let mut parts = Vec::new();
+    let shown: Vec<(&'static str, &SetPlots)> = match plots {
+        [recordings, before, _] if !added => vec![(recordings.0, &recordings.1), ("model", &before.1)],
+        all => all.iter().map(|(name, p)| (*name, p)).collect(),
+    };
+    let curve = |of: fn(&SetPlots) -> &Option<NamedCurve>, convert: fn(&(f64, f64)) -> (f64, f64)| {
+        let all: Vec<Curve<'_>> = shown
+            .iter()
+            .filter_map(|(name, p)| {
+                Some(Curve { name, points: of(p).as_ref()?.1.iter().map(convert).collect() })
+            })
+            .collect();
+        let place = plots.iter().find_map(|(_, p)| Some(of(p).as_ref()?.0.clone()));
+        (place, all)
+    };
+    if let (Some(place), all) = curve(|p| &p.intervals, |p| *p) {
+        parts.push(PageElement::heading("Intervals"));
+        let plot = bar_plot(&place, "interval, divided by the mean of the pixel", &all)?;
+        parts.push(PageElement::figure(
+            plot,
+            "Lengths of intervals, each divided by the mean interval of its pixel.",
+        ));
+    }
+    if let (Some(place), all) = curve(|p| &p.spectrum, logarithms) {
+        parts.push(PageElement::heading("Spectrum of the number of spikes per readout"));
+        parts.push(spectrum(&place, &all, plots, added)?);
+    }
+    for (place, what) in ["gain", "dark current"].into_iter().enumerate() {
+        let maps: Vec<_> = shown.iter().filter_map(|(n, p)| Some((n, &p.maps.as_ref()?[place]))).collect();
+        if maps.is_empty() {
+            continue;
+        }
+        parts.push(PageElement::heading(&format!("Map of the {what}")));
+        for (name, map) in maps {
+            let width = plots.iter().find_map(|p| p.1.width).unwrap_or(1);
+            parts.push(PageElement::figure(
+                heat_map(map, width, &format!("{what}, {name}"))?,
+                format!("{what}: {name}"),
+            ));
+        }
+    }
+    Ok(parts)
+}
+
+/// The mean rate of a uniform recording, and its deviation from the models.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RateResidual {
+    /// File of the recording.
+    pub file: String,
+    /// Stated light, relative to saturation.
+    pub light: f64,
+    /// Mean rate of all pixels in spikes per readout.
+    pub mean_rate: f64,
+    /// Deviation of the rates from the initial model, relative to the light, or to 0.01 for a darker recording. The lines
+    /// of the pixels through all levels are subtracted from both.
+    pub initial_residual: f64,
+    /// Deviation from the final model.
+    pub final_residual: f64,
+    /// Standard deviation of the residuals between sensors that follow the model, at known light.
+    pub error: f64,
+}
+
+/// Returns the residuals of all uniform recordings in ascending order of light.
+pub(in crate::diagnose) fn rate_residuals(
+    reference: &NullModel,
+    found: &Found,
+    data: &DVector<f64>,
+    scans: &[Scan],
+) -> Vec<RateResidual> {
+    let one = |(i, statistic): (usize, &crate::diagnose::DiagnosticStatistic)| {
+        let k = statistic.recording.filter(|_| statistic.name == RESIDUAL_STATISTIC)?;
+        let (recording, scan) = (&reference.setup.recordings[k], scans.get(k)?);
+        Some(RateResidual {
+            file: recording.file_name(),
+            light: recording.level()?,
+            mean_rate: scan.pixels.iter().map(|p| p.rate).sum::<f64>() / scan.pixels.len() as f64,
+            initial_residual: (data[i] - reference.mean[i]) / STATISTIC_UNITS,
+            final_residual: (data[i] - found.own.mean[i]) / STATISTIC_UNITS,
+            error: reference.spread[i] / STATISTIC_UNITS,
+        })
+    };
+    let mut rates: Vec<RateResidual> = reference.statistics.iter().enumerate().filter_map(one).collect();
+    rates.sort_by(|a, b| a.light.total_cmp(&b.light));
+    rates
+}
+
+/// Plots the rates and their residuals. Returns nothing for fewer than two recordings.
+///
+/// # Errors
+/// If a plot cannot be drawn.
+pub(super) fn rate_figures(rates: &[RateResidual], has_additions: bool) -> Result<Vec<PageElement>> {
+    if rates.len() < 2 {
+        return Ok(Vec::new());
+    }
+    let points = |value: &dyn Fn(&RateResidual) -> f64| rates.iter().map(|r| (r.light, value(r))).collect();
+    let axis = "stated light, relative to saturation";
+    let rate = marked_line_plot(
+        "Mean rate",
+        (axis, "spikes per readout"),
+        &[Curve { name: "recorded", points: points(&|r| r.mean_rate) }],
+        None,
+    )?;
+    let band = ShadedBand {
+        name: "simulated sensors",
+        low: points(&|r| -200.0 * r.error),
+        high: points(&|r| 200.0 * r.error),
+    };
+    let (before, after) = if has_additions { ("initial model", "final model") } else { ("model", "") };
+    let mut curves = vec![Curve { name: before, points: points(&|r| 100.0 * r.initial_residual) }];
+    if has_additions {
+        curves.push(Curve { name: after, points: points(&|r| 100.0 * r.final_residual) });
+    }
+    let residual = marked_line_plot("Rate minus model", (axis, "% of the light"), &curves, Some(&band))?;
+    Ok(vec![
+        PageElement::heading("Rates"),
+        PageElement::figure(rate, "Mean rate of all pixels of each uniform recording."),
+        PageElement::figure(
+            residual,
+            "Deviation of the rates from the model at the found light. The band is two standard deviations between simulated sensors. The lines of the pixels through all levels are \
+             subtracted from the recordings and from the model, so a wrong gain or dark current does not appear. A \
+             curve that leaves the band shows a nonlinear response.",
+        ),
+    ])
+}

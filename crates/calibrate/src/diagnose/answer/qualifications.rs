@@ -1,0 +1,155 @@
+//! Qualifications of a diagnosis: tentative names, ambiguities, causes outside the camera, and notes.
+
+use super::diagnosis::{Diagnosis, Discrepancy, FoundEffect, ParameterMismatch, Verdict};
+use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::protocol::recorded_set::Setup;
+use spikelane::effects::{AmbiguityGroup, Definition};
+
+/// Standard deviation of the noise floor, divided by the noise floor, above which a discrepancy at the floor is not
+/// evidence. Such a floor is compatible with a discrepancy of zero and with one of several floors.
+const MAX_RELATIVE_FLOOR_SD: f64 = 3.0;
+
+/// Smallest cosine of two signatures at which one effect may replace the other.
+const MIN_SIMILAR_COSINE: f64 = 0.9;
+
+/// Largest number of effects that are reported as ambiguous with one effect.
+const MAX_AMBIGUOUS: usize = 3;
+
+/// Weakens statements of a diagnosis that its evidence does not support.
+///
+/// Sets that share a null model are not qualified.
+pub(in crate::diagnose) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
+    for effect in d.effects.iter_mut().filter(|e| !e.is_tentative) {
+        let (Some(p), Some(neutral)) = (effect.parameters.first(), reference.neutral_of(effect.name)) else {
+            continue;
+        };
+        if p.low <= neutral && neutral <= p.high {
+            effect.is_tentative = true;
+            effect.evidence += "; the interval of the strength contains the value without the effect";
+        }
+    }
+    for effect in &mut d.effects {
+        if let Some(step) = effect.step {
+            effect.evidence = effect.evidence.replace(&step.words(), &step.nearer(d.discrepancy.noise_floor));
+        }
+    }
+    for effect in &mut d.effects {
+        let caveat = definition(reference, effect.name).map_or("", |definition| definition.caveat);
+        if !caveat.is_empty() {
+            effect.evidence += &format!("; {caveat}");
+        }
+    }
+    add_response_ambiguities(d, reference);
+    let named = !d.parameter_mismatches.is_empty() || d.effects.iter().any(|e| !e.is_tentative);
+    if matches!(d.verdict, Verdict::Explained | Verdict::PartlyExplained) && !named {
+        d.verdict = Verdict::Unknown;
+    }
+    if d.verdict == Verdict::Explained
+        && d.discrepancy.noise_floor_sd > MAX_RELATIVE_FLOOR_SD * d.discrepancy.noise_floor
+    {
+        d.verdict = Verdict::PartlyExplained;
+        d.notes.push(format!(
+            "Simulated sensors of the final model differ strongly from each other (noise floor {:.0}, standard deviation {:.0}). A discrepancy at this noise floor therefore does not show that the model is complete. More light levels or longer recordings reduce the noise floor.",
+            d.discrepancy.noise_floor, d.discrepancy.noise_floor_sd
+        ));
+    }
+}
+
+/// Adds ambiguities between effects that change the response curve: a found effect is ambiguous with a similar one
+/// that was never fitted beside it.
+fn add_response_ambiguities(d: &mut Diagnosis, reference: &NullModel) {
+    let changes_response = |effect: &&Definition| effect.ambiguity_groups.contains(&AmbiguityGroup::Response);
+    let response_effects: Vec<&'static str> =
+        reference.effects().into_iter().filter(changes_response).map(|effect| effect.name).collect();
+    let are_compared = |name: &str, other: &str| {
+        let mut rounds = d.traces.tournament.iter();
+        rounds.any(|round| [name, other].iter().all(|name| round.iter().any(|e| e.0 == *name)))
+    };
+    let found: Vec<&'static str> = d.effects.iter().map(|e| e.name).collect();
+    let similar_effects = |effect: &FoundEffect| -> Vec<&'static str> {
+        if !response_effects.contains(&effect.name) {
+            return Vec::new();
+        }
+        let others = response_effects.iter().filter(|other| {
+            !found.contains(other)
+                && !effect.ambiguous_with.contains(other)
+                && !are_compared(effect.name, other)
+        });
+        let mut similar: Vec<(f64, &'static str)> = others
+            .map(|other| (reference.cosine_of(effect.name, other), *other))
+            .filter(|(cosine, _)| *cosine >= MIN_SIMILAR_COSINE)
+            .collect();
+        similar.sort_by(|a, b| b.0.total_cmp(&a.0));
+        similar.into_iter().map(|(_, other)| other).collect()
+    };
+    let ambiguities: Vec<Vec<&'static str>> = d.effects.iter().map(similar_effects).collect();
+    for (effect, similar) in d.effects.iter_mut().zip(ambiguities) {
+        let free = MAX_AMBIGUOUS.saturating_sub(effect.ambiguous_with.len());
+        effect.ambiguous_with.extend(similar.into_iter().take(free));
+    }
+}
+
+/// Returns the definition of a searched effect.
+pub(super) fn definition(reference: &NullModel, name: &str) -> Option<&'static Definition> {
+    reference.effects().into_iter().find(|effect| effect.name == name)
+}
+
+/// Returns notes about the judged readouts and the held-out recordings. `aside` contains the excluded readouts at the
+/// start of recordings.
+pub(in crate::diagnose) fn set_notes(
+    setup: &Setup,
+    aside: &[(String, usize)],
+    held_out: bool,
+    alone: bool,
+) -> Vec<String> {
+    let mut notes = Vec::new();
+    if let Some((first, rows)) = setup.row_band {
+        notes.push(format!(
+            "The scene is large: only rows {first} to {} were compared, which contain most of the uniform surface.",
+            first + rows - 1
+        ));
+    }
+    if let Some([fewest, most]) = setup.judged_readouts {
+        let first = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
+        notes.push(format!(
+            "The recordings are large: only the first {first} readouts of each were compared. A comparison of all readouts detects weaker and slower effects and takes longer in proportion."
+        ));
+    }
+    if !held_out && alone {
+        notes.push("There is no second recording set, and the recordings of this set cannot be split: no recordings were held out.".to_owned());
+    } else if !held_out {
+        notes.push(
+            "There is no second recording set: effects were fitted to the first half of every recording and tested on the second half, so only stronger effects are detectable. A second set of the same scenes doubles the number of readouts for both steps.".to_owned(),
+        );
+    }
+    if let Some(longest) = aside.iter().map(|a| a.1).max() {
+        let shortest = aside.iter().map(|a| a.1).min().unwrap_or(longest);
+        notes.push(format!(
+            "The pixels start with the same charge, as in simulations and after a common reset. The first {shortest} to {longest} readouts of {} recordings, in which pixels fire together, were excluded. Effects that occur only in these readouts are not detectable.",
+            aside.len()
+        ));
+    }
+    notes
+}
+
+/// Explains why a set without a significant statistic is not explained.
+pub(in crate::diagnose) fn open_discrepancy_note(gap: &Discrepancy) -> String {
+    format!(
+        "No single statistic exceeds its limit, but the {}discrepancy is {:.0}, the noise floor of the final model is {:.0}, and the \
+         largest discrepancy that counts as explained is {:.0}. By chance, 2 % of the sensors without missing effects exceed this limit.",
+        if gap.is_held_out() { "held-out " } else { "" },
+        gap.held_out_set.last().copied().unwrap_or_default(),
+        gap.noise_floor,
+        gap.limit()
+    )
+}
+
+/// Lists parameters that are not reported as mismatches, because the found effects determine or disturb them strongly.
+pub(in crate::diagnose) fn untested_note(wrong: &[ParameterMismatch]) -> String {
+    let names: Vec<&str> = wrong.iter().map(|m| m.parameter.as_str()).collect();
+    format!(
+        "Not tested: {}. The found effects are so strong that the recordings do not determine these parameters of the camera. Add the found \
+         effects, which camera.toml contains, to your camera file with your own values of these parameters, and diagnose again.",
+        names.join(", ")
+    )
+}
