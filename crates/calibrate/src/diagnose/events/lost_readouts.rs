@@ -1,8 +1,8 @@
 //! Lost readouts, located by the spikes that are missing with them.
 //!
-//! A pixel fires at regular intervals. If a readout is lost, the pixels that would have fired in it have an interval
-//! of `2 m - 1` readouts instead of `m`, all at the same time. No other effect causes this pattern: missed spikes are
-//! independent between pixels, and a change of the light lasts longer. Pixels that fire at most readouts are regular
+//! A pixel fires at regular intervals of `m` readouts. If a readout is lost, the spikes in it are lost as well. The
+//! intervals of these pixels have `2 m - 1` readouts, all at the same time. No other effect causes this pattern: missed
+//! spikes are independent between pixels, and a change of the light lasts longer. Pixels that fire at most readouts are regular
 //! in the readouts without a spike.
 
 use std::ops::Range;

@@ -103,8 +103,8 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
     vec![(None, Fault::of_set(FaultKind::LightFlicker, words))]
 }
 
-/// Returns the frequency in cycles per readout of the most prominent line that is not a beat of the pixels, and the
-/// relative depth of the oscillation.
+/// Returns the frequency of the most prominent line in cycles per readout, and the relative depth of the oscillation.
+/// Beats of the pixels are not oscillations.
 fn strongest_oscillation(scan: &Scan) -> Option<(f64, f64)> {
     let power = power(&scan.totals);
     let (frequency, ratio) = line(&power, scan.totals.len());

@@ -3,8 +3,8 @@
 use crate::{Stimulus, StimulusPattern};
 use spikelane::spikes::Geometry;
 
-/// Largest number of pixel-readouts that are judged per recording. The effects that a diagnosis names are far stronger
-/// than the noise of so many, and the time of a simulation is proportional to their number.
+/// Largest number of pixel-readouts that are judged per recording. Named effects are far stronger than the noise of so
+/// many. The time of a simulation is proportional to their number.
 const MAX_PIXEL_READOUTS: usize = 35_000_000;
 
 /// Smallest number of judged readouts of a long recording, however large its frames are. The low frequency bands of the
