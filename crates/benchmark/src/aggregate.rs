@@ -80,7 +80,7 @@ pub struct Summary {
 /// ```
 ///
 /// # Errors
-/// [`MetricError::Reference`] if there is no sequence, if a sequence has no score, if a score is not finite, or if there
+/// [`MetricError::Reference`] if `sequences` is empty, if a sequence has no score, if a score is not finite, or if there
 /// are fewer than 40 resamples.
 pub fn summarize<S: AsRef<[f64]>>(sequences: &[S], options: Bootstrap) -> Result<Summary> {
     let sums = sequence_sums(sequences)?;
@@ -154,7 +154,7 @@ pub fn summarize_differences<S: AsRef<[f64]>>(a: &[S], b: &[S], options: Bootstr
 /// ```
 ///
 /// # Errors
-/// [`MetricError::Reference`] if there is no sequence, if there are fewer than 40 resamples, or if a value of the
+/// [`MetricError::Reference`] if `sequences` is 0, if there are fewer than 40 resamples, or if a value of the
 /// statistic is not finite.
 pub fn bootstrap(
     sequences: usize,
