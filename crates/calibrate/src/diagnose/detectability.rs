@@ -6,9 +6,9 @@ use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::Both;
 use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::lab::fault::Fault;
+use crate::diagnose::null::baseline::{Baseline, StartingCamera};
 use crate::diagnose::null::nameable::Detectability;
 use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::null::simulated::Begun;
 use crate::diagnose::protocol::extent::RecordingPart;
 use crate::diagnose::run::DiagnoseOptions;
 use spikelane::effects::Catalog;
@@ -48,8 +48,9 @@ pub fn detectability(
     let library = Catalog::new();
     let effects = options.effects.unwrap_or(&library);
     let setup = both.fitted.setup;
-    let begun = Begun::of(base.camera, kept.as_ref());
-    let reference = NullModel::looked(setup, begun, options.seed, effects, None, progress)?;
+    let start = StartingCamera::new(base.camera, kept.as_ref());
+    let baseline = Baseline::first(setup, start, options.seed, effects, progress)?;
+    let reference = NullModel::complete(baseline, progress)?;
     Ok(DetectabilityReport {
         detectabilities: reference.detectabilities(),
         undetectable: reference.not_testable(),

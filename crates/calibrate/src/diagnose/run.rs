@@ -17,10 +17,10 @@ use crate::diagnose::given::about::Provenance;
 use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::{Both, Taken};
 use crate::diagnose::kept::folder::Kept;
-use crate::diagnose::null::first_look::{First, PreliminaryResult};
+use crate::diagnose::null::baseline::{Baseline, StartingCamera};
+use crate::diagnose::null::first_look::PreliminaryResult;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
-use crate::diagnose::null::simulated::Begun;
 use crate::diagnose::protocol::agreement::{poor, same_protocol};
 use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::search::context::{Case, Judge};
@@ -190,42 +190,39 @@ fn by_itself(
     // The numbers of a camera file may be wrong; those of another camera stand for nothing.
     // Maps are all spread: what the base cannot hold would bend it.
     let moved = (options.camera.is_some() || base.is_guessed()) && !both.fitted.setup.has_rate_maps;
-    let begun = if moved {
+    let start = if moved {
         progress("own numbers", 0.02);
         let data = DVector::from_vec(both.fitted.measured.values.clone());
-        let begun = rebased(&both.fitted.setup, &base.camera, &data, options.seed, kept)?;
-        let is_lit_otherwise = both.fitted.find_light(&begun.camera, options.seed)?;
-        if is_lit_otherwise { Begun::of(begun.camera, kept) } else { begun }
+        let start = rebased(&both.fitted.setup, &base.camera, &data, options.seed, kept)?;
+        let is_lit_otherwise = both.fitted.find_light(&start.camera, options.seed)?;
+        if is_lit_otherwise { StartingCamera::new(start.camera, kept) } else { start }
     } else {
-        Begun::of(base.camera.clone(), kept)
+        StartingCamera::new(base.camera.clone(), kept)
     };
-    let reference = null_model(&both.fitted, begun, options, progress, first)?;
-    both.judging.light_as(&reference, held_out.second_set)?;
-    let given = Given::of(&both, parts, held_out).shifted(&reference);
-    let found = given.sets().searched(&reference, &base.camera, progress)?;
     let own = options.camera.map(|_| &base.camera);
-    let mut diagnosis = given.said(&reference, found, own, progress)?;
+    let library = Catalog::new();
+    let effects = options.effects.unwrap_or(&library);
+    let baseline = Baseline::first(both.fitted.setup.clone(), start, options.seed, effects, progress)?;
+    let preliminary = NullModel::preliminary(&baseline)?;
+    both.judging.light_as(&preliminary, held_out.second_set)?;
+    let given = Given::of(&both, parts, held_out);
+    let (reference, mut diagnosis) = match given.agreement(&preliminary, own, progress)? {
+        Some(diagnosis) => (preliminary, diagnosis),
+        None => {
+            first(&PreliminaryResult::new(&preliminary, &preliminary.shifted(&given.data)));
+            let reference = NullModel::complete(baseline, progress)?;
+            let given = given.shifted(&reference);
+            let found = given.sets().searched(&reference, &base.camera, progress)?;
+            let diagnosis = given.said(&reference, found, own, progress)?;
+            (reference, diagnosis)
+        }
+    };
     cautious(&mut diagnosis, &reference);
     restore(&mut diagnosis.camera, options.camera)?;
     let base = if moved { base.fitted(&reference.model.camera)? } else { base };
     diagnosis.provenance = Some(about(Some(&base)));
     diagnosis.notes.extend(base.notes);
     Ok(diagnosis)
-}
-
-/// Sensors of a camera that is given or calibrated.
-fn null_model(
-    taken: &Taken,
-    begun: Begun,
-    options: DiagnoseOptions<'_>,
-    progress: ProgressCallback<'_>,
-    first: &mut dyn FnMut(&PreliminaryResult),
-) -> Result<NullModel> {
-    let library = Catalog::new();
-    let effects = options.effects.unwrap_or(&library);
-    let data = DVector::from_vec(taken.measured.values.clone());
-    let first = First { data: &data, told: first };
-    NullModel::looked(taken.setup.clone(), begun, options.seed, effects, Some(first), progress)
 }
 
 fn held_by(held_out: Held) -> String {
@@ -254,6 +251,7 @@ fn restore(camera: &mut Camera, given: Option<&Camera>) -> Result<()> {
 }
 
 /// Two measured sets as vectors.
+#[derive(Clone)]
 struct Given<'a> {
     both: &'a Both,
     data: DVector<f64>,
@@ -281,9 +279,27 @@ impl<'a> Given<'a> {
     }
 
     /// With the data in the coordinates of `reference`, which knows the light of the recordings as it was found.
-    fn shifted(self, reference: &NullModel) -> Self {
+    fn shifted(&self, reference: &NullModel) -> Self {
         let [data, judging] = [&self.data, &self.judging].map(|data| reference.shifted(data));
-        Self { data, judging, ..self }
+        Self { data, judging, ..self.clone() }
+    }
+
+    /// The diagnosis of a set that agrees with the first simulations of the model, or `None`.
+    ///
+    /// The limits of `preliminary` are stricter than those of a search, so a set that agrees here raises no alarm later.
+    fn agreement(
+        &self,
+        preliminary: &NullModel,
+        camera: Option<&Camera>,
+        progress: ProgressCallback<'_>,
+    ) -> Result<Option<Diagnosis>> {
+        let given = self.shifted(preliminary);
+        let sets = given.sets();
+        let signatures = with_line(preliminary, &sets.taken.measured)?;
+        let Some(found) = sets.case(preliminary, &signatures).agreement()? else { return Ok(None) };
+        let diagnosis = given.said(preliminary, found, camera, progress)?;
+        // A number of a camera file is judged by all simulations.
+        Ok(Some(diagnosis).filter(|d| d.parameter_mismatches.is_empty()))
     }
 
     fn sets(&self) -> Sets<'_> {

@@ -1,7 +1,7 @@
 //! How far clean sensors stray.
 
 use super::metric::{Metric, noise};
-use super::redraw::Redrawn;
+use super::posterior_draw::CleanSensor;
 use super::signature::Signature;
 use crate::formulas::chi_square::chi_square_over_freedom;
 use nalgebra::{DMatrix, DVector};
@@ -15,8 +15,24 @@ const FOLDS: usize = 5;
 /// the limit without it; the figure is a choice, not a measurement.
 const MARGIN: f64 = 1.15;
 
-/// Chance that a clean sensor passes one of the three limits.
-const LEVEL: f64 = 0.001;
+/// How strict limits are.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::diagnose) struct LimitLevel {
+    /// Probability that a clean sensor exceeds one of the three limits.
+    probability: f64,
+    /// The upper quantile of the standard normal distribution at this probability.
+    normal_quantile: f64,
+    /// Factor of the total misfit's limit.
+    margin: f64,
+}
+
+/// Limits beyond which something is missing in the model.
+pub(in crate::diagnose) const ALARM: LimitLevel =
+    LimitLevel { probability: 0.001, normal_quantile: 3.09, margin: MARGIN };
+
+/// Limits within which a set agrees after the first simulations.
+pub(in crate::diagnose) const AGREEMENT: LimitLevel =
+    LimitLevel { probability: 0.05, normal_quantile: 1.645, margin: 1.0 };
 
 /// Limits that a clean sensor passes once in a thousand times.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -47,13 +63,14 @@ pub(in crate::diagnose) struct Base<'a> {
 }
 
 impl Clean {
-    /// What clean sensors with redrawn numbers show, each part judged by the noise of the others.
+    /// What clean sensors show, each part judged by the noise of the others.
     pub(in crate::diagnose) fn of(
-        redrawn: &[Redrawn],
+        sensors: &[CleanSensor],
         residuals: &[DVector<f64>],
         lamps: &DMatrix<f64>,
         floors: &[f64],
         base: Base<'_>,
+        level: LimitLevel,
     ) -> Result<Self> {
         let fold = |f: usize| -> Result<Vec<[f64; 3]>> {
             let others: Vec<DVector<f64>> = residuals
@@ -63,7 +80,7 @@ impl Clean {
                 .map(|(_, r)| r.clone())
                 .collect();
             let metric = Metric::new(&noise(&others, floors)?.with_columns(lamps)?, base.jacobian.clone());
-            let own = redrawn.iter().enumerate().filter(|(i, _)| i % FOLDS == f);
+            let own = sensors.iter().enumerate().filter(|(i, _)| i % FOLDS == f);
             let all: Vec<&Signature> = base.signatures.iter().collect();
             Ok(own.map(|(_, d)| strays_by(&metric, &(&d.vector - base.mean), &all)).collect())
         };
@@ -73,9 +90,9 @@ impl Clean {
         let (floor, floor_sd) = center(&column(0));
         let limits = Limits {
             // Two simulators of one camera differ in their last digits.
-            misfit: MARGIN * gamma_limit(&column(0)),
-            deviation: gumbel_limit(&column(1)),
-            score: gumbel_limit(&column(2)),
+            misfit: level.margin * gamma_limit(&column(0), level),
+            deviation: gumbel_limit(&column(1), level),
+            score: gumbel_limit(&column(2), level),
         };
         Ok(Self { limits, floor, floor_sd })
     }
@@ -117,17 +134,16 @@ fn moments(values: &[f64]) -> (f64, f64) {
     (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0))
 }
 
-/// Upper limit of a gamma law of these moments at [`LEVEL`].
-pub(in crate::diagnose) fn gamma_limit(values: &[f64]) -> f64 {
+/// Upper limit of a gamma distribution with the moments of `values`.
+pub(in crate::diagnose) fn gamma_limit(values: &[f64], level: LimitLevel) -> f64 {
     let (mean, variance) = moments(values);
     let freedom = 2.0 * mean * mean / variance.max(1e-12);
-    // The normal quantile of LEVEL.
-    mean * chi_square_over_freedom(freedom, 3.09)
+    mean * chi_square_over_freedom(freedom, level.normal_quantile)
 }
 
-/// Upper limit of a Gumbel law of these moments at [`LEVEL`].
-fn gumbel_limit(values: &[f64]) -> f64 {
+/// Upper limit of a Gumbel distribution with the moments of `values`.
+fn gumbel_limit(values: &[f64], level: LimitLevel) -> f64 {
     let (mean, variance) = moments(values);
     let beta = (6.0 * variance).sqrt() / std::f64::consts::PI;
-    mean - 0.577_215_7 * beta - beta * (-(1.0 - LEVEL).ln()).ln()
+    mean - 0.577_215_7 * beta - beta * (-(1.0 - level.probability).ln()).ln()
 }

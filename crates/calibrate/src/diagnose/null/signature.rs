@@ -1,5 +1,7 @@
 //! How a candidate shows.
 
+use super::denoised::quiet;
+use super::mean::average;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::model::Model;
@@ -15,6 +17,26 @@ pub(in crate::diagnose) struct Signature {
     /// Change of the vector, mean and of each simulation.
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
+}
+
+impl Signature {
+    /// `each` are the changes of the vector in simulations. `spread` has the standard deviation of each statistic.
+    pub(super) fn new(candidate: Candidate, each: Vec<DVector<f64>>, spread: &[f64]) -> Self {
+        // The noise of a single simulation is as long as a weak signature.
+        let mean = match each.as_slice() {
+            [only] => quiet(only.clone(), spread, 1),
+            _ => average(&each),
+        };
+        Self { candidate, mean, each }
+    }
+
+    /// Two estimates of the change. Their noise is independent if there are two simulations.
+    pub(super) fn two_estimates(&self) -> [&DVector<f64>; 2] {
+        match self.each.as_slice() {
+            [first, second, ..] => [first, second],
+            _ => [&self.mean, &self.mean],
+        }
+    }
 }
 
 /// How much further than tried the amplitude can go.

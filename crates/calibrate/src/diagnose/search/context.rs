@@ -78,6 +78,13 @@ impl Judged {
 }
 
 impl Case<'_> {
+    /// Whether anything is beyond the limits of the base model.
+    pub(crate) fn base_alarm(&self) -> bool {
+        let Fitter { reference, data } = self.fitter;
+        let (fit, own) = (Fit::base(reference, data, self.located.clone()), Own::of_base(reference));
+        self.alarm(&fit, &own, &(data - &own.mean))
+    }
+
     pub(crate) fn base(&self) -> Result<Judged> {
         let Fitter { reference, data } = self.fitter;
         let (fit, own) = (Fit::base(reference, data, self.located.clone()), Own::of_base(reference));

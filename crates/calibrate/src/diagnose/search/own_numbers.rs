@@ -3,9 +3,9 @@
 use std::sync::atomic::AtomicUsize;
 
 use crate::diagnose::kept::folder::Kept;
+use crate::diagnose::null::baseline::StartingCamera;
 use crate::diagnose::null::derivatives::{Changes, changes, pairs};
 use crate::diagnose::null::mean::average;
-use crate::diagnose::null::simulated::Begun;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
@@ -52,7 +52,7 @@ pub(in crate::diagnose) fn rebased(
     data: &DVector<f64>,
     seed: u64,
     kept: Option<&Kept>,
-) -> Result<Begun> {
+) -> Result<StartingCamera> {
     let floors = floors(setup, camera, seed)?;
     let of = |camera| Place::of(setup, Model::base(camera, setup).keeping(kept), data, seed, &floors);
     let mut best = of(camera.clone())?;
@@ -84,7 +84,7 @@ pub(in crate::diagnose) fn rebased(
             derivatives = moved.jacobian(&best.model, &best.spread);
         }
     }
-    Ok(Begun { camera: best.model.camera, each: best.each, changes: moved, kept: kept.cloned() })
+    Ok(StartingCamera { camera: best.model.camera, vectors: best.each, changes: moved, kept: kept.cloned() })
 }
 
 /// What deviations are too small to matter.

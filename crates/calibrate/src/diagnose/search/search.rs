@@ -34,6 +34,9 @@ const LIKENESS: f64 = 0.2;
 /// `adaptation` left 278 of 3,637, which the noise of that model explains, where the remainder was 3,998.
 const SWEEPING: f64 = 0.1;
 
+/// The step before any effect is added.
+const NOTHING_ADDED: &str = "nothing added";
+
 /// The search's end.
 pub(in crate::diagnose) struct Found {
     pub fit: Fit,
@@ -65,6 +68,28 @@ impl Case<'_> {
         let own = self.fitter.converged(&mut next)?;
         let next = self.judged(next, own)?;
         Ok(evidence.suffices(next.left_fitted).then_some(next))
+    }
+}
+
+impl Case<'_> {
+    /// The search's end if nothing is beyond the limits of the base model, and `None` if something is.
+    pub(in crate::diagnose) fn agreement(&self) -> Result<Option<Found>> {
+        if self.base_alarm() {
+            return Ok(None);
+        }
+        let at = self.base()?;
+        let [fitted, held_out] = self.gaps(&at);
+        let Judged { fit, own, off, left, .. } = at;
+        Ok(Some(Found {
+            fit,
+            rounds: Vec::new(),
+            train: vec![fitted],
+            heldout: vec![held_out],
+            steps: vec![NOTHING_ADDED.to_owned()],
+            own,
+            off,
+            left,
+        }))
     }
 }
 
@@ -103,7 +128,7 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_
         heldout.push(held_out);
         steps.push(step);
     };
-    gap("nothing added".to_owned(), &at);
+    gap(NOTHING_ADDED.to_owned(), &at);
     let mut rounds: Vec<Round> = Vec::new();
     let mut turned_down: Vec<&'static str> = Vec::new();
     while at.left && at.fit.effects.len() < ROUNDS && turned_down.len() < VETOES {
