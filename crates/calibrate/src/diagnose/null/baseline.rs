@@ -6,7 +6,7 @@
 
 use super::derivatives::{Changes, changes, pairs, slopes_of_lamps, with_lamps};
 use super::mean::average;
-use super::signature::changed_by;
+use super::signature::{changed_by, is_mirrored};
 use super::watched::{Stage, count, watched};
 use crate::ProgressCallback;
 use crate::diagnose::kept::folder::Kept;
@@ -170,11 +170,18 @@ impl Baseline {
         if known_pairs < pairs {
             self.changes.extend(changes(setup, model, seed, vectors, known_pairs..pairs, done)?);
         }
-        let sign = |(candidate, each): &(Candidate, Vec<DVector<f64>>)| {
-            let one = |i: usize| changed_by(candidate, setup, model, seed, vectors, i);
-            threads::try_map(each.len()..signature_draws, one).inspect(|_| count(done))
+        // The first step skips the opposite sign of an effect, because its score has the same size.
+        let is_first = signature_draws < SIGNATURE_DRAWS;
+        let is_skipped = |i: usize| {
+            is_first && signatures[..i].iter().any(|earlier| is_mirrored(&earlier.0, &signatures[i].0))
         };
-        let more = threads::try_map(&*signatures, sign)?;
+        let wanted: Vec<usize> =
+            (0..signatures.len()).map(|i| if is_skipped(i) { 0 } else { signature_draws }).collect();
+        let sign = |((candidate, each), wanted): (&(Candidate, Vec<DVector<f64>>), &usize)| {
+            let one = |i: usize| changed_by(candidate, setup, model, seed, vectors, i);
+            threads::try_map(each.len()..*wanted, one).inspect(|_| count(done))
+        };
+        let more = threads::try_map(signatures.iter().zip(&wanted).collect::<Vec<_>>(), sign)?;
         signatures.iter_mut().zip(more).for_each(|((_, each), more)| each.extend(more));
         Ok(())
     }

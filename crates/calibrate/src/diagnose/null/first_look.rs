@@ -52,7 +52,7 @@ impl PreliminaryResult {
         let mut names: Vec<(f64, &'static str)> = Vec::new();
         for signature in &null_model.signatures {
             let name = signature.candidate.effect.name;
-            let score = score_of(metric, &signature.mean, &dual);
+            let score = score_of(metric, &signature.mean, &dual) / signature.score_sd;
             match names.iter_mut().find(|n| n.1 == name) {
                 Some(known) => known.0 = known.0.max(score),
                 None => names.push((score, name)),

@@ -24,15 +24,17 @@ pub(in crate::diagnose) struct LimitLevel {
     normal_quantile: f64,
     /// Factor of the total misfit's limit.
     margin: f64,
+    /// Whether each score is divided by its own standard deviation.
+    has_own_score_sds: bool,
 }
 
 /// Limits beyond which something is missing in the model.
 pub(in crate::diagnose) const ALARM: LimitLevel =
-    LimitLevel { probability: 0.001, normal_quantile: 3.09, margin: MARGIN };
+    LimitLevel { probability: 0.001, normal_quantile: 3.09, margin: MARGIN, has_own_score_sds: false };
 
 /// Limits within which a set agrees after the first simulations.
 pub(in crate::diagnose) const AGREEMENT: LimitLevel =
-    LimitLevel { probability: 0.05, normal_quantile: 1.645, margin: 1.0 };
+    LimitLevel { probability: 0.05, normal_quantile: 1.645, margin: 1.0, has_own_score_sds: true };
 
 /// Limits that a clean sensor passes once in a thousand times.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -46,12 +48,14 @@ pub struct Limits {
 }
 
 /// What clean sensors show.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(in crate::diagnose) struct Clean {
     pub limits: Limits,
     /// Median of the total misfit, and its deviation.
     pub floor: f64,
     pub floor_sd: f64,
+    /// The standard deviation of each signature's score; empty for one.
+    pub(super) score_sds: Vec<f64>,
 }
 
 /// The base model's sensors that the null is made of.
@@ -61,6 +65,9 @@ pub(in crate::diagnose) struct Base<'a> {
     pub jacobian: &'a DMatrix<f64>,
     pub signatures: &'a [Signature],
 }
+
+/// Prior weight of a score's standard deviation of one, in sensors.
+const SCORE_SD_PRIOR: f64 = 10.0;
 
 impl Clean {
     /// What clean sensors show, each part judged by the noise of the others.
@@ -72,7 +79,7 @@ impl Clean {
         base: Base<'_>,
         level: LimitLevel,
     ) -> Result<Self> {
-        let fold = |f: usize| -> Result<Vec<[f64; 3]>> {
+        let fold = |f: usize| -> Result<Vec<Strays>> {
             let others: Vec<DVector<f64>> = residuals
                 .iter()
                 .enumerate()
@@ -82,19 +89,59 @@ impl Clean {
             let metric = Metric::new(&noise(&others, floors)?.with_columns(lamps)?, base.jacobian.clone());
             let own = sensors.iter().enumerate().filter(|(i, _)| i % FOLDS == f);
             let all: Vec<&Signature> = base.signatures.iter().collect();
-            Ok(own.map(|(_, d)| strays_by(&metric, &(&d.vector - base.mean), &all)).collect())
+            Ok(own.map(|(_, d)| Strays::new(&metric, &(&d.vector - base.mean), &all)).collect())
         };
         let folds = threads::try_map(0..FOLDS, fold)?;
-        let all: Vec<[f64; 3]> = folds.into_iter().flatten().collect();
-        let column = |i: usize| all.iter().map(|a| a[i]).collect::<Vec<f64>>();
-        let (floor, floor_sd) = center(&column(0));
+        let all: Vec<Strays> = folds.into_iter().flatten().collect();
+        let misfits: Vec<f64> = all.iter().map(|s| s.misfit).collect();
+        let deviations: Vec<f64> = all.iter().map(|s| s.deviation).collect();
+        let score_sds = level.has_own_score_sds.then(|| score_sds(&all)).unwrap_or_default();
+        let scores: Vec<f64> = all.iter().map(|s| s.largest_score(&score_sds)).collect();
+        let (floor, floor_sd) = center(&misfits);
         let limits = Limits {
             // Two simulators of one camera differ in their last digits.
-            misfit: level.margin * gamma_limit(&column(0), level),
-            deviation: gumbel_limit(&column(1), level),
-            score: gumbel_limit(&column(2), level),
+            misfit: level.margin * gamma_limit(&misfits, level),
+            deviation: gumbel_limit(&deviations, level),
+            score: gumbel_limit(&scores, level),
         };
-        Ok(Self { limits, floor, floor_sd })
+        Ok(Self { limits, floor, floor_sd, score_sds })
+    }
+}
+
+/// The standard deviation of each signature's score, at least one. Noise from few simulations has few correlations, and
+/// scores by it scatter more than by one.
+fn score_sds(all: &[Strays]) -> Vec<f64> {
+    let sensors = all.len() as f64;
+    let square = |k: usize| all.iter().map(|s| s.scores[k].powi(2)).sum::<f64>();
+    let sd = |k: usize| ((square(k) + SCORE_SD_PRIOR) / (sensors + SCORE_SD_PRIOR)).sqrt().max(1.0);
+    (0..all.first().map_or(0, |s| s.scores.len())).map(sd).collect()
+}
+
+/// How far something is from the model.
+pub(in crate::diagnose) struct Strays {
+    /// Total misfit.
+    pub misfit: f64,
+    /// Largest deviation of a statistic, in standard deviations.
+    pub deviation: f64,
+    /// The score of each signature.
+    pub scores: Vec<f64>,
+}
+
+impl Strays {
+    /// Of a vector that is `off` the model's mean.
+    pub(in crate::diagnose) fn new(metric: &Metric, off: &DVector<f64>, signatures: &[&Signature]) -> Self {
+        let dual = metric.dual(off);
+        Self {
+            misfit: off.dot(&dual),
+            deviation: metric.scores(off).into_iter().fold(0.0, |m: f64, x: f64| m.max(x.abs())),
+            scores: signatures.iter().map(|s| score_of(metric, &s.mean, &dual) / s.score_sd).collect(),
+        }
+    }
+
+    /// The largest score, each divided by its standard deviation; by one where there is none.
+    fn largest_score(&self, sds: &[f64]) -> f64 {
+        let sds = sds.iter().copied().chain(std::iter::repeat(1.0));
+        self.scores.iter().zip(sds).map(|(score, sd)| score / sd).fold(0.0, f64::max)
     }
 }
 
@@ -104,14 +151,8 @@ pub(in crate::diagnose) fn strays_by(
     off: &DVector<f64>,
     signatures: &[&Signature],
 ) -> [f64; 3] {
-    let dual = metric.dual(off);
-    let score = |s: &Signature| score_of(metric, &s.mean, &dual);
-    let largest = |m: f64, x: f64| m.max(x.abs());
-    [
-        off.dot(&dual),
-        metric.scores(off).into_iter().fold(0.0, largest),
-        signatures.iter().map(|s| score(s)).fold(0.0, largest),
-    ]
+    let strays = Strays::new(metric, off, signatures);
+    [strays.misfit, strays.deviation, strays.largest_score(&[])]
 }
 
 /// How far something lies along `change`, in deviations; `dual` is its dual in `metric`.

@@ -130,7 +130,8 @@ impl NullModel {
         let full = noise_without_lamps.with_columns(&lamps)?;
         let metric = Metric::new(&full, jacobian.clone());
         let signature = |(candidate, each)| Signature::new(candidate, each, &spread);
-        let signatures = signatures.into_iter().map(signature).collect();
+        let simulated = signatures.into_iter().filter(|(_, each)| !each.is_empty());
+        let signatures = simulated.map(signature).collect();
         let mut null = Self {
             clean: Clean::default(),
             missed: missed(&metric, sensors, &mean),
@@ -151,6 +152,7 @@ impl NullModel {
             remembered: Remembered::default(),
         };
         null.clean = Clean::of(sensors, residuals, &lamps, &floors, null.base(), level)?;
+        null.signatures.iter_mut().zip(&null.clean.score_sds).for_each(|(s, sd)| s.score_sd = *sd);
         Ok(null)
     }
 

@@ -17,6 +17,8 @@ pub(in crate::diagnose) struct Signature {
     /// Change of the vector, mean and of each simulation.
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
+    /// Standard deviation of the score of clean sensors. It exceeds one if few simulations hide correlations.
+    pub score_sd: f64,
 }
 
 impl Signature {
@@ -27,7 +29,7 @@ impl Signature {
             [only] => quiet(only.clone(), spread, 1),
             _ => average(&each),
         };
-        Self { candidate, mean, each }
+        Self { candidate, mean, each, score_sd: 1.0 }
     }
 
     /// Two estimates of the change. Their noise is independent if there are two simulations.
@@ -37,6 +39,13 @@ impl Signature {
             _ => [&self.mean, &self.mean],
         }
     }
+}
+
+/// Whether `b` is the same effect as `a` with the opposite sign.
+pub(super) fn is_mirrored(a: &Candidate, b: &Candidate) -> bool {
+    let is_linear = a.knobs.first().is_some_and(|knob| knob.scale == SearchScale::Linear);
+    let opposite = |a: f64, b: f64| (a + b).abs() < 1e-9 * a.abs();
+    is_linear && a.effect == b.effect && opposite(a.at[0], b.at[0]) && a.at[1..] == b.at[1..]
 }
 
 /// How much further than tried the amplitude can go.
