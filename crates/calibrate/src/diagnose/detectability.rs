@@ -1,5 +1,7 @@
 //! How strong effects must be before a set can name them.
 
+use std::time::Instant;
+
 use crate::ProgressCallback;
 use crate::RecordingSet;
 use crate::diagnose::given::base_model::BaseModel;
@@ -11,6 +13,7 @@ use crate::diagnose::null::nameable::Detectability;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::protocol::extent::RecordingPart;
 use crate::diagnose::run::DiagnoseOptions;
+use crate::diagnose::sensors::context::{Deadline, SimulationContext};
 use spikelane::effects::Catalog;
 use spikelane::error::Result;
 
@@ -34,12 +37,15 @@ pub struct DetectabilityReport {
 ///
 /// # Errors
 /// If a recording cannot be read or is too short, or the cache folder cannot be created or written to.
+/// [`ErrorKind::Interrupted`](spikelane::ErrorKind::Interrupted) if the time limit is reached, because a part of the strengths would be
+/// missing.
 pub fn detectability(
     set: &RecordingSet,
     options: DiagnoseOptions<'_>,
     progress: ProgressCallback<'_>,
 ) -> Result<DetectabilityReport> {
-    let kept = options.cache.map(Kept::open).transpose()?;
+    let cache = options.cache.map(Kept::open).transpose()?;
+    let context = SimulationContext { cache, deadline: Deadline::new(Instant::now(), options.time_limit) };
     progress("reading", 0.0);
     set.check_light_unit()?;
     let mut both = Both::read([set, set], [RecordingPart::Whole; 2], options.readout_selection)?;
@@ -48,7 +54,7 @@ pub fn detectability(
     let library = Catalog::new();
     let effects = options.effects.unwrap_or(&library);
     let setup = both.fitted.setup;
-    let start = StartingCamera::new(base.camera, kept.as_ref());
+    let start = StartingCamera::new(base.camera, &context);
     let baseline = Baseline::first(setup, start, options.seed, effects, progress)?;
     let reference = NullModel::complete(baseline, progress)?;
     Ok(DetectabilityReport {

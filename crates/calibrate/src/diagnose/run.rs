@@ -1,7 +1,7 @@
 //! A diagnosis from recordings to words.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nalgebra::DVector;
 
@@ -26,7 +26,9 @@ use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::search::context::{Case, Judge};
 use crate::diagnose::search::own_numbers::rebased;
 use crate::diagnose::search::search::{Found, search};
+use crate::diagnose::search::undecided::Undecided;
 use crate::diagnose::search::with_line::with_line;
+use crate::diagnose::sensors::context::{Deadline, SimulationContext, in_time};
 use crate::diagnose::sensors::published::published;
 use crate::{self as calibrate, RecordingSet, Stimulus, StimulusPattern};
 use spikelane::effects::{Camera, Catalog, Maps, start_phase};
@@ -60,6 +62,13 @@ pub struct DiagnoseOptions<'a> {
     /// megabytes per diagnosis. You may delete a subfolder when no diagnosis is running. The version does not cover
     /// the code of `effects` from another crate: use another folder if that code changes.
     pub cache: Option<&'a Path>,
+    /// Longest time for simulations, from the start of the diagnosis.
+    ///
+    /// At the limit, the diagnosis ends with the best result so far, and [`Diagnosis::undecided`] lists the open
+    /// questions. Reading, calibrating and writing do not stop at the limit. A result within the limit does not depend
+    /// on it. After the limit, the result depends on the speed of the machine; with `cache`, a further diagnosis
+    /// continues.
+    pub time_limit: Option<Duration>,
 }
 
 /// Finds the effects that a camera model is missing.
@@ -103,16 +112,19 @@ pub fn diagnose_with_preliminary(
     };
     let sets = [set, holdout.unwrap_or(set)];
     let held_out = Held { second_set: holdout.is_some(), alone };
-    let kept = options.cache.map(Kept::open).transpose()?;
+    let cache = options.cache.map(Kept::open).transpose()?;
+    let context = SimulationContext { cache, deadline: Deadline::new(start, options.time_limit) };
     progress("reading", 0.0);
     if options.null_model.is_none() {
         [Some(set), holdout].into_iter().flatten().try_for_each(RecordingSet::check_light_unit)?;
     }
     let mut diagnosis = match options.null_model {
-        Some(reference) => shared(sets, parts, held_out, reference, options, progress)?,
-        None => by_itself(sets, parts, held_out, options, kept.as_ref(), progress, on_preliminary)?,
+        Some(reference) => {
+            shared(sets, parts, held_out, &reference.within(&context.deadline), options, progress)?
+        }
+        None => by_itself(sets, parts, held_out, options, &context, progress, on_preliminary)?,
     };
-    diagnosis.cache_counts = kept.map(|kept| [kept.found(), kept.made()]);
+    diagnosis.cache_counts = context.cache.map(|cache| [cache.found(), cache.made()]);
     diagnosis.seconds = start.elapsed().as_secs_f64();
     Ok(diagnosis)
 }
@@ -147,8 +159,9 @@ fn shared(
     same_protocol(&both.fitted.setup, &both.judging.setup)?;
     same_protocol(&both.fitted.setup, &reference.setup)?;
     let given = Given::of(&both, parts, held_out).shifted(reference);
-    let signatures = with_line(reference, &both.fitted.measured)?;
-    let found = search(&given.sets().case(reference, &signatures), progress)?;
+    let sets = given.sets();
+    let signatures = sets.signatures(reference)?;
+    let found = search(&sets.case(reference, &signatures), progress)?;
     given.said(reference, found, options.camera, progress)
 }
 
@@ -158,7 +171,7 @@ fn by_itself(
     parts: [RecordingPart; 2],
     held_out: Held,
     options: DiagnoseOptions<'_>,
-    kept: Option<&Kept>,
+    context: &SimulationContext,
     progress: ProgressCallback<'_>,
     first: &mut dyn FnMut(&PreliminaryResult),
 ) -> Result<Diagnosis> {
@@ -190,31 +203,52 @@ fn by_itself(
     // The numbers of a camera file may be wrong; those of another camera stand for nothing.
     // Maps are all spread: what the base cannot hold would bend it.
     let moved = (options.camera.is_some() || base.is_guessed()) && !both.fitted.setup.has_rate_maps;
-    let start = if moved {
-        progress("own numbers", 0.02);
-        let data = DVector::from_vec(both.fitted.measured.values.clone());
-        let start = rebased(&both.fitted.setup, &base.camera, &data, options.seed, kept)?;
-        let is_lit_otherwise = both.fitted.find_light(&start.camera, options.seed)?;
-        if is_lit_otherwise { StartingCamera::new(start.camera, kept) } else { start }
-    } else {
-        StartingCamera::new(base.camera.clone(), kept)
-    };
-    let own = options.camera.map(|_| &base.camera);
     let library = Catalog::new();
     let effects = options.effects.unwrap_or(&library);
-    let baseline = Baseline::first(both.fitted.setup.clone(), start, options.seed, effects, progress)?;
+    let mut first_simulations = || -> Result<Baseline> {
+        let start = if moved {
+            progress("own numbers", 0.02);
+            let data = DVector::from_vec(both.fitted.measured.values.clone());
+            let start = rebased(&both.fitted.setup, &base.camera, &data, options.seed, context)?;
+            let is_lit_otherwise = both.fitted.find_light(&start.camera, options.seed)?;
+            if is_lit_otherwise { StartingCamera::new(start.camera, context) } else { start }
+        } else {
+            StartingCamera::new(base.camera.clone(), context)
+        };
+        Baseline::first(both.fitted.setup.clone(), start, options.seed, effects, progress)
+    };
+    let Some(baseline) = in_time(first_simulations())? else {
+        let mut diagnosis = Diagnosis::undecided(both.faults, base.camera.clone());
+        restore(&mut diagnosis.camera, options.camera)?;
+        diagnosis.provenance = Some(about(Some(&base)));
+        diagnosis.notes.extend(base.notes);
+        return Ok(diagnosis);
+    };
+    let own = options.camera.map(|_| &base.camera);
     let preliminary = NullModel::preliminary(&baseline)?;
     both.judging.light_as(&preliminary, held_out.second_set)?;
     let given = Given::of(&both, parts, held_out);
     let (reference, mut diagnosis) = match given.agreement(&preliminary, own, progress)? {
         Some(diagnosis) => (preliminary, diagnosis),
         None => {
-            first(&PreliminaryResult::new(&preliminary, &preliminary.shifted(&given.data)));
-            let reference = NullModel::complete(baseline, progress)?;
-            let given = given.shifted(&reference);
-            let found = given.sets().searched(&reference, &base.camera, progress)?;
-            let diagnosis = given.said(&reference, found, own, progress)?;
-            (reference, diagnosis)
+            let result = PreliminaryResult::new(&preliminary, &preliminary.shifted(&given.data));
+            first(&result);
+            match in_time(NullModel::complete(baseline, progress))? {
+                Some(reference) => {
+                    let given = given.shifted(&reference);
+                    let found = given.sets().searched(&reference, &base.camera, progress)?;
+                    let diagnosis = given.said(&reference, found, own, progress)?;
+                    (reference, diagnosis)
+                }
+                None => {
+                    let given = given.shifted(&preliminary);
+                    let case = given.sets();
+                    let case = case.case(&preliminary, &preliminary.signatures);
+                    let found = case.unfinished(Undecided::Agreement(result.likely_effects))?;
+                    let diagnosis = given.said(&preliminary, found, own, progress)?;
+                    (preliminary, diagnosis)
+                }
+            }
         }
     };
     cautious(&mut diagnosis, &reference);
@@ -295,7 +329,7 @@ impl<'a> Given<'a> {
     ) -> Result<Option<Diagnosis>> {
         let given = self.shifted(preliminary);
         let sets = given.sets();
-        let signatures = with_line(preliminary, &sets.taken.measured)?;
+        let signatures = sets.signatures(preliminary)?;
         let Some(found) = sets.case(preliminary, &signatures).agreement()? else { return Ok(None) };
         let diagnosis = given.said(preliminary, found, camera, progress)?;
         // A number of a camera file is judged by all simulations.
@@ -320,6 +354,7 @@ impl<'a> Given<'a> {
     ) -> Result<Diagnosis> {
         let mut diagnosis = outcome(Fitter { reference, data: &self.data }, &mut found, camera)?;
         progress("pictures", 0.95);
+        reference.model.context.deadline.lift();
         let last = (&found.fit.model, found.fit.u.as_slice());
         let fitted = &self.both.fitted;
         diagnosis.traces.plots = pictures(reference, &fitted.set, &fitted.measured.scans, last)?;
@@ -340,17 +375,25 @@ impl Sets<'_> {
         }
     }
 
+    /// The signatures for a search of the fitted set; after the time limit, those of the null model.
+    fn signatures(&self, reference: &NullModel) -> Result<Vec<Signature>> {
+        let signatures = in_time(with_line(reference, &self.taken.measured))?;
+        Ok(signatures.unwrap_or_else(|| reference.signatures.clone()))
+    }
+
     fn searched(
         &self,
         reference: &NullModel,
         start: &Camera,
         progress: ProgressCallback<'_>,
     ) -> Result<Found> {
-        let signatures = with_line(reference, &self.taken.measured)?;
+        let signatures = self.signatures(reference)?;
         let case = self.case(reference, &signatures);
         let mut found = search(&case, progress)?;
         progress("last steps", 0.94);
-        case.end(&mut found, start)?;
+        if in_time(case.end(&mut found, start))?.is_none() {
+            found.undecided.push(Undecided::BaseNumbers);
+        }
         Ok(found)
     }
 }

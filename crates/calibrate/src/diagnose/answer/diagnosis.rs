@@ -6,6 +6,7 @@ use super::pictures::SetPlots;
 use crate::diagnose::given::about::Provenance;
 use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::search::round::{EliminationReason, Step};
+use crate::diagnose::search::undecided::Undecided;
 use spikelane::effects::Camera;
 
 /// The verdict of a diagnosis.
@@ -21,6 +22,8 @@ pub enum Verdict {
     PartlyExplained,
     /// A significant discrepancy remains, and nothing that is named explains it.
     Unknown,
+    /// The time limit was reached before the recordings could be compared with the model.
+    Undecided,
 }
 
 /// A parameter with its 95 % interval.
@@ -167,6 +170,9 @@ pub struct Diagnosis {
     pub unexplained: Vec<UnexplainedStatistic>,
     /// Discrepancies after each step.
     pub discrepancy: Discrepancy,
+    /// Questions that the time limit left open; empty if the limit was not reached.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub undecided: Vec<String>,
     /// Recordings that would separate ambiguous effects.
     pub recommended_recordings: Vec<String>,
     /// Effects that this set cannot show.
@@ -191,6 +197,16 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// The diagnosis if the time limit is reached before the first simulations are complete.
+    pub(in crate::diagnose) fn undecided(faults: Vec<Fault>, camera: Camera) -> Self {
+        Self {
+            verdict: Verdict::Undecided,
+            undecided: vec![Undecided::Agreement(Vec::new()).sentence()],
+            notes: Vec::new(),
+            ..Self::stopped(faults, camera)
+        }
+    }
+
     /// Of sets that are at fault in so much that nothing can be said of the camera.
     pub(in crate::diagnose) fn stopped(faults: Vec<Fault>, camera: Camera) -> Self {
         Self {
@@ -206,6 +222,7 @@ impl Diagnosis {
                 noise_floor: 0.0,
                 noise_floor_sd: 0.0,
             },
+            undecided: Vec::new(),
             recommended_recordings: Vec::new(),
             undetectable: Vec::new(),
             seconds: 0.0,

@@ -17,6 +17,7 @@ use crate::diagnose::search::contradicted::{Contradicted, contradicted};
 use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Round, kept};
 use crate::diagnose::search::search::Found;
+use crate::diagnose::search::undecided::Undecided;
 use crate::diagnose::sensors::model::Lamp;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
@@ -49,8 +50,9 @@ pub(in crate::diagnose) fn outcome(
     let off = data - &found.own.mean;
     // The last, small step that the linear fit still asks for.
     let steps = [found.fit.bounds(), found.fit.bounds_of_effects()];
-    // A set that agrees with the first simulations keeps its calibrated numbers.
-    for mut bounds in steps.into_iter().filter(|_| !reference.is_preliminary()) {
+    // A set that agrees with the first simulations keeps its calibrated numbers. After the time limit, no step is made.
+    let is_final = reference.is_preliminary() || !found.undecided.is_empty();
+    for mut bounds in steps.into_iter().filter(|_| !is_final) {
         for (bound, deviation) in bounds.iter_mut().zip(&found.own.deviations) {
             (bound.low, bound.high) = (bound.low.max(-2.0 * deviation), bound.high.min(2.0 * deviation));
         }
@@ -73,7 +75,8 @@ pub(in crate::diagnose) fn outcome(
         let tied_with = ties(round);
         let share = round.map_or(0.0, |r| r.share);
         let faint = round.is_some_and(|r| r.faint);
-        let resembles = faint || (found.left && (share < 0.5 || whole < WHOLE || strange));
+        let is_unconfirmed = found.undecided.contains(&Undecided::NecessityOfEffects);
+        let resembles = faint || is_unconfirmed || (found.left && (share < 0.5 || whole < WHOLE || strange));
         // A number of the base model that only resembles what is there is no wrong number.
         if effect.is_base_model
             && !resembles
@@ -117,6 +120,7 @@ pub(in crate::diagnose) fn outcome(
         noise_floor_sd: found.own.floor_sd,
     };
     let verdict = match (found.left, named) {
+        _ if found.undecided.iter().any(|u| matches!(u, Undecided::Agreement(_))) => Verdict::Undecided,
         (false, true) if gap.is_within_limit() => Verdict::Explained,
         (false, false) => Verdict::Agrees,
         (_, true) => Verdict::PartlyExplained,
@@ -144,6 +148,7 @@ pub(in crate::diagnose) fn outcome(
         },
         notes,
         discrepancy: gap,
+        undecided: found.undecided.iter().map(Undecided::sentence).collect(),
         recommended_recordings: settle(reference, &found.rounds),
         undetectable: reference.not_testable(),
         seconds: 0.0,

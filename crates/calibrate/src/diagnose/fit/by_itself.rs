@@ -25,6 +25,7 @@ use spikelane::unstable::threads;
 const MANY: usize = 30;
 
 /// What simulations of the fitted model itself look like.
+#[derive(Clone)]
 pub(in crate::diagnose) struct Own {
     pub metric: Metric,
     /// Limit and median of the total misfit in the first round's metric.

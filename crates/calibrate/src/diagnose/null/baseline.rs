@@ -9,9 +9,9 @@ use super::mean::average;
 use super::signature::{changed_by, is_mirrored};
 use super::watched::{Stage, count, watched};
 use crate::ProgressCallback;
-use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalog::{Candidate, candidates, looked_for};
+use crate::diagnose::sensors::context::SimulationContext;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::entry::DiagnosticStatistic;
@@ -48,14 +48,13 @@ pub(in crate::diagnose) struct StartingCamera {
     /// Vectors of the first seeds.
     pub vectors: Vec<DVector<f64>>,
     pub changes: Changes,
-    /// The cache of simulations.
-    pub kept: Option<Kept>,
+    pub context: SimulationContext,
 }
 
 impl StartingCamera {
     /// Returns a camera without simulations.
-    pub(crate) fn new(camera: Camera, kept: Option<&Kept>) -> Self {
-        Self { camera, vectors: Vec::new(), changes: Changes::default(), kept: kept.cloned() }
+    pub(crate) fn new(camera: Camera, context: &SimulationContext) -> Self {
+        Self { camera, vectors: Vec::new(), changes: Changes::default(), context: context.clone() }
     }
 }
 
@@ -97,8 +96,8 @@ impl Baseline {
         effects: &Catalog,
         progress: ProgressCallback<'_>,
     ) -> Result<Self> {
-        let StartingCamera { camera, vectors: existing, changes, kept } = start;
-        let model = Model::base(camera, &setup).keeping(kept.as_ref());
+        let StartingCamera { camera, vectors: existing, changes, context } = start;
+        let model = Model::base(camera, &setup).with_context(&context);
         let (candidates, missing) = candidates_of(&setup, &model, effects);
         let sample = model.sample(&[], &[], setup.recordings.len())?;
         let statistics = simulate::statistics(&setup, &sample, seed)?;

@@ -13,6 +13,7 @@ use super::watched::{Stage, watched};
 use crate::ProgressCallback;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalog::Candidate;
+use crate::diagnose::sensors::context::{Deadline, SimulationContext};
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::remembered::Remembered;
 use crate::diagnose::sensors::simulate;
@@ -80,7 +81,13 @@ impl NullModel {
         effects: &Catalog,
         progress: ProgressCallback<'_>,
     ) -> Result<Self> {
-        let baseline = Baseline::first(setup, StartingCamera::new(camera, None), seed, effects, progress)?;
+        let baseline = Baseline::first(
+            setup,
+            StartingCamera::new(camera, &SimulationContext::default()),
+            seed,
+            effects,
+            progress,
+        )?;
         Self::complete(baseline, progress)
     }
 
@@ -164,6 +171,13 @@ impl NullModel {
     #[must_use]
     pub fn limits(&self) -> Limits {
         self.clean.limits
+    }
+
+    /// Returns a copy whose simulations end at `deadline`.
+    pub(in crate::diagnose) fn within(&self, deadline: &Deadline) -> Self {
+        let mut copy = self.clone();
+        copy.model.context.deadline = deadline.clone();
+        copy
     }
 
     /// Whether it comes from the first simulations only.

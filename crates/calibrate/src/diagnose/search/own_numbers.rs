@@ -2,11 +2,11 @@
 
 use std::sync::atomic::AtomicUsize;
 
-use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::null::baseline::StartingCamera;
 use crate::diagnose::null::derivatives::{Changes, changes, pairs};
 use crate::diagnose::null::mean::average;
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::context::SimulationContext;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use nalgebra::{DMatrix, DVector};
@@ -51,10 +51,10 @@ pub(in crate::diagnose) fn rebased(
     camera: &Camera,
     data: &DVector<f64>,
     seed: u64,
-    kept: Option<&Kept>,
+    context: &SimulationContext,
 ) -> Result<StartingCamera> {
     let floors = floors(setup, camera, seed)?;
-    let of = |camera| Place::of(setup, Model::base(camera, setup).keeping(kept), data, seed, &floors);
+    let of = |camera| Place::of(setup, Model::base(camera, setup).with_context(context), data, seed, &floors);
     let mut best = of(camera.clone())?;
     let given = best.model.clone();
     let mut moved = best.changes(setup, seed)?;
@@ -84,7 +84,12 @@ pub(in crate::diagnose) fn rebased(
             derivatives = moved.jacobian(&best.model, &best.spread);
         }
     }
-    Ok(StartingCamera { camera: best.model.camera, vectors: best.each, changes: moved, kept: kept.cloned() })
+    Ok(StartingCamera {
+        camera: best.model.camera,
+        vectors: best.each,
+        changes: moved,
+        context: context.clone(),
+    })
 }
 
 /// What deviations are too small to matter.

@@ -34,7 +34,7 @@ pub(in crate::diagnose) fn hash(setup: &Setup, sample: &Sample, seed: u64, into:
             still.hash_exactly(into);
         }
     }
-    let Sample { camera, lamps, pinned, kept: _ } = sample;
+    let Sample { camera, lamps, pinned, context: _ } = sample;
     camera.hash_exactly(into);
     lamps.iter().for_each(|lamp| lamp.to_bits().hash(into));
     (0..scenes.len()).for_each(|k| pinned.places(k).hash(into));
@@ -46,6 +46,7 @@ mod tests {
     use std::hash::DefaultHasher;
     use std::sync::Arc;
 
+    use super::super::context::SimulationContext;
     use super::super::fixed::Pinned;
     use super::super::simulate::values;
     use super::*;
@@ -78,7 +79,12 @@ mod tests {
 
     fn sample() -> Sample {
         let camera = spikelane::presets::builtin("scsim-code").unwrap();
-        Sample { camera, lamps: vec![1.0; 2], pinned: Pinned::default(), kept: None }
+        Sample {
+            camera,
+            lamps: vec![1.0; 2],
+            pinned: Pinned::default(),
+            context: SimulationContext::default(),
+        }
     }
 
     fn key(setup: &Setup, sample: &Sample, seed: u64) -> u64 {

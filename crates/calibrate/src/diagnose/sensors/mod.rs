@@ -2,6 +2,7 @@
 
 pub(super) mod base;
 pub(super) mod catalog;
+pub(super) mod context;
 pub(super) mod fixed;
 pub(super) mod key;
 pub(super) mod knob;

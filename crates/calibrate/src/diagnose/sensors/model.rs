@@ -1,10 +1,10 @@
 //! A camera with knobs: the numbers that a diagnosis may turn.
 
 use super::base::{BASE, Number};
+use super::context::SimulationContext;
 use super::fixed::Pinned;
 use super::knob::Knob;
 use super::sample::Sample;
-use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::protocol::recorded_set::Setup;
 use spikelane::effects::Camera;
 use spikelane::effects::definition::SearchScale;
@@ -29,8 +29,8 @@ pub(in crate::diagnose) struct Model {
     pub lamps: Vec<Lamp>,
     /// Lost and repeated readouts that are not left to chance.
     pub pinned: Pinned,
-    /// Where vectors of its samples are kept.
-    pub kept: Option<Kept>,
+    /// How its samples are simulated.
+    pub context: SimulationContext,
 }
 
 impl Model {
@@ -64,13 +64,13 @@ impl Model {
             lamps: (0..setup.recordings.len()).filter(lit).map(lamp).collect(),
             camera,
             pinned: Pinned::default(),
-            kept: None,
+            context: SimulationContext::default(),
         }
     }
 
-    /// The same, whose samples' vectors are looked for in `kept` and put there.
-    pub(crate) fn keeping(self, kept: Option<&Kept>) -> Self {
-        Self { kept: kept.cloned(), ..self }
+    /// Returns this model with another cache and deadline.
+    pub(crate) fn with_context(self, context: &SimulationContext) -> Self {
+        Self { context: context.clone(), ..self }
     }
 
     /// Where the knobs stand in `camera`.
@@ -89,6 +89,6 @@ impl Model {
         for (i, lamp) in self.lamps.iter().enumerate() {
             factors[lamp.recording] = 1.0 + lamp.offset + moved.get(i).copied().unwrap_or(0.0);
         }
-        Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), kept: self.kept.clone() })
+        Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), context: self.context.clone() })
     }
 }

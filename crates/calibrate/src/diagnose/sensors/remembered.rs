@@ -60,6 +60,7 @@ impl Remembered {
 mod tests {
     use std::sync::Arc;
 
+    use super::super::context::SimulationContext;
     use super::super::fixed::Pinned;
     use super::*;
     use crate::diagnose::events::located::Located;
@@ -77,7 +78,7 @@ mod tests {
             camera: camera.clone(),
             lamps: Vec::new(),
             pinned,
-            kept: None,
+            context: SimulationContext::default(),
         };
         let [plain, other] = [&camera, &other].map(|c| of(c, Pinned::default()));
         let [early, late] = [7, 8].map(|at| of(&camera, pinned(at)));

@@ -1,7 +1,7 @@
 //! A camera that gives a set.
 
+use super::context::SimulationContext;
 use super::fixed::Pinned;
-use crate::diagnose::kept::folder::Kept;
 use spikelane::effects::Camera;
 
 /// A camera and how far each scene's light is off: factors near one.
@@ -11,6 +11,6 @@ pub(in crate::diagnose) struct Sample {
     pub lamps: Vec<f64>,
     /// Lost and repeated readouts that are not left to chance.
     pub pinned: Pinned,
-    /// Where its vectors are kept.
-    pub kept: Option<Kept>,
+    /// How it is simulated.
+    pub context: SimulationContext,
 }

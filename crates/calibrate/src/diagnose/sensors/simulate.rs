@@ -59,15 +59,16 @@ pub(in crate::diagnose) fn values(setup: &Setup, sample: &Sample, seed: u64) -> 
     kept_or(setup, sample, seed, || Ok(statistics_of(setup, sample, seed)?.values))
 }
 
-/// The vector of `sample` as it was kept, or as `simulate` makes it.
+/// The vector of `sample` from the cache, or from `simulate` if there is time.
 pub(in crate::diagnose) fn kept_or(
     setup: &Setup,
     sample: &Sample,
     seed: u64,
     simulate: impl FnOnce() -> Result<Vec<f64>>,
 ) -> Result<Vec<f64>> {
-    match &sample.kept {
-        Some(kept) => kept.or(kept.key(|hasher| hash(setup, sample, seed, hasher)), simulate),
+    let simulate = || sample.context.deadline.check().and_then(|()| simulate());
+    match &sample.context.cache {
+        Some(cache) => cache.or(cache.key(|hasher| hash(setup, sample, seed, hasher)), simulate),
         None => simulate(),
     }
 }
