@@ -8,7 +8,7 @@ use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::Both;
 use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::lab::fault::Fault;
-use crate::diagnose::null::baseline::{Baseline, StartingCamera};
+use crate::diagnose::null::baseline::{Baseline, SIGNATURE_DRAWS, StartingCamera};
 use crate::diagnose::null::nameable::Detectability;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::protocol::extent::RecordingPart;
@@ -56,7 +56,7 @@ pub fn detectability(
     let setup = both.fitted.setup;
     let start = StartingCamera::new(base.camera, &context);
     let baseline = Baseline::first(setup, start, options.seed, effects, progress)?;
-    let reference = NullModel::complete(baseline, progress)?;
+    let reference = NullModel::complete(baseline, SIGNATURE_DRAWS, progress)?;
     Ok(DetectabilityReport {
         detectabilities: reference.detectabilities(),
         undetectable: reference.not_testable(),

@@ -233,7 +233,7 @@ fn by_itself(
         None => {
             let result = PreliminaryResult::new(&preliminary, &preliminary.shifted(&given.data));
             first(&result);
-            match in_time(NullModel::complete(baseline, progress))? {
+            match in_time(NullModel::complete(baseline, 1, progress))? {
                 Some(reference) => {
                     let given = given.shifted(&reference);
                     let found = given.sets().searched(&reference, &base.camera, progress)?;

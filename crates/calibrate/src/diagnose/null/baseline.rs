@@ -33,7 +33,7 @@ const FIRST_SENSORS: usize = 24;
 const FIRST_LAMP_DRAWS: usize = 4;
 
 /// Simulations of a signature: two show how much of it is noise.
-pub(super) const SIGNATURE_DRAWS: usize = 2;
+pub(in crate::diagnose) const SIGNATURE_DRAWS: usize = 2;
 
 /// Simulations of a derivative in the first step. A base number differs from its calibrated value by one or two of its
 /// standard deviations. The noise of the derivative is multiplied by that only.
@@ -127,14 +127,18 @@ impl Baseline {
         Ok(baseline)
     }
 
-    /// Makes the simulations that a search requires.
-    pub(in crate::diagnose) fn complete(&mut self, progress: ProgressCallback<'_>) -> Result<()> {
+    /// Makes the simulations that a search requires, with `signature_draws` of each candidate.
+    pub(in crate::diagnose) fn complete(
+        &mut self,
+        signature_draws: usize,
+        progress: ProgressCallback<'_>,
+    ) -> Result<()> {
         let all = pairs(&self.setup);
         let pieces = SENSORS.saturating_sub(self.vectors.len())
             + all.saturating_sub(self.changes.count()) * self.model.knobs.len()
             + self.signatures.len();
         let stage = Stage { name: "null", from: FIRST_STAGE.1, to: SENSORS_DONE, pieces };
-        watched(&stage, progress, |done| self.extend([all, SENSORS, all, SIGNATURE_DRAWS], done))
+        watched(&stage, progress, |done| self.extend([all, SENSORS, all, signature_draws], done))
     }
 
     /// Simulates up to these numbers of lamp draws, sensors, pairs of a derivative, and draws of a signature.
@@ -170,7 +174,7 @@ impl Baseline {
             self.changes.extend(changes(setup, model, seed, vectors, known_pairs..pairs, done)?);
         }
         // The first step skips the opposite sign of an effect, because its score has the same size.
-        let is_first = signature_draws < SIGNATURE_DRAWS;
+        let is_first = sensors < SENSORS;
         let is_skipped = |i: usize| {
             is_first && signatures[..i].iter().any(|earlier| is_mirrored(&earlier.0, &signatures[i].0))
         };

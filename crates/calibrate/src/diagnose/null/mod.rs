@@ -11,6 +11,8 @@ pub(super) mod mean;
 pub(super) mod metric;
 pub(super) mod nameable;
 pub(super) mod posterior_draw;
+#[cfg(test)]
+mod preliminary_tests;
 pub(super) mod reference;
 pub(super) mod signature;
 pub(super) mod watched;

@@ -8,7 +8,7 @@ use super::limits::{AGREEMENT, ALARM, Base, Clean, LimitLevel, Limits};
 use super::mean::average;
 use super::metric::{Metric, Noise, noise};
 use super::posterior_draw::{CleanSensor, POSTERIOR_SENSORS, posterior_sensors, sensors_of_baseline};
-use super::signature::{Signature, changed_by};
+use super::signature::Signature;
 use super::watched::{Stage, watched};
 use crate::ProgressCallback;
 use crate::diagnose::protocol::recorded_set::Setup;
@@ -88,15 +88,18 @@ impl NullModel {
             effects,
             progress,
         )?;
-        Self::complete(baseline, progress)
+        Self::complete(baseline, SIGNATURE_DRAWS, progress)
     }
 
     /// The null model for a search, from all simulations of the base model and sensors with numbers from their posterior.
+    ///
+    /// With one of `signature_draws`, a search makes the second draw of the candidates that it compares.
     pub(in crate::diagnose) fn complete(
         mut baseline: Baseline,
+        signature_draws: usize,
         progress: ProgressCallback<'_>,
     ) -> Result<Self> {
-        baseline.complete(progress)?;
+        baseline.complete(signature_draws, progress)?;
         let Baseline { setup, model, seed, floors, .. } = &baseline;
         let (mean, jacobian, lamp_slopes) = (baseline.mean(), baseline.jacobian(), baseline.lamp_slopes());
         let lamps = columns(&lamp_slopes, model);
@@ -195,10 +198,32 @@ impl NullModel {
 
     /// How `candidate` shows in a base sensor, from as many simulations as the other signatures.
     pub(in crate::diagnose) fn signature(&self, candidate: Candidate) -> Result<Signature> {
-        let change =
-            |i: usize| changed_by(&candidate, &self.setup, &self.model, self.seed, &self.baseline, i);
-        let draws = self.signatures.first().map_or(SIGNATURE_DRAWS, |s| s.each.len());
-        let each = threads::try_map(0..draws, change)?;
+        let draws = if self.is_preliminary() { 1 } else { SIGNATURE_DRAWS };
+        self.signature_with(candidate, Vec::new(), draws)
+    }
+
+    /// `signature` from two simulations.
+    pub(in crate::diagnose) fn with_second_draw(&self, signature: &Signature) -> Result<Signature> {
+        if signature.each.len() >= SIGNATURE_DRAWS {
+            return Ok(signature.clone());
+        }
+        self.signature_with(signature.candidate.clone(), signature.each.clone(), SIGNATURE_DRAWS)
+    }
+
+    fn signature_with(
+        &self,
+        candidate: Candidate,
+        mut each: Vec<DVector<f64>>,
+        draws: usize,
+    ) -> Result<Signature> {
+        let sample = candidate.sample(&self.model, self.setup.recordings.len())?;
+        let change = |i: usize| {
+            let simulate =
+                || Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
+            Ok(self.remembered.or(&sample, i, simulate)? - &self.baseline[i])
+        };
+        let more = threads::try_map(each.len()..draws, change)?;
+        each.extend(more);
         Ok(Signature::new(candidate, each, &self.spread))
     }
 

@@ -5,6 +5,7 @@ use super::mean::average;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::model::Model;
+use crate::diagnose::sensors::sample::Sample;
 use crate::diagnose::sensors::simulate;
 use nalgebra::DVector;
 use spikelane::effects::definition::SearchScale;
@@ -59,6 +60,16 @@ pub(in crate::diagnose) fn reach(s: &Signature) -> f64 {
     (most / u).abs().max(1.0)
 }
 
+impl Candidate {
+    /// The sample of the base model with this candidate.
+    pub(super) fn sample(&self, base: &Model, recordings: usize) -> Result<Sample> {
+        let mut model = base.clone();
+        let zero = vec![0.0; model.knobs.len()];
+        model.knobs.extend(self.knobs.iter().copied());
+        model.sample(&[zero.as_slice(), &self.at].concat(), &[], recordings)
+    }
+}
+
 /// What `candidate` changes in the base sensor with draws number `i`, of which `baseline` has the vectors.
 pub(super) fn changed_by(
     candidate: &Candidate,
@@ -68,11 +79,7 @@ pub(super) fn changed_by(
     baseline: &[DVector<f64>],
     i: usize,
 ) -> Result<DVector<f64>> {
-    let mut model = base.clone();
-    let zero = vec![0.0; model.knobs.len()];
-    model.knobs.extend(candidate.knobs.iter().copied());
-    let u = [zero.as_slice(), &candidate.at].concat();
-    let sample = model.sample(&u, &[], setup.recordings.len())?;
+    let sample = candidate.sample(base, setup.recordings.len())?;
     let values = simulate::values(setup, &sample, seed + i as u64)?;
     Ok(DVector::from_vec(values) - &baseline[i])
 }
