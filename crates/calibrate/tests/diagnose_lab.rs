@@ -7,6 +7,7 @@ mod hidden_sensor;
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::time::Duration;
 
 use hidden_sensor::{Physics, SCENES, Scene, Sensor, Size, record, write_set};
 use rand::SeedableRng;
@@ -188,6 +189,28 @@ fn a_bend_of_three_detectable_strengths_is_named_with_lamps_off_by_1_percent() {
 fn long_lamps_off_by_up_to_5_percent_raise_no_alarm() {
     let alarms = alarms((1..=5).flat_map(laboratories));
     assert!(alarms.len() <= 2, "{alarms:#?}");
+}
+
+/// A limit of one nanosecond is over before the first simulation. A long limit changes no number.
+#[test]
+fn a_time_limit_leaves_the_verdict_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let sets = [0, 1].map(|take| {
+        let path = folder.path().join(format!("{take}"));
+        write_set(&sensor(Physics::default()), SIZE, take, &path);
+        RecordingSet::open(&path.join("recordings.toml")).unwrap()
+    });
+    let diagnose_within = |time_limit| {
+        let options = DiagnoseOptions { time_limit, ..DiagnoseOptions::default() };
+        diagnose(&sets[0], Some(&sets[1]), options, &mut |_, _| {}).unwrap()
+    };
+    let stopped = diagnose_within(Some(Duration::from_nanos(1)));
+    assert_eq!(stopped.verdict, Verdict::Undecided);
+    assert_eq!(stopped.undecided, ["whether the recordings agree with the model"]);
+    assert!(stopped.effects.is_empty() && !stopped.notes.iter().any(|n| n.contains("Too few")));
+    let [unlimited, long] = [None, Some(Duration::from_secs(3600))].map(diagnose_within);
+    assert_eq!((long.verdict, long.undecided.len()), (Verdict::Agrees, 0));
+    assert_eq!(unlimited.discrepancy, long.discrepancy);
 }
 
 #[test]

@@ -70,6 +70,7 @@ fn time_diagnosis(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: Opti
         Verdict::Explained => "explained",
         Verdict::PartlyExplained => "partly explained",
         Verdict::Unknown => "unknown",
+        Verdict::Undecided => "undecided",
     };
     let names: Vec<&str> = diagnosis.effects.iter().map(|e| e.name).collect();
     TimedDiagnosis {

@@ -1,16 +1,19 @@
 //! How strong effects must be before a set can name them.
 
+use std::time::Instant;
+
 use crate::ProgressCallback;
 use crate::RecordingSet;
 use crate::diagnose::cache::folder::SimulationCache;
 use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::Both;
 use crate::diagnose::lab::fault::Fault;
+use crate::diagnose::null::baseline::{Baseline, SIGNATURE_DRAWS, StartingCamera};
 use crate::diagnose::null::nameable::Detectability;
 use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::null::simulated::Begun;
 use crate::diagnose::protocol::extent::RecordingPart;
 use crate::diagnose::run::DiagnoseOptions;
+use crate::diagnose::sensors::context::{Deadline, SimulationContext};
 use spikelane::effects::Catalog;
 use spikelane::error::Result;
 
@@ -34,12 +37,15 @@ pub struct DetectabilityReport {
 ///
 /// # Errors
 /// If a recording cannot be read or is too short, or the cache folder cannot be created or written to.
+/// [`ErrorKind::Interrupted`](spikelane::ErrorKind::Interrupted) if the time limit is reached, because a part of the strengths would be
+/// missing.
 pub fn detectability(
     set: &RecordingSet,
     options: DiagnoseOptions<'_>,
     progress: ProgressCallback<'_>,
 ) -> Result<DetectabilityReport> {
-    let kept = options.cache.map(SimulationCache::open).transpose()?;
+    let cache = options.cache.map(SimulationCache::open).transpose()?;
+    let context = SimulationContext { cache, deadline: Deadline::new(Instant::now(), options.time_limit) };
     progress("reading", 0.0);
     set.check_light_unit()?;
     let mut both = Both::read([set, set], [RecordingPart::Whole; 2], options.readout_selection)?;
@@ -48,8 +54,9 @@ pub fn detectability(
     let library = Catalog::new();
     let effects = options.effects.unwrap_or(&library);
     let setup = both.fitted.setup;
-    let begun = Begun::of(base.camera, kept.as_ref());
-    let reference = NullModel::looked(setup, begun, options.seed, effects, None, progress)?;
+    let start = StartingCamera::new(base.camera, &context);
+    let baseline = Baseline::first(setup, start, options.seed, effects, progress)?;
+    let reference = NullModel::complete(baseline, SIGNATURE_DRAWS, progress)?;
     Ok(DetectabilityReport {
         detectabilities: reference.detectabilities(),
         undetectable: reference.not_testable(),

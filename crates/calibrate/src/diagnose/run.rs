@@ -1,7 +1,7 @@
 //! A diagnosis from recordings to words.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nalgebra::DVector;
 
@@ -18,16 +18,18 @@ use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::given::about::Provenance;
 use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::{Both, Taken};
-use crate::diagnose::null::first_look::{First, PreliminaryResult};
+use crate::diagnose::null::baseline::{Baseline, StartingCamera};
+use crate::diagnose::null::first_look::PreliminaryResult;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
-use crate::diagnose::null::simulated::Begun;
 use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::protocol::recorded_set::{check_sufficient, same_protocol};
 use crate::diagnose::search::context::{Case, Judge};
 use crate::diagnose::search::own_numbers::rebased;
 use crate::diagnose::search::search::{Found, search};
+use crate::diagnose::search::undecided::Undecided;
 use crate::diagnose::search::with_line::with_line;
+use crate::diagnose::sensors::context::{Deadline, SimulationContext, in_time};
 use crate::diagnose::sensors::model::published;
 use crate::{self as calibrate, RecordingSet, Stimulus, StimulusPattern};
 use spikelane::effects::{Camera, Catalog, Maps, start_phase};
@@ -61,6 +63,13 @@ pub struct DiagnoseOptions<'a> {
     /// megabytes per diagnosis. You may delete a subfolder when no diagnosis is running. The version does not cover
     /// the code of `effects` from another crate: use another folder if that code changes.
     pub cache: Option<&'a Path>,
+    /// Longest time for simulations, from the start of the diagnosis.
+    ///
+    /// At the limit, the diagnosis ends with the best result so far, and [`Diagnosis::undecided`] lists the open
+    /// questions. Reading, calibrating and writing do not stop at the limit. A result within the limit does not depend
+    /// on it. After the limit, the result depends on the speed of the machine; with `cache`, a further diagnosis
+    /// continues.
+    pub time_limit: Option<Duration>,
 }
 
 /// Finds the effects that a camera model is missing.
@@ -104,16 +113,19 @@ pub fn diagnose_with_preliminary(
     };
     let sets = [set, holdout.unwrap_or(set)];
     let held_out = Held { second_set: holdout.is_some(), alone };
-    let kept = options.cache.map(SimulationCache::open).transpose()?;
+    let cache = options.cache.map(SimulationCache::open).transpose()?;
+    let context = SimulationContext { cache, deadline: Deadline::new(start, options.time_limit) };
     progress("reading", 0.0);
     if options.null_model.is_none() {
         [Some(set), holdout].into_iter().flatten().try_for_each(RecordingSet::check_light_unit)?;
     }
     let mut diagnosis = match options.null_model {
-        Some(reference) => shared(sets, parts, held_out, reference, options, progress)?,
-        None => by_itself(sets, parts, held_out, options, kept.as_ref(), progress, on_preliminary)?,
+        Some(reference) => {
+            shared(sets, parts, held_out, &reference.within(&context.deadline), options, progress)?
+        }
+        None => by_itself(sets, parts, held_out, options, &context, progress, on_preliminary)?,
     };
-    diagnosis.cache_counts = kept.map(|kept| [kept.hit_count(), kept.miss_count()]);
+    diagnosis.cache_counts = context.cache.map(|cache| [cache.hit_count(), cache.miss_count()]);
     diagnosis.seconds = start.elapsed().as_secs_f64();
     Ok(diagnosis)
 }
@@ -148,8 +160,9 @@ fn shared(
     same_protocol(&both.fitted.setup, &both.judging.setup)?;
     same_protocol(&both.fitted.setup, &reference.setup)?;
     let given = Given::of(&both, parts, held_out).shifted(reference);
-    let signatures = with_line(reference, &both.fitted.measured)?;
-    let found = search(&given.sets().case(reference, &signatures), progress)?;
+    let sets = given.sets();
+    let signatures = sets.signatures(reference)?;
+    let found = search(&sets.case(reference, &signatures), progress)?;
     given.said(reference, found, options.camera, progress)
 }
 
@@ -159,7 +172,7 @@ fn by_itself(
     parts: [RecordingPart; 2],
     held_out: Held,
     options: DiagnoseOptions<'_>,
-    kept: Option<&SimulationCache>,
+    context: &SimulationContext,
     progress: ProgressCallback<'_>,
     first: &mut dyn FnMut(&PreliminaryResult),
 ) -> Result<Diagnosis> {
@@ -191,42 +204,60 @@ fn by_itself(
     // The numbers of a camera file may be wrong; those of another camera stand for nothing.
     // Maps are all spread: what the base cannot hold would bend it.
     let moved = (options.camera.is_some() || base.is_guessed()) && !both.fitted.setup.has_rate_maps;
-    let begun = if moved {
-        progress("own numbers", 0.02);
-        let data = DVector::from_vec(both.fitted.measured.values.clone());
-        let begun = rebased(&both.fitted.setup, &base.camera, &data, options.seed, kept)?;
-        let is_lit_otherwise = both.fitted.find_light(&begun.camera, options.seed)?;
-        if is_lit_otherwise { Begun::of(begun.camera, kept) } else { begun }
-    } else {
-        Begun::of(base.camera.clone(), kept)
+    let library = Catalog::new();
+    let effects = options.effects.unwrap_or(&library);
+    let mut first_simulations = || -> Result<Baseline> {
+        let start = if moved {
+            progress("own numbers", 0.02);
+            let data = DVector::from_vec(both.fitted.measured.values.clone());
+            let start = rebased(&both.fitted.setup, &base.camera, &data, options.seed, context)?;
+            let is_lit_otherwise = both.fitted.find_light(&start.camera, options.seed)?;
+            if is_lit_otherwise { StartingCamera::new(start.camera, context) } else { start }
+        } else {
+            StartingCamera::new(base.camera.clone(), context)
+        };
+        Baseline::first(both.fitted.setup.clone(), start, options.seed, effects, progress)
     };
-    let reference = null_model(&both.fitted, begun, options, progress, first)?;
-    both.judging.light_as(&reference, held_out.second_set)?;
-    let given = Given::of(&both, parts, held_out).shifted(&reference);
-    let found = given.sets().searched(&reference, &base.camera, progress)?;
+    let Some(baseline) = in_time(first_simulations())? else {
+        let mut diagnosis = Diagnosis::undecided(both.faults, base.camera.clone());
+        restore(&mut diagnosis.camera, options.camera)?;
+        diagnosis.provenance = Some(about(Some(&base)));
+        diagnosis.notes.extend(base.notes);
+        return Ok(diagnosis);
+    };
     let own = options.camera.map(|_| &base.camera);
-    let mut diagnosis = given.said(&reference, found, own, progress)?;
+    let preliminary = NullModel::preliminary(&baseline)?;
+    both.judging.light_as(&preliminary, held_out.second_set)?;
+    let given = Given::of(&both, parts, held_out);
+    let (reference, mut diagnosis) = match given.agreement(&preliminary, own, progress)? {
+        Some(diagnosis) => (preliminary, diagnosis),
+        None => {
+            let result = PreliminaryResult::new(&preliminary, &preliminary.shifted(&given.data));
+            first(&result);
+            match in_time(NullModel::complete(baseline, 1, progress))? {
+                Some(reference) => {
+                    let given = given.shifted(&reference);
+                    let found = given.sets().searched(&reference, &base.camera, progress)?;
+                    let diagnosis = given.said(&reference, found, own, progress)?;
+                    (reference, diagnosis)
+                }
+                None => {
+                    let given = given.shifted(&preliminary);
+                    let case = given.sets();
+                    let case = case.case(&preliminary, &preliminary.signatures);
+                    let found = case.unfinished(Undecided::Agreement(result.likely_effects))?;
+                    let diagnosis = given.said(&preliminary, found, own, progress)?;
+                    (preliminary, diagnosis)
+                }
+            }
+        }
+    };
     qualify(&mut diagnosis, &reference);
     restore(&mut diagnosis.camera, options.camera)?;
     let base = if moved { base.fitted(&reference.model.camera)? } else { base };
     diagnosis.provenance = Some(about(Some(&base)));
     diagnosis.notes.extend(base.notes);
     Ok(diagnosis)
-}
-
-/// Sensors of a camera that is given or calibrated.
-fn null_model(
-    taken: &Taken,
-    begun: Begun,
-    options: DiagnoseOptions<'_>,
-    progress: ProgressCallback<'_>,
-    first: &mut dyn FnMut(&PreliminaryResult),
-) -> Result<NullModel> {
-    let library = Catalog::new();
-    let effects = options.effects.unwrap_or(&library);
-    let data = DVector::from_vec(taken.measured.values.clone());
-    let first = First { data: &data, told: first };
-    NullModel::looked(taken.setup.clone(), begun, options.seed, effects, Some(first), progress)
 }
 
 fn held_by(held_out: Held) -> String {
@@ -255,6 +286,7 @@ fn restore(camera: &mut Camera, given: Option<&Camera>) -> Result<()> {
 }
 
 /// Two measured sets as vectors.
+#[derive(Clone)]
 struct Given<'a> {
     both: &'a Both,
     data: DVector<f64>,
@@ -282,9 +314,27 @@ impl<'a> Given<'a> {
     }
 
     /// With the data in the coordinates of `reference`, which knows the light of the recordings as it was found.
-    fn shifted(self, reference: &NullModel) -> Self {
+    fn shifted(&self, reference: &NullModel) -> Self {
         let [data, judging] = [&self.data, &self.judging].map(|data| reference.shifted(data));
-        Self { data, judging, ..self }
+        Self { data, judging, ..self.clone() }
+    }
+
+    /// The diagnosis of a set that agrees with the first simulations of the model, or `None`.
+    ///
+    /// The limits of `preliminary` are stricter than those of a search, so a set that agrees here raises no alarm later.
+    fn agreement(
+        &self,
+        preliminary: &NullModel,
+        camera: Option<&Camera>,
+        progress: ProgressCallback<'_>,
+    ) -> Result<Option<Diagnosis>> {
+        let given = self.shifted(preliminary);
+        let sets = given.sets();
+        let signatures = sets.signatures(preliminary)?;
+        let Some(found) = sets.case(preliminary, &signatures).agreement()? else { return Ok(None) };
+        let diagnosis = given.said(preliminary, found, camera, progress)?;
+        // A number of a camera file is judged by all simulations.
+        Ok(Some(diagnosis).filter(|d| d.parameter_mismatches.is_empty()))
     }
 
     fn sets(&self) -> Sets<'_> {
@@ -305,6 +355,7 @@ impl<'a> Given<'a> {
     ) -> Result<Diagnosis> {
         let mut diagnosis = outcome(Fitter { reference, data: &self.data }, &mut found, camera)?;
         progress("pictures", 0.95);
+        reference.model.context.deadline.lift();
         let last = (&found.fit.model, found.fit.u.as_slice());
         let fitted = &self.both.fitted;
         diagnosis.rates = rate_residuals(reference, &found, &self.data, &fitted.measured.scans);
@@ -326,17 +377,25 @@ impl Sets<'_> {
         }
     }
 
+    /// The signatures for a search of the fitted set; after the time limit, those of the null model.
+    fn signatures(&self, reference: &NullModel) -> Result<Vec<Signature>> {
+        let signatures = in_time(with_line(reference, &self.taken.measured))?;
+        Ok(signatures.unwrap_or_else(|| reference.signatures.clone()))
+    }
+
     fn searched(
         &self,
         reference: &NullModel,
         start: &Camera,
         progress: ProgressCallback<'_>,
     ) -> Result<Found> {
-        let signatures = with_line(reference, &self.taken.measured)?;
+        let signatures = self.signatures(reference)?;
         let case = self.case(reference, &signatures);
         let mut found = search(&case, progress)?;
         progress("last steps", 0.94);
-        case.end(&mut found, start)?;
+        if in_time(case.end(&mut found, start))?.is_none() {
+            found.undecided.push(Undecided::BaseNumbers);
+        }
         Ok(found)
     }
 }

@@ -88,45 +88,42 @@ fn normal_cdf(y: f64) -> f64 {
     0.5 * libm::erfc(-y / std::f64::consts::SQRT_2)
 }
 
+/// Largest width of a cell of the integrals.
+const MAX_CELL: f64 = 0.02;
+
 /// Returns `psi(g)`, `nu(g)` and the end variance, computed by the midpoint rule. For these smooth integrands the error
 /// decreases faster than any power of the step.
+///
+/// The probability that no draw of an earlier readout fired is `S(y) = prod_(i>=1) Phi(y + i g)`. It satisfies
+/// `S(y) = Phi(y + g) S(y + g)`. A whole number of cells covers `g`, so one product per cell gives `S`, from the highest
+/// cell down.
 fn draw_moments(g: f64) -> [f64; 3] {
     // The charge can be a whole increment above the threshold, so the range is extended by `g`.
     let (low, high) = (-8.0 - g, 8.0);
-    let cells = ((high - low) / 0.02).ceil();
-    let h = (high - low) / cells;
+    let per_increment = (g / MAX_CELL).ceil() as usize;
+    let h = g / per_increment as f64;
+    let cells = ((high - low) / h).ceil() as usize;
     let (mut first, mut second) = (0.0, 0.0);
     let (mut charge, mut charge_square, mut product) = (0.0, 0.0, 0.0);
-    for i in 0..cells as i32 {
-        let y = low + h * (f64::from(i) + 0.5);
-        let waited = survival_probability(y, g);
-        if waited == 0.0 {
-            continue;
+    // `S(y - g)` of each cell, from the highest `y` down. Above the range, no draw prevents a spike.
+    let mut survival_below: Vec<f64> = Vec::with_capacity(cells);
+    for i in 0..cells {
+        let y = high - h * (i as f64 + 0.5);
+        let survival = i.checked_sub(per_increment).map_or(1.0, |above| survival_below[above]);
+        let (density, above) = (normal_pdf(y), normal_cdf(-y));
+        survival_below.push((1.0 - above) * survival);
+        if survival == 0.0 {
+            break;
         }
-        first += normal_pdf(y) * waited * h;
-        second += (normal_cdf(-y) + y * normal_pdf(y)) * waited * h;
-        charge -= y * normal_cdf(-y) * waited * h;
-        charge_square += y * y * normal_cdf(-y) * waited * h;
-        product += y * normal_pdf(y) * waited * h;
+        first += density * survival * h;
+        second += (above + y * density) * survival * h;
+        charge -= y * above * survival * h;
+        charge_square += y * y * above * survival * h;
+        product += y * density * survival * h;
     }
     let [mean, charge] = [-first / g, charge / g];
     let end = 2.0 * (charge_square / g - charge * charge - product / g + charge * mean) / (g * g);
     [first, (second / g - mean * mean).max(0.0), (end - 1.0 / 6.0).max(0.0)]
-}
-
-/// Returns the probability that no draw of an earlier readout fired while the charge approached the threshold. It is
-/// the product of `Phi(y + i g)` over `i >= 1`.
-fn survival_probability(y: f64, g: f64) -> f64 {
-    let mut log = 0.0;
-    let mut at = y + g;
-    while at < 8.0 {
-        log += normal_cdf(at).max(1e-300).ln();
-        if log < -40.0 {
-            return 0.0;
-        }
-        at += g;
-    }
-    log.exp()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
 use serde_json::{Value, json};
@@ -52,6 +52,12 @@ pub(crate) struct Args {
     /// The simulations of a diagnosis need a few megabytes. Each version of the program stores its own simulations.
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
+    /// End with the best result so far after this time
+    ///
+    /// The reports then list the open questions, and the exit code is 0. The limit applies to simulations: reading,
+    /// calibrating and writing take some seconds more. With --cache, the same command with a longer limit continues.
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, conflicts_with = "detectability")]
+    time_limit: Option<Duration>,
     /// Only print the detectable strength of each effect
     #[arg(long)]
     detectability: bool,
@@ -102,6 +108,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         seed: args.seed,
         readout_selection: extent,
         cache: args.cache.as_deref(),
+        time_limit: args.time_limit,
         ..DiagnoseOptions::default()
     };
     if args.detectability {
@@ -136,6 +143,11 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut result = write_diagnosis(&diagnosis, &args.output, args.force)?;
     result["event"] = json!("done");
     out.print_result(&result, &diagnosis_text(&diagnosis, args))
+}
+
+fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
+    let seconds = text.parse::<f64>().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.filter(|limit| !limit.is_zero()).ok_or_else(|| "expected a positive number of seconds".to_owned())
 }
 
 /// Returns the command line. The program is written as `spikelane`, without its folder.
@@ -175,8 +187,12 @@ fn diagnosis_text(diagnosis: &Diagnosis, args: &Args) -> String {
         Verdict::Explained => "explained",
         Verdict::PartlyExplained => "partly explained",
         Verdict::Unknown => "unknown",
+        Verdict::Undecided => "undecided",
     };
     let mut text = format!("{verdict} ({:.1} s)\n", diagnosis.seconds);
+    for question in &diagnosis.undecided {
+        let _ = writeln!(text, "not decided within the time limit: {question}");
+    }
     for fault in &diagnosis.faults {
         let _ = writeln!(text, "fault: {}", fault.sentence());
     }

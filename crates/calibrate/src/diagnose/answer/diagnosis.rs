@@ -4,6 +4,7 @@ use super::figures::{RateResidual, SetPlots};
 use crate::diagnose::given::about::Provenance;
 use crate::diagnose::lab::fault::Fault;
 use crate::diagnose::search::round::{EliminationReason, Step};
+use crate::diagnose::search::undecided::Undecided;
 use serde::Serialize;
 use spikelane::effects::Camera;
 
@@ -20,6 +21,8 @@ pub enum Verdict {
     PartlyExplained,
     /// A significant discrepancy remains, and nothing that is named explains it.
     Unknown,
+    /// The time limit was reached before the recordings could be compared with the model.
+    Undecided,
 }
 
 /// A parameter with its 95 % interval.
@@ -193,6 +196,9 @@ pub struct Diagnosis {
     pub discrepancy: Discrepancy,
     /// Values of the recordings under the final model, and the limits that decide whether a deviation is significant.
     pub tests: Vec<LimitTest>,
+    /// Questions that the time limit left open; empty if the limit was not reached.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub undecided: Vec<String>,
     /// Recordings that would separate ambiguous effects.
     pub recommended_recordings: Vec<String>,
     /// Effects that this set cannot show.
@@ -217,6 +223,16 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// The diagnosis if the time limit is reached before the first simulations are complete.
+    pub(in crate::diagnose) fn undecided(faults: Vec<Fault>, camera: Camera) -> Self {
+        Self {
+            verdict: Verdict::Undecided,
+            undecided: vec![Undecided::Agreement(Vec::new()).sentence()],
+            notes: Vec::new(),
+            ..Self::stopped(faults, camera)
+        }
+    }
+
     /// Returns the result for sets with so many faults that no diagnosis is possible.
     pub(in crate::diagnose) fn stopped(faults: Vec<Fault>, camera: Camera) -> Self {
         Self {
@@ -234,6 +250,7 @@ impl Diagnosis {
                 noise_floor_sd: 0.0,
             },
             tests: Vec::new(),
+            undecided: Vec::new(),
             recommended_recordings: Vec::new(),
             undetectable: Vec::new(),
             seconds: 0.0,

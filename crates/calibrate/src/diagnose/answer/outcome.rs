@@ -17,6 +17,7 @@ use crate::diagnose::search::alarm::values_and_limits;
 use crate::diagnose::search::contradicted::{Contradicted, contradicted};
 use crate::diagnose::search::round::{Round, kept, tied};
 use crate::diagnose::search::search::Found;
+use crate::diagnose::search::undecided::Undecided;
 use crate::diagnose::sensors::model::Lamp;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
@@ -51,7 +52,10 @@ pub(in crate::diagnose) fn outcome(
     let Fitter { reference, data } = fitter;
     let off = data - &found.own.mean;
     // The linear fit still predicts a small step. It is used if it reduces the cost.
-    for mut bounds in [found.fit.bounds(), found.fit.bounds_of_effects()] {
+    let steps = [found.fit.bounds(), found.fit.bounds_of_effects()];
+    // A set that agrees with the first simulations keeps its calibrated numbers. After the time limit, no step is made.
+    let is_final = reference.is_preliminary() || !found.undecided.is_empty();
+    for mut bounds in steps.into_iter().filter(|_| !is_final) {
         for (bound, deviation) in bounds.iter_mut().zip(&found.own.deviations) {
             (bound.low, bound.high) = (bound.low.max(-2.0 * deviation), bound.high.min(2.0 * deviation));
         }
@@ -74,7 +78,9 @@ pub(in crate::diagnose) fn outcome(
         let ambiguous_with = ambiguous_names(round);
         let share = round.map_or(0.0, |r| r.share);
         let is_faint = round.is_some_and(|r| r.faint);
+        let is_unconfirmed = found.undecided.contains(&Undecided::NecessityOfEffects);
         let is_tentative = is_faint
+            || is_unconfirmed
             || (found.left && (share < 0.5 || explained_share < MIN_EXPLAINED_SHARE || is_inadequate));
         // If the name of a base parameter is tentative, its fitted value is not evidence of a mismatch.
         if effect.is_base_model
@@ -112,6 +118,7 @@ pub(in crate::diagnose) fn outcome(
         noise_floor_sd: found.own.floor_sd,
     };
     let verdict = match (found.left, is_named) {
+        _ if found.undecided.iter().any(|u| matches!(u, Undecided::Agreement(_))) => Verdict::Undecided,
         (false, true) if discrepancy.is_within_limit() => Verdict::Explained,
         (false, false) => Verdict::Agrees,
         (_, true) => Verdict::PartlyExplained,
@@ -141,6 +148,7 @@ pub(in crate::diagnose) fn outcome(
         notes,
         discrepancy,
         tests: limit_tests(reference, found, data),
+        undecided: found.undecided.iter().map(Undecided::sentence).collect(),
         recommended_recordings: recommended_recordings(reference, &found.rounds),
         undetectable: reference.not_testable(),
         seconds: 0.0,

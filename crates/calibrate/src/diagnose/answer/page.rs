@@ -46,6 +46,10 @@ pub fn write_diagnosis(diagnosis: &Diagnosis, folder: &Path, force: bool) -> Res
 pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
     let mut parts = vec![PageElement::text(summary(diagnosis))];
     parts.extend(limit_tests(diagnosis));
+    if !diagnosis.undecided.is_empty() {
+        parts.push(PageElement::heading("Not decided within the time limit"));
+        parts.push(PageElement::List { items: diagnosis.undecided.clone() });
+    }
     parts.extend(faults(diagnosis));
     parts.extend(findings(diagnosis));
     if !diagnosis.recommended_recordings.is_empty() {
@@ -153,6 +157,9 @@ fn summary(d: &Diagnosis) -> String {
                 "some statistics still exceed their limits"
             };
             format!("The model with {names} explains a part of the deviations; {left}.")
+        }
+        Verdict::Undecided => {
+            "The time limit was reached before the recordings could be compared with the model.".to_owned()
         }
         Verdict::Unknown if names.is_empty() => {
             "The recordings deviate from the model, and no effect of the catalog explains the deviation."

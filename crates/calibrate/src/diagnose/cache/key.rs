@@ -36,7 +36,7 @@ pub(in crate::diagnose) fn hash_inputs(setup: &Setup, sample: &Sample, seed: u64
             static_scene.hash_exactly(into);
         }
     }
-    let Sample { camera, lamps, pinned, cache: _ } = sample;
+    let Sample { camera, lamps, pinned, context: _ } = sample;
     camera.hash_exactly(into);
     lamps.iter().for_each(|lamp| lamp.to_bits().hash(into));
     (0..scenes.len()).for_each(|k| pinned.places(k).hash(into));
@@ -51,6 +51,7 @@ mod tests {
     use super::*;
     use crate::diagnose::cache::folder::RESULTS_VERSION;
     use crate::diagnose::events::locations::{LocatedEvents, PinnedEvents};
+    use crate::diagnose::sensors::context::SimulationContext;
     use crate::diagnose::sensors::simulate::values;
     use crate::{Stimulus, StimulusPattern};
     use spikelane::effects::{Catalog, dead_time, dropped_readouts};
@@ -79,7 +80,12 @@ mod tests {
 
     fn sample() -> Sample {
         let camera = spikelane::presets::builtin("scsim-code").unwrap();
-        Sample { camera, lamps: vec![1.0; 2], pinned: PinnedEvents::default(), cache: None }
+        Sample {
+            camera,
+            lamps: vec![1.0; 2],
+            pinned: PinnedEvents::default(),
+            context: SimulationContext::default(),
+        }
     }
 
     fn key(setup: &Setup, sample: &Sample, seed: u64) -> u64 {

@@ -61,6 +61,7 @@ mod tests {
 
     use super::*;
     use crate::diagnose::events::locations::{LocatedEvents, PinnedEvents};
+    use crate::diagnose::sensors::context::SimulationContext;
     use spikelane::effects::Camera;
 
     #[test]
@@ -76,7 +77,7 @@ mod tests {
             camera: camera.clone(),
             lamps: Vec::new(),
             pinned,
-            cache: None,
+            context: SimulationContext::default(),
         };
         let [plain, other] = [&camera, &other].map(|c| of(c, PinnedEvents::default()));
         let [early, late] = [7, 8].map(|at| of(&camera, pinned(at)));

@@ -10,7 +10,7 @@ use super::unlocated::allowing;
 use crate::diagnose::null::known::CALIBRATED;
 use crate::diagnose::null::lamps::LampDraw;
 use crate::diagnose::null::limits::strays_by;
-use crate::diagnose::null::limits::{Limits, center, gamma_limit};
+use crate::diagnose::null::limits::{ALARM, Limits, center, gamma_limit};
 use crate::diagnose::null::metric::Metric;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
@@ -25,6 +25,7 @@ use spikelane::unstable::threads;
 const MANY: usize = 30;
 
 /// What simulations of the fitted model itself look like.
+#[derive(Clone)]
 pub(in crate::diagnose) struct Own {
     pub metric: Metric,
     /// Limit and median of the total misfit in the first round's metric.
@@ -99,7 +100,7 @@ impl Fitter<'_> {
             allowed_floor: center(&allowed).0,
             // The mean itself is known to a part of the noise only.
             limits: Limits {
-                misfit: (1.1 * gamma_limit(&strays.iter().map(|s| s[0]).collect::<Vec<_>>()))
+                misfit: (1.1 * gamma_limit(&strays.iter().map(|s| s[0]).collect::<Vec<_>>(), ALARM))
                     .max(reference.clean.limits.misfit),
                 deviation: (1.15 * highest(1)).max(reference.clean.limits.deviation),
                 score: (1.15 * highest(2)).max(reference.clean.limits.score),

@@ -1,12 +1,9 @@
-//! What a third of the simulations say of a set, before the others are made.
+//! The result of the first simulations, if the set does not agree with the model.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::limits::score_of;
-use super::mean::average;
-use super::metric::{Metric, noise};
-use crate::diagnose::sensors::catalog::Candidate;
-use spikelane::error::Result;
+use super::reference::NullModel;
 
 /// Deviation and score up to which a set agrees at first sight. The noise comes from a couple of dozen sensors here, so that a statistic of a
 /// clean one is 7 of its deviations off once in 2.6 million times, and one of some 250 of them once in ten thousand.
@@ -46,48 +43,27 @@ impl PreliminaryResult {
     }
 }
 
-/// What is looked at, and who is told.
-pub(in crate::diagnose) struct First<'a> {
-    pub data: &'a DVector<f64>,
-    pub told: &'a mut dyn FnMut(&PreliminaryResult),
-}
-
-/// A part of what a reference is made of.
-pub(super) struct Sketch<'a> {
-    /// Sensors of the base model.
-    pub baseline: &'a [DVector<f64>],
-    pub jacobian: DMatrix<f64>,
-    pub lamps: &'a DMatrix<f64>,
-    pub floors: &'a [f64],
-    /// What each candidate changes.
-    pub signatures: &'a [(&'a Candidate, DVector<f64>)],
-}
-
-impl Sketch<'_> {
-    pub(super) fn look(&self, data: &DVector<f64>) -> Result<PreliminaryResult> {
-        let mean = average(self.baseline);
-        // The mean is fitted: of so many sensors their squares fall short by one.
-        let short = self.baseline.len() as f64 / (self.baseline.len() - 1) as f64;
-        let residuals: Vec<DVector<f64>> = self.baseline.iter().map(|b| (b - &mean) * short.sqrt()).collect();
-        let metric =
-            Metric::new(&noise(&residuals, self.floors)?.with_columns(self.lamps)?, self.jacobian.clone());
-        let off = data - &mean;
+impl PreliminaryResult {
+    /// Compares `data`, in the coordinates of `null_model`, with the first simulations.
+    pub(in crate::diagnose) fn new(null_model: &NullModel, data: &DVector<f64>) -> Self {
+        let metric = &null_model.metric;
+        let off = data - &null_model.mean;
         let dual = metric.dual(&off);
         let mut names: Vec<(f64, &'static str)> = Vec::new();
-        for (candidate, change) in self.signatures {
-            let score = score_of(&metric, change, &dual);
-            match names.iter_mut().find(|n| n.1 == candidate.effect.name) {
+        for signature in &null_model.signatures {
+            let name = signature.candidate.effect.name;
+            let score = score_of(metric, &signature.mean, &dual) / signature.score_sd;
+            match names.iter_mut().find(|n| n.1 == name) {
                 Some(known) => known.0 = known.0.max(score),
-                None => names.push((score, candidate.effect.name)),
+                None => names.push((score, name)),
             }
         }
         names.sort_by(|a, b| b.0.total_cmp(&a.0));
         let best = names.first().map_or(0.0, |n| n.0);
         let deviation = metric.scores(&off).into_iter().fold(0.0, |m: f64, z| m.max(z.abs()));
-        let agrees = deviation < PLAIN && best < PLAIN;
         let near = |n: &&(f64, &str)| n.0 > PLAIN && n.0 * n.0 > NEAR * best * best;
-        let likely = names.iter().filter(near).map(|n| n.1).take(MOST);
-        Ok(PreliminaryResult { is_consistent: agrees, likely_effects: likely.collect() })
+        let likely_effects = names.iter().filter(near).map(|n| n.1).take(MOST).collect();
+        Self { is_consistent: deviation < PLAIN && best < PLAIN, likely_effects }
     }
 }
 

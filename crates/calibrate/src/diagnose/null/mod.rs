@@ -1,5 +1,6 @@
 //! What sensors of the base model show: mean, noise, what each number moves and how far clean sensors stray.
 
+pub(super) mod baseline;
 pub(super) mod denoised;
 pub(super) mod derivatives;
 pub(super) mod first_look;
@@ -9,8 +10,9 @@ pub(super) mod limits;
 pub(super) mod mean;
 pub(super) mod metric;
 pub(super) mod nameable;
-pub(super) mod redraw;
+pub(super) mod posterior_draw;
+#[cfg(test)]
+mod preliminary_tests;
 pub(super) mod reference;
 pub(super) mod signature;
-pub(super) mod simulated;
 pub(super) mod watched;

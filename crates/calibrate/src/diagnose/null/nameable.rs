@@ -188,10 +188,12 @@ impl NullModel {
     }
 
     fn square(&self, s: &Signature) -> f64 {
-        self.metric.dual(&s.each[0]).dot(&s.each[1])
+        let [first, second] = s.two_estimates();
+        self.metric.dual(first).dot(second)
     }
 
     fn product(&self, a: &Signature, b: &Signature) -> f64 {
-        0.5 * (self.metric.dual(&a.each[0]).dot(&b.each[1]) + self.metric.dual(&a.each[1]).dot(&b.each[0]))
+        let ([a, a_too], [b, b_too]) = (a.two_estimates(), b.two_estimates());
+        0.5 * (self.metric.dual(a).dot(b_too) + self.metric.dual(a_too).dot(b))
     }
 }

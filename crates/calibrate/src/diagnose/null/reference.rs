@@ -1,20 +1,20 @@
 //! What a set of a given protocol looks like under the base model: mean, noise, what each number
 //! moves, how each candidate shows, and how far clean sensors stray.
 
-use super::first_look::First;
+use super::baseline::{Baseline, NULL_MODEL_DONE, SENSORS, SENSORS_DONE, SIGNATURE_DRAWS, StartingCamera};
 use super::known::CALIBRATED;
 use super::lamps::columns;
-use super::limits::{Base, Clean, Limits};
+use super::limits::{AGREEMENT, ALARM, Base, Clean, LimitLevel, Limits};
 use super::mean::average;
 use super::metric::{Metric, Noise, noise};
-use super::redraw::{Redrawn, redraw};
-use super::signature::{Signature, changed_by};
-use super::simulated::{Begun, FIXED, STAGES, Simulated};
-use super::watched::{count, watched};
+use super::posterior_draw::{CleanSensor, POSTERIOR_SENSORS, posterior_sensors, sensors_of_baseline};
+use super::signature::Signature;
+use super::watched::{Stage, watched};
 use crate::ProgressCallback;
 use crate::diagnose::cache::memory::SimulationMemory;
 use crate::diagnose::protocol::recorded_set::Setup;
-use crate::diagnose::sensors::catalog::{Candidate, candidates, searched_effects};
+use crate::diagnose::sensors::catalog::Candidate;
+use crate::diagnose::sensors::context::{Deadline, SimulationContext};
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::vector::DiagnosticStatistic;
@@ -23,11 +23,10 @@ use spikelane::effects::{Camera, Catalog, Definition};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// Simulations of a set that judges, where it is another half or has other light.
+/// Simulations of a set that judges, where it is another half or has other light. No verdict depends on them if the set
+/// agrees with the first simulations.
 const HALVES: usize = 24;
-
-/// Simulations of a candidate's signature.
-const SIGNATURE: usize = 2;
+const FIRST_HALVES: usize = 8;
 
 /// Simulated sensors of one kind under one protocol. They serve for every set that was recorded by that protocol.
 #[derive(Clone, Debug)]
@@ -36,7 +35,7 @@ pub struct NullModel {
     pub(in crate::diagnose) model: Model,
     pub(in crate::diagnose) statistics: Vec<DiagnosticStatistic>,
     pub(in crate::diagnose) seed: u64,
-    /// Vectors of the first [`FIXED`] seeds.
+    /// Vectors of the first [`SENSORS`] seeds.
     pub(in crate::diagnose) baseline: Vec<DVector<f64>>,
     pub(in crate::diagnose) mean: DVector<f64>,
     /// The deviation of every statistic from one of these to another, without floors and lamps.
@@ -82,43 +81,75 @@ impl NullModel {
         effects: &Catalog,
         progress: ProgressCallback<'_>,
     ) -> Result<Self> {
-        Self::looked(setup, Begun::of(camera, None), seed, effects, None, progress)
+        let baseline = Baseline::first(
+            setup,
+            StartingCamera::new(camera, &SimulationContext::default()),
+            seed,
+            effects,
+            progress,
+        )?;
+        Self::complete(baseline, SIGNATURE_DRAWS, progress)
     }
 
-    /// The same; what was simulated of the camera already is not made again, and `first` is looked at as soon as may be.
-    pub(in crate::diagnose) fn looked(
-        setup: Setup,
-        begun: Begun,
-        seed: u64,
-        effects: &Catalog,
-        first: Option<First<'_>>,
+    /// The null model for a search, from all simulations of the base model and sensors with numbers from their posterior.
+    ///
+    /// With one of `signature_draws`, a search makes the second draw of the candidates that it compares.
+    pub(in crate::diagnose) fn complete(
+        mut baseline: Baseline,
+        signature_draws: usize,
         progress: ProgressCallback<'_>,
     ) -> Result<Self> {
-        let model = Model::base(begun.camera.clone(), &setup).with_cache(begun.kept.as_ref());
-        let (all, missing) = tried(&setup, &model, effects);
-        let null = Simulated::of(&setup, &model, begun, seed, &all, first, progress)?;
-        let Simulated { statistics, floors, baseline, mean, spread, jacobian, lamp_slopes, mut signed } =
-            null;
-        let lamps = columns(&lamp_slopes, &model);
-        let first: Vec<DVector<f64>> = baseline.iter().map(|s| s - &mean).collect();
-        let rough = Metric::new(&noise(&first, &floors)?.with_columns(&lamps)?, jacobian.clone());
-        let redrawn = watched(&STAGES.redrawn(), progress, |done| {
-            redraw(&setup, &model, &lamp_slopes, seed, &rough, done)
+        baseline.complete(signature_draws, progress)?;
+        let Baseline { setup, model, seed, floors, .. } = &baseline;
+        let (mean, jacobian, lamp_slopes) = (baseline.mean(), baseline.jacobian(), baseline.lamp_slopes());
+        let lamps = columns(&lamp_slopes, model);
+        let of_baseline: Vec<DVector<f64>> = baseline.vectors.iter().map(|s| s - &mean).collect();
+        let rough = Metric::new(&noise(&of_baseline, floors)?.with_columns(&lamps)?, jacobian.clone());
+        let stage =
+            Stage { name: "null", from: SENSORS_DONE, to: NULL_MODEL_DONE, pieces: POSTERIOR_SENSORS };
+        let sensors = watched(&stage, progress, |done| {
+            posterior_sensors(setup, model, &lamp_slopes, *seed, &rough, done)
         })?;
-        let residual = |d: &Redrawn| &d.vector - &mean - &jacobian * &d.base - &lamp_slopes * &d.lamps;
-        let mut residuals: Vec<DVector<f64>> = redrawn.iter().map(residual).collect();
-        residuals.extend(first);
-        let noise_without_lamps = noise(&residuals, &floors)?;
+        let residual = |d: &CleanSensor| &d.vector - &mean - &jacobian * &d.base - &lamp_slopes * &d.lamps;
+        let mut residuals: Vec<DVector<f64>> = sensors.iter().map(residual).collect();
+        residuals.extend(of_baseline);
+        Self::from_sensors(baseline, &sensors, &residuals, ALARM)
+    }
+
+    /// The null model of the first simulations. Its limits are those within which a set agrees.
+    pub(in crate::diagnose) fn preliminary(baseline: &Baseline) -> Result<Self> {
+        let (mean, lamp_slopes) = (baseline.mean(), baseline.lamp_slopes());
+        let sensors =
+            sensors_of_baseline(&baseline.vectors, &mean, &baseline.model, &lamp_slopes, baseline.seed);
+        let residual = |d: &CleanSensor| &d.vector - &mean - &lamp_slopes * &d.lamps;
+        let residuals: Vec<DVector<f64>> = sensors.iter().map(residual).collect();
+        Self::from_sensors(baseline.clone(), &sensors, &residuals, AGREEMENT)
+    }
+
+    fn from_sensors(
+        baseline: Baseline,
+        sensors: &[CleanSensor],
+        residuals: &[DVector<f64>],
+        level: LimitLevel,
+    ) -> Result<Self> {
+        let (mean, spread) = (baseline.mean(), baseline.spread());
+        let (jacobian, lamp_slopes) = (baseline.jacobian(), baseline.lamp_slopes());
+        let Baseline { setup, model, seed, statistics, floors, vectors, signatures, missing, .. } = baseline;
+        let lamps = columns(&lamp_slopes, &model);
+        let noise_without_lamps = noise(residuals, &floors)?;
         let full = noise_without_lamps.with_columns(&lamps)?;
         let metric = Metric::new(&full, jacobian.clone());
-        let missed = missed(&metric, &redrawn, &mean);
-        let mut reference = Self {
+        let signature = |(candidate, each)| Signature::new(candidate, each, &spread);
+        let simulated = signatures.into_iter().filter(|(_, each)| !each.is_empty());
+        let signatures = simulated.map(signature).collect();
+        let mut null = Self {
             clean: Clean::default(),
+            missed: missed(&metric, sensors, &mean),
             setup,
             model,
             statistics,
             seed,
-            baseline,
+            baseline: vectors,
             mean,
             spread,
             jacobian,
@@ -126,20 +157,13 @@ impl NullModel {
             noise_without_lamps,
             noise: full,
             metric,
-            missed,
-            signatures: Vec::new(),
+            signatures,
             missing,
             remembered: SimulationMemory::default(),
         };
-        signed.resize_with(all.len(), Vec::new);
-        let sign = |(c, known): (Candidate, Vec<DVector<f64>>)| reference.signature_from(c, known);
-        let work: Vec<_> = all.into_iter().zip(signed).collect();
-        reference.signatures = watched(&STAGES.signatures(work.len()), progress, |done| {
-            let one = |work| sign(work).inspect(|_| count(done));
-            threads::try_map(work, one)
-        })?;
-        reference.clean = Clean::of(&redrawn, &residuals, &lamps, &floors, reference.base())?;
-        Ok(reference)
+        null.clean = Clean::of(sensors, residuals, &lamps, &floors, null.base(), level)?;
+        null.signatures.iter_mut().zip(&null.clean.score_sds).for_each(|(s, sd)| s.score_sd = *sd);
+        Ok(null)
     }
 
     fn base(&self) -> Base<'_> {
@@ -152,6 +176,18 @@ impl NullModel {
         self.clean.limits
     }
 
+    /// Returns a copy whose simulations end at `deadline`.
+    pub(in crate::diagnose) fn within(&self, deadline: &Deadline) -> Self {
+        let mut copy = self.clone();
+        copy.model.context.deadline = deadline.clone();
+        copy
+    }
+
+    /// Whether it comes from the first simulations only.
+    pub(in crate::diagnose) fn is_preliminary(&self) -> bool {
+        self.baseline.len() < SENSORS
+    }
+
     /// A statistic in words.
     pub(in crate::diagnose) fn words(&self, i: usize) -> (String, String) {
         let s = &self.statistics[i];
@@ -160,19 +196,35 @@ impl NullModel {
         (s.name.to_owned(), place)
     }
 
-    /// How `candidate` shows in a base sensor.
+    /// How `candidate` shows in a base sensor, from as many simulations as the other signatures.
     pub(in crate::diagnose) fn signature(&self, candidate: Candidate) -> Result<Signature> {
-        self.signature_from(candidate, Vec::new())
+        let draws = if self.is_preliminary() { 1 } else { SIGNATURE_DRAWS };
+        self.signature_with(candidate, Vec::new(), draws)
     }
 
-    /// The same, where what it changes with the first draws is `known`.
-    fn signature_from(&self, candidate: Candidate, known: Vec<DVector<f64>>) -> Result<Signature> {
-        let change =
-            |i: usize| changed_by(&candidate, &self.setup, &self.model, self.seed, &self.baseline, i);
-        let mut each = known;
-        let more = threads::try_map(each.len()..SIGNATURE, change)?;
+    /// `signature` from two simulations.
+    pub(in crate::diagnose) fn with_second_draw(&self, signature: &Signature) -> Result<Signature> {
+        if signature.each.len() >= SIGNATURE_DRAWS {
+            return Ok(signature.clone());
+        }
+        self.signature_with(signature.candidate.clone(), signature.each.clone(), SIGNATURE_DRAWS)
+    }
+
+    fn signature_with(
+        &self,
+        candidate: Candidate,
+        mut each: Vec<DVector<f64>>,
+        draws: usize,
+    ) -> Result<Signature> {
+        let sample = candidate.sample(&self.model, self.setup.recordings.len())?;
+        let change = |i: usize| {
+            let simulate =
+                || Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
+            Ok(self.remembered.get_or_simulate(&sample, i, simulate)? - &self.baseline[i])
+        };
+        let more = threads::try_map(each.len()..draws, change)?;
         each.extend(more);
-        Ok(Signature { candidate, mean: average(&each), each })
+        Ok(Signature::new(candidate, each, &self.spread))
     }
 
     /// Mean vector of a fitted model from `count` simulations, of which the first are `known`, with the base model's as control
@@ -190,7 +242,7 @@ impl NullModel {
         let shift = self.lamp_shift(model);
         let one = |i: usize| Ok(self.remembered.get_or_simulate(&sample, i, || simulate(i))? - &shift);
         let mut each = known;
-        let more = threads::try_map(each.len()..count.min(FIXED), one)?;
+        let more = threads::try_map(each.len()..count.min(SENSORS), one)?;
         each.extend(more);
         Ok(Means { mean: self.controlled(&each), each })
     }
@@ -205,10 +257,11 @@ impl NullModel {
     ) -> Result<DVector<f64>> {
         let sample = model.sample(u, &[], setup.recordings.len())?;
         let shift = self.lamp_shift(model);
+        let halves = if self.is_preliminary() { FIRST_HALVES } else { HALVES };
         let simulate = |i: usize| {
             Ok(DVector::from_vec(simulate::values(setup, &sample, self.seed + i as u64)?) - &shift)
         };
-        Ok(self.controlled(&threads::try_map(0..HALVES, simulate)?))
+        Ok(self.controlled(&threads::try_map(0..halves, simulate)?))
     }
 
     fn controlled(&self, each: &[DVector<f64>]) -> DVector<f64> {
@@ -226,26 +279,13 @@ impl NullModel {
     }
 }
 
-/// What is tried on a set, and the effects that it cannot show, whatever their strength.
-fn tried(setup: &Setup, model: &Model, effects: &Catalog) -> (Vec<Candidate>, Vec<&'static Definition>) {
-    let longest = setup.recordings.iter().map(|s| s.first_readout + s.readouts).max().unwrap_or(1);
-    let mut all = candidates(&model.camera, longest, effects);
-    let mut missing = Vec::new();
-    if setup.only_still() {
-        missing = searched_effects(effects);
-        missing.retain(|effect| effect.is_scene_like);
-        all.retain(|c| !c.effect.is_scene_like);
-    }
-    (all, missing)
-}
-
 /// Statistics that tell one number follow its chance in one sensor together, the spread of 2,304 gains for one. Where the noise
 /// does not hold all of that, the linear deviations are too small.
-fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
+fn missed(metric: &Metric, sensors: &[CleanSensor], mean: &DVector<f64>) -> Vec<f64> {
     let known = vec![CALIBRATED; metric.directions.ncols()];
     let fitter = metric.clone().knowing(&known);
-    let error = |d: &Redrawn| fitter.fit(&(&d.vector - mean)) - &d.base;
-    let errors: Vec<DVector<f64>> = redrawn.iter().map(error).collect();
+    let error = |d: &CleanSensor| fitter.fit(&(&d.vector - mean)) - &d.base;
+    let errors: Vec<DVector<f64>> = sensors.iter().map(error).collect();
     let square = |j: usize| errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / errors.len() as f64;
     (0..known.len()).map(|j| square(j).sqrt()).collect()
 }

@@ -1,8 +1,10 @@
 //! How a candidate shows.
 
+use super::denoised::quiet;
+use super::mean::average;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalog::Candidate;
-use crate::diagnose::sensors::model::Model;
+use crate::diagnose::sensors::model::{Model, Sample};
 use crate::diagnose::sensors::simulate;
 use nalgebra::DVector;
 use spikelane::effects::definition::SearchScale;
@@ -15,6 +17,35 @@ pub(in crate::diagnose) struct Signature {
     /// Change of the vector, mean and of each simulation.
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
+    /// Standard deviation of the score of clean sensors. It exceeds one if few simulations hide correlations.
+    pub score_sd: f64,
+}
+
+impl Signature {
+    /// `each` are the changes of the vector in simulations. `spread` has the standard deviation of each statistic.
+    pub(super) fn new(candidate: Candidate, each: Vec<DVector<f64>>, spread: &[f64]) -> Self {
+        // The noise of a single simulation is as long as a weak signature.
+        let mean = match each.as_slice() {
+            [only] => quiet(only.clone(), spread, 1),
+            _ => average(&each),
+        };
+        Self { candidate, mean, each, score_sd: 1.0 }
+    }
+
+    /// Two estimates of the change. Their noise is independent if there are two simulations.
+    pub(super) fn two_estimates(&self) -> [&DVector<f64>; 2] {
+        match self.each.as_slice() {
+            [first, second, ..] => [first, second],
+            _ => [&self.mean, &self.mean],
+        }
+    }
+}
+
+/// Whether `b` is the same effect as `a` with the opposite sign.
+pub(super) fn is_mirrored(a: &Candidate, b: &Candidate) -> bool {
+    let is_linear = a.knobs.first().is_some_and(|knob| knob.scale == SearchScale::Linear);
+    let opposite = |a: f64, b: f64| (a + b).abs() < 1e-9 * a.abs();
+    is_linear && a.effect == b.effect && opposite(a.at[0], b.at[0]) && a.at[1..] == b.at[1..]
 }
 
 /// How much further than tried the amplitude can go.
@@ -28,6 +59,16 @@ pub(in crate::diagnose) fn reach(s: &Signature) -> f64 {
     (most / u).abs().max(1.0)
 }
 
+impl Candidate {
+    /// The sample of the base model with this candidate.
+    pub(super) fn sample(&self, base: &Model, recordings: usize) -> Result<Sample> {
+        let mut model = base.clone();
+        let zero = vec![0.0; model.knobs.len()];
+        model.knobs.extend(self.knobs.iter().copied());
+        model.sample(&[zero.as_slice(), &self.at].concat(), &[], recordings)
+    }
+}
+
 /// What `candidate` changes in the base sensor with draws number `i`, of which `baseline` has the vectors.
 pub(super) fn changed_by(
     candidate: &Candidate,
@@ -37,11 +78,7 @@ pub(super) fn changed_by(
     baseline: &[DVector<f64>],
     i: usize,
 ) -> Result<DVector<f64>> {
-    let mut model = base.clone();
-    let zero = vec![0.0; model.knobs.len()];
-    model.knobs.extend(candidate.knobs.iter().copied());
-    let u = [zero.as_slice(), &candidate.at].concat();
-    let sample = model.sample(&u, &[], setup.recordings.len())?;
+    let sample = candidate.sample(base, setup.recordings.len())?;
     let values = simulate::values(setup, &sample, seed + i as u64)?;
     Ok(DVector::from_vec(values) - &baseline[i])
 }

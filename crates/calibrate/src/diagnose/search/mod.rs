@@ -10,5 +10,6 @@ pub(super) mod round;
 #[allow(clippy::module_inception, reason = "the loop over names is what the room is named for")]
 pub(super) mod search;
 pub(super) mod tournament;
+pub(super) mod undecided;
 pub(super) mod weed;
 pub(super) mod with_line;

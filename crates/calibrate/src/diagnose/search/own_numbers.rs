@@ -2,11 +2,11 @@
 
 use std::sync::atomic::AtomicUsize;
 
-use crate::diagnose::cache::folder::SimulationCache;
-use crate::diagnose::null::derivatives::{Changes, changes, pairs};
+use crate::diagnose::null::baseline::StartingCamera;
+use crate::diagnose::null::derivatives::{Changes, changes, pairs_of_a_step};
 use crate::diagnose::null::mean::average;
-use crate::diagnose::null::simulated::Begun;
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::context::SimulationContext;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use nalgebra::{DMatrix, DVector};
@@ -51,10 +51,10 @@ pub(in crate::diagnose) fn rebased(
     camera: &Camera,
     data: &DVector<f64>,
     seed: u64,
-    kept: Option<&SimulationCache>,
-) -> Result<Begun> {
+    context: &SimulationContext,
+) -> Result<StartingCamera> {
     let floors = floors(setup, camera, seed)?;
-    let of = |camera| Place::of(setup, Model::base(camera, setup).with_cache(kept), data, seed, &floors);
+    let of = |camera| Place::of(setup, Model::base(camera, setup).with_context(context), data, seed, &floors);
     let mut best = of(camera.clone())?;
     let given = best.model.clone();
     let mut moved = best.changes(setup, seed)?;
@@ -84,7 +84,12 @@ pub(in crate::diagnose) fn rebased(
             derivatives = moved.jacobian(&best.model, &best.spread);
         }
     }
-    Ok(Begun { camera: best.model.camera, each: best.each, changes: moved, kept: kept.cloned() })
+    Ok(StartingCamera {
+        camera: best.model.camera,
+        vectors: best.each,
+        changes: moved,
+        context: context.clone(),
+    })
 }
 
 /// What deviations are too small to matter.
@@ -97,7 +102,7 @@ impl Place {
     fn of(setup: &Setup, model: Model, data: &DVector<f64>, seed: u64, floors: &[f64]) -> Result<Self> {
         let still = model.sample(&[], &[], setup.recordings.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
-        let count = MEAN.max(pairs(setup));
+        let count = MEAN.max(pairs_of_a_step(setup));
         let each: Vec<DVector<f64>> = threads::try_map(0..count, one)?;
         let mean = average(&each);
         let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
@@ -112,7 +117,7 @@ impl Place {
     /// What its numbers move: entries that are noise count as none, as among hundreds they would hide what a number does, and
     /// it would not move.
     fn changes(&self, setup: &Setup, seed: u64) -> Result<Changes> {
-        changes(setup, &self.model, seed, &self.each, 0..pairs(setup), &AtomicUsize::new(0))
+        changes(setup, &self.model, seed, &self.each, 0..pairs_of_a_step(setup), &AtomicUsize::new(0))
     }
 
     /// The robust Gauss-Newton step, drawn to the numbers of `given`, and its length in its own deviations. Statistics count as

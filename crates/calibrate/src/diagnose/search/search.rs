@@ -5,11 +5,14 @@ use nalgebra::DVector;
 use super::context::{Case, Judged};
 use super::round::EliminationReason;
 use super::round::Round;
+use super::tournament::entrants;
+use super::undecided::Undecided;
 use super::weed::REMAINDER;
 use crate::ProgressCallback;
 use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::null::signature::Signature;
+use crate::diagnose::sensors::context::in_time;
 use spikelane::error::Result;
 
 /// Most effects that are added.
@@ -34,6 +37,9 @@ const LIKENESS: f64 = 0.2;
 /// `adaptation` left 278 of 3,637, which the noise of that model explains, where the remainder was 3,998.
 const SWEEPING: f64 = 0.1;
 
+/// The step before any effect is added.
+const NOTHING_ADDED: &str = "nothing added";
+
 /// The search's end.
 pub(in crate::diagnose) struct Found {
     pub fit: Fit,
@@ -47,6 +53,8 @@ pub(in crate::diagnose) struct Found {
     pub off: DVector<f64>,
     /// Whether anything is left above its limit.
     pub left: bool,
+    /// Questions that the time limit left open.
+    pub undecided: Vec<Undecided>,
 }
 
 impl Case<'_> {
@@ -65,6 +73,45 @@ impl Case<'_> {
         let own = self.fitter.converged(&mut next)?;
         let next = self.judged(next, own)?;
         Ok(evidence.suffices(next.left_fitted).then_some(next))
+    }
+}
+
+impl Case<'_> {
+    /// Effects whose signatures resemble what a model leaves, the most similar first.
+    fn similar_effects(&self, at: &Judged, signatures: &[&Signature]) -> Vec<&'static str> {
+        let off = self.fitter.data - &at.fit.mean;
+        let similar = entrants(&at.fit, &at.own.metric, &off, signatures);
+        similar.into_iter().map(|(_, signature)| signature.candidate.effect.name).collect()
+    }
+
+    /// The base model and what the sets have beyond it, if the time ends before the null model is complete.
+    pub(in crate::diagnose) fn unfinished(&self, undecided: Undecided) -> Result<Found> {
+        Ok(self.ended(self.base()?, vec![undecided]))
+    }
+
+    /// The search's end if nothing is beyond the limits of the base model, and `None` if something is.
+    pub(in crate::diagnose) fn agreement(&self) -> Result<Option<Found>> {
+        if self.base_alarm() {
+            return Ok(None);
+        }
+        Ok(Some(self.ended(self.base()?, Vec::new())))
+    }
+
+    /// The end of a search that adds nothing.
+    fn ended(&self, at: Judged, undecided: Vec<Undecided>) -> Found {
+        let [fitted, held_out] = self.gaps(&at);
+        let Judged { fit, own, off, left, .. } = at;
+        Found {
+            fit,
+            rounds: Vec::new(),
+            train: vec![fitted],
+            heldout: vec![held_out],
+            steps: vec![NOTHING_ADDED.to_owned()],
+            own,
+            off,
+            left,
+            undecided,
+        }
     }
 }
 
@@ -103,18 +150,26 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_
         heldout.push(held_out);
         steps.push(step);
     };
-    gap("nothing added".to_owned(), &at);
+    gap(NOTHING_ADDED.to_owned(), &at);
     let mut rounds: Vec<Round> = Vec::new();
     let mut turned_down: Vec<&'static str> = Vec::new();
+    let mut undecided = Vec::new();
     while at.left && at.fit.effects.len() < ROUNDS && turned_down.len() < VETOES {
         let rounds_begun = at.fit.effects.len() + turned_down.len();
         let tried = BEGIN + (AGAIN - BEGIN) * (rounds_begun as f64 / ROUNDS as f64).min(1.0);
         progress("tournament", tried);
         let open: Vec<&Signature> =
             case.signatures.iter().filter(|s| !turned_down.contains(&s.candidate.effect.name)).collect();
-        let Some((next, round)) = case.tournament(&at.fit, &at.own, &open)? else { break };
+        let Some(round) = in_time(case.tournament(&at.fit, &at.own, &open))? else {
+            undecided.push(Undecided::FurtherEffects(case.similar_effects(&at, &open)));
+            break;
+        };
+        let Some((next, round)) = round else { break };
         progress(round.winner, tried);
-        let next = case.accepted(&at, next)?;
+        let Some(next) = in_time(case.accepted(&at, next))? else {
+            undecided.push(Undecided::FurtherEffects(case.similar_effects(&at, &open)));
+            break;
+        };
         let Some(next) = next else {
             turned_down.push(round.winner);
             rounds.push(round);
@@ -138,13 +193,17 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_
     if at.fit.effects.len() > 1 {
         let kept = at.fit.effects.clone();
         progress("looking again", AGAIN);
-        case.weed(&mut at, &mut rounds)?;
+        let (fitted, fitted_rounds) = (at.clone(), rounds.clone());
+        if in_time(case.weed(&mut at, &mut rounds))?.is_none() {
+            (at, rounds) = (fitted, fitted_rounds);
+            undecided.push(Undecided::NecessityOfEffects);
+        }
         if at.fit.effects != kept {
             gap("after removal and swaps".to_owned(), &at);
         }
     }
     let Judged { fit, own, off, left, .. } = at;
-    Ok(Found { fit, rounds, train, heldout, steps, own, off, left })
+    Ok(Found { fit, rounds, train, heldout, steps, own, off, left, undecided })
 }
 
 #[cfg(test)]

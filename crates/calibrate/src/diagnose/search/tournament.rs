@@ -37,6 +37,10 @@ pub(in crate::diagnose) const NEAR: f64 = 40.0;
 /// tried promised 0.4 of what false spikes did, and was it.
 const PROMISING: f64 = 0.35;
 
+/// Share of the best promise from which on a candidate has a second simulation. The noise of a single one can hide half of
+/// what a weak signature promises.
+const COMPARED: f64 = 0.1;
+
 /// What the best candidate must promise: four and a half deviations. That something is there is known by then, and the
 /// held-out set judges what it is.
 const ENTERING: f64 = 20.0;
@@ -128,9 +132,9 @@ impl Case<'_> {
         metric: &Metric,
         signatures: &[&Signature],
     ) -> Result<Vec<(&'static str, Vec<Fit>)>> {
-        let of = |fit: &Fit| -> Vec<(&'static str, Vec<Fit>)> {
+        let of = |fit: &Fit| -> Result<Vec<(&'static str, Vec<Fit>)>> {
             let off = self.fitter.data - &fit.mean;
-            let start = |(scale, s): (f64, &Signature)| {
+            let start = |(scale, s): (f64, Signature)| {
                 let plain = fit.with(&s.candidate, scale);
                 // The found light took in what the effect does to the rates.
                 let left = metric.rest(&(&off - &s.mean * scale));
@@ -141,9 +145,10 @@ impl Case<'_> {
                 let is_other = lit.model.lamps != plain.model.lamps;
                 (s.candidate.effect.name, if is_other { vec![plain, lit] } else { vec![plain] })
             };
-            entrants(fit, metric, &off, signatures).into_iter().map(start).collect()
+            let entrants = self.entrants(fit, metric, &off, signatures)?;
+            Ok(entrants.into_iter().map(start).collect())
         };
-        let mut starts = of(fit);
+        let mut starts = of(fit)?;
         for s in signatures.iter().filter(|s| fit.lacks(s) && fit.located.demand(s.candidate.effect)) {
             if starts.iter().all(|start| start.0 != s.candidate.effect.name) {
                 starts.push((s.candidate.effect.name, vec![fit.with(&s.candidate, 1.0)]));
@@ -154,7 +159,7 @@ impl Case<'_> {
         }
         let mut calibrated = fit.with_calibrated_base();
         self.fitter.evaluate(&mut calibrated, fit.draws()[0])?;
-        for (place, (name, fits)) in of(&calibrated).into_iter().enumerate() {
+        for (place, (name, fits)) in of(&calibrated)?.into_iter().enumerate() {
             match starts.iter_mut().find(|s| s.0 == name) {
                 Some(start) => start.1.extend(fits),
                 None if place < 2 => starts.push((name, fits)),
@@ -165,6 +170,41 @@ impl Case<'_> {
     }
 }
 
+impl Case<'_> {
+    /// The candidates that promise most, each name once with its best shape and scale. Candidates that come near are
+    /// compared by two simulations each.
+    pub(in crate::diagnose) fn entrants(
+        &self,
+        fit: &Fit,
+        metric: &Metric,
+        off: &DVector<f64>,
+        signatures: &[&Signature],
+    ) -> Result<Vec<(f64, Signature)>> {
+        let mut ranked = ranked(fit, metric, off, signatures);
+        let best = ranked.first().map_or(0.0, |r| r.0);
+        let near = ranked.iter().take_while(|r| r.0 > COMPARED * best).count();
+        let far = ranked.split_off(near);
+        let again = |(_, _, s): (f64, f64, &Signature)| self.fitter.reference.with_second_draw(s);
+        let mut candidates = threads::try_map(ranked, again)?;
+        candidates.extend(far.into_iter().map(|(_, _, s)| s.clone()));
+        let candidates: Vec<&Signature> = candidates.iter().collect();
+        Ok(entrants(fit, metric, off, &candidates).into_iter().map(|(scale, s)| (scale, s.clone())).collect())
+    }
+}
+
+/// The candidates by what they promise, the most promising first.
+fn ranked<'a>(
+    fit: &Fit,
+    metric: &Metric,
+    off: &DVector<f64>,
+    signatures: &[&'a Signature],
+) -> Vec<(f64, f64, &'a Signature)> {
+    let possible: Vec<_> = signatures.iter().filter(|s| fit.lacks(s) && fit.allows(s)).collect();
+    let mut ranked: Vec<(f64, f64, &Signature)> = threads::map(possible, |s| promise(metric, off, s));
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    ranked
+}
+
 /// The candidates that promise most, each name once with its best shape and scale.
 pub(in crate::diagnose) fn entrants<'a>(
     fit: &Fit,
@@ -172,9 +212,7 @@ pub(in crate::diagnose) fn entrants<'a>(
     off: &DVector<f64>,
     signatures: &[&'a Signature],
 ) -> Vec<(f64, &'a Signature)> {
-    let possible: Vec<_> = signatures.iter().filter(|s| fit.lacks(s) && fit.allows(s)).collect();
-    let mut ranked: Vec<(f64, f64, &Signature)> = threads::map(possible, |s| promise(metric, off, s));
-    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let ranked = ranked(fit, metric, off, signatures);
     let best = ranked.first().map_or(0.0, |r| r.0);
     let mut entrants: Vec<(f64, &Signature)> = Vec::new();
     if best < ENTERING {

@@ -5,7 +5,6 @@ use std::ops::Range;
 use super::context::{Case, Judged};
 use super::round::EliminationReason;
 use super::round::{Entrant, Round, kept_mut};
-use super::tournament::entrants;
 use super::tournament::{NEAR, ROUNDS_BESIDE, cheaper, last};
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
 use crate::diagnose::fit::draws::MOST_SIMULATIONS;
@@ -191,12 +190,12 @@ impl Case<'_> {
         let [few, some] = draws_of_weeding(fit);
         let without = fitter.refine(fit.without(place), 1, few)?;
         let metric = without_effect(&at.own.metric, fit, place);
-        let others = entrants(&without, &metric, &(fitter.data - &without.mean), &all);
+        let others = self.entrants(&without, &metric, &(fitter.data - &without.mean), &all)?;
         let others: Vec<_> =
             others.into_iter().filter(|e| e.1.candidate.effect.name != name).take(OTHERS).collect();
         let without = fitter.priced(without);
         let halfway = 0.5 * (without.price + with.price) + NEAR;
-        let enter = |(scale, s): &(f64, &Signature)| {
+        let enter = |(scale, s): &(f64, Signature)| {
             let start = without.fit.with(&s.candidate, *scale);
             let entered = fitter.refined(start, ROUNDS_TO_ENTER, few)?;
             if entered.price > halfway {

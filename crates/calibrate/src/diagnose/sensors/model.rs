@@ -1,6 +1,6 @@
 //! Camera models with adjustable parameters and lamps.
 
-use crate::diagnose::cache::folder::SimulationCache;
+use super::context::SimulationContext;
 use crate::diagnose::events::locations::PinnedEvents;
 use crate::diagnose::protocol::recorded_set::Setup;
 use spikelane::effects::definition::SearchScale;
@@ -29,8 +29,8 @@ pub(in crate::diagnose) struct Model {
     pub lamps: Vec<Lamp>,
     /// Lost and repeated readouts at located positions.
     pub pinned: PinnedEvents,
-    /// Cache of simulated vectors.
-    pub cache: Option<SimulationCache>,
+    /// Cache and time limit of its simulations.
+    pub context: SimulationContext,
 }
 
 impl Model {
@@ -64,13 +64,13 @@ impl Model {
             lamps: (0..setup.recordings.len()).filter(has_lamp).map(lamp).collect(),
             camera,
             pinned: PinnedEvents::default(),
-            cache: None,
+            context: SimulationContext::default(),
         }
     }
 
-    /// Returns the model with `cache` as the cache of its simulations.
-    pub(crate) fn with_cache(self, cache: Option<&SimulationCache>) -> Self {
-        Self { cache: cache.cloned(), ..self }
+    /// Returns this model with another cache and deadline.
+    pub(crate) fn with_context(self, context: &SimulationContext) -> Self {
+        Self { context: context.clone(), ..self }
     }
 
     /// Returns the positions of the knobs in `camera`.
@@ -90,7 +90,7 @@ impl Model {
         for (i, lamp) in self.lamps.iter().enumerate() {
             factors[lamp.recording] = 1.0 + lamp.offset + lamp_deviations.get(i).copied().unwrap_or(0.0);
         }
-        Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), cache: self.cache.clone() })
+        Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), context: self.context.clone() })
     }
 }
 
@@ -197,8 +197,8 @@ pub(in crate::diagnose) struct Sample {
     pub lamps: Vec<f64>,
     /// Lost and repeated readouts at located positions.
     pub pinned: PinnedEvents,
-    /// Cache of the vectors.
-    pub cache: Option<SimulationCache>,
+    /// Cache and time limit of its simulation.
+    pub context: SimulationContext,
 }
 
 /// Returns the published model at the size and rate of `setup`, which is the initial model without a camera file.

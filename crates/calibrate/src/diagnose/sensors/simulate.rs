@@ -60,14 +60,15 @@ pub(in crate::diagnose) fn values(setup: &Setup, sample: &Sample, seed: u64) -> 
     cached_or(setup, sample, seed, || Ok(simulate_vector(setup, sample, seed)?.values))
 }
 
-/// Returns the vector of `sample` from the cache, or simulates it.
+/// Returns the vector of `sample` from the cache, or simulates it if there is time.
 pub(in crate::diagnose) fn cached_or(
     setup: &Setup,
     sample: &Sample,
     seed: u64,
     simulate: impl FnOnce() -> Result<Vec<f64>>,
 ) -> Result<Vec<f64>> {
-    match &sample.cache {
+    let simulate = || sample.context.deadline.check().and_then(|()| simulate());
+    match &sample.context.cache {
         Some(cache) => {
             cache.get_or_simulate(cache.key(|hasher| hash_inputs(setup, sample, seed, hasher)), simulate)
         }
