@@ -1,7 +1,8 @@
 //! What a name must have besides being the best one, before it is said plainly.
 
-use super::diagnosis::{Diagnosis, Verdict};
+use super::diagnosis::{Diagnosis, ParameterMismatch, Verdict};
 use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::sensors::base::BASE;
 use spikelane::effects::{
     Definition, adaptation, dead_time, flicker, gain_drift, leak, partial_reset, readout_jitter,
     response_nonlinearity, saturation_clamp, vignetting,
@@ -62,6 +63,9 @@ pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &NullModel) {
         effect.evidence += same.map_or("", |l| l.1);
     }
     tie_bends(d, reference);
+    if reference.setup.only_still() {
+        drop_texture(d);
+    }
     let named = !d.parameter_mismatches.is_empty() || d.effects.iter().any(|e| !e.is_tentative);
     if matches!(d.verdict, Verdict::Explained | Verdict::PartlyExplained) && !named {
         d.verdict = Verdict::Unknown;
@@ -74,6 +78,33 @@ pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &NullModel) {
             d.discrepancy.noise_floor, d.discrepancy.noise_floor_sd
         ));
     }
+}
+
+/// Drops spreads between pixels that are larger than in the model: the texture of an unknown scene adds to the spread.
+fn drop_texture(d: &mut Diagnosis) {
+    let is_texture = |m: &ParameterMismatch| m.fitted_value > m.model_value && is_pixel_spread(&m.parameter);
+    let dropped: Vec<String> = d
+        .parameter_mismatches
+        .extract_if(.., |m| is_texture(m))
+        .map(|m| format!("{} {:.4} instead of {:.4}", m.parameter, m.fitted_value, m.model_value))
+        .collect();
+    if dropped.is_empty() {
+        return;
+    }
+    d.notes.push(format!(
+        "Adjacent pixels differ more than in the model ({}). This is no mismatch, because the texture of the scene has the same effect. A recording of uniform light shows the spread of the pixels.",
+        dropped.join(", ")
+    ));
+    let is_named = !d.parameter_mismatches.is_empty() || !d.effects.is_empty();
+    if d.verdict == Verdict::Explained && !is_named {
+        d.verdict = Verdict::Agrees;
+    }
+}
+
+/// Whether a parameter of the base model is a spread between pixels that a static scene shows.
+fn is_pixel_spread(parameter: &str) -> bool {
+    BASE.iter()
+        .any(|n| n.is_spread && n.shown_by_still && parameter.split_once('.') == Some((n.effect.name, n.key)))
 }
 
 /// A name that bends the response is tied with others that bend it alike and were never fitted beside it.

@@ -23,6 +23,9 @@ pub(in crate::diagnose) fn of_the_sets(
             "The recordings are large: only the first {first} readouts of each were compared. A comparison of all readouts detects weaker and slower effects and takes longer in proportion."
         ));
     }
+    if setup.only_still() {
+        notes.push(static_scene(setup));
+    }
     if !held_out && alone {
         notes.push("There is no second recording set, and the recordings of this set cannot be split: no recordings were held out.".to_owned());
     } else if !held_out {
@@ -38,6 +41,16 @@ pub(in crate::diagnose) fn of_the_sets(
         ));
     }
     notes
+}
+
+/// What static scenes of unknown light show.
+fn static_scene(setup: &Setup) -> String {
+    let longest = setup.recordings.iter().map(|s| s.readouts).max().unwrap_or(0);
+    format!(
+        "The light of the scene is unknown and was estimated from the recorded rates. Static scenes therefore show noise of single pixels over time, and an upper limit of the spread between adjacent pixels. In {longest} readouts, or {:.1} ms, an oscillation below {:.0} Hz looks like a drift. Recordings of known light show the other effects.",
+        1e3 * longest as f64 / setup.readout_hz,
+        setup.lowest_line_hz()
+    )
 }
 
 /// Why a set of which no statistic is beyond its limit is not explained.

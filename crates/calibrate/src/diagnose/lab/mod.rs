@@ -9,4 +9,4 @@ mod level;
 mod levels;
 pub(super) mod look;
 mod motion;
-mod swing;
+pub(super) mod swing;

@@ -15,6 +15,9 @@ const BRIGHT: f64 = 0.2;
 /// Twice the frequencies of the mains.
 const MAINS: [f64; 2] = [100.0, 120.0];
 
+/// Largest distance between two frequencies of a spectrum that tells both of [`MAINS`] apart, in hertz.
+const MAINS_RESOLUTION: f64 = (MAINS[1] - MAINS[0]) / 2.0;
+
 /// A line of a recording: place, frequency in hertz, depth of the swing.
 struct Swing {
     scene: usize,
@@ -25,7 +28,7 @@ struct Swing {
 /// What swings, and the recordings that are the only ones to do so.
 pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault)> {
     let bright: Vec<usize> = (0..scans.len())
-        .filter(|k| setup.recordings[*k].is_constant() && setup.recordings[*k].static_scene.is_none())
+        .filter(|k| setup.recordings[*k].is_constant())
         .filter(|k| setup.recordings[*k].brightness() >= BRIGHT)
         .collect();
     let found = bright.iter().filter_map(|k| {
@@ -36,7 +39,7 @@ pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault
     let Some(strongest) = found.iter().max_by(|a, b| a.depth.total_cmp(&b.depth)) else { return Vec::new() };
     let bin = setup.readout_hz / setup.recordings[strongest.scene].readouts.max(1) as f64;
     let alike: Vec<&Swing> = found.iter().filter(|s| (s.hz - strongest.hz).abs() < 1.5 * bin).collect();
-    let mains = MAINS.iter().find(|m| (strongest.hz - **m).abs() < bin);
+    let mains = MAINS.iter().find(|m| bin <= MAINS_RESOLUTION && (strongest.hz - **m).abs() < bin);
     let whose = mains.map_or_else(
         || "Such an oscillation comes from a lamp, a monitor or a power supply".to_owned(),
         |m| format!("{m:.0} Hz is twice the mains frequency of {:.0} Hz, so the cause is the lamp", m / 2.0),
@@ -46,7 +49,8 @@ pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault
         strongest.hz,
         100.0 * strongest.depth
     );
-    if alike.len() == 1 && bright.len() >= 3 {
+    let is_static = setup.recordings[strongest.scene].static_scene.is_some();
+    if alike.len() == 1 && bright.len() >= 3 && !is_static {
         let name = setup.recordings[strongest.scene].file_name();
         return vec![(Some(strongest.scene), Fault::of(&name, FaultKind::LightFlicker, words))];
     }
@@ -54,7 +58,7 @@ pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault
 }
 
 /// Place of the plainest line of a recording that its pixels do not make, in cycles a readout, and the depth of such a swing.
-fn swing(scan: &Scan) -> Option<(f64, f64)> {
+pub(in crate::diagnose) fn swing(scan: &Scan) -> Option<(f64, f64)> {
     let power = power(&scan.totals);
     let (place, ratio) = line(&power, scan.totals.len());
     if ratio.is_nan() || ratio <= PLAIN {

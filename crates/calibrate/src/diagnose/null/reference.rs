@@ -229,7 +229,7 @@ impl NullModel {
 /// What is tried on a set, and the effects that it cannot show, whatever their strength.
 fn tried(setup: &Setup, model: &Model, effects: &Catalog) -> (Vec<Candidate>, Vec<&'static Definition>) {
     let longest = setup.recordings.iter().map(|s| s.first_readout + s.readouts).max().unwrap_or(1);
-    let mut all = candidates(&model.camera, longest, effects);
+    let mut all = candidates(&model.camera, longest, setup.lowest_line_hz(), effects);
     let mut missing = Vec::new();
     if setup.only_still() {
         missing = looked_for(effects);

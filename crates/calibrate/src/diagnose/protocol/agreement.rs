@@ -16,16 +16,21 @@ pub(in crate::diagnose) fn poor(setup: &Setup, with_camera: bool) -> Result<()> 
     if levels.len() >= 3 && lit >= 2 && setup.geometry.width() >= 8 && setup.geometry.height() >= 8 {
         return Ok(());
     }
-    let remedy = if of_one_kind {
-        format!("set {}: maps and static scenes are not sufficient for a calibration", Setting("camera"))
-    } else {
-        "record a dark recording, flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation, steps and a checkerboard"
-            .to_owned()
-    };
-    Err(Error::new(ErrorKind::Input, "recording set")
+    let error = Error::new(ErrorKind::Input, "recording set");
+    if of_one_kind {
+        let found = if setup.has_rate_maps { "rate maps" } else { "a static scene of unknown light" };
+        return Err(error
+            .found(format_args!("{found} and no camera"))
+            .expected("a camera to compare with, because a calibration needs recordings of known light")
+            .remedy(format_args!(
+                "set {} to a preset or a camera file, or add a dark recording and flat fields of known light to the set",
+                Setting("camera")
+            )));
+    }
+    Err(error
         .found(format_args!("{} uniform levels, of which {lit} are lit, at {}", levels.len(), setup.geometry))
         .expected("a dark level and at least two lit levels, at least 8x8 pixels")
-        .remedy(remedy))
+        .remedy("record a dark recording, flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation, steps and a checkerboard"))
 }
 
 /// Whether two sets were recorded alike; else what differs first.

@@ -3,6 +3,7 @@
 use super::extent::{ReadoutSelection, RecordingPart, cut};
 use super::recorded::RecordedScene;
 use super::still::StaticScene;
+use crate::diagnose::statistics::readouts::MIN_PERIODS;
 use crate::{Recording, RecordingSet, Stimulus, StimulusPattern};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
@@ -87,7 +88,9 @@ impl Setup {
                 return Err(too_short(&recording.file, readouts, part));
             }
             let still = match recording.light {
-                Stimulus::Scene(StimulusPattern::StaticUnknown {}) => Some(StaticScene::of(&reader)?),
+                Stimulus::Scene(StimulusPattern::StaticUnknown {}) => {
+                    Some(StaticScene::of(&reader, reader.readouts().min(all))?)
+                }
                 _ => None,
             };
             let name = recording.file.clone();
@@ -130,6 +133,13 @@ impl Setup {
             !dropped.contains(&(k - 1))
         });
         self
+    }
+
+    /// Returns the lowest frequency of an oscillation that the recordings distinguish from a drift, in hertz: two
+    /// periods in the longest recording. The search for lines starts at the same frequency.
+    pub(in crate::diagnose) fn lowest_line_hz(&self) -> f64 {
+        let longest = self.recordings.iter().map(|s| s.readouts).max().unwrap_or(1);
+        MIN_PERIODS * self.readout_hz / longest as f64
     }
 
     /// Whether still scenes are all that there is.

@@ -13,6 +13,10 @@ use spikelane_measure::select_uniform;
 /// Radius of the neighborhood whose mean stands for the scene.
 const SURFACE: usize = 2;
 
+/// Rates of the compared pixels, in spikes per readout. Slower pixels have too few intervals, and faster pixels have
+/// too few readouts per interval.
+const RATES: std::ops::Range<f64> = 0.05..0.45;
+
 /// Fewest even, static pixels.
 const FEWEST: usize = 500;
 
@@ -34,11 +38,19 @@ pub struct StaticScene {
 }
 
 impl StaticScene {
+    /// Measures the scene in the first `readouts` of a recording.
+    ///
     /// # Errors
-    /// When the recording cannot be read or has too few even, static pixels.
-    pub(in crate::diagnose) fn of(reader: &StreamReader) -> Result<Self> {
+    /// If the recording cannot be read, does not look like an image at its size, or has too few uniform, static pixels.
+    pub(in crate::diagnose) fn of(reader: &StreamReader, readouts: usize) -> Result<Self> {
+        // The uniform areas of a scene are unknown until its width, height and layout are right.
+        if let Some(warning) = reader.layout_guesses()?.warning() {
+            return Err(Error::new(ErrorKind::Input, reader.name())
+                .found(warning)
+                .expected("the size and layout of the camera"));
+        }
         let geometry = reader.geometry();
-        let mut bytes = inputs::zeroed_vec(reader.name(), reader.readouts() * geometry.frame_bytes())?;
+        let mut bytes = inputs::zeroed_vec(reader.name(), readouts * geometry.frame_bytes())?;
         reader.read_frames(0, &mut bytes)?;
         let scan = scan(SpikeFramesRef::new(geometry, &bytes)?, Look::default())?;
         let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
@@ -48,18 +60,24 @@ impl StaticScene {
         };
         let steady = |p: &usize| half(&scan.pixels[*p], false).abs_diff(half(&scan.pixels[*p], true)) <= 2;
         // Within 6 % over 11x11 pixels: less than any edge, more than the pixels' own spread.
-        let even = select_uniform(&rates, geometry.width(), &(0.05..0.45), 5, 0.06);
+        let even = select_uniform(&rates, geometry.width(), &RATES, 5, 0.06);
         let even: Vec<usize> = even.into_iter().filter(steady).collect();
         if even.len() < FEWEST {
             return Err(Error::new(ErrorKind::Input, reader.name())
-                .found(format_args!("{} static pixels of uniform areas", even.len()))
+                .found(format_args!(
+                    "{} static pixels of uniform areas with rates from {} to {} (mean rate of all pixels: {:.4})",
+                    even.len(),
+                    RATES.start,
+                    RATES.end,
+                    rates.iter().sum::<f64>() / rates.len() as f64
+                ))
                 .expected(format_args!("at least {FEWEST}"))
-                .remedy("record a scene with a uniform surface and without motion"));
+                .remedy("record a uniform surface that does not move, at rates within this range"));
         }
         let mean = even.iter().map(|p| rates[*p]).sum::<f64>() / even.len() as f64;
         let brightest = rates.iter().copied().fold(0.0, f64::max);
         let surface = spikelane_measure::box_means(&rates, geometry.width(), SURFACE);
-        let found = scan.motion(reader.readouts());
+        let found = scan.motion(readouts);
         let moved = found.is_moving.then_some(found.moving_share);
         Ok(Self { rates, surface, even, mean, brightest, moved })
     }

@@ -1,5 +1,6 @@
 //! Signatures of swinging light at the frequency that a set shows.
 
+use crate::diagnose::lab::swing::swing;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::catalog::Candidate;
@@ -12,8 +13,15 @@ use spikelane::error::Result;
 const LINE: f64 = 12.0;
 
 /// The signatures, with those of swinging light at the frequency that the frame totals show.
+///
+/// The statistics of a static scene of unknown light leave out the totals, because the scene changes them too. Without
+/// a plain line, swinging light would only stand for other noise, and is not tried.
 pub(in crate::diagnose) fn with_line(reference: &NullModel, measured: &Measured) -> Result<Vec<Signature>> {
     let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
+    if setup.only_still() && !measured.scans.iter().any(|scan| swing(scan).is_some()) {
+        signatures.retain(|s| line_of(s.candidate.effect).is_none());
+        return Ok(signatures);
+    }
     let mut best = (0.0, LINE);
     let mut bright: Vec<&[u32]> = Vec::new();
     for (scene, scan) in setup.recordings.iter().zip(&measured.scans) {

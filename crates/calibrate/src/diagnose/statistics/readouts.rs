@@ -136,6 +136,9 @@ fn spectrum(v: &mut Vector, k: usize, totals: &[u32], light: f64) {
     }
 }
 
+/// Fewest periods of a line in a recording. A mean and a drift have fewer.
+pub(in crate::diagnose) const MIN_PERIODS: f64 = 2.0;
+
 /// Frequencies on either side of a line that it is compared with.
 const REACH: usize = 40;
 
@@ -147,7 +150,7 @@ pub(in crate::diagnose) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
         #[inline(always)]
         || around(power, end),
     );
-    for i in 2..end {
+    for i in MIN_PERIODS as usize..end {
         let count = i - i.saturating_sub(REACH).max(1) + (i + REACH).min(power.len()) - (i + 1);
         let ratio = power[i] * count as f64 / f64::max(sums[i], 1e-12);
         if ratio > best.1 {
