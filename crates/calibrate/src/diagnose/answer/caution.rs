@@ -135,3 +135,40 @@ fn tie_bends(d: &mut Diagnosis, reference: &NullModel) {
         effect.ambiguous_with.extend(alike.into_iter().take(room));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spread(parameter: &str, fitted_value: f64) -> ParameterMismatch {
+        ParameterMismatch {
+            parameter: parameter.to_owned(),
+            model_value: 0.02,
+            fitted_value,
+            low: fitted_value - 0.001,
+            high: fitted_value + 0.001,
+            ambiguous_with: Vec::new(),
+        }
+    }
+
+    /// Returns the remaining mismatches and the verdict of an explained diagnosis.
+    fn without_texture(mismatch: ParameterMismatch) -> (Vec<String>, Verdict) {
+        let camera = spikelane::presets::builtin("physical").unwrap();
+        let mut diagnosis = Diagnosis {
+            parameter_mismatches: vec![mismatch],
+            verdict: Verdict::Explained,
+            ..Diagnosis::stopped(Vec::new(), camera)
+        };
+        drop_texture(&mut diagnosis);
+        (diagnosis.parameter_mismatches.into_iter().map(|m| m.parameter).collect(), diagnosis.verdict)
+    }
+
+    #[test]
+    fn the_texture_of_a_scene_is_no_spread_of_the_pixels() {
+        assert_eq!(without_texture(spread("prnu.sigma", 0.026)), (vec![], Verdict::Agrees));
+        let smaller = vec!["prnu.sigma".to_owned()];
+        assert_eq!(without_texture(spread("prnu.sigma", 0.01)), (smaller, Verdict::Explained));
+        let noise = vec!["thermal_noise.sigma".to_owned()];
+        assert_eq!(without_texture(spread("thermal_noise.sigma", 0.026)), (noise, Verdict::Explained));
+    }
+}

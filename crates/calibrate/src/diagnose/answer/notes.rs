@@ -27,7 +27,14 @@ pub(in crate::diagnose) fn of_the_sets(
         notes.push(static_scene(setup));
     }
     if !held_out && alone {
-        notes.push("There is no second recording set, and the recordings of this set cannot be split: no recordings were held out.".to_owned());
+        let most = if setup.only_still() {
+            " At most one effect is named, because nothing tests a second one."
+        } else {
+            ""
+        };
+        notes.push(format!(
+            "There is no second recording set, and the recordings of this set cannot be split: no recordings were held out.{most}"
+        ));
     } else if !held_out {
         notes.push(
             "There is no second recording set: effects were fitted to the first half of every recording and tested on the second half, so only stronger effects are detectable. A second set of the same scenes doubles the number of readouts for both steps.".to_owned(),

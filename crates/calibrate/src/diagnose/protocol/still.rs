@@ -46,8 +46,7 @@ impl StaticScene {
         // The uniform areas of a scene are unknown until its width, height and layout are right.
         if let Some(warning) = reader.layout_guesses()?.warning() {
             return Err(Error::new(ErrorKind::Input, reader.name())
-                .found(warning)
-                .expected("the size and layout of the camera"));
+                .found(format_args!("a wrong size or layout ({warning})")));
         }
         let geometry = reader.geometry();
         let mut bytes = inputs::zeroed_vec(reader.name(), readouts * geometry.frame_bytes())?;

@@ -7,7 +7,7 @@ use crate::diagnose::protocol::still::StaticScene;
 use crate::diagnose::recording::scan::{Look, Scan, scan};
 use crate::diagnose::statistics::entry::Vector;
 use crate::diagnose::statistics::rate_maps;
-use spikelane::effects::{Camera, start_phase};
+use spikelane::effects::{Camera, Definition, edge_columns, smooth_prnu, start_phase, vignetting};
 use spikelane::error::Result;
 use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::draws::Seeds;
@@ -18,6 +18,10 @@ use spikelane_io::simulate::Simulator;
 /// Readouts before the recording, in which models that start in step lose it.
 const LEAD: usize = 200;
 
+/// Patterns that the surface of a scene contains, because they vary little between neighbors. A camera with these effects would have
+/// them twice.
+const IN_THE_SURFACE: [&Definition; 3] = [&vignetting::EFFECT, &edge_columns::EFFECT, &smooth_prnu::EFFECT];
+
 /// A camera in front of the scene's surface: the measured rates without what pixels side by side differ by.
 pub(in crate::diagnose) fn recording(
     still: &StaticScene,
@@ -27,7 +31,10 @@ pub(in crate::diagnose) fn recording(
 ) -> Result<Scan> {
     let geometry = camera.sensor.geometry;
     // Nobody knows where in their cycle the pixels were when the recording began.
-    let camera = camera.with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
+    let mut camera = camera.with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
+    for effect in IN_THE_SURFACE {
+        camera = camera.without_effect(effect.name);
+    }
     let light = |rate: &f64| {
         let light = camera.operating_point(*rate).light;
         if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }
