@@ -9,4 +9,4 @@ mod level;
 mod levels;
 pub(super) mod look;
 mod motion;
-pub(super) mod swing;
+mod swing;

@@ -28,10 +28,10 @@ struct Swing {
 /// What swings, and the recordings that are the only ones to do so.
 pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault)> {
     let bright: Vec<usize> = (0..scans.len())
-        .filter(|k| setup.recordings[*k].is_constant())
         .filter(|k| {
             let scene = &setup.recordings[*k];
-            scene.static_scene.is_some() || scene.brightness() >= BRIGHT
+            // The rates of a scene are many: few of its pixels make a line together.
+            scene.is_constant() && (scene.static_scene.is_some() || scene.brightness() >= BRIGHT)
         })
         .collect();
     let found = bright.iter().filter_map(|k| {
@@ -52,8 +52,9 @@ pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault
         strongest.hz,
         100.0 * strongest.depth
     );
+    // No effect is searched in a static scene whose light swings: its statistics do not tell the light from the camera.
     let is_static = setup.recordings[strongest.scene].static_scene.is_some();
-    if alike.len() == 1 && bright.len() >= 3 && !is_static {
+    if is_static || alike.len() == 1 && bright.len() >= 3 {
         let name = setup.recordings[strongest.scene].file_name();
         return vec![(Some(strongest.scene), Fault::of(&name, FaultKind::LightFlicker, words))];
     }
@@ -64,27 +65,21 @@ pub(super) fn swings(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault
 fn swing(scan: &Scan) -> Option<(f64, f64)> {
     let power = power(&scan.totals);
     let (place, ratio) = line(&power, scan.totals.len());
-    if ratio.is_nan() || ratio <= PLAIN || is_of_pixels(scan) {
+    if ratio.is_nan() || ratio <= PLAIN {
         return None;
     }
     let n = scan.totals.len() as f64;
     let mean = scan.totals.iter().map(|c| f64::from(*c)).sum::<f64>() / n.max(1.0);
     let at = power.get((place * n).round() as usize)?;
+    // Pixels that are nearly alike fire together, and close to a spike a readout that beats slowly.
+    let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
+    let found = SpectralLine { frequency: place, power: *at, prominence: ratio };
+    if found.harmonic_of(&rates, 1.0 / n).is_some() {
+        return None;
+    }
     // A swing of depth m has |F| = m mean n / 2, and the power is |F|^2 / (n mean).
     let depth = (4.0 * at / (n * mean)).sqrt();
     depth.is_finite().then_some((place, depth))
-}
-
-/// Whether the pixels of a recording make its plainest line themselves: those that are nearly alike fire together, and close to a
-/// spike a readout that beats slowly.
-pub(in crate::diagnose) fn is_of_pixels(scan: &Scan) -> bool {
-    let power = power(&scan.totals);
-    let (place, ratio) = line(&power, scan.totals.len());
-    let n = scan.totals.len().max(1) as f64;
-    let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
-    let at = power.get((place * n).round() as usize).copied().unwrap_or(0.0);
-    let found = SpectralLine { frequency: place, power: at, prominence: ratio };
-    found.harmonic_of(&rates, 1.0 / n).is_some()
 }
 
 #[cfg(test)]

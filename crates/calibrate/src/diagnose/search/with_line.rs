@@ -1,6 +1,5 @@
 //! Signatures of swinging light at the frequency that a set shows.
 
-use crate::diagnose::lab::swing::is_of_pixels;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
 use crate::diagnose::sensors::catalog::Candidate;
@@ -14,29 +13,27 @@ const LINE: f64 = 12.0;
 
 /// The signatures, with those of swinging light at the frequency that the frame totals show.
 ///
-/// The statistics of a static scene of unknown light leave out the totals, because the scene changes them too. Without
-/// a line, swinging light would only stand for other noise, and is not tried.
+/// The statistics of static scenes leave out the totals, because the scene changes them too. Swinging light would only stand for
+/// other noise there, and is not tried: a line in the totals is a fault of the light.
 pub(in crate::diagnose) fn with_line(reference: &NullModel, measured: &Measured) -> Result<Vec<Signature>> {
     let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
+    if setup.only_still() {
+        signatures.retain(|s| line_of(s.candidate.effect).is_none());
+        return Ok(signatures);
+    }
     let mut best = (0.0, LINE);
     let mut bright: Vec<&[u32]> = Vec::new();
     for (scene, scan) in setup.recordings.iter().zip(&measured.scans) {
-        // The rates of a static scene are many, and their pixels make no line together.
-        let is_static = scene.static_scene.is_some() && !is_of_pixels(scan);
-        if is_static || scene.is_constant() && scene.brightness() >= 0.2 {
+        if scene.is_constant() && scene.brightness() >= 0.2 {
             let found = line(&power(&scan.totals), scan.totals.len());
             best = if found.1 > best.1 { found } else { best };
             bright.push(&scan.totals);
         }
     }
-    let frequency = if best.0 == 0.0 { 0.0 } else { sharpened(&bright, best.0) };
-    if setup.only_still() && frequency * setup.readout_hz < setup.lowest_line_hz() {
-        signatures.retain(|s| line_of(s.candidate.effect).is_none());
-        return Ok(signatures);
-    }
     if best.0 == 0.0 {
         return Ok(signatures);
     }
+    let frequency = sharpened(&bright, best.0);
     // One at the line stands for those at the frequencies that a strength is judged by.
     let mut kept: Vec<&Definition> = Vec::new();
     signatures.retain(|s| {
