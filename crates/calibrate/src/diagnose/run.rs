@@ -32,7 +32,7 @@ use crate::diagnose::search::with_line::with_line;
 use crate::diagnose::sensors::context::{Deadline, SimulationContext, in_time};
 use crate::diagnose::sensors::model::published;
 use crate::{self as calibrate, RecordingSet, Stimulus, StimulusPattern};
-use spikelane::effects::{Camera, Catalog, Maps, start_phase};
+use spikelane::effects::{Camera, Catalog, Maps, readout_jitter, start_phase};
 use spikelane::error::Result;
 
 /// Options of a diagnosis.
@@ -269,8 +269,11 @@ fn held_by(held_out: Held) -> String {
     .to_owned()
 }
 
-/// What stood aside for the search: the camera's maps, and where its recordings start.
+/// What stood aside for the search: the camera's maps, its band of jitter, and where its recordings start.
 fn restore(camera: &mut Camera, given: Option<&Camera>) -> Result<()> {
+    if let Some(jitter) = given.and_then(|given| given.effect(readout_jitter::EFFECT.name)) {
+        *camera = camera.clone().with_effect(jitter.clone());
+    }
     if let Some(given) = given
         && given.maps != Maps::default()
     {

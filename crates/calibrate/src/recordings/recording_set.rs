@@ -290,6 +290,55 @@ impl RecordingSet {
         Ok(set)
     }
 
+    /// Returns the set of one recording of a static scene under unknown light.
+    ///
+    /// `stream` is the open file at `path`. The set has its size and layout, and `readout_hz` readouts per second. The
+    /// path of the set is relative to the current folder, like `path`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane_calibrate::{RecordingSet, Stimulus, StimulusPattern};
+    /// use spikelane_io::formats::{Layout, StreamReader};
+    /// let geometry = Geometry::new(8, 8)?;
+    /// let stream = StreamReader::from_bytes("one.dat", vec![0; 80], Some(Layout::Dat), Some(geometry))?;
+    /// let set = RecordingSet::from_static_recording("one.dat".as_ref(), &stream, 20_000.0)?;
+    /// assert_eq!((set.width, set.height, set.recordings.len()), (8, 8, 1));
+    /// assert_eq!(set.recordings[0].light, Stimulus::Scene(StimulusPattern::StaticUnknown {}));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// * [`ErrorKind::Config`] if `readout_hz` is not a positive number.
+    /// * [`ErrorKind::Input`] if `path` is not UTF-8. The file of a set is text and cannot contain such a path.
+    pub fn from_static_recording(path: &Path, stream: &StreamReader, readout_hz: f64) -> Result<Self> {
+        let file = path.to_str().ok_or_else(|| {
+            Error::new(ErrorKind::Input, path.display())
+                .found("a path that is not UTF-8")
+                .expected("a path in UTF-8")
+                .remedy("rename the file or the folder")
+        })?;
+        let recording = Recording {
+            file: file.to_owned(),
+            light: Stimulus::Scene(StimulusPattern::StaticUnknown {}),
+            light_uncertainty: None,
+            layout: Some(stream.layout().name().to_owned()),
+        };
+        let set = Self {
+            width: stream.geometry().width() as u32,
+            height: stream.geometry().height() as u32,
+            readout_hz,
+            layout: None,
+            light_uncertainty: None,
+            simulated_camera: None,
+            recordings: vec![recording],
+            rate_maps: Vec::new(),
+            folder: PathBuf::new(),
+        };
+        set.check()?;
+        Ok(set)
+    }
+
     /// Returns the text of this set. [`RecordingSet::parse`] can read this text.
     ///
     /// # Errors

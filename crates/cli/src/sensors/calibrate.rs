@@ -17,6 +17,7 @@ use crate::common::console::Console;
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
 use crate::common::stream::print_set_warnings;
+use crate::sensors::static_recording::template_remedy;
 
 /// Fit a camera to recordings of known light
 #[derive(Debug, ClapArgs)]
@@ -122,10 +123,7 @@ fn check_not_stream(path: &Path) -> Result<()> {
     Err(Error::new(ErrorKind::Usage, path.display())
         .found(if path.is_dir() { "a folder" } else { "one recording" })
         .expected("a recording set (.toml): dark and flat fields of known light")
-        .remedy(format_args!(
-            "'spikelane record --template {}' writes a recording set that lists the recordings in this folder",
-            folder.display()
-        )))
+        .remedy(template_remedy(folder)))
 }
 
 fn result_text(calibration: &Calibration, files: &CalibrationFiles) -> String {

@@ -8,7 +8,6 @@ use clap::Args as ClapArgs;
 use serde_json::{Value, json};
 use spikelane::error::Result;
 use spikelane::presets;
-use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{
     Detectability, DetectabilityReport, DiagnoseOptions, Diagnosis, Fault, PreliminaryResult,
     ReadoutSelection, Verdict, detectability, diagnose_with_preliminary, write_diagnosis,
@@ -18,24 +17,28 @@ use spikelane_measure::report::today;
 use crate::common::console::{Console, command_line, recorded_path};
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
-use crate::common::stream::print_set_warnings;
+use crate::sensors::static_recording::StaticRecordingArgs;
 
 /// Find, name and add the effects that a camera model is missing
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Args {
-    /// Read this recording set (.toml)
+    /// Read this recording set (.toml) or static recording
+    ///
+    /// A file that is not a .toml is one recording of a static scene under unknown light. It requires --camera.
     recordings: PathBuf,
     /// Start from this camera [default: calibrate the set]
     ///
     /// By default the published model is calibrated on the recording set.
     #[arg(long, value_name = "NAME|FILE")]
     camera: Option<String>,
-    /// Test the effects on this second recording set
+    /// Test the effects on this second recording set or static recording
     ///
     /// The second recording set must show the same scenes as the first. Without --holdout, the effects are fitted to
     /// the first half of every recording and tested on the second half.
     #[arg(long, value_name = "FILE")]
     holdout: Option<PathBuf>,
+    #[command(flatten)]
+    stream: StaticRecordingArgs,
     /// Set the seed of the simulations
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -94,10 +97,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let files = ["diagnosis.json", "report.html", "camera.toml"].map(|name| args.output.join(name));
     // The claim lasts until the last file has its final name.
     let _claim = (!args.detectability).then(|| output_claims::claim(&files, args.force)).transpose()?;
-    let set = RecordingSet::open(&args.recordings)?;
-    let holdout = args.holdout.as_deref().map(RecordingSet::open).transpose()?;
-    [Some(&set), holdout.as_ref()].into_iter().flatten().try_for_each(|set| print_set_warnings(set, out))?;
     let camera = args.camera.as_deref().map(presets::load).transpose()?;
+    let open = |path: &PathBuf| args.stream.open(path, camera.as_ref(), out);
+    let set = open(&args.recordings)?;
+    let holdout = args.holdout.as_ref().map(open).transpose()?;
     let extent = if args.all_readouts { ReadoutSelection::All } else { ReadoutSelection::Leading };
     let start = Instant::now();
     let mut bar = FileProgress::new(out);
@@ -217,6 +220,9 @@ fn diagnosis_text(diagnosis: &Diagnosis, args: &Args) -> String {
     }
     for u in &diagnosis.unexplained {
         let _ = writeln!(text, "unexplained: {} ({:+.1} standard deviations)", u.r#where, u.z);
+    }
+    if !diagnosis.undetectable.is_empty() {
+        let _ = writeln!(text, "not detectable with this set: {}", diagnosis.undetectable.join(", "));
     }
     for note in &diagnosis.notes {
         let _ = writeln!(text, "note: {note}");

@@ -5,4 +5,5 @@ pub(super) mod compare;
 pub(super) mod diagnose;
 pub(super) mod measure;
 pub(super) mod record;
+mod static_recording;
 pub(super) mod template;

@@ -24,4 +24,5 @@ mod outputs;
 mod shards;
 mod simulate;
 mod standard_streams;
+mod static_recordings;
 mod streams;

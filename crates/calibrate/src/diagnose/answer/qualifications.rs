@@ -3,6 +3,7 @@
 use super::diagnosis::{Diagnosis, Discrepancy, FoundEffect, ParameterMismatch, Verdict};
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::model::BASE_KNOBS;
 use spikelane::effects::{AmbiguityGroup, Definition};
 
 /// Standard deviation of the noise floor, divided by the noise floor, above which a discrepancy at the floor is not
@@ -40,6 +41,9 @@ pub(in crate::diagnose) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
         }
     }
     add_response_ambiguities(d, reference);
+    if reference.setup.only_still() {
+        drop_texture(d);
+    }
     let named = !d.parameter_mismatches.is_empty() || d.effects.iter().any(|e| !e.is_tentative);
     if matches!(d.verdict, Verdict::Explained | Verdict::PartlyExplained) && !named {
         d.verdict = Verdict::Unknown;
@@ -53,6 +57,37 @@ pub(in crate::diagnose) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
             d.discrepancy.noise_floor, d.discrepancy.noise_floor_sd
         ));
     }
+}
+
+/// Drops spreads between pixels that are larger than in the model: the texture of an unknown scene adds to the spread.
+fn drop_texture(d: &mut Diagnosis) {
+    let is_texture = |m: &ParameterMismatch| m.fitted_value > m.model_value && is_pixel_spread(&m.parameter);
+    let dropped: Vec<String> = d
+        .parameter_mismatches
+        .extract_if(.., |m| is_texture(m))
+        .map(|m| format!("{} {:.4} instead of {:.4}", m.parameter, m.fitted_value, m.model_value))
+        .collect();
+    if dropped.is_empty() {
+        return;
+    }
+    d.notes.push(format!(
+        "Adjacent pixels differ more than in the model ({}). This is no mismatch, because the texture of the scene has the same effect. A recording of uniform light shows the spread of the pixels.",
+        dropped.join(", ")
+    ));
+    let is_named = !d.parameter_mismatches.is_empty() || !d.effects.is_empty();
+    if d.verdict == Verdict::Explained && !is_named {
+        d.verdict = Verdict::Agrees;
+    }
+}
+
+/// Returns whether a parameter of the base model is a spread between pixels that a static scene shows.
+fn is_pixel_spread(parameter: &str) -> bool {
+    let is_shown = |name: &str, key: &str| {
+        BASE_KNOBS
+            .iter()
+            .any(|n| n.is_spread && n.is_shown_by_static_scene && n.effect.name == name && n.key == key)
+    };
+    parameter.split_once('.').is_some_and(|(name, key)| is_shown(name, key))
 }
 
 /// Adds ambiguities between effects that change the response curve: a found effect is ambiguous with a similar one
@@ -94,6 +129,16 @@ pub(super) fn definition(reference: &NullModel, name: &str) -> Option<&'static D
     reference.effects().into_iter().find(|effect| effect.name == name)
 }
 
+/// Returns a note about what static scenes of unknown light show.
+fn static_scene_note(setup: &Setup) -> String {
+    let longest = setup.recordings.iter().map(|s| s.readouts).max().unwrap_or(0);
+    format!(
+        "The light of the scene is unknown and was estimated from the recorded rates. Static scenes therefore show noise of single pixels over time, and an upper limit of the spread between adjacent pixels. In {longest} readouts, or {:.1} ms, an oscillation below {:.0} Hz looks like a drift. Recordings of known light show the other effects.",
+        1e3 * longest as f64 / setup.readout_hz,
+        setup.lowest_line_hz()
+    )
+}
+
 /// Returns notes about the judged readouts and the held-out recordings. `aside` contains the excluded readouts at the
 /// start of recordings.
 pub(in crate::diagnose) fn set_notes(
@@ -115,8 +160,18 @@ pub(in crate::diagnose) fn set_notes(
             "The recordings are large: only the first {first} readouts of each were compared. A comparison of all readouts detects weaker and slower effects and takes longer in proportion."
         ));
     }
+    if setup.only_still() {
+        notes.push(static_scene_note(setup));
+    }
     if !held_out && alone {
-        notes.push("There is no second recording set, and the recordings of this set cannot be split: no recordings were held out.".to_owned());
+        let most = if setup.only_still() {
+            " At most one effect is named, because nothing tests a second one."
+        } else {
+            ""
+        };
+        notes.push(format!(
+            "There is no second recording set, and the recordings of this set cannot be split: no recordings were held out.{most}"
+        ));
     } else if !held_out {
         notes.push(
             "There is no second recording set: effects were fitted to the first half of every recording and tested on the second half, so only stronger effects are detectable. A second set of the same scenes doubles the number of readouts for both steps.".to_owned(),
@@ -152,4 +207,41 @@ pub(in crate::diagnose) fn untested_note(wrong: &[ParameterMismatch]) -> String 
          effects, which camera.toml contains, to your camera file with your own values of these parameters, and diagnose again.",
         names.join(", ")
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spread(parameter: &str, fitted_value: f64) -> ParameterMismatch {
+        ParameterMismatch {
+            parameter: parameter.to_owned(),
+            model_value: 0.02,
+            fitted_value,
+            low: fitted_value - 0.001,
+            high: fitted_value + 0.001,
+            ambiguous_with: Vec::new(),
+        }
+    }
+
+    /// Returns the remaining mismatches and the verdict of an explained diagnosis.
+    fn without_texture(mismatch: ParameterMismatch) -> (Vec<String>, Verdict) {
+        let camera = spikelane::presets::builtin("physical").unwrap();
+        let mut diagnosis = Diagnosis {
+            parameter_mismatches: vec![mismatch],
+            verdict: Verdict::Explained,
+            ..Diagnosis::stopped(Vec::new(), camera)
+        };
+        drop_texture(&mut diagnosis);
+        (diagnosis.parameter_mismatches.into_iter().map(|m| m.parameter).collect(), diagnosis.verdict)
+    }
+
+    #[test]
+    fn the_texture_of_a_scene_is_no_spread_of_the_pixels() {
+        assert_eq!(without_texture(spread("prnu.sigma", 0.026)), (vec![], Verdict::Agrees));
+        let smaller = vec!["prnu.sigma".to_owned()];
+        assert_eq!(without_texture(spread("prnu.sigma", 0.01)), (smaller, Verdict::Explained));
+        let noise = vec!["thermal_noise.sigma".to_owned()];
+        assert_eq!(without_texture(spread("thermal_noise.sigma", 0.026)), (noise, Verdict::Explained));
+    }
 }

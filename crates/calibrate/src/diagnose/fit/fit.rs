@@ -16,6 +16,9 @@ use crate::diagnose::sensors::model::Model;
 use spikelane::effects::Definition;
 use spikelane::effects::definition::SearchScale;
 
+/// Squared width of the range of a number that cannot move, in positions.
+const FIXED: f64 = 1e-12;
+
 /// What derivatives were taken from: they are taken again where that has changed.
 #[derive(Clone, Debug, Default)]
 pub(in crate::diagnose) struct Taken {
@@ -208,7 +211,8 @@ impl Fit {
     pub(crate) fn known(&self) -> Vec<f64> {
         let of_effect = |j: usize| {
             let knob = self.model.knobs[j];
-            12.0 / (knob.position(knob.range.1) - knob.position(knob.range.0)).powi(2)
+            // A number that cannot move is known exactly. Infinite information would make the covariance NaN.
+            12.0 / (knob.position(knob.range.1) - knob.position(knob.range.0)).powi(2).max(FIXED)
         };
         let of_number = |j: usize| match self.count(j) {
             Some(count) => (self.model.knobs[j].unit / count.deviation()).powi(2),

@@ -11,7 +11,8 @@ use crate::diagnose::statistics::quantiles::Spread;
 use crate::{self as calibrate, Calibration, NoiseSampling, RecordingSet};
 use spikelane::effects::definition::ParamKind;
 use spikelane::effects::{
-    Camera, Definition, Maps, bias_voltage, dark_current, prnu, shot_noise, start_phase, thermal_noise,
+    Camera, Definition, Maps, bias_voltage, dark_current, prnu, readout_jitter, shot_noise, start_phase,
+    thermal_noise,
 };
 use spikelane::error::Result;
 
@@ -64,6 +65,17 @@ impl BaseParameter {
     }
 }
 
+/// The camera as the rows from `first_row` on see it: its band of jitter lies `first_row` rows higher. A band whose center lies
+/// above these rows is left out.
+fn in_row_band(camera: Camera, first_row: usize) -> Camera {
+    let Some(jitter) = camera.effect(readout_jitter::EFFECT.name) else { return camera };
+    let moved = jitter.get("row").and_then(|row| jitter.clone().with_value("row", row - first_row as f64));
+    match moved {
+        Ok(jitter) => camera.with_effect(jitter),
+        Err(_) => camera.without_effect(readout_jitter::EFFECT.name),
+    }
+}
+
 /// What a search starts from.
 pub(in crate::diagnose) struct BaseModel {
     pub camera: Camera,
@@ -111,7 +123,7 @@ impl BaseModel {
         let Taken { set, setup, measured } = taken;
         let calibration = calibration(set);
         if let Some(given) = given {
-            return Self::of_camera(given);
+            return Self::of_camera(given, setup.row_band.map_or(0, |(first, _)| first));
         }
         let camera = published(setup)?;
         match calibration {
@@ -131,9 +143,13 @@ impl BaseModel {
     }
 
     /// Pixels start anywhere in their cycle: where they began is a property of a recording. Maps give way to their populations.
-    fn of_camera(given: &Camera) -> Result<Self> {
+    /// The compared rows start at `first_row`.
+    fn of_camera(given: &Camera, first_row: usize) -> Result<Self> {
         let mut notes = Vec::new();
         let mut camera = given.clone().with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
+        if first_row > 0 {
+            camera = in_row_band(camera, first_row);
+        }
         if camera.maps != Maps::default() {
             camera = reduced(camera)?;
             notes.push(
@@ -268,6 +284,17 @@ fn usual_dark(c: &Calibration) -> (f64, f64) {
 mod tests {
     use super::*;
     use spikelane::presets;
+
+    #[test]
+    fn a_band_of_jitter_moves_with_the_rows_that_are_compared() {
+        let measured = spikelane::presets::builtin("vidar-measured").unwrap();
+        let row = |camera: &Camera| camera.effect("readout_jitter").map(|e| e.get("row").unwrap());
+        assert_eq!(row(&measured), Some(206.0));
+        assert_eq!(row(&in_row_band(measured.clone(), 144)), Some(62.0));
+        assert_eq!(row(&in_row_band(measured, 240)), None, "the band lies above");
+        let physical = spikelane::presets::builtin("physical").unwrap();
+        assert_eq!(in_row_band(physical.clone(), 144), physical);
+    }
 
     #[test]
     fn what_was_guessed_is_fitted_and_what_was_calibrated_stays() {

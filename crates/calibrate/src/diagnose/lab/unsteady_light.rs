@@ -24,6 +24,9 @@ const MIN_BRIGHT_LIGHT: f64 = 0.2;
 /// Twice the mains frequencies, in hertz.
 const MAINS_LIGHT_HZ: [f64; 2] = [100.0, 120.0];
 
+/// Largest distance between two frequencies of a spectrum that distinguishes both of [`MAINS_LIGHT_HZ`], in hertz.
+const MAINS_RESOLUTION_HZ: f64 = (MAINS_LIGHT_HZ[1] - MAINS_LIGHT_HZ[0]) / 2.0;
+
 /// Returns the levels whose light drifts, if at least half of the lit levels are steady. If most levels drift
 /// together, the cause is the camera or a common lamp, and the search for effects examines it.
 pub(super) fn drift_faults(levels: &[(usize, LightLevel)]) -> Vec<(usize, Fault)> {
@@ -74,8 +77,11 @@ struct Oscillation {
 /// the set.
 pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault)> {
     let bright_recordings: Vec<usize> = (0..scans.len())
-        .filter(|k| setup.recordings[*k].is_constant() && setup.recordings[*k].static_scene.is_none())
-        .filter(|k| setup.recordings[*k].brightness() >= MIN_BRIGHT_LIGHT)
+        .filter(|k| {
+            let scene = &setup.recordings[*k];
+            // The rates of a static scene differ, so few of its pixels have a common line.
+            scene.is_constant() && (scene.static_scene.is_some() || scene.brightness() >= MIN_BRIGHT_LIGHT)
+        })
         .collect();
     let found = bright_recordings.iter().filter_map(|k| {
         let (frequency, depth) = strongest_oscillation(&scans[*k])?;
@@ -86,7 +92,7 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
     let bin = setup.readout_hz / setup.recordings[strongest.recording].readouts.max(1) as f64;
     let similar: Vec<&Oscillation> =
         found.iter().filter(|s| (s.hz - strongest.hz).abs() < 1.5 * bin).collect();
-    let mains = MAINS_LIGHT_HZ.iter().find(|m| (strongest.hz - **m).abs() < bin);
+    let mains = MAINS_LIGHT_HZ.iter().find(|m| bin <= MAINS_RESOLUTION_HZ && (strongest.hz - **m).abs() < bin);
     let cause = mains.map_or_else(
         || "Such an oscillation comes from a lamp, a monitor or a power supply".to_owned(),
         |m| format!("{m:.0} Hz is twice the mains frequency of {:.0} Hz, so the cause is the lamp", m / 2.0),
@@ -96,7 +102,9 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
         strongest.hz,
         100.0 * strongest.depth
     );
-    if similar.len() == 1 && bright_recordings.len() >= 3 {
+    // No effect is searched in a static scene whose light oscillates: its statistics do not separate the light from the camera.
+    let is_static = setup.recordings[strongest.recording].static_scene.is_some();
+    if is_static || similar.len() == 1 && bright_recordings.len() >= 3 {
         let name = setup.recordings[strongest.recording].file_name();
         return vec![(Some(strongest.recording), Fault::new(&name, FaultKind::LightFlicker, words))];
     }

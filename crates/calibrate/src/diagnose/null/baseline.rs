@@ -218,7 +218,7 @@ fn candidates_of(
     effects: &Catalog,
 ) -> (Vec<Candidate>, Vec<&'static Definition>) {
     let longest = setup.recordings.iter().map(|s| s.first_readout + s.readouts).max().unwrap_or(1);
-    let mut all = candidates(&model.camera, longest, effects);
+    let mut all = candidates(&model.camera, longest, setup.lowest_line_hz(), effects);
     let mut missing = Vec::new();
     if setup.only_still() {
         missing = searched_effects(effects);

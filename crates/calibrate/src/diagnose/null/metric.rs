@@ -134,6 +134,10 @@ impl Metric {
     /// Best positions along the directions, and their covariance.
     pub(crate) fn fit(&self, off: &DVector<f64>) -> DVector<f64> {
         let right = self.weighted.transpose() * off;
+        if right.is_empty() {
+            // The decomposition of an empty matrix panics.
+            return right;
+        }
         self.information.clone().lu().solve(&right).unwrap_or_else(|| DVector::zeros(right.len()))
     }
 
@@ -250,6 +254,14 @@ mod tests {
         assert!((free[0] + 0.8).abs() < 1e-4 && (free[1] - 2.0).abs() < 1e-4, "{free}");
         let held = metric().bounded(&off, &[FREE, Bound { high: 0.5, ..FREE }]);
         assert!((held[0] - 0.55).abs() < 1e-4 && held[1] == 0.5, "{held}");
+    }
+
+    #[test]
+    fn without_directions_nothing_is_taken_out() {
+        let plain = Metric::new(&metric().noise, DMatrix::zeros(3, 0));
+        let off = DVector::from_vec(vec![1.0, 2.0, 2.0]);
+        assert_eq!(plain.square(&off), 9.0);
+        assert_eq!(plain.scores(&off), [1.0, 2.0, 2.0]);
     }
 
     #[test]

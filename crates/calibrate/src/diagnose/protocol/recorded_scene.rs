@@ -116,6 +116,10 @@ impl RecordedScene {
     }
 }
 
+/// Rates of the compared pixels, in spikes per readout. Slower pixels have too few intervals, and faster pixels have too few
+/// readouts per interval.
+const COMPARED_RATES: std::ops::Range<f64> = 0.05..0.45;
+
 /// A static scene under unknown light, as the rates of a recording show it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StaticScene {
@@ -134,13 +138,18 @@ pub struct StaticScene {
 }
 
 impl StaticScene {
-    /// Reads the scene from a recording.
+    /// Measures the scene in the first `readouts` of a recording.
     ///
     /// # Errors
-    /// If the recording cannot be read, or has too few uniform, static pixels.
-    pub(in crate::diagnose) fn read(reader: &StreamReader) -> Result<Self> {
+    /// If the recording cannot be read, does not look like an image at its size, or has too few uniform, static pixels.
+    pub(in crate::diagnose) fn read(reader: &StreamReader, readouts: usize) -> Result<Self> {
+        // The uniform areas of a scene are unknown until its width, height and layout are right.
+        if let Some(warning) = reader.layout_guesses()?.warning() {
+            return Err(Error::new(ErrorKind::Input, reader.name())
+                .found(format_args!("a wrong size or layout ({warning})")));
+        }
         let geometry = reader.geometry();
-        let mut bytes = inputs::zeroed_vec(reader.name(), reader.readouts() * geometry.frame_bytes())?;
+        let mut bytes = inputs::zeroed_vec(reader.name(), readouts * geometry.frame_bytes())?;
         reader.read_frames(0, &mut bytes)?;
         let scan = scan(SpikeFramesRef::new(geometry, &bytes)?, ScanOptions::default())?;
         let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
@@ -150,18 +159,24 @@ impl StaticScene {
         };
         let is_static = |p: &usize| half(&scan.pixels[*p], false).abs_diff(half(&scan.pixels[*p], true)) <= 2;
         // A limit of 6 % over 11x11 pixels is below the contrast of an edge and above the spread of the pixels.
-        let uniform = select_uniform(&rates, geometry.width(), &(0.05..0.45), 5, 0.06);
+        let uniform = select_uniform(&rates, geometry.width(), &COMPARED_RATES, 5, 0.06);
         let uniform: Vec<usize> = uniform.into_iter().filter(is_static).collect();
         if uniform.len() < MIN_UNIFORM_PIXELS {
             return Err(Error::new(ErrorKind::Input, reader.name())
-                .found(format_args!("{} static pixels of uniform areas", uniform.len()))
+                .found(format_args!(
+                    "{} static pixels of uniform areas with rates from {} to {} (mean rate of all pixels: {:.4})",
+                    uniform.len(),
+                    COMPARED_RATES.start,
+                    COMPARED_RATES.end,
+                    rates.iter().sum::<f64>() / rates.len() as f64
+                ))
                 .expected(format_args!("at least {MIN_UNIFORM_PIXELS}"))
-                .remedy("record a scene with a uniform surface and without motion"));
+                .remedy("record a uniform surface that does not move, at rates within this range"));
         }
         let mean = uniform.iter().map(|p| rates[*p]).sum::<f64>() / uniform.len() as f64;
         let brightest = rates.iter().copied().fold(0.0, f64::max);
         let surface = spikelane_measure::box_means(&rates, geometry.width(), SURFACE_RADIUS);
-        let motion = scan.motion(reader.readouts());
+        let motion = scan.motion(readouts);
         let moving_share = motion.is_moving.then_some(motion.moving_share);
         Ok(Self { rates, surface, uniform, mean, brightest, moving_share })
     }
@@ -197,12 +212,22 @@ impl StaticScene {
         scan.pixels = self.uniform.iter().map(|p| scan.pixels[*p]).collect();
     }
 
-    /// Returns the robust standard deviation of the relative difference between neighbors in a row. On a uniform
-    /// surface, the differences are the fixed pattern of the camera.
+    /// Returns the standard deviation of the relative difference between neighbors in a row. On a uniform surface, the
+    /// differences are the fixed pattern of the camera.
+    ///
+    /// Rates of a few dozen intervals are fractions with small numbers, and many pixels share one. A median of the
+    /// differences jumps from one fraction to the next. The mean of differences that are cut at three deviations does
+    /// not jump, and hot pixels hardly move it.
     fn neighbor_contrast(&self, scan: &Scan, width: usize) -> f64 {
         let pairs = self.uniform.windows(2).filter(|w| w[1] == w[0] + 1 && w[1] % width != 0);
         let rate = |p: usize| scan.pixels[p].rate;
         let mut steps: Vec<f64> = pairs.map(|w| (rate(w[1]) - rate(w[0])).abs()).collect();
-        if steps.is_empty() { 0.0 } else { 1.4826 * spikelane_measure::median(&mut steps) / self.mean }
+        if steps.is_empty() {
+            return 0.0;
+        }
+        let limit = 3.0 * 1.4826 * spikelane_measure::median(&mut steps);
+        let mean = steps.iter().map(|step| step.min(limit)).sum::<f64>() / steps.len() as f64;
+        // The mean of the size of a normal number is sqrt(2 / pi).
+        (std::f64::consts::PI / 2.0).sqrt() * mean / self.mean
     }
 }

@@ -2,6 +2,7 @@
 
 use super::extent::{ReadoutSelection, RecordingPart, select_readouts};
 use super::recorded_scene::{RecordedScene, StaticScene};
+use crate::diagnose::statistics::readouts::MIN_PERIODS;
 use crate::{Recording, RecordingSet, Stimulus, StimulusPattern};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
@@ -89,7 +90,9 @@ impl Setup {
                 return Err(too_short(&recording.file, readouts, part));
             }
             let static_scene = match recording.light {
-                Stimulus::Scene(StimulusPattern::StaticUnknown {}) => Some(StaticScene::read(&reader)?),
+                Stimulus::Scene(StimulusPattern::StaticUnknown {}) => {
+                    Some(StaticScene::read(&reader, reader.readouts().min(all))?)
+                }
                 _ => None,
             };
             let name = recording.file.clone();
@@ -132,6 +135,13 @@ impl Setup {
             !dropped.contains(&(k - 1))
         });
         self
+    }
+
+    /// Returns the lowest frequency of an oscillation that the recordings distinguish from a drift, in hertz: two
+    /// periods in the longest recording. The search for lines starts at the same frequency.
+    pub(in crate::diagnose) fn lowest_line_hz(&self) -> f64 {
+        let longest = self.recordings.iter().map(|s| s.readouts).max().unwrap_or(1);
+        MIN_PERIODS * self.readout_hz / longest as f64
     }
 
     /// Returns whether all recordings show static scenes.
@@ -198,16 +208,21 @@ pub(in crate::diagnose) fn check_sufficient(setup: &Setup, with_camera: bool) ->
     if levels.len() >= 3 && lit >= 2 && setup.geometry.width() >= 8 && setup.geometry.height() >= 8 {
         return Ok(());
     }
-    let remedy = if has_one_kind {
-        format!("set {}: maps and static scenes are not sufficient for a calibration", Setting("camera"))
-    } else {
-        "record a dark recording, flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation, steps and a checkerboard"
-            .to_owned()
-    };
-    Err(Error::new(ErrorKind::Input, "recording set")
+    let error = Error::new(ErrorKind::Input, "recording set");
+    if has_one_kind {
+        let found = if setup.has_rate_maps { "rate maps" } else { "a static scene of unknown light" };
+        return Err(error
+            .found(format_args!("{found} and no camera"))
+            .expected("a camera to compare with, because a calibration needs recordings of known light")
+            .remedy(format_args!(
+                "set {} to a preset or a camera file, or add a dark recording and flat fields of known light to the set",
+                Setting("camera")
+            )));
+    }
+    Err(error
         .found(format_args!("{} uniform levels, of which {lit} are lit, at {}", levels.len(), setup.geometry))
         .expected("a dark level and at least two lit levels, at least 8x8 pixels")
-        .remedy(remedy))
+        .remedy("record a dark recording, flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation, steps and a checkerboard"))
 }
 
 /// Checks that two sets follow the same protocol.

@@ -57,6 +57,10 @@ pub(in crate::diagnose) fn rebased(
     let of = |camera| Place::of(setup, Model::base(camera, setup).with_context(context), data, seed, &floors);
     let mut best = of(camera.clone())?;
     let given = best.model.clone();
+    // A static scene shows no number of a camera without noise and without spreads.
+    if given.knobs.is_empty() {
+        return Ok(Begun::of(best.model.camera, kept));
+    }
     let mut moved = best.changes(setup, seed)?;
     let mut derivatives = moved.jacobian(&best.model, &best.spread);
     let mut fresh = true;

@@ -12,11 +12,18 @@ use spikelane::error::Result;
 const LINE: f64 = 12.0;
 
 /// The signatures, with those of swinging light at the frequency that the frame totals show.
+///
+/// The statistics of static scenes do not contain the totals, because the scene also changes them. An oscillation would only
+/// replace other noise there, so it is not a candidate: a line in the totals is a fault of the light.
 pub(in crate::diagnose) fn with_line(
     reference: &NullModel,
     measured: &MeasuredSet,
 ) -> Result<Vec<Signature>> {
     let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
+    if setup.only_still() {
+        signatures.retain(|s| line_of(s.candidate.effect).is_none());
+        return Ok(signatures);
+    }
     let mut best = (0.0, LINE);
     let mut bright: Vec<&[u32]> = Vec::new();
     for (scene, scan) in setup.recordings.iter().zip(&measured.scans) {

@@ -17,16 +17,27 @@ pub(in crate::diagnose) fn searched_effects(effects: &Catalog) -> Vec<&'static D
     effects.all().filter(|effect| effect.searched_params().next().is_some()).collect()
 }
 
-/// Returns all candidates at all positions. `readouts` is the length of the longest recording.
-pub(in crate::diagnose) fn candidates(base: &Camera, readouts: usize, effects: &Catalog) -> Vec<Candidate> {
-    let of = |effect| positions(effect, base, readouts as f64);
+/// Returns all candidates at all positions. `readouts` is the length of the longest recording, and `lowest_hz` is the lowest
+/// frequency that it shows.
+pub(in crate::diagnose) fn candidates(
+    base: &Camera,
+    readouts: usize,
+    lowest_hz: f64,
+    effects: &Catalog,
+) -> Vec<Candidate> {
+    let of = |effect| positions(effect, base, readouts as f64, lowest_hz);
     searched_effects(effects).into_iter().flat_map(of).collect()
 }
 
 /// Returns the candidates of an effect at all combinations of its searched values.
-fn positions(effect: &'static Definition, base: &Camera, readouts: f64) -> Vec<Candidate> {
-    let knobs: Vec<Knob> =
-        effect.searched_params().map(|(param, tried)| knob(effect, param, tried, base, readouts)).collect();
+fn positions(effect: &'static Definition, base: &Camera, readouts: f64, lowest_hz: f64) -> Vec<Candidate> {
+    let of = |(param, mut tried): (_, SearchSpec)| {
+        if tried.is_frequency {
+            tried.range.0 = lowest_hz.clamp(tried.range.0, tried.range.1);
+        }
+        knob(effect, param, tried, base, readouts)
+    };
+    let knobs: Vec<Knob> = effect.searched_params().map(of).collect();
     let mut values = vec![Vec::new()];
     for (_, tried) in effect.searched_params() {
         let tried: &[f64] = if tried.values.is_empty() { &[readouts] } else { tried.values };
@@ -79,11 +90,23 @@ mod tests {
     fn every_effect_of_the_model_is_a_candidate_or_part_of_the_base() {
         // The base model describes the spread of thresholds by the voltages alone, and its start phases are random.
         let held = [&capacitor_mismatch::EFFECT, &start_phase::EFFECT];
-        let all = candidates(&spikelane::presets::builtin("ideal").unwrap(), 4000, &Catalog::new());
+        let all = candidates(&spikelane::presets::builtin("ideal").unwrap(), 4000, 10.0, &Catalog::new());
         for effect in ALL {
             let base = held.contains(effect) || BASE_KNOBS.iter().any(|n| n.effect == *effect);
             assert!(base != all.iter().any(|c| c.effect == *effect), "{} can never be found", effect.name);
         }
+    }
+
+    #[test]
+    fn no_line_is_tried_below_two_periods_of_a_recording() {
+        let ideal = spikelane::presets::builtin("ideal").unwrap();
+        // 300 readouts at 20 kHz last 15 ms.
+        let lines: Vec<Candidate> = candidates(&ideal, 300, 2.0 / 0.015, &Catalog::new())
+            .into_iter()
+            .filter(|c| c.effect.name == "flicker")
+            .collect();
+        let hz = |c: &Candidate| c.knobs[1].value(c.knobs[1].clamped(c.at[1]));
+        assert!(lines.len() >= 3 && lines.iter().all(|c| hz(c) > 133.0), "{lines:?}");
     }
 
     #[test]

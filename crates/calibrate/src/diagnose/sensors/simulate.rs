@@ -12,7 +12,7 @@ use crate::diagnose::statistics::vector::{
     DiagnosticStatistic, StatisticsVector, rate_map_statistics, statistics_vector,
 };
 use crate::{Stimulus, StimulusPattern};
-use spikelane::effects::{Camera, Model, start_phase};
+use spikelane::effects::{Camera, Definition, Model, edge_columns, smooth_prnu, start_phase, vignetting};
 use spikelane::error::Result;
 use spikelane::pixel::Op;
 use spikelane::spikes::{Geometry, SpikeFramesRef};
@@ -167,6 +167,10 @@ fn scan_of(geometry: Geometry, bytes: &[u8], scene: &RecordedScene) -> Result<Sc
     scan(SpikeFramesRef::new(geometry, bytes)?, scene.scan_options())
 }
 
+/// Patterns that the surface of a scene contains, because they vary little between neighbors. A camera with these effects
+/// would have them twice.
+const SURFACE_EFFECTS: [&Definition; 3] = [&vignetting::EFFECT, &edge_columns::EFFECT, &smooth_prnu::EFFECT];
+
 /// Simulates a camera that records the surface of a static scene: the measured rates without the differences between
 /// neighbors.
 pub(in crate::diagnose) fn simulate_static_scene(
@@ -177,7 +181,10 @@ pub(in crate::diagnose) fn simulate_static_scene(
 ) -> Result<Scan> {
     let geometry = camera.sensor.geometry;
     // The phase of the pixels at the start of the recording is unknown.
-    let camera = camera.with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
+    let mut camera = camera.with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
+    for effect in SURFACE_EFFECTS {
+        camera = camera.without_effect(effect.name);
+    }
     let light = |rate: &f64| {
         let light = camera.operating_point(*rate).light;
         if light.is_finite() { light.clamp(0.0, 1.0) as f32 } else { 0.0 }

@@ -157,6 +157,9 @@ fn push_spectrum(v: &mut StatisticsVector, k: usize, totals: &[u32], light: f64)
     }
 }
 
+/// Fewest periods of a line in a recording. A mean and a drift have fewer.
+pub(in crate::diagnose) const MIN_PERIODS: f64 = 2.0;
+
 /// Returns the frequency of the highest line in cycles per readout, and its power divided by the mean power around it.
 pub(in crate::diagnose) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
     let end = ((MAX_LINE_FREQUENCY * readouts as f64) as usize).min(power.len());
@@ -165,7 +168,7 @@ pub(in crate::diagnose) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
         #[inline(always)]
         || background_sums(power, end),
     );
-    for i in 2..end {
+    for i in MIN_PERIODS as usize..end {
         let count =
             i - i.saturating_sub(BACKGROUND_BINS).max(1) + (i + BACKGROUND_BINS).min(power.len()) - (i + 1);
         let ratio = power[i] * count as f64 / f64::max(sums[i], 1e-12);
