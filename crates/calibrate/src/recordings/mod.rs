@@ -7,3 +7,4 @@ pub(super) mod observations;
 pub(super) mod protocol;
 pub(super) mod published_maps;
 pub(super) mod recording_set;
+pub(super) mod sources;

@@ -72,12 +72,15 @@ pub struct ParameterMismatch {
     pub ambiguous_with: Vec<&'static str>,
 }
 
-/// The light of a recording after the diagnosis.
+/// The light of a recording or of a source after the diagnosis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct DiagnosedLamp {
-    /// File of the recording.
+    /// File of the recording. For a source, it is the recording in which the source is alone.
     pub file: String,
+    /// Name of the source, if the set states the sources of the recording. A source has the same deviation in all recordings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
     /// The stated light in words.
     pub light: String,
     /// Relative standard deviation of the light: the stated one, or a larger one if the levels contradict the stated one.
@@ -161,7 +164,7 @@ pub struct Diagnosis {
     pub effects: Vec<FoundEffect>,
     /// Parameters of the model that the data contradict.
     pub parameter_mismatches: Vec<ParameterMismatch>,
-    /// The light of each lit recording.
+    /// The light of each lit recording without sources, and of each source.
     pub lamps: Vec<DiagnosedLamp>,
     /// Significant deviations that remain.
     pub unexplained: Vec<UnexplainedStatistic>,

@@ -17,7 +17,7 @@ use crate::diagnose::search::contradicted::{Contradicted, contradicted};
 use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Round, kept};
 use crate::diagnose::search::search::Found;
-use crate::diagnose::sensors::model::Lamp;
+use crate::diagnose::sensors::lamp::{Lamp, LampKind};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 
@@ -190,7 +190,7 @@ fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
     Parameter { name: knob.key, value: knob.value(u), low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
 }
 
-/// Returns the light of the recordings, and the influence of each lamp on the named parameters.
+/// Returns the light of recordings and of sources, and the influence of each lamp on the named parameters.
 fn lamps(
     reference: &NullModel,
     found: &Found,
@@ -213,19 +213,27 @@ fn lamps(
         let change = knob.value(knob.clamped(u + posterior.impacts[(j, k)])) - knob.value(u);
         LampImpact { parameter: name(j), change }
     };
+    let scenes = &reference.setup.recordings;
     let of = |(k, lamp): (usize, &Lamp)| {
-        let recording = &reference.setup.recordings[lamp.recording];
-        DiagnosedLamp {
-            file: recording.file_name(),
-            light: words(recording.light),
+        let source = match &lamp.kind {
+            LampKind::Recording => None,
+            LampKind::Source(name) => Some(name.clone()),
+            LampKind::Repetition => return None,
+        };
+        // A source has the recording in which it is alone.
+        let (alone, _) = *lamp.shares.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(DiagnosedLamp {
+            file: scenes[alone].file_name(),
+            source,
+            light: words(scenes[alone].light),
             uncertainty: lamp.uncertainty,
             deviation: posterior.deviations[k],
             error: posterior.errors[k],
             pull: if lamp.uncertainty > 0.0 { posterior.deviations[k] / lamp.uncertainty } else { 0.0 },
             impacts: (0..fit.u.len()).filter(is_named).map(|j| impact(k, j)).collect(),
-        }
+        })
     };
-    lamps.iter().enumerate().map(of).collect()
+    lamps.iter().enumerate().filter_map(of).collect()
 }
 
 fn ties(round: Option<&Round>) -> Vec<&'static str> {

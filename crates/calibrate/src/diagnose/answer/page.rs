@@ -191,7 +191,7 @@ fn lamps(d: &Diagnosis) -> Vec<PageElement> {
     for lamp in &d.lamps {
         let percent = |x: f64| format!("{:.2} %", 100.0 * x);
         let mut row = vec![
-            lamp.file.clone(),
+            lamp.source.as_ref().map_or_else(|| lamp.file.clone(), |s| format!("source {s} ({})", lamp.file)),
             lamp.light.clone(),
             percent(lamp.uncertainty),
             format!("{:+.2} %", 100.0 * lamp.deviation),

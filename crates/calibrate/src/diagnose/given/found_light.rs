@@ -7,6 +7,7 @@
 use crate::diagnose::null::mean::average_of;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
+use crate::diagnose::sensors::lamp::add_sources;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::quantiles::Spread;
@@ -55,6 +56,7 @@ pub(in crate::diagnose) fn find_light(
         }
         before = Some(here);
     }
+    add_sources(setup);
     Ok(offsets(setup).iter().zip(&first).any(|(now, first)| (now - first).abs() > MOVED))
 }
 
@@ -124,6 +126,7 @@ mod tests {
             first_readout: 0,
             static_scene: None,
             light_uncertainty: 0.01,
+            sources: crate::recordings::sources::Sources::default(),
             light_offset: 0.0,
         };
         let lights = [0.0, 0.05, 0.1, 0.2, 0.3, 0.49, 0.6, 0.8];

@@ -124,9 +124,7 @@ impl Both {
             seen.and(more, place);
         }
         for taken in [&mut self.fitted, &mut self.judging] {
-            for (recording, uncertainty) in taken.setup.recordings.iter_mut().zip(&seen.light_uncertainties) {
-                recording.light_uncertainty = *uncertainty;
-            }
+            taken.setup.set_light_uncertainties(&seen.light_uncertainties);
         }
         let mut dropped: Vec<usize> = seen.dropped;
         dropped.sort_unstable();

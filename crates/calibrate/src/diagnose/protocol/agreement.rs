@@ -30,14 +30,20 @@ pub(in crate::diagnose) fn poor(setup: &Setup, with_camera: bool) -> Result<()> 
 
 /// Whether two sets were recorded alike; else what differs first.
 pub(in crate::diagnose) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
-    let key = |s: &Setup, k: usize| s.recordings.get(k).map(|x| (format!("{:?}", x.light), x.readouts));
+    let names = |x: &RecordedScene| x.sources.sources.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
+    let key =
+        |s: &Setup, k: usize| s.recordings.get(k).map(|x| (format!("{:?}", x.light), names(x), x.readouts));
     let size = |s: &Setup| format!("{} at {} readouts per second", s.geometry, s.readout_hz);
     let other = (0..a.recordings.len().max(b.recordings.len())).find(|k| key(a, *k) != key(b, *k));
     let said = |s: &Setup| match other {
         _ if size(a) != size(b) => size(s),
         Some(k) => s.recordings.get(k).map_or_else(
             || format!("{} recordings", s.recordings.len()),
-            |x| format!("{} of light {:?} with {} readouts", x.file_name(), x.light, x.readouts),
+            |x| {
+                let of =
+                    if names(x).is_empty() { String::new() } else { format!(" of {}", names(x).join(", ")) };
+                format!("{} of light {:?}{of} with {} readouts", x.file_name(), x.light, x.readouts)
+            },
         ),
         None => String::new(),
     };

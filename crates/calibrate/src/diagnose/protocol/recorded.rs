@@ -3,6 +3,7 @@
 use super::still::StaticScene;
 use crate::diagnose::recording::scan::Look;
 use crate::diagnose::recording::stretches::STEADY;
+use crate::recordings::sources::Sources;
 use crate::{Stimulus, StimulusPattern};
 
 /// Rates up to this have all intervals looked at.
@@ -26,6 +27,8 @@ pub struct RecordedScene {
     pub static_scene: Option<StaticScene>,
     /// Relative standard deviation of the light: how well the stated light is known.
     pub light_uncertainty: f64,
+    /// Sources of the light.
+    pub(crate) sources: Sources,
     /// Relative deviation of the found light from the stated light. Sensors are simulated at the found light.
     pub light_offset: f64,
 }

@@ -91,9 +91,11 @@ impl Setup {
                 _ => None,
             };
             let name = recording.file.clone();
+            let sources = set.sources(recording);
             scenes.push(RecordedScene {
                 name,
-                light: recording.light,
+                // The light of a sum is that of its sources, because a meter has an error for each recording.
+                light: if sources.is_sum() { Stimulus::Level(sources.light()) } else { recording.light },
                 readouts,
                 first_readout: skip,
                 static_scene: still,
@@ -101,6 +103,7 @@ impl Setup {
                     .light_uncertainty
                     .or(set.light_uncertainty)
                     .unwrap_or(DEFAULT_LIGHT_UNCERTAINTY),
+                sources,
                 light_offset: 0.0,
             });
         }
@@ -120,6 +123,21 @@ impl Setup {
     /// Whether the recordings have the same found light.
     pub(in crate::diagnose) fn has_light_of(&self, other: &Self) -> bool {
         self.recordings.iter().zip(&other.recordings).all(|(a, b)| a.light_offset == b.light_offset)
+    }
+
+    /// Sets the relative standard deviation of the light of each recording. The uncertainty of a source is that of the recording
+    /// which has the source alone.
+    pub(in crate::diagnose) fn set_light_uncertainties(&mut self, uncertainties: &[f64]) {
+        let mut of_sources = Vec::new();
+        for (recording, uncertainty) in self.recordings.iter_mut().zip(uncertainties) {
+            recording.light_uncertainty = *uncertainty;
+            of_sources.extend(recording.sources.single().map(|s| (s.name.clone(), *uncertainty)));
+        }
+        for source in self.recordings.iter_mut().flat_map(|r| r.sources.sources.iter_mut()) {
+            if let Some((_, uncertainty)) = of_sources.iter().find(|(name, _)| *name == source.name) {
+                source.uncertainty = *uncertainty;
+            }
+        }
     }
 
     /// Without some of its recordings.

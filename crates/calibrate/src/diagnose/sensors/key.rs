@@ -25,6 +25,7 @@ pub(in crate::diagnose) fn hash(setup: &Setup, sample: &Sample, seed: u64, into:
         first_readout: skip,
         static_scene: still,
         light_uncertainty: _,
+        sources: _,
         light_offset,
     } in scenes
     {
@@ -63,6 +64,7 @@ mod tests {
             first_readout: 0,
             static_scene: None,
             light_uncertainty: 0.01,
+            sources: crate::recordings::sources::Sources::default(),
             light_offset: 0.0,
         };
         let wave = StimulusPattern::Square { high: 0.5, low: 0.1, half_period: 64 };

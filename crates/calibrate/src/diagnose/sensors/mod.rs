@@ -5,6 +5,7 @@ pub(super) mod catalog;
 pub(super) mod fixed;
 pub(super) mod key;
 pub(super) mod knob;
+pub(super) mod lamp;
 pub(super) mod model;
 pub(super) mod published;
 pub(super) mod remembered;

@@ -3,6 +3,7 @@
 use super::base::{BASE, Number};
 use super::fixed::Pinned;
 use super::knob::Knob;
+use super::lamp::{Lamp, lamps_of};
 use super::sample::Sample;
 use crate::diagnose::kept::folder::Kept;
 use crate::diagnose::protocol::recorded_set::Setup;
@@ -10,22 +11,12 @@ use spikelane::effects::Camera;
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 
-/// The lamp of one recording. Its light is the stated light times one plus a relative deviation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::diagnose) struct Lamp {
-    pub recording: usize,
-    /// Standard deviation of the relative deviation, as it is known before the recordings are seen.
-    pub uncertainty: f64,
-    /// The deviation at which sensors are simulated.
-    pub offset: f64,
-}
-
 /// A camera, its knobs and the lamps of the scenes.
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct Model {
     pub camera: Camera,
     pub knobs: Vec<Knob>,
-    /// The lamps of the lit recordings.
+    /// The lamps and sources of the lit recordings.
     pub lamps: Vec<Lamp>,
     /// Lost and repeated readouts that are not left to chance.
     pub pinned: Pinned,
@@ -50,18 +41,9 @@ impl Model {
             })
         };
         let shown = |number: &&Number| number.shown_by_still || !setup.only_still();
-        // An unknown scene's light is what its rates say.
-        let lit = |k: &usize| {
-            setup.recordings[*k].brightness() > 0.0 && setup.recordings[*k].static_scene.is_none()
-        };
-        let lamp = |k: usize| Lamp {
-            recording: k,
-            uncertainty: setup.recordings[k].light_uncertainty,
-            offset: setup.recordings[k].light_offset,
-        };
         Self {
             knobs: BASE.iter().filter(shown).filter_map(knob).collect(),
-            lamps: (0..setup.recordings.len()).filter(lit).map(lamp).collect(),
+            lamps: lamps_of(setup),
             camera,
             pinned: Pinned::default(),
             kept: None,
@@ -87,7 +69,11 @@ impl Model {
         }
         let mut factors = vec![1.0; scenes];
         for (i, lamp) in self.lamps.iter().enumerate() {
-            factors[lamp.recording] = 1.0 + lamp.offset + moved.get(i).copied().unwrap_or(0.0);
+            let moved = moved.get(i).copied().unwrap_or(0.0);
+            for (k, share) in &lamp.shares {
+                factors[*k] += share * lamp.offset;
+                factors[*k] += share * moved;
+            }
         }
         Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), kept: self.kept.clone() })
     }
