@@ -267,7 +267,11 @@ impl Pairs {
         let is_right = if self.bend == 0.0 {
             found.verdict == Verdict::Agrees
         } else {
-            matches!(named.as_slice(), [("response_nonlinearity", ties, false)] if ties.is_empty())
+            // Where all pixels see the same light, the droop of a supply is a bend too.
+            let is_bend = |e: &FoundEffect| {
+                e.name == "response_nonlinearity" || e.ambiguous_with.contains(&"response_nonlinearity")
+            };
+            matches!(found.effects.as_slice(), [effect] if is_bend(effect) && !effect.is_tentative)
         };
         (!is_right || !found.faults.is_empty() || !wrong.is_empty()).then_some(words)
     }
@@ -277,6 +281,14 @@ impl Pairs {
 fn pairs(seeds: std::ops::RangeInclusive<u64>) -> impl Iterator<Item = Pairs> {
     let bend = |seed: u64| if seed.is_multiple_of(2) { 0.003 } else { -0.003 };
     seeds.flat_map(move |seed| [0.0, bend(seed)].map(|bend| Pairs { seed, bend }))
+}
+
+#[test]
+#[ignore = "debug"]
+fn debug_one_pair() {
+    let get = |key: &str| std::env::var(key).unwrap().parse::<f64>().unwrap();
+    let found = Pairs { seed: get("SEED") as u64, bend: get("BEND") };
+    eprintln!("{:?}", found.mistake().is_none());
 }
 
 #[test]

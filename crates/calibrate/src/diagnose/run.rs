@@ -199,6 +199,7 @@ fn by_itself(
     } else {
         Begun::of(base.camera.clone(), kept)
     };
+    both.fitted.sum_sources();
     let reference = null_model(&both.fitted, begun, options, progress, first)?;
     both.judging.light_as(&reference, held_out.second_set)?;
     let given = Given::of(&both, parts, held_out).shifted(&reference);

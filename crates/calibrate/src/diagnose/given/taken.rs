@@ -8,6 +8,7 @@ use crate::diagnose::lab::look::look;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::lamp::sum_sources;
 use crate::diagnose::statistics::all::vector;
 use crate::diagnose::statistics::measured::{Measured, measure};
 use spikelane::effects::Camera;
@@ -56,6 +57,13 @@ impl Taken {
         Ok(is_other)
     }
 
+    /// Takes the light of recordings with sources as the sums of the sources.
+    pub(crate) fn sum_sources(&mut self) {
+        if sum_sources(&mut self.setup) {
+            self.measured.values = vector(&self.setup, &self.measured.scans).values;
+        }
+    }
+
     /// With the light of the set of `reference`; with its own light if it `is_other` and the light differs.
     pub(crate) fn light_as(&mut self, reference: &NullModel, is_other: bool) -> Result<()> {
         let fitted = &reference.setup.recordings;
@@ -66,6 +74,7 @@ impl Taken {
         }
         if is_other {
             self.find_light(&reference.model.camera, reference.seed)?;
+            self.sum_sources();
         }
         Ok(())
     }

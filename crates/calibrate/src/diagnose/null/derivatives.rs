@@ -46,7 +46,7 @@ pub(in crate::diagnose) struct Drawn {
 }
 
 /// The lit recordings, in ascending order.
-fn lit(model: &Model) -> Vec<usize> {
+pub(in crate::diagnose) fn lit(model: &Model) -> Vec<usize> {
     let all = model.lamps.iter().flat_map(|lamp| lamp.shares.iter().map(|(k, _)| *k));
     all.collect::<BTreeSet<usize>>().into_iter().collect()
 }

@@ -60,13 +60,21 @@ pub(in crate::diagnose) fn lamps_of(setup: &Setup) -> Vec<Lamp> {
     let offsets: Vec<f64> = scenes.iter().map(|s| s.light_offset).collect();
     fit_sources(&mut lamps, &offsets);
     let with_sources = lit(setup).filter(|(_, scene)| !scene.sources.sources.is_empty());
-    lamps.extend(with_sources.map(|(k, scene)| Lamp {
+    let repetition = |(k, scene): (usize, &RecordedScene)| Lamp {
         kind: LampKind::Repetition,
         shares: vec![(k, 1.0)],
         uncertainty: scene.sources.repeatability,
-        offset: 0.0,
-    }));
+        offset: scene.light_offset - summed(&lamps, k),
+    };
+    let repetitions: Vec<Lamp> = with_sources.map(repetition).collect();
+    lamps.extend(repetitions);
     lamps
+}
+
+impl Lamp {
+    fn is_source(&self) -> bool {
+        matches!(self.kind, LampKind::Source(_))
+    }
 }
 
 /// Recordings whose light is stated and not dark. An unknown scene's light is what its rates say.
@@ -75,24 +83,28 @@ fn lit(setup: &Setup) -> impl Iterator<Item = (usize, &RecordedScene)> {
     setup.recordings.iter().enumerate().filter(is_lit)
 }
 
-/// Moves the found light of recordings with several sources to the sum of the sources that agrees best with all recordings.
-pub(in crate::diagnose) fn add_sources(setup: &mut Setup) {
+/// Moves the found light of recordings with sources to the sums of the sources that agree best with all recordings. Returns
+/// whether there are sources.
+pub(in crate::diagnose) fn sum_sources(setup: &mut Setup) -> bool {
     let lamps = lamps_of(setup);
-    let is_source = |lamp: &&Lamp| matches!(lamp.kind, LampKind::Source(_));
     for (k, recording) in setup.recordings.iter_mut().enumerate() {
-        if recording.sources.sources.is_empty() {
-            continue;
+        if !recording.sources.sources.is_empty() {
+            recording.light_offset = summed(&lamps, k);
         }
-        let own =
-            |lamp: &Lamp| lamp.shares.iter().filter(|s| s.0 == k).map(|s| s.1 * lamp.offset).sum::<f64>();
-        recording.light_offset = lamps.iter().filter(is_source).map(own).sum();
     }
+    lamps.iter().any(Lamp::is_source)
+}
+
+/// The deviation of recording `k` by its sources.
+fn summed(lamps: &[Lamp], k: usize) -> f64 {
+    let of_lamp = |lamp: &Lamp| lamp.shares.iter().filter(|s| s.0 == k).map(|s| s.1 * lamp.offset).sum::<f64>();
+    lamps.iter().filter(|lamp| lamp.is_source()).map(of_lamp).sum()
 }
 
 /// Fits the deviations of the sources to those of the recordings by least squares.
 fn fit_sources(lamps: &mut [Lamp], offsets: &[f64]) {
     let mut sources: Vec<&mut Lamp> =
-        lamps.iter_mut().filter(|lamp| matches!(lamp.kind, LampKind::Source(_))).collect();
+        lamps.iter_mut().filter(|lamp| lamp.is_source()).collect();
     if sources.is_empty() {
         return;
     }
