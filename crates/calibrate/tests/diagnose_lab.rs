@@ -284,14 +284,6 @@ fn pairs(seeds: std::ops::RangeInclusive<u64>) -> impl Iterator<Item = Pairs> {
 }
 
 #[test]
-#[ignore = "debug"]
-fn debug_one_pair() {
-    let get = |key: &str| std::env::var(key).unwrap().parse::<f64>().unwrap();
-    let found = Pairs { seed: get("SEED") as u64, bend: get("BEND") };
-    eprintln!("{:?}", found.mistake().is_none());
-}
-
-#[test]
 fn sums_of_sources_off_by_3_percent_show_a_bend_of_3_thousandths() {
     let mistakes: Vec<String> = pairs(1..=2).filter_map(Pairs::mistake).collect();
     assert!(mistakes.is_empty(), "{mistakes:#?}");

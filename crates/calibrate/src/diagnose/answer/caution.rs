@@ -62,7 +62,8 @@ pub(in crate::diagnose) fn cautious(d: &mut Diagnosis, reference: &NullModel) {
         effect.evidence += same.map_or("", |l| l.1);
     }
     tie_bends(d, reference);
-    let named = !d.parameter_mismatches.is_empty() || d.effects.iter().any(|e| !e.is_tentative);
+    let named =
+        d.parameter_mismatches.iter().any(|m| !m.is_tentative) || d.effects.iter().any(|e| !e.is_tentative);
     if matches!(d.verdict, Verdict::Explained | Verdict::PartlyExplained) && !named {
         d.verdict = Verdict::Unknown;
     }

@@ -68,8 +68,12 @@ pub struct ParameterMismatch {
     pub low: f64,
     /// Upper end of the interval.
     pub high: f64,
-    /// Effects that fit as well within noise.
+    /// Effects that fit as well within noise. For a tentative mismatch, also effects that explain at least half of what the
+    /// other value changes.
     pub ambiguous_with: Vec<&'static str>,
+    /// Whether the mismatch is tentative. Either the held-out recordings do not confirm it, or a significant discrepancy remains and
+    /// the mismatch explains only a part. An effect that is not in the catalog may then have moved the parameter.
+    pub is_tentative: bool,
 }
 
 /// The light of a recording or of a source after the diagnosis.

@@ -13,7 +13,7 @@ use crate::diagnose::fit::interval::{interval, of_data};
 use crate::diagnose::fit::unlocated::allowing;
 use crate::diagnose::given::about::words;
 use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::search::contradicted::{Contradicted, contradicted};
+use crate::diagnose::search::contradicted::{Contradicted, Contradictions, contradicted};
 use crate::diagnose::search::round::tied;
 use crate::diagnose::search::round::{Round, kept};
 use crate::diagnose::search::search::Found;
@@ -36,6 +36,9 @@ const POOR: (f64, f64) = (3.0, 0.99);
 /// Share by which a base number moves beside the effects from which on its derivative says nothing of it: row noise of 20 mV, which is not
 /// in the camera, makes its threshold noise 3.6 times what it is, its thresholds' spread 0.37, and the light's noise a fifth.
 const GAVE_WAY: f64 = 0.45;
+
+/// Names beside a number that the data contradict, at most.
+const MOST_TIED: usize = 2;
 
 /// Relative deviation below which a known number is not worth a word.
 const WORTH: f64 = 0.02;
@@ -85,6 +88,7 @@ pub(in crate::diagnose) fn outcome(
                 low: p.low,
                 high: p.high,
                 ambiguous_with: tied_with,
+                is_tentative: false,
             });
             continue;
         }
@@ -101,13 +105,16 @@ pub(in crate::diagnose) fn outcome(
         });
     }
     let mut notes = Vec::new();
-    let wrong = given.map_or_else(Vec::new, |given| base_misfits(reference, found, data, given));
+    let wrong = given.map_or_else(Vec::new, |given| {
+        let rest = Rest { left, is_strange: strange };
+        base_misfits(reference, found, data, given, &rest)
+    });
     if !found.gave_way(reference) {
         misfits.extend(wrong);
     } else if !wrong.is_empty() {
         notes.push(unjudged(&wrong));
     }
-    let named = !misfits.is_empty() || effects.iter().any(|e| !e.is_tentative);
+    let named = misfits.iter().any(|m| !m.is_tentative) || effects.iter().any(|e| !e.is_tentative);
     let gap = Discrepancy {
         fitted_set: found.train.clone(),
         held_out_set: found.heldout.clone(),
@@ -240,30 +247,52 @@ fn ties(round: Option<&Round>) -> Vec<&'static str> {
     round.map_or_else(Vec::new, |r| tied(r).into_iter().map(|e| e.name).collect())
 }
 
+/// What a model with effects leaves of the fitted set.
+struct Rest {
+    /// Squared distance from the data.
+    left: f64,
+    is_strange: bool,
+}
+
 /// Numbers of the given camera that the data contradict.
+///
+/// What nothing explains moves the base model's numbers too. A number is therefore stated plainly on the conditions of an effect:
+/// the held-out set bears it out, and where something is left, the number explains most of what there was.
 fn base_misfits(
     reference: &NullModel,
     found: &Found,
     data: &nalgebra::DVector<f64>,
     given: &Camera,
+    rest: &Rest,
 ) -> Vec<ParameterMismatch> {
     let knobs = &reference.model.knobs;
     let places = reference.model.places_in(given);
+    let off = data - &found.fit.mean;
+    let Contradictions { numbers, distance } = contradicted(found, &reference.missed, &off, &places);
+    let beyond = |explained: f64| explained / (explained + rest.left - found.own.allowed_floor).max(1.0);
+    let whole = beyond(distance + found.train[0] - rest.left);
     let misfit = |c: &Contradicted| {
         let knob = knobs[c.number];
         let p = parameter_at(found, c.number, c.position, c.deviation);
+        let is_part = found.left && (beyond(c.gain) < 0.5 || whole < WHOLE || rest.is_strange);
+        let is_tentative = is_part || !c.is_borne_out;
+        let mut alike: Vec<&str> = c.tied.iter().map(|j| knobs[*j].effect.name).collect();
+        if is_tentative {
+            alike.extend(reference.effects_like(&c.change, &found.fit));
+        }
+        alike.truncate(MOST_TIED);
         ParameterMismatch {
             parameter: format!("{}.{}", knob.effect.name, knob.key),
             model_value: knob.value_in(given),
             fitted_value: p.value,
             low: p.low,
             high: p.high,
-            ambiguous_with: c.tied.iter().take(2).map(|j| knobs[*j].effect.name).collect(),
+            ambiguous_with: alike,
+            is_tentative,
         }
     };
     let worth = |m: &ParameterMismatch| (m.fitted_value - m.model_value).abs() > WORTH * m.model_value.abs();
-    let off = data - &found.fit.mean;
-    contradicted(found, &reference.missed, &off, &places).iter().map(misfit).filter(worth).collect()
+    numbers.iter().map(misfit).filter(worth).collect()
 }
 
 /// The recordings and statistics that are furthest off.

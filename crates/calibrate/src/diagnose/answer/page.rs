@@ -104,7 +104,8 @@ fn sentence(d: &Diagnosis) -> String {
         })
         .chain(d.parameter_mismatches.iter().map(|m| {
             let [fitted, model] = [m.fitted_value, m.model_value].map(|x| rounded(x, m.low, m.high));
-            format!("a different value of {} ({fitted} instead of {model})", m.parameter)
+            let resembles = if m.is_tentative { "an effect that resembles " } else { "" };
+            format!("{resembles}a different value of {} ({fitted} instead of {model})", m.parameter)
         }))
         .collect();
     let names = effects.join(", ");
@@ -161,7 +162,7 @@ fn named(d: &Diagnosis) -> Vec<PageElement> {
     for m in &d.parameter_mismatches {
         let note = format!("the model has {}", rounded(m.model_value, m.low, m.high));
         table.push_row([
-            "mismatch",
+            if m.is_tentative { "tentative mismatch" } else { "mismatch" },
             &m.parameter,
             &rounded(m.fitted_value, m.low, m.high),
             &interval(m.low, m.high),

@@ -179,8 +179,7 @@ impl Place {
         let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
         let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (count - 1) as f64).sqrt()).collect();
         let sd: Vec<f64> = spread.iter().zip(floors).map(|(s, f)| s.hypot(*f)).collect();
-        let (lamps, z) =
-            lamps.fit(DVector::from_fn(mean.len(), |j, _| (data[j] - mean[j]) / sd[j]), &sd);
+        let (lamps, z) = lamps.fit(DVector::from_fn(mean.len(), |j, _| (data[j] - mean[j]) / sd[j]), &sd);
         let huber = |z: &f64| if z.abs() < USUAL { z * z } else { USUAL * (2.0 * z.abs() - USUAL) };
         let cost = z.iter().map(huber).sum();
         Ok(Self { model, each, spread, sd, lamps, z, cost })

@@ -97,14 +97,14 @@ pub(in crate::diagnose) fn sum_sources(setup: &mut Setup) -> bool {
 
 /// The deviation of recording `k` by its sources.
 fn summed(lamps: &[Lamp], k: usize) -> f64 {
-    let of_lamp = |lamp: &Lamp| lamp.shares.iter().filter(|s| s.0 == k).map(|s| s.1 * lamp.offset).sum::<f64>();
+    let of_lamp =
+        |lamp: &Lamp| lamp.shares.iter().filter(|s| s.0 == k).map(|s| s.1 * lamp.offset).sum::<f64>();
     lamps.iter().filter(|lamp| lamp.is_source()).map(of_lamp).sum()
 }
 
 /// Fits the deviations of the sources to those of the recordings by least squares.
 fn fit_sources(lamps: &mut [Lamp], offsets: &[f64]) {
-    let mut sources: Vec<&mut Lamp> =
-        lamps.iter_mut().filter(|lamp| lamp.is_source()).collect();
+    let mut sources: Vec<&mut Lamp> = lamps.iter_mut().filter(|lamp| lamp.is_source()).collect();
     if sources.is_empty() {
         return;
     }
