@@ -70,6 +70,30 @@ impl Lamp {
     }
 }
 
+/// Whether the responses to sources of light add up.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Additivity {
+    /// The recordings of several sources.
+    pub sums: Vec<AdditiveSum>,
+    /// The number `b` of the response `a light (1 + b light)` that the sums show. It is 0 for a linear response, and it does not
+    /// depend on the stated light.
+    pub curvature: Estimate,
+}
+
+/// The response to several sources, compared with the responses to each source.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct AdditiveSum {
+    /// File name of the recording of all sources.
+    pub file: String,
+    /// Names of the sources.
+    pub sources: Vec<String>,
+    /// Response to all sources minus the sum of the responses to each source, divided by the response to all sources. The
+    /// error includes the repeatability of the sources.
+    pub residual: Estimate,
+}
+
 /// The shape of the light on the sensor, which all recordings share. It is the product of the lamp and the lens.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
@@ -192,10 +216,13 @@ pub struct Calibration {
     /// in the errors of single pixels.
     pub light_scale_error: f64,
     /// Nonlinearity of the found levels as a function of the stated levels: the relative deviation at light 1 minus the
-    /// relative deviation in the dark. `None` with fewer than three lit levels.
+    /// relative deviation in the dark. `None` with fewer than three lit levels. With recordings of several sources, it is
+    /// the curvature of [`Additivity`].
     pub nonlinearity: Option<Estimate>,
     /// Whether the nonlinearity exceeds what the uncertainty of the levels explains.
     pub is_nonlinear: bool,
+    /// Whether the responses to several sources add up. `None` without recordings of several sources.
+    pub additivity: Option<Additivity>,
     /// Pixels that never fired in lit recordings.
     pub dead_pixels: Vec<usize>,
     /// Pixels whose dark rate is more than six robust standard deviations above the median.

@@ -44,11 +44,12 @@ fn ambiguous_names(effect: &Value) -> Vec<&str> {
 }
 
 /// Returns the names in a diagnosis, each with its ambiguous names. The names are the effects that are not tentative,
-/// and the effects of mismatched camera parameters.
+/// and the effects of mismatched camera parameters that are not tentative.
 fn diagnosed_names(diagnosis: &Value) -> Vec<NamedEffect<'_>> {
     let effects = array_items(&diagnosis["effects"]).filter(|e| e["is_tentative"] != true);
     let effects = effects.filter_map(|e| Some((e["name"].as_str()?, ambiguous_names(e))));
     let misfits = array_items(&diagnosis["parameter_mismatches"])
+        .filter(|m| m["is_tentative"] != true)
         .filter_map(|m| Some((m["parameter"].as_str()?.split('.').next()?, ambiguous_names(m))));
     effects.chain(misfits).collect()
 }

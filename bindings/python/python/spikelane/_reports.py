@@ -224,7 +224,10 @@ class FoundEffect:
 
 @dataclass(frozen=True)
 class ParameterMismatch:
-    """A model parameter that the recordings contradict; ``low`` and ``high`` are the 95 % interval of the fit."""
+    """A model parameter that the recordings contradict; ``low`` and ``high`` are the 95 % interval of the fit.
+
+    ``is_tentative`` is true if the held-out recordings do not confirm the mismatch, or if the mismatch explains only a part.
+    """
 
     parameter: str
     model_value: float
@@ -232,6 +235,7 @@ class ParameterMismatch:
     low: float
     high: float
     ambiguous_with: tuple[str, ...]
+    is_tentative: bool
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,7 @@ pub fn detectability(
     let mut both = Both::read([set, set], [RecordingPart::Whole; 2], options.readout_selection)?;
     let base = BaseModel::of(&both, options.camera)?;
     both.fitted.find_light(&base.camera, options.seed)?;
+    both.fitted.sum_sources();
     let library = Catalog::new();
     let effects = options.effects.unwrap_or(&library);
     let setup = both.fitted.setup;

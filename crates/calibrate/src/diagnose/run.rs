@@ -216,6 +216,7 @@ fn by_itself(
         } else {
             StartingCamera::new(base.camera.clone(), context)
         };
+        both.fitted.sum_sources();
         Baseline::first(both.fitted.setup.clone(), start, options.seed, effects, progress)
     };
     let Some(baseline) = in_time(first_simulations())? else {

@@ -167,8 +167,8 @@ impl Fitter<'_> {
     /// it.
     pub(super) fn nonlinearity(&self) -> Option<Estimate> {
         let used = |k: &usize| {
-            let light = self.observed.levels[*k].light;
-            light > 0.0 && !self.is_saturated[*k]
+            let level = &self.observed.levels[*k];
+            level.light > 0.0 && !self.is_saturated[*k] && !level.sources.is_sum()
         };
         let point = |k: usize| {
             let light = self.observed.levels[k].light;
@@ -182,6 +182,15 @@ impl Fitter<'_> {
         }
         let line = fit_line(&points)?;
         Some(Estimate { value: line.a, error: line.var_a.sqrt(), samples: points.len() })
+    }
+
+    /// Adds a note about a significant curvature that the sums of sources show.
+    pub(super) fn note_curvature(&mut self, curvature: Estimate) {
+        self.notes.push(format!(
+            "The response to several sources is not the sum of the responses to each source: the response deviates from proportionality by {:+.2} % +- {:.2} % at full light. This does not depend on the stated light. The camera file is linear, and the errors include this deviation.",
+            100.0 * curvature.value,
+            100.0 * curvature.error
+        ));
     }
 
     pub(super) fn note_nonlinearity(&mut self, bend: Estimate) {

@@ -217,7 +217,10 @@ impl Fitter<'_> {
         check_precision(&self, &population, options)?;
         self.note_levels();
         self.note_shape();
-        let bend = self.nonlinearity();
+        let additivity = self.additivity();
+        let curvature = additivity.as_ref().map(|a| a.curvature);
+        // The sums of sources show the nonlinearity whatever the stated light is.
+        let bend = curvature.or_else(|| self.nonlinearity());
         let bends = bend.is_some_and(|b| b.value.abs() > NONLINEARITY_Z_THRESHOLD * b.error);
         let (mut scale, shift) =
             self.alignment.as_ref().map_or((0.0, 0.0), |a| (a.scale_error, a.shift_error));
@@ -225,7 +228,10 @@ impl Fitter<'_> {
             scale = scale.hypot(if bends { b.value } else { super::diagnostics::expected_nonlinearity(b) });
         }
         if let Some(b) = bend.filter(|_| bends) {
-            self.note_nonlinearity(b);
+            match curvature {
+                Some(_) => self.note_curvature(b),
+                None => self.note_nonlinearity(b),
+            }
         }
         // The unit of light cancels in the ratio of photons and gain.
         let gain = population.mean_a;
@@ -260,6 +266,7 @@ impl Fitter<'_> {
             light_scale_error: scale,
             nonlinearity: bend,
             is_nonlinear: bends,
+            additivity,
             redraw_share: Estimate { value: self.redraw_share.value.clamp(0.0, 1.0), ..self.redraw_share },
             light_field: self.shape.light_field,
             light_field_map: self.shape.field,

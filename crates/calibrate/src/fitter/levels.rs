@@ -9,6 +9,7 @@ use super::scale_posterior::StatedLevel;
 use super::state::Fitter;
 use crate::formulas::cholesky::solve_cholesky;
 use crate::formulas::fit::fit_line;
+use crate::recordings::sources::Source;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::threads;
 use spikelane_measure::median;
@@ -42,14 +43,17 @@ impl Fitter<'_> {
             .collect();
         self.iterate_until_converged();
         let used: Vec<usize> = (0..self.level_offsets.len()).filter(|k| !self.is_saturated[*k]).collect();
-        let stated: Vec<StatedLevel> = used.iter().map(|k| self.stated_level(*k)).collect();
+        // The light of a sum follows from its sources, so it is no further evidence of the scale.
+        let is_independent = |k: &usize| !self.observed.levels[*k].sources.is_sum();
+        let independent: Vec<usize> = used.iter().copied().filter(is_independent).collect();
+        let stated: Vec<StatedLevel> = independent.iter().map(|k| self.stated_level(*k)).collect();
         let aligned = align_levels(&stated).ok_or_else(|| {
             Error::new(ErrorKind::Input, "light levels of the recording set")
                 .found("levels that do not determine a scale")
                 .expected("levels with different light")
                 .remedy("record flat fields at 0.1, 0.3 and 0.6 of saturation")
         })?;
-        self.apply_alignment(&used, &stated, aligned);
+        self.apply_alignment(&used, &independent, aligned);
         self.iterate_until_converged();
         Ok(())
     }
@@ -63,19 +67,28 @@ impl Fitter<'_> {
     }
 
     /// Returns the relative standard deviation of a stated level. The options have priority over the set. The default is
-    /// 1 %.
+    /// 1 %. The deviations of the sources of a sum are independent.
     pub(super) fn level_uncertainty(&self, k: usize) -> f64 {
-        self.light_uncertainty
-            .or(self.observed.levels[k].light_uncertainty)
-            .unwrap_or(crate::result::DEFAULT_LIGHT_UNCERTAINTY)
+        let level = &self.observed.levels[k];
+        if level.sources.is_sum() {
+            let sd = |s: &Source| s.light * self.light_uncertainty.unwrap_or(s.uncertainty);
+            return level.sources.sources.iter().map(|s| sd(s).powi(2)).sum::<f64>().sqrt() / level.light;
+        }
+        self.light_uncertainty.or(level.light_uncertainty).unwrap_or(crate::result::DEFAULT_LIGHT_UNCERTAINTY)
     }
 
-    fn apply_alignment(&mut self, used: &[usize], stated: &[StatedLevel], aligned: Alignment) {
-        for ((k, s), wrong) in used.iter().zip(stated).zip(&aligned.is_outlier) {
-            self.level_offsets[*k].value = aligned.scale * s.found_light + aligned.shift - s.stated_light;
+    /// Moves the `used` levels to the aligned scale. `independent` are the levels that were aligned.
+    fn apply_alignment(&mut self, used: &[usize], independent: &[usize], aligned: Alignment) {
+        for k in used {
+            let level = &self.observed.levels[*k];
+            let found = level.light + self.level_offsets[*k].value;
+            self.level_offsets[*k].value = aligned.scale * found + aligned.shift - level.light;
+        }
+        for (k, wrong) in independent.iter().zip(&aligned.is_outlier) {
             self.is_outlier[*k] = *wrong;
             if !wrong {
-                self.level_sd[*k] = s.sd;
+                let light = self.observed.levels[*k].light;
+                self.level_sd[*k] = if light == 0.0 { 0.0 } else { self.level_uncertainty(*k) * light };
             }
         }
         self.alignment = Some(aligned);
@@ -101,8 +114,8 @@ impl Fitter<'_> {
 
     /// Changes the deviations of the light levels by one Gauss-Newton step. Returns the largest step divided by the light.
     ///
-    /// All pixels share the deviations. The line of every pixel is eliminated from the equations. The prior of a
-    /// deviation is normal with the standard deviation `level_sd` of the level.
+    /// All pixels share the deviations. The line of every pixel is eliminated from the equations. The prior of the
+    /// deviations is normal with the inverse covariance [`Fitter::light_precision`].
     fn fit_levels(&mut self) -> f64 {
         let k = self.observed.levels.len();
         // All parts have the same size and are added in order, so the sums do not depend on the number of threads.
@@ -118,11 +131,12 @@ impl Fitter<'_> {
             h.iter_mut().zip(&part.0).for_each(|(x, y)| *x += y);
             g.iter_mut().zip(&part.1).for_each(|(x, y)| *x += y);
         }
-        for (i, level) in self.observed.levels.iter().enumerate() {
-            // The light of a dark level is exactly 0, so its prior is very narrow.
-            let sd = if level.light == 0.0 { 1e-12 } else { self.level_sd[i] };
-            h[i * k + i] += 1.0 / (sd * sd);
-            g[i] -= self.level_offsets[i].value / (sd * sd);
+        let prior = self.light_precision();
+        for i in 0..k {
+            for j in 0..k {
+                h[i * k + j] += prior[(i, j)];
+                g[i] -= prior[(i, j)] * self.level_offsets[j].value;
+            }
         }
         let Some((step, variance)) = solve_cholesky(&h, &g, k) else { return 0.0 };
         let mut furthest = 0.0_f64;

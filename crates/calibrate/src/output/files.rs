@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::population::mean_and_sd;
-use crate::result::{Calibration, Lamp, LightField};
+use crate::result::{AdditiveSum, Additivity, Calibration, Lamp, LightField};
 use crate::snee::{SneeMaps, SneePixel};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::pixel::NoiseSampling;
@@ -39,6 +39,11 @@ fn lamp_json(l: &Lamp) -> Value {
     });
     let pull = l.pull().filter(|x| x.is_finite()).map(Into::into);
     insert_present(fields, [("light_change", l.light_change.map(estimate_json)), ("pull", pull)])
+}
+
+fn additivity_json(a: &Additivity) -> Value {
+    let sum = |s: &AdditiveSum| json!({ "file": s.file, "sources": s.sources, "residual": estimate_json(s.residual) });
+    json!({ "sums": a.sums.iter().map(sum).collect::<Vec<_>>(), "curvature": estimate_json(a.curvature) })
 }
 
 impl Calibration {
@@ -77,6 +82,7 @@ impl Calibration {
         let optional_fields = [
             ("light_field", self.light_field.as_ref().map(field)),
             ("camera", self.recorded_camera.as_ref().map(|camera| json!(camera))),
+            ("additivity", self.additivity.as_ref().map(additivity_json)),
             ("nonlinearity", self.nonlinearity.map(estimate_json)),
             ("reduced_chi2", self.reduced_chi2().map(Into::into)),
             ("snee", self.snee.as_ref().map(|paper| self.snee_json(paper))),

@@ -2,14 +2,14 @@
 
 use crate::formulas::fit::PixelFit;
 use crate::population::mean_and_sd;
-use crate::result::{Calibration, Lamp};
+use crate::result::{Additivity, Calibration, Lamp};
 use crate::snee::{SneeMaps, SneePixel};
 use spikelane::error::Result;
 use spikelane::unstable::Count;
-use spikelane_measure::finite_values;
 use spikelane_measure::report::{
     Curve, PageElement, ShadedBand, Table, bar_plot, heat_map, marked_line_plot, page as render, today,
 };
+use spikelane_measure::{Estimate, finite_values};
 
 impl Calibration {
     /// Returns the report as an HTML page.
@@ -33,6 +33,9 @@ fn page(c: &Calibration) -> Result<String> {
         linearity_figure(c)?,
         residual_figure(c)?,
         PageElement::Table(lamp_table(c)),
+    ];
+    parts.extend(c.additivity.as_ref().map(|a| PageElement::Table(additivity_table(a))));
+    parts.extend([
         PageElement::heading("Population"),
         PageElement::Table(population_table(c)),
         PageElement::heading("Identified and unidentified values"),
@@ -50,7 +53,7 @@ fn page(c: &Calibration) -> Result<String> {
         ),
         histogram_figure("Gain a", "thresholds per readout at full light", &a)?,
         histogram_figure("Dark rate d", "thresholds per readout", &d)?,
-    ];
+    ]);
     if c.recorded_camera.is_some() {
         parts.insert(1, PageElement::Table(camera_table(c)));
     }
@@ -186,6 +189,20 @@ fn lamp_table(c: &Calibration) -> Table {
             [format!("{:.5}", lamp.mean_rate), percent(lamp.rate_scatter), lamp_verdict(lamp).to_owned()];
         table.push_row(cells.into_iter().chain(fitted));
     }
+    table
+}
+
+/// Returns one row for each recording of several sources, and one for the curvature of the response.
+fn additivity_table(additivity: &Additivity) -> Table {
+    let mut table = Table::new(&["recording", "sources", "response more than the sum", "standard error"]);
+    let percent = |x: f64| format!("{:.4} %", 100.0 * x);
+    for sum in &additivity.sums {
+        let Estimate { value, error, .. } = sum.residual;
+        table.push_row([sum.file.clone(), sum.sources.join(" + "), percent(value), percent(error)]);
+    }
+    let Estimate { value, error, .. } = additivity.curvature;
+    let name = "deviation from a line at full light".to_owned();
+    table.push_row([name, String::new(), percent(value), percent(error)]);
     table
 }
 

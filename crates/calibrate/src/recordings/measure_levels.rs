@@ -6,6 +6,7 @@ use std::path::Path;
 use super::check;
 use super::observations::{IntervalNoise, LightLevel, Observations};
 use super::recording_set::{RateMap, RecordingSet, Stimulus, StimulusPattern, mean_rate_at_start};
+use super::sources::Sources;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs;
@@ -71,6 +72,10 @@ pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Res
             let statistics = measure_recording(reader, dim, &mut report_readouts)?;
             let mut level = level_from_statistics(name, light.level().unwrap_or(f64::NAN), &statistics);
             level.light_uncertainty = recording.light_uncertainty.or(set.light_uncertainty);
+            level.sources = set.sources(recording);
+            if level.sources.is_sum() {
+                level.light = level.sources.light();
+            }
             match light.level() {
                 Some(_) => observed.levels.push(level),
                 None => {
@@ -203,6 +208,7 @@ fn read_rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Lig
         name: map.file.clone(),
         light: map.light,
         light_uncertainty: None,
+        sources: Sources::default(),
         readouts,
         spikes,
         rate,

@@ -8,3 +8,4 @@ pub(super) mod protocol;
 pub(super) mod published_maps;
 pub(super) mod recorded_camera;
 pub(super) mod recording_set;
+pub(super) mod sources;

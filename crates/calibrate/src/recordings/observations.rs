@@ -2,6 +2,7 @@
 
 use super::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
 use super::recorded_camera::RecordedCamera;
+use super::sources::Sources;
 use spikelane::spikes::{Geometry, span_rate};
 use spikelane_measure::{Estimate, finite_values, median};
 
@@ -36,6 +37,8 @@ pub struct LightLevel {
     pub light: f64,
     /// Relative standard deviation of the light, if the set states it.
     pub light_uncertainty: Option<f64>,
+    /// Sources of the light.
+    pub(crate) sources: Sources,
     /// Number of readouts. It is 0 for a rate map of unknown length.
     pub readouts: u32,
     /// Number of spikes of each pixel.
@@ -88,6 +91,7 @@ impl LightLevel {
             name: name.to_owned(),
             light,
             light_uncertainty: None,
+            sources: Sources::default(),
             readouts,
             spikes: count,
             rate,

@@ -7,7 +7,9 @@ use super::recording_set::{Recording, RecordingSet, Stimulus, StimulusPattern};
 use crate::formulas::fit::RateWeighting;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::draws::hash::mix64;
+use spikelane::unstable::draws::pattern_rng::PatternRng;
+use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane::unstable::inputs;
 use spikelane::unstable::plan::Plan;
 use spikelane::unstable::threads;
@@ -36,7 +38,16 @@ pub struct Protocol {
     pub recordings: Vec<(String, Stimulus)>,
     /// Number of readouts of each recording.
     pub readouts: u32,
+    /// File stems of recordings with the names of the sources that are on. Other recordings have a lamp of their own.
+    pub sources: Vec<(String, Vec<String>)>,
+    /// Relative standard deviation of the light of every source and lamp of simulated recordings. The recording set states
+    /// the planned light and this uncertainty. If 0, the light is exact.
+    pub lamp_error: f64,
 }
+
+/// Light of the two sources of each pair of [`Protocol::additive`]. The bright sum is below saturation with lamps that are
+/// off by 5 %. The light of the first three pairs is low enough to show the noise of intervals.
+const SOURCE_PAIRS: [[f64; 2]; 4] = [[0.028, 0.022], [0.11, 0.08], [0.27, 0.21], [0.46, 0.38]];
 
 impl Protocol {
     /// Returns the recommended plan: dark, flats, steps and a checkerboard. Together these identify most effects.
@@ -52,14 +63,70 @@ impl Protocol {
         let board = StimulusPattern::Checkerboard { high: 0.8, low: 0.03, cell: 8 };
         recordings.push(("steps".to_owned(), Stimulus::Scene(square)));
         recordings.push(("checker".to_owned(), Stimulus::Scene(board)));
-        Self { recordings, readouts }
+        Self { recordings, readouts, sources: Vec::new(), lamp_error: 0.0 }
     }
 
     /// Returns a plan with the 25 gray levels of the SCSim paper: 0, 10, ..., 240 on a scale of 0 to 255.
     #[must_use]
     pub fn gray_levels(readouts: u32) -> Self {
         let gray = |k: u32| (format!("gray_{:03}", 10 * k), Stimulus::Level(f64::from(10 * k) / 255.0));
-        Self { recordings: (0..25).map(gray).collect(), readouts }
+        let recordings = (0..25).map(gray).collect();
+        Self { recordings, readouts, sources: Vec::new(), lamp_error: 0.0 }
+    }
+
+    /// Returns a plan that needs no known light: dark, and four pairs of sources, each source alone and both together.
+    ///
+    /// The sources may be lamps or apertures. Their light adds up, so the sums show the response of the camera.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane_calibrate::Protocol;
+    /// let plan = Protocol::additive(1000);
+    /// assert_eq!(plan.recordings.len(), 13);
+    /// assert_eq!(plan.sources[2], ("a1_b1".to_owned(), vec!["a1".to_owned(), "b1".to_owned()]));
+    /// ```
+    #[must_use]
+    pub fn additive(readouts: u32) -> Self {
+        let mut recordings = vec![("dark".to_owned(), Stimulus::Level(0.0))];
+        let mut sources = Vec::new();
+        for ([a, b], pair) in SOURCE_PAIRS.into_iter().zip(1..) {
+            let names = [format!("a{pair}"), format!("b{pair}")];
+            for (name, light) in names.iter().zip([a, b]) {
+                recordings.push((name.clone(), Stimulus::Level(light)));
+                sources.push((name.clone(), vec![name.clone()]));
+            }
+            recordings.push((names.join("_"), Stimulus::Level(a + b)));
+            sources.push((names.join("_"), names.to_vec()));
+        }
+        Self { recordings, readouts, sources, lamp_error: 0.0 }
+    }
+
+    /// Returns the sources of the recording `stem`.
+    fn sources_of(&self, stem: &str) -> &[String] {
+        self.sources.iter().find(|(own, _)| own == stem).map_or(&[], |(_, names)| names)
+    }
+
+    /// Returns the light of each recording as it is simulated. `set` states the planned light.
+    ///
+    /// The deviations are drawn in the order of the recordings, one for each source or lamp. Each choice of seeds has its own
+    /// deviations.
+    fn simulated_lights(&self, set: &RecordingSet, seeds: Seeds) -> Vec<Stimulus> {
+        let seed =
+            [seeds.camera, seeds.shot, seeds.sequence].into_iter().fold(0, |all, own| mix64(all ^ own));
+        let seeds = Seeds { camera: seed, ..seeds };
+        let mut normals = PatternRng::new(seeds, RandomStream::from_name("lamps")).normals();
+        let factors: Vec<f64> =
+            self.recordings.iter().map(|_| 1.0 + self.lamp_error * normals.next().unwrap_or(0.0)).collect();
+        let alone = |name: &str| set.recordings.iter().position(|r| r.sources == [name]);
+        let light_of = |((stem, light), own): (&(String, Stimulus), &f64)| match self.sources_of(stem) {
+            [] => light.scale(*own),
+            names => {
+                let sources = names.iter().filter_map(|name| alone(name));
+                let light = |k: usize| self.recordings[k].1.level().unwrap_or(0.0) * factors[k];
+                Stimulus::Level(sources.map(light).sum())
+            }
+        };
+        self.recordings.iter().zip(&factors).map(light_of).collect()
     }
 
     /// Returns the total size of the recordings of `camera` in bytes.
@@ -78,6 +145,7 @@ impl Protocol {
     ///
     /// # Errors
     /// * If the camera cannot be simulated, or if the plan is empty or contains an unknown scene.
+    /// * If a source is in no recording alone, or if `lamp_error` is not a number from 0 to below 1.
     /// * If a file exists and `force` is false, or if a file cannot be written.
     pub fn record(
         &self,
@@ -92,42 +160,56 @@ impl Protocol {
                 .found("none")
                 .expected("at least one readout and level"));
         }
+        if !(0.0..1.0).contains(&self.lamp_error) {
+            return Err(Error::new(ErrorKind::Usage, "lamp error")
+                .found(self.lamp_error)
+                .expected("a relative standard deviation from 0 to below 1, such as 0.03"));
+        }
+        let set = self.recording_set(camera, folder);
+        set.check_sources()?;
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
         let total = self.recordings.len() as f64;
-        for (i, (stem, light)) in self.recordings.iter().enumerate() {
+        let lights = self.simulated_lights(&set, seeds);
+        for (i, ((stem, _), light)) in self.recordings.iter().zip(lights).enumerate() {
             let seeds = Seeds { sequence: seeds.sequence + i as u64, ..seeds };
             let mut report_share = |share: f64| progress(stem, (i as f64 + share) / total);
             self.record_one_stream(
                 camera,
                 seeds,
-                *light,
+                light,
                 &folder.join(format!("{stem}.dat")),
                 force,
                 &mut report_share,
             )?;
         }
+        let path = folder.join("recordings.toml");
+        spikelane_io::storage::write_small(&path, set.to_toml()?.as_bytes(), force)?;
+        Ok(path)
+    }
+
+    /// Returns the recording set of this plan. In the set, light 1 causes one spike per readout.
+    fn recording_set(&self, camera: &Camera, folder: &Path) -> RecordingSet {
         let geometry = camera.sensor.geometry;
         let recording = |(stem, light): &(String, Stimulus)| Recording {
             file: format!("{stem}.dat"),
             light: light.scale(camera.sensor.thresholds_at_full_scale),
             light_uncertainty: None,
+            sources: self.sources_of(stem).to_vec(),
             layout: None,
         };
-        let set = RecordingSet {
+        RecordingSet {
             width: geometry.width() as u32,
             height: geometry.height() as u32,
             readout_hz: camera.sensor.readout_hz,
             layout: None,
-            light_uncertainty: None,
+            light_uncertainty: (self.lamp_error > 0.0).then_some(self.lamp_error),
+            source_repeatability: None,
             simulated_camera: Some(camera.name.clone()),
             camera: None,
             recordings: self.recordings.iter().map(recording).collect(),
             rate_maps: Vec::new(),
             folder: folder.to_path_buf(),
-        };
-        let path = folder.join("recordings.toml");
-        spikelane_io::storage::write_small(&path, set.to_toml()?.as_bytes(), force)?;
-        Ok(path)
+        }
     }
 
     fn record_one_stream(

@@ -75,6 +75,7 @@ pub fn import_maps(archive: &Path, folder: &Path, force: bool) -> Result<PathBuf
     }
     let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
     let set = RecordingSet {
+        source_repeatability: None,
         width: side(shape[1]),
         height: side(shape[0]),
         readout_hz: READOUT_HZ,

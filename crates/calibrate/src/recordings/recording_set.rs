@@ -187,6 +187,10 @@ pub struct Recording {
     /// Relative standard deviation of the light of this recording. If absent, the value of the set applies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_uncertainty: Option<f64>,
+    /// Names of the sources of light that were on. The light of the recording is the sum of their light. If empty, the
+    /// recording has a lamp of its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sources: Vec<String>,
     /// File layout of this recording. If absent, the layout of the set applies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<String>,
@@ -228,6 +232,9 @@ pub struct RecordingSet {
     /// Relative standard deviation of the light levels. If absent, it is 0.01.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_uncertainty: Option<f64>,
+    /// Relative standard deviation of the light of sources from one recording to another. If absent, it is 0.0001.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source_repeatability: Option<f64>,
     /// Name of the simulated camera, if the recordings were simulated. Reports mention this name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulated_camera: Option<String>,
@@ -322,6 +329,7 @@ impl RecordingSet {
             file: file.to_owned(),
             light: Stimulus::Scene(StimulusPattern::StaticUnknown {}),
             light_uncertainty: None,
+            sources: Vec::new(),
             layout: Some(stream.layout().name().to_owned()),
         };
         let set = Self {
@@ -330,7 +338,9 @@ impl RecordingSet {
             readout_hz,
             layout: None,
             light_uncertainty: None,
+            source_repeatability: None,
             simulated_camera: None,
+            camera: None,
             recordings: vec![recording],
             rate_maps: Vec::new(),
             folder: PathBuf::new(),
@@ -403,7 +413,8 @@ impl RecordingSet {
                 .found("no recordings")
                 .expected("[[recording]] or [[rate_map]] entries"));
         }
-        self.check_duplicates()
+        self.check_duplicates()?;
+        self.check_sources()
     }
 
     /// Checks the light of all files. If `text` is the text of this set, an error names the line of the light.

@@ -7,3 +7,4 @@ mod recording_sets;
 mod recovery;
 mod robustness;
 mod round_trip;
+mod sources;

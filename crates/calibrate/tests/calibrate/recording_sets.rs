@@ -24,7 +24,7 @@ fn camera() -> Camera {
 
 fn flats(levels: &[f64], readouts: u32) -> Protocol {
     let flat = |l: &f64| (format!("flat_{l}"), Stimulus::Level(*l));
-    Protocol { recordings: levels.iter().map(flat).collect(), readouts }
+    Protocol { recordings: levels.iter().map(flat).collect(), ..Protocol::gray_levels(readouts) }
 }
 
 fn record(protocol: &Protocol) -> (tempfile::TempDir, PathBuf) {

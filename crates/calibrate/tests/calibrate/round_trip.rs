@@ -66,7 +66,8 @@ fn calibrate_and_resimulate(
 /// With seven degrees of freedom, 2.0 % exceed 3, and 0.3 % exceed 4.5.
 fn compare(width: u32, height: u32, readouts: u32, rounds: u64) -> Compared {
     let flat = |l: &f64| (format!("light_{l}"), Stimulus::Level(*l));
-    let protocol = Protocol { recordings: LEVELS.iter().map(flat).collect(), readouts };
+    let protocol =
+        Protocol { recordings: LEVELS.iter().map(flat).collect(), ..Protocol::gray_levels(readouts) };
     let camera = camera(width, height);
     let mut pairs: BTreeMap<(String, String), Vec<[Estimate; 2]>> = BTreeMap::new();
     for r in 0..rounds {

@@ -158,6 +158,11 @@ pub fn streams(sensor: &Sensor, size: Size, take: u64) -> Vec<Vec<u8>> {
     done.into_inner().unwrap()
 }
 
+/// Simulates one recording of exactly this light and returns its bytes.
+pub fn record_exact(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Vec<u8> {
+    run::record_exact(sensor, scene, readouts, number)
+}
+
 /// Simulates one recording and returns its bytes.
 pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Vec<u8> {
     run::record(sensor, scene, readouts, number)

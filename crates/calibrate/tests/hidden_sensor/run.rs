@@ -68,13 +68,18 @@ struct Pixels {
     echo: Vec<bool>,
 }
 
-/// Simulates one recording. `number` seeds its temporal noise.
+/// Simulates one recording. `number` seeds its temporal noise and the deviation of its lamp.
 pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Vec<u8> {
+    let lamp = 1.0 + LAMP_DEVIATION * normal(&mut generator(sensor.seed, "lamp", number + 1));
+    record_exact(sensor, scene.scale(lamp), readouts, number)
+}
+
+/// Simulates one recording of exactly this light. `number` seeds its temporal noise.
+pub fn record_exact(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Vec<u8> {
     let p = &sensor.physics;
     let (width, height) = (sensor.width, sensor.height);
     let n = width * height;
     let mut streams = Streams::new(sensor.seed, number);
-    let lamp = 1.0 + LAMP_DEVIATION * normal(&mut generator(sensor.seed, "lamp", number + 1));
     let mut start = generator(sensor.seed, "start", number + 1);
     let mut pixels = Pixels {
         missing_electrons: (0..n).map(|i| sensor.threshold[i] * (1.0 - start.random::<f64>())).collect(),
@@ -90,7 +95,7 @@ pub fn record(sensor: &Sensor, scene: Scene, readouts: usize, number: u64) -> Ve
         echo: vec![false; n],
     };
     let levels = |t: usize| -> Vec<f64> {
-        let scene_light: Vec<f64> = (0..n).map(|i| lamp * scene.at(i / width, i % width, t)).collect();
+        let scene_light: Vec<f64> = (0..n).map(|i| scene.at(i / width, i % width, t)).collect();
         with_crosstalk(&scene_light, width, p.crosstalk)
     };
     let hold = if let Scene::Square { half_period, .. } = scene { half_period } else { usize::MAX };

@@ -188,5 +188,21 @@ fn result_lines(c: &Calibration) -> Vec<String> {
         };
         lines.push(format!("light {:<15.5} {verdict}; {}", lamp.stated_light, lamp.file));
     }
+    if let Some(additivity) = &c.additivity {
+        for sum in &additivity.sums {
+            lines.push(format!(
+                "sum {:<17} {:+.4} % +- {:.4} % more than its sources; {}",
+                sum.sources.join(" + "),
+                100.0 * sum.residual.value,
+                100.0 * sum.residual.error,
+                sum.file
+            ));
+        }
+        lines.push(format!(
+            "additivity            the response deviates from a line by {:+.3} % +- {:.3} % at full light",
+            100.0 * additivity.curvature.value,
+            100.0 * additivity.curvature.error
+        ));
+    }
     lines
 }

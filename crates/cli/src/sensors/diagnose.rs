@@ -212,9 +212,15 @@ fn diagnosis_text(diagnosis: &Diagnosis, args: &Args) -> String {
         }
     }
     for m in &diagnosis.parameter_mismatches {
+        let ties = if m.ambiguous_with.is_empty() {
+            String::new()
+        } else {
+            format!(", or {}", m.ambiguous_with.join(", "))
+        };
+        let resembles = if m.is_tentative { "resembles " } else { "" };
         let _ = writeln!(
             text,
-            "mismatch {}: {:.5} ({:.5} to {:.5}), the model has {:.5}",
+            "{resembles}mismatch {}{ties}: {:.5} ({:.5} to {:.5}), the model has {:.5}",
             m.parameter, m.fitted_value, m.low, m.high, m.model_value
         );
     }

@@ -28,6 +28,8 @@ enum ProtocolKind {
     Recommended,
     /// The 25 gray levels of the SCSim paper
     Gray,
+    /// Dark, and pairs of sources, each alone and both together
+    Additive,
 }
 
 /// Simulate the recordings of a calibration protocol, or predict the precision
@@ -43,21 +45,28 @@ pub(crate) struct Args {
     /// The command also writes recordings.toml, which lists the recordings with their light, to this folder.
     #[arg(short, long, value_name = "DIR", default_value = "recordings")]
     output: PathBuf,
-    /// Choose recommended or gray
+    /// Choose recommended, gray or additive
     ///
     /// The protocol 'recommended' has a dark recording, flat fields, steps and a checkerboard. The protocol 'gray' has
-    /// the 25 gray levels of the SCSim paper.
+    /// the 25 gray levels of the SCSim paper. The protocol 'additive' has a dark recording and four pairs of sources, each
+    /// source alone and both together. It requires no known light.
     #[arg(long, value_enum, value_name = "NAME", hide_possible_values = true, default_value_t = ProtocolKind::Recommended)]
     protocol: ProtocolKind,
     /// Set the readouts per recording
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     readouts: u32,
+    /// Simulate lamps that are off by this relative deviation
+    ///
+    /// The light of each lamp or source deviates from the stated light by a random share with this standard deviation.
+    /// recordings.toml states the planned light, and this share as its uncertainty.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    lamp_error: f64,
     #[command(flatten)]
     seeds: SeedArgs,
     /// Only list your own recordings in DIR/recordings.toml
     ///
     /// In recordings.toml, replace the placeholder of each recording with the light of the recording.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["dry_run", "output", "protocol"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["dry_run", "output", "protocol", "lamp_error"])]
     template: Option<PathBuf>,
     /// Only print the precision by number of readouts
     #[arg(long)]
@@ -86,10 +95,12 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         return write_template(folder, args, out);
     }
     let camera = args.camera.camera_or(args.positional_camera.as_deref())?;
-    let protocol = match args.protocol {
+    let mut protocol = match args.protocol {
         ProtocolKind::Recommended => Protocol::recommended(args.readouts),
         ProtocolKind::Gray => Protocol::gray_levels(args.readouts),
+        ProtocolKind::Additive => Protocol::additive(args.readouts),
     };
+    protocol.lamp_error = args.lamp_error;
     let (rows, mut text) = precision_table(&protocol, &camera);
     let bytes = protocol.recording_bytes(&camera);
     text += &format!("{}, {}\n", Count(protocol.recordings.len(), "recording"), DecimalBytes(bytes));

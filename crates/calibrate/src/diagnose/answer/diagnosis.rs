@@ -70,16 +70,23 @@ pub struct ParameterMismatch {
     pub low: f64,
     /// Upper end of the interval.
     pub high: f64,
-    /// Effects that fit as well within noise.
+    /// Effects that fit as well within noise. For a tentative mismatch, also effects that explain at least half of what the
+    /// other value changes.
     pub ambiguous_with: Vec<&'static str>,
+    /// Whether the mismatch is tentative. Either the held-out recordings do not confirm it, or a significant discrepancy remains and
+    /// the mismatch explains only a part. An effect that is not in the catalog may then have moved the parameter.
+    pub is_tentative: bool,
 }
 
-/// The light of a recording after the diagnosis.
+/// The light of a recording or of a source after the diagnosis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct DiagnosedLamp {
-    /// File of the recording.
+    /// File of the recording. For a source, it is the recording in which the source is alone.
     pub file: String,
+    /// Name of the source, if the set states the sources of the recording. A source has the same deviation in all recordings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
     /// The stated light in words.
     pub light: String,
     /// Relative standard deviation of the light: the stated one, or a larger one if the levels contradict the stated one.
@@ -186,7 +193,7 @@ pub struct Diagnosis {
     pub effects: Vec<FoundEffect>,
     /// Parameters of the model that the data contradict.
     pub parameter_mismatches: Vec<ParameterMismatch>,
-    /// The light of each lit recording.
+    /// The light of each lit recording without sources, and of each source.
     pub lamps: Vec<DiagnosedLamp>,
     /// Rates of the uniform recordings and their deviations from the models, in ascending order of light.
     pub rates: Vec<RateResidual>,

@@ -14,11 +14,11 @@ use crate::diagnose::fit::unlocated::allowing;
 use crate::diagnose::given::about::words;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::search::alarm::values_and_limits;
-use crate::diagnose::search::contradicted::{Contradicted, contradicted};
+use crate::diagnose::search::contradicted::{Contradicted, Contradictions, contradicted};
 use crate::diagnose::search::round::{Round, kept, tied};
 use crate::diagnose::search::search::Found;
 use crate::diagnose::search::undecided::Undecided;
-use crate::diagnose::sensors::model::Lamp;
+use crate::diagnose::sensors::lamp::{Lamp, LampKind};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 
@@ -43,6 +43,9 @@ const MAX_BASE_CHANGE: f64 = 0.45;
 
 /// Smallest relative deviation of a parameter that is reported.
 const MIN_MISMATCH: f64 = 0.02;
+
+/// Largest number of names beside a parameter that the data contradict.
+const MAX_AMBIGUOUS: usize = 2;
 
 pub(in crate::diagnose) fn outcome(
     fitter: Fitter<'_>,
@@ -95,6 +98,7 @@ pub(in crate::diagnose) fn outcome(
                 low: p.low,
                 high: p.high,
                 ambiguous_with,
+                is_tentative: false,
             });
             continue;
         }
@@ -104,13 +108,16 @@ pub(in crate::diagnose) fn outcome(
         effects.push(FoundEffect { name, parameters, ambiguous_with, is_tentative, evidence, step });
     }
     let mut notes = Vec::new();
-    let contradictions = given.map_or_else(Vec::new, |given| base_mismatches(reference, found, data, given));
+    let contradictions = given.map_or_else(Vec::new, |given| {
+        let rest = Remainder { distance: remaining, is_inadequate };
+        base_mismatches(reference, found, data, given, &rest)
+    });
     if !found.has_disturbed_base(reference) {
         mismatches.extend(contradictions);
     } else if !contradictions.is_empty() {
         notes.push(untested_note(&contradictions));
     }
-    let is_named = !mismatches.is_empty() || effects.iter().any(|e| !e.is_tentative);
+    let is_named = mismatches.iter().any(|m| !m.is_tentative) || effects.iter().any(|e| !e.is_tentative);
     let discrepancy = Discrepancy {
         fitted_set: found.train.clone(),
         held_out_set: found.heldout.clone(),
@@ -200,7 +207,7 @@ fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
     Parameter { name: knob.key, value: knob.value(u), low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
 }
 
-/// Returns the light of the recordings, and the influence of each lamp on the named parameters.
+/// Returns the light of recordings and of sources, and the influence of each lamp on the named parameters.
 fn lamps(
     reference: &NullModel,
     found: &Found,
@@ -223,19 +230,27 @@ fn lamps(
         let change = knob.value(knob.clamped(u + posterior.impacts[(j, k)])) - knob.value(u);
         LampImpact { parameter: name(j), change }
     };
+    let scenes = &reference.setup.recordings;
     let of = |(k, lamp): (usize, &Lamp)| {
-        let recording = &reference.setup.recordings[lamp.recording];
-        DiagnosedLamp {
-            file: recording.file_name(),
-            light: words(recording.light),
+        let source = match &lamp.kind {
+            LampKind::Recording => None,
+            LampKind::Source(name) => Some(name.clone()),
+            LampKind::Repetition => return None,
+        };
+        // A source has the recording in which it is alone.
+        let (alone, _) = *lamp.shares.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(DiagnosedLamp {
+            file: scenes[alone].file_name(),
+            source,
+            light: words(scenes[alone].light),
             uncertainty: lamp.uncertainty,
             deviation: posterior.deviations[k],
             error: posterior.errors[k],
             pull: if lamp.uncertainty > 0.0 { posterior.deviations[k] / lamp.uncertainty } else { 0.0 },
             impacts: (0..fit.u.len()).filter(is_named).map(|j| impact(k, j)).collect(),
-        }
+        })
     };
-    lamps.iter().enumerate().map(of).collect()
+    lamps.iter().enumerate().filter_map(of).collect()
 }
 
 /// Compares the recordings with the limits of the final model.
@@ -260,31 +275,56 @@ fn ambiguous_names(round: Option<&Round>) -> Vec<&'static str> {
     round.map_or_else(Vec::new, |r| tied(r).into_iter().map(|e| e.name).collect())
 }
 
+/// What a model with effects leaves of the fitted set.
+struct Remainder {
+    /// Squared distance from the data.
+    distance: f64,
+    is_inadequate: bool,
+}
+
 /// Returns the parameters of the given camera that the data contradict.
+///
+/// An effect that is not in the model also moves base parameters. A parameter is therefore tentative unless it fulfills the
+/// conditions of an effect: the held-out set confirms it, and if anything is left, the parameter explains most of the
+/// initial discrepancy.
 fn base_mismatches(
     reference: &NullModel,
     found: &Found,
     data: &nalgebra::DVector<f64>,
     given: &Camera,
+    rest: &Remainder,
 ) -> Vec<ParameterMismatch> {
     let knobs = &reference.model.knobs;
     let places = reference.model.places_in(given);
+    let off = data - &found.fit.mean;
+    let Contradictions { numbers, distance } = contradicted(found, &reference.missed, &off, &places);
+    let share_of =
+        |explained: f64| explained / (explained + rest.distance - found.own.allowed_floor).max(1.0);
+    let explained_share = share_of(distance + found.train[0] - rest.distance);
     let mismatch = |c: &Contradicted| {
         let knob = knobs[c.number];
         let p = parameter_at(found, c.number, c.position, c.deviation);
+        let is_part = found.left
+            && (share_of(c.gain) < 0.5 || explained_share < MIN_EXPLAINED_SHARE || rest.is_inadequate);
+        let is_tentative = is_part || !c.is_borne_out;
+        let mut ambiguous_with: Vec<&str> = c.tied.iter().map(|j| knobs[*j].effect.name).collect();
+        if is_tentative {
+            ambiguous_with.extend(reference.effects_like(&c.change, &found.fit));
+        }
+        ambiguous_with.truncate(MAX_AMBIGUOUS);
         ParameterMismatch {
             parameter: format!("{}.{}", knob.effect.name, knob.key),
             model_value: knob.value_in(given),
             fitted_value: p.value,
             low: p.low,
             high: p.high,
-            ambiguous_with: c.tied.iter().take(2).map(|j| knobs[*j].effect.name).collect(),
+            ambiguous_with,
+            is_tentative,
         }
     };
     let is_reported =
         |m: &ParameterMismatch| (m.fitted_value - m.model_value).abs() > MIN_MISMATCH * m.model_value.abs();
-    let off = data - &found.fit.mean;
-    contradicted(found, &reference.missed, &off, &places).iter().map(mismatch).filter(is_reported).collect()
+    numbers.iter().map(mismatch).filter(is_reported).collect()
 }
 
 /// Returns the statistics with the largest deviations.

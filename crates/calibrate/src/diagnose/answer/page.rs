@@ -135,7 +135,8 @@ fn summary(d: &Diagnosis) -> String {
         })
         .chain(d.parameter_mismatches.iter().map(|m| {
             let [fitted, model] = [m.fitted_value, m.model_value].map(|x| format_value(x, m.low, m.high));
-            format!("a different value of {} ({fitted} instead of {model})", m.parameter)
+            let similar = if m.is_tentative { "an effect that resembles " } else { "" };
+            format!("{similar}a different value of {} ({fitted} instead of {model})", m.parameter)
         }))
         .collect();
     let names = effects.join(", ");
@@ -195,7 +196,7 @@ fn findings(d: &Diagnosis) -> Vec<PageElement> {
     for m in &d.parameter_mismatches {
         let note = format!("the model has {}", format_value(m.model_value, m.low, m.high));
         table.push_row([
-            "mismatch",
+            if m.is_tentative { "tentative mismatch" } else { "mismatch" },
             &m.parameter,
             &format_value(m.fitted_value, m.low, m.high),
             &format_interval(m.low, m.high),
@@ -225,7 +226,7 @@ fn lamps(d: &Diagnosis) -> Vec<PageElement> {
     for lamp in &d.lamps {
         let percent = |x: f64| format!("{:.2} %", 100.0 * x);
         let mut row = vec![
-            lamp.file.clone(),
+            lamp.source.as_ref().map_or_else(|| lamp.file.clone(), |s| format!("source {s} ({})", lamp.file)),
             lamp.light.clone(),
             percent(lamp.uncertainty),
             format!("{:+.2} %", 100.0 * lamp.deviation),

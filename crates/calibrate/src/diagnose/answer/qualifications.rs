@@ -44,7 +44,8 @@ pub(in crate::diagnose) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
     if reference.setup.only_still() {
         drop_texture(d);
     }
-    let named = !d.parameter_mismatches.is_empty() || d.effects.iter().any(|e| !e.is_tentative);
+    let named =
+        d.parameter_mismatches.iter().any(|m| !m.is_tentative) || d.effects.iter().any(|e| !e.is_tentative);
     if matches!(d.verdict, Verdict::Explained | Verdict::PartlyExplained) && !named {
         d.verdict = Verdict::Unknown;
     }
@@ -221,6 +222,7 @@ mod tests {
             low: fitted_value - 0.001,
             high: fitted_value + 0.001,
             ambiguous_with: Vec::new(),
+            is_tentative: false,
         }
     }
 

@@ -26,6 +26,7 @@ pub(in crate::diagnose) fn hash_inputs(setup: &Setup, sample: &Sample, seed: u64
         first_readout,
         static_scene,
         light_uncertainty: _,
+        sources: _,
         light_offset,
     } in scenes
     {
@@ -65,6 +66,7 @@ mod tests {
             first_readout: 0,
             static_scene: None,
             light_uncertainty: 0.01,
+            sources: crate::recordings::sources::Sources::default(),
             light_offset: 0.0,
         };
         let wave = StimulusPattern::Square { high: 0.5, low: 0.1, half_period: 64 };

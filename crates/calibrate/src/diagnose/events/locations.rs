@@ -272,6 +272,7 @@ mod tests {
             first_readout: 0,
             static_scene: None,
             light_uncertainty: 0.01,
+            sources: crate::recordings::sources::Sources::default(),
             light_offset: 0.0,
         };
         let scenes = [scene(400), scene(600)];

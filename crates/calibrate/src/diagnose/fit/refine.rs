@@ -7,7 +7,7 @@ use super::fitter::Fitter;
 use super::slopes::Secant;
 use crate::diagnose::null::derivatives::SMALL_LAMP_DEVIATION;
 use crate::diagnose::null::metric::{Bound, Metric};
-use crate::diagnose::sensors::model::Lamp;
+use crate::diagnose::sensors::lamp::Lamp;
 use spikelane::error::Result;
 
 /// What a step must promise to be simulated: this fall of the cost, and this share of it.

@@ -8,6 +8,7 @@ use crate::diagnose::lab::look::look;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::protocol::recorded_set::Setup;
+use crate::diagnose::sensors::lamp::sum_sources;
 use crate::diagnose::statistics::vector::statistics_vector;
 use crate::diagnose::statistics::vector::{MeasuredSet, measure};
 use spikelane::effects::Camera;
@@ -56,6 +57,13 @@ impl Taken {
         Ok(is_other)
     }
 
+    /// Takes the light of recordings with sources as the sums of the sources.
+    pub(crate) fn sum_sources(&mut self) {
+        if sum_sources(&mut self.setup) {
+            self.measured.values = statistics_vector(&self.setup, &self.measured.scans).values;
+        }
+    }
+
     /// With the light of the set of `reference`; with its own light if it `is_other` and the light differs.
     pub(crate) fn light_as(&mut self, reference: &NullModel, is_other: bool) -> Result<()> {
         let fitted = &reference.setup.recordings;
@@ -66,6 +74,7 @@ impl Taken {
         }
         if is_other {
             self.find_light(&reference.model.camera, reference.seed)?;
+            self.sum_sources();
         }
         Ok(())
     }
@@ -124,9 +133,7 @@ impl Both {
             seen.and(more, place);
         }
         for taken in [&mut self.fitted, &mut self.judging] {
-            for (recording, uncertainty) in taken.setup.recordings.iter_mut().zip(&seen.light_uncertainties) {
-                recording.light_uncertainty = *uncertainty;
-            }
+            taken.setup.set_light_uncertainties(&seen.light_uncertainties);
         }
         let mut dropped: Vec<usize> = seen.dropped;
         dropped.sort_unstable();

@@ -48,6 +48,8 @@ pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan]) -> Seen {
         }
     }
     pick(&mut levels, &seen);
+    // The light of a sum follows from its sources, so a lamp of its own cannot be wrong.
+    levels.retain(|(k, _)| !setup.recordings[*k].sources.is_sum());
     let mut lit = points(&levels, |k| setup.recordings[k].light_uncertainty);
     lit.extend(bright_squares(setup, scans, dark_rate(&levels)));
     let lamps = check(&lit);

@@ -83,6 +83,7 @@ mod tests {
             first_readout: 0,
             static_scene: None,
             light_uncertainty: 0.01,
+            sources: crate::recordings::sources::Sources::default(),
             light_offset: 0.0,
         };
         let scan = scan(SpikeFramesRef::new(geometry, &bits).unwrap(), scene(0.0).scan_options()).unwrap();

@@ -92,7 +92,8 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
     let bin = setup.readout_hz / setup.recordings[strongest.recording].readouts.max(1) as f64;
     let similar: Vec<&Oscillation> =
         found.iter().filter(|s| (s.hz - strongest.hz).abs() < 1.5 * bin).collect();
-    let mains = MAINS_LIGHT_HZ.iter().find(|m| bin <= MAINS_RESOLUTION_HZ && (strongest.hz - **m).abs() < bin);
+    let mains =
+        MAINS_LIGHT_HZ.iter().find(|m| bin <= MAINS_RESOLUTION_HZ && (strongest.hz - **m).abs() < bin);
     let cause = mains.map_or_else(
         || "Such an oscillation comes from a lamp, a monitor or a power supply".to_owned(),
         |m| format!("{m:.0} Hz is twice the mains frequency of {:.0} Hz, so the cause is the lamp", m / 2.0),

@@ -1,5 +1,6 @@
 //! What the base model's numbers and the lamps move.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 
@@ -8,6 +9,7 @@ use super::mean::average;
 use super::watched::count;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
+use crate::diagnose::sensors::lamp::Lamp;
 use crate::diagnose::sensors::model::Knob;
 use crate::diagnose::sensors::model::Model;
 use crate::diagnose::sensors::model::find_base_knob;
@@ -42,10 +44,17 @@ pub(in crate::diagnose) fn step(knob: &Knob) -> f64 {
     find_base_knob(knob).map_or(0.2, |number| number.step)
 }
 
-/// The base model with the draws of one seed: its vector, and the change of the vector per unit of each lamp's deviation.
+/// The base model with the draws of one seed: its vector, and the change of the vector per unit of the light of each lit
+/// recording.
 pub(in crate::diagnose) struct Drawn {
     pub vector: DVector<f64>,
     pub lamps: Vec<DVector<f64>>,
+}
+
+/// The lit recordings, in ascending order.
+pub(in crate::diagnose) fn lit(model: &Model) -> Vec<usize> {
+    let all = model.lamps.iter().flat_map(|lamp| lamp.shares.iter().map(|(k, _)| *k));
+    all.collect::<BTreeSet<usize>>().into_iter().collect()
 }
 
 /// Step of the derivative by a lamp, relative to its light. The step does not depend on the uncertainty of the lamp, because
@@ -56,7 +65,7 @@ const LAMP_STEP: f64 = 3e-3;
 /// in the light then counts as noise only as far as the found light may be wrong.
 pub(in crate::diagnose) const SMALL_LAMP_DEVIATION: f64 = 1e-3;
 
-/// Of each lamp only its own recording is simulated again, and none where all vectors were kept.
+/// For each change of light only one recording is simulated again, and none where all vectors were kept.
 pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Drawn> {
     let still = model.sample(&[], &[], setup.recordings.len())?;
     if model.lamps.is_empty() {
@@ -70,7 +79,7 @@ pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -
     })?;
     let plain = DVector::from_vec(plain);
     let mut lamps = Vec::new();
-    for k in model.lamps.iter().map(|lamp| lamp.recording) {
+    for k in lit(model) {
         let mut moved = still.clone();
         moved.lamps[k] += LAMP_STEP;
         let values = simulate::cached_or(setup, &moved, seed, || {
@@ -88,7 +97,7 @@ pub(in crate::diagnose) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -
     Ok(Drawn { vector: plain, lamps })
 }
 
-/// Changes per unit of each lamp's deviation; `all` has those of each simulation.
+/// Changes per unit of each lamp's deviation; `all` has the changes of each simulation per unit of light of each lit recording.
 pub(in crate::diagnose) fn slopes_of_lamps(
     all: &[Vec<DVector<f64>>],
     model: &Model,
@@ -97,8 +106,20 @@ pub(in crate::diagnose) fn slopes_of_lamps(
     if model.lamps.is_empty() {
         return DMatrix::zeros(entries, 0);
     }
-    let column = |k: usize| average(&all.iter().map(|c| c[k].clone()).collect::<Vec<_>>());
-    DMatrix::from_columns(&(0..model.lamps.len()).map(column).collect::<Vec<_>>())
+    let lit = lit(model);
+    let of_recording = |i: usize| average(&all.iter().map(|c| c[i].clone()).collect::<Vec<_>>());
+    let of_recordings: Vec<DVector<f64>> = (0..lit.len()).map(of_recording).collect();
+    let column = |lamp: &Lamp| {
+        let of_share = |(k, share): &(usize, f64)| {
+            lit.iter().position(|own| own == k).map(|i| &of_recordings[i] * *share)
+        };
+        lamp.shares
+            .iter()
+            .filter_map(of_share)
+            .reduce(|a, b| a + b)
+            .unwrap_or_else(|| DVector::zeros(entries))
+    };
+    DMatrix::from_columns(&model.lamps.iter().map(column).collect::<Vec<_>>())
 }
 
 /// Changes by a step of every base number, for the draws of some seeds of which `baseline` has the vectors.
@@ -175,6 +196,7 @@ mod tests {
             first_readout: 0,
             static_scene: None,
             light_uncertainty: 0.01,
+            sources: crate::recordings::sources::Sources::default(),
             light_offset: 0.0,
         };
         let setup = Setup {
@@ -187,7 +209,7 @@ mod tests {
         };
         let model = Model::base(spikelane::presets::builtin("scsim-code").unwrap(), &setup);
         let drawn = with_lamps(&setup, &model, 3).unwrap();
-        let lit: Vec<usize> = model.lamps.iter().map(|lamp| lamp.recording).collect();
+        let lit = lit(&model);
         assert_eq!((lit.as_slice(), drawn.lamps.len()), ([1, 2, 3].as_slice(), 3));
         for (k, change) in lit.iter().zip(&drawn.lamps) {
             let mut moved = model.sample(&[], &[], 4).unwrap();

@@ -1,7 +1,8 @@
 //! The lamps as parameters of every model.
 //!
 //! The light of recording `k` is the stated light times `1 + e_k`, and `e_k` is normal about zero with the stated standard
-//! deviation `u_k`. Sensors are simulated at offsets `o_k`, which are near the true `e_k`, because many statistics are
+//! deviation `u_k`. If recordings share sources, the independent parameters are the deviations of the sources
+//! ([`Lamp`](crate::diagnose::sensors::lamp::Lamp)), and `e_k` below stands for these. Sensors are simulated at offsets `o_k`, which are near the true `e_k`, because many statistics are
 //! linear in the light over a few thousandths only. The data are moved by `sum_k l_k o_k`, where `l_k` is the derivative by
 //! `e_k`, and the covariance is `C + sum_k u_k^2 l_k l_k^T`. Both together are the likelihood with every `e_k` integrated
 //! out about the *stated* light. The found light would be a wrong prior, because it absorbs the bend of a response.
@@ -11,7 +12,8 @@ use nalgebra::{DMatrix, DVector};
 use super::derivatives::SMALL_LAMP_DEVIATION;
 use super::metric::{Bound, Noise};
 use super::reference::NullModel;
-use crate::diagnose::sensors::model::{Lamp, Model};
+use crate::diagnose::sensors::lamp::Lamp;
+use crate::diagnose::sensors::model::Model;
 
 /// Change of a lamp's offset from which on a model is simulated at the new offset. Within it, derivatives hold: they are taken
 /// by a step of three thousandths.

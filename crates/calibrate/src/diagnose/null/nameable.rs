@@ -3,6 +3,8 @@
 use super::reference::NullModel;
 use super::signature::Signature;
 use super::signature::reach;
+use crate::diagnose::fit::fit::Fit;
+use nalgebra::DVector;
 use spikelane::effects::{Definition, EventKind};
 use spikelane::error::Result;
 
@@ -95,6 +97,30 @@ impl NullModel {
         let is_line = effect.searched_params().any(|(_, tried)| tried.is_frequency);
         let of_all = if is_line { found.len().saturating_sub(1) } else { found.len() / 2 };
         (!found.is_empty()).then(|| found.swap_remove(of_all))
+    }
+
+    /// Effects whose signatures explain at least half of what a change of the base model's numbers moves, the most similar one
+    /// first. Effects of `fit` are not among them.
+    pub(in crate::diagnose) fn effects_like(&self, change: &DVector<f64>, fit: &Fit) -> Vec<&'static str> {
+        let moved = &self.jacobian * change;
+        let dual = self.noise.solve_vector(&moved);
+        let square = moved.dot(&dual);
+        let share = |s: &Signature| {
+            let along = s.mean.dot(&dual);
+            let own = s.mean.dot(&self.noise.solve_vector(&s.mean));
+            if along > 0.0 && own > 0.0 { along * along / (own * square.max(f64::MIN_POSITIVE)) } else { 0.0 }
+        };
+        let open = self.signatures.iter().filter(|s| fit.lacks(s) && fit.allows(s));
+        let mut alike: Vec<(f64, &'static str)> = open.map(|s| (share(s), s.candidate.effect.name)).collect();
+        alike.retain(|(share, _)| *share >= 0.5);
+        alike.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut names: Vec<&'static str> = Vec::new();
+        for (_, name) in alike {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
     }
 
     /// What happens to whole readouts or pixels must happen at all.

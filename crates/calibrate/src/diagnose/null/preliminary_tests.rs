@@ -26,6 +26,7 @@ fn setup() -> Setup {
         first_readout: 0,
         static_scene: None,
         light_uncertainty: 0.01,
+        sources: crate::recordings::sources::Sources::default(),
         light_offset: 0.0,
     };
     Setup {

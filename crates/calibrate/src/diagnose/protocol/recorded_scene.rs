@@ -4,6 +4,7 @@ use std::hash::{Hash as _, Hasher};
 
 use crate::diagnose::recording::scan::{PixelScan, Scan, ScanOptions, scan};
 use crate::diagnose::recording::stretches::STEADY_READOUTS;
+use crate::recordings::sources::Sources;
 use crate::{Stimulus, StimulusPattern};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::SpikeFramesRef;
@@ -38,6 +39,8 @@ pub struct RecordedScene {
     pub static_scene: Option<StaticScene>,
     /// Relative standard deviation of the stated light.
     pub light_uncertainty: f64,
+    /// Sources of the light.
+    pub(crate) sources: Sources,
     /// Relative deviation of the found light from the stated light. Sensors are simulated at the found light.
     pub light_offset: f64,
 }

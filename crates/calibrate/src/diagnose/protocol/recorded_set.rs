@@ -91,14 +91,16 @@ impl Setup {
             }
             let static_scene = match recording.light {
                 Stimulus::Scene(StimulusPattern::StaticUnknown {}) => {
-                    Some(StaticScene::read(&reader, reader.readouts().min(all))?)
+                    Some(StaticScene::read(&reader, reader.readouts().min(max_readouts))?)
                 }
                 _ => None,
             };
             let name = recording.file.clone();
+            let sources = set.sources(recording);
             scenes.push(RecordedScene {
                 name,
-                light: recording.light,
+                // The light of a sum is that of its sources, because a meter has an error for each recording.
+                light: if sources.is_sum() { Stimulus::Level(sources.light()) } else { recording.light },
                 readouts,
                 first_readout: first_readout,
                 static_scene: static_scene,
@@ -106,6 +108,7 @@ impl Setup {
                     .light_uncertainty
                     .or(set.light_uncertainty)
                     .unwrap_or(DEFAULT_LIGHT_UNCERTAINTY),
+                sources,
                 light_offset: 0.0,
             });
         }
@@ -125,6 +128,21 @@ impl Setup {
     /// Returns whether the recordings of both setups have the same found light.
     pub(in crate::diagnose) fn has_light_of(&self, other: &Self) -> bool {
         self.recordings.iter().zip(&other.recordings).all(|(a, b)| a.light_offset == b.light_offset)
+    }
+
+    /// Sets the relative standard deviation of the light of each recording. The uncertainty of a source is that of the recording
+    /// which has the source alone.
+    pub(in crate::diagnose) fn set_light_uncertainties(&mut self, uncertainties: &[f64]) {
+        let mut of_sources = Vec::new();
+        for (recording, uncertainty) in self.recordings.iter_mut().zip(uncertainties) {
+            recording.light_uncertainty = *uncertainty;
+            of_sources.extend(recording.sources.single().map(|s| (s.name.clone(), *uncertainty)));
+        }
+        for source in self.recordings.iter_mut().flat_map(|r| r.sources.sources.iter_mut()) {
+            if let Some((_, uncertainty)) = of_sources.iter().find(|(name, _)| *name == source.name) {
+                source.uncertainty = *uncertainty;
+            }
+        }
     }
 
     /// Removes recordings.
@@ -230,14 +248,20 @@ pub(in crate::diagnose) fn check_sufficient(setup: &Setup, with_camera: bool) ->
 /// # Errors
 /// If they do not. The error names the first difference.
 pub(in crate::diagnose) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
-    let key = |s: &Setup, k: usize| s.recordings.get(k).map(|x| (format!("{:?}", x.light), x.readouts));
+    let names = |x: &RecordedScene| x.sources.sources.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
+    let key =
+        |s: &Setup, k: usize| s.recordings.get(k).map(|x| (format!("{:?}", x.light), names(x), x.readouts));
     let size = |s: &Setup| format!("{} at {} readouts per second", s.geometry, s.readout_hz);
     let other = (0..a.recordings.len().max(b.recordings.len())).find(|k| key(a, *k) != key(b, *k));
     let description = |s: &Setup| match other {
         _ if size(a) != size(b) => size(s),
         Some(k) => s.recordings.get(k).map_or_else(
             || format!("{} recordings", s.recordings.len()),
-            |x| format!("{} of light {:?} with {} readouts", x.file_name(), x.light, x.readouts),
+            |x| {
+                let sources =
+                    if names(x).is_empty() { String::new() } else { format!(" of {}", names(x).join(", ")) };
+                format!("{} of light {:?}{sources} with {} readouts", x.file_name(), x.light, x.readouts)
+            },
         ),
         None => String::new(),
     };

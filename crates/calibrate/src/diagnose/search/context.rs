@@ -12,6 +12,7 @@ use crate::diagnose::null::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::search::round::Step;
 use crate::diagnose::sensors::context::in_time;
+use crate::diagnose::sensors::lamp::lamps_of;
 use crate::diagnose::sensors::model::Model;
 use spikelane::error::Result;
 
@@ -31,11 +32,11 @@ impl Judge<'_> {
         let mut model = fit.judging();
         if let Some(setup) = self.setup {
             // A fit moves the lamps of the fitted set if its effects change the rates. The lamps of this set move as much.
-            let found = model.lamps.iter().zip(&reference.model.lamps);
-            let found = found.map(|(lamp, base)| {
-                setup.recordings[lamp.recording].light_offset + lamp.offset - base.offset
-            });
-            model.lit_by(&found.collect::<Vec<f64>>());
+            let of_set = lamps_of(setup);
+            let found = model.lamps.iter().zip(&reference.model.lamps).zip(&of_set);
+            let found = found.map(|((lamp, base), own)| own.offset + lamp.offset - base.offset);
+            let found: Vec<f64> = found.collect();
+            model.lit_by(&found);
         }
         let simulated = |model: &Model| match self.setup {
             Some(setup) => reference.mean_under(setup, model, &fit.u),

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::search::Found;
+use super::search::{Evidence, Found};
 use crate::diagnose::null::known::CALIBRATED;
 
 /// By how much the squared distance of the camera's numbers from the fitted ones falls with a number set free for that one to be
@@ -21,6 +21,18 @@ pub(in crate::diagnose) struct Contradicted {
     pub deviation: f64,
     /// Numbers that would do as well in its place.
     pub tied: Vec<usize>,
+    /// By how much the squared distance falls with this number set free beside those before it.
+    pub gain: f64,
+    /// Change of all numbers from where they would be with this one as given.
+    pub change: DVector<f64>,
+    /// Whether the held-out set bears it out.
+    pub is_borne_out: bool,
+}
+
+/// The numbers that are contradicted, and the squared distance of the given numbers from the fitted ones.
+pub(in crate::diagnose) struct Contradictions {
+    pub numbers: Vec<Contradicted>,
+    pub distance: f64,
 }
 
 /// The fewest numbers of the base model that must leave those `given`, as positions.
@@ -35,7 +47,7 @@ pub(in crate::diagnose) fn contradicted(
     missed: &[f64],
     off: &DVector<f64>,
     given: &[f64],
-) -> Vec<Contradicted> {
+) -> Contradictions {
     let n = given.len();
     let last = found.own.metric.bounded(off, &found.fit.bounds());
     let fitted = |j: usize| found.fit.u[j] + if found.left { 0.0 } else { last[j] };
@@ -45,15 +57,55 @@ pub(in crate::diagnose) fn contradicted(
     let covariance = DMatrix::from_fn(n, n, |i, j| linear[(i, j)] * told(i) * told(j));
     // That they were calibrated is no evidence against the calibration.
     let leaning = DMatrix::identity(n, n) * CALIBRATED;
-    let Some(precision) = covariance.try_inverse().map(|p| p - leaning) else { return Vec::new() };
-    fewest(&precision, &fitted, given)
+    let none = Contradictions { numbers: Vec::new(), distance: 0.0 };
+    let Some(precision) = covariance.try_inverse().map(|p| p - leaning) else { return none };
+    let mut numbers = fewest(&precision, &fitted, given);
+    // The numbers that the held-out set asks for.
+    let held_out = found.own.metric.fit(&found.off);
+    let held_out = DVector::from_fn(n, |j, _| found.fit.u[j] + held_out[j]);
+    let misfit = found.own.metric.square(&found.off);
+    let distance_of = |numbers: &DVector<f64>| {
+        let off = numbers - &held_out;
+        misfit + off.dot(&(&precision * &off))
+    };
+    let off = DVector::from_fn(n, |j, _| given[j] - fitted[j]);
+    let free: Vec<usize> = numbers.iter().map(|c| c.number).collect();
+    let with = numbers_at(&precision, &off, &fitted, given, &free);
+    for c in &mut numbers {
+        let others: Vec<usize> = free.iter().copied().filter(|j| *j != c.number).collect();
+        let without = numbers_at(&precision, &off, &fitted, given, &others);
+        let evidence = Evidence {
+            before: distance_of(&without),
+            after: distance_of(&with),
+            whole: 0.0,
+            others: found.fit.effects.len() + others.len(),
+        };
+        c.is_borne_out = evidence.beyond() > 0.0;
+        c.change = &with - without;
+    }
+    Contradictions { numbers, distance: off.dot(&(&precision * &off)) }
+}
+
+/// All numbers, those that are `free` where they fit best beside the others as given.
+fn numbers_at(
+    precision: &DMatrix<f64>,
+    off: &DVector<f64>,
+    fitted: &[f64],
+    given: &[f64],
+    free: &[usize],
+) -> DVector<f64> {
+    let mut numbers = DVector::from_column_slice(given);
+    if let Some(held) = Held::of(precision, off, free) {
+        free.iter().zip(held.positions.iter()).for_each(|(j, x)| numbers[*j] = fitted[*j] + x);
+    }
+    numbers
 }
 
 /// One number after the other, each time the one that brings the rest closest.
 fn fewest(precision: &DMatrix<f64>, fitted: &[f64], given: &[f64]) -> Vec<Contradicted> {
     let off = DVector::from_fn(given.len(), |j, _| given[j] - fitted[j]);
     let mut free: Vec<usize> = Vec::new();
-    let mut ties: Vec<Vec<usize>> = Vec::new();
+    let mut ties: Vec<(Vec<usize>, f64)> = Vec::new();
     let mut distance = off.dot(&(precision * &off));
     while free.len() < given.len() {
         let open = (0..given.len()).filter(|j| !free.contains(j));
@@ -65,16 +117,20 @@ fn fewest(precision: &DMatrix<f64>, fitted: &[f64], given: &[f64]) -> Vec<Contra
         if distance - least < CONTRADICTED {
             break;
         }
-        ties.push(tried[1..].iter().filter(|t| t.1 < least + ALIKE).map(|t| t.0).collect());
+        let tied = tried[1..].iter().filter(|t| t.1 < least + ALIKE).map(|t| t.0).collect();
+        ties.push((tied, distance - least));
         free.push(number);
         distance = least;
     }
     let Some(held) = Held::of(precision, &off, &free) else { return Vec::new() };
-    let said = |(place, tied): (usize, Vec<usize>)| Contradicted {
+    let said = |(place, (tied, gain)): (usize, (Vec<usize>, f64))| Contradicted {
         number: free[place],
         position: fitted[free[place]] + held.positions[place],
         deviation: held.deviations[place],
         tied,
+        gain,
+        change: DVector::zeros(given.len()),
+        is_borne_out: true,
     };
     ties.into_iter().enumerate().map(said).collect()
 }

@@ -119,20 +119,20 @@ impl Case<'_> {
     }
 }
 
-/// What the held-out set says of a further effect.
-struct Evidence {
+/// What the held-out set says of a further effect, or of another value of a number.
+pub(super) struct Evidence {
     /// Its deviance without the effect and with it.
-    before: f64,
-    after: f64,
+    pub before: f64,
+    pub after: f64,
     /// Its squared distance from the base model.
-    whole: f64,
-    /// Effects that are there already.
-    others: usize,
+    pub whole: f64,
+    /// Effects and numbers that are there already.
+    pub others: usize,
 }
 
 impl Evidence {
     /// By how much the deviance falls further than by chance and by what any name takes.
-    fn beyond(&self) -> f64 {
+    pub(super) fn beyond(&self) -> f64 {
         let share = 0.02 * self.before.clamp(0.0, 1e4) / (1.0 + self.others as f64);
         self.before - self.after - BETTER - share
     }

@@ -2,5 +2,6 @@
 
 pub(super) mod catalog;
 pub(super) mod context;
+pub(super) mod lamp;
 pub(super) mod model;
 pub(super) mod simulate;

@@ -1,6 +1,7 @@
 //! Camera models with adjustable parameters and lamps.
 
 use super::context::SimulationContext;
+use super::lamp::{Lamp, lamps_of};
 use crate::diagnose::events::locations::PinnedEvents;
 use crate::diagnose::protocol::recorded_set::Setup;
 use spikelane::effects::definition::SearchScale;
@@ -10,22 +11,12 @@ use spikelane::effects::{
 };
 use spikelane::error::Result;
 
-/// The lamp of one recording. Its light is the stated light, multiplied by 1 plus a relative deviation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::diagnose) struct Lamp {
-    pub recording: usize,
-    /// Standard deviation of the relative deviation before the recordings are considered.
-    pub uncertainty: f64,
-    /// Relative deviation at which sensors are simulated.
-    pub offset: f64,
-}
-
 /// A camera with its knobs, and the lamps of the recordings.
 #[derive(Clone, Debug)]
 pub(in crate::diagnose) struct Model {
     pub camera: Camera,
     pub knobs: Vec<Knob>,
-    /// The lamps of the lit recordings.
+    /// The lamps and sources of the lit recordings.
     pub lamps: Vec<Lamp>,
     /// Lost and repeated readouts at located positions.
     pub pinned: PinnedEvents,
@@ -50,18 +41,9 @@ impl Model {
             })
         };
         let is_determined = |parameter: &&BaseKnob| parameter.is_shown_by_static_scene || !setup.only_still();
-        // The light of an unknown scene follows from its rates, so it has no lamp.
-        let has_lamp = |k: &usize| {
-            setup.recordings[*k].brightness() > 0.0 && setup.recordings[*k].static_scene.is_none()
-        };
-        let lamp = |k: usize| Lamp {
-            recording: k,
-            uncertainty: setup.recordings[k].light_uncertainty,
-            offset: setup.recordings[k].light_offset,
-        };
         Self {
             knobs: BASE_KNOBS.iter().filter(is_determined).filter_map(knob).collect(),
-            lamps: (0..setup.recordings.len()).filter(has_lamp).map(lamp).collect(),
+            lamps: lamps_of(setup),
             camera,
             pinned: PinnedEvents::default(),
             context: SimulationContext::default(),
@@ -88,7 +70,11 @@ impl Model {
         }
         let mut factors = vec![1.0; scenes];
         for (i, lamp) in self.lamps.iter().enumerate() {
-            factors[lamp.recording] = 1.0 + lamp.offset + lamp_deviations.get(i).copied().unwrap_or(0.0);
+            let deviation = lamp_deviations.get(i).copied().unwrap_or(0.0);
+            for (k, share) in &lamp.shares {
+                factors[*k] += share * lamp.offset;
+                factors[*k] += share * deviation;
+            }
         }
         Ok(Sample { camera, lamps: factors, pinned: self.pinned.clone(), context: self.context.clone() })
     }
