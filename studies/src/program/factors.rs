@@ -1,6 +1,8 @@
 //! Factors that differ between laboratories. The level of every factor is drawn independently for each sensor, so the
 //! study has no groups of sensors with equal levels.
 
+use spikelane_calibrate::Protocol;
+
 use super::hidden_sensor::{Physics, Scene};
 use super::jobs::uniform_hash;
 
@@ -21,8 +23,8 @@ const READOUTS: usize = 4000;
 
 const CAMERAS: [&str; 4] = ["published", "40 kHz", "few electrons", "every dark current positive"];
 const BASE_DEVIATIONS: [f64; 4] = [0.0, 0.01, 0.03, 0.1];
-const LAMP_DEVIATIONS: [f64; 3] = [0.001, 0.003, 0.01];
-const PROTOCOLS: [&str; 5] = ["eight", "four levels", "flats only", "twelve", "mixed lengths"];
+const LAMP_DEVIATIONS: [f64; 4] = [0.001, 0.003, 0.01, 0.03];
+const PROTOCOLS: [&str; 6] = ["eight", "four levels", "flats only", "twelve", "mixed lengths", "additive"];
 
 fn pick<T: Copy>(choices: &[T], u: f64) -> T {
     choices[((u * choices.len() as f64) as usize).min(choices.len() - 1)]
@@ -94,6 +96,11 @@ impl Factors {
         let flats = |lights: &[f64]| lights.iter().map(|l| flat(*l)).collect::<Vec<_>>();
         let default_levels = [0.0, 0.03, 0.1, 0.3, 0.6, 0.9];
         match self.protocol {
+            "additive" => {
+                let plan = Protocol::additive(READOUTS as u32);
+                let flat = |light: &spikelane_calibrate::Stimulus| Scene::Flat(light.level().unwrap());
+                plan.recordings.iter().map(|(name, light)| (name.clone(), flat(light), READOUTS)).collect()
+            }
             "four levels" => flats(&[0.0, 0.1, 0.3, 0.7]),
             "flats only" => flats(&default_levels),
             "twelve" => {
@@ -110,13 +117,17 @@ impl Factors {
         }
     }
 
-    /// Returns the actual light of the lamp in one recording, divided by the stated light. The hidden sensor adds
-    /// another relative deviation of 0.001.
+    /// Returns the sources of a recording; none if the protocol is not additive.
+    pub(crate) fn sources(&self, recording: &str) -> Vec<String> {
+        let sources = if self.protocol == "additive" { Protocol::additive(1).sources } else { Vec::new() };
+        sources.into_iter().find(|(name, _)| name == recording).map_or_else(Vec::new, |(_, names)| names)
+    }
+
+    /// Returns the actual light of the lamp in one recording, divided by the stated light.
     pub(crate) fn lamp_error(&self, recording: usize, take: u64) -> f64 {
         let place = 700 + 50 * take + 2 * recording as u64;
         let (u, v) = (uniform_hash(self.seed, place).max(1e-12), uniform_hash(self.seed, place + 1));
         let normal = (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos();
-        let beyond = (self.lamp_deviation * self.lamp_deviation - 1e-6).max(0.0).sqrt();
-        1.0 + beyond * normal
+        1.0 + self.lamp_deviation * normal
     }
 }

@@ -1,5 +1,6 @@
 //! Writes recordings of a hidden sensor in the same form as a laboratory.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -8,18 +9,45 @@ use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{ReadoutSelection, RecordingPart, Setup, published_camera};
 
 use super::factors::Factors;
-use super::hidden_sensor::{Sensor, record};
+use super::hidden_sensor::{Scene, Sensor, record_exact};
 
-/// Writes the recordings of one take and opens their recording set.
+/// Relative standard deviation of the light of a recording, if the light of its sources is known.
+const SOURCE_REPEATABILITY: f64 = 1e-4;
+
+/// Writes the recordings of one take and opens their recording set. The set states the standard deviation of the lamps.
 pub(crate) fn record_take(sensor: &Sensor, factors: &Factors, take: u64, folder: &Path) -> RecordingSet {
     std::fs::create_dir_all(folder).unwrap();
     let (width, height, hz) = (sensor.width, sensor.height, factors.readout_hz());
-    let mut toml = format!("width = {width}\nheight = {height}\nreadout_hz = {hz:?}\n");
+    let uncertainty = factors.lamp_deviation;
+    let mut toml = format!(
+        "width = {width}\nheight = {height}\nreadout_hz = {hz:?}\nlight_uncertainty = {uncertainty}\nsource_repeatability = {SOURCE_REPEATABILITY}\n"
+    );
+    let mut factor_of_source = BTreeMap::new();
+    let mut stated_of_source = BTreeMap::new();
     for (k, (name, scene, readouts)) in factors.scenes().into_iter().enumerate() {
-        let lit = scene.scale(factors.lamp_error(k, take));
-        let bits = record(sensor, lit, readouts, take * 100 + k as u64);
+        let sources = factors.sources(&name);
+        let own = factors.lamp_error(k, take);
+        let lit = match (sources.as_slice(), scene) {
+            ([source], Scene::Flat(light)) => {
+                factor_of_source.insert(source.clone(), own);
+                stated_of_source.insert(source.clone(), light);
+                scene.scale(own)
+            }
+            ([_, _, ..], _) => {
+                let light = |source: &String| stated_of_source[source] * factor_of_source[source];
+                let repetition = 1.0 + SOURCE_REPEATABILITY * (own - 1.0) / uncertainty;
+                Scene::Flat(sources.iter().map(light).sum::<f64>() * repetition)
+            }
+            _ => scene.scale(own),
+        };
+        let bits = record_exact(sensor, lit, readouts, take * 100 + k as u64);
         std::fs::write(folder.join(format!("{name}.dat")), bits).unwrap();
-        write!(toml, "[[recording]]\nfile = \"{name}.dat\"\nlight = {}\n", scene.toml()).unwrap();
+        write!(
+            toml,
+            "[[recording]]\nfile = \"{name}.dat\"\nlight = {}\nsources = {sources:?}\n",
+            scene.toml()
+        )
+        .unwrap();
     }
     std::fs::write(folder.join("recordings.toml"), toml).unwrap();
     RecordingSet::open(&folder.join("recordings.toml")).unwrap()
