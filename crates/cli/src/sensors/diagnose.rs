@@ -23,18 +23,15 @@ use crate::sensors::static_recording::StaticRecordingArgs;
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Args {
     /// Read this recording set (.toml) or static recording
-    ///
-    /// A file that is not a .toml is one recording of a static scene under unknown light. It requires --camera.
     recordings: PathBuf,
     /// Start from this camera [default: calibrate the set]
     ///
     /// By default the published model is calibrated on the recording set.
     #[arg(long, value_name = "NAME|FILE")]
     camera: Option<String>,
-    /// Test the effects on this second recording set or static recording
+    /// Test the effects on this second recording set or recording
     ///
-    /// The second recording set must show the same scenes as the first. Without --holdout, the effects are fitted to
-    /// the first half of every recording and tested on the second half.
+    /// The second recording set must show the same scenes as the first.
     #[arg(long, value_name = "FILE")]
     holdout: Option<PathBuf>,
     #[command(flatten)]

@@ -15,19 +15,17 @@ use crate::common::stream::{parse_size, print_set_warnings, sidecar_beside};
 /// Flags that describe one static recording. A recording set contains these values.
 #[derive(clap::Args, Clone, Debug)]
 pub(super) struct StaticRecordingArgs {
-    /// Set the width in pixels [default: from the file, else the camera]
+    /// Set the width [default: from the file or camera]
     #[arg(long, value_name = "PIXELS", help_heading = "Static recording")]
     width: Option<u32>,
-    /// Set the height in pixels [default: from the file, else the camera]
+    /// Set the height [default: from the file or camera]
     #[arg(long, value_name = "PIXELS", help_heading = "Static recording")]
     height: Option<u32>,
-    /// Set the layout [default: from the file, else dat]
-    ///
-    /// The layout is the order of the bits in the file. `spikelane inspect` lists the layouts.
+    /// Set the layout [default: from the file]
     #[arg(long, value_name = "LAYOUT", help_heading = "Static recording", hide_possible_values = true,
           value_parser = clap::builder::PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
     layout: Option<String>,
-    /// Set the readouts per second [default: from the file, else the camera]
+    /// Set the readout rate [default: from the file or camera]
     #[arg(long, value_name = "HZ", help_heading = "Static recording")]
     readout_hz: Option<Rate>,
 }

@@ -33,12 +33,6 @@ pub(in crate::diagnose) fn pairs(setup: &Setup) -> usize {
     (USUAL_PIXELS.1 * USUAL_PIXELS.0 / pixels.max(1)).clamp(USUAL_PIXELS.1, MOST)
 }
 
-/// Simulations of a derivative where the numbers of a camera are fitted. Each step is simulated, so noise of a derivative
-/// makes a step less direct, but not the result less exact.
-pub(in crate::diagnose) fn pairs_of_a_step(setup: &Setup) -> usize {
-    (3 * pairs(setup)).div_ceil(8)
-}
-
 /// Step for the derivative by a base number, relative to its value.
 pub(in crate::diagnose) fn step(knob: &Knob) -> f64 {
     find_base_knob(knob).map_or(0.2, |number| number.step)

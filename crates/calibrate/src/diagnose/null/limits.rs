@@ -95,7 +95,7 @@ impl Clean {
         let all: Vec<Strays> = folds.into_iter().flatten().collect();
         let misfits: Vec<f64> = all.iter().map(|s| s.misfit).collect();
         let deviations: Vec<f64> = all.iter().map(|s| s.deviation).collect();
-        let score_sds = level.has_own_score_sds.then(|| score_sds(&all)).unwrap_or_default();
+        let score_sds = if level.has_own_score_sds { score_sds(&all) } else { Vec::new() };
         let scores: Vec<f64> = all.iter().map(|s| s.largest_score(&score_sds)).collect();
         let (floor, floor_sd) = center(&misfits);
         let limits = Limits {

@@ -6,7 +6,7 @@
 use std::sync::atomic::AtomicUsize;
 
 use crate::diagnose::null::baseline::StartingCamera;
-use crate::diagnose::null::derivatives::{Changes, changes, lit, pairs_of_a_step, with_lamps};
+use crate::diagnose::null::derivatives::{Changes, changes, lit, pairs, with_lamps};
 use crate::diagnose::null::mean::average;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::context::SimulationContext;
@@ -182,7 +182,7 @@ impl Place {
     ) -> Result<Self> {
         let still = model.sample(&[], &[], setup.recordings.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
-        let count = MEAN.max(pairs_of_a_step(setup));
+        let count = MEAN.max(pairs(setup));
         let each: Vec<DVector<f64>> = threads::try_map(0..count, one)?;
         let mean = average(&each);
         let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
@@ -197,7 +197,7 @@ impl Place {
     /// What its numbers move: entries that are noise count as none, as among hundreds they would hide what a number does, and
     /// it would not move.
     fn changes(&self, setup: &Setup, seed: u64) -> Result<Changes> {
-        changes(setup, &self.model, seed, &self.each, 0..pairs_of_a_step(setup), &AtomicUsize::new(0))
+        changes(setup, &self.model, seed, &self.each, 0..pairs(setup), &AtomicUsize::new(0))
     }
 
     /// The robust Gauss-Newton step, drawn to the numbers of `given`, and its length in its own deviations. Statistics count as
