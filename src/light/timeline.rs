@@ -113,8 +113,8 @@ pub struct Timeline {
     num: u64,
     den: u64,
     interpolation: Interpolation,
-    /// Start time in nanoseconds of each frame after the first frame. If present, readout `i` is at `i * num / den`
-    /// nanoseconds.
+    /// Start time in nanoseconds, or first readout, of each frame. If present, readout `i` is at `i * num / den` in this
+    /// unit.
     starts: Option<Arc<[u64]>>,
 }
 
@@ -213,6 +213,24 @@ impl Timeline {
         }
         let ratio = Self::from_rates(Rate::new(1_000_000_000, 1)?, readout, interpolation)?;
         Ok(Self { starts: Some(starts.into()), ..ratio })
+    }
+
+    /// Returns the timeline on which frame `k` starts at readout `first_readouts[k]`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::light::{Interpolation, Timeline};
+    /// let timeline = Timeline::from_first_readouts(&[0, 4, 10], Interpolation::Linear)?;
+    /// let position = timeline.position(7);
+    /// assert_eq!((position.frame, position.weight()), (1, 0.5));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Returns the errors of [`Timeline::from_times`].
+    pub fn from_first_readouts(first_readouts: &[u64], interpolation: Interpolation) -> Result<Self> {
+        let readout = Rate::new(1_000_000_000, 1)?;
+        Self::from_times(first_readouts, readout, interpolation)
     }
 
     /// Returns the start time of frame `frame` in nanoseconds. Frames after the last frame have the duration of the last

@@ -4,7 +4,7 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use spikelane::unstable::Count;
-use spikelane_scene::{Labels, Lighting, SamplesPerPixel, SceneOptions, Semantic};
+use spikelane_scene::{Exposure, Labels, Lens, Lighting, SamplesPerPixel, SceneOptions, Semantic};
 
 use crate::argument::{self, describe, suggestion};
 use crate::arrays::array_from_vec;
@@ -19,7 +19,8 @@ type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;
 /// The scene is determined by `seed` and the options. `height` and `width` are in pixels, and `fov_deg` is 5 to 150
 /// degrees. `lighting` is one of "noon", "low-sun", "overcast", "rain", "tunnel", "dusk", "night". `duration_s` is up to
 /// 120 s, and `speed_kmh` is 1 to 300. `vehicles` is the number of other vehicles. Lamps flicker with the frequency
-/// `flicker_hz`. Options that are not passed are drawn from the seed.
+/// `flicker_hz`. Options that are not passed are drawn from the seed. `ideal_lens` omits blur, glare, vignetting and
+/// distortion. `lock_exposure` keeps the exposure as it is at the start of the drive.
 #[pyclass(frozen, module = "spikelane._native")]
 pub struct Scene {
     scene: spikelane_scene::Scene,
@@ -41,7 +42,7 @@ fn samples_per_pixel(samples: u8) -> SamplesPerPixel {
 impl Scene {
     #[new]
     #[pyo3(signature = (seed, height=250, width=400, *, fov_deg=None, lighting=None, duration_s=4.0, speed_kmh=None,
-        vehicles=None, flicker_hz=None))]
+        vehicles=None, flicker_hz=None, ideal_lens=false, lock_exposure=false))]
     fn new(
         py: Python<'_>,
         #[pyo3(from_py_with = argument::seed)] seed: u64,
@@ -53,6 +54,8 @@ impl Scene {
         #[pyo3(from_py_with = argument::optional::speed_kmh)] speed_kmh: Option<f64>,
         #[pyo3(from_py_with = argument::optional::vehicles)] vehicles: Option<u32>,
         #[pyo3(from_py_with = argument::optional::flicker_hz)] flicker_hz: Option<f64>,
+        ideal_lens: bool,
+        lock_exposure: bool,
     ) -> PyResult<Self> {
         let parse_lighting = |name: &str| {
             let names: Vec<_> = Lighting::ALL.iter().map(|l| l.name()).collect();
@@ -70,7 +73,9 @@ impl Scene {
             .with_duration_s(duration_s)
             .with_speed_kmh(speed_kmh)
             .with_vehicles(vehicles)
-            .with_flicker_hz(flicker_hz);
+            .with_flicker_hz(flicker_hz)
+            .with_lens(ideal_lens.then_some(Lens::IDEAL))
+            .with_exposure(if lock_exposure { Exposure::Locked } else { Exposure::Automatic });
         let scene = py.detach(|| spikelane_scene::Scene::from_seed(seed, &options)).or_raise()?;
         Ok(Self { scene, options })
     }
@@ -114,7 +119,7 @@ impl Scene {
             let boxes = self.scene.boxes(&drawn.labels)?;
             Ok((drawn, boxes))
         })?;
-        let white = self.scene.white_cd_m2();
+        let white = self.scene.white_cd_m2(t, threads).or_raise()?;
         frame.light.iter_mut().for_each(|l| *l /= white);
         let shape = [frame.labels.height, frame.labels.width];
         let rgb: Vec<f32> = frame.rgb.iter().flatten().copied().collect();
@@ -193,11 +198,12 @@ impl Scene {
             return Err(usage_error("fps", fps, "a finite number above 0", "pass the frames per second"));
         }
         let watch = WorkMonitor::new(py, progress, "frames")?;
-        let white = self.scene.white_cd_m2();
         let (light, size) = run_interruptible(py, watch, |report_progress| {
             let (mut light, mut size) = (Vec::new(), (0, 0));
             for i in 0..frames {
-                let drawn = self.scene.render(t + i as f64 / fps, samples_per_pixel(samples), threads)?;
+                let at = t + i as f64 / fps;
+                let drawn = self.scene.render(at, samples_per_pixel(samples), threads)?;
+                let white = self.scene.white_cd_m2(at, threads)?;
                 size = (drawn.labels.height, drawn.labels.width);
                 light.extend(drawn.light.iter().map(|l| l / white));
                 report_progress((i as f64 + 1.0) / frames as f64);
@@ -224,6 +230,8 @@ impl Scene {
         fields.set_item("speed_kmh", o.speed_kmh)?;
         fields.set_item("vehicles", o.vehicles)?;
         fields.set_item("flicker_hz", o.flicker_hz)?;
+        fields.set_item("ideal_lens", o.lens == Some(Lens::IDEAL))?;
+        fields.set_item("lock_exposure", o.exposure == Exposure::Locked)?;
         Ok(((self.scene.seed(), o.height, o.width).into_pyobject(py)?, fields))
     }
 

@@ -1,57 +1,68 @@
-//! A driving scene as a light source with one frame per readout.
+//! A driving scene as a light source.
 
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
-use spikelane_io::light::{Frame, OwnedSamples, Rate, Source};
-use spikelane_scene::{self as scene, KeyframePlan, RenderedFrame, Scene};
+use spikelane_io::light::{Frame, Interpolation, OwnedSamples, Rate, Source, Timeline};
+use spikelane_scene::{self as scene, KeyframePlan, Scene, SpanEnd};
 
 /// Maximum duration of a span in seconds. `MAX_SPAN_BYTES` is the maximum size of the light of a span.
-const MAX_SPAN_SECONDS: f64 = 5e-3;
-const MAX_SPAN_BYTES: usize = 64 << 20;
+const MAX_SPAN_SECONDS: f64 = 25e-3;
+const MAX_SPAN_BYTES: usize = 80 << 20;
 
-/// The light of a scene at every readout, in units of a white luminance.
+/// The light of a scene, in units of white.
 ///
-/// The image is rendered in tiles. A tile is rendered again after its content has moved by about 0.4 px. Between two
-/// renders, the light is warped along the motion. Only the readouts of one span are in memory, and a span lasts at
-/// most 5 ms.
+/// A frame is drawn whenever the fastest point of the image has moved by a quarter pixel. Between two frames, light
+/// changes linearly; see [`Drive::timeline`]. Only the frames of one span are in memory, and a span lasts at most 25 ms.
 pub struct Drive {
     scene: Scene,
     plan: KeyframePlan,
-    white_cd_m2: f32,
+    /// Indices in `plan.readouts` of the frames.
+    frames: Vec<usize>,
+    /// Luminance of white at each frame in cd/m2.
+    white_cd_m2: Vec<f32>,
     geometry: Geometry,
     rate: Rate,
     samples: scene::SamplesPerPixel,
     threads: usize,
-    /// The render of the first readout after the readouts in `ready_light`.
-    next_render: Option<RenderedFrame>,
+    /// The render of the first frame after the frames in `ready_light`.
+    next_render: Option<SpanEnd>,
     ready_light: Vec<Vec<f32>>,
-    first_ready_readout: usize,
-    next_readout: usize,
+    first_ready_frame: usize,
+    next_frame: usize,
 }
 
 impl Drive {
     /// Creates a source with the light of the first `readouts` readouts of `scene`. The readout rate is `rate`.
     ///
-    /// Light 1.0 is the luminance `white_cd_m2`. If `white_cd_m2` is `None`, the scene's own white is used. Brighter
-    /// points have light above 1.0.
-    ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if `readouts` is 0, if `white_cd_m2` is not positive, or if the readouts exceed the
-    /// duration of the drive.
+    /// [`ErrorKind::Usage`] if `readouts` is 0, or if the readouts exceed the duration of the drive.
     pub fn new(
         scene: Scene,
         rate: Rate,
         readouts: u64,
-        white_cd_m2: Option<f32>,
         samples: scene::SamplesPerPixel,
         threads: usize,
     ) -> Result<Self> {
-        let white = white_cd_m2.unwrap_or(scene.white_cd_m2());
-        if readouts == 0 || !(white.is_finite() && white > 0.0) {
+        let drive = Self::with_frame_per_readout(scene, rate, readouts, samples, threads)?;
+        drive.with_frames(|plan| plan.keyframes.clone())
+    }
+
+    /// Creates a source with one frame for every readout.
+    ///
+    /// # Errors
+    /// Those of [`Drive::new`].
+    pub fn with_frame_per_readout(
+        scene: Scene,
+        rate: Rate,
+        readouts: u64,
+        samples: scene::SamplesPerPixel,
+        threads: usize,
+    ) -> Result<Self> {
+        if readouts == 0 {
             return Err(Error::new(ErrorKind::Usage, "drive")
-                .found(format_args!("{}, white at {white} cd/m2", Count(readouts, "readout")))
-                .expected("at least one readout and a positive luminance"));
+                .found(Count(readouts, "readout"))
+                .expected("at least one readout"));
         }
         let last = (readouts - 1) as f64 / rate.hz();
         let plan = scene.plan_keyframes(0.0, last, rate.hz(), threads)?;
@@ -61,19 +72,40 @@ impl Drive {
                 .expected(format_args!("{readouts}, one per readout")));
         }
         let here = scene.camera(0.0)?.intrinsics;
-        Ok(Self {
+        let drive = Self {
             geometry: Geometry::new(here.width, here.height)?,
             scene,
             plan,
-            white_cd_m2: white,
+            frames: Vec::new(),
+            white_cd_m2: Vec::new(),
             rate,
             samples,
             threads: threads.max(1),
             next_render: None,
             ready_light: Vec::new(),
-            first_ready_readout: 0,
-            next_readout: 0,
-        })
+            first_ready_frame: 0,
+            next_frame: 0,
+        };
+        drive.with_frames(|plan| (0..plan.readouts.len()).collect())
+    }
+
+    fn with_frames(mut self, frames: impl Fn(&KeyframePlan) -> Vec<usize>) -> Result<Self> {
+        self.frames = frames(&self.plan);
+        let white = |&k: &usize| self.scene.white_cd_m2(self.plan.readouts[k], self.threads);
+        self.white_cd_m2 = self.frames.iter().map(white).collect::<Result<_>>()?;
+        Ok(self)
+    }
+
+    /// Returns the timeline that maps readouts to the frames of this source.
+    ///
+    /// # Errors
+    /// Those of [`Timeline::from_first_readouts`].
+    pub fn timeline(&self, interpolation: Interpolation) -> Result<Timeline> {
+        let first_readouts: Vec<u64> = self.frames.iter().map(|&k| k as u64).collect();
+        match first_readouts.len() {
+            1 => Timeline::from_readouts_per_frame(1, interpolation),
+            _ => Timeline::from_first_readouts(&first_readouts, interpolation),
+        }
     }
 
     /// Returns the scene.
@@ -88,13 +120,26 @@ impl Drive {
         &self.plan
     }
 
-    /// Returns the luminance of light 1.0 in cd/m2.
+    /// Returns the first readout of each frame.
     #[must_use]
-    pub const fn white_cd_m2(&self) -> f32 {
-        self.white_cd_m2
+    pub fn first_readouts(&self) -> &[usize] {
+        &self.frames
     }
 
-    /// Renders the light of one readout, in units of the white luminance.
+    /// Returns the scene and the plan.
+    #[must_use]
+    pub fn into_parts(self) -> (Scene, KeyframePlan) {
+        (self.scene, self.plan)
+    }
+
+    /// Returns the luminance of white in cd/m2 at a readout. Between two frames, the luminance is that of the earlier
+    /// frame.
+    #[must_use]
+    pub fn white_cd_m2(&self, readout: usize) -> f32 {
+        self.white_cd_m2[self.frames.partition_point(|&k| k <= readout).saturating_sub(1)]
+    }
+
+    /// Renders the light of one readout, in units of white.
     ///
     /// # Errors
     /// [`ErrorKind::Usage`] if `readout` is not less than the number of readouts.
@@ -104,49 +149,57 @@ impl Drive {
                 Error::new(ErrorKind::Usage, format_args!("readout {readout}"))
                     .expected(format_args!("less than {}", self.plan.readouts.len()))
             })?;
-        let scale = 1.0 / self.white_cd_m2;
-        let light = self.render(at)?.light.into_iter().map(|v| v * scale).collect();
+        let end = self.render(at);
+        self.frame(end.sensor_light(&self.scene), self.white_cd_m2(at))
+    }
+
+    /// Multiplies the exposure by the positive number `factor`. The luminance of white is therefore divided by
+    /// `factor`.
+    pub(super) fn scale_exposure(&mut self, factor: f32) {
+        self.white_cd_m2.iter_mut().for_each(|white| *white /= factor);
+    }
+
+    fn frame(&self, mut light: Vec<f32>, white_cd_m2: f32) -> Result<Frame> {
+        let scale = 1.0 / white_cd_m2;
+        light.iter_mut().for_each(|v| *v *= scale);
         Frame::new(self.geometry, OwnedSamples::F32(light))
     }
 
-    /// Multiplies the exposure by the positive number `factor`. The luminance of light 1.0 is therefore divided by
-    /// `factor`.
-    pub(super) fn scale_exposure(&mut self, factor: f32) {
-        self.white_cd_m2 /= factor;
+    fn render(&self, readout: usize) -> SpanEnd {
+        self.scene.span_end(self.plan.readouts[readout], self.samples, self.threads)
     }
 
-    fn render(&self, readout: usize) -> Result<RenderedFrame> {
-        self.scene.render(self.plan.readouts[readout], self.samples, self.threads)
-    }
-
-    /// Renders the readouts of one span, starting with readout `from`.
-    fn render_span(&mut self, from: usize) -> Result<()> {
+    /// Renders the frames of one span, starting with frame `from`.
+    fn render_span(&mut self, from: usize) {
         let first = match self.next_render.take() {
             Some(first) => first,
-            None => self.render(from)?,
+            None => self.render(self.frames[from]),
         };
-        self.first_ready_readout = from;
-        let steps = self.plan.readouts.len() - 1 - from;
+        self.first_ready_frame = from;
+        let steps = self.frames.len() - 1 - from;
         if steps == 0 {
-            self.ready_light = vec![first.light];
-            return Ok(());
+            self.ready_light = vec![first.sensor_light(&self.scene)];
+            return;
         }
-        // The remaining steps are divided into spans of nearly equal length. With spans of maximum length, the last
-        // span could be very short.
-        let to = from + steps.div_ceil(steps.div_ceil(self.max_span_steps()));
-        let span = self.scene.render_span(first, &self.plan.readouts[from..=to], self.samples, self.threads);
+        let times: Vec<f64> = self.frames[from..=from + self.span_steps(from, steps)]
+            .iter()
+            .map(|&k| self.plan.readouts[k])
+            .collect();
+        let span = self.scene.render_span(first, &times, self.samples, self.threads);
         self.ready_light = span.light;
-        self.next_render = Some(span.last_frame);
-        Ok(())
+        self.next_render = Some(span.end);
     }
 
-    /// Returns the maximum number of steps of a span.
+    /// Returns the number of steps of the span that starts at frame `from`. `steps` steps remain.
     ///
     /// The duration of a span is limited, because the light changes even if nothing moves. The size of the span's light
-    /// is limited, because the light is stored in memory.
-    fn max_span_steps(&self) -> usize {
+    /// is limited, because the light is stored in memory. The remaining steps are divided into spans of nearly equal
+    /// length. With spans of maximum length, the last span could be very short.
+    fn span_steps(&self, from: usize, steps: usize) -> usize {
         let max_frames = MAX_SPAN_BYTES / (size_of::<f32>() * self.geometry.pixels());
-        ((MAX_SPAN_SECONDS * self.rate.hz()) as usize).min(max_frames).max(1)
+        let lasts_s = self.plan.readouts[self.frames[from + steps]] - self.plan.readouts[self.frames[from]];
+        let spans = (lasts_s / MAX_SPAN_SECONDS).ceil().max(1.0) as usize;
+        steps.div_ceil(spans.max(steps.div_ceil(max_frames.max(1))))
     }
 }
 
@@ -156,34 +209,34 @@ impl Source for Drive {
     }
 
     fn frames(&self) -> Option<u64> {
-        Some(self.plan.readouts.len() as u64)
+        Some(self.frames.len() as u64)
     }
 
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
-        if self.next_readout >= self.plan.readouts.len() {
+        if self.next_frame >= self.frames.len() {
             return Ok(false);
         }
-        if self.next_readout >= self.first_ready_readout + self.ready_light.len() {
-            self.render_span(self.next_readout)?;
+        if self.next_frame >= self.first_ready_frame + self.ready_light.len() {
+            self.render_span(self.next_frame);
         }
-        let light = std::mem::take(&mut self.ready_light[self.next_readout - self.first_ready_readout]);
-        let scale = 1.0 / self.white_cd_m2;
-        *into = Frame::new(self.geometry, OwnedSamples::F32(light.into_iter().map(|v| v * scale).collect()))?;
-        self.next_readout += 1;
+        let light = std::mem::take(&mut self.ready_light[self.next_frame - self.first_ready_frame]);
+        *into = self.frame(light, self.white_cd_m2[self.next_frame])?;
+        self.next_frame += 1;
         Ok(true)
     }
 
+    /// Returns the readout rate if every readout has a frame. Otherwise the frames have no constant rate.
     fn rate(&self) -> Option<Rate> {
-        Some(self.rate)
+        (self.frames.len() == self.plan.readouts.len()).then_some(self.rate)
     }
 
     fn describe(&self) -> String {
         format!(
-            "driving scene {} ({}), white {} cd/m2, {}, up to {:.3} px per frame",
+            "driving scene {} ({}), white {:.4} cd/m2, {}, up to {:.3} px per readout",
             self.scene.seed(),
             self.scene.lighting().name(),
-            self.white_cd_m2,
-            Count(self.plan.readouts.len(), "frame"),
+            self.white_cd_m2[0],
+            Count(self.frames.len(), "frame"),
             self.plan.max_px_per_readout,
         )
     }

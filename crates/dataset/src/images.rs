@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::DatasetOptions;
 use crate::labels::write_label_file;
+use crate::light_statistics::LightStatistics;
 use spikelane::error::{Error, Result};
 use spikelane_io::light::Frame;
 use spikelane_io::simulate::{ImageFacts, ImageFormat};
@@ -15,6 +16,7 @@ pub(super) struct ReferenceImageWriter {
     pub interval_readouts: Option<u64>,
     format: ImageFormat,
     write_npy: bool,
+    pub statistics: LightStatistics,
 }
 
 impl ReferenceImageWriter {
@@ -35,12 +37,14 @@ impl ReferenceImageWriter {
             interval_readouts: every,
             format: options.images.format,
             write_npy: npy,
+            statistics: LightStatistics::default(),
         })
     }
 
     /// Writes the image of readout `readout` with the light `light`.
     pub(crate) fn write(&mut self, readout: u64, light: &Frame) -> Result<()> {
         let (values, geometry) = (light.to_f32(), light.geometry());
+        self.statistics.push(readout, &values);
         let mut forms = vec![self.format];
         if self.write_npy && self.format != ImageFormat::F32 {
             forms.push(ImageFormat::F32);

@@ -112,7 +112,7 @@ fn frame_json(
     let label_json = json!({
         "readout": readout, "t_s": t_s,
         "camera": {
-            "focal_px": i.focal_px, "center_px": i.center_px, "width": i.width, "height": i.height,
+            "focal_px": i.focal_px, "center_px": i.center_px, "distortion": i.distortion, "width": i.width, "height": i.height,
             "position_m": p.position.to_array(), "world_to_camera_rows": rotation, "speed_mps": camera.speed_mps,
         },
         "boxes": boxes.iter().map(vehicle_json).collect::<Vec<_>>(),

@@ -17,6 +17,7 @@ mod ground_truth;
 mod images;
 mod labeled_frames;
 mod labels;
+mod light_statistics;
 mod manifest;
 mod pack_schema;
 mod reader;

@@ -24,7 +24,7 @@ use spikelane_io::simulate::{
 };
 use spikelane_io::storage::{folders, sync};
 use spikelane_measure::report::insert_present;
-use spikelane_scene::Scene;
+use spikelane_scene::{Lens, SCENE_VERSION, Scene};
 
 /// Receives the number of completed readouts, and the total number if the total is known. If the callback returns an
 /// error, the generation stops.
@@ -83,16 +83,27 @@ fn generate_scene(
     let seed = entry.scene_seed.unwrap_or_else(|| options.scene_seed_for(entry.id.as_str()));
     let scene =
         Scene::from_seed(seed, &scene_options(options, drives, options.listed_lighting(entry.id.as_str()))?)?;
-    let mut drive = Drive::new(scene, rate, readouts, drives.white_cd_m2, drives.samples, options.threads)?;
+    let mut drive = Drive::new(scene, rate, readouts, drives.samples, options.threads)?;
     if options.dataset_layout == DatasetLayout::SpikeZoo {
         let by = ground_truth::exposure_factor(options, &drive.light(readouts / 2)?);
         drive.scale_exposure(by);
     }
-    let timeline = Timeline::from_readouts_per_frame(1, Interpolation::Hold)?;
+    let timeline = drive.timeline(Interpolation::Linear)?;
     let every = options.images.every.unwrap_or(u64::from(drives.readouts_per_image));
     let mut keeper = ReferenceImageWriter::new(options, Some(every), drives.npy, folder)?;
-    let outcome = simulate_streams(options, entry, timeline, &mut drive, &mut keeper, &mut *watch)?;
+    let light = LightRun { timeline, readouts: Some(readouts), source: &mut drive };
+    let outcome = simulate_streams(options, entry, light, &mut keeper, &mut *watch)?;
     ground_truth::write_reference_images(options, &outcome.light_sample.frame, folder)?;
+    let middle = (readouts / 2) as usize;
+    let white = [drive.white_cd_m2(middle), drive.white_cd_m2(0), drive.white_cd_m2(readouts as usize - 1)];
+    let reference = outcome.light_sample.frame.to_f32();
+    let light_statistics =
+        keeper.statistics.facts(&reference, options.camera.sensor.geometry, drive.first_readouts());
+    let lens = lens_facts(drive.scene().lens());
+    let (mut scene, plan) = drive.into_parts();
+    if drives.undistorted_labels {
+        scene = scene.without_distortion();
+    }
     let mut labeled = Vec::new();
     if drives.label_every > 0 {
         let wanted = labels::LabelOptions {
@@ -103,12 +114,12 @@ fn generate_scene(
         };
         let at = folder.join("labels");
         let mut still = || watch(readouts, Some(readouts));
-        labeled = labels::write_labels(drive.scene(), drive.plan(), &wanted, &at, &mut still)?;
+        labeled = labels::write_labels(&scene, &plan, &wanted, &at, &mut still)?;
     }
-    let plan = drive.plan();
     let facts = json!({
-        "content": "drive", "scene_seed": seed, "lighting": drive.scene().lighting().name(),
-        "white_cd_m2": drive.white_cd_m2(), "vehicles": drive.scene().vehicles(),
+        "content": "drive", "scene_seed": seed, "scene_version": SCENE_VERSION, "lighting": scene.lighting().name(),
+        "white_cd_m2": white[0], "white_cd_m2_first": white[1], "white_cd_m2_last": white[2],
+        "lens": lens, "undistorted_labels": drives.undistorted_labels, "vehicles": scene.vehicles(),
         "readouts": outcome.readouts, "readouts_per_image": drives.readouts_per_image,
         "image_names": "the number in the file's name", "reference_readout": readouts / 2,
         "reference_transfer": "srgb",
@@ -117,8 +128,16 @@ fn generate_scene(
         "is_too_fast": plan.is_too_fast(),
         "required_readout_hz": plan.required_readout_hz(rate.hz()) as u64,
         "frames_above_max_light": outcome.frames_above_max_light,
+        "light_statistics": light_statistics,
     });
     Ok((with_image_facts(facts, &keeper), outcome.readouts))
+}
+
+fn lens_facts(lens: Lens) -> Value {
+    json!({
+        "blur_px": lens.blur_px, "bloom": lens.bloom, "glare": lens.glare, "vignetting": lens.vignetting,
+        "corner_distortion": lens.corner_distortion,
+    })
 }
 
 fn with_image_facts(facts: Value, keeper: &ReferenceImageWriter) -> Value {
@@ -149,7 +168,8 @@ fn generate_from_input(
     }
     let mut source = ScaledSource { source: &mut *source, factor: by, path_and_name: Some((&path, name)) };
     let mut keeper = ReferenceImageWriter::new(options, options.images.every, false, folder)?;
-    let outcome = simulate_streams(options, entry, timeline.clone(), &mut source, &mut keeper, watch)?;
+    let light = LightRun { timeline: timeline.clone(), readouts: None, source: &mut source };
+    let outcome = simulate_streams(options, entry, light, &mut keeper, watch)?;
     let glance = &outcome.light_sample;
     let middle = outcome.readouts / 2;
     if glance.readout == middle {
@@ -185,12 +205,18 @@ fn input_exposure(
     Ok(middle.map_or(1.0, |light| ground_truth::exposure_factor(options, &light)))
 }
 
+/// The light of a sequence. If `readouts` is `None`, the sequence ends with the source.
+struct LightRun<'a> {
+    timeline: Timeline,
+    readouts: Option<u64>,
+    source: &'a mut dyn Source,
+}
+
 /// Writes the noisy stream, the clean stream and their common sidecar.
 fn simulate_streams(
     options: &DatasetOptions,
     entry: &SequenceEntry,
-    timeline: Timeline,
-    source: &mut dyn Source,
+    LightRun { timeline, readouts, source }: LightRun<'_>,
     keeper: &mut ReferenceImageWriter,
     watch: ReadoutCallback<'_>,
 ) -> Result<RunSummary> {
@@ -198,6 +224,7 @@ fn simulate_streams(
     let folder = keeper.folder.clone();
     let mut job = RunOptions::new(camera.clone(), seeds, timeline.clone());
     job.layout = Layout::Dat;
+    job.readouts = readouts;
     job.threads = options.threads;
     let (noisy, clean) = (folder.join("stream.dat"), folder.join("stream.clean.dat"));
     let every = keeper.interval_readouts;
@@ -220,7 +247,10 @@ fn simulate_streams(
     sidecar.light = Some(LightFacts {
         resize_mode,
         interpolation: timeline.interpolation().to_string(),
-        readouts_per_frame: timeline.readouts(1).map(|n| n.to_string()),
+        readouts_per_frame: match &options.content {
+            Content::Scenes(_) => Some("by motion".to_owned()),
+            Content::Inputs(_) => timeline.readouts(1).map(|n| n.to_string()),
+        },
         frames: outcome.frames,
         exposure_electrons: electrons * camera.sensor.thresholds_at_full_scale,
         max_light: outcome.max_light,

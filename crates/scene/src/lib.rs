@@ -15,11 +15,15 @@
 //! Distances are in meters, times in seconds, and light is photometric (cd/m2). `docs/reference/scenes.md` describes
 //! the method and its limits.
 
+/// Version of the scenes. Scenes of different versions have different bytes for the same seed.
+pub const SCENE_VERSION: u32 = 2;
+
 mod city;
 mod drive;
 mod ground_truth;
 pub mod labels;
 mod lighting;
+mod optics;
 mod options;
 mod random;
 mod rendering;
@@ -32,8 +36,11 @@ pub use glam::{DMat3, DVec3};
 pub use ground_truth::boxes::VehicleBox;
 pub use ground_truth::flow::Flow;
 pub use ground_truth::keyframes::KeyframePlan;
+pub use ground_truth::light_span::{LightSpan, SpanEnd};
 pub use ground_truth::warp::Warp;
 pub use lighting::Lighting;
+pub use optics::exposure::Exposure;
+pub use optics::lens::Lens;
 pub use options::SceneOptions;
 pub use rendering::rendered_frame::{Labels, RenderedFrame, SamplesPerPixel};
 pub use shapes::material::Semantic;

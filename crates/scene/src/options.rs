@@ -2,6 +2,8 @@
 
 use super::drive::camera::Intrinsics;
 use super::lighting::Lighting;
+use super::optics::exposure::Exposure;
+use super::optics::lens::Lens;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 
@@ -40,6 +42,10 @@ pub struct SceneOptions {
     pub vehicles: Option<u32>,
     /// Flicker frequency of the lamps in hertz. Lamps on mains power flicker at 100 or 120 Hz.
     pub flicker_hz: Option<f64>,
+    /// Lens of the camera.
+    pub lens: Option<Lens>,
+    /// Exposure of the camera. The seed does not affect this option.
+    pub exposure: Exposure,
 }
 
 spikelane::unstable::with_methods!(SceneOptions {
@@ -51,6 +57,8 @@ spikelane::unstable::with_methods!(SceneOptions {
     with_speed_kmh: speed_kmh: Option<f64>,
     with_vehicles: vehicles: Option<u32>,
     with_flicker_hz: flicker_hz: Option<f64>,
+    with_lens: lens: Option<Lens>,
+    with_exposure: exposure: Exposure,
 });
 
 impl SceneOptions {
@@ -77,6 +85,8 @@ impl Default for SceneOptions {
             speed_kmh: None,
             vehicles: None,
             flicker_hz: None,
+            lens: None,
+            exposure: Exposure::default(),
         }
     }
 }
@@ -137,11 +147,16 @@ pub(super) fn check_options(options: &SceneOptions, speed_kmh: f64, fov_deg: f64
             .expected(format_args!("at most {MAX_DRIVE_M} m"))
             .remedy("shorten or slow down the drive, or split it into several scenes"));
     }
+    options.exposure.check()?;
     let half = 0.5 * f64::from(options.width);
-    Ok(Intrinsics {
+    let intrinsics = Intrinsics {
         width: options.width,
         height: options.height,
         focal_px: half / libm::tan((0.5 * fov_deg).to_radians()),
         center_px: [half, 0.5 * f64::from(options.height)],
-    })
+        distortion: 0.0,
+    };
+    let Some(lens) = options.lens else { return Ok(intrinsics) };
+    lens.check()?;
+    Ok(Intrinsics { distortion: lens.division_lambda(&intrinsics), ..intrinsics })
 }

@@ -7,8 +7,12 @@ use glam::Vec3;
 use super::city::City;
 use super::drive::camera::{Intrinsics, Mount, PinholeCamera};
 use super::drive::traffic::{Traffic, TrafficOptions};
+use super::drive::traffic_vehicle::Vehicle;
 use super::drive::vehicle_motion::{VehicleMotion, VehicleState, vehicle_state};
 use super::lighting::{LAMP_RANGE_M, Light, Lighting};
+use super::optics::exposure::{Exposure, ExposureCurve};
+use super::optics::image_formation::ImageFormation;
+use super::optics::lens::Lens;
 use super::options::{MIN_RANDOM_SPEED_KMH, SceneOptions, check_options};
 use super::random::Draws;
 use super::shapes::grid::Grid;
@@ -42,9 +46,17 @@ pub struct Scene {
     pub(super) road_span: (f64, f64),
     pub(super) city: City,
     pub(super) traffic: Traffic,
+    /// Arc length and distance from the center line of every vehicle at the start of the drive. Parked vehicles stay
+    /// there.
+    pub(super) parked_places: Vec<(f64, f64)>,
     pub(super) mount: Mount,
     pub(super) light: Light,
     pub(super) lamp_grid: Grid,
+    lens: Lens,
+    pub(super) image_formation: ImageFormation,
+    pub(super) exposure: Exposure,
+    /// White during the drive. It is computed at the first query.
+    pub(super) exposure_curve: OnceLock<ExposureCurve>,
     /// Shadows of the sun or moon. They are computed at the first shadow query.
     sun_shadows: OnceLock<SunShadows>,
     /// Shadows of each lamp. They are computed at the first query for the lamp.
@@ -61,12 +73,16 @@ impl Scene {
         let lighting = options.lighting.unwrap_or_else(|| Lighting::from_seed(seed));
         let speed_kmh = options.speed_kmh.unwrap_or_else(|| draws.range(1, MIN_RANDOM_SPEED_KMH, 100.0));
         let fov_deg = options.fov_deg.unwrap_or_else(|| draws.range(2, 58.0, 80.0));
+        let lens = options.lens.unwrap_or_else(|| Lens::from_seed(seed));
+        let options = &options.clone().with_lens(Some(lens));
         let intrinsics = check_options(options, speed_kmh, fov_deg)?;
         let ego_mps = speed_kmh / 3.6;
         let span = (-ROAD_BEHIND_M, ego_mps * options.duration_s + ROAD_AHEAD_M);
-        // The exit of the tunnel is at half of the distance of the drive.
-        let exit = (0.5 * ego_mps * options.duration_s).max(12.0);
-        let tunnel = (lighting == Lighting::Tunnel).then_some((span.0 + 4.0, exit));
+        // The portal of the tunnel is at half of the distance of the drive. Most drives leave the tunnel, and some enter it.
+        let portal = (0.5 * ego_mps * options.duration_s).max(12.0);
+        let enters = draws.chance(3, 0.35);
+        let tunnel = (lighting == Lighting::Tunnel)
+            .then_some(if enters { (portal, span.1 - 4.0) } else { (span.0 + 4.0, portal) });
         let city = City::from_seed(seed, span.0, span.1, tunnel);
         let demand = TrafficOptions {
             ego_mps,
@@ -77,6 +93,11 @@ impl Scene {
         };
         let traffic = Traffic::from_seed(seed, &city.road, &demand);
         check_counts(&city, &traffic)?;
+        let place = |v: &Vehicle| match &v.motion {
+            VehicleMotion::Parked { at, .. } => city.road.locate(at.x as f32, at.y as f32),
+            VehicleMotion::Lane { .. } => v.motion.lane_place(0.0).unwrap_or_default(),
+        };
+        let parked_places = traffic.vehicles.iter().map(place).collect();
         let reach = LAMP_RANGE_M;
         let lamps: Vec<_> = city
             .lamps
@@ -95,6 +116,11 @@ impl Scene {
             lamp_shadows: lamps.iter().map(|_| OnceLock::new()).collect(),
             light: Light::from_seed(seed, lighting, options.flicker_hz),
             mount: Mount::from_seed(seed),
+            parked_places,
+            lens,
+            image_formation: ImageFormation::new(lens, options.width as usize, options.height as usize),
+            exposure: options.exposure,
+            exposure_curve: OnceLock::new(),
             city,
             traffic,
         })
@@ -119,13 +145,20 @@ impl Scene {
         self.duration_s
     }
 
-    /// Returns the luminance in cd/m2 that a well-exposed camera maps to white.
-    ///
-    /// A luminance divided by the luminance of white is linear light, usually between 0 and 1. The light of highlights,
-    /// of lamps, and of daylight at the end of a tunnel exceeds 1.
+    /// Returns the lens of the options. If the options contain no lens, returns the lens that the seed selects.
     #[must_use]
-    pub const fn white_cd_m2(&self) -> f32 {
-        self.light.white_cd_m2
+    pub const fn lens(&self) -> Lens {
+        self.lens
+    }
+
+    /// Returns the scene with a lens that does not distort. The blur and the other properties of the lens remain.
+    ///
+    /// The labels of this scene are the labels of a pinhole camera.
+    #[must_use]
+    pub fn without_distortion(mut self) -> Self {
+        self.lens = self.lens.without_distortion();
+        self.intrinsics.distortion = 0.0;
+        self
     }
 
     /// Returns the number of vehicles, not including the camera's car. Track ids are 1 to this number.

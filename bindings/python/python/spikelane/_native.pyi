@@ -251,6 +251,8 @@ class Scene:
         speed_kmh: float | None = None,
         vehicles: int | None = None,
         flicker_hz: float | None = None,
+        ideal_lens: bool = False,
+        lock_exposure: bool = False,
     ) -> Scene: ...
     @property
     def seed(self) -> int: ...

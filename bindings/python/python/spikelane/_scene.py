@@ -67,7 +67,8 @@ class Scene:
     ``height`` and ``width`` are in pixels. ``fov_deg`` is 5 to 150 degrees. ``lighting`` is "noon", "low-sun", "overcast",
     "rain", "tunnel", "dusk" or "night". ``duration_s`` is at most 120 s, and ``speed_kmh`` is 1 to 300 km/h. ``vehicles`` is
     the number of vehicles besides the vehicle of the camera. Lamps flicker with ``flicker_hz`` Hz. The seed determines
-    omitted values. The scene renders any instant of the drive, in any order. Raises SpikelaneError if a value is out of
+    omitted values and the lens; ``ideal_lens`` omits blur, glare, vignetting and distortion. The exposure follows the
+    scene, and ``lock_exposure`` keeps it as it is at the start. The scene renders any instant of the drive, in any order. Raises SpikelaneError if a value is out of
     range.
     """
 
@@ -83,6 +84,8 @@ class Scene:
         speed_kmh: float | None = None,
         vehicles: int | None = None,
         flicker_hz: float | None = None,
+        ideal_lens: bool = False,
+        lock_exposure: bool = False,
     ) -> None:
         self._native = _native.Scene(
             seed,
@@ -94,6 +97,8 @@ class Scene:
             speed_kmh=speed_kmh,
             vehicles=vehicles,
             flicker_hz=flicker_hz,
+            ideal_lens=ideal_lens,
+            lock_exposure=lock_exposure,
         )
 
     @property

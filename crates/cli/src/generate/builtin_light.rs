@@ -4,9 +4,9 @@ use spikelane::{Camera, Error, ErrorKind, Result};
 use spikelane_dataset::Drive;
 use spikelane_io::light::open;
 use spikelane_io::light::{
-    CameraMotion, Chart, InputOptions, Interpolation, MotionClip, Objects, Rate, Timeline,
+    CameraMotion, Chart, InputOptions, Interpolation, MotionClip, Objects, Rate, Source as _, Timeline,
 };
-use spikelane_scene::{self as scene, KeyframePlan, Lighting, Scene, SceneOptions};
+use spikelane_scene::{self as scene, Exposure, KeyframePlan, Lens, Lighting, Scene, SceneOptions};
 
 use super::light::{LightArgs, RunLight};
 use crate::common::lighting::LightingArg;
@@ -18,12 +18,8 @@ const CHART_FRAMES_PER_S: u64 = 1000;
 /// Default number of readouts of the chart and the objects. It is 0.2 s at 20 kHz.
 const CHART_READOUTS: u64 = 4000;
 
-/// Default frames per second of a drive. At 20 kHz a frame lasts eight readouts. Most of the street moves less than half a
-/// pixel between two frames.
-pub(crate) const DRIVE_FRAMES_PER_S: u64 = 2500;
-
-/// Default interpolation of built-in light between its frames.
-pub(crate) const BUILTIN_INTERPOLATION: Interpolation = Interpolation::Hold;
+/// Default interpolation of the chart and the objects between their frames.
+const CHART_INTERPOLATION: Interpolation = Interpolation::Hold;
 
 /// Color samples per pixel of a drive. Sixteen samples are affordable, because one rendered frame is warped to many frames.
 pub(crate) const DRIVE_SAMPLES: scene::SamplesPerPixel = scene::SamplesPerPixel::Sixteen;
@@ -39,11 +35,6 @@ const DEFAULT_LIGHTING: Lighting = Lighting::Noon;
 const OBJECT_COUNT: u32 = 12;
 
 impl LightArgs {
-    /// Returns the interpolation between frames of built-in light.
-    pub(super) fn builtin_interpolation(&self) -> Interpolation {
-        self.interpolation.unwrap_or(BUILTIN_INTERPOLATION)
-    }
-
     pub(super) fn input_options(&self, camera: &Camera, motion: Option<MotionClip>) -> InputOptions {
         InputOptions {
             resize_mode: self.resize_mode,
@@ -54,27 +45,26 @@ impl LightArgs {
         }
     }
 
-    /// Returns the frame rate and the timeline of built-in light. The flags determine the frame rate, and
-    /// `frames_per_s` is the default.
-    pub(super) fn builtin_timeline(&self, readout: Rate, frames_per_s: u64) -> Result<(Rate, Timeline)> {
+    /// Returns the frame rate and the timeline that the flags state. Returns `None` if no flag states a frame rate.
+    fn stated_timeline(&self, readout: Rate, default: Interpolation) -> Result<Option<(Rate, Timeline)>> {
+        let interpolation = self.interpolation.unwrap_or(default);
         if let Some(n) = self.readouts_per_frame {
             let (num, den) = readout.as_fraction();
             let rate = Rate::new(num, den.saturating_mul(n))?;
-            return Ok((rate, Timeline::from_readouts_per_frame(n, self.builtin_interpolation())?));
+            return Ok(Some((rate, Timeline::from_readouts_per_frame(n, interpolation)?)));
         }
-        let rate = match self.input_fps {
-            Some(rate) => rate,
-            None => Rate::new(frames_per_s, 1)?,
-        };
-        Ok((rate, Timeline::from_rates(rate, readout, self.builtin_interpolation())?))
+        let of_rate = |rate| Ok((rate, Timeline::from_rates(rate, readout, interpolation)?));
+        self.input_fps.map(of_rate).transpose()
     }
 
-    /// Returns the number of frames that `readouts` readouts need. Interpolation needs one more frame after the last
-    /// readout.
-    pub(super) fn frame_count(&self, timeline: &Timeline, readouts: u64) -> u64 {
-        timeline.position(readouts - 1).frame
-            + 1
-            + u64::from(self.builtin_interpolation() != Interpolation::Hold)
+    /// Returns the frame rate and the timeline of the chart, the objects or a camera motion.
+    fn chart_timeline(&self, readout: Rate) -> Result<(Rate, Timeline)> {
+        if let Some(stated) = self.stated_timeline(readout, CHART_INTERPOLATION)? {
+            return Ok(stated);
+        }
+        let rate = Rate::new(CHART_FRAMES_PER_S, 1)?;
+        let interpolation = self.interpolation.unwrap_or(CHART_INTERPOLATION);
+        Ok((rate, Timeline::from_rates(rate, readout, interpolation)?))
     }
 
     /// Returns an error if a flag is set that has no effect on built-in light.
@@ -85,6 +75,8 @@ impl LightArgs {
             ("--full-scale", self.full_scale.is_some()),
             ("--scene-seed", self.scene_seed.is_some() && !scene),
             ("--lighting", self.lighting.is_some() && !scene),
+            ("--ideal-lens", self.ideal_lens && !scene),
+            ("--lock-exposure", self.lock_exposure && !scene),
         ];
         if let Some((flag, _)) = unused.iter().find(|(_, is_set)| *is_set) {
             return Err(Error::new(ErrorKind::Usage, flag)
@@ -97,40 +89,37 @@ impl LightArgs {
 
     pub(super) fn drive_light(&self, camera: &Camera, readout: Rate) -> Result<RunLight> {
         self.refuse_unused_flags(true)?;
-        let (rate, timeline) = self.builtin_timeline(readout, DRIVE_FRAMES_PER_S)?;
         let readouts = self.readouts.unwrap_or(DRIVE_READOUTS);
-        let frames = self.frame_count(&timeline, readouts);
-        let options = SceneOptions {
-            width: camera.sensor.geometry.width() as u32,
-            height: camera.sensor.geometry.height() as u32,
-            lighting: self.lighting.unwrap_or(LightingArg::Fixed(DEFAULT_LIGHTING)).fixed(),
-            duration_s: (frames as f64 / rate.hz()).max(2e-3),
-            ..SceneOptions::default()
-        };
-        let scene = Scene::from_seed(self.scene_seed.unwrap_or(DEFAULT_SCENE_SEED), &options)?;
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let drive = Drive::new(scene, rate, frames, None, DRIVE_SAMPLES, threads)?;
-        let warnings = self.motion_warning(drive.plan(), rate, readout).into_iter().collect();
-        let source = Box::new(drive);
-        Ok(RunLight { source, timeline, readouts: Some(readouts), frame_rate: Some(rate), warnings })
-    }
-
-    /// Returns a warning with a remedy if the image moves by more than half a pixel between two frames.
-    pub(super) fn motion_warning(&self, plan: &KeyframePlan, rate: Rate, readout: Rate) -> Option<String> {
-        // The limit is exceeded only at the fastest point of the drive, so an excess of up to 10 % is ignored.
-        let needed = plan.required_readout_hz(rate.hz());
-        if needed <= 1.1 * rate.hz() || self.builtin_interpolation() != Interpolation::Hold {
-            return None;
-        }
-        let px_per_frame = plan.max_px_per_readout;
-        let remedy = if needed <= readout.hz() {
-            format!("set --input-fps to {needed}")
-        } else {
-            format!("set --readout-hz to {needed}, or use a smaller image")
+        let scene = |seconds: f64| {
+            let options = SceneOptions {
+                width: camera.sensor.geometry.width() as u32,
+                height: camera.sensor.geometry.height() as u32,
+                lighting: self.lighting.unwrap_or(LightingArg::Fixed(DEFAULT_LIGHTING)).fixed(),
+                duration_s: seconds.max(2e-3),
+                lens: self.ideal_lens.then_some(Lens::IDEAL),
+                exposure: if self.lock_exposure { Exposure::Locked } else { Exposure::Automatic },
+                ..SceneOptions::default()
+            };
+            Scene::from_seed(self.scene_seed.unwrap_or(DEFAULT_SCENE_SEED), &options)
         };
-        Some(format!(
-            "the fastest point of the scene moves by {px_per_frame:.2} pixels from one frame to the next, more than half a pixel; {remedy}"
-        ))
+        let (drive, rate, timeline) = match self.stated_timeline(readout, Interpolation::Linear)? {
+            Some((rate, timeline)) => {
+                let frames = frame_count(&timeline, readouts);
+                let scene = scene(frames as f64 / rate.hz())?;
+                let drive = Drive::with_frame_per_readout(scene, rate, frames, DRIVE_SAMPLES, threads)?;
+                (drive, rate, timeline)
+            }
+            None => {
+                let scene = scene(readouts as f64 / readout.hz())?;
+                let drive = Drive::new(scene, readout, readouts, DRIVE_SAMPLES, threads)?;
+                let timeline = drive.timeline(self.interpolation.unwrap_or(Interpolation::Linear))?;
+                (drive, readout, timeline)
+            }
+        };
+        let warnings = motion_warning(drive.plan(), rate, readout).into_iter().collect();
+        let frame_rate = drive.rate();
+        Ok(RunLight { source: Box::new(drive), timeline, readouts: Some(readouts), frame_rate, warnings })
     }
 
     pub(super) fn objects_light(&self, camera: &Camera, readout: Rate) -> Result<RunLight> {
@@ -138,9 +127,9 @@ impl LightArgs {
             self.refuse_unused_flags(false)?;
         }
         self.refuse_unused_flags(true)?;
-        let (rate, timeline) = self.builtin_timeline(readout, CHART_FRAMES_PER_S)?;
+        let (rate, timeline) = self.chart_timeline(readout)?;
         let readouts = self.readouts.unwrap_or(CHART_READOUTS);
-        let frames = self.frame_count(&timeline, readouts);
+        let frames = frame_count(&timeline, readouts);
         let seed = self.scene_seed.unwrap_or(DEFAULT_SCENE_SEED);
         let source = Objects::new(camera.sensor.geometry, rate, frames, seed, OBJECT_COUNT)?;
         Ok(RunLight {
@@ -154,9 +143,9 @@ impl LightArgs {
 
     pub(super) fn chart_light(&self, camera: &Camera, readout: Rate) -> Result<RunLight> {
         self.refuse_unused_flags(false)?;
-        let (rate, timeline) = self.builtin_timeline(readout, CHART_FRAMES_PER_S)?;
+        let (rate, timeline) = self.chart_timeline(readout)?;
         let readouts = self.readouts.unwrap_or(CHART_READOUTS);
-        let frames = self.frame_count(&timeline, readouts);
+        let frames = frame_count(&timeline, readouts);
         let source = Box::new(Chart::new(camera.sensor.geometry, rate, Some(frames))?);
         Ok(RunLight {
             source,
@@ -176,8 +165,8 @@ impl LightArgs {
                 .expected("the duration of the motion")
                 .remedy("set --readouts"));
         };
-        let (rate, timeline) = self.builtin_timeline(readout, CHART_FRAMES_PER_S)?;
-        let frames = self.frame_count(&timeline, readouts);
+        let (rate, timeline) = self.chart_timeline(readout)?;
+        let frames = frame_count(&timeline, readouts);
         let source = open(&path, &self.input_options(camera, Some(MotionClip { motion, rate, frames })))?;
         Ok(RunLight {
             source,
@@ -187,4 +176,27 @@ impl LightArgs {
             warnings: Vec::new(),
         })
     }
+}
+
+/// Returns the number of frames that `readouts` readouts need. Interpolation needs one more frame after the last readout.
+fn frame_count(timeline: &Timeline, readouts: u64) -> u64 {
+    timeline.position(readouts - 1).frame + 1 + u64::from(timeline.interpolation() != Interpolation::Hold)
+}
+
+/// Returns a warning with a remedy if the image moves by more than half a pixel between two frames or readouts.
+fn motion_warning(plan: &KeyframePlan, rate: Rate, readout: Rate) -> Option<String> {
+    // The limit is exceeded only at the fastest point of the drive, so an excess of up to 10 % is ignored.
+    let needed = plan.required_readout_hz(rate.hz());
+    if needed <= 1.1 * rate.hz() {
+        return None;
+    }
+    let px_per_frame = plan.max_px_per_readout;
+    let remedy = if needed <= readout.hz() {
+        format!("set --input-fps to {needed}")
+    } else {
+        format!("set --readout-hz to {needed}, or use a smaller image")
+    };
+    Some(format!(
+        "the fastest point of the scene moves by {px_per_frame:.2} pixels from one frame to the next, more than half a pixel; {remedy}"
+    ))
 }

@@ -71,10 +71,15 @@ pub(crate) fn print_forecast(
 /// Measures the seconds that reading one frame of the light takes.
 fn frame_seconds(light: &mut RunLight) -> Result<f64> {
     let mut frame = Frame::dark(light.source.geometry());
-    let (start, mut read) = (Instant::now(), 0_u32);
-    while (read == 0 || start.elapsed().as_secs_f64() < TRIAL_SECONDS)
-        && light.source.next_frame(&mut frame)?
-    {
+    let (start, mut read, mut last_s) = (Instant::now(), 0_u32, 0.0);
+    // Some sources compute many frames with the first of them. Reading continues while frames are ready.
+    let is_ready = |read: u32, last_s: f64| last_s < 0.1 * start.elapsed().as_secs_f64() / f64::from(read);
+    while read == 0 || start.elapsed().as_secs_f64() < TRIAL_SECONDS || is_ready(read, last_s) {
+        let begin = Instant::now();
+        if !light.source.next_frame(&mut frame)? {
+            break;
+        }
+        last_s = begin.elapsed().as_secs_f64();
         read += 1;
     }
     Ok(start.elapsed().as_secs_f64() / f64::from(read.max(1)))

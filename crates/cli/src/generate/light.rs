@@ -53,6 +53,12 @@ pub(crate) struct LightArgs {
     #[arg(hide_short_help = true, long, value_name = "NAME", conflicts_with = "input", help_heading = "Light",
           hide_possible_values = true, value_parser = LightingArg::parser())]
     pub lighting: Option<LightingArg>,
+    /// Draw the driving scene without blur, glare, vignetting and distortion
+    #[arg(hide_short_help = true, long, conflicts_with = "input", help_heading = "Light")]
+    pub ideal_lens: bool,
+    /// Keep the exposure of the driving scene as it is at its start
+    #[arg(hide_short_help = true, long, conflicts_with = "input", help_heading = "Light")]
+    pub lock_exposure: bool,
     /// Stop after N readouts [default: end of input]
     ///
     /// The default for built-in light is 500 readouts for drive and 4000 readouts for chart and objects. A single
@@ -68,12 +74,13 @@ pub(crate) struct LightArgs {
     pub readouts_per_frame: Option<u64>,
     /// Set the frames per second of the input, such as 25 or 30000/1001 [default: from the input]
     ///
-    /// The default for built-in light is 2500 frames per second for drive and 1000 for chart and objects.
+    /// By default, a frame of the drive is drawn when the image has moved by a quarter pixel. The default for chart and
+    /// objects is 1000 frames per second.
     #[arg(hide_short_help = true, long, value_name = "HZ", help_heading = "Light")]
     pub input_fps: Option<Rate>,
     /// Interpolate frames: hold, linear or flow
     ///
-    /// The default is linear for an input and hold for built-in light. hold keeps each frame until the next frame,
+    /// The default is linear for an input and the drive, and hold for chart and objects. hold keeps each frame until the next frame,
     /// linear changes the light of each pixel linearly, and flow moves the light along an estimated motion.
     #[arg(long, value_name = "MODE", help_heading = "Light")]
     pub interpolation: Option<Interpolation>,
@@ -251,6 +258,7 @@ impl RunLight {
             (Some(n), _) => n.to_string(),
             (None, Some(rate)) => format!("{}", camera.sensor.readout_hz / rate.hz()),
             (None, None) if self.source.frame_times().is_some() => "from its times".to_owned(),
+            (None, None) if self.timeline.has_frame_times() => "by motion".to_owned(),
             (None, None) => DEFAULT_READOUTS_PER_FRAME.to_string(),
         }
     }

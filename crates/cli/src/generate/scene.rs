@@ -7,7 +7,7 @@ use serde_json::json;
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::storage;
-use spikelane_scene::{RenderedFrame, SamplesPerPixel, Scene, SceneOptions, labels};
+use spikelane_scene::{Exposure, Lens, RenderedFrame, SamplesPerPixel, Scene, SceneOptions, labels};
 
 use crate::common::console::Console;
 use crate::common::lighting::LightingArg;
@@ -53,6 +53,12 @@ pub(crate) struct Args {
     /// seed selects the lighting.
     #[arg(long, value_name = "NAME", hide_possible_values = true, default_value = "random", value_parser = LightingArg::parser())]
     pub lighting: LightingArg,
+    /// Draw without blur, glare, vignetting and distortion
+    #[arg(long)]
+    pub ideal_lens: bool,
+    /// Keep the exposure as it is at the start
+    #[arg(long)]
+    pub lock_exposure: bool,
     /// Set the number of frames
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: u32,
@@ -92,6 +98,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         height: args.height,
         lighting: args.lighting.fixed(),
         duration_s: f64::from(args.frames) / args.fps,
+        lens: args.ideal_lens.then_some(Lens::IDEAL),
+        exposure: if args.lock_exposure { Exposure::Locked } else { Exposure::Automatic },
         ..SceneOptions::default()
     };
     let scene = Scene::from_seed(args.seeds.scene_seed, &options)?;
@@ -124,19 +132,19 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         video.finish()?;
     }
     drop(progress);
+    let white = scene.white_cd_m2(0.0, threads)?;
     let event = json!({
         "event": "done", "output": args.output.display().to_string(), "frames": args.frames,
         "scene_seed": scene.seed(), "lighting": scene.lighting().name(), "vehicles": scene.vehicles(),
-        "white_cd_m2": scene.white_cd_m2(),
+        "white_cd_m2": white,
     });
     let text = format!(
-        "{}: {} of scene {}, {}, {}, white at {} cd/m2\n",
+        "{}: {} of scene {}, {}, {}, white at {white:.4} cd/m2\n",
         args.output.display(),
         Count(args.frames, "frame"),
         scene.seed(),
         scene.lighting().name(),
         Count(scene.vehicles(), "vehicle"),
-        scene.white_cd_m2(),
     );
     out.print_result(&event, &text)
 }
@@ -146,7 +154,8 @@ fn write_frame(args: &Args, scene: &Scene, frame: &RenderedFrame, i: u32, thread
     let write = |kind: &str, bytes: &[u8]| {
         storage::write_small(&args.output.join(file_name(i, kind)), bytes, args.force)
     };
-    let light = labels::light_preview(frame, scene.white_cd_m2())?;
+    let white = scene.white_cd_m2(frame.labels.t, threads)?;
+    let light = labels::light_preview(frame, white)?;
     write("light.png", &light)?;
     write("depth.png", &labels::depth_preview(&frame.labels)?)?;
     write("semantic.png", &labels::semantic_preview(&frame.labels)?)?;
@@ -156,7 +165,7 @@ fn write_frame(args: &Args, scene: &Scene, frame: &RenderedFrame, i: u32, thread
     let flow = scene.flow(&frame.labels, &later, threads)?;
     write("flow.png", &labels::flow_preview(&flow, 0.05 * args.width as f32)?)?;
     let boxes = scene.boxes(&frame.labels)?;
-    write("boxes.png", &labels::boxes_preview(frame, scene.white_cd_m2(), &boxes)?)?;
+    write("boxes.png", &labels::boxes_preview(frame, white, &boxes)?)?;
     let mut coco = labels::CocoAnnotations::default();
     coco.add(&file_name(i, "light.png"), u64::from(i), &frame.labels, &boxes);
     write("boxes.json", coco.to_json().to_string().as_bytes())?;

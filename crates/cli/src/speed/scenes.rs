@@ -74,7 +74,7 @@ fn post_render_times(scene: &Scene, budget: Duration) -> Result<[(&'static str, 
     let (a, b) =
         (scene.render(1.0, SamplesPerPixel::Four, 1)?, scene.render(1.0005, SamplesPerPixel::Four, 1)?);
     let warp = Warp::new(scene, &a, &b)?;
-    let white = scene.white_cd_m2();
+    let white = scene.white_cd_m2(1.0, 1)?;
     let light: Vec<f32> = a.light.iter().map(|l| l / white).collect();
     let size = Geometry::new(a.labels.width as u32, a.labels.height as u32)?;
     let ms = |run: &mut dyn FnMut() -> bool| {

@@ -114,9 +114,15 @@ pub struct SceneContent {
     /// Desired speed in km/h. If `None`, the scene seed determines the speed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_kmh: Option<f64>,
-    /// Luminance of light 1.0 in cd/m2 for all scenes. If `None`, each scene has its own white luminance.
+    /// Luminance of light 1.0 in cd/m2 for all scenes. If `None`, the exposure follows each scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white_cd_m2: Option<f32>,
+    /// Whether the exposure of each scene stays as it is at the start of the scene.
+    pub lock_exposure: bool,
+    /// Whether the lens is ideal. Otherwise the scene seed determines one lens for all scenes.
+    pub ideal_lens: bool,
+    /// Whether labels are those of a pinhole camera. Otherwise labels follow the distortion of the lens.
+    pub undistorted_labels: bool,
     /// Number of color samples per pixel.
     #[serde(
         deserialize_with = "serde_text::deserialize_samples",
@@ -141,6 +147,9 @@ spikelane::unstable::with_methods!(SceneContent {
     with_vehicles: vehicles: Option<u32>,
     with_speed_kmh: speed_kmh: Option<f64>,
     with_white_cd_m2: white_cd_m2: Option<f32>,
+    with_lock_exposure: lock_exposure: bool,
+    with_ideal_lens: ideal_lens: bool,
+    with_undistorted_labels: undistorted_labels: bool,
     with_samples: samples: SamplesPerPixel,
     with_npy: npy: bool,
     with_kitti: kitti: bool,
@@ -186,6 +195,9 @@ impl SceneContent {
             vehicles: None,
             speed_kmh: None,
             white_cd_m2: None,
+            lock_exposure: false,
+            ideal_lens: false,
+            undistorted_labels: false,
             samples: SamplesPerPixel::Sixteen,
             npy: false,
             kitti: false,

@@ -14,7 +14,7 @@ use spikelane::unstable::inputs::Access;
 use spikelane_io::light::Rate;
 use spikelane_measure::report::insert_present;
 use spikelane_scene::labels::check_exr_support;
-use spikelane_scene::{Lighting, SceneOptions};
+use spikelane_scene::{Exposure, Lens, Lighting, SCENE_VERSION, SceneOptions};
 
 /// Options of a dataset.
 #[derive(Clone, Debug)]
@@ -141,7 +141,7 @@ impl DatasetOptions {
         let work = match &self.content {
             Content::Scenes(d) => insert_present(
                 serde_json::to_value(d).map_err(|e| Error::new(ErrorKind::Config, "dataset").found(e))?,
-                [("source", Some("drives".into()))],
+                [("source", Some("drives".into())), ("scene_version", Some(SCENE_VERSION.into()))],
             ),
             Content::Inputs(i) => insert_present(
                 json!({
@@ -219,5 +219,12 @@ pub(crate) fn scene_options(
         vehicles: drives.vehicles,
         flicker_hz: drives.flicker_hz,
         fov_deg: None,
+        // All scenes have the lens of one camera.
+        lens: Some(if drives.ideal_lens { Lens::IDEAL } else { Lens::from_seed(options.scene_seed) }),
+        exposure: match (drives.white_cd_m2, drives.lock_exposure) {
+            (Some(white), _) => Exposure::Fixed(white),
+            (None, true) => Exposure::Locked,
+            (None, false) => Exposure::Automatic,
+        },
     })
 }

@@ -13,6 +13,21 @@ use spikelane::unstable::threads;
 
 pub use html_report::html_report;
 
+/// Names of quantities of the light of scenes. `WHITE_SHARE` is followed by the lighting.
+const SPECTRAL_SLOPE: &str = "slope of the spectrum of the light";
+const LARGEST_STEP: &str = "largest step of the light in a readout, %";
+const RENDER_RATE_AMPLITUDE: &str = "change at the render rate, %";
+const WHITE_SHARE: &str = "at or above full scale";
+
+/// Values of the light of real cameras or of ideal scenes, with their sources. The values of a quantity of scenes should be
+/// near its reference.
+pub const LIGHT_REFERENCES: [(&str, &str); 4] = [
+    (SPECTRAL_SLOPE, "-3.4: outdoor recording of a 400x250 spike camera, mean of 300 readouts"),
+    (WHITE_SHARE, "below 5 %: exposure of a camera that keeps its highlights"),
+    (LARGEST_STEP, "below the step of an edge that moves by a quarter pixel"),
+    (RENDER_RATE_AMPLITUDE, "0: light that changes evenly; 100: frames that are held"),
+];
+
 /// Maximum number of reference images on the HTML page. The images are from sequences that are evenly spaced in the
 /// list of sequences.
 const MAX_SHOWN_IMAGES: usize = 12;
@@ -210,6 +225,18 @@ impl DatasetStatistics {
             ("frames of the input", "frames"),
         ] {
             add(name, record.facts[key].as_f64());
+        }
+        let light = &record.facts["light_statistics"];
+        for (name, key, factor) in [
+            (SPECTRAL_SLOPE, "spectral_slope", 1.0),
+            (LARGEST_STEP, "largest_step", 100.0),
+            (RENDER_RATE_AMPLITUDE, "render_rate_amplitude", 100.0),
+        ] {
+            add(name, light[key].as_f64().map(|value| factor * value));
+        }
+        if let Some(lighting) = record.facts["lighting"].as_str() {
+            let name = format!("{WHITE_SHARE}, {lighting}, %");
+            add(&name, light["white_share"].as_f64().map(|share| 100.0 * share));
         }
         self.add_boxes(files, &mut add)
     }

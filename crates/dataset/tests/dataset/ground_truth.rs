@@ -12,7 +12,7 @@ use spikelane_dataset::{
 use spikelane_io::formats::StreamReader;
 use spikelane_io::light::{self, Interpolation, ResizeMode, Timeline};
 use spikelane_io::simulate::{ImageFormat, light_at};
-use spikelane_scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
+use spikelane_scene::{Lens, Lighting, SamplesPerPixel, Scene, SceneOptions};
 
 const WIDTH: usize = 48;
 const HEIGHT: usize = 32;
@@ -131,11 +131,12 @@ fn check_reference_render(dir: &Path, images: u32, each: u32) {
             .with_width(WIDTH as u32)
             .with_height(HEIGHT as u32)
             .with_lighting(Some(Lighting::Overcast))
-            .with_duration_s((f64::from(readouts) / 200.0).max(2e-3)),
+            .with_duration_s((f64::from(readouts) / 200.0).max(2e-3))
+            .with_lens(Some(Lens::from_seed(5))),
     )
     .unwrap();
     let drive =
-        Drive::new(scene, all.rate().unwrap(), readouts.into(), None, SamplesPerPixel::Sixteen, 1).unwrap();
+        Drive::new(scene, all.rate().unwrap(), readouts.into(), SamplesPerPixel::Sixteen, 1).unwrap();
     let error = |readout: u32| -> f32 {
         let light = drive.light(readout.into()).unwrap().to_f32();
         let gt_codes = codes(&sequence_folder.join("gt.png"));

@@ -1,9 +1,9 @@
-//! Compares the light of a drive with complete renders at the same readouts. The drive renders tiles and warps the
-//! light between the renders of a tile.
+//! Compares the light of a drive with complete renders at the same readouts. The drive renders tiles, warps the light
+//! between the renders of a tile, and changes light linearly between frames.
 
 use spikelane_dataset::Drive;
-use spikelane_io::light::{Frame, Rate, Source};
-use spikelane_scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
+use spikelane_io::light::{Frame, Interpolation, Rate, Source};
+use spikelane_scene::{Exposure, Lighting, SamplesPerPixel, Scene, SceneOptions};
 
 const READOUTS: usize = 150;
 
@@ -21,7 +21,8 @@ fn scene(lighting: Lighting) -> Scene {
 fn light(lighting: Lighting, hz: u64, readouts: usize, threads: usize) -> Vec<Vec<f32>> {
     let rate = Rate::new(hz, 1).unwrap();
     let samples = SamplesPerPixel::Sixteen;
-    let mut drive = Drive::new(scene(lighting), rate, readouts as u64, None, samples, threads).unwrap();
+    let mut drive =
+        Drive::with_frame_per_readout(scene(lighting), rate, readouts as u64, samples, threads).unwrap();
     let mut frame = Frame::dark(drive.geometry());
     let mut all = Vec::new();
     while drive.next_frame(&mut frame).unwrap() {
@@ -32,7 +33,7 @@ fn light(lighting: Lighting, hz: u64, readouts: usize, threads: usize) -> Vec<Ve
 
 fn render_light(lighting: Lighting, t: f64) -> Vec<f32> {
     let scene = scene(lighting);
-    let white = scene.white_cd_m2();
+    let white = scene.white_cd_m2(t, 1).unwrap();
     scene.render(t, SamplesPerPixel::Sixteen, 1).unwrap().light.iter().map(|l| l / white).collect()
 }
 
@@ -78,4 +79,51 @@ fn threads_change_no_bit_of_a_drives_light() {
     for lighting in [Lighting::Noon, Lighting::Night] {
         assert_eq!(light(lighting, 20_000, 40, 1), light(lighting, 20_000, 40, 3), "{}", lighting.name());
     }
+}
+
+/// If every frame were held until the next frame, the light of consecutive readouts would change only at frames.
+#[test]
+fn light_changes_between_all_readouts() {
+    let rate = Rate::new(20_000, 1).unwrap();
+    let drive = Drive::new(scene(Lighting::Noon), rate, 100, SamplesPerPixel::Four, 2).unwrap();
+    let timeline = drive.timeline(Interpolation::Linear).unwrap();
+    let first_readouts = drive.first_readouts();
+    assert!(first_readouts.len() > 10 && first_readouts.len() < 90, "{} frames", first_readouts.len());
+    for (k, w) in first_readouts.windows(2).enumerate() {
+        for readout in w[0]..w[1] {
+            let position = timeline.position(readout as u64);
+            assert_eq!(position.frame, k as u64);
+            let expected = (readout - w[0]) as f32 / (w[1] - w[0]) as f32;
+            assert!((position.weight() - expected).abs() < 1e-6);
+        }
+    }
+}
+
+/// The camera drives out of a tunnel. Daylight is 200 times as bright as the tunnel, so a fixed white leaves the image
+/// blank.
+#[test]
+fn exposure_follows_the_light_at_the_exit_of_a_tunnel() {
+    let drive = |exposure| {
+        let options = SceneOptions::default()
+            .with_width(64)
+            .with_height(40)
+            .with_lighting(Some(Lighting::Tunnel))
+            .with_duration_s(3.0)
+            .with_speed_kmh(Some(70.0))
+            .with_exposure(exposure);
+        // The first seed whose drive starts inside a tunnel.
+        let mut scenes = (1..).map(|seed| Scene::from_seed(seed, &options).unwrap());
+        scenes.find(|s| s.render(0.0, SamplesPerPixel::Four, 1).unwrap().light[64] < 200.0).unwrap()
+    };
+    let white_share = |scene: &Scene, t: f64| {
+        let white = scene.white_cd_m2(t, 2).unwrap();
+        let light = scene.render(t, SamplesPerPixel::Four, 2).unwrap().light;
+        light.iter().filter(|&&l| l >= white).count() as f64 / light.len() as f64
+    };
+    let (follows, stays) = (drive(Exposure::Automatic), drive(Exposure::Locked));
+    for t in [0.0, 2.9] {
+        assert!(white_share(&follows, t) < 0.05, "{t} s: {}", white_share(&follows, t));
+    }
+    assert!(white_share(&stays, 2.9) > 0.5, "{}", white_share(&stays, 2.9));
+    assert_eq!(stays.white_cd_m2(0.0, 1).unwrap(), stays.white_cd_m2(2.9, 1).unwrap());
 }

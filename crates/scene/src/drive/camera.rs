@@ -1,15 +1,17 @@
-//! The pinhole camera, which is mounted on a moving car.
+//! The camera, which is mounted on a moving car.
 
 use glam::{DMat3, DVec3};
 
+use super::distortion::RadialDistortion;
 use super::vehicle_motion::VehicleState;
 use crate::random::Draws;
 
-/// The intrinsics of a pinhole camera. A point (x, y, z) in camera coordinates has the pixel coordinates f * (x / z, y
-/// / z) + c.
+/// The intrinsics of a camera. A point (x, y, z) in camera coordinates has the pixel coordinates f * d + c, where d is the
+/// distorted point of (x / z, y / z).
 ///
-/// In camera coordinates, x points right, y down and z forward. Pixel centers have half-integer coordinates, so the
-/// image is the area `[0, width] x [0, height]`.
+/// The distortion follows the division model: (x / z, y / z) = d / (1 + lambda |d|^2). In camera coordinates, x points
+/// right, y down and z forward. Pixel centers have half-integer coordinates, so the image is the area `[0, width] x [0,
+/// height]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Intrinsics {
@@ -21,6 +23,39 @@ pub struct Intrinsics {
     pub focal_px: f64,
     /// Column and row of the principal point in pixels.
     pub center_px: [f64; 2],
+    /// Parameter lambda of the radial distortion. Negative values are barrel distortion, and 0 is a pinhole camera.
+    pub distortion: f64,
+}
+
+impl Intrinsics {
+    /// Returns the pixel coordinates of a ray with the normalized coordinates (x / z, y / z).
+    #[must_use]
+    pub fn pixel_of_ray(&self, ray: [f64; 2]) -> [f64; 2] {
+        let s = ray[0] * ray[0] + ray[1] * ray[1];
+        let factor = 2.0 / (1.0 + (1.0 - 4.0 * self.distortion * s).sqrt());
+        [0, 1].map(|k| self.focal_px * factor * ray[k] + self.center_px[k])
+    }
+
+    /// Returns the normalized coordinates (x / z, y / z) of the ray through pixel coordinates. It is the inverse of
+    /// [`pixel_of_ray`](Self::pixel_of_ray).
+    #[must_use]
+    pub fn ray_of_pixel(&self, pixel: [f64; 2]) -> [f64; 2] {
+        let d = [0, 1].map(|k| (pixel[k] - self.center_px[k]) / self.focal_px);
+        d.map(|v| v / (1.0 + self.distortion * (d[0] * d[0] + d[1] * d[1])))
+    }
+
+    pub(crate) fn radial_distortion(&self) -> RadialDistortion {
+        RadialDistortion { lambda: self.distortion as f32 }
+    }
+
+    /// Returns the largest normalized coordinates (|x / z|, |y / z|) of any ray of the image.
+    pub(crate) fn max_ray(&self) -> [f32; 2] {
+        let size = [f64::from(self.width), f64::from(self.height)];
+        let reach = [0, 1].map(|k| self.center_px[k].max(size[k] - self.center_px[k]) / self.focal_px);
+        // With barrel distortion, a corner has the largest coordinates of all rays.
+        let factor = 1.0 / (1.0 + self.distortion * (reach[0] * reach[0] + reach[1] * reach[1]));
+        reach.map(|r| (r * factor.max(1.0)) as f32)
+    }
 }
 
 /// Position and orientation of the camera.
@@ -49,7 +84,7 @@ pub struct Pose {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PinholeCamera {
-    /// Pinhole parameters.
+    /// Intrinsics.
     pub intrinsics: Intrinsics,
     /// Position and orientation.
     pub pose: Pose,
@@ -70,9 +105,10 @@ impl PinholeCamera {
     #[must_use]
     pub fn project(&self, world: DVec3) -> Option<[f64; 3]> {
         let p = self.to_camera(world);
-        let i = &self.intrinsics;
-        (p.z > 0.0)
-            .then(|| [i.focal_px * p.x / p.z + i.center_px[0], i.focal_px * p.y / p.z + i.center_px[1], p.z])
+        (p.z > 0.0).then(|| {
+            let [column, row] = self.intrinsics.pixel_of_ray([p.x / p.z, p.y / p.z]);
+            [column, row, p.z]
+        })
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub(super) mod camera;
 pub(super) mod car_following;
+pub(super) mod distortion;
 pub(super) mod road;
 pub(super) mod traffic;
 pub(super) mod traffic_vehicle;

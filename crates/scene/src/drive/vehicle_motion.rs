@@ -45,6 +45,20 @@ pub(crate) enum VehicleMotion {
     Parked { at: DVec2, heading: f64 },
 }
 
+impl VehicleMotion {
+    /// Returns the arc length along the road, and the distance of the lane from the center line, at time `t`. Returns
+    /// `None` for a parked vehicle.
+    pub(crate) fn lane_place(&self, t: f64) -> Option<(f64, f64)> {
+        match self {
+            Self::Lane { track, d, forward, .. } => {
+                let (run, _) = track.at(t);
+                Some((if *forward { run } else { -run }, *d))
+            }
+            Self::Parked { .. } => None,
+        }
+    }
+}
+
 /// Position of a vehicle, and the distance that its wheels have rolled.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VehicleState {

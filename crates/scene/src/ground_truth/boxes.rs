@@ -178,13 +178,22 @@ fn vehicle_box(
     })
 }
 
+/// Length in pixels of the pieces into which an edge is divided if the lens distorts. The image of such a piece is within
+/// 1/64 pixel of its chord. `MAX_EDGE_PIECES` limits the pieces of edges that extend far beyond the image.
+const EDGE_PIECE_PX: f32 = 8.0;
+const MAX_EDGE_PIECES: f32 = 512.0;
+
 /// Returns the box around the projections of all triangles in front of the near plane.
 fn extent(frame: &SceneInstant, parts: std::ops::Range<usize>) -> Option<[f32; 4]> {
     let i = frame.camera.intrinsics;
     let f = i.focal_px as f32;
     let mut all: Option<[f32; 4]> = None;
+    let at = |p: Vec3| {
+        let (x, y) = i.radial_distortion().distort(p.x / p.z, p.y / p.z);
+        (f * x + i.center_px[0] as f32, f * y + i.center_px[1] as f32)
+    };
     let mut add = |p: Vec3| {
-        let (x, y) = (f * p.x / p.z + i.center_px[0] as f32, f * p.y / p.z + i.center_px[1] as f32);
+        let (x, y) = at(p);
         all = Some(all.map_or([x, y, x, y], |b| union(b, [x, y, x, y])));
     };
     for part in &frame.parts[parts] {
@@ -192,12 +201,23 @@ fn extent(frame: &SceneInstant, parts: std::ops::Range<usize>) -> Option<[f32; 4
         for t in &part.mesh.triangles {
             let c = t.map(|v| points[v as usize]);
             for k in 0..3 {
-                let (a, b) = (c[k], c[(k + 1) % 3]);
-                if a.z >= NEAR_PLANE_M {
-                    add(a);
+                let (mut a, mut b) = (c[k], c[(k + 1) % 3]);
+                if a.z < NEAR_PLANE_M && b.z < NEAR_PLANE_M {
+                    continue;
                 }
-                if (a.z >= NEAR_PLANE_M) != (b.z >= NEAR_PLANE_M) {
-                    add(a + (b - a) * ((NEAR_PLANE_M - a.z) / (b.z - a.z)));
+                if a.z < NEAR_PLANE_M {
+                    a += (b - a) * ((NEAR_PLANE_M - a.z) / (b.z - a.z));
+                } else if b.z < NEAR_PLANE_M {
+                    b = a + (b - a) * ((NEAR_PLANE_M - a.z) / (b.z - a.z));
+                }
+                add(a);
+                add(b);
+                // Distortion bends long edges, so an extreme point may be between the ends of an edge.
+                let (p, q) = (at(a), at(b));
+                let pieces = ((p.0 - q.0).hypot(p.1 - q.1) / EDGE_PIECE_PX).min(MAX_EDGE_PIECES) as u32;
+                if i.distortion != 0.0 {
+                    let (from, to) = (a / a.z, b / b.z);
+                    (1..pieces).for_each(|n| add(from.lerp(to, n as f32 / pieces as f32)));
                 }
             }
         }
@@ -215,5 +235,5 @@ fn unoccluded_pixels(frame: &SceneInstant, parts: std::ops::Range<usize>, extent
         .collect();
     let top = (extent[1].max(0.0) as usize).min(h - 1);
     let rows = (extent[3].ceil().max(0.0) as usize).min(h).saturating_sub(top).max(1);
-    Band::fill(&batches, &SamplePattern::new(0), &[(0, w)], w, top, rows).covered_samples()
+    Band::fill(&batches, &SamplePattern::new(0), &vec![vec![(0, w)]; rows], w, top).covered_samples()
 }

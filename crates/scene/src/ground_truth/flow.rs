@@ -6,6 +6,8 @@ use wide::f32x4;
 use spikelane::error::{Error, ErrorKind, Result};
 
 use crate::drive::camera::{Intrinsics, PinholeCamera};
+use crate::drive::distortion::RadialDistortion;
+use crate::drive::traffic_vehicle::Vehicle;
 use crate::rendering::frame::SceneInstant;
 use crate::rendering::rendered_frame::Labels;
 use crate::world::Scene;
@@ -30,14 +32,16 @@ pub struct Flow {
 /// Poses of the camera and of all rigid parts at one instant.
 pub(crate) struct ScenePoses {
     camera: PinholeCamera,
-    /// For each part, the transform from the part's coordinates to world coordinates. Part 0 is the city.
-    poses: Vec<DAffine3>,
+    /// For each part, the transform from the part's coordinates to world coordinates. Part 0 is the city. The value is
+    /// `None` for parts of vehicles that were left out.
+    poses: Vec<Option<DAffine3>>,
 }
 
 /// Rigid motions of all parts between two instants. The motions are in camera coordinates.
 pub(crate) struct Motions {
     focal_px: f32,
     center_px: [f32; 2],
+    distortion: RadialDistortion,
     /// For each part, the motion minus the identity. This difference preserves the precision of small motions. Index 0
     /// is the sky, whose motion is only a rotation.
     parts: Vec<(Mat3, Vec3)>,
@@ -50,14 +54,38 @@ fn to_camera(camera: &PinholeCamera) -> DAffine3 {
 
 impl Scene {
     pub(crate) fn poses_at(&self, t: f64) -> ScenePoses {
-        let mut poses = vec![DAffine3::IDENTITY];
-        for v in &self.traffic.vehicles {
+        self.poses_of_vehicles(t, |_| true)
+    }
+
+    /// Returns the poses at time `t`. The poses of vehicles for which `is_needed` is false are left out.
+    pub(crate) fn poses_of_vehicles(&self, t: f64, is_needed: impl Fn(usize) -> bool) -> ScenePoses {
+        let mut poses = vec![Some(DAffine3::IDENTITY)];
+        for (i, v) in self.traffic.vehicles.iter().enumerate() {
+            let shape = &self.traffic.shapes[v.shape];
+            if !is_needed(i) {
+                poses.extend(std::iter::repeat_n(None, 1 + shape.axles.len()));
+                continue;
+            }
             let stance = self.vehicle_state(&v.motion, t);
             let to_world = stance.to_world();
-            let parts = self.traffic.shapes[v.shape].parts(stance.rolled_m);
-            poses.extend(parts.map(|(_, to_vehicle)| to_world * to_vehicle));
+            let parts = shape.parts(stance.rolled_m);
+            poses.extend(parts.map(|(_, to_vehicle)| Some(to_world * to_vehicle)));
         }
         ScenePoses { camera: self.camera_unchecked(t), poses }
+    }
+
+    /// Returns whether each vehicle is visible in any of the labels.
+    pub(crate) fn visible_vehicles<'a>(&self, views: impl Iterator<Item = &'a Labels>) -> Vec<bool> {
+        let mut seen_parts = vec![false; usize::from(u16::MAX) + 1];
+        views.flat_map(|labels| &labels.part).for_each(|&part| seen_parts[usize::from(part)] = true);
+        // In labels, 0 is the sky and 1 is the city.
+        let mut first = 2;
+        let mut is_seen = |v: &Vehicle| {
+            let parts = first..first + 1 + self.traffic.shapes[v.shape].axles.len();
+            first = parts.end;
+            seen_parts[parts].contains(&true)
+        };
+        self.traffic.vehicles.iter().map(|v| is_seen(v)).collect()
     }
 
     /// Returns the flow from the instant of `from` to the instant of `to`. If `to.t` is later, the result is the
@@ -119,12 +147,21 @@ impl Scene {
             let turn = b.pose.rotation * a.pose.rotation.transpose() - DMat3::IDENTITY;
             (turn.as_mat3(), Vec3::ZERO)
         }];
-        for (start, end) in from.poses.iter().zip(&to.poses) {
+        for poses in from.poses.iter().zip(&to.poses) {
+            let (Some(start), Some(end)) = poses else {
+                parts.push((Mat3::ZERO, Vec3::ZERO));
+                continue;
+            };
             let transform = there * *end * start.inverse() * back;
             parts.push(((transform.matrix3 - DMat3::IDENTITY).as_mat3(), transform.translation.as_vec3()));
         }
         let Intrinsics { focal_px, center_px, .. } = self.intrinsics;
-        Motions { focal_px: focal_px as f32, center_px: center_px.map(|c| c as f32), parts }
+        Motions {
+            focal_px: focal_px as f32,
+            center_px: center_px.map(|c| c as f32),
+            distortion: self.intrinsics.radial_distortion(),
+            parts,
+        }
     }
 }
 
@@ -137,16 +174,18 @@ impl Motions {
         let depth = if labels.part[i] == 0 { 1.0 } else { labels.depth_m[i] };
         let x = (column as f32 + 0.5 - self.center_px[0]) / self.focal_px;
         let y = (row as f32 + 0.5 - self.center_px[1]) / self.focal_px;
+        let factor = self.distortion.ray_factor(x, y);
+        let (x, y) = (x * factor, y * factor);
         let point = Vec3::new(x, y, 1.0) * depth;
         let d = turn * point + shift;
         let z = depth + d.z;
         if z <= 0.0 {
             return (0.0, 0.0, -1.0);
         }
-        let scale = self.focal_px / z;
+        let (dx, dy) = self.distortion.displacement((x, y), ((d.x - x * d.z) / z, (d.y - y * d.z) / z));
         (
-            (d.x - x * d.z) * scale,
-            (d.y - y * d.z) * scale,
+            dx * self.focal_px,
+            dy * self.focal_px,
             if labels.part[i] == 0 { f32::INFINITY } else { z },
         )
     }
@@ -171,14 +210,17 @@ impl Motions {
         let depth = if a == 0 { f32x4::ONE } else { f32x4::new(depth) };
         let places = f32x4::new([0.0, 1.0, 2.0, 3.0]) + column as f32;
         let x = (places + 0.5 - self.center_px[0]) / self.focal_px;
-        let y = (row as f32 + 0.5 - self.center_px[1]) / self.focal_px;
+        let y = f32x4::splat((row as f32 + 0.5 - self.center_px[1]) / self.focal_px);
+        let factor = self.distortion.ray_factor4(x, y);
+        let (x, y) = (x * factor, y * factor);
         let (px, py) = (x * depth, depth * y);
         let along = |k: usize| px * turn.x_axis[k] + py * turn.y_axis[k] + depth * turn.z_axis[k] + shift[k];
         let dz = along(2);
         let z = depth + dz;
-        let scale = f32x4::splat(self.focal_px) / z;
+        let ray_motion = ((along(0) - x * dz) / z, (along(1) - y * dz) / z);
+        let (dx, dy) = self.distortion.displacement4((x, y), ray_motion);
         let ahead = z.simd_gt(f32x4::ZERO);
-        (((along(0) - x * dz) * scale) & ahead, ((along(1) - dz * y) * scale) & ahead)
+        ((dx * self.focal_px) & ahead, (dy * self.focal_px) & ahead)
     }
 
     fn displacements4_scalar(&self, labels: &Labels, row: usize, column: usize) -> (f32x4, f32x4) {
@@ -220,11 +262,8 @@ fn is_blocked(
     let i = row * from.width + column;
     let (a, b) = (&start.camera, &end.camera);
     let k = a.intrinsics;
-    let ray = DVec3::new(
-        (column as f64 + 0.5 - k.center_px[0]) / k.focal_px,
-        (row as f64 + 0.5 - k.center_px[1]) / k.focal_px,
-        1.0,
-    );
+    let [x, y] = k.ray_of_pixel([column as f64 + 0.5, row as f64 + 0.5]);
+    let ray = DVec3::new(x, y, 1.0);
     let part = usize::from(from.part[i]);
     let (direction, reach) = if part == 0 {
         (a.pose.rotation.transpose() * ray, 1000.0)

@@ -1,11 +1,13 @@
-//! Selects the instants that are rendered. The light at all other instants is warped from these renders.
+//! Selects the instants that are drawn. Between them, light changes linearly.
 
 use spikelane::error::{Error, ErrorKind, Result};
 
 use crate::world::Scene;
 
 /// Maximum motion in the image between consecutive keyframes, in pixels.
-const MAX_KEYFRAME_MOTION_PX: f64 = 0.5;
+pub(super) const MAX_KEYFRAME_MOTION_PX: f64 = 0.25;
+/// Maximum motion in the image between consecutive readouts, in pixels. Faster motion is visible as jumps of the light.
+const MAX_READOUT_MOTION_PX: f64 = 0.5;
 /// The speed of the fastest visible point is sampled at this interval, in seconds. `SPEED_MARGIN` is a factor that
 /// covers an increase of the speed between two samples.
 const SPEED_SAMPLE_S: f64 = 0.01;
@@ -38,7 +40,7 @@ impl KeyframePlan {
     /// is then a keyframe.
     #[must_use]
     pub fn is_too_fast(&self) -> bool {
-        self.max_px_per_readout > MAX_KEYFRAME_MOTION_PX
+        self.max_px_per_readout > MAX_READOUT_MOTION_PX
     }
 
     /// Returns the lowest readout rate in Hz at which no visible point moves by more than half a pixel between
@@ -47,15 +49,14 @@ impl KeyframePlan {
     /// `readout_hz` must be the rate with which the plan was created.
     #[must_use]
     pub fn required_readout_hz(&self, readout_hz: f64) -> f64 {
-        (self.max_px_per_readout / MAX_KEYFRAME_MOTION_PX * readout_hz).ceil()
+        (self.max_px_per_readout / MAX_READOUT_MOTION_PX * readout_hz).ceil()
     }
 }
 
 impl Scene {
     /// Plans keyframes in the time interval `[t0, t1]` for a camera with the readout rate `readout_hz`.
     ///
-    /// Between two keyframes no visible point moves by more than half a pixel, unless the plan is
-    /// [too fast](KeyframePlan::is_too_fast).
+    /// Between two keyframes no visible point moves by more than a quarter pixel, unless every readout is a keyframe.
     ///
     /// # Errors
     /// [`ErrorKind::Usage`] if `t1` is less than `t0`, if the interval exceeds the drive, or if the rate is not

@@ -1,276 +1,379 @@
 //! Computes the light at all instants of a span. The number of renders of each tile depends on the motion in the tile.
 //!
-//! Both ends of a span are rendered completely. Between the ends, each tile is rendered at the halves, quarters,
-//! eighths and so on of the span. The motion in the tile at both ends of the span determines the finest fraction of the
-//! tile. The instants of a coarse fraction are also instants of every finer fraction. At an instant at which a slow
-//! tile is rendered, all faster tiles are therefore rendered too. The image at any instant can be completed from
-//! instants of coarser fractions alone.
+//! 1. Both ends of a span are rendered completely. Between the ends, each tile is rendered at the halves, quarters and
+//!    so on of the span. These renders are the *base renders* of the tile.
+//! 2. Between two base renders, a tile is *drawn* at instants with at most a quarter pixel of motion between them. Each
+//!    drawn tile is warped from the two base renders. Pixels whose light cannot be warped reliably are rendered anew.
+//! 3. Between two drawn instants, the light of a tile changes linearly.
+//! 4. The lens is applied to every image.
 
 use crate::ground_truth::flow::{Motions, ScenePoses};
-use crate::ground_truth::keyframes::{KEYFRAMES_PER_FLICKER, SPEED_MARGIN};
+use crate::ground_truth::keyframes::{KEYFRAMES_PER_FLICKER, MAX_KEYFRAME_MOTION_PX, SPEED_MARGIN};
+use crate::ground_truth::reliability::unreliable_pixels;
 use crate::ground_truth::warp::{blend_into, warp_run};
 use crate::rendering::rendered_frame::{Labels, RenderedFrame, SamplesPerPixel};
 use crate::rendering::tiles::Tiles;
 use crate::world::Scene;
 use spikelane::unstable::threads;
 
-/// Maximum motion in a tile between two consecutive renders of the tile, in pixels.
-const MAX_RENDER_MOTION_PX: f32 = 0.4;
-/// Maximum motion in a tile between two consecutive instants at which the light of the tile is warped, in pixels.
-///
-/// Between these instants, the light is interpolated linearly.
-const MAX_WARP_MOTION_PX: f32 = 0.1;
+/// Maximum motion in a tile between two consecutive base renders of the tile, in pixels.
+const MAX_BASE_MOTION_PX: f32 = 2.5;
+
+/// A render of an instant at the end of a span or within it, in front of the lens. The light of tiles that were not
+/// rendered is zero.
+#[derive(Clone)]
+pub struct SpanEnd {
+    labels: Labels,
+    light: Vec<f32>,
+}
 
 /// The light at all instants of a span.
 pub struct LightSpan {
-    /// Luminance in cd/m2 at all instants except the last, in row-major order.
+    /// Luminance on the sensor in cd/m2 at all instants except the last, in row-major order.
     pub light: Vec<Vec<f32>>,
-    /// The render of the last instant.
-    pub last_frame: RenderedFrame,
+    /// The end of the span. It is the start of the next span.
+    pub end: SpanEnd,
 }
 
-/// The light at one instant, and the labels of the tiles that were rendered at this instant.
-pub(super) struct InstantLight {
-    pub light: Vec<f32>,
-    pub labels: Option<Labels>,
+/// The interval between two consecutive base renders of a tile.
+struct BaseInterval {
+    tile: usize,
+    start: usize,
+    end: usize,
+    /// Instants at which the tile is drawn, without the base renders.
+    drawn: Vec<usize>,
+    /// Whether each pixel of the tile must be rendered anew. The list is empty if no pixel must.
+    unreliable: Vec<bool>,
 }
 
-/// Temporal resolution of a tile. At level n, the span is divided into 2^n parts.
-#[derive(Clone, Copy, Default)]
-pub(super) struct RenderRate {
-    pub render_level: usize,
-    warp_level: usize,
-    /// Motion of the fastest point in the tile during the span, in pixels. The value includes the factor
-    /// `SPEED_MARGIN`.
-    pub motion_px: f32,
-}
-
-/// The instants of a span, the render rates of the tiles, and the images that are already computed.
-pub(super) struct SpanRenderer<'a> {
-    pub scene: &'a Scene,
-    pub times: &'a [f64],
+/// The instants of a span, and the base renders of the tiles.
+struct SpanRenderer<'a> {
+    scene: &'a Scene,
+    times: &'a [f64],
     samples: SamplesPerPixel,
-    /// For each level n, the indices of the instants that divide the span into 2^n parts.
-    levels: Vec<Vec<usize>>,
-    pub instants: Vec<ScenePoses>,
-    pub tiles: Tiles,
-    pub render_rates: Vec<RenderRate>,
-    pub images: Vec<Option<InstantLight>>,
+    /// Poses of the camera and of the visible vehicles.
+    instants: Vec<ScenePoses>,
+    tiles: Tiles,
+    /// For each tile, the motion of its fastest point during the span in pixels.
+    motion_px: Vec<f32>,
+    base: Vec<Option<SpanEnd>>,
+}
+
+impl SpanEnd {
+    /// Returns the luminance on the sensor in cd/m2.
+    #[must_use]
+    pub fn sensor_light(&self, scene: &Scene) -> Vec<f32> {
+        let mut light = self.light.clone();
+        scene.image_formation.apply(&mut light);
+        light
+    }
 }
 
 impl Scene {
+    /// Renders an end of a span. `t` must be inside the drive.
+    pub fn span_end(&self, t: f64, samples: SamplesPerPixel, threads: usize) -> SpanEnd {
+        let RenderedFrame { labels, light, .. } = self.render_tiles(t, samples, &self.tiles(), threads);
+        SpanEnd { labels: warp_labels(labels), light }
+    }
+
     /// Returns the luminance at `times`. All times must be inside the drive.
     ///
     /// `first` is the render at `times[0]`. `times` must contain at least two instants.
     pub fn render_span(
         &self,
-        first: RenderedFrame,
+        first: SpanEnd,
         times: &[f64],
         samples: SamplesPerPixel,
         threads: usize,
     ) -> LightSpan {
-        let n = times.len() - 1;
-        let last = self.render_tiles(times[n], samples, &self.tiles(), threads);
-        let mut work = SpanRenderer::new(self, first, &last, times, samples, threads);
-        for level in 1..work.levels.len() {
-            let new: Vec<usize> =
-                work.levels[level].iter().copied().filter(|&k| work.images[k].is_none()).collect();
-            // If there are at least as many instants as threads, each thread renders whole instants. Otherwise all
-            // threads render the parts of one instant. The resulting light is the same.
-            let inner = if new.len() >= threads { 1 } else { threads };
-            let rendered = threads::map_indexed(threads / inner, new.len(), |i| {
-                work.render_instant(new[i], level, inner)
-            });
-            for (k, image) in new.into_iter().zip(rendered) {
-                work.images[k] = Some(image);
-            }
-        }
-        let light = work.images.into_iter().take(n).flatten().map(|image| image.light).collect();
-        LightSpan { light, last_frame: last }
+        let last = self.span_end(times[times.len() - 1], samples, threads);
+        let renderer = SpanRenderer::new(self, first, last.clone(), times, samples, threads);
+        LightSpan { light: renderer.render(threads), end: last }
     }
 }
 
-/// Returns one list of indices per level. The list of level n divides the range 0 to `n` into 1, 2, 4, ... parts. The
-/// last level contains every index.
-fn levels(n: usize) -> Vec<Vec<usize>> {
-    let mut levels = Vec::new();
-    for level in 0.. {
-        let mut list: Vec<usize> = (0..=1usize << level).map(|i| (i * n) >> level).collect();
-        list.dedup();
-        let done = list.len() == n + 1;
-        levels.push(list);
-        if done {
-            break;
-        }
-    }
-    levels
+/// Removes the labels that warping does not need, to save memory.
+fn warp_labels(labels: Labels) -> Labels {
+    Labels { instance: Vec::new(), semantic: Vec::new(), ..labels }
+}
+
+/// Maps `work` over `count` items. If there are at least as many items as threads, each thread works on whole items.
+/// Otherwise all threads work on the parts of one item. The result is the same.
+fn map_instants<T: Send>(threads: usize, count: usize, work: impl Fn(usize, usize) -> T + Sync) -> Vec<T> {
+    let inner = if count >= threads { 1 } else { threads };
+    threads::map_indexed(threads / inner, count, |i| work(i, inner))
 }
 
 impl<'a> SpanRenderer<'a> {
-    /// Stores the renders at both ends of a span, and determines the render rates of the tiles.
-    pub(super) fn new(
+    /// Stores the renders at both ends of a span, and determines the motion in the tiles.
+    fn new(
         scene: &'a Scene,
-        first: RenderedFrame,
-        last: &RenderedFrame,
+        first: SpanEnd,
+        last: SpanEnd,
         times: &'a [f64],
         samples: SamplesPerPixel,
         threads: usize,
     ) -> Self {
         let n = times.len() - 1;
-        let mut work = Self {
-            scene,
-            times,
-            samples,
-            levels: levels(n),
-            instants: threads::map_indexed(threads, n + 1, |k| scene.poses_at(times[k])),
-            tiles: scene.tiles(),
-            render_rates: Vec::new(),
-            images: (0..=n).map(|_| None).collect(),
-        };
-        work.set_render_rates(&first.labels, &last.labels);
-        work.images[0] = Some(InstantLight { light: first.light, labels: Some(first.labels) });
-        work.images[n] = Some(InstantLight { light: last.light.clone(), labels: Some(last.labels.clone()) });
-        work
+        let mut base: Vec<Option<SpanEnd>> = (0..=n).map(|_| None).collect();
+        let tiles = scene.tiles();
+        let middle = scene.visible_labels(times[n / 2], threads);
+        let views = [(&first.labels, 0), (&middle, n / 2), (&last.labels, n)];
+        let motion_px = tile_motions(scene, times, &tiles, &views);
+        (base[0], base[n]) = (Some(first), Some(last));
+        Self { scene, times, samples, instants: Vec::new(), tiles, motion_px, base }
     }
 
-    /// Sets the render rate of every tile. The rate depends on the motion in the tile at both ends of the span.
-    fn set_render_rates(&mut self, first: &Labels, last: &Labels) {
+    /// Returns the light of all instants except the last.
+    fn render(mut self, threads: usize) -> Vec<Vec<f32>> {
         let n = self.times.len() - 1;
-        let (across, count) = self.tiles.row_and_total_counts();
-        let ends = [(first, 0, n), (last, n, 0)].map(|(labels, from, to)| {
-            let motions = self.scene.motions(&self.instants[from], &self.instants[to]);
-            (0..count)
-                .map(|tile| TileMotion::from_motions(&motions, labels, &self.tiles, tile))
-                .collect::<Vec<_>>()
+        let levels: Vec<usize> = self.motion_px.iter().map(|&px| self.base_level(px)).collect();
+        self.render_base(&levels, threads);
+        let views = self.base.iter().flatten().map(|image| &image.labels);
+        let is_visible = self.scene.visible_vehicles(views);
+        self.instants = threads::map_indexed(threads, n + 1, |k| {
+            self.scene.poses_of_vehicles(self.times[k], |vehicle| is_visible[vehicle])
         });
-        let lasts_s = self.times[n] - self.times[0];
-        let flicker = self.scene.light.flicker.map_or(0.0, |(hz, _)| KEYFRAMES_PER_FLICKER * hz * lasts_s);
-        let finest = self.levels.len() - 1;
-        let level = |parts: f64| (0..finest).find(|&l| (1u64 << l) as f64 >= parts).unwrap_or(finest);
-        self.render_rates = (0..count)
-            .map(|tile| {
-                let (first, last) = (&ends[0][tile], &ends[1][tile]);
-                // A moving vehicle also moves its shadow, and both may enter from a neighboring tile. Therefore the
-                // motion in neighboring tiles counts as well.
-                let motion = neighbor_tiles(tile, across, count)
-                    .flat_map(|t| [ends[0][t].world_motion_px, ends[1][t].world_motion_px])
-                    .fold(0.0f32, f32::max);
-                let px = first.motion_px.max(last.motion_px).max(motion) * SPEED_MARGIN as f32;
-                let rendered = level(f64::from(px / MAX_RENDER_MOTION_PX).max(flicker));
-                RenderRate {
-                    render_level: rendered,
-                    warp_level: level(f64::from(px / MAX_WARP_MOTION_PX)).max(rendered),
-                    motion_px: px,
-                }
-            })
-            .collect();
-    }
-
-    /// Computes the light at instant `k`. `level` is the first level that contains `k`.
-    pub(super) fn render_instant(&self, k: usize, level: usize, threads: usize) -> InstantLight {
-        let (w, h) = self.size();
-        let guesses = self.predict_tiles(k, level, threads);
-        let mut chosen = Tiles::from_fn(w, h, |tile| self.render_rates[tile].render_level >= level);
-        guesses.skip_reliable(&mut chosen);
-        let rendered =
-            chosen.has_any().then(|| self.scene.render_tiles(self.times[k], self.samples, &chosen, threads));
-        let (mut light, labels) = match rendered {
-            // Warping needs only depths and parts. The other labels are removed to save memory.
-            Some(RenderedFrame { light, labels, .. }) => {
-                (light, Some(Labels { instance: Vec::new(), semantic: Vec::new(), ..labels }))
-            }
-            None => (vec![0.0; w * h], None),
-        };
-        guesses.copy_reliable(&self.tiles, &mut light);
-        let others: Vec<usize> =
-            (0..self.render_rates.len()).filter(|&t| self.render_rates[t].render_level < level).collect();
-        let motions: Vec<_> = (0..level).map(|l| self.motions_around(k, l, &others, level)).collect();
-        let rendered_tiles = threads::map_indexed(threads, others.len(), |i| {
-            let pace = self.render_rates[others[i]];
-            match (&motions[pace.render_level], pace.warp_level >= level) {
-                (Some(motions), true) => self.warp_tile(others[i], k, motions),
-                _ => self.interpolate_tile(others[i], k, pace.warp_level),
-            }
+        let intervals = self.intervals(&levels, threads);
+        let mut drawn_at: Vec<Vec<usize>> = vec![Vec::new(); n + 1];
+        for (i, interval) in intervals.iter().enumerate() {
+            interval.drawn.iter().for_each(|&k| drawn_at[k].push(i));
+        }
+        let mut images = map_instants(threads, n + 1, |k, inner| {
+            let due: Vec<&BaseInterval> = drawn_at[k].iter().map(|&i| &intervals[i]).collect();
+            self.draw(k, &due, inner)
         });
-        for (tile, tile_light) in others.into_iter().zip(rendered_tiles) {
-            let (columns, rows) = self.tiles.extent(tile);
-            for (row, tile_row) in rows.zip(tile_light.chunks(columns.len())) {
-                light[row * w + columns.start..row * w + columns.end].copy_from_slice(tile_row);
+        for interval in &intervals {
+            let stops = [&interval.drawn[..], &[interval.end]].concat();
+            let mut from = interval.start;
+            for to in stops {
+                self.interpolate_tile(interval.tile, from, to, &mut images);
+                from = to;
             }
         }
-        InstantLight { light, labels }
-    }
-
-    /// Returns the last instant of `level` at or before `k`, and the next instant of `level`.
-    pub(super) fn bracket(&self, k: usize, level: usize) -> (usize, usize) {
-        let list = &self.levels[level];
-        let after = list.partition_point(|&at| at <= k).min(list.len() - 1);
-        (list[after - 1], list[after])
-    }
-
-    /// Returns the motions between instant `k` and the two adjacent instants of level `rendered`. Returns `None` if no
-    /// tile in `tiles` has render level `rendered` and a warp level of at least `level`.
-    fn motions_around(
-        &self,
-        k: usize,
-        rendered: usize,
-        tiles: &[usize],
-        level: usize,
-    ) -> Option<[(usize, Motions); 2]> {
-        let carried = |&t: &usize| {
-            self.render_rates[t].render_level == rendered && self.render_rates[t].warp_level >= level
-        };
-        tiles.iter().any(carried).then(|| {
-            let (a, b) = self.bracket(k, rendered);
-            [a, b].map(|from| (from, self.scene.motions(&self.instants[from], &self.instants[k])))
+        threads::map_indexed(threads, n, |k| {
+            let mut light = images[k].clone();
+            self.scene.image_formation.apply(&mut light);
+            light
         })
     }
 
-    /// Returns the light of a tile at instant `k`. The light is warped from the renders of the tile before and after
-    /// `k`.
-    fn warp_tile(&self, tile: usize, k: usize, motions: &[(usize, Motions); 2]) -> Vec<f32> {
-        let share = self.time_share(motions[0].0, k, motions[1].0);
-        let (columns, rows) = self.tiles.extent(tile);
-        let mut out = vec![0.0; columns.len() * rows.len()];
-        let mut late = vec![0.0; columns.len()];
-        for (row, out) in rows.zip(out.chunks_mut(columns.len())) {
-            for ((from, motions), into) in motions.iter().zip([&mut *out, &mut late[..]]) {
-                let Some(InstantLight { light, labels: Some(labels) }) = &self.images[*from] else {
-                    continue;
-                };
-                warp_run(motions, labels, light, row, columns.start, into);
+    /// Returns the level of the base renders of a tile with this motion. At level l, the base renders divide the span
+    /// into 2^l parts.
+    fn base_level(&self, motion_px: f32) -> usize {
+        let n = self.times.len() - 1;
+        let lasts_s = self.times[n] - self.times[0];
+        let flicker = self.scene.light.flicker.map_or(0.0, |(hz, _)| KEYFRAMES_PER_FLICKER * hz * lasts_s);
+        let parts = f64::from(motion_px / MAX_BASE_MOTION_PX).max(flicker);
+        (0..n.ilog2() as usize + 1).find(|&l| (1u64 << l) as f64 >= parts).unwrap_or(n.ilog2() as usize + 1)
+    }
+
+    /// Returns the instants of the base renders of a level.
+    fn base_instants(&self, level: usize) -> Vec<usize> {
+        let n = self.times.len() - 1;
+        let mut list: Vec<usize> = (0..=1usize << level).map(|i| (i * n) >> level).collect();
+        list.dedup();
+        list
+    }
+
+    /// Renders the base renders between both ends.
+    fn render_base(&mut self, levels: &[usize], threads: usize) {
+        let n = self.times.len() - 1;
+        let deepest = levels.iter().copied().max().unwrap_or(0);
+        let mut first_level = vec![usize::MAX; n + 1];
+        for level in (0..=deepest).rev() {
+            self.base_instants(level).into_iter().for_each(|k| first_level[k] = level);
+        }
+        let due: Vec<usize> = (1..n).filter(|&k| first_level[k] <= deepest).collect();
+        let (w, h) = self.size();
+        let rendered = map_instants(threads, due.len(), |i, inner| {
+            let chosen = Tiles::from_fn(w, h, |tile| levels[tile] >= first_level[due[i]]);
+            let RenderedFrame { labels, light, .. } =
+                self.scene.render_tiles(self.times[due[i]], self.samples, &chosen, inner);
+            SpanEnd { light, labels: warp_labels(labels) }
+        });
+        for (k, image) in due.into_iter().zip(rendered) {
+            self.base[k] = Some(image);
+        }
+    }
+
+    /// Returns the intervals between the base renders of all tiles.
+    fn intervals(&self, levels: &[usize], threads: usize) -> Vec<BaseInterval> {
+        let spans: Vec<(usize, usize, usize)> = (0..levels.len())
+            .flat_map(|tile| {
+                let list = self.base_instants(levels[tile]);
+                list.windows(2).map(|w| (tile, w[0], w[1])).collect::<Vec<_>>()
+            })
+            .collect();
+        let mut motions: std::collections::BTreeMap<(usize, usize), [Motions; 2]> = Default::default();
+        for &(_, a, b) in &spans {
+            motions.entry((a, b)).or_insert_with(|| [self.motions(a, b), self.motions(b, a)]);
+        }
+        threads::map_indexed(threads, spans.len(), |i| {
+            let (tile, start, end) = spans[i];
+            self.interval(tile, start, end, &motions[&(start, end)])
+        })
+    }
+
+    fn interval(&self, tile: usize, start: usize, end: usize, motions: &[Motions; 2]) -> BaseInterval {
+        let n = self.times.len() - 1;
+        let share = ((self.times[end] - self.times[start]) / (self.times[n] - self.times[0])) as f32;
+        let motion = self.motion_px[tile] * share;
+        let parts = ((motion / MAX_KEYFRAME_MOTION_PX as f32).ceil() as usize).clamp(1, end - start);
+        let drawn: Vec<usize> = (1..parts).map(|i| start + i * (end - start) / parts).collect();
+        let mut unreliable = Vec::new();
+        if let (false, Some(a), Some(b)) = (drawn.is_empty(), &self.base[start], &self.base[end]) {
+            let views = [(&a.labels, &a.light[..], &motions[0]), (&b.labels, &b.light[..], &motions[1])];
+            unreliable = unreliable_pixels(
+                self.tiles.extent(tile),
+                views,
+                motion,
+                self.scene.light.white_cd_m2,
+            );
+            if !unreliable.contains(&true) {
+                unreliable.clear();
             }
-            blend_into(out, &late, share);
         }
-        out
+        BaseInterval { tile, start, end, drawn, unreliable }
     }
 
-    /// Returns the light of a tile at instant `k`, interpolated linearly between two instants of `level`.
-    fn interpolate_tile(&self, tile: usize, k: usize, level: usize) -> Vec<f32> {
-        let (a, b) = self.bracket(k, level);
-        let share = self.time_share(a, k, b);
-        let (columns, rows) = self.tiles.extent(tile);
-        let mut out = Vec::with_capacity(columns.len() * rows.len());
-        let (Some(early), Some(late)) = (&self.images[a], &self.images[b]) else { return out };
+    /// Returns the image at instant `k`. It contains the base renders and the tiles that are drawn at this instant.
+    fn draw(&self, k: usize, due: &[&BaseInterval], threads: usize) -> Vec<f32> {
+        let (w, h) = self.size();
+        let mut light = match &self.base[k] {
+            Some(image) => image.light.clone(),
+            None => vec![0.0; w * h],
+        };
+        let anew: Vec<&&BaseInterval> = due.iter().filter(|i| !i.unreliable.is_empty()).collect();
+        if !anew.is_empty() {
+            let mut needed = vec![false; w * h];
+            for interval in &anew {
+                let pixels = self.tiles.pixels(interval.tile);
+                pixels.zip(&interval.unreliable).for_each(|(at, &unreliable)| needed[at] = unreliable);
+            }
+            let chosen = Tiles::from_pixels(w, h, needed);
+            let rendered = self.scene.render_tiles(self.times[k], self.samples, &chosen, threads);
+            for interval in anew {
+                let pixels = self.tiles.pixels(interval.tile);
+                for (at, _) in pixels.zip(&interval.unreliable).filter(|(_, u)| **u) {
+                    light[at] = rendered.light[at];
+                }
+            }
+        }
+        if std::env::var("DBG").is_ok() {
+            let u: usize = due.iter().map(|i| i.unreliable.iter().filter(|u| **u).count()).sum();
+            let b = self.base[k].as_ref().map_or(0, |b| b.labels.depth_m.iter().filter(|d| d.is_finite()).count());
+            eprintln!("DBG {k} due {} unreliable {u} base {b}", due.len());
+        }
+        let mut motions: Vec<(usize, usize, [Motions; 2])> = Vec::new();
+        for interval in due {
+            let (a, b) = (interval.start, interval.end);
+            if !motions.iter().any(|m| (m.0, m.1) == (a, b)) {
+                motions.push((a, b, [self.motions(a, k), self.motions(b, k)]));
+            }
+            if let Some((.., motions)) = motions.iter().find(|m| (m.0, m.1) == (a, b)) {
+                self.warp_tile(k, interval, motions, &mut light);
+            }
+        }
+        light
+    }
+
+    /// Warps the reliable pixels of a tile from the base renders before and after instant `k`.
+    fn warp_tile(&self, k: usize, interval: &BaseInterval, motions: &[Motions; 2], light: &mut [f32]) {
+        let (Some(early), Some(late)) = (&self.base[interval.start], &self.base[interval.end]) else { return };
+        let share = self.time_share(interval.start, k, interval.end);
+        let (columns, rows) = self.tiles.extent(interval.tile);
         let (width, _) = self.size();
-        for row in rows {
-            let run = row * width + columns.start..row * width + columns.end;
-            let at = out.len();
-            out.extend_from_slice(&early.light[run.clone()]);
-            blend_into(&mut out[at..], &late.light[run], share);
+        let mut other = vec![0.0; columns.len()];
+        for (i, row) in rows.enumerate() {
+            let unreliable = interval.unreliable.get(i * columns.len()..(i + 1) * columns.len());
+            for run in reliable_runs(unreliable, columns.len()) {
+                let first = columns.start + run.start;
+                let out = &mut light[row * width + first..][..run.len()];
+                let other = &mut other[..run.len()];
+                warp_run(&motions[0], &early.labels, &early.light, row, first, out);
+                warp_run(&motions[1], &late.labels, &late.light, row, first, other);
+                blend_into(out, other, share);
+            }
         }
-        out
     }
 
-    pub(super) fn size(&self) -> (usize, usize) {
+    /// Interpolates the light of a tile linearly between the instants `from` and `to`.
+    fn interpolate_tile(&self, tile: usize, from: usize, to: usize, images: &mut [Vec<f32>]) {
+        let (columns, rows) = self.tiles.extent(tile);
+        let (width, _) = self.size();
+        let (before, after) = images.split_at_mut(from + 1);
+        let (between, after) = after.split_at_mut(to - from - 1);
+        for (i, image) in between.iter_mut().enumerate() {
+            let share = self.time_share(from, from + 1 + i, to);
+            for row in rows.clone() {
+                let run = row * width + columns.start..row * width + columns.end;
+                let out = &mut image[run.clone()];
+                out.copy_from_slice(&before[from][run.clone()]);
+                blend_into(out, &after[0][run], share);
+            }
+        }
+    }
+
+    fn motions(&self, from: usize, to: usize) -> Motions {
+        self.scene.motions(&self.instants[from], &self.instants[to])
+    }
+
+    fn size(&self) -> (usize, usize) {
         let i = &self.scene.intrinsics;
         (i.width as usize, i.height as usize)
     }
 
     /// Returns the position of time `k` between times `a` and `b`. The result is 0 at `a` and 1 at `b`.
-    pub(super) fn time_share(&self, a: usize, k: usize, b: usize) -> f32 {
+    fn time_share(&self, a: usize, k: usize, b: usize) -> f32 {
         ((self.times[k] - self.times[a]) / (self.times[b] - self.times[a])) as f32
     }
+}
+
+/// Returns the index ranges of consecutive reliable pixels of a row.
+fn reliable_runs(unreliable: Option<&[bool]>, width: usize) -> Vec<std::ops::Range<usize>> {
+    let Some(unreliable) = unreliable else { return vec![0..width] };
+    let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
+    for i in (0..width).filter(|&i| !unreliable[i]) {
+        match runs.last_mut() {
+            Some(run) if run.end == i => run.end += 1,
+            _ => runs.push(i..i + 1),
+        }
+    }
+    runs
+}
+
+/// Returns the motion of the fastest point of each tile during the span, in pixels, with a margin. `views` are labels
+/// and the indices of their instants.
+fn tile_motions(
+    scene: &Scene,
+    times: &[f64],
+    tiles: &Tiles,
+    views: &[(&Labels, usize); 3],
+) -> Vec<f32> {
+    let (across, count) = tiles.row_and_total_counts();
+    let n = times.len() - 1;
+    let mut own = vec![0.0f32; count];
+    let mut moving = vec![0.0f32; count];
+    for &(labels, at) in views {
+        // The motion during half of the span is extrapolated to the whole span.
+        let to = if at == n { n / 2 } else { (at + n.div_ceil(2)).min(n) };
+        let factor = n as f32 / at.abs_diff(to) as f32;
+        let motions = scene.motions(&scene.poses_at(times[at]), &scene.poses_at(times[to]));
+        for tile in 0..count {
+            let (all, world) = tile_motion(&motions, labels, tiles, tile);
+            own[tile] = own[tile].max(all * factor);
+            moving[tile] = moving[tile].max(world * factor);
+        }
+    }
+    // A moving vehicle also moves its shadow, and both may enter from a neighboring tile. Therefore the motion of
+    // vehicles in neighboring tiles counts as well.
+    (0..count)
+        .map(|tile| {
+            let near = neighbor_tiles(tile, across, count).map(|t| moving[t]).fold(0.0f32, f32::max);
+            own[tile].max(near) * SPEED_MARGIN as f32
+        })
+        .collect()
 }
 
 /// Returns the tile `tile` and its neighbors.
@@ -280,28 +383,20 @@ fn neighbor_tiles(tile: usize, across: usize, count: usize) -> impl Iterator<Ite
         .flat_map(move |row| (x.saturating_sub(1)..(x + 2).min(across)).map(move |c| row * across + c))
 }
 
-/// The motion in a tile, computed from the labels at one end of a span.
-struct TileMotion {
-    /// Motion of the fastest point during the span, in pixels. `world_motion_px` includes only points that move in
-    /// world coordinates.
-    motion_px: f32,
-    world_motion_px: f32,
-}
-
-impl TileMotion {
-    fn from_motions(motions: &Motions, labels: &Labels, tiles: &Tiles, tile: usize) -> Self {
-        let (columns, rows) = tiles.extent(tile);
-        let (mut all, mut motion) = (0.0f32, 0.0f32);
-        for row in rows {
-            for column in columns.clone() {
-                let (dx, dy, _) = motions.displacement(labels, row, column);
-                let px2 = dx * dx + dy * dy;
-                all = all.max(px2);
-                if labels.part[row * labels.width + column] > 1 {
-                    motion = motion.max(px2);
-                }
+/// Returns the motion of the fastest point of a tile, and of its fastest point that moves in world coordinates, in
+/// pixels.
+fn tile_motion(motions: &Motions, labels: &Labels, tiles: &Tiles, tile: usize) -> (f32, f32) {
+    let (columns, rows) = tiles.extent(tile);
+    let (mut all, mut moving) = (0.0f32, 0.0f32);
+    for row in rows {
+        for column in columns.clone() {
+            let (dx, dy, _) = motions.displacement(labels, row, column);
+            let px2 = dx * dx + dy * dy;
+            all = all.max(px2);
+            if labels.part[row * labels.width + column] > 1 {
+                moving = moving.max(px2);
             }
         }
-        Self { motion_px: all.sqrt(), world_motion_px: motion.sqrt() }
     }
+    (all.sqrt(), moving.sqrt())
 }

@@ -4,5 +4,5 @@ pub(super) mod boxes;
 pub(super) mod flow;
 pub(super) mod keyframes;
 pub(super) mod light_span;
-mod predicted_light;
+mod reliability;
 pub(super) mod warp;

@@ -14,6 +14,8 @@ const LANES: usize = 4;
 /// The samples of a band of pixel rows.
 #[derive(Debug)]
 pub(crate) struct Band {
+    /// First pixel column of the band, and the number of columns. Other columns contain no drawn tile.
+    left: usize,
     width: usize,
     samples_per_pixel: usize,
     /// `inverse_depths` and `triangle_ids` have `LANES` additional elements at the end. The last step of a span may
@@ -36,24 +38,27 @@ struct Spans {
 struct EdgeSlopes([f32; 3]);
 
 impl Band {
-    /// Rasterizes triangles into the pixel rows `top .. top + rows`. Samples outside the column ranges `runs` are
-    /// skipped.
+    /// Rasterizes triangles into the pixel rows from `top`. `runs` contains the column ranges of each row. Samples outside
+    /// these ranges are skipped.
     pub(crate) fn fill(
         batches: &[Batch],
         pattern: &SamplePattern,
-        runs: &[(usize, usize)],
+        runs: &[Vec<(usize, usize)>],
         width: usize,
         top: usize,
-        rows: usize,
     ) -> Self {
-        let count = width * rows * pattern.rows() + LANES;
+        let rows = runs.len();
+        let left = runs.iter().filter_map(|r| r.first()).map(|run| run.0).min().unwrap_or(0);
+        let drawn_width = runs.iter().filter_map(|r| r.last()).map(|run| run.1).max().unwrap_or(0) - left;
+        let count = if drawn_width == 0 { 0 } else { drawn_width * rows * pattern.rows() + LANES };
         let mut band = Self {
-            width,
+            left,
+            width: drawn_width,
             samples_per_pixel: pattern.rows(),
             inverse_depths: vec![0.0; count],
             triangle_ids: vec![NO_TRIANGLE; count],
         };
-        if runs.is_empty() {
+        if count == 0 {
             return band;
         }
         let offsets = padded_offsets(pattern);
@@ -61,7 +66,7 @@ impl Band {
         for batch in batches.iter().filter(|b| b.min_y < high && b.max_y > low) {
             for flat in &batch.triangles {
                 if flat.y[0] < high && flat.y[2] > low {
-                    band.draw_triangle(flat, &offsets, runs, (top, rows));
+                    band.draw_triangle(flat, &offsets, (runs, width), top);
                 }
             }
         }
@@ -72,15 +77,19 @@ impl Band {
         &mut self,
         flat: &ScreenTriangle,
         offsets: &[(f32x4, f32x4)],
-        runs: &[(usize, usize)],
-        (top, rows): (usize, usize),
+        (runs, image_width): (&[Vec<(usize, usize)>], usize),
+        top: usize,
     ) {
         let first = (flat.y[0] as usize).max(top);
-        let last = (flat.y[2] as usize).min(top + rows - 1);
+        let last = (flat.y[2] as usize).min(top + runs.len() - 1);
         let sides = EdgeSlopes::from_triangle(flat);
         for row in first..=last {
+            let runs = &runs[row - top];
+            if runs.is_empty() {
+                continue;
+            }
             for (four, &(dx, dy)) in offsets.iter().enumerate() {
-                let Some(spans) = sides.spans(flat, dy + row as f32, dx, self.width) else { continue };
+                let Some(spans) = sides.spans(flat, dy + row as f32, dx, image_width) else { continue };
                 let mut some = spans.nonempty_rows;
                 while some != 0 {
                     let lane = some.trailing_zeros() as usize;
@@ -95,7 +104,7 @@ impl Band {
                             let start = flat.inverse_depth
                                 + flat.inverse_depth_slope.0 * x
                                 + flat.inverse_depth_slope.1 * (y - flat.y[0]);
-                            self.draw_span(line * self.width + from, to - from, start, flat);
+                            self.draw_span(line * self.width + from - self.left, to - from, start, flat);
                         }
                     }
                 }
@@ -131,13 +140,13 @@ impl Band {
         self.triangle_ids.iter().filter(|&&id| id != NO_TRIANGLE).count() as u32
     }
 
-    /// Returns the triangle ids at sample `k` of all pixels in a row.
-    pub(crate) fn sample_row(&self, row: usize, k: usize) -> &[u32] {
-        &self.triangle_ids[(row * self.samples_per_pixel + k) * self.width..][..self.width]
-    }
-
     /// Returns the triangle id at sample `k` of a pixel.
     pub(crate) fn triangle_id(&self, row: usize, column: usize, k: usize) -> u32 {
+        // Columns to the left of the band wrap to large numbers, so one comparison is sufficient.
+        let column = column.wrapping_sub(self.left);
+        if column >= self.width {
+            return NO_TRIANGLE;
+        }
         self.triangle_ids[(row * self.samples_per_pixel + k) * self.width + column]
     }
 }
@@ -285,7 +294,7 @@ mod tests {
             let pattern = SamplePattern::new(samples);
             let expected = draw_reference(&flats, &pattern, &runs, width, rows);
             let batch = Batch { triangles: flats, min_y: 0.0, max_y: 99.0 };
-            let band = Band::fill(&[batch], &pattern, &runs, width, 0, rows);
+            let band = Band::fill(&[batch], &pattern, &vec![runs.clone(); rows], width, 0);
             assert_eq!(band.triangle_ids[..expected.len()], expected, "{samples} samples");
             let shown = expected.iter().filter(|&&id| id != NO_TRIANGLE).count();
             assert_eq!(band.covered_samples() as usize, shown);

@@ -20,6 +20,8 @@ pub(crate) struct Fragment<'a> {
     /// Unit vector from the camera to the point.
     pub view_direction: Vec3,
     pub distance: f32,
+    /// Change of `normal` across a pixel in radians. A reflection in a curved surface shows a wide angle.
+    pub normal_change: f32,
     pub sky: f32,
     pub spot: SurfaceSample<'a>,
 }
@@ -33,7 +35,9 @@ pub(crate) const fn part_and_triangle(id: u32) -> (usize, usize) {
 fn camera_ray(frame: &SceneInstant, x: f32, y: f32) -> Vec3 {
     let i = &frame.camera.intrinsics;
     let f = i.focal_px as f32;
-    Vec3::new((x - i.center_px[0] as f32) / f, (y - i.center_px[1] as f32) / f, 1.0)
+    let (x, y) = ((x - i.center_px[0] as f32) / f, (y - i.center_px[1] as f32) / f);
+    let factor = i.radial_distortion().ray_factor(x, y);
+    Vec3::new(x * factor, y * factor, 1.0)
 }
 
 /// Returns the unit vector along the ray through pixel coordinates (x, y), in world coordinates.
@@ -164,6 +168,8 @@ impl<'a> Facet<'a> {
         let blend = |a: Vec3, b: Vec3, c: Vec3| a + (b - a) * u + (c - a) * v;
         let local = blend(p.position, q.position, s.position);
         let normal = blend(p.normal, q.normal, s.normal).normalize_or_zero();
+        let (n1, n2) = (q.normal - p.normal, s.normal - p.normal);
+        let normal_change = (n1 * du.0 + n2 * du.1).length().max((n1 * dv.0 + n2 * dv.1).length()).min(1.0);
         let (t1, t2) = (q.uv - p.uv, s.uv - p.uv);
         let foot = (t1 * du.0 + t2 * du.1).abs() + (t1 * dv.0 + t2 * dv.1).abs();
         let world = self.to_world.0 * local + self.to_world.1;
@@ -182,6 +188,7 @@ impl<'a> Facet<'a> {
             facet: if self.normal.dot(direction) > 0.0 { -self.normal } else { self.normal },
             view_direction: direction,
             distance,
+            normal_change,
             sky: sky[0] + (sky[1] - sky[0]) * u + (sky[2] - sky[0]) * v,
             spot: SurfaceSample {
                 uv: p.uv + t1 * u + t2 * v,

@@ -93,7 +93,11 @@ pub(crate) struct SceneInstant<'a> {
 
 impl<'a> SceneInstant<'a> {
     pub(crate) fn new(scene: &'a Scene, t: f64) -> Self {
-        let camera = scene.camera_unchecked(t);
+        Self::with_camera(scene, scene.camera_unchecked(t), t)
+    }
+
+    /// Returns the scene at time `t`, seen by another camera.
+    pub(crate) fn with_camera(scene: &'a Scene, camera: PinholeCamera, t: f64) -> Self {
         let mut frame = Self {
             scene,
             t,
@@ -147,7 +151,7 @@ impl<'a> SceneInstant<'a> {
         for (mesh, to_vehicle) in shape.parts(stance.rolled_m) {
             self.add_part(mesh, id, to_world * to_vehicle, stance.is_outside);
         }
-        let (s, d) = scene.city.road.locate(stance.position.x as f32, stance.position.y as f32);
+        let (s, d) = vehicle.motion.lane_place(t).unwrap_or(scene.parked_places[index]);
         let drives = matches!(vehicle.motion, VehicleMotion::Lane { .. });
         let before =
             if drives { scene.vehicle_state(&vehicle.motion, (t - 0.1).max(0.0)).speed } else { 0.0 };

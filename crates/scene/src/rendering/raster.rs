@@ -9,6 +9,7 @@ use glam::Vec3;
 
 use super::frame::SceneInstant;
 use super::tiles::Tiles;
+use crate::drive::distortion::RadialDistortion;
 use crate::shapes::mesh::TRIANGLE_BITS;
 
 /// Id of samples at which no triangle is visible.
@@ -75,17 +76,15 @@ pub(crate) struct Batch {
 /// Returns the chunks that may be visible in a drawn tile, as (part, chunk). The chunks of the city are first.
 pub(crate) fn visible_chunks(frame: &SceneInstant, tiles: &Tiles) -> Vec<(usize, usize)> {
     let i = &frame.camera.intrinsics;
-    let f = i.focal_px as f32;
-    let side = |reach: f32| (reach, (f * f + reach * reach).sqrt());
-    let (left, right) = (side(i.center_px[0] as f32), side((f64::from(i.width) - i.center_px[0]) as f32));
-    let (up, down) = (side(i.center_px[1] as f32), side((f64::from(i.height) - i.center_px[1]) as f32));
+    let side = |reach: f32| (reach, (1.0 + reach * reach).sqrt());
+    let [across, along] = i.max_ray().map(side);
     let mut list = Vec::new();
     for (p, part) in frame.parts.iter().enumerate().filter(|(_, p)| !p.is_hidden) {
         for (k, chunk) in part.mesh.chunks.iter().enumerate() {
             let c = part.to_camera(chunk.center);
-            let out = |along: f32, (reach, norm): (f32, f32)| (f * along - reach * c.z) / norm > chunk.radius;
+            let out = |offset: f32, (reach, norm): (f32, f32)| (offset - reach * c.z) / norm > chunk.radius;
             let away =
-                c.z < -chunk.radius || out(-c.x, left) || out(c.x, right) || out(-c.y, up) || out(c.y, down);
+                c.z < -chunk.radius || out(c.x.abs(), across) || out(c.y.abs(), along);
             if !away
                 && bounding_rectangle(frame, c, chunk.radius)
                     .is_none_or(|(low, high)| tiles.may_overlap(low, high))
@@ -108,11 +107,19 @@ fn bounding_rectangle(frame: &SceneInstant, c: Vec3, radius: f32) -> Option<((f3
     // near depth if v > 0, and otherwise at the far depth.
     let low = |v: f32| if v < 0.0 { v / near } else { v / far };
     let high = |v: f32| if v > 0.0 { v / near } else { v / far };
+    let (left, right) = (low(c.x - radius), high(c.x + radius));
+    let (top, bottom) = (low(c.y - radius), high(c.y + radius));
+    // Distortion multiplies each coordinate by a factor that decreases with the distance from the optical axis. The
+    // factors of the nearest and the farthest point of the rectangle are bounds.
+    let nearest = |low: f32, high: f32| low.max(-high).max(0.0);
+    let farthest = |low: f32, high: f32| high.max(-low);
+    let factor = |x: f32, y: f32| i.radial_distortion().image_factor(x * x + y * y);
+    let most = factor(nearest(left, right), nearest(top, bottom));
+    let least = factor(farthest(left, right), farthest(top, bottom));
     let at = |v: f32, axis: usize| v * i.focal_px as f32 + i.center_px[axis] as f32;
-    Some((
-        (at(low(c.x - radius), 0), at(low(c.y - radius), 1)),
-        (at(high(c.x + radius), 0), at(high(c.y + radius), 1)),
-    ))
+    let first = |v: f32| v * if v < 0.0 { most } else { least };
+    let last = |v: f32| v * if v > 0.0 { most } else { least };
+    Some(((at(first(left), 0), at(first(top), 1)), (at(last(right), 0), at(last(bottom), 1))))
 }
 
 /// Projects the triangles of one chunk.
@@ -138,8 +145,18 @@ struct Projector<'a> {
     focal: f32,
     center: (f32, f32),
     size: (f32, f32),
+    distortion: RadialDistortion,
+    /// Largest normalized coordinates of the rays of the image.
+    max_ray: [f32; 2],
+    /// Length in pixels up to which distortion bends no edge noticeably.
+    straight_px: f32,
     batch: Batch,
 }
+
+/// Maximum distance in pixels between the image of an edge and its chord.
+const MAX_SAGITTA_PX: f32 = 1.0 / 64.0;
+/// Maximum number of times that an edge is divided in half.
+const MAX_DIVISIONS: u32 = 24;
 
 impl<'a> Projector<'a> {
     fn new(frame: &SceneInstant, tiles: &'a Tiles) -> Self {
@@ -149,6 +166,9 @@ impl<'a> Projector<'a> {
             focal: i.focal_px as f32,
             center: (i.center_px[0] as f32, i.center_px[1] as f32),
             size: (i.width as f32, i.height as f32),
+            distortion: i.radial_distortion(),
+            max_ray: i.max_ray(),
+            straight_px: straight_length_px(frame),
             batch: Batch { triangles: Vec::new(), min_y: f32::MAX, max_y: f32::MIN },
         }
     }
@@ -156,7 +176,7 @@ impl<'a> Projector<'a> {
     /// Clips a triangle at the near plane, and adds the remaining part as one or two triangles.
     fn clip_and_add(&mut self, c: [Vec3; 3], double_sided: bool, id: u32) {
         if c.iter().all(|p| p.z >= NEAR_PLANE_M) {
-            return self.cull_and_add(c, double_sided, id);
+            return self.bend_and_add(c, double_sided, id, 0);
         }
         let mut clipped: Vec<Vec3> = Vec::with_capacity(4);
         for k in 0..3 {
@@ -172,17 +192,55 @@ impl<'a> Projector<'a> {
             }
         }
         for k in 2..clipped.len() {
-            self.cull_and_add([clipped[0], clipped[k - 1], clipped[k]], double_sided, id);
+            self.bend_and_add([clipped[0], clipped[k - 1], clipped[k]], double_sided, id, 0);
         }
+    }
+
+    /// Divides a triangle until distortion bends none of its edges noticeably.
+    ///
+    /// Whether an edge is divided depends only on this edge, and the division starts at the same end for both triangles
+    /// of the edge. Adjacent triangles therefore have no gap.
+    fn bend_and_add(&mut self, c: [Vec3; 3], double_sided: bool, id: u32, divisions: u32) {
+        if self.distortion.lambda == 0.0 {
+            return self.cull_and_add(c, double_sided, id);
+        }
+        let ray = c.map(|p| (p.x / p.z, p.y / p.z));
+        let extremes = |a: f32, b: f32, c: f32| (a.min(b).min(c), a.max(b).max(c));
+        let (left, right) = extremes(ray[0].0, ray[1].0, ray[2].0);
+        let (top, bottom) = extremes(ray[0].1, ray[1].1, ray[2].1);
+        let [across, along] = self.max_ray;
+        if left > across || right < -across || top > along || bottom < -along {
+            return;
+        }
+        if (right - left) + (bottom - top) < self.straight_px / self.focal {
+            return self.cull_and_add(c, double_sided, id);
+        }
+        let bent = (0..3)
+            .map(|k| (k, self.sagitta_px(ray[k], ray[(k + 1) % 3])))
+            .filter(|&(_, sagitta)| sagitta > MAX_SAGITTA_PX)
+            .max_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((k, _)) = bent.filter(|_| divisions < MAX_DIVISIONS) else {
+            return self.cull_and_add(c, double_sided, id);
+        };
+        let (from, to, other) = (c[k], c[(k + 1) % 3], c[(k + 2) % 3]);
+        let middle = image_middle(from, to);
+        self.bend_and_add([from, middle, other], double_sided, id, divisions + 1);
+        self.bend_and_add([middle, to, other], double_sided, id, divisions + 1);
+    }
+
+    /// Returns the distance in pixels between the image of the middle of an edge and the middle of its chord.
+    fn sagitta_px(&self, a: (f32, f32), b: (f32, f32)) -> f32 {
+        let (p, q) = (self.distortion.distort(a.0, a.1), self.distortion.distort(b.0, b.1));
+        let m = self.distortion.distort(0.5 * (a.0 + b.0), 0.5 * (a.1 + b.1));
+        let (dx, dy) = (m.0 - 0.5 * (p.0 + q.0), m.1 - 0.5 * (p.1 + q.1));
+        self.focal * (dx * dx + dy * dy).sqrt()
     }
 
     fn cull_and_add(&mut self, c: [Vec3; 3], double_sided: bool, id: u32) {
         let inverse = c.map(|p| 1.0 / p.z);
         let at = |k: usize| {
-            (
-                self.focal * c[k].x * inverse[k] + self.center.0,
-                self.focal * c[k].y * inverse[k] + self.center.1,
-            )
+            let (x, y) = self.distortion.distort(c[k].x * inverse[k], c[k].y * inverse[k]);
+            (self.focal * x + self.center.0, self.focal * y + self.center.1)
         };
         let p = [at(0), at(1), at(2)];
         let low = p[0].1.min(p[1].1).min(p[2].1);
@@ -218,6 +276,24 @@ impl<'a> Projector<'a> {
             id,
         });
     }
+}
+
+/// Returns the point of an edge whose image is in the middle between the images of both ends, without distortion.
+fn image_middle(a: Vec3, b: Vec3) -> Vec3 {
+    // A sum of two floats does not depend on their order, so both triangles of an edge obtain the same point.
+    (a / a.z + b / b.z) * (a.z * b.z / (a.z + b.z))
+}
+
+/// Returns the length in pixels below which no edge has a larger sagitta than [`MAX_SAGITTA_PX`].
+///
+/// With the distorted radius r = R (1 + c R^2 / C^2) to first order, where C is the radius of the corner and c its
+/// relative displacement, the second derivative of an edge's image is at most 6 |c| / C. The sagitta of a chord L is L^2 /
+/// 8 times this value. The factor 2 covers the higher orders and edges beyond the corner.
+fn straight_length_px(frame: &SceneInstant) -> f32 {
+    let i = &frame.camera.intrinsics;
+    let corner = i.center_px[0].hypot(i.center_px[1]);
+    let change = (i.distortion * (corner / i.focal_px).powi(2)).abs();
+    (8.0 * f64::from(MAX_SAGITTA_PX) * corner / (12.0 * change.max(1e-9))).sqrt() as f32
 }
 
 #[cfg(test)]

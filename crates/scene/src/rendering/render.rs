@@ -22,7 +22,10 @@ impl Scene {
     /// [`ErrorKind::Usage`](spikelane::error::ErrorKind::Usage) if `t` is outside the drive.
     pub fn render(&self, t: f64, samples: SamplesPerPixel, threads: usize) -> Result<RenderedFrame> {
         self.check_time(t)?;
-        Ok(self.render_tiles(t, samples, &self.tiles(), threads))
+        let mut frame = self.render_tiles(t, samples, &self.tiles(), threads);
+        self.image_formation.apply_rgb(&mut frame.rgb);
+        frame.light = frame.rgb.iter().map(|&c| luminance(c.into())).collect();
+        Ok(frame)
     }
 
     /// Returns the labels at the pixel centers. This function is several times faster than [`render`](Self::render).
@@ -31,14 +34,19 @@ impl Scene {
     /// [`ErrorKind::Usage`](spikelane::error::ErrorKind::Usage) if `t` is outside the drive.
     pub fn labels(&self, t: f64, threads: usize) -> Result<Labels> {
         self.check_time(t)?;
-        Ok(compute_visibility(
+        Ok(self.visible_labels(t, threads))
+    }
+
+    /// Returns the labels at the pixel centers. `t` must be inside the drive.
+    pub(crate) fn visible_labels(&self, t: f64, threads: usize) -> Labels {
+        compute_visibility(
             &SceneInstant::new(self, t),
             &SamplePattern::new(0),
             &self.tiles(),
             false,
             threads,
         )
-        .labels)
+        .labels
     }
 
     /// Returns all tiles of the image.
@@ -48,7 +56,8 @@ impl Scene {
 
     /// Renders light and labels of the tiles that `tiles` selects. `t` must be inside the drive.
     ///
-    /// In tiles that `tiles` does not select, the light is zero and every label is the label of the sky.
+    /// The light is the light in front of the lens. In tiles that `tiles` does not select, the light is zero and every
+    /// label is the label of the sky.
     pub(crate) fn render_tiles(
         &self,
         t: f64,
@@ -56,7 +65,17 @@ impl Scene {
         tiles: &Tiles,
         threads: usize,
     ) -> RenderedFrame {
-        let frame = &SceneInstant::new(self, t);
+        self.render_instant(&SceneInstant::new(self, t), samples, tiles, threads)
+    }
+
+    /// Renders the light in front of the lens and the labels of the tiles that `tiles` selects.
+    pub(crate) fn render_instant(
+        &self,
+        frame: &SceneInstant,
+        samples: SamplesPerPixel,
+        tiles: &Tiles,
+        threads: usize,
+    ) -> RenderedFrame {
         let pattern = SamplePattern::new(samples.count());
         let shadows = self.light.sun_illuminance.max_element() > 0.0;
         let visibility = compute_visibility(frame, &pattern, tiles, shadows, threads);
@@ -89,13 +108,13 @@ pub(super) fn shade_band(
     (index, tiles): (usize, &Tiles),
 ) -> Vec<[f32; 3]> {
     let (width, height) = (visibility.labels.width, visibility.labels.height);
-    let (rows, runs) = (band_rows(index, height), tiles.runs(index));
+    let (rows, runs) = (band_rows(index, height), tiles.band_runs(index));
     let mut out = vec![[0.0; 3]; width * rows];
     let mut groups: Vec<SurfaceGroup> = Vec::new();
     let mut latest = FacetCache::default();
     for row in 0..rows {
         let y = index * BAND_ROWS + row;
-        for x in runs.iter().flat_map(|run| run.0..run.1).filter(|&x| tiles.needs_light(x, y)) {
+        for x in runs[row].iter().flat_map(|run| run.0..run.1).filter(|&x| tiles.needs_light(x, y)) {
             groups.clear();
             collect(frame, &visibility.bands[index], pattern, (row, x, y), &mut groups);
             let mut sum = Vec3::ZERO;
@@ -181,10 +200,10 @@ pub(super) fn sun_share(
     let (width, height) = (visibility.labels.width, visibility.labels.height);
     let (mut sunny, mut known) = (0u32, 0u32);
     for ny in y.saturating_sub(1)..(y + 2).min(height) {
-        let columns = x.saturating_sub(1)..(x + 2).min(width);
-        let ids =
-            &visibility.bands[ny / BAND_ROWS].sample_row(ny % BAND_ROWS, pattern.center)[columns.clone()];
-        for (&id, &sun) in ids.iter().zip(&visibility.is_sunlit[ny * width..][columns]) {
+        let band = &visibility.bands[ny / BAND_ROWS];
+        for nx in x.saturating_sub(1)..(x + 2).min(width) {
+            let id = band.triangle_id(ny % BAND_ROWS, nx, pattern.center);
+            let sun = visibility.is_sunlit[ny * width + nx];
             if id == g.id || (id != NO_TRIANGLE && surface_id(frame, id) == g.key) {
                 known += 1;
                 sunny += u32::from(sun);

@@ -172,21 +172,24 @@ fn highlight_luminance(f: &Fragment, look: &Appearance, to: Vec3) -> f32 {
     let half = (to - f.view_direction).normalize_or_zero();
     let (nh, nl, nv) =
         (f.normal.dot(half).max(0.0), f.normal.dot(to).max(0.0), (-f.normal.dot(f.view_direction)).max(0.02));
+    // The highlight is widened by the change of the normal across the pixel (Kaplanyan et al., "Filtering distributions of
+    // normals for shading antialiasing", 2016). Otherwise the highlight of a curved surface could fall between pixels.
+    let spread = 0.5 * f.normal_change;
     let a = (look.roughness * look.roughness).max(0.004);
+    let a = (a * a + 0.5 * (spread * spread).min(0.36)).sqrt().min(1.0);
     let d = nh * nh * (a * a - 1.0) + 1.0;
-    let spread = a * a / (PI * d * d).max(1e-9);
+    let density = a * a / (PI * d * d).max(1e-9);
     let fresnel = look.gloss + (1.0 - look.gloss) * (1.0 - to.dot(half).clamp(0.0, 1.0)).powi(5);
     let k = 0.5 * a;
     let mask = 1.0 / ((nl * (1.0 - k) + k) * (nv * (1.0 - k) + k));
     // The formula is for a point light. A real lamp has a size, which limits the luminance of the highlight.
-    (0.25 * spread * fresnel * mask * nl).min(60.0)
+    (0.25 * density * fresnel * mask * nl).min(60.0)
 }
 
 /// Light of a street lamp at a point. Occlusion is not included.
 struct LampLight {
     lamp: u16,
     direction: Vec3,
-    distance: f32,
     cosine: f32,
     /// Illuminance on a surface that faces the lamp. `diffuse` is the illuminance on the actual surface.
     lux: f32,
@@ -209,7 +212,7 @@ fn lamp_light(frame: &SceneInstant, f: &Fragment, look: &Appearance, index: u16)
     let level = light.lamp_cd * lamp.strength * light.lamp_level(frame.t, lamp.phase);
     let lux = level * lobe / (distance * distance);
     let diffuse = lux * (cosine.max(0.0) + through);
-    (diffuse > 0.0).then_some(LampLight { lamp: index, direction: to, distance, cosine, lux, diffuse })
+    (diffuse > 0.0).then_some(LampLight { lamp: index, direction: to, cosine, lux, diffuse })
 }
 
 /// Adds the light of the street lamps near the fragment. A shadow ray is traced only for lamps that provide at least
@@ -223,17 +226,12 @@ fn add_lamps(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &m
     for o in offers {
         let origin =
             f.world + f.facet * 0.03 + if look.transmission > 0.0 { o.direction * 0.35 } else { Vec3::ZERO };
-        let reach = o.distance - POST_RADIUS_M;
         // A lamp with less than 7 % of the light of all near lamps counts as half visible, so most shadow rays are not
         // needed.
         let sky_share = if o.diffuse < 0.07 * total {
             0.5
-        } else if scene.is_lamp_hidden(o.lamp, origin)
-            || frame.is_blocked_by(frame.near_grid.items_at(place), origin, o.direction, reach)
-        {
-            0.0
         } else {
-            1.0
+            lamp_visibility(frame, f, o.lamp, origin)
         };
         arriving.diffuse_lux += scene.light.lamp_tint * (o.diffuse * sky_share);
         if o.cosine > 0.0 && sky_share > 0.0 {
@@ -241,6 +239,34 @@ fn add_lamps(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &m
                 scene.light.lamp_tint * (o.lux * sky_share * highlight_luminance(f, look, o.direction));
         }
     }
+}
+
+/// Radius in meters of the penumbra of a lamp. A luminous face of 0.66 m x 0.22 m has this penumbra if an object is a
+/// third of the way from the surface to the lamp.
+const PENUMBRA_RADIUS_M: f32 = 0.12;
+
+/// Returns the fraction of a lamp that is visible from `origin`.
+///
+/// Rays start on a circle around the point. Four rays are sufficient unless they differ.
+fn lamp_visibility(frame: &SceneInstant, f: &Fragment, lamp: u16, origin: Vec3) -> f32 {
+    let radius = PENUMBRA_RADIUS_M.max(0.5 * f.spot.footprint_m);
+    let (u, v) = f.facet.any_orthonormal_pair();
+    let near = frame.near_grid.items_at(f.world.truncate());
+    let is_visible = |(x, y): (f32, f32)| {
+        let from = origin + u * (x * radius) + v * (y * radius);
+        let to = frame.scene.city.lamps[usize::from(lamp)].position - from;
+        let distance = to.length();
+        !(frame.scene.is_lamp_hidden(lamp, from)
+            || (!near.is_empty()
+                && frame.is_blocked_by(near, from, to / distance, distance - POST_RADIUS_M)))
+    };
+    let count = |points: [(f32, f32); 4]| points.into_iter().filter(|&p| is_visible(p)).count();
+    let outer = count([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]);
+    if outer == 0 || outer == 4 {
+        return if outer > 0 { 1.0 } else { 0.0 };
+    }
+    let inner = count([(0.4, 0.4), (-0.4, 0.4), (0.4, -0.4), (-0.4, -0.4)]);
+    (outer + inner) as f32 / 8.0
 }
 
 /// Adds the light of low beams. A low beam is a bright, flat fan below the horizontal with a little stray light above.
@@ -274,6 +300,9 @@ fn add_beams(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &m
     }
 }
 
+/// Mean of the lit rooms in reflections. A reflection that shows many rooms has this brightness.
+const LIT_ROOM_SHARE: f32 = 0.08;
+
 /// Returns the luminance of the surroundings that a reflection shows. The surroundings are a street between two rows of
 /// facades under the sky.
 fn reflected_environment(
@@ -286,9 +315,13 @@ fn reflected_environment(
     let scene = frame.scene;
     let light = &scene.light;
     let lux = frame.ambient.sky_lux;
+    // Angle in radians that the reflection in one pixel shows.
+    let angle = 2.0 * f.normal_change + f.spot.footprint_m / f.distance.max(0.1);
     if tunnel > 0.5 {
-        let streak = noise::smoothstep(0.55, 0.7, direction.z)
-            * noise::pulses(f.world.x + direction.x * 4.0, 4.0, 0.0, 1.4, 0.3);
+        // The ceiling is about 4 m above the reflecting surface.
+        let blur = 0.3 + 4.0 * angle;
+        let streak = noise::smoothstep(0.55 - angle, 0.7 + angle, direction.z)
+            * noise::pulses(f.world.x + direction.x * 4.0, 4.0, 0.0, 1.4, blur);
         return Vec3::new(1.05, 1.0, 0.88) * (light.tunnel_lux * (0.12 + 3.0 * streak));
     }
     let night = light.lamp_tint * (light.lamp_cd * 0.004);
@@ -303,14 +336,18 @@ fn reflected_environment(
     let reach = (half / sideways).min(160.0);
     let at = f.world.truncate() + direction.truncate() * (reach / flat);
     let along = at.dot(Vec2::new(frame.road_left.y, -frame.road_left.x));
-    let skyline = height * (1.0 + 0.45 * noise::value(Vec2::new(along / 14.0, 0.5), 9));
+    // Extent in meters of the reflected facade that one pixel shows.
+    let extent = (f.distance + reach) * angle;
+    let skyline = height * (1.0 + 0.45 * noise::grain(Vec2::new(along, 7.0), 14.0, extent, 9));
     let climb = f.world.z + direction.z / flat * reach;
-    let soft = 0.6 + 30.0 * rough;
+    let soft = 0.6 + 30.0 * rough + 0.5 * extent;
     let open = noise::smoothstep(-soft, soft, climb - skyline);
-    let rooms = 0.5 + 0.5 * noise::value(Vec2::new(along / 1.6, climb / 1.7), 10);
+    let sharp = noise::fade(1.6, extent);
+    let rooms = 0.5 + 0.5 * noise::grain(Vec2::new(along / 1.6, climb / 1.7), 1.0, extent / 1.6, 10);
+    let lit = LIT_ROOM_SHARE + (noise::smoothstep(0.72, 0.9, rooms) - LIT_ROOM_SHARE) * sharp;
     let front = (light.sun_illuminance * 0.16 + lux * 0.36 + night)
         * (0.30 / PI)
         * (0.7 + 0.6 * (0.5 + (rooms - 0.5) * (1.0 - 2.5 * rough).max(0.0)))
-        + Vec3::new(1.2, 0.95, 0.6) * (light.window_cd_m2 * 0.8 * noise::smoothstep(0.72, 0.9, rooms));
+        + Vec3::new(1.2, 0.95, 0.6) * (light.window_cd_m2 * 0.8 * lit);
     front.lerp(light.sky_luminance(direction), open)
 }

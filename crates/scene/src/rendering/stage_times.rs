@@ -8,7 +8,7 @@ use super::render::{SurfaceGroup, collect, shade_band, sun_share};
 use super::rendered_frame::SamplesPerPixel;
 use super::texture;
 use super::tiles::BAND_ROWS;
-use super::visibility::{band_rows, center_labels, compute_visibility};
+use super::visibility::{center_labels, compute_visibility};
 use crate::world::Scene;
 
 /// Names of the stages, and their durations in the unit of the clock.
@@ -25,7 +25,6 @@ impl Scene {
         let shadows = self.light.sun_illuminance.max_element() > 0.0;
         let visibility = compute_visibility(frame, pattern, tiles, shadows, 1);
         let (width, height) = (visibility.labels.width, visibility.labels.height);
-        let runs = [(0, width)];
         let mut take = |run: &mut dyn FnMut()| timer(run);
         let total = take(&mut || drop(self.render_tiles(t, SamplesPerPixel::Four, tiles, 1)));
         let placed = take(&mut || drop(SceneInstant::new(self, t)));
@@ -33,8 +32,7 @@ impl Scene {
             let chunks = visible_chunks(frame, tiles);
             let batches: Vec<_> = chunks.into_iter().map(|(p, c)| project(frame, p, c, tiles)).collect();
             for b in 0..visibility.bands.len() {
-                let rows = band_rows(b, height);
-                drop(Band::fill(&batches, pattern, &runs, width, b * BAND_ROWS, rows));
+                drop(Band::fill(&batches, pattern, tiles.band_runs(b), width, b * BAND_ROWS));
             }
         });
         let mut labels = |shadows: bool| {

@@ -39,8 +39,7 @@ pub(super) fn compute_visibility(
         threads::map_indexed(threads, chunks.len(), |k| project(frame, chunks[k].0, chunks[k].1, tiles));
     let count = height.div_ceil(BAND_ROWS);
     let parts = threads::map_indexed(threads, count, |b| {
-        let (rows, runs) = (band_rows(b, height), tiles.runs(b));
-        let band = Band::fill(&batches, pattern, &runs, width, b * BAND_ROWS, rows);
+        let band = Band::fill(&batches, pattern, tiles.band_runs(b), width, b * BAND_ROWS);
         let (labels, sunny) = center_labels(frame, &band, pattern, (b, tiles), shadows);
         (band, labels, sunny)
     });
@@ -82,7 +81,7 @@ fn sky_labels(width: usize, rows: usize, t: f64) -> Labels {
     }
 }
 
-/// Returns the labels and the sunlight at the pixel centers of a band. Only the drawn columns are computed.
+/// Returns the labels and the sunlight at the pixel centers of a band. Only the drawn pixels are computed.
 pub(super) fn center_labels(
     frame: &SceneInstant,
     band: &Band,
@@ -92,12 +91,12 @@ pub(super) fn center_labels(
 ) -> (Labels, Vec<u8>) {
     let i = frame.camera.intrinsics;
     let (width, height) = (i.width as usize, i.height as usize);
-    let (rows, runs) = (band_rows(index, height), tiles.runs(index));
+    let (rows, runs) = (band_rows(index, height), tiles.band_runs(index));
     let mut labels = sky_labels(width, rows, frame.t);
     let mut latest = FacetCache::default();
     for row in 0..rows {
         let y = (index * BAND_ROWS + row) as f32 + 0.5;
-        for column in runs.iter().flat_map(|run| run.0..run.1) {
+        for column in runs[row].iter().flat_map(|run| run.0..run.1) {
             let id = band.triangle_id(row, column, pattern.center);
             if id == NO_TRIANGLE {
                 continue;
@@ -129,7 +128,7 @@ fn sunlight(
     labels: &Labels,
 ) -> Vec<u8> {
     let (width, rows) = (labels.width, labels.height);
-    let (runs, near) = (tiles.runs(index), tiles.near_needed_light(index));
+    let runs = tiles.band_runs(index);
     let mut sunny = vec![0u8; width * rows];
     let mut latest = FacetCache::default();
     let mut ray = |row: usize, column: usize, id: u32| {
@@ -139,9 +138,9 @@ fn sunlight(
     };
     for odd in [0, 1] {
         for row in 0..rows {
-            for column in runs.iter().flat_map(|run| run.0..run.1).filter(|c| (c + row) % 2 == odd) {
+            for column in runs[row].iter().flat_map(|run| run.0..run.1).filter(|c| (c + row) % 2 == odd) {
                 let id = band.triangle_id(row, column, pattern.center);
-                if id == NO_TRIANGLE || !near[row * width + column] {
+                if id == NO_TRIANGLE {
                     continue;
                 }
                 let guess = if odd == 1 {

@@ -2,4 +2,5 @@
 
 mod boxes;
 mod flow;
+mod lens;
 mod render;

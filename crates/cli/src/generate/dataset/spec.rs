@@ -104,7 +104,7 @@ pub(crate) struct DatasetSpec {
         help_heading = "Scenes"
     )]
     pub(crate) speed_kmh: Option<f64>,
-    /// Set the luminance of full scale in cd/m2 [default: white of each scene]
+    /// Set the luminance of full scale in cd/m2 [default: by the exposure of each scene]
     #[arg(
         hide_short_help = true,
         long,
@@ -113,6 +113,15 @@ pub(crate) struct DatasetSpec {
         help_heading = "Scenes"
     )]
     pub(crate) white_cd_m2: Option<f32>,
+    /// Keep the exposure of each scene as it is at the start of the scene
+    #[arg(hide_short_help = true, long, conflicts_with_all = ["inputs", "white_cd_m2"], help_heading = "Scenes")]
+    pub(crate) lock_exposure: bool,
+    /// Draw scenes without blur, glare, vignetting and distortion
+    #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
+    pub(crate) ideal_lens: bool,
+    /// Write the labels of a pinhole camera instead of labels that follow the distortion
+    #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
+    pub(crate) undistorted_labels: bool,
     /// Also write reference images as linear float arrays
     #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
     pub(crate) npy: bool,
@@ -223,7 +232,7 @@ pub(crate) struct DatasetSpec {
 }
 
 /// Flags that describe the dataset. With `--config` a dataset.toml replaces all of them.
-const SPEC_FLAGS: [&str; 40] = [
+const SPEC_FLAGS: [&str; 43] = [
     "from",
     "from_list",
     "scene_preset",
@@ -236,6 +245,9 @@ const SPEC_FLAGS: [&str; 40] = [
     "vehicles",
     "speed_kmh",
     "white_cd_m2",
+    "lock_exposure",
+    "ideal_lens",
+    "undistorted_labels",
     "npy",
     "kitti",
     "exr",
@@ -325,6 +337,9 @@ impl DatasetSpec {
             vehicles: self.vehicles,
             speed_kmh: self.speed_kmh,
             white_cd_m2: self.white_cd_m2,
+            lock_exposure: self.lock_exposure,
+            ideal_lens: self.ideal_lens,
+            undistorted_labels: self.undistorted_labels,
             npy: self.npy,
             kitti: self.kitti,
             exr: self.exr,

@@ -9,7 +9,9 @@ use crate::common::console::Console;
 use crate::common::output_claims;
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
-use spikelane_dataset::statistics::{DatasetStatistics, dataset_statistics, format_number, html_report};
+use spikelane_dataset::statistics::{
+    DatasetStatistics, LIGHT_REFERENCES, dataset_statistics, format_number, html_report,
+};
 use spikelane_io::storage;
 
 /// Summarize a dataset: splits, lighting, rates, motion and boxes
@@ -66,10 +68,15 @@ fn statistics_text(stats: &DatasetStatistics) -> String {
             text += &format!("{what:<8}{}\n", each.join(", "));
         }
     }
-    text += &format!("{:<40}{:>12}{:>12}{:>12}\n", "", "minimum", "median", "maximum");
+    text += &format!("{:<44}{:>12}{:>12}{:>12}\n", "", "minimum", "median", "maximum");
     for (name, s) in &stats.quantities {
         let [min, median, max] = [s.min, s.median, s.max].map(format_number);
-        text += &format!("{name:<40}{min:>12}{median:>12}{max:>12}\n");
+        text += &format!("{name:<44}{min:>12}{median:>12}{max:>12}\n");
+    }
+    for (name, reference) in LIGHT_REFERENCES {
+        if stats.quantities.keys().any(|quantity| quantity.starts_with(name)) {
+            text += &format!("reference for '{name}': {reference}\n");
+        }
     }
     text + &format!("digest {}\n", stats.digest)
 }

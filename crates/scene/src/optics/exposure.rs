@@ -1,0 +1,185 @@
+//! The exposure of the camera: the luminance that is white, as a function of time.
+//!
+//! The camera meters the scene and changes its iris with a lag, as auto-iris lenses do. White is high enough for the
+//! bright parts of the image, unless these parts are so small that the rest would be black.
+
+use glam::Vec3;
+
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::threads;
+
+use crate::drive::camera::{Intrinsics, PinholeCamera};
+use crate::lighting::luminance;
+use crate::rendering::frame::SceneInstant;
+use crate::rendering::rendered_frame::SamplesPerPixel;
+use crate::rendering::tiles::Tiles;
+use crate::world::Scene;
+
+/// How the luminance of white follows the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub enum Exposure {
+    /// White follows the scene with a lag of a third of a second.
+    #[default]
+    Automatic,
+    /// White stays at the luminance that the camera meters at the start of the drive.
+    Locked,
+    /// White stays at this luminance in cd/m2.
+    Fixed(f32),
+}
+
+/// Time constant with which the logarithm of white follows the scene, in seconds.
+const LAG_S: f64 = 0.3;
+/// Longest time between two metered instants, in seconds. It is a sixth of the lag.
+const METER_INTERVAL_S: f64 = 0.05;
+/// Width of a metered image in pixels.
+const METER_WIDTH: u32 = 80;
+/// Fraction of the pixels that may exceed white.
+const HIGHLIGHT_SHARE: f32 = 0.02;
+/// White is lowered until the mean light, clipped at white, is this fraction of white. Otherwise a small bright area,
+/// such as the exit of a tunnel, would make the rest of the image black.
+const MIN_MEAN_LIGHT: f32 = 0.06;
+/// Lower limit of white in cd/m2, far below the darkest scene.
+const MIN_WHITE_CD_M2: f32 = 1e-3;
+
+impl Exposure {
+    pub(crate) fn check(self) -> Result<()> {
+        match self {
+            Self::Fixed(white) if !(white.is_finite() && white > 0.0) => {
+                Err(Error::new(ErrorKind::Usage, "luminance of white")
+                    .found(format_args!("{white} cd/m2"))
+                    .expected("a positive number"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The logarithm of white at evenly spaced instants.
+#[derive(Debug)]
+pub(crate) struct ExposureCurve {
+    interval_s: f64,
+    log_white: Vec<f64>,
+}
+
+impl ExposureCurve {
+    fn at(&self, t: f64) -> f32 {
+        let last = self.log_white.len() - 1;
+        let x = (t / self.interval_s).clamp(0.0, last as f64);
+        let k = (x as usize).min(last.saturating_sub(1));
+        let next = self.log_white[(k + 1).min(last)];
+        libm::exp(self.log_white[k] + (next - self.log_white[k]) * (x - k as f64)) as f32
+    }
+}
+
+impl Scene {
+    /// Returns the luminance of white at time `t` in cd/m2, with `threads` threads.
+    ///
+    /// A luminance divided by the luminance of white is linear light, usually between 0 and 1. The light of highlights
+    /// and of lamps exceeds 1. The first call meters the whole drive, once per 50 ms. White before the start of the drive
+    /// equals white at its start.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Usage`] if `t` is outside the drive.
+    pub fn white_cd_m2(&self, t: f64, threads: usize) -> Result<f32> {
+        self.check_time(t)?;
+        Ok(match self.exposure {
+            Exposure::Fixed(white) => white,
+            Exposure::Automatic | Exposure::Locked => {
+                self.exposure_curve.get_or_init(|| self.meter_drive(threads)).at(t)
+            }
+        })
+    }
+
+    /// Meters the drive, and follows the metered white with a lag.
+    fn meter_drive(&self, threads: usize) -> ExposureCurve {
+        let steps = match self.exposure {
+            Exposure::Automatic => (self.duration_s / METER_INTERVAL_S) as usize,
+            Exposure::Locked | Exposure::Fixed(_) => 0,
+        };
+        let interval_s = self.duration_s / steps.max(1) as f64;
+        let metered = threads::map_indexed(threads, steps + 1, |k| {
+            libm::log(f64::from(self.metered_white((k as f64 * interval_s).min(self.duration_s))))
+        });
+        let keep = libm::exp(-interval_s / LAG_S);
+        let mut white = metered[0];
+        let follow = |&target: &f64| {
+            white = target + (white - target) * keep;
+            white
+        };
+        ExposureCurve { interval_s, log_white: metered.iter().map(follow).collect() }
+    }
+
+    /// Returns the white that the camera meters at time `t`.
+    fn metered_white(&self, t: f64) -> f32 {
+        let camera = self.camera_unchecked(t);
+        let full = camera.intrinsics;
+        let scale = (f64::from(METER_WIDTH) / f64::from(full.width)).min(1.0);
+        let side = |n: u32| ((f64::from(n) * scale).round() as u32).max(1);
+        let intrinsics = Intrinsics {
+            width: side(full.width),
+            height: side(full.height),
+            focal_px: full.focal_px * scale,
+            center_px: full.center_px.map(|c| c * scale),
+            ..full
+        };
+        let camera = PinholeCamera { intrinsics, ..camera };
+        let tiles = Tiles::all(intrinsics.width as usize, intrinsics.height as usize);
+        let frame = SceneInstant::with_camera(self, camera, t);
+        let rendered = self.render_instant(&frame, SamplesPerPixel::Four, &tiles, 1);
+        let mut light: Vec<f32> = rendered.rgb.iter().map(|&c| luminance(Vec3::from(c))).collect();
+        white_of(&mut light)
+    }
+}
+
+/// Returns the white for an image.
+fn white_of(light: &mut [f32]) -> f32 {
+    light.sort_unstable_by(f32::total_cmp);
+    let index = ((1.0 - HIGHLIGHT_SHARE) * light.len() as f32) as usize;
+    let highlight = light[index.min(light.len() - 1)].max(MIN_WHITE_CD_M2);
+    let mean = |white: f32| light.iter().map(|l| (l / white).min(1.0)).sum::<f32>() / light.len() as f32;
+    if mean(highlight) >= MIN_MEAN_LIGHT {
+        return highlight;
+    }
+    // The mean decreases with white, so a bisection of the logarithm finds white.
+    let (mut low, mut high) = (MIN_WHITE_CD_M2, highlight);
+    for _ in 0..24 {
+        let middle = (low * high).sqrt();
+        if mean(middle) >= MIN_MEAN_LIGHT { low = middle } else { high = middle }
+    }
+    low
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{HIGHLIGHT_SHARE, MIN_MEAN_LIGHT, white_of};
+
+    fn mean_light(light: &[f32], white: f32) -> f32 {
+        light.iter().map(|l| (l / white).min(1.0)).sum::<f32>() / light.len() as f32
+    }
+
+    #[test]
+    fn a_fiftieth_of_an_even_image_exceeds_white() {
+        let mut light: Vec<f32> = (0..1000).map(|i| i as f32).collect();
+        let white = white_of(&mut light);
+        let above = light.iter().filter(|&&l| l > white).count() as f32 / 1000.0;
+        assert!((above - HIGHLIGHT_SHARE).abs() < 0.002, "{above}");
+    }
+
+    #[test]
+    fn a_small_exit_of_a_tunnel_leaves_its_walls_visible() {
+        for exit in [30, 50, 200] {
+            let mut light: Vec<f32> = (0..1000).map(|i| if i < exit { 9000.0 } else { 40.0 }).collect();
+            let white = white_of(&mut light);
+            let mean = mean_light(&light, white);
+            assert!(mean >= 0.99 * MIN_MEAN_LIGHT, "{exit}: mean {mean} at {white}");
+            // A large exit is exposed well.
+            assert_eq!(exit > 100, white >= 9000.0, "{exit}: white {white}");
+        }
+    }
+
+    #[test]
+    fn a_dark_image_has_a_positive_white() {
+        assert!(white_of(&mut [0.0; 100]) > 0.0);
+    }
+}
