@@ -41,7 +41,10 @@ impl LightStatistics {
             [
                 ("spectral_slope", spectral_slope(&clipped, geometry.width()).map(|slope| json!(slope))),
                 ("largest_step", whole.then(|| json!(self.steps.iter().copied().fold(0.0, f64::max)))),
-                ("render_rate_amplitude", render_rate_amplitude(&self.steps, first_readouts).map(|a| json!(a))),
+                (
+                    "render_rate_amplitude",
+                    render_rate_amplitude(&self.steps, first_readouts).map(|a| json!(a)),
+                ),
             ],
         )
     }

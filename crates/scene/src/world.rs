@@ -81,8 +81,11 @@ impl Scene {
         // The portal of the tunnel is at half of the distance of the drive. Most drives leave the tunnel, and some enter it.
         let portal = (0.5 * ego_mps * options.duration_s).max(12.0);
         let enters = draws.chance(3, 0.35);
-        let tunnel = (lighting == Lighting::Tunnel)
-            .then_some(if enters { (portal, span.1 - 4.0) } else { (span.0 + 4.0, portal) });
+        let tunnel = (lighting == Lighting::Tunnel).then_some(if enters {
+            (portal, span.1 - 4.0)
+        } else {
+            (span.0 + 4.0, portal)
+        });
         let city = City::from_seed(seed, span.0, span.1, tunnel);
         let demand = TrafficOptions {
             ego_mps,

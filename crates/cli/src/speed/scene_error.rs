@@ -72,12 +72,7 @@ pub(crate) fn scene_error_table(threads: usize) -> Result<Vec<ErrorRow>> {
 }
 
 /// Adds the errors of the drive with the seed `seed`.
-fn add_scene_errors(
-    lighting: Lighting,
-    seed: u64,
-    threads: usize,
-    errors: &mut [Vec<f32>; 2],
-) -> Result<()> {
+fn add_scene_errors(lighting: Lighting, seed: u64, threads: usize, errors: &mut [Vec<f32>; 2]) -> Result<()> {
     let options = SceneOptions {
         lighting: Some(lighting),
         duration_s: READOUTS as f64 / READOUT_HZ as f64,

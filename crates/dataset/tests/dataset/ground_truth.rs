@@ -135,8 +135,7 @@ fn check_reference_render(dir: &Path, images: u32, each: u32) {
             .with_lens(Some(Lens::from_seed(5))),
     )
     .unwrap();
-    let drive =
-        Drive::new(scene, all.rate().unwrap(), readouts.into(), SamplesPerPixel::Sixteen, 1).unwrap();
+    let drive = Drive::new(scene, all.rate().unwrap(), readouts.into(), SamplesPerPixel::Sixteen, 1).unwrap();
     let error = |readout: u32| -> f32 {
         let light = drive.light(readout.into()).unwrap().to_f32();
         let gt_codes = codes(&sequence_folder.join("gt.png"));

@@ -100,7 +100,8 @@ mod tests {
             let g = 2.0 / (1.0 + (1.0 - 4.0 * f64::from(BARREL.lambda) * (x * x + y * y)).sqrt());
             (x * g, y * g)
         };
-        for (x, y, dx, dy) in [(0.5f32, -0.3f32, 1e-5f32, 3e-6f32), (0.8, 0.5, -2e-3, 1e-3), (0.0, 0.0, 1e-4, 0.0)]
+        for (x, y, dx, dy) in
+            [(0.5f32, -0.3f32, 1e-5f32, 3e-6f32), (0.8, 0.5, -2e-3, 1e-3), (0.0, 0.0, 1e-4, 0.0)]
         {
             let (u, v) = BARREL.displacement((x, y), (dx, dy));
             let (x, y, dx, dy) = (f64::from(x), f64::from(y), f64::from(dx), f64::from(dy));

@@ -183,11 +183,7 @@ impl Motions {
             return (0.0, 0.0, -1.0);
         }
         let (dx, dy) = self.distortion.displacement((x, y), ((d.x - x * d.z) / z, (d.y - y * d.z) / z));
-        (
-            dx * self.focal_px,
-            dy * self.focal_px,
-            if labels.part[i] == 0 { f32::INFINITY } else { z },
-        )
+        (dx * self.focal_px, dy * self.focal_px, if labels.part[i] == 0 { f32::INFINITY } else { z })
     }
 
     /// Returns the horizontal and vertical [`displacement`](Self::displacement) of four consecutive pixels of a row.

@@ -224,12 +224,8 @@ impl<'a> SpanRenderer<'a> {
         let mut unreliable = Vec::new();
         if let (false, Some(a), Some(b)) = (drawn.is_empty(), &self.base[start], &self.base[end]) {
             let views = [(&a.labels, &a.light[..], &motions[0]), (&b.labels, &b.light[..], &motions[1])];
-            unreliable = unreliable_pixels(
-                self.tiles.extent(tile),
-                views,
-                motion,
-                self.scene.light.white_cd_m2,
-            );
+            unreliable =
+                unreliable_pixels(self.tiles.extent(tile), views, motion, self.scene.light.white_cd_m2);
             if !unreliable.contains(&true) {
                 unreliable.clear();
             }
@@ -262,7 +258,9 @@ impl<'a> SpanRenderer<'a> {
         }
         if std::env::var("DBG").is_ok() {
             let u: usize = due.iter().map(|i| i.unreliable.iter().filter(|u| **u).count()).sum();
-            let b = self.base[k].as_ref().map_or(0, |b| b.labels.depth_m.iter().filter(|d| d.is_finite()).count());
+            let b = self.base[k]
+                .as_ref()
+                .map_or(0, |b| b.labels.depth_m.iter().filter(|d| d.is_finite()).count());
             eprintln!("DBG {k} due {} unreliable {u} base {b}", due.len());
         }
         let mut motions: Vec<(usize, usize, [Motions; 2])> = Vec::new();
@@ -280,7 +278,9 @@ impl<'a> SpanRenderer<'a> {
 
     /// Warps the reliable pixels of a tile from the base renders before and after instant `k`.
     fn warp_tile(&self, k: usize, interval: &BaseInterval, motions: &[Motions; 2], light: &mut [f32]) {
-        let (Some(early), Some(late)) = (&self.base[interval.start], &self.base[interval.end]) else { return };
+        let (Some(early), Some(late)) = (&self.base[interval.start], &self.base[interval.end]) else {
+            return;
+        };
         let share = self.time_share(interval.start, k, interval.end);
         let (columns, rows) = self.tiles.extent(interval.tile);
         let (width, _) = self.size();
@@ -345,12 +345,7 @@ fn reliable_runs(unreliable: Option<&[bool]>, width: usize) -> Vec<std::ops::Ran
 
 /// Returns the motion of the fastest point of each tile during the span, in pixels, with a margin. `views` are labels
 /// and the indices of their instants.
-fn tile_motions(
-    scene: &Scene,
-    times: &[f64],
-    tiles: &Tiles,
-    views: &[(&Labels, usize); 3],
-) -> Vec<f32> {
+fn tile_motions(scene: &Scene, times: &[f64], tiles: &Tiles, views: &[(&Labels, usize); 3]) -> Vec<f32> {
     let (across, count) = tiles.row_and_total_counts();
     let n = times.len() - 1;
     let mut own = vec![0.0f32; count];

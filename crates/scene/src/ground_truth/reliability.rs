@@ -88,13 +88,7 @@ impl Region {
 
     /// Returns the difference between the largest and the smallest value within `reach` pixels of each pixel of a tile.
     /// `values` are the values of this region.
-    fn spread(
-        &self,
-        values: &[f32],
-        columns: &Range<usize>,
-        rows: &Range<usize>,
-        reach: usize,
-    ) -> Vec<f32> {
+    fn spread(&self, values: &[f32], columns: &Range<usize>, rows: &Range<usize>, reach: usize) -> Vec<f32> {
         let n = self.columns.len();
         let mut out = Vec::with_capacity(columns.len() * rows.len());
         // The lists are padded, so that every window across has the same width.

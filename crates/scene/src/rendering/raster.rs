@@ -83,8 +83,7 @@ pub(crate) fn visible_chunks(frame: &SceneInstant, tiles: &Tiles) -> Vec<(usize,
         for (k, chunk) in part.mesh.chunks.iter().enumerate() {
             let c = part.to_camera(chunk.center);
             let out = |offset: f32, (reach, norm): (f32, f32)| (offset - reach * c.z) / norm > chunk.radius;
-            let away =
-                c.z < -chunk.radius || out(c.x.abs(), across) || out(c.y.abs(), along);
+            let away = c.z < -chunk.radius || out(c.x.abs(), across) || out(c.y.abs(), along);
             if !away
                 && bounding_rectangle(frame, c, chunk.radius)
                     .is_none_or(|(low, high)| tiles.may_overlap(low, high))

@@ -39,14 +39,8 @@ impl Scene {
 
     /// Returns the labels at the pixel centers. `t` must be inside the drive.
     pub(crate) fn visible_labels(&self, t: f64, threads: usize) -> Labels {
-        compute_visibility(
-            &SceneInstant::new(self, t),
-            &SamplePattern::new(0),
-            &self.tiles(),
-            false,
-            threads,
-        )
-        .labels
+        compute_visibility(&SceneInstant::new(self, t), &SamplePattern::new(0), &self.tiles(), false, threads)
+            .labels
     }
 
     /// Returns all tiles of the image.

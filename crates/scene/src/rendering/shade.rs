@@ -228,11 +228,8 @@ fn add_lamps(frame: &SceneInstant, f: &Fragment, look: &Appearance, arriving: &m
             f.world + f.facet * 0.03 + if look.transmission > 0.0 { o.direction * 0.35 } else { Vec3::ZERO };
         // A lamp with less than 7 % of the light of all near lamps counts as half visible, so most shadow rays are not
         // needed.
-        let sky_share = if o.diffuse < 0.07 * total {
-            0.5
-        } else {
-            lamp_visibility(frame, f, o.lamp, origin)
-        };
+        let sky_share =
+            if o.diffuse < 0.07 * total { 0.5 } else { lamp_visibility(frame, f, o.lamp, origin) };
         arriving.diffuse_lux += scene.light.lamp_tint * (o.diffuse * sky_share);
         if o.cosine > 0.0 && sky_share > 0.0 {
             arriving.highlight +=
@@ -257,8 +254,7 @@ fn lamp_visibility(frame: &SceneInstant, f: &Fragment, lamp: u16, origin: Vec3) 
         let to = frame.scene.city.lamps[usize::from(lamp)].position - from;
         let distance = to.length();
         !(frame.scene.is_lamp_hidden(lamp, from)
-            || (!near.is_empty()
-                && frame.is_blocked_by(near, from, to / distance, distance - POST_RADIUS_M)))
+            || (!near.is_empty() && frame.is_blocked_by(near, from, to / distance, distance - POST_RADIUS_M)))
     };
     let count = |points: [(f32, f32); 4]| points.into_iter().filter(|&p| is_visible(p)).count();
     let outer = count([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]);
