@@ -12,7 +12,7 @@ use spikelane_io::storage::{write_small, write_small_unsynced};
 
 /// Version of the simulated numbers. Raise it in each change of them:
 /// `cache::key::tests::changed_results_have_another_version` fails until it is raised.
-pub(in crate::diagnose) const RESULTS_VERSION: u32 = 1;
+pub(in crate::diagnose) const RESULTS_VERSION: u32 = 2;
 
 /// Backup programs exclude a folder that contains this file (<https://bford.info/cachedir/>).
 const TAG_NAME: &str = "CACHEDIR.TAG";

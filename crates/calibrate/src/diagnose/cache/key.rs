@@ -165,7 +165,7 @@ mod tests {
     /// If this test fails, simulations give other numbers. Raise `RESULTS_VERSION`, and record the new mean with it.
     #[test]
     fn changed_results_have_another_version() {
-        let (recorded_version, recorded_mean) = (1, 2.374_734_856_690_362_8);
+        let (recorded_version, recorded_mean) = (2, 2.374_734_856_690_362_8);
         assert_eq!(RESULTS_VERSION, recorded_version);
         // The last digits depend on the system and the instruction set.
         let mean = mean_of_results();
