@@ -54,8 +54,7 @@ pub(crate) struct Args {
     cache: Option<PathBuf>,
     /// End with the best result so far after this time
     ///
-    /// The reports then list the open questions, and the exit code is 0. The limit applies to simulations: reading,
-    /// calibrating and writing take some seconds more. With --cache, the same command with a longer limit continues.
+    /// The reports then list the open questions, and the exit code is 0. Reading and writing take some seconds more.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, conflicts_with = "detectability")]
     time_limit: Option<Duration>,
     /// Only print the detectable strength of each effect
