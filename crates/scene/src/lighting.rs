@@ -40,7 +40,7 @@ pub enum Lighting {
 }
 
 impl Lighting {
-    /// All presets, in descending order of their white luminance.
+    /// All presets, in descending order of their light.
     pub const ALL: [Self; 7] =
         [Self::Noon, Self::LowSun, Self::Overcast, Self::Rain, Self::Tunnel, Self::Dusk, Self::Night];
 
@@ -98,8 +98,11 @@ pub(super) struct Light {
     pub haze_length_m: f32,
     /// Amount of water on the road, 0 to 1.
     pub wetness: f32,
-    /// Luminance that the camera maps to white.
-    pub white_cd_m2: f32,
+    /// Maximum luminance in the sharp part of the image. The rest of the light of a lamp is only in its glare.
+    ///
+    /// The limit is a few times white, so the lamps remain white. A lamp is up to 3,000 times brighter than white. With
+    /// sixteen samples, the light of its edge pixels would then have errors of 150 times white.
+    pub max_sharp_cd_m2: f32,
     /// Frequency in hertz and relative depth of the flicker of the lamps. `None` if the lamps do not flicker.
     pub flicker: Option<(f64, f32)>,
 }
@@ -159,7 +162,7 @@ impl Light {
             tunnel_lux: 0.0,
             haze_length_m: draws.range_f32(5, 1_200.0, 2_500.0),
             wetness: 0.0,
-            white_cd_m2: 20_000.0,
+            max_sharp_cd_m2: f32::INFINITY,
             flicker: flicker_hz.map(|hz| (hz, draws.range_f32(6, 0.35, 0.8))),
         };
         base.preset(preset, draws, direction(draws.range(7, 7.0, 16.0)), direction(35.0), vary)
@@ -175,7 +178,6 @@ impl Light {
                 horizon_luminance: tint(1.15, 0.98, 0.85) * 3_600.0,
                 sun_glow: tint(1.5, 0.92, 0.40) * 9_000.0,
                 haze_length_m: draws.range_f32(8, 500.0, 900.0),
-                white_cd_m2: 8_500.0,
                 ..self
             },
             Lighting::Overcast => Self {
@@ -185,7 +187,6 @@ impl Light {
                 sun_glow: Vec3::ZERO,
                 cloud_cover: 1.0,
                 haze_length_m: 900.0,
-                white_cd_m2: 3_600.0,
                 ..self
             },
             Lighting::Rain => Self {
@@ -198,7 +199,7 @@ impl Light {
                 window_cd_m2: 120.0,
                 haze_length_m: 260.0,
                 wetness: 1.0,
-                white_cd_m2: 1_250.0,
+                max_sharp_cd_m2: 5_000.0,
                 ..self
             },
             Lighting::Dusk => Self {
@@ -211,7 +212,7 @@ impl Light {
                 headlight_cd: 16_000.0,
                 window_cd_m2: 28.0,
                 haze_length_m: 900.0,
-                white_cd_m2: 17.0,
+                max_sharp_cd_m2: 100.0,
                 ..self
             },
             Lighting::Night => Self {
@@ -224,10 +225,10 @@ impl Light {
                 headlight_cd: 16_000.0,
                 window_cd_m2: 14.0,
                 haze_length_m: 1_500.0,
-                white_cd_m2: 4.5,
+                max_sharp_cd_m2: 16.0,
                 ..self
             },
-            Lighting::Tunnel => Self { tunnel_lux: 160.0, headlight_cd: 16_000.0, white_cd_m2: 70.0, ..self },
+            Lighting::Tunnel => Self { tunnel_lux: 160.0, headlight_cd: 16_000.0, ..self },
         }
     }
 

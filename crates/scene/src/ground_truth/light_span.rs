@@ -3,7 +3,8 @@
 //! 1. Both ends of a span are rendered completely. Between the ends, each tile is rendered at the halves, quarters and
 //!    so on of the span. These renders are the *base renders* of the tile.
 //! 2. Between two base renders, a tile is *drawn* at instants with at most a quarter pixel of motion between them. Each
-//!    drawn tile is warped from the two base renders. Pixels whose light cannot be warped reliably are rendered anew.
+//!    drawn tile is warped from the two base renders. Pixels whose light cannot be warped reliably are rendered anew at
+//!    every second of these instants, and warped from there to the instants between.
 //! 3. Between two drawn instants, the light of a tile changes linearly.
 //! 4. The lens is applied to every image.
 
@@ -11,13 +12,15 @@ use crate::ground_truth::flow::{Motions, ScenePoses};
 use crate::ground_truth::keyframes::{KEYFRAMES_PER_FLICKER, MAX_KEYFRAME_MOTION_PX, SPEED_MARGIN};
 use crate::ground_truth::reliability::unreliable_pixels;
 use crate::ground_truth::warp::{blend_into, warp_run};
-use crate::rendering::rendered_frame::{Labels, RenderedFrame, SamplesPerPixel};
+use crate::rendering::frame::SceneInstant;
+use crate::rendering::rendered_frame::{Labels, SamplesPerPixel};
 use crate::rendering::tiles::Tiles;
+use crate::rendering::visible_triangles::TriangleSet;
 use crate::world::Scene;
 use spikelane::unstable::threads;
 
 /// Maximum motion in a tile between two consecutive base renders of the tile, in pixels.
-const MAX_BASE_MOTION_PX: f32 = 2.5;
+const MAX_BASE_MOTION_PX: f32 = 3.0;
 
 /// A render of an instant at the end of a span or within it, in front of the lens. The light of tiles that were not
 /// rendered is zero.
@@ -25,6 +28,10 @@ const MAX_BASE_MOTION_PX: f32 = 2.5;
 pub struct SpanEnd {
     labels: Labels,
     light: Vec<f32>,
+    /// Luminance that is only in the glare of the lens.
+    glare: Vec<f32>,
+    /// Triangles of the city that are visible.
+    visible: TriangleSet,
 }
 
 /// The light at all instants of a span.
@@ -40,10 +47,21 @@ struct BaseInterval {
     tile: usize,
     start: usize,
     end: usize,
-    /// Instants at which the tile is drawn, without the base renders.
+    /// Instants at which the tile is drawn, without the base renders. At the first, third, ... of these instants, the
+    /// unreliable pixels are warped from the instants before and after.
     drawn: Vec<usize>,
     /// Whether each pixel of the tile must be rendered anew. The list is empty if no pixel must.
     unreliable: Vec<bool>,
+}
+
+/// A tile that is drawn at an instant. `before` and `after` are the drawn instants before and after this instant.
+#[derive(Clone, Copy)]
+struct DueTile<'a> {
+    interval: &'a BaseInterval,
+    before: usize,
+    after: usize,
+    /// Whether the unreliable pixels are rendered at this instant.
+    is_rendered: bool,
 }
 
 /// The instants of a span, and the base renders of the tiles.
@@ -51,6 +69,8 @@ struct SpanRenderer<'a> {
     scene: &'a Scene,
     times: &'a [f64],
     samples: SamplesPerPixel,
+    /// Luminance of white at the first instant.
+    white: f32,
     /// Poses of the camera and of the visible vehicles.
     instants: Vec<ScenePoses>,
     tiles: Tiles,
@@ -64,7 +84,7 @@ impl SpanEnd {
     #[must_use]
     pub fn sensor_light(&self, scene: &Scene) -> Vec<f32> {
         let mut light = self.light.clone();
-        scene.image_formation.apply(&mut light);
+        scene.image_formation.apply(&mut light, &self.glare);
         light
     }
 }
@@ -72,8 +92,16 @@ impl SpanEnd {
 impl Scene {
     /// Renders an end of a span. `t` must be inside the drive.
     pub fn span_end(&self, t: f64, samples: SamplesPerPixel, threads: usize) -> SpanEnd {
-        let RenderedFrame { labels, light, .. } = self.render_tiles(t, samples, &self.tiles(), threads);
-        SpanEnd { labels: warp_labels(labels), light }
+        self.render_end(t, samples, &self.tiles(), threads)
+    }
+
+    fn render_end(&self, t: f64, samples: SamplesPerPixel, tiles: &Tiles, threads: usize) -> SpanEnd {
+        let instant = SceneInstant::new(self, t);
+        let (frame, hidden) = self.render_instant(&instant, samples, (tiles, None), threads);
+        let visible = TriangleSet::from_bands(&hidden.bands, &self.city.mesh);
+        // Warping needs only depths and parts. The other labels are removed to save memory.
+        let labels = Labels { instance: Vec::new(), semantic: Vec::new(), ..frame.labels };
+        SpanEnd { labels, light: frame.light, glare: hidden.glare, visible }
     }
 
     /// Returns the luminance at `times`. All times must be inside the drive.
@@ -90,11 +118,6 @@ impl Scene {
         let renderer = SpanRenderer::new(self, first, last.clone(), times, samples, threads);
         LightSpan { light: renderer.render(threads), end: last }
     }
-}
-
-/// Removes the labels that warping does not need, to save memory.
-fn warp_labels(labels: Labels) -> Labels {
-    Labels { instance: Vec::new(), semantic: Vec::new(), ..labels }
 }
 
 /// Maps `work` over `count` items. If there are at least as many items as threads, each thread works on whole items.
@@ -121,7 +144,8 @@ impl<'a> SpanRenderer<'a> {
         let views = [(&first.labels, 0), (&middle, n / 2), (&last.labels, n)];
         let motion_px = tile_motions(scene, times, &tiles, &views);
         (base[0], base[n]) = (Some(first), Some(last));
-        Self { scene, times, samples, instants: Vec::new(), tiles, motion_px, base }
+        let white = scene.white_at(times[0], threads);
+        Self { scene, times, samples, white, instants: Vec::new(), tiles, motion_px, base }
     }
 
     /// Returns the light of all instants except the last.
@@ -135,14 +159,25 @@ impl<'a> SpanRenderer<'a> {
             self.scene.poses_of_vehicles(self.times[k], |vehicle| is_visible[vehicle])
         });
         let intervals = self.intervals(&levels, threads);
-        let mut drawn_at: Vec<Vec<usize>> = vec![Vec::new(); n + 1];
-        for (i, interval) in intervals.iter().enumerate() {
-            interval.drawn.iter().for_each(|&k| drawn_at[k].push(i));
+        let mut visible = TriangleSet::default();
+        self.base.iter().flatten().for_each(|image| visible.extend(&image.visible));
+        let city = visible.by_chunk(&self.scene.city.mesh);
+        let mut drawn_at: Vec<Vec<DueTile>> = vec![Vec::new(); n + 1];
+        for interval in &intervals {
+            for (i, &k) in interval.drawn.iter().enumerate() {
+                let before = i.checked_sub(1).map_or(interval.start, |i| interval.drawn[i]);
+                let after = interval.drawn.get(i + 1).copied().unwrap_or(interval.end);
+                let is_rendered = i % 2 == 1;
+                drawn_at[k].push(DueTile { interval, before, after, is_rendered });
+            }
         }
-        let mut images = map_instants(threads, n + 1, |k, inner| {
-            let due: Vec<&BaseInterval> = drawn_at[k].iter().map(|&i| &intervals[i]).collect();
-            self.draw(k, &due, inner)
-        });
+        let drawn = map_instants(threads, n + 1, |k, inner| self.draw(k, &drawn_at[k], &city, inner));
+        let (mut images, labels): (Vec<Vec<f32>>, Vec<Option<Labels>>) = drawn.into_iter().unzip();
+        let warped =
+            threads::map_indexed(threads, n + 1, |k| self.warp_unreliable(k, &drawn_at[k], &images, &labels));
+        for (image, pixels) in images.iter_mut().zip(warped) {
+            pixels.into_iter().for_each(|(at, light)| image[at] = light);
+        }
         for interval in &intervals {
             let stops = [&interval.drawn[..], &[interval.end]].concat();
             let mut from = interval.start;
@@ -151,11 +186,31 @@ impl<'a> SpanRenderer<'a> {
                 from = to;
             }
         }
+        let glares = self.glares(&intervals);
         threads::map_indexed(threads, n, |k| {
             let mut light = images[k].clone();
-            self.scene.image_formation.apply(&mut light);
+            let glare = glares.get(k).map_or_else(|| vec![0.0; light.len()], Clone::clone);
+            self.scene.image_formation.apply(&mut light, &glare);
             light
         })
+    }
+
+    /// Returns the light of every instant that is only in the glare of the lens, or an empty list if there is no such
+    /// light. The glare is wide, so this light is interpolated between the base renders.
+    fn glares(&self, intervals: &[BaseInterval]) -> Vec<Vec<f32>> {
+        if self.base.iter().flatten().all(|image| image.glare.iter().all(|&x| x == 0.0)) {
+            return Vec::new();
+        }
+        let (w, h) = self.size();
+        let of_image = |image: &Option<SpanEnd>| match image {
+            Some(image) => image.glare.clone(),
+            None => vec![0.0; w * h],
+        };
+        let mut glares: Vec<Vec<f32>> = self.base.iter().map(of_image).collect();
+        for interval in intervals {
+            self.interpolate_tile(interval.tile, interval.start, interval.end, &mut glares);
+        }
+        glares
     }
 
     /// Returns the level of the base renders of a tile with this motion. At level l, the base renders divide the span
@@ -188,9 +243,7 @@ impl<'a> SpanRenderer<'a> {
         let (w, h) = self.size();
         let rendered = map_instants(threads, due.len(), |i, inner| {
             let chosen = Tiles::from_fn(w, h, |tile| levels[tile] >= first_level[due[i]]);
-            let RenderedFrame { labels, light, .. } =
-                self.scene.render_tiles(self.times[due[i]], self.samples, &chosen, inner);
-            SpanEnd { light, labels: warp_labels(labels) }
+            self.scene.render_end(self.times[due[i]], self.samples, &chosen, inner)
         });
         for (k, image) in due.into_iter().zip(rendered) {
             self.base[k] = Some(image);
@@ -220,60 +273,101 @@ impl<'a> SpanRenderer<'a> {
         let share = ((self.times[end] - self.times[start]) / (self.times[n] - self.times[0])) as f32;
         let motion = self.motion_px[tile] * share;
         let parts = ((motion / MAX_KEYFRAME_MOTION_PX as f32).ceil() as usize).clamp(1, end - start);
-        let drawn: Vec<usize> = (1..parts).map(|i| start + i * (end - start) / parts).collect();
+        let mut drawn: Vec<usize> = (1..parts).map(|i| start + i * (end - start) / parts).collect();
         let mut unreliable = Vec::new();
         if let (false, Some(a), Some(b)) = (drawn.is_empty(), &self.base[start], &self.base[end]) {
             let views = [(&a.labels, &a.light[..], &motions[0]), (&b.labels, &b.light[..], &motions[1])];
-            unreliable =
-                unreliable_pixels(self.tiles.extent(tile), views, motion, self.scene.light.white_cd_m2);
+            unreliable = unreliable_pixels(self.tiles.extent(tile), views, motion, self.white);
             if !unreliable.contains(&true) {
                 unreliable.clear();
+            }
+        }
+        if !unreliable.is_empty() {
+            // Tiles are rendered at even instants, so fewer instants need a render.
+            for i in (1..drawn.len()).step_by(2) {
+                if drawn[i] % 2 == 1 && drawn[i - 1] + 1 < drawn[i] {
+                    drawn[i] -= 1;
+                }
             }
         }
         BaseInterval { tile, start, end, drawn, unreliable }
     }
 
-    /// Returns the image at instant `k`. It contains the base renders and the tiles that are drawn at this instant.
-    fn draw(&self, k: usize, due: &[&BaseInterval], threads: usize) -> Vec<f32> {
+    /// Returns the image at instant `k`. It contains the base renders and the tiles that are drawn at this instant. Also
+    /// returns the labels of the rendered pixels.
+    fn draw(
+        &self,
+        k: usize,
+        due: &[DueTile],
+        city: &[Vec<u32>],
+        threads: usize,
+    ) -> (Vec<f32>, Option<Labels>) {
         let (w, h) = self.size();
         let mut light = match &self.base[k] {
             Some(image) => image.light.clone(),
             None => vec![0.0; w * h],
         };
-        let anew: Vec<&&BaseInterval> = due.iter().filter(|i| !i.unreliable.is_empty()).collect();
-        if !anew.is_empty() {
-            let mut needed = vec![false; w * h];
-            for interval in &anew {
-                let pixels = self.tiles.pixels(interval.tile);
-                pixels.zip(&interval.unreliable).for_each(|(at, &unreliable)| needed[at] = unreliable);
+        let mut needed = Vec::new();
+        for due in due.iter().filter(|due| due.is_rendered && !due.interval.unreliable.is_empty()) {
+            needed.resize(w * h, false);
+            let pixels = self.tiles.pixels(due.interval.tile);
+            pixels.zip(&due.interval.unreliable).for_each(|(at, &unreliable)| needed[at] = unreliable);
+        }
+        let mut labels = None;
+        if !needed.is_empty() {
+            let chosen = Tiles::from_pixels(w, h, needed.clone(), usize::from(self.scene.has_sun()));
+            let instant = SceneInstant::new(self.scene, self.times[k]);
+            let (rendered, _) =
+                self.scene.render_instant(&instant, self.samples, (&chosen, Some(city)), threads);
+            for ((light, rendered), _) in
+                light.iter_mut().zip(&rendered.light).zip(&needed).filter(|(_, n)| **n)
+            {
+                *light = *rendered;
             }
-            let chosen = Tiles::from_pixels(w, h, needed);
-            let rendered = self.scene.render_tiles(self.times[k], self.samples, &chosen, threads);
-            for interval in anew {
-                let pixels = self.tiles.pixels(interval.tile);
-                for (at, _) in pixels.zip(&interval.unreliable).filter(|(_, u)| **u) {
-                    light[at] = rendered.light[at];
-                }
+            labels = Some(Labels { instance: Vec::new(), semantic: Vec::new(), ..rendered.labels });
+        }
+        let mut motions = MotionCache::default();
+        for interval in due.iter().map(|due| due.interval) {
+            let motions = motions.get(self, (interval.start, k, interval.end));
+            self.warp_tile(k, interval, motions, &mut light);
+        }
+        (light, labels)
+    }
+
+    /// Warps unreliable pixels from the drawn instants before and after instant `k`. Returns the index and the light of
+    /// each pixel.
+    fn warp_unreliable(
+        &self,
+        k: usize,
+        due: &[DueTile],
+        images: &[Vec<f32>],
+        labels: &[Option<Labels>],
+    ) -> Vec<(usize, f32)> {
+        let mut pixels = Vec::new();
+        let (width, _) = self.size();
+        let mut cache = MotionCache::default();
+        // At a base render, the labels of the whole tile are known. At other instants, those of unreliable pixels.
+        let labels_at = |at: usize, base: usize| match at == base {
+            true => self.base[at].as_ref().map(|image| &image.labels),
+            false => labels[at].as_ref(),
+        };
+        for due in due.iter().filter(|due| !due.is_rendered && !due.interval.unreliable.is_empty()) {
+            let (before, after) = (due.before, due.after);
+            let views = (labels_at(before, due.interval.start), labels_at(after, due.interval.end));
+            let (Some(early), Some(late)) = views else { continue };
+            let motions = cache.get(self, (before, k, after));
+            let share = self.time_share(before, k, after);
+            for (at, _) in
+                self.tiles.pixels(due.interval.tile).zip(&due.interval.unreliable).filter(|(_, u)| **u)
+            {
+                let mut out = [[0.0], [0.0]];
+                let (row, column) = (at / width, at % width);
+                warp_run(&motions[0], early, &images[before], row, column, &mut out[0]);
+                warp_run(&motions[1], late, &images[after], row, column, &mut out[1]);
+                pixels.push((at, out[0][0] + (out[1][0] - out[0][0]) * share));
             }
         }
-        if std::env::var("DBG").is_ok() {
-            let u: usize = due.iter().map(|i| i.unreliable.iter().filter(|u| **u).count()).sum();
-            let b = self.base[k]
-                .as_ref()
-                .map_or(0, |b| b.labels.depth_m.iter().filter(|d| d.is_finite()).count());
-            eprintln!("DBG {k} due {} unreliable {u} base {b}", due.len());
-        }
-        let mut motions: Vec<(usize, usize, [Motions; 2])> = Vec::new();
-        for interval in due {
-            let (a, b) = (interval.start, interval.end);
-            if !motions.iter().any(|m| (m.0, m.1) == (a, b)) {
-                motions.push((a, b, [self.motions(a, k), self.motions(b, k)]));
-            }
-            if let Some((.., motions)) = motions.iter().find(|m| (m.0, m.1) == (a, b)) {
-                self.warp_tile(k, interval, motions, &mut light);
-            }
-        }
-        light
+        pixels
     }
 
     /// Warps the reliable pixels of a tile from the base renders before and after instant `k`.
@@ -327,6 +421,22 @@ impl<'a> SpanRenderer<'a> {
     /// Returns the position of time `k` between times `a` and `b`. The result is 0 at `a` and 1 at `b`.
     fn time_share(&self, a: usize, k: usize, b: usize) -> f32 {
         ((self.times[k] - self.times[a]) / (self.times[b] - self.times[a])) as f32
+    }
+}
+
+/// Motions from the instants before and after an instant to this instant. Many tiles have equal instants.
+#[derive(Default)]
+struct MotionCache(Vec<((usize, usize, usize), [Motions; 2])>);
+
+impl MotionCache {
+    /// Returns the motions from `a` and from `b` to `k`.
+    fn get(&mut self, span: &SpanRenderer, (a, k, b): (usize, usize, usize)) -> &[Motions; 2] {
+        let known = self.0.iter().position(|(key, _)| *key == (a, k, b));
+        let index = known.unwrap_or_else(|| {
+            self.0.push(((a, k, b), [span.motions(a, k), span.motions(b, k)]));
+            self.0.len() - 1
+        });
+        &self.0[index].1
     }
 }
 

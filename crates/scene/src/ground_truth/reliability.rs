@@ -11,11 +11,11 @@ use crate::ground_truth::warp::warp_run;
 use crate::rendering::rendered_frame::Labels;
 
 /// Maximum error of the light by different motions around a pixel, as a fraction of white.
-const MAX_PARALLAX_ERROR: f32 = 6e-3;
+const MAX_PARALLAX_ERROR: f32 = 4e-2;
 /// Maximum difference between one render and the other render, warped to its instant: a fraction of white, and a fraction
 /// of the contrast around the pixel. The lens removes most of the contrast that the interpolation of the warp loses.
-const MAX_DIFFERENCE: f32 = 8e-3;
-const MAX_CONTRAST_LOSS: f32 = 0.08;
+const MAX_DIFFERENCE: f32 = 3e-2;
+const MAX_CONTRAST_LOSS: f32 = 0.18;
 /// Maximum distance in pixels at which light and motions around a pixel are compared.
 const MAX_REACH_PX: usize = 3;
 

@@ -83,12 +83,17 @@ impl Scene {
     /// [`ErrorKind::Usage`] if `t` is outside the drive.
     pub fn white_cd_m2(&self, t: f64, threads: usize) -> Result<f32> {
         self.check_time(t)?;
-        Ok(match self.exposure {
+        Ok(self.white_at(t, threads))
+    }
+
+    /// Returns the luminance of white at time `t`, which must be inside the drive.
+    pub(crate) fn white_at(&self, t: f64, threads: usize) -> f32 {
+        match self.exposure {
             Exposure::Fixed(white) => white,
             Exposure::Automatic | Exposure::Locked => {
                 self.exposure_curve.get_or_init(|| self.meter_drive(threads)).at(t)
             }
-        })
+        }
     }
 
     /// Meters the drive, and follows the metered white with a lag.
@@ -126,7 +131,7 @@ impl Scene {
         let camera = PinholeCamera { intrinsics, ..camera };
         let tiles = Tiles::all(intrinsics.width as usize, intrinsics.height as usize);
         let frame = SceneInstant::with_camera(self, camera, t);
-        let rendered = self.render_instant(&frame, SamplesPerPixel::Four, &tiles, 1);
+        let (rendered, _) = self.render_instant(&frame, SamplesPerPixel::Four, (&tiles, None), 1);
         let mut light: Vec<f32> = rendered.rgb.iter().map(|&c| luminance(Vec3::from(c))).collect();
         white_of(&mut light)
     }

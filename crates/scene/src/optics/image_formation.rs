@@ -33,14 +33,16 @@ impl ImageFormation {
     }
 
     /// Replaces the light that arrives at the lens by the light on the sensor. The image has the size of this lens, and
-    /// outside the image its border is repeated.
-    pub(crate) fn apply(&self, light: &mut [f32]) {
+    /// outside the image its border is repeated. `glare` is light that adds only to the bloom and the veil.
+    pub(crate) fn apply(&self, light: &mut [f32], glare: &[f32]) {
         if self.lens == Lens::IDEAL.with_corner_distortion(self.lens.corner_distortion) {
             return;
         }
         light.iter_mut().zip(&self.transmission).for_each(|(x, t)| *x *= t);
-        let halo = (self.lens.bloom + self.lens.glare > 0.0)
-            .then(|| CoarseImage::halo(light, self.width, &self.lens));
+        let halo = (self.lens.bloom + self.lens.glare > 0.0).then(|| {
+            let all: Vec<f32> = light.iter().zip(glare).map(|(light, glare)| light + glare).collect();
+            CoarseImage::halo(&all, self.width, &self.lens)
+        });
         if !self.kernel.is_empty() {
             self.blur(light);
         }
@@ -54,10 +56,10 @@ impl ImageFormation {
     }
 
     /// Applies the lens to each color of an image.
-    pub(crate) fn apply_rgb(&self, rgb: &mut [[f32; 3]]) {
+    pub(crate) fn apply_rgb(&self, rgb: &mut [[f32; 3]], glare: &[f32]) {
         for channel in 0..3 {
             let mut light: Vec<f32> = rgb.iter().map(|c| c[channel]).collect();
-            self.apply(&mut light);
+            self.apply(&mut light, glare);
             rgb.iter_mut().zip(light).for_each(|(c, x)| c[channel] = x);
         }
     }
@@ -95,7 +97,7 @@ mod tests {
     fn formed(lens: Lens, light: impl Fn(usize, usize) -> f32) -> Vec<f32> {
         let (w, h) = SIZE;
         let mut image: Vec<f32> = (0..w * h).map(|i| light(i % w, i / w)).collect();
-        ImageFormation::new(lens, w, h).apply(&mut image);
+        ImageFormation::new(lens, w, h).apply(&mut image, &vec![0.0; w * h]);
         image
     }
 

@@ -140,6 +140,11 @@ impl Band {
         self.triangle_ids.iter().filter(|&&id| id != NO_TRIANGLE).count() as u32
     }
 
+    /// Returns the triangle ids at all samples, in an unspecified order.
+    pub(crate) fn sample_ids(&self) -> &[u32] {
+        &self.triangle_ids
+    }
+
     /// Returns the triangle id at sample `k` of a pixel.
     pub(crate) fn triangle_id(&self, row: usize, column: usize, k: usize) -> u32 {
         // Columns to the left of the band wrap to large numbers, so one comparison is sufficient.
@@ -295,7 +300,11 @@ mod tests {
             let expected = draw_reference(&flats, &pattern, &runs, width, rows);
             let batch = Batch { triangles: flats, min_y: 0.0, max_y: 99.0 };
             let band = Band::fill(&[batch], &pattern, &vec![runs.clone(); rows], width, 0);
-            assert_eq!(band.triangle_ids[..expected.len()], expected, "{samples} samples");
+            let actual: Vec<u32> = (0..rows * pattern.rows())
+                .flat_map(|line| (0..width).map(move |x| (line, x)))
+                .map(|(line, x)| band.triangle_id(line / pattern.rows(), x, line % pattern.rows()))
+                .collect();
+            assert_eq!(actual, expected, "{samples} samples");
             let shown = expected.iter().filter(|&&id| id != NO_TRIANGLE).count();
             assert_eq!(band.covered_samples() as usize, shown);
             assert!(shown > 30, "{shown}");

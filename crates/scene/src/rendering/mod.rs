@@ -11,3 +11,4 @@ mod stage_times;
 pub(super) mod texture;
 pub(super) mod tiles;
 mod visibility;
+pub(super) mod visible_triangles;

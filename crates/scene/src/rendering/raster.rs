@@ -139,6 +139,23 @@ pub(crate) fn project(frame: &SceneInstant, part: usize, chunk: usize, tiles: &T
     setup.batch
 }
 
+/// Projects some triangles of a part.
+pub(crate) fn project_triangles(
+    frame: &SceneInstant,
+    part: usize,
+    triangles: &[u32],
+    tiles: &Tiles,
+) -> Batch {
+    let body = &frame.parts[part];
+    let mut setup = Projector::new(frame, tiles);
+    for &t in triangles {
+        let corners = body.mesh.corners(t as usize).map(|v| body.to_camera(v.position));
+        let double = body.mesh.surface_at(t as usize).is_double_sided;
+        setup.clip_and_add(corners, double, (part as u32) << TRIANGLE_BITS | t);
+    }
+    setup.batch
+}
+
 struct Projector<'a> {
     tiles: &'a Tiles,
     focal: f32,

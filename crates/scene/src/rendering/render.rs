@@ -22,8 +22,9 @@ impl Scene {
     /// [`ErrorKind::Usage`](spikelane::error::ErrorKind::Usage) if `t` is outside the drive.
     pub fn render(&self, t: f64, samples: SamplesPerPixel, threads: usize) -> Result<RenderedFrame> {
         self.check_time(t)?;
-        let mut frame = self.render_tiles(t, samples, &self.tiles(), threads);
-        self.image_formation.apply_rgb(&mut frame.rgb);
+        let (mut frame, hidden) =
+            self.render_instant(&SceneInstant::new(self, t), samples, (&self.tiles(), None), threads);
+        self.image_formation.apply_rgb(&mut frame.rgb, &hidden.glare);
         frame.light = frame.rgb.iter().map(|&c| luminance(c.into())).collect();
         Ok(frame)
     }
@@ -39,8 +40,19 @@ impl Scene {
 
     /// Returns the labels at the pixel centers. `t` must be inside the drive.
     pub(crate) fn visible_labels(&self, t: f64, threads: usize) -> Labels {
-        compute_visibility(&SceneInstant::new(self, t), &SamplePattern::new(0), &self.tiles(), false, threads)
-            .labels
+        compute_visibility(
+            &SceneInstant::new(self, t),
+            &SamplePattern::new(0),
+            (&self.tiles(), None),
+            false,
+            threads,
+        )
+        .labels
+    }
+
+    /// Returns whether the sun or the moon gives direct light.
+    pub(crate) fn has_sun(&self) -> bool {
+        self.light.sun_illuminance.max_element() > 0.0
     }
 
     /// Returns all tiles of the image.
@@ -59,27 +71,42 @@ impl Scene {
         tiles: &Tiles,
         threads: usize,
     ) -> RenderedFrame {
-        self.render_instant(&SceneInstant::new(self, t), samples, tiles, threads)
+        self.render_instant(&SceneInstant::new(self, t), samples, (tiles, None), threads).0
     }
 
-    /// Renders the light in front of the lens and the labels of the tiles that `tiles` selects.
+    /// Renders the light in front of the lens and the labels of the pixels that `tiles` selects. Also returns the visible
+    /// triangles of the city.
+    ///
+    /// If `city` is given, only these triangles of each chunk of the city are drawn.
     pub(crate) fn render_instant(
         &self,
         frame: &SceneInstant,
         samples: SamplesPerPixel,
-        tiles: &Tiles,
+        (tiles, city): (&Tiles, Option<&[Vec<u32>]>),
         threads: usize,
-    ) -> RenderedFrame {
+    ) -> (RenderedFrame, HiddenData) {
         let pattern = SamplePattern::new(samples.count());
-        let shadows = self.light.sun_illuminance.max_element() > 0.0;
-        let visibility = compute_visibility(frame, &pattern, tiles, shadows, threads);
+        let shadows = self.has_sun();
+        let visibility = compute_visibility(frame, &pattern, (tiles, city), shadows, threads);
         let bands = threads::map_indexed(threads, visibility.bands.len(), |b| {
             shade_band(frame, &visibility, &pattern, (b, tiles))
         });
-        let rgb: Vec<[f32; 3]> = bands.into_iter().flatten().collect();
+        let (mut rgb, mut glare): (Vec<[f32; 3]>, Vec<f32>) = (Vec::new(), Vec::new());
+        for band in bands {
+            rgb.extend(band.0);
+            glare.extend(band.1);
+        }
         let light = rgb.iter().map(|&c| luminance(c.into())).collect();
-        RenderedFrame { labels: visibility.labels, light, rgb }
+        let hidden = HiddenData { glare, bands: visibility.bands };
+        (RenderedFrame { labels: visibility.labels, light, rgb }, hidden)
     }
+}
+
+/// Results of a render that are not part of a [`RenderedFrame`].
+pub(crate) struct HiddenData {
+    /// Luminance of each pixel that is only in the glare of the lens.
+    pub glare: Vec<f32>,
+    pub bands: Vec<Band>,
 }
 
 /// The samples of one pixel at which the same surface is visible.
@@ -100,10 +127,12 @@ pub(super) fn shade_band(
     visibility: &Visibility,
     pattern: &SamplePattern,
     (index, tiles): (usize, &Tiles),
-) -> Vec<[f32; 3]> {
+) -> (Vec<[f32; 3]>, Vec<f32>) {
     let (width, height) = (visibility.labels.width, visibility.labels.height);
     let (rows, runs) = (band_rows(index, height), tiles.band_runs(index));
     let mut out = vec![[0.0; 3]; width * rows];
+    let mut glare = vec![0.0; width * rows];
+    let limit = frame.scene.light.max_sharp_cd_m2;
     let mut groups: Vec<SurfaceGroup> = Vec::new();
     let mut latest = FacetCache::default();
     for row in 0..rows {
@@ -111,22 +140,30 @@ pub(super) fn shade_band(
         for x in runs[row].iter().flat_map(|run| run.0..run.1).filter(|&x| tiles.needs_light(x, y)) {
             groups.clear();
             collect(frame, &visibility.bands[index], pattern, (row, x, y), &mut groups);
-            let mut sum = Vec3::ZERO;
+            let (mut sum, mut excess) = (Vec3::ZERO, 0.0);
             for g in &groups {
                 let (gx, gy) = (g.position_sum.0 / g.triangle_samples, g.position_sum.1 / g.triangle_samples);
-                sum += g.count
-                    * if g.id == NO_TRIANGLE {
-                        shade::sky_luminance(frame, world_direction(frame, gx, gy))
-                    } else {
-                        let facet = latest.get(frame, g.id);
-                        let sun = sun_share(frame, visibility, pattern, (g, facet), (x, y));
-                        shade::shade(frame, &facet.fragment_at(frame, gx, gy), sun)
-                    };
+                let color = if g.id == NO_TRIANGLE {
+                    shade::sky_luminance(frame, world_direction(frame, gx, gy))
+                } else {
+                    let facet = latest.get(frame, g.id);
+                    let sun = sun_share(frame, visibility, pattern, (g, facet), (x, y));
+                    shade::shade(frame, &facet.fragment_at(frame, gx, gy), sun)
+                };
+                let bright = luminance(color);
+                if bright > limit {
+                    sum += color * (g.count * limit / bright);
+                    excess += g.count * (bright - limit);
+                } else {
+                    sum += color * g.count;
+                }
             }
-            out[row * width + x] = (sum / (pattern.rows() - 1) as f32).to_array();
+            let count = (pattern.rows() - 1) as f32;
+            out[row * width + x] = (sum / count).to_array();
+            glare[row * width + x] = excess / count;
         }
     }
-    out
+    (out, glare)
 }
 
 pub(super) fn collect(

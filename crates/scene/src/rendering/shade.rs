@@ -254,7 +254,8 @@ fn lamp_visibility(frame: &SceneInstant, f: &Fragment, lamp: u16, origin: Vec3) 
         let to = frame.scene.city.lamps[usize::from(lamp)].position - from;
         let distance = to.length();
         !(frame.scene.is_lamp_hidden(lamp, from)
-            || (!near.is_empty() && frame.is_blocked_by(near, from, to / distance, distance - POST_RADIUS_M)))
+            || (!near.is_empty()
+                && frame.is_blocked_by(near, from, to / distance, (distance - POST_RADIUS_M).max(0.0))))
     };
     let count = |points: [(f32, f32); 4]| points.into_iter().filter(|&p| is_visible(p)).count();
     let outer = count([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]);

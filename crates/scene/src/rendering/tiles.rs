@@ -8,8 +8,6 @@ pub(crate) const BAND_ROWS: usize = 16;
 const TILE_COLUMNS: usize = 40;
 /// Side of a block in pixels. Triangles that overlap no block with a drawn pixel are not drawn.
 const BLOCK: usize = 8;
-/// The sunlight of a pixel depends on pixels up to this distance.
-const SUNLIGHT_REACH_PX: usize = 2;
 
 /// The tiles of an image, and the selection of pixels that are drawn.
 #[derive(Clone, Debug)]
@@ -51,11 +49,11 @@ impl Tiles {
         tiles
     }
 
-    /// Selects the pixels whose light is needed. Pixels on which the sunlight of these pixels depends are drawn too, but
-    /// have no light.
-    pub(crate) fn from_pixels(width: usize, height: usize, needs_light: Vec<bool>) -> Self {
+    /// Selects the pixels whose light is needed. Pixels up to `reach` rows and columns away are drawn too, but have no
+    /// light. The sunlight of a pixel depends on the pixels around it.
+    pub(crate) fn from_pixels(width: usize, height: usize, needs_light: Vec<bool>, reach: usize) -> Self {
         let mut tiles = Self::all(width, height);
-        tiles.select(&dilate(&needs_light, width));
+        tiles.select(&dilate(&needs_light, width, reach));
         tiles.needs_light = needs_light;
         tiles
     }
@@ -126,17 +124,17 @@ impl Tiles {
     }
 }
 
-/// Returns whether each pixel is at most [`SUNLIGHT_REACH_PX`] rows and columns away from a pixel of `needed`.
-fn dilate(needed: &[bool], width: usize) -> Vec<bool> {
+/// Returns whether each pixel is at most `reach` rows and columns away from a pixel of `needed`.
+fn dilate(needed: &[bool], width: usize, reach: usize) -> Vec<bool> {
     let height = needed.len() / width;
     let mut near = Vec::with_capacity(needed.len());
     let mut column = vec![false; width];
     for y in 0..height {
         column.fill(false);
-        for row in y.saturating_sub(SUNLIGHT_REACH_PX)..(y + SUNLIGHT_REACH_PX + 1).min(height) {
+        for row in y.saturating_sub(reach)..(y + reach + 1).min(height) {
             column.iter_mut().zip(&needed[row * width..]).for_each(|(any, on)| *any |= on);
         }
-        let window = |x: usize| x.saturating_sub(SUNLIGHT_REACH_PX)..(x + SUNLIGHT_REACH_PX + 1).min(width);
+        let window = |x: usize| x.saturating_sub(reach)..(x + reach + 1).min(width);
         near.extend((0..width).map(|x| column[window(x)].contains(&true)));
     }
     near
@@ -160,7 +158,7 @@ mod tests {
     fn pixels_are_drawn_with_their_surroundings() {
         let mut needed = vec![false; 50 * 30];
         needed[10 * 50 + 20] = true;
-        let tiles = Tiles::from_pixels(50, 30, needed);
+        let tiles = Tiles::from_pixels(50, 30, needed, 2);
         for (row, runs) in tiles.band_runs(0).iter().enumerate() {
             assert_eq!(runs.as_slice(), if (8..=12).contains(&row) { &[(18, 23)][..] } else { &[] }, "{row}");
         }

@@ -3,7 +3,7 @@
 use super::band::Band;
 use super::fragment::{FacetCache, surface_id};
 use super::frame::SceneInstant;
-use super::raster::{NO_TRIANGLE, SamplePattern, project, visible_chunks};
+use super::raster::{NO_TRIANGLE, SamplePattern, project, project_triangles, visible_chunks};
 use super::rendered_frame::Labels;
 use super::shade;
 use super::tiles::{BAND_ROWS, Tiles};
@@ -24,19 +24,22 @@ pub(super) fn band_rows(band: usize, height: usize) -> usize {
 
 /// Computes the visible samples and the labels. If `shadows` is true, also computes the sunlight.
 ///
-/// Pixels of tiles that are not drawn contain no triangle.
+/// Pixels that are not drawn contain no triangle. If `city` is given, only these triangles of each chunk of the city are
+/// drawn.
 pub(super) fn compute_visibility(
     frame: &SceneInstant,
     pattern: &SamplePattern,
-    tiles: &Tiles,
+    (tiles, city): (&Tiles, Option<&[Vec<u32>]>),
     shadows: bool,
     threads: usize,
 ) -> Visibility {
     let i = frame.camera.intrinsics;
     let (width, height) = (i.width as usize, i.height as usize);
     let chunks = visible_chunks(frame, tiles);
-    let batches =
-        threads::map_indexed(threads, chunks.len(), |k| project(frame, chunks[k].0, chunks[k].1, tiles));
+    let batches = threads::map_indexed(threads, chunks.len(), |k| match (chunks[k], city) {
+        ((0, chunk), Some(city)) => project_triangles(frame, 0, &city[chunk], tiles),
+        ((part, chunk), _) => project(frame, part, chunk, tiles),
+    });
     let count = height.div_ceil(BAND_ROWS);
     let parts = threads::map_indexed(threads, count, |b| {
         let band = Band::fill(&batches, pattern, tiles.band_runs(b), width, b * BAND_ROWS);
