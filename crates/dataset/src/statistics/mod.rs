@@ -21,8 +21,7 @@ const WHITE_SHARE: &str = "at or above full scale";
 
 /// Values of the light of real cameras or of ideal scenes, with their sources. The values of a quantity of scenes should be
 /// near its reference.
-pub const LIGHT_REFERENCES: [(&str, &str); 4] = [
-    (SPECTRAL_SLOPE, "-3.4: outdoor recording of a 400x250 spike camera, mean of 300 readouts"),
+pub const LIGHT_REFERENCES: [(&str, &str); 3] = [
     (WHITE_SHARE, "below 5 %: exposure of a camera that keeps its highlights"),
     (LARGEST_STEP, "below the step of an edge that moves by a quarter pixel"),
     (RENDER_RATE_AMPLITUDE, "0: light that changes evenly; 100: frames that are held"),
