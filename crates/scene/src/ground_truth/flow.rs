@@ -85,7 +85,7 @@ impl Scene {
             first = parts.end;
             seen_parts[parts].contains(&true)
         };
-        self.traffic.vehicles.iter().map(|v| is_seen(v)).collect()
+        self.traffic.vehicles.iter().map(is_seen).collect()
     }
 
     /// Returns the flow from the instant of `from` to the instant of `to`. If `to.t` is later, the result is the

@@ -442,7 +442,7 @@ impl MotionCache {
 
 /// Returns the index ranges of consecutive reliable pixels of a row.
 fn reliable_runs(unreliable: Option<&[bool]>, width: usize) -> Vec<std::ops::Range<usize>> {
-    let Some(unreliable) = unreliable else { return vec![0..width] };
+    let Some(unreliable) = unreliable else { return std::iter::once(0..width).collect() };
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for i in (0..width).filter(|&i| !unreliable[i]) {
         match runs.last_mut() {
