@@ -80,7 +80,7 @@ impl Scene {
         views.flat_map(|labels| &labels.part).for_each(|&part| seen_parts[usize::from(part)] = true);
         // In labels, 0 is the sky and 1 is the city.
         let mut first = 2;
-        let mut is_seen = |v: &Vehicle| {
+        let is_seen = |v: &Vehicle| {
             let parts = first..first + 1 + self.traffic.shapes[v.shape].axles.len();
             first = parts.end;
             seen_parts[parts].contains(&true)

@@ -102,8 +102,8 @@ impl Setup {
                 // The light of a sum is that of its sources, because a meter has an error for each recording.
                 light: if sources.is_sum() { Stimulus::Level(sources.light()) } else { recording.light },
                 readouts,
-                first_readout: first_readout,
-                static_scene: static_scene,
+                first_readout,
+                static_scene,
                 light_uncertainty: recording
                     .light_uncertainty
                     .or(set.light_uncertainty)
@@ -118,9 +118,9 @@ impl Setup {
             geometry,
             readout_hz,
             recordings: scenes,
-            has_rate_maps: has_rate_maps,
+            has_rate_maps,
             row_band: None,
-            judged_readouts: judged_readouts,
+            judged_readouts,
         };
         setup.cut_to_band()
     }
