@@ -66,7 +66,7 @@ def test_pillow_reads_the_frames_of_animated_images(program: list[str], tmp_path
             frames = [np.asarray(frame.convert("L")) for frame in ImageSequence.Iterator(animation)]
             assert animation.info["duration"] == 40
         assert len(frames) == len(expected) == 5
-        assert all(np.array_equal(a, b) for a, b in zip(frames, expected)), name
+        assert all(np.array_equal(a, b) for a, b in zip(frames, expected, strict=True)), name
 
 
 @pytest.fixture(params=["scenes", "inputs"])

@@ -68,8 +68,8 @@ class Scene:
     "rain", "tunnel", "dusk" or "night". ``duration_s`` is at most 120 s, and ``speed_kmh`` is 1 to 300 km/h. ``vehicles`` is
     the number of vehicles besides the vehicle of the camera. Lamps flicker with ``flicker_hz`` Hz. The seed determines
     omitted values and the lens; ``ideal_lens`` omits blur, glare, vignetting and distortion. The exposure follows the
-    scene, and ``lock_exposure`` keeps it as it is at the start. The scene renders any instant of the drive, in any order. Raises SpikelaneError if a value is out of
-    range.
+    scene, and ``lock_exposure`` keeps it as it is at the start. The scene renders any instant of the drive, in any order.
+    Raises SpikelaneError if a value is out of range.
     """
 
     def __init__(

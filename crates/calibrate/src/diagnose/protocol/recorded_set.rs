@@ -114,14 +114,8 @@ impl Setup {
         }
         let has_rate_maps = scenes.is_empty() && set.rate_maps.len() >= 2;
         let readout_hz = set.readout_hz;
-        let setup = Self {
-            geometry,
-            readout_hz,
-            recordings: scenes,
-            has_rate_maps,
-            row_band: None,
-            judged_readouts,
-        };
+        let setup =
+            Self { geometry, readout_hz, recordings: scenes, has_rate_maps, row_band: None, judged_readouts };
         setup.cut_to_band()
     }
 
