@@ -65,7 +65,7 @@ pub struct DiagnoseOptions<'a> {
     pub cache: Option<&'a Path>,
     /// Longest time for simulations, from the start of the diagnosis.
     ///
-    /// At the limit, the diagnosis ends with the best result so far, and [`Diagnosis::undecided`] lists the open
+    /// At the limit, the diagnosis ends with the best result so far, and the field `undecided` of [`Diagnosis`] lists the open
     /// questions. Reading, calibrating and writing do not stop at the limit. A result within the limit does not depend
     /// on it. After the limit, the result depends on the speed of the machine; with `cache`, a further diagnosis
     /// continues.
