@@ -74,7 +74,7 @@ else
 fi
 
 # `live` must deliver to each kind of consumer the bytes of the file that `simulate` writes. After Ctrl-C, `live` must exit with
-# code 0.
+# code 0. Without --foreground, `timeout` sends the signal twice, and a second Ctrl-C ends the process at once.
 spikelane=$PWD/target/debug/spikelane
 light=(--builtin-light chart --width 80 --height 60 --threads 1)
 "$spikelane" simulate "${light[@]}" --readouts 4000 -o "$out/chart.dat" --force 2>/dev/null >/dev/null
@@ -90,9 +90,9 @@ for _ in $(seq 100); do grep -q 'waiting for a consumer' "$out/tcp" && break || 
 port=$(sed -n 's/^waiting for a consumer at tcp:127.0.0.1://p' "$out/tcp")
 cmp - "$out/chart.dat" <"/dev/tcp/127.0.0.1/$port"
 wait $camera
-timeout --preserve-status -s INT 1 "$spikelane" live "${light[@]}" --sink pipe | head -c 1000000 >/dev/null ||
+timeout --foreground --preserve-status -s INT 1 "$spikelane" live "${light[@]}" --sink pipe | head -c 1000000 >/dev/null ||
     { say "live: the exit code is not 0 after the consumer closed the pipe or after Ctrl-C"; exit 1; }
-timeout --preserve-status -s INT 1 "$spikelane" live "${light[@]}" --sink pipe >/dev/null ||
+timeout --foreground --preserve-status -s INT 1 "$spikelane" live "${light[@]}" --sink pipe >/dev/null ||
     { say "live: the exit code is not 0 after Ctrl-C"; exit 1; }
 if [ -d /dev/shm ]; then
     # This consumer uses no library and reads the layout of the ring directly.

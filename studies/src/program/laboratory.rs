@@ -22,21 +22,18 @@ pub(crate) fn record_take(sensor: &Sensor, factors: &Factors, take: u64, folder:
     let mut toml = format!(
         "width = {width}\nheight = {height}\nreadout_hz = {hz:?}\nlight_uncertainty = {uncertainty}\nsource_repeatability = {SOURCE_REPEATABILITY}\n"
     );
-    let mut factor_of_source = BTreeMap::new();
-    let mut stated_of_source = BTreeMap::new();
+    let mut light_of_source = BTreeMap::new();
     for (k, (name, scene, readouts)) in factors.scenes().into_iter().enumerate() {
         let sources = factors.sources(&name);
         let own = factors.lamp_error(k, take);
         let lit = match (sources.as_slice(), scene) {
             ([source], Scene::Flat(light)) => {
-                factor_of_source.insert(source.clone(), own);
-                stated_of_source.insert(source.clone(), light);
+                light_of_source.insert(source.clone(), own * light);
                 scene.scale(own)
             }
             ([_, _, ..], _) => {
-                let light = |source: &String| stated_of_source[source] * factor_of_source[source];
-                let repetition = 1.0 + SOURCE_REPEATABILITY * (own - 1.0) / uncertainty;
-                Scene::Flat(sources.iter().map(light).sum::<f64>() * repetition)
+                let sum: f64 = sources.iter().map(|source| light_of_source[source]).sum();
+                Scene::Flat(sum * (1.0 + SOURCE_REPEATABILITY * (own - 1.0) / uncertainty))
             }
             _ => scene.scale(own),
         };

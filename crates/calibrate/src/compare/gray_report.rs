@@ -20,9 +20,7 @@ impl GrayComparison {
             )));
         }
         if let Some(camera) = &self.recorded_camera {
-            let mut table = Table::new(&["", ""]);
-            camera.rows().into_iter().for_each(|(title, text)| table.push_row([title.to_owned(), text]));
-            parts.push(PageElement::Table(table));
+            parts.push(PageElement::Table(camera.table()));
         }
         parts.push(PageElement::text(
             "The light of each level is a fraction of the light that gives one spike per readout. Response: root mean square difference of the mean rates over the levels, in spikes per readout. Intervals: half the sum of the absolute differences of the shares of all lengths, from 0 (equal) to 1 (disjoint), without a unit.",

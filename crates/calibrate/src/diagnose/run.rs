@@ -18,7 +18,7 @@ use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::given::about::Provenance;
 use crate::diagnose::given::base_model::BaseModel;
 use crate::diagnose::given::taken::{Both, Taken};
-use crate::diagnose::null::baseline::{Baseline, StartingCamera};
+use crate::diagnose::null::baseline::{Baseline, FIRST_SIGNATURE_DRAWS, StartingCamera};
 use crate::diagnose::null::first_look::PreliminaryResult;
 use crate::diagnose::null::reference::NullModel;
 use crate::diagnose::null::signature::Signature;
@@ -220,7 +220,7 @@ fn by_itself(
         Baseline::first(both.fitted.setup.clone(), start, options.seed, effects, progress)
     };
     let Some(baseline) = in_time(first_simulations())? else {
-        let mut diagnosis = Diagnosis::undecided(both.faults, base.camera.clone());
+        let mut diagnosis = Diagnosis::without_comparison(both.faults, base.camera.clone());
         restore(&mut diagnosis.camera, options.camera)?;
         diagnosis.provenance = Some(about(Some(&base)));
         diagnosis.notes.extend(base.notes);
@@ -235,7 +235,7 @@ fn by_itself(
         None => {
             let result = PreliminaryResult::new(&preliminary, &preliminary.shifted(&given.data));
             first(&result);
-            match in_time(NullModel::complete(baseline, 1, progress))? {
+            match in_time(NullModel::complete(baseline, FIRST_SIGNATURE_DRAWS, progress))? {
                 Some(reference) => {
                     let given = given.shifted(&reference);
                     let found = given.sets().searched(&reference, &base.camera, progress)?;

@@ -54,8 +54,8 @@ fn page(c: &Calibration) -> Result<String> {
         histogram_figure("Gain a", "thresholds per readout at full light", &a)?,
         histogram_figure("Dark rate d", "thresholds per readout", &d)?,
     ]);
-    if c.recorded_camera.is_some() {
-        parts.insert(1, PageElement::Table(camera_table(c)));
+    if let Some(camera) = &c.recorded_camera {
+        parts.insert(1, PageElement::Table(camera.table()));
     }
     if let Some(paper) = &c.snee {
         parts.extend(snee_comparison(c, paper)?);
@@ -76,14 +76,6 @@ fn set_summary(c: &Calibration) -> String {
         readouts as f64 / c.sensor.readout_hz,
         today()
     )
-}
-
-/// Returns the user's description of the camera. It has no row without a description.
-fn camera_table(c: &Calibration) -> Table {
-    let mut table = Table::new(&["", ""]);
-    let rows = c.recorded_camera.iter().flat_map(|camera| camera.rows());
-    rows.for_each(|(title, text)| table.push_row([title.to_owned(), text]));
-    table
 }
 
 /// Plots the mean rates, and the mean of the fitted lines, as functions of the stated light.

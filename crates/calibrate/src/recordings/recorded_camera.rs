@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane_measure::report::Table;
 
 /// Largest number of characters of a text in the description.
 const MAX_TEXT: usize = 200;
@@ -62,7 +63,14 @@ impl RecordedCamera {
         }
     }
 
-    /// Returns the title and the text of each entry, for the table of a report.
+    /// Returns the table of a report.
+    pub(crate) fn table(&self) -> Table {
+        let mut table = Table::new(&["", ""]);
+        self.rows().into_iter().for_each(|(title, text)| table.push_row([title.to_owned(), text]));
+        table
+    }
+
+    /// Returns the title and the text of each entry.
     #[must_use]
     pub fn rows(&self) -> Vec<(&'static str, String)> {
         let entries = [

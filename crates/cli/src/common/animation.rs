@@ -1,13 +1,13 @@
 //! Animated images: GIF and WebP. Both are lossless for gray levels.
 
-use std::io::Write as _;
+use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 
 use image::ImageEncoder as _;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::storage::PartialFile;
 
-/// Largest side of an image in both formats that every reader accepts.
+/// Largest side of a WebP image. A GIF has the same limit here.
 const MAX_SIDE_PX: usize = 16_383;
 
 /// Bits of a pixel value before the compression.
@@ -45,8 +45,13 @@ impl AnimationFormat {
                 let encoded = weezl::encode::Encoder::new(weezl::BitOrder::Lsb, GIF_CODE_BITS).encode(levels);
                 let encoded = encoded.map_err(|e| Error::new(ErrorKind::Io, "GIF").found(e))?;
                 // The data consists of blocks of at most 255 bytes, each after its length. An empty block ends it.
-                let blocks = encoded.chunks(255).flat_map(|block| [&[block.len() as u8], block].concat());
-                Ok(std::iter::once(GIF_CODE_BITS).chain(blocks).chain([0]).collect())
+                let mut data = vec![GIF_CODE_BITS];
+                for block in encoded.chunks(255) {
+                    data.push(block.len() as u8);
+                    data.extend_from_slice(block);
+                }
+                data.push(0);
+                Ok(data)
             }
             Self::Webp => {
                 let mut file = Vec::new();
@@ -130,14 +135,13 @@ impl AnimationWriter {
 
     /// Completes the file and gives it its final name.
     pub(crate) fn finish(mut self) -> Result<()> {
-        use std::io::Seek as _;
         match self.format {
             AnimationFormat::Gif => self.write(&[0x3b])?,
             AnimationFormat::Webp => {
                 let size = u32::try_from(self.bytes - RIFF_HEADER_BYTES).map_err(|_| {
                     Error::new(ErrorKind::Space, "WebP").found(self.bytes).expected("at most 4 GB")
                 })?;
-                let patched = self.file.seek(std::io::SeekFrom::Start(4));
+                let patched = self.file.seek(SeekFrom::Start(4));
                 patched.map_err(|e| Error::io(self.partial.hidden_path().display(), e))?;
                 self.write(&size.to_le_bytes())?;
             }

@@ -18,7 +18,7 @@ pub(crate) struct CameraArgs {
 pub(crate) struct CameraChanges {
     /// Set the image size and the readout rate: 400x250-20k, 400x250-40k or 1000x1000-20k
     ///
-    /// By default, the image size and the readout rate of the camera are used.
+    /// By default, those of the camera are used.
     #[arg(hide_short_help = true, long, value_name = "NAME", help_heading = "Camera")]
     pub camera_format: Option<String>,
     /// Set width in pixels [default: from the camera]
@@ -37,8 +37,8 @@ pub(crate) struct CameraChanges {
     pub exposure: Option<f64>,
     /// Set a parameter of an effect, such as prnu.sigma=0.03 (repeatable)
     ///
-    /// A parameter that is not set keeps the value of the camera. If --disable-effect NAME disables the effect, the
-    /// parameter has its neutral value. 'spikelane effects' lists the names, keys and units.
+    /// Other parameters keep the value of the camera, or have their neutral value if --disable-effect disables the
+    /// effect. 'spikelane effects' lists the names, keys and units.
     #[arg(hide_short_help = true, long, value_name = "NAME.KEY=VALUE", help_heading = "Camera")]
     pub effect: Vec<String>,
     /// Disable this effect of the camera, such as leak (repeatable)

@@ -7,7 +7,7 @@ use spikelane::unstable::draws::Seeds;
 pub(crate) struct SeedArgs {
     /// Set the seed of the temporal noise
     ///
-    /// The seed of the temporal noise also selects the start charge of every pixel.
+    /// The seed also selects the start charge of every pixel.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Seeds")]
     pub seed: u64,
     #[command(flatten)]
@@ -19,7 +19,7 @@ pub(crate) struct SeedArgs {
 pub(crate) struct CameraSeed {
     /// Set the seed of the fixed pattern
     ///
-    /// The seed of the fixed pattern selects one individual camera of this kind.
+    /// The seed selects one individual camera of this kind.
     #[arg(hide_short_help = true, long, value_name = "N", default_value_t = 0, help_heading = "Seeds")]
     pub camera_seed: u64,
 }
@@ -29,7 +29,7 @@ pub(crate) struct CameraSeed {
 pub(crate) struct SceneSeed {
     /// Set the seed of the scene
     ///
-    /// The seed of the scene selects the city, the traffic and, without --lighting, the lighting.
+    /// The seed selects the city, the traffic and, without --lighting, the lighting.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Seeds")]
     pub scene_seed: u64,
 }

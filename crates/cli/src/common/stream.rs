@@ -25,18 +25,17 @@ pub(crate) struct StreamArgs {
     pub height: Option<u32>,
     /// Set the layout [default: from the file, else dat]
     ///
-    /// The layout is the order of the bits in the file. The layouts are dat, dat-top, rows416, rows1024, npy-bits,
-    /// npy-bytes, dat-msb, dat-top-msb and npy-bits-msb. By default, the sidecar or the header of the file determines
-    /// the layout.
+    /// The layout is the order of the bits in the file: dat, dat-top, rows416, rows1024, npy-bits, npy-bytes, dat-msb,
+    /// dat-top-msb or npy-bits-msb. By default, the sidecar or the header determines it.
     #[arg(long, value_name = "LAYOUT", help_heading = "Stream", hide_possible_values = true,
           value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name)))]
     pub layout: Option<String>,
     /// Read this array of an .npz file [default: spk, seq, arr_0 or the only array]
     #[arg(hide_short_help = true, long, value_name = "NAME", help_heading = "Stream")]
     pub key: Option<String>,
-    /// Fill missing readouts of a rows1024 file with empty readouts (mark), or omit missing readouts (drop)
+    /// Fill missing readouts of a rows1024 file with empty readouts (mark), or omit them (drop)
     ///
-    /// With mark, the numbers and times of all readouts remain correct.
+    /// With mark, all numbers and times remain correct.
     #[arg(
         hide_short_help = true,
         long,

@@ -11,12 +11,12 @@ use spikelane_io::storage::{self, unfinished};
 pub(crate) struct ImageArgs {
     /// Write the light of every N-th readout as an image to the folder STEM.images
     ///
-    /// The name of each image is the number of its readout. The first readout has the number 0.
+    /// The name of each image is the number of its readout, from 0.
     #[arg(hide_short_help = true, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub images_every: Option<u64>,
     /// Set the format of the images of --images-every: u8, u16 or f32
     ///
-    /// u8 is a PNG in sRGB, u16 is a linear PNG, and f32 is a linear .npy array.
+    /// u8 is a PNG in sRGB, u16 a linear PNG, and f32 a linear .npy array.
     #[arg(hide_short_help = true, long, value_name = "FORMAT", default_value = "u8")]
     pub images_format: ImageFormat,
 }

@@ -48,8 +48,7 @@ pub(crate) struct LightArgs {
     pub scene_seed: Option<u64>,
     /// Set the lighting of the driving scene, such as dusk [default: noon]
     ///
-    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk, night or random. If the lighting is random, the scene
-    /// seed selects the lighting.
+    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk, night, or random, which the scene seed selects.
     #[arg(hide_short_help = true, long, value_name = "NAME", conflicts_with = "input", help_heading = "Light",
           hide_possible_values = true, value_parser = LightingArg::parser())]
     pub lighting: Option<LightingArg>,
@@ -61,34 +60,32 @@ pub(crate) struct LightArgs {
     pub lock_exposure: bool,
     /// Stop after N readouts [default: end of input]
     ///
-    /// The default for built-in light is 500 readouts for drive and 4000 readouts for chart and objects. A single
-    /// image requires --readouts or --readouts-per-frame.
+    /// The default for built-in light is 500 for drive and 4000 for chart and objects. A single image requires --readouts
+    /// or --readouts-per-frame.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Light")]
     pub readouts: Option<u64>,
     /// Set readouts per frame [default: by input or 20]
     ///
-    /// By default, the frame times or the frame rate of the input determine the readouts per frame. If the input has
-    /// neither times nor a rate, every frame lasts 20 readouts, which is 1 ms at 20 kHz.
+    /// By default, the times or the rate of the frames determine this number. Without both, it is 20, which is 1 ms at
+    /// 20 kHz.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..),
           conflicts_with = "input_fps", help_heading = "Light")]
     pub readouts_per_frame: Option<u64>,
     /// Set the frames per second of the input, such as 25 or 30000/1001 [default: from the input]
     ///
-    /// By default, a frame of the drive is drawn when the image has moved by a quarter pixel. The default for chart and
-    /// objects is 1000 frames per second.
+    /// By default, the drive is drawn after each quarter pixel of motion, and chart and objects 1000 times per second.
     #[arg(hide_short_help = true, long, value_name = "HZ", help_heading = "Light")]
     pub input_fps: Option<Rate>,
     /// Interpolate frames: hold, linear or flow
     ///
-    /// The default is linear for an input and the drive, and hold for chart and objects. hold keeps each frame until the next frame,
-    /// linear changes the light of each pixel linearly, and flow moves the light along an estimated motion.
+    /// The default is linear for an input and the drive, and hold for chart and objects. hold keeps each frame until the
+    /// next one, linear changes each pixel linearly, and flow moves the light along an estimated motion.
     #[arg(long, value_name = "MODE", help_heading = "Light")]
     pub interpolation: Option<Interpolation>,
     /// Set the transfer function from codes to light: linear, srgb, pq, hlg or an exponent such as 2.2
     ///
-    /// The section [light] of the camera file sets the default. Without this section, the default is what the input states, else srgb for images
-    /// and video, and linear for
-    /// arrays and float images.
+    /// The section [light] of the camera file sets the default. Without it, the default is what the input states, else
+    /// srgb for images and video, and linear for arrays and float images.
     #[arg(hide_short_help = true, long, value_name = "TRANSFER", help_heading = "Light")]
     pub transfer: Option<Transfer>,
     /// Set width and height of the camera to the size of the input
@@ -97,8 +94,8 @@ pub(crate) struct LightArgs {
     pub size_from_input: bool,
     /// Fit frames to the size of the camera: cover, stretch or crop
     ///
-    /// cover scales the largest part of the frame that has the aspect ratio of the camera. stretch scales the whole
-    /// frame. crop cuts out the center of the frame without scaling.
+    /// cover scales the largest part with the aspect ratio of the camera, stretch scales the whole frame, and crop cuts
+    /// out the center without scaling.
     #[arg(
         hide_short_help = true,
         long,
@@ -115,7 +112,7 @@ pub(crate) struct LightArgs {
     pub full_scale: Option<f64>,
     /// Move the camera over an image, such as pan=120,0:zoom=1.2:rotate=30 [default: no motion]
     ///
-    /// pan is in pixels per second, zoom is a factor per second, and rotate is in degrees per second.
+    /// pan is in pixels, zoom is a factor, and rotate is in degrees, each per second.
     #[arg(hide_short_help = true, long, value_name = "MOTION", help_heading = "Light")]
     pub motion: Option<String>,
     /// Clip light above this multiple of full scale [default: 1, or 2 for float inputs]

@@ -73,8 +73,8 @@ pub(crate) struct Args {
     pub light: LightArgs,
     /// Send to pipe[:PATH], shm:NAME or tcp:HOST:PORT
     ///
-    /// pipe is standard output, pipe:PATH is a FIFO, and shm:NAME is a ring of readouts in shared memory. For
-    /// tcp:HOST:PORT, the command listens at this address and waits for one consumer.
+    /// pipe is standard output, pipe:PATH is a FIFO, shm:NAME is a ring of readouts in shared memory, and tcp:HOST:PORT
+    /// waits for one consumer at this address.
     #[arg(long, value_name = "SINK")]
     pub sink: SinkAddress,
     /// Drop readouts if the consumer is slow [default]
@@ -92,8 +92,8 @@ pub(crate) struct Args {
     pub burst: u16,
     /// Set the duration of the buffered readouts in milliseconds
     ///
-    /// The buffer contains readouts that a slow consumer has not read yet. If the buffer is full, readouts are dropped
-    /// or, with --block, the camera waits.
+    /// The buffer contains readouts that the consumer has not read. If it is full, readouts are dropped or, with --block,
+    /// the camera waits.
     #[arg(hide_short_help = true, long, value_name = "MS", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=600_000))]
     pub buffer_ms: u32,
     #[command(flatten)]
@@ -110,7 +110,7 @@ pub(crate) struct Args {
     pub threads: ThreadArgs,
     /// Set the instruction set of the kernels
     ///
-    /// All instruction sets give the same spikes.
+    /// All sets give the same spikes.
     #[arg(hide_short_help = true, long, default_value = "auto",
           value_parser = PossibleValuesParser::new(["auto", "reference", "portable", "sse4.1", "avx2", "avx512"]))]
     pub backend: String,

@@ -49,8 +49,7 @@ pub(crate) struct Args {
     pub seeds: SceneSeed,
     /// Set the lighting, such as dusk
     ///
-    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk, night or random. If the lighting is random, the scene
-    /// seed selects the lighting.
+    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk, night, or random, which the scene seed selects.
     #[arg(long, value_name = "NAME", hide_possible_values = true, default_value = "random", value_parser = LightingArg::parser())]
     pub lighting: LightingArg,
     /// Draw without blur, glare, vignetting and distortion

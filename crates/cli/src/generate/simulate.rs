@@ -41,8 +41,7 @@ pub(crate) struct Args {
     pub light: LightArgs,
     /// Write STEM.dat, STEM.json and STEM.png
     ///
-    /// STEM is the common start of the file names. STEM can also be a folder (out/), or the name of the stream (run.dat,
-    /// run.npy).
+    /// STEM is the common start of the file names, a folder (out/), or the name of the stream (run.dat, run.npy).
     #[arg(short, long, value_name = "STEM")]
     pub output: PathBuf,
     #[command(flatten)]
@@ -64,7 +63,7 @@ pub(crate) struct Args {
     pub threads: ThreadArgs,
     /// Set the instruction set of the kernels
     ///
-    /// All instruction sets give the same spikes.
+    /// All sets give the same spikes.
     #[arg(hide_short_help = true, long, default_value = "auto",
           value_parser = PossibleValuesParser::new(["auto", "reference", "portable", "sse4.1", "avx2", "avx512"]))]
     pub backend: String,

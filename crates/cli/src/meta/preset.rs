@@ -40,8 +40,7 @@ struct ShowArgs {
     output: Option<PathBuf>,
     /// Also store a fixed pattern as maps
     ///
-    /// With --maps, the camera file describes an individual camera instead of a kind of camera. --camera-seed selects
-    /// the fixed pattern of the individual camera.
+    /// The camera file then describes the individual camera that --camera-seed selects, instead of a kind of camera.
     #[arg(long, requires = "output")]
     maps: bool,
     /// Set the seed of the fixed pattern

@@ -24,7 +24,7 @@ use crate::sensors::static_recording::template_remedy;
 pub(crate) struct Args {
     /// Read a recording set (.toml) or calibration maps (.npz)
     ///
-    /// The calibration maps are the arrays D_light and Nd that SpikeNeRF and RSIR published, with one value per pixel.
+    /// The maps are the arrays D_light and Nd of SpikeNeRF and RSIR, with one value per pixel.
     recordings: PathBuf,
     /// Write camera.toml and reports to this folder
     ///
@@ -38,13 +38,12 @@ pub(crate) struct Args {
     dead_time_fraction: f64,
     /// Set the relative error of levels [default: from the set, else 0.01]
     ///
-    /// The error is the standard deviation of the stated light of a level, divided by this light.
+    /// The error is the standard deviation of the stated light, divided by this light.
     #[arg(long, value_name = "SHARE")]
     light_uncertainty: Option<f64>,
     /// Limit the relative error of pixel gains [default: none]
     ///
-    /// The relative error is the median standard error of the pixel gains, divided by the mean gain. A recording set
-    /// with a larger relative error is rejected.
+    /// The relative error is the median standard error of the pixel gains, divided by the mean gain.
     #[arg(long, value_name = "SHARE")]
     max_gain_error: Option<f64>,
     /// Also run SNEE, the estimator of the SCSim paper

@@ -43,8 +43,8 @@ pub(crate) struct Args {
     max_readouts: usize,
     /// Test whether a classifier detects simulations
     ///
-    /// The classifier compares windows of the recording with windows of simulations. The report lists the statistics that
-    /// distinguish both kinds of windows.
+    /// The classifier compares windows of the recording and of simulations. The report lists the statistics that
+    /// distinguish them.
     #[arg(long)]
     realism: bool,
     /// With --realism, set the side in pixels and the readouts of a window
@@ -53,7 +53,7 @@ pub(crate) struct Args {
     window: WindowSize,
     /// With --realism, use only these rows, such as 100..180 [default: all rows]
     ///
-    /// Row 0 is the top row of the upright image. Row TO is not included.
+    /// Row 0 is the top of the upright image. Row TO is not included.
     #[arg(hide_short_help = true, long, value_name = "FROM..TO", requires = "realism", value_parser = parse_rows)]
     rows: Option<std::ops::Range<usize>>,
     /// With --realism, simulate light that drifts like the light of the recording
@@ -65,8 +65,8 @@ pub(crate) struct Args {
     recordings_per_camera: u16,
     /// With --realism, compare this map of measured dark rates (.npy)
     ///
-    /// The map has the dark rate of each pixel in spikes per readout. The report lists the quantiles of this map and of
-    /// the dark rates of the simulated cameras.
+    /// The map has the dark rate of each pixel in spikes per readout. The report lists its quantiles and those of the
+    /// simulated cameras.
     #[arg(hide_short_help = true, long, value_name = "FILE", requires = "realism")]
     dark_rates: Option<PathBuf>,
     #[command(flatten)]

@@ -31,7 +31,8 @@ pub(crate) struct Args {
     camera: Option<String>,
     /// Test the effects on this second recording set or recording
     ///
-    /// The second recording set must show the same scenes as the first.
+    /// It must show the same scenes as the first set. By default, effects are fitted to the first half of every recording
+    /// and tested on the second half.
     #[arg(long, value_name = "FILE")]
     holdout: Option<PathBuf>,
     #[command(flatten)]
@@ -47,14 +48,13 @@ pub(crate) struct Args {
     all_readouts: bool,
     /// Store simulations in this folder, for resuming
     ///
-    /// On the same kind of machine, a run with the same recordings, camera and seed reads the simulations from this
-    /// folder and returns the same numbers.
-    /// The simulations of a diagnosis need a few megabytes. Each version of the program stores its own simulations.
+    /// A run with the same recordings, camera, seed, kind of machine and program version reads the simulations from this
+    /// folder and returns the same numbers. A diagnosis stores a few megabytes.
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
     /// End with the best result so far after this time
     ///
-    /// The reports then list the open questions, and the exit code is 0. Reading and writing take some seconds more.
+    /// The reports then list the open questions. Reading and writing take some seconds more.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, conflicts_with = "detectability")]
     time_limit: Option<Duration>,
     /// Only print the detectable strength of each effect

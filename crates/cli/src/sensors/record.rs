@@ -47,18 +47,17 @@ pub(crate) struct Args {
     output: PathBuf,
     /// Choose recommended, gray or additive
     ///
-    /// The protocol 'recommended' has a dark recording, flat fields, steps and a checkerboard. The protocol 'gray' has
-    /// the 25 gray levels of the SCSim paper. The protocol 'additive' has a dark recording and four pairs of sources, each
-    /// source alone and both together. It requires no known light.
+    /// recommended is a dark recording, flat fields, steps and a checkerboard. gray is the 25 gray levels of the SCSim
+    /// paper. additive is a dark recording and four pairs of sources, each alone and both together, without known light.
     #[arg(long, value_enum, value_name = "NAME", hide_possible_values = true, default_value_t = ProtocolKind::Recommended)]
     protocol: ProtocolKind,
     /// Set the readouts per recording
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     readouts: u32,
-    /// Simulate lamps that are off by this relative deviation
+    /// Simulate lamps that deviate by this share
     ///
-    /// The light of each lamp or source deviates from the stated light by a random share with this standard deviation.
-    /// recordings.toml states the planned light, and this share as its uncertainty.
+    /// The share is the standard deviation of the light of each lamp or source, relative to the stated light.
+    /// recordings.toml states it as the uncertainty.
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     lamp_error: f64,
     #[command(flatten)]

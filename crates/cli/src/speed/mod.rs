@@ -50,8 +50,8 @@ pub(crate) struct SpeedArgs {
     pub markdown: Option<PathBuf>,
     /// Only measure the light error of driving scenes
     ///
-    /// The command compares the light of driving scenes with separate renders of the same instants. The comparison runs
-    /// for minutes and measures no speed.
+    /// The command compares their light with separate renders of the same instants. It takes minutes and measures no
+    /// speed.
     #[arg(long, conflicts_with_all = ["seconds", "quick", "work_dir", "baseline"])]
     pub scene_error: bool,
 }

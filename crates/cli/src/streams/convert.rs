@@ -37,8 +37,8 @@ pub(crate) struct Args {
     stream: StreamArgs,
     /// Set the output layout [default: by extension]
     ///
-    /// LAYOUT is events or the name of a layout. With events, the output is an .npy array with a row (x, y, readout)
-    /// for each spike. The default is npy-bytes for .npy, else dat.
+    /// LAYOUT is a layout, or events for an .npy array with a row (x, y, readout) for each spike. The default is
+    /// npy-bytes for .npy, else dat.
     #[arg(long, value_name = "LAYOUT", hide_possible_values = true,
           value_parser = PossibleValuesParser::new(Layout::ALL.map(Layout::name).into_iter().chain([EVENTS_LAYOUT])))]
     to: Option<String>,
@@ -49,7 +49,7 @@ pub(crate) struct Args {
     readouts: ReadoutRange,
     /// Copy only this rectangle of pixels [default: all]
     ///
-    /// X is the first column and Y is the first row of the rectangle. Column 0 is left, and row 0 is at the top.
+    /// X is the first column from the left, and Y is the first row from the top.
     #[arg(long, value_name = "X,Y,W,H")]
     crop: Option<CropArg>,
     /// Overwrite existing files

@@ -45,9 +45,9 @@ pub(crate) struct Args {
     stream: StreamArgs,
     /// Use tfp, span, tfi or isi
     ///
-    /// tfp is the number of spikes in a window, divided by the number of readouts in the window. span is the number of
-    /// intervals between spikes in a window, divided by the readouts from the first to the last spike. isi is the
-    /// length in readouts of the interval between spikes around the readout. tfi is 1 divided by this length.
+    /// tfp is the number of spikes in a window, divided by its readouts. span is the number of intervals in a window,
+    /// divided by the readouts from its first to its last spike. isi is the length of the interval around the readout,
+    /// in readouts. tfi is 1 divided by this length.
     #[arg(long, value_enum, value_name = "METHOD", hide_possible_values = true, default_value_t = Method::Tfp)]
     method: Method,
     /// Reconstruct at this readout [default: the middle]
@@ -56,19 +56,19 @@ pub(crate) struct Args {
     /// Set the window in readouts [default: 161]
     ///
     /// For tfp and span, the window is centered on the readout of the image. For tfi and isi, spikes are searched in
-    /// this number of readouts before and after that readout, and the default is 300.
+    /// this number of readouts on both sides, and the default is 300.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     window: Option<u32>,
     /// Write one image per this many readouts
     ///
-    /// --every requires a folder, an .npy file or a movie as the output. Without --every, a folder or a movie has one
-    /// image per window, and an .npy file has one image.
+    /// The output must be a folder, an .npy file or a movie. Without --every, a folder or a movie has one image per
+    /// window, and an .npy file has one image.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
     /// Set the spikes per readout of white [default: auto]
     ///
-    /// Pixels with at least this rate are white. For isi, pixels with at least this interval in readouts are white. By
-    /// default, white is the value that one pixel in 500 of the first image exceeds.
+    /// Pixels with at least this rate, or for isi this interval in readouts, are white. By default, one pixel in 500 of
+    /// the first image exceeds white.
     #[arg(long, value_name = "RATE")]
     white: Option<f32>,
     /// Set the frames per second of an animated image or a video

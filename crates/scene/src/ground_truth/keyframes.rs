@@ -11,7 +11,7 @@ const MAX_READOUT_MOTION_PX: f64 = 0.5;
 /// The speed of the fastest visible point is sampled at this interval, in seconds. `SPEED_MARGIN` is a factor that
 /// covers an increase of the speed between two samples, in addition to the next samples.
 const SPEED_SAMPLE_S: f64 = 0.01;
-pub(super) const SPEED_MARGIN: f64 = 1.01;
+pub(super) const SPEED_MARGIN: f64 = 1.15;
 /// Maximum time between consecutive keyframes in seconds. The limit also applies if nothing moves, because the light
 /// changes.
 const MAX_KEYFRAME_INTERVAL_S: f64 = 5e-3;

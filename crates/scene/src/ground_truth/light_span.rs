@@ -3,8 +3,7 @@
 //! 1. Both ends of a span are rendered completely. Between the ends, each tile is rendered at the halves, quarters and
 //!    so on of the span. These renders are the *base renders* of the tile.
 //! 2. Between two base renders, a tile is *drawn* at instants with at most a quarter pixel of motion between them. Each
-//!    drawn tile is warped from the two base renders. Pixels whose light cannot be warped reliably are rendered anew at
-//!    every second of these instants, and warped from there to the instants between.
+//!    drawn tile is warped from the two base renders. Pixels whose light cannot be warped reliably are rendered anew.
 //! 3. Between two drawn instants, the light of a tile changes linearly.
 //! 4. The lens is applied to every image.
 
@@ -47,21 +46,10 @@ struct BaseInterval {
     tile: usize,
     start: usize,
     end: usize,
-    /// Instants at which the tile is drawn, without the base renders. At the first, third, ... of these instants, the
-    /// unreliable pixels are warped from the instants before and after.
+    /// Instants at which the tile is drawn, without the base renders.
     drawn: Vec<usize>,
     /// Whether each pixel of the tile must be rendered anew. The list is empty if no pixel must.
     unreliable: Vec<bool>,
-}
-
-/// A tile that is drawn at an instant. `before` and `after` are the drawn instants before and after this instant.
-#[derive(Clone, Copy)]
-struct DueTile<'a> {
-    interval: &'a BaseInterval,
-    before: usize,
-    after: usize,
-    /// Whether the unreliable pixels are rendered at this instant.
-    is_rendered: bool,
 }
 
 /// The instants of a span, and the base renders of the tiles.
@@ -162,22 +150,11 @@ impl<'a> SpanRenderer<'a> {
         let mut visible = TriangleSet::default();
         self.base.iter().flatten().for_each(|image| visible.extend(&image.visible));
         let city = visible.by_chunk(&self.scene.city.mesh);
-        let mut drawn_at: Vec<Vec<DueTile>> = vec![Vec::new(); n + 1];
+        let mut drawn_at: Vec<Vec<&BaseInterval>> = vec![Vec::new(); n + 1];
         for interval in &intervals {
-            for (i, &k) in interval.drawn.iter().enumerate() {
-                let before = i.checked_sub(1).map_or(interval.start, |i| interval.drawn[i]);
-                let after = interval.drawn.get(i + 1).copied().unwrap_or(interval.end);
-                let is_rendered = i % 2 == 1;
-                drawn_at[k].push(DueTile { interval, before, after, is_rendered });
-            }
+            interval.drawn.iter().for_each(|&k| drawn_at[k].push(interval));
         }
-        let drawn = map_instants(threads, n + 1, |k, inner| self.draw(k, &drawn_at[k], &city, inner));
-        let (mut images, labels): (Vec<Vec<f32>>, Vec<Option<Labels>>) = drawn.into_iter().unzip();
-        let warped =
-            threads::map_indexed(threads, n + 1, |k| self.warp_unreliable(k, &drawn_at[k], &images, &labels));
-        for (image, pixels) in images.iter_mut().zip(warped) {
-            pixels.into_iter().for_each(|(at, light)| image[at] = light);
-        }
+        let mut images = map_instants(threads, n + 1, |k, inner| self.draw(k, &drawn_at[k], &city, inner));
         for interval in &intervals {
             let stops = [&interval.drawn[..], &[interval.end]].concat();
             let mut from = interval.start;
@@ -187,10 +164,10 @@ impl<'a> SpanRenderer<'a> {
             }
         }
         let glares = self.glares(&intervals);
+        let no_glare = vec![0.0; images[0].len()];
         threads::map_indexed(threads, n, |k| {
             let mut light = images[k].clone();
-            let glare = glares.get(k).map_or_else(|| vec![0.0; light.len()], Clone::clone);
-            self.scene.image_formation.apply(&mut light, &glare);
+            self.scene.image_formation.apply(&mut light, glares.get(k).unwrap_or(&no_glare));
             light
         })
     }
@@ -273,7 +250,7 @@ impl<'a> SpanRenderer<'a> {
         let share = ((self.times[end] - self.times[start]) / (self.times[n] - self.times[0])) as f32;
         let motion = self.motion_px[tile] * share;
         let parts = ((motion / MAX_KEYFRAME_MOTION_PX as f32).ceil() as usize).clamp(1, end - start);
-        let mut drawn: Vec<usize> = (1..parts).map(|i| start + i * (end - start) / parts).collect();
+        let drawn: Vec<usize> = (1..parts).map(|i| start + i * (end - start) / parts).collect();
         let mut unreliable = Vec::new();
         if let (false, Some(a), Some(b)) = (drawn.is_empty(), &self.base[start], &self.base[end]) {
             let views = [(&a.labels, &a.light[..], &motions[0]), (&b.labels, &b.light[..], &motions[1])];
@@ -282,92 +259,36 @@ impl<'a> SpanRenderer<'a> {
                 unreliable.clear();
             }
         }
-        if !unreliable.is_empty() {
-            // Tiles are rendered at even instants, so fewer instants need a render.
-            for i in (1..drawn.len()).step_by(2) {
-                if drawn[i] % 2 == 1 && drawn[i - 1] + 1 < drawn[i] {
-                    drawn[i] -= 1;
-                }
-            }
-        }
         BaseInterval { tile, start, end, drawn, unreliable }
     }
 
-    /// Returns the image at instant `k`. It contains the base renders and the tiles that are drawn at this instant. Also
-    /// returns the labels of the rendered pixels.
-    fn draw(
-        &self,
-        k: usize,
-        due: &[DueTile],
-        city: &[Vec<u32>],
-        threads: usize,
-    ) -> (Vec<f32>, Option<Labels>) {
+    /// Returns the image at instant `k`. It contains the base renders and the tiles that are drawn at this instant.
+    fn draw(&self, k: usize, due: &[&BaseInterval], city: &[Vec<u32>], threads: usize) -> Vec<f32> {
         let (w, h) = self.size();
         let mut light = match &self.base[k] {
             Some(image) => image.light.clone(),
             None => vec![0.0; w * h],
         };
         let mut needed = Vec::new();
-        for due in due.iter().filter(|due| due.is_rendered && !due.interval.unreliable.is_empty()) {
+        for interval in due.iter().filter(|interval| !interval.unreliable.is_empty()) {
             needed.resize(w * h, false);
-            let pixels = self.tiles.pixels(due.interval.tile);
-            pixels.zip(&due.interval.unreliable).for_each(|(at, &unreliable)| needed[at] = unreliable);
+            let pixels = self.tiles.pixels(interval.tile);
+            pixels.zip(&interval.unreliable).for_each(|(at, &unreliable)| needed[at] = unreliable);
         }
-        let mut labels = None;
         if !needed.is_empty() {
             let chosen = Tiles::from_pixels(w, h, needed.clone(), usize::from(self.scene.has_sun()));
             let instant = SceneInstant::new(self.scene, self.times[k]);
             let (rendered, _) =
                 self.scene.render_instant(&instant, self.samples, (&chosen, Some(city)), threads);
-            for ((light, rendered), _) in
-                light.iter_mut().zip(&rendered.light).zip(&needed).filter(|(_, n)| **n)
-            {
-                *light = *rendered;
-            }
-            labels = Some(Labels { instance: Vec::new(), semantic: Vec::new(), ..rendered.labels });
+            let pixels = light.iter_mut().zip(&rendered.light).zip(&needed);
+            pixels.filter(|(_, needed)| **needed).for_each(|((light, rendered), _)| *light = *rendered);
         }
         let mut motions = MotionCache::default();
-        for interval in due.iter().map(|due| due.interval) {
+        for interval in due {
             let motions = motions.get(self, (interval.start, k, interval.end));
             self.warp_tile(k, interval, motions, &mut light);
         }
-        (light, labels)
-    }
-
-    /// Warps unreliable pixels from the drawn instants before and after instant `k`. Returns the index and the light of
-    /// each pixel.
-    fn warp_unreliable(
-        &self,
-        k: usize,
-        due: &[DueTile],
-        images: &[Vec<f32>],
-        labels: &[Option<Labels>],
-    ) -> Vec<(usize, f32)> {
-        let mut pixels = Vec::new();
-        let (width, _) = self.size();
-        let mut cache = MotionCache::default();
-        // At a base render, the labels of the whole tile are known. At other instants, those of unreliable pixels.
-        let labels_at = |at: usize, base: usize| match at == base {
-            true => self.base[at].as_ref().map(|image| &image.labels),
-            false => labels[at].as_ref(),
-        };
-        for due in due.iter().filter(|due| !due.is_rendered && !due.interval.unreliable.is_empty()) {
-            let (before, after) = (due.before, due.after);
-            let views = (labels_at(before, due.interval.start), labels_at(after, due.interval.end));
-            let (Some(early), Some(late)) = views else { continue };
-            let motions = cache.get(self, (before, k, after));
-            let share = self.time_share(before, k, after);
-            for (at, _) in
-                self.tiles.pixels(due.interval.tile).zip(&due.interval.unreliable).filter(|(_, u)| **u)
-            {
-                let mut out = [[0.0], [0.0]];
-                let (row, column) = (at / width, at % width);
-                warp_run(&motions[0], early, &images[before], row, column, &mut out[0]);
-                warp_run(&motions[1], late, &images[after], row, column, &mut out[1]);
-                pixels.push((at, out[0][0] + (out[1][0] - out[0][0]) * share));
-            }
-        }
-        pixels
+        light
     }
 
     /// Warps the reliable pixels of a tile from the base renders before and after instant `k`.

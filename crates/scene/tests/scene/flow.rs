@@ -1,6 +1,8 @@
 //! Tests of flow, depth and warping. The results are compared with geometry and with renders.
 
-use spikelane_scene::{DVec3, Flow, Labels, Lighting, SamplesPerPixel, Scene, SceneOptions, Semantic, Warp};
+use spikelane_scene::{
+    DVec3, Flow, KeyframePlan, Labels, Lighting, SamplesPerPixel, Scene, SceneOptions, Semantic, Warp,
+};
 
 fn scene(seed: u64, lighting: Lighting) -> Scene {
     let options = SceneOptions::default()
@@ -128,9 +130,17 @@ fn key_frames_bound_the_motion_between_them() {
     assert_eq!(plan.readouts.len(), 201);
     assert_eq!((plan.keyframes[0], plan.keyframes[plan.keyframes.len() - 1]), (0, 200));
     assert!(!plan.is_too_fast() && plan.keyframes.len() < 101, "{} keys", plan.keyframes.len());
-    for w in plan.keyframes.windows(2).step_by(7) {
-        let a = scene.labels(plan.readouts[w[0]], 1).unwrap();
-        let b = scene.labels(plan.readouts[w[1]], 1).unwrap();
+    check_motion_between_keyframes(&scene, &plan, 7);
+    // The fastest point of this drive becomes faster between two samples of the speed.
+    let options = SceneOptions::default().with_width(200).with_height(125).with_duration_s(0.6);
+    let scene = Scene::from_seed(9, &options).unwrap();
+    let plan = scene.plan_keyframes(0.3, 0.33, 20_000.0, 1).unwrap();
+    check_motion_between_keyframes(&scene, &plan, 3);
+}
+
+fn check_motion_between_keyframes(scene: &Scene, plan: &KeyframePlan, step: usize) {
+    for w in plan.keyframes.windows(2).step_by(step) {
+        let [a, b] = [w[0], w[1]].map(|k| scene.labels(plan.readouts[k], 1).unwrap());
         let flow = scene.flow(&a, &b, 1).unwrap();
         let max_motion = flow.dx.iter().zip(&flow.dy).map(|(x, y)| x.hypot(*y)).fold(0.0f32, f32::max);
         assert!(max_motion <= 0.25, "{max_motion} px between key frames");

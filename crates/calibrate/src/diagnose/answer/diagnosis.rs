@@ -70,8 +70,8 @@ pub struct ParameterMismatch {
     pub low: f64,
     /// Upper end of the interval.
     pub high: f64,
-    /// Effects that fit as well within noise. For a tentative mismatch, also effects that explain at least half of what the
-    /// other value changes.
+    /// Effects that fit as well within noise. For a tentative mismatch, also effects that explain at least half of its
+    /// change of the statistics.
     pub ambiguous_with: Vec<&'static str>,
     /// Whether the mismatch is tentative. Either the held-out recordings do not confirm it, or a significant discrepancy remains and
     /// the mismatch explains only a part. An effect that is not in the catalog may then have moved the parameter.
@@ -131,8 +131,11 @@ pub struct LimitTest {
     /// Value of the held-out recordings. `None` if they were not tested: nothing was held out, or no effect was added.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub held_out_set: Option<f64>,
-    /// Limit of both values. One sensor in a thousand that follows the model exceeds it.
+    /// Limit of both values.
     pub limit: f64,
+    /// Probability that a sensor that follows the model exceeds the limit. It is 0.05 if the first simulations sufficed,
+    /// otherwise 0.001.
+    pub exceedance_probability: f64,
 }
 
 impl LimitTest {
@@ -231,7 +234,7 @@ pub struct Diagnosis {
 
 impl Diagnosis {
     /// The diagnosis if the time limit is reached before the first simulations are complete.
-    pub(in crate::diagnose) fn undecided(faults: Vec<Fault>, camera: Camera) -> Self {
+    pub(in crate::diagnose) fn without_comparison(faults: Vec<Fault>, camera: Camera) -> Self {
         Self {
             verdict: Verdict::Undecided,
             undecided: vec![Undecided::Agreement(Vec::new()).sentence()],

@@ -267,6 +267,7 @@ fn limit_tests(reference: &NullModel, found: &Found, data: &nalgebra::DVector<f6
         fitted_set: fitted[i].0,
         held_out_set: held_out.map(|values| values[i].0),
         limit: fitted[i].1,
+        exceedance_probability: reference.limit_probability(),
     };
     (0..QUANTITIES.len()).map(test).collect()
 }

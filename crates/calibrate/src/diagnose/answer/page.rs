@@ -62,7 +62,7 @@ pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
         parts.push(PageElement::heading("Notes"));
         parts.push(PageElement::List { items: diagnosis.notes.clone() });
     }
-    // Without a search there are no data to plot.
+    // Only a search gives data to plot.
     if !diagnosis.discrepancy.held_out_set.is_empty() {
         parts.extend(rate_figures(&diagnosis.rates, diagnosis.discrepancy.fitted_set.len() > 1)?);
         parts.push(PageElement::heading("Deviations of the recordings from the model"));
@@ -96,8 +96,11 @@ fn limit_tests(d: &Diagnosis) -> Vec<PageElement> {
             if test.passes() { "passes" } else { "exceeds the limit" }.to_owned(),
         ]);
     }
-    const TEXT: &str = "One sensor in a thousand that follows the model exceeds a limit. The total deviation is the squared distance of all statistics from the model. The other two values are in standard deviations. The held-out recordings are tested after an effect was added.";
-    vec![PageElement::Table(table), PageElement::text(TEXT)]
+    let percent = 100.0 * d.tests[0].exceedance_probability;
+    let text = format!(
+        "Of the sensors that follow the model, {percent} % exceed a limit. The total deviation is the squared distance of all statistics from the model. The other two values are in standard deviations. The held-out recordings are tested after an effect was added."
+    );
+    vec![PageElement::Table(table), PageElement::text(text)]
 }
 
 /// Returns the faults, which precede all results.

@@ -74,8 +74,8 @@ pub(in crate::diagnose) fn locate_lost(
     Some(all)
 }
 
-/// Adds lost readouts near a step, which too few pixels cover on both sides. Each readout by which a wave is too short
-/// counts as lost at its inner step.
+/// Adds lost readouts near a step, where too few pixels cover both sides. A wave that is n readouts too short adds n lost
+/// readouts at its inner step.
 ///
 /// A wave lasts from one rise to the next, or from one fall to the next. A delay of the response to rises or to falls
 /// then cancels.

@@ -15,8 +15,8 @@ use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// Simulated sensors of one step: of a set whose recordings have lamps of their own, and of one with sources. The mean gains of
-/// two sensors differ by a thousandth, which lamps take in, but sums of sources do not where the response is bent.
+/// Simulated sensors of one step, for a set without sources and for a set with sources. The mean gains of two sensors differ
+/// by a thousandth. Independent lamps absorb this difference. Sums of sources cannot absorb it if the response is nonlinear.
 const SENSORS: [usize; 2] = [2, 24];
 
 /// Largest number of steps.

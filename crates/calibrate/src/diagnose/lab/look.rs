@@ -48,7 +48,7 @@ pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan]) -> Seen {
         }
     }
     pick(&mut levels, &seen);
-    // The light of a sum follows from its sources, so a lamp of its own cannot be wrong.
+    // A sum has no lamp of its own: its light follows from its sources.
     levels.retain(|(k, _)| !setup.recordings[*k].sources.is_sum());
     let mut lit = points(&levels, |k| setup.recordings[k].light_uncertainty);
     lit.extend(bright_squares(setup, scans, dark_rate(&levels)));

@@ -32,8 +32,9 @@ pub(super) const SENSORS: usize = 80;
 const FIRST_SENSORS: usize = 24;
 const FIRST_LAMP_DRAWS: usize = 4;
 
-/// Simulations of a signature: two show how much of it is noise.
+/// Simulations of a signature: two show how much of it is noise. The first step makes one.
 pub(in crate::diagnose) const SIGNATURE_DRAWS: usize = 2;
+pub(in crate::diagnose) const FIRST_SIGNATURE_DRAWS: usize = 1;
 
 /// Simulations of a derivative in the first step. A base number differs from its calibrated value by one or two of its
 /// standard deviations. The noise of the derivative is multiplied by that only.
@@ -123,7 +124,9 @@ impl Baseline {
             to: FIRST_STAGE.1,
             pieces: FIRST_SENSORS + pairs * baseline.model.knobs.len() + baseline.signatures.len(),
         };
-        watched(&stage, progress, |done| baseline.extend([FIRST_LAMP_DRAWS, FIRST_SENSORS, pairs, 1], done))?;
+        watched(&stage, progress, |done| {
+            baseline.extend([FIRST_LAMP_DRAWS, FIRST_SENSORS, pairs, FIRST_SIGNATURE_DRAWS], done)
+        })?;
         Ok(baseline)
     }
 

@@ -18,8 +18,8 @@ const MARGIN: f64 = 1.15;
 /// How strict limits are.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::diagnose) struct LimitLevel {
-    /// Probability that a clean sensor exceeds one of the three limits.
-    probability: f64,
+    /// Probability that a clean sensor exceeds a limit.
+    pub(super) probability: f64,
     /// The upper quantile of the standard normal distribution at this probability.
     normal_quantile: f64,
     /// Factor of the total misfit's limit.
@@ -36,7 +36,7 @@ pub(in crate::diagnose) const ALARM: LimitLevel =
 pub(in crate::diagnose) const AGREEMENT: LimitLevel =
     LimitLevel { probability: 0.05, normal_quantile: 1.645, margin: 1.0, has_own_score_sds: true };
 
-/// Limits that a clean sensor passes once in a thousand times.
+/// Limits of clean sensors. One of a thousand clean sensors exceeds a limit of a complete null model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
     /// Total misfit.

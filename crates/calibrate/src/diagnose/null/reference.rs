@@ -1,7 +1,9 @@
 //! What a set of a given protocol looks like under the base model: mean, noise, what each number
 //! moves, how each candidate shows, and how far clean sensors stray.
 
-use super::baseline::{Baseline, NULL_MODEL_DONE, SENSORS, SENSORS_DONE, SIGNATURE_DRAWS, StartingCamera};
+use super::baseline::{
+    Baseline, FIRST_SIGNATURE_DRAWS, NULL_MODEL_DONE, SENSORS, SENSORS_DONE, SIGNATURE_DRAWS, StartingCamera,
+};
 use super::known::CALIBRATED;
 use super::lamps::columns;
 use super::limits::{AGREEMENT, ALARM, Base, Clean, LimitLevel, Limits};
@@ -93,7 +95,7 @@ impl NullModel {
 
     /// The null model for a search, from all simulations of the base model and sensors with numbers from their posterior.
     ///
-    /// With one of `signature_draws`, a search makes the second draw of the candidates that it compares.
+    /// With [`FIRST_SIGNATURE_DRAWS`], a search makes the second draw of the candidates that it compares.
     pub(in crate::diagnose) fn complete(
         mut baseline: Baseline,
         signature_draws: usize,
@@ -188,6 +190,11 @@ impl NullModel {
         self.baseline.len() < SENSORS
     }
 
+    /// Returns the probability that a clean sensor exceeds a limit.
+    pub(in crate::diagnose) fn limit_probability(&self) -> f64 {
+        if self.is_preliminary() { AGREEMENT.probability } else { ALARM.probability }
+    }
+
     /// A statistic in words.
     pub(in crate::diagnose) fn words(&self, i: usize) -> (String, String) {
         let s = &self.statistics[i];
@@ -198,7 +205,7 @@ impl NullModel {
 
     /// How `candidate` shows in a base sensor, from as many simulations as the other signatures.
     pub(in crate::diagnose) fn signature(&self, candidate: Candidate) -> Result<Signature> {
-        let draws = if self.is_preliminary() { 1 } else { SIGNATURE_DRAWS };
+        let draws = if self.is_preliminary() { FIRST_SIGNATURE_DRAWS } else { SIGNATURE_DRAWS };
         self.signature_with(candidate, Vec::new(), draws)
     }
 

@@ -78,9 +78,7 @@ impl Case<'_> {
         let next = self.judged(next, own)?;
         Ok(evidence.suffices(next.left_fitted).then_some(next))
     }
-}
 
-impl Case<'_> {
     /// Effects whose signatures resemble what a model leaves, the most similar first.
     fn similar_effects(&self, at: &Judged, signatures: &[&Signature]) -> Vec<&'static str> {
         let off = self.fitter.data - &at.fit.mean;

@@ -77,7 +77,7 @@ impl Lamp {
     }
 }
 
-/// Recordings whose light is stated and not dark. An unknown scene's light is what its rates say.
+/// Returns the recordings of stated light above zero. The light of an unknown scene follows from its rates.
 fn lit(setup: &Setup) -> impl Iterator<Item = (usize, &RecordedScene)> {
     let is_lit = |(_, s): &(usize, &RecordedScene)| s.brightness() > 0.0 && s.static_scene.is_none();
     setup.recordings.iter().enumerate().filter(is_lit)

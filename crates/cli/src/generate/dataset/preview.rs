@@ -35,8 +35,7 @@ pub(crate) struct Args {
     folder: PathBuf,
     /// Write the movie to this file
     ///
-    /// The extension of FILE selects the format: an animated image (.gif, .webp), or a video by ffmpeg (.mp4, .mkv,
-    /// .mov, .avi, .webm).
+    /// The extension selects an animated image (.gif, .webp), or a video by ffmpeg (.mp4, .mkv, .mov, .avi, .webm).
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Set the number of sequences

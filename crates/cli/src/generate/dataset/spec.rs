@@ -40,7 +40,7 @@ pub(crate) struct DatasetSpec {
     pub(crate) from_list: Option<PathBuf>,
     /// Use 30 (rhdd) or 2 (tiny) scenes
     ///
-    /// rhdd has 500 images per scene, and tiny has 40 images per scene. Both presets have one readout per image.
+    /// rhdd has 500 images per scene, and tiny has 40. Both have one readout per image.
     #[arg(long, hide_possible_values = true, value_name = "NAME", default_value = "rhdd", conflicts_with = "inputs",
           value_parser = PossibleValuesParser::new(SceneContent::PRESETS))]
     pub(crate) scene_preset: String,
@@ -72,8 +72,7 @@ pub(crate) struct DatasetSpec {
     pub(crate) label_every: Option<u32>,
     /// Set the lighting, such as dusk
     ///
-    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk, night or random. If the lighting is random, the scene
-    /// seed selects the lighting.
+    /// The lighting is noon, low-sun, overcast, rain, tunnel, dusk, night, or random, which the scene seed selects.
     #[arg(long, hide_possible_values = true, value_name = "NAME", default_value = "random", conflicts_with = "inputs",
           help_heading = "Scenes", value_parser = LightingArg::parser())]
     pub(crate) lighting: LightingArg,
@@ -133,15 +132,15 @@ pub(crate) struct DatasetSpec {
     pub(crate) exr: bool,
     /// Set readouts per frame [default: by input or 20]
     ///
-    /// By default, the frame times or the frame rate of the input determine the readouts per frame. If the input has
-    /// neither times nor a rate, every frame lasts 20 readouts, which is 1 ms at 20 kHz.
+    /// By default, the times or the rate of the frames determine this number. Without both, it is 20, which is 1 ms at
+    /// 20 kHz.
     #[arg(hide_short_help = true, long, value_name = "N", requires = "inputs", help_heading = "Conversion",
           value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) readouts_per_frame: Option<u64>,
     /// Interpolate the light between two frames: hold, linear or flow
     ///
-    /// hold keeps each frame until the next frame, linear changes the light of each pixel linearly, and flow moves the
-    /// light along an estimated motion.
+    /// hold keeps each frame until the next one, linear changes each pixel linearly, and flow moves the light along an
+    /// estimated motion.
     #[arg(
         hide_short_help = true,
         long,
@@ -153,8 +152,8 @@ pub(crate) struct DatasetSpec {
     pub(crate) interpolation: Interpolation,
     /// Fit frames to the size of the camera: cover, stretch or crop
     ///
-    /// cover scales the largest part of the frame that has the aspect ratio of the camera. stretch scales the whole
-    /// frame. crop cuts out the center of the frame without scaling.
+    /// cover scales the largest part with the aspect ratio of the camera, stretch scales the whole frame, and crop cuts
+    /// out the center without scaling.
     #[arg(
         hide_short_help = true,
         long,
@@ -166,8 +165,8 @@ pub(crate) struct DatasetSpec {
     pub(crate) resize_mode: ResizeMode,
     /// Set the transfer function from codes to light: linear, srgb, pq, hlg or an exponent such as 2.2
     ///
-    /// The section [light] of the camera file sets the default. Without this section, the default is srgb for images
-    /// and video, and linear for arrays and EXR.
+    /// The section [light] of the camera file sets the default. Without it, the default is srgb for images and
+    /// video, and linear for arrays and EXR.
     #[arg(
         hide_short_help = true,
         long,
@@ -198,13 +197,13 @@ pub(crate) struct DatasetSpec {
     pub(crate) images_every: Option<u64>,
     /// Set the format of reference images: u8, u16 or f32
     ///
-    /// u8 is a PNG in sRGB, u16 is a linear PNG, and f32 is a linear .npy array.
+    /// u8 is a PNG in sRGB, u16 a linear PNG, and f32 a linear .npy array.
     #[arg(hide_short_help = true, long, value_name = "FORMAT", default_value = "u8")]
     pub(crate) images_format: ImageFormat,
     /// Write for spikecv or spike-zoo
     ///
-    /// The data loaders of SpikeCV or Spike-Zoo can read the folders and file names of this layout. In the ground
-    /// truth, the value 255 is 1 spike per readout for spikecv and 0.6 spikes per readout for spike-zoo.
+    /// The data loaders of SpikeCV or Spike-Zoo read these folders and file names. In the ground truth, 255 is 1 spike
+    /// per readout for spikecv and 0.6 for spike-zoo.
     #[arg(long, value_name = "NAME", default_value = "spikecv")]
     pub(crate) dataset_layout: DatasetLayout,
     /// Set the share of sequences for testing

@@ -33,14 +33,14 @@ pub(crate) struct Args {
     pub(super) stream: StreamArgs,
     /// Compare with this image or folder
     ///
-    /// In a folder, the name of each image is the number of its readout. A single image can be passed too. With --every,
-    /// a single image is the reference for all readouts.
+    /// In a folder, the name of each image is the number of its readout. With --every, a single image is the reference
+    /// for all readouts.
     #[arg(long, value_name = "IMAGE")]
     pub(super) reference: Option<PathBuf>,
     /// Set the transfer function of the reference: linear, srgb, pq, hlg or an exponent such as 2.2
     ///
-    /// The default comes from the sidecar or the record of the dataset. If neither exists, the default is linear for
-    /// EXR images and srgb for other images.
+    /// The default comes from the sidecar or the record of the dataset, else it is linear for EXR and srgb for other
+    /// images.
     #[arg(hide_short_help = true, long, value_name = "TRANSFER")]
     pub(super) reference_transfer: Option<Transfer>,
     /// Compare with other readouts of a static scene

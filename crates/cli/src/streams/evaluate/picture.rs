@@ -32,7 +32,7 @@ pub(super) struct ReconstructionArgs {
     pub method: Vec<Method>,
     /// Set the window of tfp and span
     ///
-    /// The window is in readouts. This option is repeatable: each window gives one picture of each method.
+    /// Windows are in readouts. Each window gives one picture of each method (repeatable).
     #[arg(long, value_name = "READOUTS", default_values_t = [33, 129],
           value_parser = clap::value_parser!(u32).range(1..))]
     pub window: Vec<u32>,
