@@ -33,6 +33,9 @@ const BATCH_PATCHES: usize = 1024;
 /// eigenvalues are removed one by one until the mean of the remaining eigenvalues equals their median. This mean is the
 /// variance of the noise.
 ///
+/// In a textured image of 200x150 pixels with noise of 2 to 25 codes of 8 bits, the errors are -1 % to 3 %
+/// (`tests/picture_noise.rs`).
+///
 /// # Errors
 /// [`ErrorKind::Usage`] if the length of `image` does not match `geometry`, or if there are too few patches for a
 /// covariance. About 32x32 pixels are required.
@@ -70,7 +73,9 @@ pub fn patch_noise(image: &[f32], geometry: Geometry) -> Result<f64> {
 ///    eigenvalue of the covariance of these patches is the next estimate. The authors' program also selects twice.
 ///
 /// The smallest eigenvalue of a sample covariance is below the variance. For `n` patches without texture, the deviation
-/// is about `sqrt(N / n)` of the standard deviation: 4 % for 192x192 pixels.
+/// is about `sqrt(N / n)` of the standard deviation: 4 % for 192x192 pixels. In a textured image of 200x150 pixels with
+/// noise of 2 to 25 codes of 8 bits, the errors are -6 % to -2 % (`tests/picture_noise.rs`). The authors' program uses the
+/// rank of the quadratic form, 45, in the place of `N`. This changes the estimates of this image by less than 1 %.
 ///
 /// # Examples
 /// ```

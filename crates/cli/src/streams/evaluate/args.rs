@@ -16,8 +16,8 @@ use super::reference::{ReferenceCurve, ReferenceImage};
 /// FILE is a stream, the folder of a dataset, or a packed shard. The command scores TFP, span and TFI pictures at one readout. With
 /// --every, or with a folder of reference images, the command scores many readouts and prints means.
 ///
-/// The first table has two estimates of the noise that need no reference (patches: Chen et al. 2015, smallest
-/// eigenvalues; differences: Immerkaer 1996). The signal-to-noise ratio is 20 log10 of the mean divided by the patch
+/// The first table has three estimates of the noise that need no reference (patches: Chen et al. 2015; weak texture: Liu
+/// et al. 2013; differences: Immerkaer 1996). The signal-to-noise ratio is 20 log10 of the mean divided by the patch
 /// noise. With --reference, or for a dataset, the first table also has PSNR and SSIM. Both scores compare the codes of the picture
 /// with the codes of the reference. All codes are computed with the transfer function of the reference and are between
 /// 0 and 1. Brighter light is clipped to 1, and the peak is 1.

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 use spikelane::reconstruct::{DetailReference, DetailScores, psnr, score_detail, ssim};
 use spikelane::{Geometry, Result};
-use spikelane_measure::image_noise::{difference_noise, patch_noise};
+use spikelane_measure::image_noise::{difference_noise, patch_noise, weak_texture_noise};
 
 use super::reference::ReferenceImage;
 
@@ -67,6 +67,9 @@ pub(crate) struct Scores {
     /// Estimate of the standard deviation of the noise from patches, in the unit of the picture. `None` if the picture
     /// is smaller than about 32x32 pixels.
     patch_noise: Option<f64>,
+    /// Estimate of the standard deviation of the noise from weakly textured patches, in the unit of the picture. `None` as
+    /// for `patch_noise`.
+    weak_texture_noise: Option<f64>,
     /// Estimate of the standard deviation of the noise from differences, in the unit of the picture.
     difference_noise: Option<f64>,
     mean: f64,
@@ -77,7 +80,8 @@ pub(crate) struct Scores {
 /// Header of the second table.
 pub(crate) const DETAIL_HEADER: &str = "against the truth aligned, dB  detail   noise, %   outliers\n";
 
-pub(crate) const HEADER: &str = "image          PSNR, dB    SSIM patches, % differences, %  SNR, dB\n";
+pub(crate) const HEADER: &str =
+    "image          PSNR, dB    SSIM patches, % weak texture, % differences, %  SNR, dB\n";
 
 impl Scores {
     pub(crate) fn compute(
@@ -87,8 +91,9 @@ impl Scores {
         reference: Option<&DetailReference>,
     ) -> Result<Self> {
         let mut marks = Self {
-            // Both estimates fail only for small pictures. Such a picture has no estimate.
+            // The estimates fail only for small pictures. Such a picture has no estimate.
             patch_noise: patch_noise(rates, geometry).ok(),
+            weak_texture_noise: weak_texture_noise(rates, geometry).ok(),
             difference_noise: difference_noise(rates, geometry).ok(),
             mean: rates.iter().map(|r| f64::from(*r)).sum::<f64>() / rates.len() as f64,
             // Scoring the detail fails only for pictures that are uniform or too small.
@@ -117,6 +122,7 @@ impl Scores {
         let numbers = [
             ("ssim", self.ssim),
             ("patch_noise", self.patch_noise),
+            ("weak_texture_noise", self.weak_texture_noise),
             ("difference_noise", self.difference_noise),
             ("mean", Some(self.mean)),
         ];
@@ -144,10 +150,11 @@ impl Scores {
         let decibels = |v: Option<Decibels>| v.map_or("-".into(), Decibels::text);
         let percent = |v| self.relative_noise(v).map(|share| 100.0 * share);
         format!(
-            "{name:<14} {:>8} {:>7} {:>10} {:>12} {:>8}\n",
+            "{name:<14} {:>8} {:>7} {:>10} {:>15} {:>14} {:>8}\n",
             decibels(self.psnr),
             number(self.ssim, 4),
             number(percent(self.patch_noise), 3),
+            number(percent(self.weak_texture_noise), 3),
             number(percent(self.difference_noise), 3),
             decibels(self.snr()),
         )
@@ -178,6 +185,7 @@ impl Scores {
             psnr: decibels(|m| m.psnr),
             ssim: average(all.iter().map(|m| m.ssim)),
             patch_noise: average(all.iter().map(|m| m.relative_noise(m.patch_noise))),
+            weak_texture_noise: average(all.iter().map(|m| m.relative_noise(m.weak_texture_noise))),
             difference_noise: average(all.iter().map(|m| m.relative_noise(m.difference_noise))),
             mean: 1.0,
             detail: all
