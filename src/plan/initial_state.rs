@@ -3,6 +3,7 @@
 use crate::draws::hash::{self, CounterRng, RoundKey, address_key, pixel_half};
 use crate::draws::{RandomStream, Seeds, gauss};
 use crate::effects::{Model, StartPhases};
+use crate::error::{Error, ErrorKind, Result};
 use crate::pixel::{Law, NoiseSampling};
 use crate::plan::Plan;
 use crate::plan::dynamics::Dynamics;
@@ -103,6 +104,49 @@ impl Plan {
     #[must_use]
     pub fn initial_state(&self) -> SimulatorState {
         self.initial_state_with(&ScalarDraws)
+    }
+
+    /// Returns the state before the first readout in which the pixels have given charges instead of drawn charges.
+    ///
+    /// `shares` contains the charge of each pixel as a share of the pixel's threshold. The charge is rounded down to
+    /// 1/65,536 step. Use the state to start from the charges of another simulator.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Plan, Seeds, Sensor, Simulator};
+    /// let plan = Plan::new(&Camera::ideal(Sensor::new(32, 24, 20_000.0)?), Seeds::default())?;
+    /// let state = plan.initial_state_with_charges(&[0.75; 32 * 24])?;
+    /// let mut simulator = Simulator::from_plan(plan);
+    /// simulator.set_state(state)?;
+    /// // A fifth of full scale: with three quarters of the threshold, every pixel fires at the second readout.
+    /// let spikes = simulator.run(&[51u8; 32 * 24], 2)?;
+    /// assert_eq!((spikes.get(0, 0, 0), spikes.get(1, 0, 0)), (false, true));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ErrorKind::Input`] if the number of shares is not the number of pixels, or if a share is not in 0 to below 1.
+    pub fn initial_state_with_charges(&self, shares: &[f64]) -> Result<SimulatorState> {
+        let wrong = |found: String| Error::new(ErrorKind::Input, "start charges").found(found);
+        let pixels = self.geometry.pixels();
+        if shares.len() != pixels {
+            return Err(wrong(format!("{} values", shares.len())).expected(format_args!("{pixels} values")));
+        }
+        if let Some(p) = shares.iter().position(|share| !(0.0..1.0).contains(share)) {
+            return Err(wrong(format!("{} at pixel {p}", shares[p]))
+                .expected("a share of the threshold from 0 to below 1"));
+        }
+        let mut state = self.initial_state();
+        let thresholds = &self.tables().threshold;
+        for (p, (share, threshold)) in shares.iter().zip(thresholds).enumerate() {
+            let fixed = (share * f64::from(*threshold) * 65_536.0) as i64;
+            state.charge[p] = saturate_to_i16(steps_above_threshold(fixed, *threshold));
+            state.fraction[p] = (fixed as u16 ^ FRACTION_TOP_BIT) as i16;
+            if let Some(surplus) = state.surplus.get_mut(p) {
+                *surplus = 0;
+            }
+        }
+        Ok(state)
     }
 
     /// Returns the state before the first readout, drawn by `draws`.

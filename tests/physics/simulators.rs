@@ -4,6 +4,7 @@ use crate::common_oracle::{
     Estimate, IndependentNoise, SpikeTimes, preset, seeds, simulate_times, spread_light,
 };
 use spikelane::pixel::NoiseSource;
+use spikelane::{ErrorKind, Plan, Simulator};
 
 /// Simulates SpikingSIM. A readout has 250 clock cycles of 0.2 us. At the cycle in which the pixel voltage reaches 2 V,
 /// the voltage is reset to zero.
@@ -190,6 +191,31 @@ fn the_noise_free_converters_divide_the_gray_level_as_stated() {
                 times.len()
             );
         }
+    }
+}
+
+/// Spike-Zoo adds gray / 510 thresholds per readout. A pixel that starts with the charge `share` fires at the first readout
+/// `n`, counted from 1, with `share + n gray / 510 >= 1`.
+#[test]
+fn given_start_charges_determine_the_first_spikes() {
+    let plan = Plan::new(&preset("spike-zoo", 256, 1), seeds(1)).unwrap();
+    let shares: Vec<f64> = (0..256).map(|gray| (f64::from(gray) * 0.618_03).fract()).collect();
+    let mut simulator = Simulator::from_plan(plan.clone());
+    simulator.set_state(plan.initial_state_with_charges(&shares).unwrap()).unwrap();
+    let light: Vec<u8> = (0..=255).collect();
+    let spikes = simulator.run(&light, 100).unwrap();
+    for (gray, share) in shares.iter().enumerate() {
+        let first = (0..100).find(|t| spikes.get(*t, 0, gray));
+        let wanted = (0..100).find(|t| share + (*t + 1) as f64 * gray as f64 / 510.0 >= 1.0);
+        assert_eq!(first, wanted, "gray {gray}");
+    }
+}
+
+#[test]
+fn start_charges_outside_the_threshold_are_refused() {
+    let plan = Plan::new(&preset("spike-zoo", 256, 1), seeds(1)).unwrap();
+    for shares in [vec![0.5; 255], vec![1.0; 256], vec![-0.1; 256], vec![f64::NAN; 256]] {
+        assert_eq!(plan.initial_state_with_charges(&shares).unwrap_err().kind(), ErrorKind::Input);
     }
 }
 
