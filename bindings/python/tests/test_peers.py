@@ -1,15 +1,17 @@
 """SpikeCV and Spike-Zoo read files of this package, and this package reads their files, bit by bit.
 
 The tests run functions of both tools. SPIKECV is the folder of a checkout of SpikeCV. SPIKEZOO is the folder of an unpacked
-wheel of Spike-Zoo; without it, the tests use the installed package. Both tools import packages that these functions do not
-need, so the tests load each function from its file without these imports.
+wheel of Spike-Zoo; without it, the tests use the installed package. SCSIM is the folder of a checkout of SCSim. The tools
+import packages that these functions do not need, so the tests load each function from its file without these imports.
 """
 
 from __future__ import annotations
 
 import ast
 import importlib.util
+import json
 import os
+import subprocess
 import sys
 import warnings
 from pathlib import Path
@@ -108,3 +110,25 @@ def test_examples_run(tmp_path):
     raw = np.fromfile(tmp_path / "light.dat", np.uint8).reshape(spikes.shape[0], -1)
     frames = np.unpackbits(raw, axis=1, bitorder="little").reshape(spikes.shape)
     np.testing.assert_array_equal(frames[:, ::-1], spikes.to_dense())
+
+
+def photo(folder: Path) -> Path:
+    image = pytest.importorskip("PIL.Image", reason="Pillow writes the image")
+    rows, columns = np.mgrid[0:48, 0:80]
+    waves = [128 + 127 * np.sin(columns / 9 + k) * np.cos(rows / (7 + k)) for k in range(3)]
+    image.fromarray(np.stack(waves, axis=-1).astype(np.uint8)).save(folder / "photo.png")
+    return folder / "photo.png"
+
+
+@pytest.mark.parametrize("simulator", ["spikezoo", "spikecv", "spikecv-image", "scsim"])
+def test_presets_agree_with_the_published_code(simulator, tmp_path):
+    variable = simulator.removesuffix("-image").upper()
+    if variable not in os.environ:
+        pytest.skip(f"{variable}=folder of a checkout is not set")
+    pytest.importorskip("cv2", reason="the published code needs OpenCV")
+    command = [sys.executable, "-m", "spikelane", "check", simulator, str(photo(tmp_path)), "--python", sys.executable]
+    command += ["--code", os.environ[variable], "--readouts", "120", "--json"]
+    command += ["--crop", "32x24", "--runs", "2"] if simulator == "scsim" else []
+    ran = subprocess.run(command, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert json.loads(ran.stdout.splitlines()[-1])["agrees"]

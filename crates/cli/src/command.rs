@@ -2,6 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
+use super::check;
 use super::generate::{dataset, live, scene, simulate};
 use super::meta::{completions, effects, man, preset};
 use super::sensors::{calibrate, compare, diagnose, measure, record};
@@ -55,6 +56,7 @@ pub(super) enum Command {
     Compare(compare::Args),
     Diagnose(diagnose::Args),
     Record(record::Args),
+    Check(check::Args),
     Scene(scene::Args),
     Dataset(Box<dataset::Args>),
     Speed(speed::SpeedArgs),

@@ -1,6 +1,7 @@
 //! The command-line interface of spikelane. Each command has its own file. This crate uses only the public interfaces
 //! of the libraries.
 
+mod check;
 mod command;
 mod common;
 mod generate;
@@ -89,6 +90,7 @@ fn dispatch(command: Option<Command>, out: &Console) -> Result<()> {
         Some(Command::Record(args)) => {
             run_interruptible(args.interrupt_message(), || record::run(&args, out))
         }
+        Some(Command::Check(args)) => run_interruptible(NOTHING_WRITTEN_MESSAGE, || check::run(&args, out)),
         Some(Command::Scene(args)) => {
             run_interruptible(UNFINISHED_REMOVED_MESSAGE, || scene::run(&args, out))
         }

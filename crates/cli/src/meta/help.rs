@@ -55,6 +55,13 @@ const COMMAND_EXAMPLES: &[(&str, [&str; 2])] = &[
         ["diagnose first.toml --holdout second.toml", "diagnose first.toml --camera mine.toml -o found"],
     ),
     ("record", ["record physical -o set", "record --camera mine.toml --dry-run"]),
+    (
+        "check",
+        [
+            "check spikezoo photo.png --code ~/Spike-Zoo",
+            "check scsim photo.png --code ~/SCSim --python venv/bin/python",
+        ],
+    ),
     ("scene", ["scene -o drive", "scene -o drive --scene-seed 3 --frames 100 --video"]),
     (
         "dataset",

@@ -89,6 +89,8 @@ fn light_commands(size: &str) -> Vec<String> {
         "evaluate run.dat".to_owned(),
         "inspect run.dat --digest".to_owned(),
         "convert run.dat converted.npy --readouts 1..5 --force".to_owned(),
+        // The command reads the light before it starts Python.
+        "check spikezoo in/light.npy --code . --python ./no-python".to_owned(),
     ]
 }
 

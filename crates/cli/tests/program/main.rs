@@ -5,6 +5,8 @@ mod finite;
 #[path = "../program_support/mod.rs"]
 mod program_support;
 
+#[cfg(unix)]
+mod check;
 mod dataset;
 mod defaults;
 mod errors;
