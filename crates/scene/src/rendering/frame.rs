@@ -51,6 +51,8 @@ pub(crate) struct PlacedVehicle<'a> {
     /// position of the vehicle.
     pub sky: f32,
     pub tunnel: f32,
+    /// Result of `City::portal_share` at the position of the vehicle.
+    pub portal: f32,
     pub is_driving: bool,
     pub is_braking: bool,
 }
@@ -166,6 +168,7 @@ impl<'a> SceneInstant<'a> {
             radius: (shape.size * 0.5).length() + 0.1,
             sky: if on_road { scene.city.sky_at(s) } else { 0.7 },
             tunnel: scene.city.tunnel_share(s),
+            portal: scene.city.portal_share(s),
             is_driving: drives,
             is_braking: drives && before - stance.speed > 0.05,
         });
