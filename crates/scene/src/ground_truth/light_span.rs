@@ -275,12 +275,10 @@ impl<'a> SpanRenderer<'a> {
             pixels.zip(&interval.unreliable).for_each(|(at, &unreliable)| needed[at] = unreliable);
         }
         if !needed.is_empty() {
-            let chosen = Tiles::from_pixels(w, h, needed.clone(), usize::from(self.scene.has_sun()));
+            let chosen = Tiles::from_pixels(w, h, needed, usize::from(self.scene.has_sun()));
             let instant = SceneInstant::new(self.scene, self.times[k]);
-            let (rendered, _) =
-                self.scene.render_instant(&instant, self.samples, (&chosen, Some(city)), threads);
-            let pixels = light.iter_mut().zip(&rendered.light).zip(&needed);
-            pixels.filter(|(_, needed)| **needed).for_each(|((light, rendered), _)| *light = *rendered);
+            let pixels = self.scene.render_pixels(&instant, self.samples, (&chosen, city), threads);
+            pixels.into_iter().for_each(|(at, rendered)| light[at] = rendered);
         }
         let mut motions = MotionCache::default();
         for interval in due {

@@ -47,7 +47,7 @@ impl Scene {
             &SceneInstant::new(self, t),
             &SamplePattern::new(0),
             (&self.tiles(), None),
-            false,
+            (true, false),
             threads,
         )
         .labels
@@ -90,7 +90,7 @@ impl Scene {
     ) -> (RenderedFrame, HiddenData) {
         let pattern = SamplePattern::new(samples.count());
         let shadows = self.has_sun();
-        let visibility = compute_visibility(frame, &pattern, (tiles, city), shadows, threads);
+        let visibility = compute_visibility(frame, &pattern, (tiles, city), (true, shadows), threads);
         let bands = threads::map_indexed(threads, visibility.bands.len(), |b| {
             shade_band(frame, &visibility, &pattern, (b, tiles))
         });
@@ -102,6 +102,32 @@ impl Scene {
         let light = rgb.iter().map(|&c| luminance(c.into())).collect();
         let hidden = HiddenData { excess, bands: visibility.bands };
         (RenderedFrame { labels: visibility.labels, light, rgb }, hidden)
+    }
+}
+
+impl Scene {
+    /// Renders the luminance in front of the lens of the pixels whose light `tiles` needs. Returns the index and the
+    /// luminance of each pixel. It is the luminance of [`render_instant`](Self::render_instant).
+    ///
+    /// Only the triangles `city` of each chunk of the city are drawn.
+    pub(crate) fn render_pixels(
+        &self,
+        frame: &SceneInstant,
+        samples: SamplesPerPixel,
+        (tiles, city): (&Tiles, &[Vec<u32>]),
+        threads: usize,
+    ) -> Vec<(usize, f32)> {
+        let pattern = SamplePattern::new(samples.count());
+        let options = (false, self.has_sun());
+        let visibility = compute_visibility(frame, &pattern, (tiles, Some(city)), options, threads);
+        let bands = threads::map_indexed(threads, visibility.bands.len(), |b| {
+            let mut pixels = Vec::new();
+            shade_pixels(frame, &visibility, &pattern, (b, tiles), |at, color, _| {
+                pixels.push((b * BAND_ROWS * visibility.labels.width + at, luminance(color)));
+            });
+            pixels
+        });
+        bands.concat()
     }
 }
 
@@ -142,11 +168,31 @@ pub(super) fn shade_band(
     pattern: &SamplePattern,
     (index, tiles): (usize, &Tiles),
 ) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+    let pixels = visibility.labels.width * band_rows(index, visibility.labels.height);
+    let mut out = vec![[0.0; 3]; pixels];
+    let has_limit = frame.scene.light.max_sharp_cd_m2.is_finite();
+    let mut excess = if has_limit { vec![[0.0; 3]; pixels] } else { Vec::new() };
+    shade_pixels(frame, visibility, pattern, (index, tiles), |at, color, above| {
+        out[at] = color.to_array();
+        if above != Vec3::ZERO {
+            excess[at] = above.to_array();
+        }
+    });
+    (out, excess)
+}
+
+/// Shades the pixels of a band whose light is needed. `output` receives the index of a pixel within the band, its color up
+/// to the limit of the sharp image, and its color above this limit.
+fn shade_pixels(
+    frame: &SceneInstant,
+    visibility: &Visibility,
+    pattern: &SamplePattern,
+    (index, tiles): (usize, &Tiles),
+    mut output: impl FnMut(usize, Vec3, Vec3),
+) {
     let (width, height) = (visibility.labels.width, visibility.labels.height);
     let (rows, runs) = (band_rows(index, height), tiles.band_runs(index));
-    let mut out = vec![[0.0; 3]; width * rows];
     let limit = frame.scene.light.max_sharp_cd_m2;
-    let mut excess = if limit.is_finite() { vec![[0.0; 3]; width * rows] } else { Vec::new() };
     let mut groups: Vec<SurfaceGroup> = Vec::new();
     let mut latest = FacetCache::default();
     for row in 0..rows {
@@ -173,13 +219,9 @@ pub(super) fn shade_band(
                 }
             }
             let count = (pattern.rows() - 1) as f32;
-            out[row * width + x] = (sum / count).to_array();
-            if above != Vec3::ZERO {
-                excess[row * width + x] = (above / count).to_array();
-            }
+            output(row * width + x, sum / count, above / count);
         }
     }
-    (out, excess)
 }
 
 pub(super) fn collect(

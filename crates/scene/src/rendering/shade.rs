@@ -67,7 +67,9 @@ pub(crate) fn shade(frame: &SceneInstant, f: &Fragment, sun: f32) -> Vec3 {
         out = out * (1.0 - fresnel * clear)
             + reflected_environment(frame, f, direction, tunnel, look.roughness) * (fresnel * clear);
     }
-    add_haze(frame, out, f.view_direction, f.distance)
+    // The air in front of the tunnel scatters daylight, and the air inside does not.
+    let outside = f.distance.min(frame.entrance_m);
+    add_haze(frame, out, f.view_direction, f.distance + (outside - f.distance) * tunnel)
 }
 
 /// Returns the luminance of the sky in direction `direction`, including clouds and the disk of the sun.

@@ -108,8 +108,10 @@ fn colors_of_lamps_are_not_limited() {
 
 #[test]
 fn light_is_the_luminance_of_the_color_if_no_lamp_is_visible() {
-    let frame =
-        Scene::from_seed(23, &options(Lighting::Noon)).unwrap().render(0.5, SamplesPerPixel::Four, 1).unwrap();
+    let frame = Scene::from_seed(23, &options(Lighting::Noon))
+        .unwrap()
+        .render(0.5, SamplesPerPixel::Four, 1)
+        .unwrap();
     let weights = spikelane::light::LUMINANCE_WEIGHTS;
     for (color, light) in frame.rgb.iter().zip(&frame.light) {
         let luminance: f32 = color.iter().zip(weights).map(|(x, w)| x * w).sum();
