@@ -34,11 +34,12 @@ impl LightStatistics {
     /// of the frames of the light.
     pub(super) fn facts(&self, reference: &[f32], geometry: Geometry, first_readouts: &[usize]) -> Value {
         let clipped: Vec<f32> = reference.iter().map(|x| x.min(1.0)).collect();
-        let white = self.white_pixels as f64 / self.pixels.max(1) as f64;
+        let white = (self.pixels > 0).then(|| self.white_pixels as f64 / self.pixels as f64);
         let whole = self.steps.len() > 1;
         insert_present(
-            json!({ "white_share": white }),
+            json!({}),
             [
+                ("white_share", white.map(|share| json!(share))),
                 ("spectral_slope", spectral_slope(&clipped, geometry.width()).map(|slope| json!(slope))),
                 ("largest_step", whole.then(|| json!(self.steps.iter().copied().fold(0.0, f64::max)))),
                 (

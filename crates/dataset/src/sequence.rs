@@ -172,10 +172,20 @@ fn generate_from_input(
     let outcome = simulate_streams(options, entry, light, &mut keeper, watch)?;
     let glance = &outcome.light_sample;
     let middle = outcome.readouts / 2;
-    if glance.readout == middle {
-        ground_truth::write_reference_images(options, &glance.frame, folder)?;
-    } else if let Some(frame) = ground_truth::middle_frame(&open, &timeline, Some(outcome.readouts))? {
-        ground_truth::write_reference_images(options, &ScaledSource::scale_frame(&frame, by)?, folder)?;
+    let reference = if glance.readout == middle {
+        Some(glance.frame.clone())
+    } else {
+        let frame = ground_truth::middle_frame(&open, &timeline, Some(outcome.readouts))?;
+        frame.map(|frame| ScaledSource::scale_frame(&frame, by)).transpose()?
+    };
+    let mut light_statistics = None;
+    if let Some(reference) = reference {
+        ground_truth::write_reference_images(options, &reference, folder)?;
+        let first_readouts: Vec<usize> = (0..outcome.frames)
+            .map_while(|frame| usize::try_from(timeline.first_readout(frame)?).ok())
+            .collect();
+        light_statistics =
+            Some(keeper.statistics.facts(&reference.to_f32(), reference.geometry(), &first_readouts));
     }
     let facts = json!({
         "content": "input", "input": name, "frames": outcome.frames, "readouts": outcome.readouts,
@@ -183,6 +193,7 @@ fn generate_from_input(
         "ground_truth": ground_truth_facts(options.dataset_layout), "light_scale": by,
         "frames_above_max_light": outcome.frames_above_max_light, "notes": notes,
     });
+    let facts = insert_present(facts, [("light_statistics", light_statistics)]);
     Ok((with_image_facts(facts, &keeper), outcome.readouts))
 }
 

@@ -41,7 +41,7 @@ class RenderedFrame:
     """A scene at ``t`` seconds, with exact labels.
 
     - ``light``: float32 (H, W), linear, 1.0 at white; lamps and highlights exceed 1.0;
-    - ``rgb``: float32 (H, W, 3), linear;
+    - ``rgb``: float32 (H, W, 3), linear, in cd/m2, with the full light of lamps;
     - ``depth``: float32 (H, W) in meters, infinite in the sky;
     - ``instances``: uint32 (H, W), the ``track_id`` of the vehicle, or 0 where no vehicle is visible;
     - ``semantic``: uint8 (H, W), with the values of ``Scene.semantic_names``;

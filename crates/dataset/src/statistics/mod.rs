@@ -21,7 +21,8 @@ const WHITE_SHARE: &str = "at or above full scale";
 
 /// Values of the light of real cameras or of ideal scenes, with their sources. The values of a quantity of scenes should be
 /// near its reference.
-pub const LIGHT_REFERENCES: [(&str, &str); 3] = [
+pub const LIGHT_REFERENCES: [(&str, &str); 4] = [
+    (SPECTRAL_SLOPE, "-2.3: a recording of a real spike camera"),
     (WHITE_SHARE, "below 5 %: exposure of a camera that keeps its highlights"),
     (LARGEST_STEP, "below the step of an edge that moves by a quarter pixel"),
     (RENDER_RATE_AMPLITUDE, "0: light that changes evenly; 100: frames that are held"),

@@ -49,6 +49,9 @@ pub(crate) struct City {
 /// Distance between the samples of `sky_along`, in meters.
 pub(super) const SKY_SAMPLE_SPACING_M: f64 = 4.0;
 
+/// Radius of a disk with about the area of a portal, in meters.
+const PORTAL_RADIUS_M: f64 = 5.0;
+
 impl City {
     /// Returns whether `s` is inside the tunnel or closer than `margin` to the tunnel. Lots in this range must stay
     /// empty.
@@ -60,6 +63,17 @@ impl City {
     /// is 0 outside the tunnel, and 1 at 3 m or more from both ends.
     pub(crate) fn tunnel_share(&self, s: f64) -> f32 {
         self.tunnel.map_or(0.0, |(a, b)| (((s - a).min(b - s) / 3.0).clamp(0.0, 1.0)) as f32)
+    }
+
+    /// Returns the illuminance inside the tunnel by the street in front of a portal, divided by the illuminance by the
+    /// street outside. The result is 0 outside the tunnel.
+    ///
+    /// The portal is a bright disk of radius R, and a wall at the distance x from the disk sees half of it at most: the
+    /// fraction is (1 - x / sqrt(x^2 + R^2)) / 2.
+    pub(crate) fn portal_share(&self, s: f64) -> f32 {
+        let share = |x: f64| 0.5 * (1.0 - x / x.hypot(PORTAL_RADIUS_M));
+        let inside = self.tunnel.filter(|&(a, b)| s > a && s < b);
+        inside.map_or(0.0, |(a, b)| (share(s - a) + share(b - s)) as f32)
     }
 
     /// Returns the fraction of the sky that is visible from a vehicle on the road at `s`.

@@ -27,7 +27,7 @@ const MAX_BASE_MOTION_PX: f32 = 3.0;
 pub struct SpanEnd {
     labels: Labels,
     light: Vec<f32>,
-    /// Luminance that is only in the glare of the lens.
+    /// Luminance that is only in the glare of the lens. The list is empty if there is no such luminance.
     glare: Vec<f32>,
     /// Triangles of the city that are visible.
     visible: TriangleSet,
@@ -89,7 +89,7 @@ impl Scene {
         let visible = TriangleSet::from_bands(&hidden.bands, &self.city.mesh);
         // Warping needs only depths and parts. The other labels are removed to save memory.
         let labels = Labels { instance: Vec::new(), semantic: Vec::new(), ..frame.labels };
-        SpanEnd { labels, light: frame.light, glare: hidden.glare, visible }
+        SpanEnd { labels, light: frame.light, glare: hidden.glare(), visible }
     }
 
     /// Returns the luminance at `times`. All times must be inside the drive.
@@ -164,10 +164,9 @@ impl<'a> SpanRenderer<'a> {
             }
         }
         let glares = self.glares(&intervals);
-        let no_glare = vec![0.0; images[0].len()];
         threads::map_indexed(threads, n, |k| {
             let mut light = images[k].clone();
-            self.scene.image_formation.apply(&mut light, glares.get(k).unwrap_or(&no_glare));
+            self.scene.image_formation.apply(&mut light, glares.get(k).map_or(&[], |glare| glare));
             light
         })
     }
@@ -175,13 +174,13 @@ impl<'a> SpanRenderer<'a> {
     /// Returns the light of every instant that is only in the glare of the lens, or an empty list if there is no such
     /// light. The glare is wide, so this light is interpolated between the base renders.
     fn glares(&self, intervals: &[BaseInterval]) -> Vec<Vec<f32>> {
-        if self.base.iter().flatten().all(|image| image.glare.iter().all(|&x| x == 0.0)) {
+        if self.base.iter().flatten().all(|image| image.glare.is_empty()) {
             return Vec::new();
         }
         let (w, h) = self.size();
         let of_image = |image: &Option<SpanEnd>| match image {
-            Some(image) => image.glare.clone(),
-            None => vec![0.0; w * h],
+            Some(image) if !image.glare.is_empty() => image.glare.clone(),
+            _ => vec![0.0; w * h],
         };
         let mut glares: Vec<Vec<f32>> = self.base.iter().map(of_image).collect();
         for interval in intervals {
@@ -276,12 +275,10 @@ impl<'a> SpanRenderer<'a> {
             pixels.zip(&interval.unreliable).for_each(|(at, &unreliable)| needed[at] = unreliable);
         }
         if !needed.is_empty() {
-            let chosen = Tiles::from_pixels(w, h, needed.clone(), usize::from(self.scene.has_sun()));
+            let chosen = Tiles::from_pixels(w, h, needed, usize::from(self.scene.has_sun()));
             let instant = SceneInstant::new(self.scene, self.times[k]);
-            let (rendered, _) =
-                self.scene.render_instant(&instant, self.samples, (&chosen, Some(city)), threads);
-            let pixels = light.iter_mut().zip(&rendered.light).zip(&needed);
-            pixels.filter(|(_, needed)| **needed).for_each(|((light, rendered), _)| *light = *rendered);
+            let pixels = self.scene.render_pixels(&instant, self.samples, (&chosen, city), threads);
+            pixels.into_iter().for_each(|(at, rendered)| light[at] = rendered);
         }
         let mut motions = MotionCache::default();
         for interval in due {

@@ -1,10 +1,12 @@
 //! Preview images of labels and light.
 
+use glam::Vec3;
 use image::ExtendedColorType;
 
 use super::{expect_len, png};
 use crate::ground_truth::boxes::VehicleBox;
 use crate::ground_truth::flow::Flow;
+use crate::lighting::luminance;
 use crate::rendering::rendered_frame::{Labels, RenderedFrame};
 use crate::shapes::material::Semantic;
 use spikelane::error::Result;
@@ -23,13 +25,22 @@ fn tone_map_srgb(linear: f32) -> u8 {
     (s * 255.0 + 0.5) as u8
 }
 
+/// Returns the sRGB codes of the pixels. The codes have the hue of `rgb` and the luminance of `light`, as the sensor
+/// receives it.
+fn srgb_pixels(frame: &RenderedFrame, white_cd_m2: f32) -> Vec<[u8; 3]> {
+    let pixel = |(color, light): (&[f32; 3], &f32)| {
+        let scale = light / luminance(Vec3::from(*color)).max(f32::MIN_POSITIVE);
+        color.map(|v| tone_map_srgb(v * scale / white_cd_m2))
+    };
+    frame.rgb.iter().zip(&frame.light).map(pixel).collect()
+}
+
 /// Encodes a color image. The luminance `white_cd_m2` becomes white.
 ///
 /// # Errors
 /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the lengths of the frame's fields do not match its size.
 pub fn light_preview(frame: &RenderedFrame, white_cd_m2: f32) -> Result<Vec<u8>> {
-    let pixels = frame.rgb.iter().map(|c| c.map(|v| tone_map_srgb(v / white_cd_m2))).collect();
-    rgb_png(pixels, frame.labels.width, frame.labels.height)
+    rgb_png(srgb_pixels(frame, white_cd_m2), frame.labels.width, frame.labels.height)
 }
 
 /// Encodes the color image and draws the boxes of visible vehicles.
@@ -40,7 +51,7 @@ pub fn light_preview(frame: &RenderedFrame, white_cd_m2: f32) -> Result<Vec<u8>>
 /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the lengths of the frame's fields do not match its size.
 pub fn boxes_preview(frame: &RenderedFrame, white_cd_m2: f32, boxes: &[VehicleBox]) -> Result<Vec<u8>> {
     let (width, height) = (frame.labels.width, frame.labels.height);
-    let mut pixels: Vec<_> = frame.rgb.iter().map(|c| c.map(|v| tone_map_srgb(v / white_cd_m2))).collect();
+    let mut pixels = srgb_pixels(frame, white_cd_m2);
     expect_len("picture", pixels.len(), width * height)?;
     for b in boxes {
         let Some(visible) = b.visible_box else { continue };

@@ -106,13 +106,7 @@ impl Scene {
         let metered = threads::map_indexed(threads, steps + 1, |k| {
             libm::log(f64::from(self.metered_white((k as f64 * interval_s).min(self.duration_s))))
         });
-        let keep = libm::exp(-interval_s / LAG_S);
-        let mut white = metered[0];
-        let follow = |&target: &f64| {
-            white = target + (white - target) * keep;
-            white
-        };
-        ExposureCurve { interval_s, log_white: metered.iter().map(follow).collect() }
+        ExposureCurve { interval_s, log_white: follow_with_lag(&metered, interval_s) }
     }
 
     /// Returns the white that the camera meters at time `t`.
@@ -137,6 +131,20 @@ impl Scene {
     }
 }
 
+/// Returns the logarithm of white at evenly spaced instants, from the metered logarithms at the same instants.
+///
+/// It is the first-order lag w' = (m - w) / [`LAG_S`], where m is the metered value. m is constant between two instants
+/// and equals its value at the later instant. White starts at the first metered value.
+fn follow_with_lag(metered: &[f64], interval_s: f64) -> Vec<f64> {
+    let keep = libm::exp(-interval_s / LAG_S);
+    let mut white = metered[0];
+    let follow = |&target: &f64| {
+        white = target + (white - target) * keep;
+        white
+    };
+    metered.iter().map(follow).collect()
+}
+
 /// Returns the white for an image.
 fn white_of(light: &mut [f32]) -> f32 {
     light.sort_unstable_by(f32::total_cmp);
@@ -157,7 +165,9 @@ fn white_of(light: &mut [f32]) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::{HIGHLIGHT_SHARE, MIN_MEAN_LIGHT, white_of};
+    use super::{
+        ExposureCurve, HIGHLIGHT_SHARE, LAG_S, METER_INTERVAL_S, MIN_MEAN_LIGHT, follow_with_lag, white_of,
+    };
 
     fn mean_light(light: &[f32], white: f32) -> f32 {
         light.iter().map(|l| (l / white).min(1.0)).sum::<f32>() / light.len() as f32
@@ -180,6 +190,43 @@ mod tests {
             assert!(mean >= 0.99 * MIN_MEAN_LIGHT, "{exit}: mean {mean} at {white}");
             // A large exit is exposed well.
             assert_eq!(exit > 100, white >= 9000.0, "{exit}: white {white}");
+        }
+    }
+
+    /// The exact response to a step at time 0 is a + (b - a) (1 - exp(-t / 0.3 s)) for the logarithms a and b. The step is
+    /// metered up to one interval late, and is then treated as up to one interval earlier. Between two instants, the
+    /// logarithm is interpolated linearly, which differs by less than an eighth of (interval / lag)^2 of the step.
+    #[test]
+    fn white_follows_a_step_of_the_light_with_the_stated_time_constant() {
+        let (dark, bright) = (10f64, 3_000f64);
+        let steps = 80;
+        let first_bright = 20;
+        let metered: Vec<f64> =
+            (0..=steps).map(|k| if k < first_bright { dark.ln() } else { bright.ln() }).collect();
+        let curve = ExposureCurve {
+            interval_s: METER_INTERVAL_S,
+            log_white: follow_with_lag(&metered, METER_INTERVAL_S),
+        };
+        let chord = (METER_INTERVAL_S / LAG_S).powi(2) / 8.0;
+        let share = |t: f64| (f64::from(curve.at(t)) / dark).ln() / (bright / dark).ln();
+        let step_response = |t: f64| if t <= 0.0 { 0.0 } else { 1.0 - (-t / LAG_S).exp() };
+        for i in 0..=800 {
+            let t = 0.005 * f64::from(i);
+            let after_step = t - f64::from(first_bright) * METER_INTERVAL_S;
+            let earliest = step_response(after_step + METER_INTERVAL_S) + chord + 1e-6;
+            let latest = step_response(after_step) - chord - 1e-6;
+            assert!((latest..=earliest).contains(&share(t)), "{} at {after_step} s after the step", share(t));
+        }
+    }
+
+    #[test]
+    fn white_follows_down_as_fast_as_up() {
+        let step = |from: f64, to: f64| {
+            let metered: Vec<f64> = (0..40).map(|k| if k < 5 { from } else { to }).collect();
+            follow_with_lag(&metered, METER_INTERVAL_S)
+        };
+        for (up, down) in step(0.0, 1.0).into_iter().zip(step(1.0, 0.0)) {
+            assert!((up - (1.0 - down)).abs() < 1e-12, "{up} up, {down} down");
         }
     }
 

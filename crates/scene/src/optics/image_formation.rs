@@ -33,14 +33,15 @@ impl ImageFormation {
     }
 
     /// Replaces the light that arrives at the lens by the light on the sensor. The image has the size of this lens, and
-    /// outside the image its border is repeated. `glare` is light that adds only to the bloom and the veil.
+    /// outside the image its border is repeated. `glare` is light that adds only to the bloom and the veil. It may be empty.
     pub(crate) fn apply(&self, light: &mut [f32], glare: &[f32]) {
         if self.lens == Lens::IDEAL.with_corner_distortion(self.lens.corner_distortion) {
             return;
         }
         light.iter_mut().zip(&self.transmission).for_each(|(x, t)| *x *= t);
         let halo = (self.lens.bloom + self.lens.glare > 0.0).then(|| {
-            let all: Vec<f32> = light.iter().zip(glare).map(|(light, glare)| light + glare).collect();
+            let mut all = light.to_vec();
+            all.iter_mut().zip(glare).for_each(|(light, glare)| *light += glare);
             CoarseImage::halo(&all, self.width, &self.lens)
         });
         if !self.kernel.is_empty() {
@@ -56,10 +57,10 @@ impl ImageFormation {
     }
 
     /// Applies the lens to each color of an image.
-    pub(crate) fn apply_rgb(&self, rgb: &mut [[f32; 3]], glare: &[f32]) {
+    pub(crate) fn apply_rgb(&self, rgb: &mut [[f32; 3]]) {
         for channel in 0..3 {
             let mut light: Vec<f32> = rgb.iter().map(|c| c[channel]).collect();
-            self.apply(&mut light, glare);
+            self.apply(&mut light, &[]);
             rgb.iter_mut().zip(light).for_each(|(c, x)| c[channel] = x);
         }
     }
@@ -97,7 +98,7 @@ mod tests {
     fn formed(lens: Lens, light: impl Fn(usize, usize) -> f32) -> Vec<f32> {
         let (w, h) = SIZE;
         let mut image: Vec<f32> = (0..w * h).map(|i| light(i % w, i / w)).collect();
-        ImageFormation::new(lens, w, h).apply(&mut image, &vec![0.0; w * h]);
+        ImageFormation::new(lens, w, h).apply(&mut image, &[]);
         image
     }
 

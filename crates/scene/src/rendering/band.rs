@@ -84,8 +84,10 @@ impl Band {
         let last = (flat.y[2] as usize).min(top + runs.len() - 1);
         let sides = EdgeSlopes::from_triangle(flat);
         for row in first..=last {
-            let runs = &runs[row - top];
-            if runs.is_empty() {
+            let (low, high) = sides.row_extent(flat, row as f32);
+            let first_run = runs[row - top].partition_point(|run| (run.1 as f32) < low);
+            let runs = &runs[row - top][first_run..];
+            if runs.first().is_none_or(|run| run.0 as f32 > high) {
                 continue;
             }
             for (four, &(dx, dy)) in offsets.iter().enumerate() {
@@ -177,6 +179,28 @@ fn padded_offsets(pattern: &SamplePattern) -> Vec<(f32x4, f32x4)> {
 impl EdgeSlopes {
     fn from_triangle(flat: &ScreenTriangle) -> Self {
         Self([(0, 2), (0, 1), (1, 2)].map(|(a, b)| (flat.x[b] - flat.x[a]) / (flat.y[b] - flat.y[a])))
+    }
+
+    /// Returns the smallest and the largest x coordinate of the triangle in the pixel row that starts at `y`.
+    ///
+    /// The formulas are those of [`spans`](Self::spans). Rounding keeps the order of numbers, so the samples of the row are
+    /// within these bounds.
+    fn row_extent(&self, flat: &ScreenTriangle, y: f32) -> (f32, f32) {
+        let Self([long, upper, lower]) = *self;
+        let [top, middle, bottom] = flat.y;
+        let (from, to) = (y.max(top), (y + 1.0).min(bottom));
+        let (a, b) = ((from - top) * long + flat.x[0], (to - top) * long + flat.x[0]);
+        let (mut low, mut high) = (a.min(b), a.max(b));
+        let mut add = |x: f32| (low, high) = (low.min(x), high.max(x));
+        if from < middle {
+            add((from - top) * upper + flat.x[0]);
+            add((to.min(middle) - top) * upper + flat.x[0]);
+        }
+        if to > middle {
+            add((from.max(middle) - middle) * lower + flat.x[1]);
+            add((to - middle) * lower + flat.x[1]);
+        }
+        (low, high)
     }
 
     /// Returns the columns inside the triangle for four sample rows. The rows are at `y`, and the samples have the

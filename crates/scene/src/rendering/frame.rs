@@ -51,6 +51,8 @@ pub(crate) struct PlacedVehicle<'a> {
     /// position of the vehicle.
     pub sky: f32,
     pub tunnel: f32,
+    /// Result of `City::portal_share` at the position of the vehicle.
+    pub portal: f32,
     pub is_driving: bool,
     pub is_braking: bool,
 }
@@ -89,6 +91,9 @@ pub(crate) struct SceneInstant<'a> {
     pub road_left: Vec3,
     /// Distance between the camera and the exit of the tunnel in meters. The value is 0 outside the tunnel.
     pub tunnel_view_m: f32,
+    /// Distance between the camera and the entrance of a tunnel ahead in meters. The value is infinite if there is no
+    /// entrance ahead.
+    pub entrance_m: f32,
 }
 
 impl<'a> SceneInstant<'a> {
@@ -113,6 +118,7 @@ impl<'a> SceneInstant<'a> {
             ambient: scene.light.ambient_light(),
             road_left: Vec3::Y,
             tunnel_view_m: 0.0,
+            entrance_m: f32::INFINITY,
         };
         frame.add_part(&scene.city.mesh, None, DAffine3::IDENTITY, false);
         for i in 0..scene.traffic.vehicles.len() {
@@ -166,6 +172,7 @@ impl<'a> SceneInstant<'a> {
             radius: (shape.size * 0.5).length() + 0.1,
             sky: if on_road { scene.city.sky_at(s) } else { 0.7 },
             tunnel: scene.city.tunnel_share(s),
+            portal: scene.city.portal_share(s),
             is_driving: drives,
             is_braking: drives && before - stance.speed > 0.05,
         });
@@ -178,6 +185,7 @@ impl<'a> SceneInstant<'a> {
         self.road_left = Vec3::new(-t.y as f32, t.x as f32, 0.0);
         self.tunnel_view_m =
             city.tunnel.filter(|&(a, b)| s > a && s < b).map_or(0.0, |(_, b)| (b - s) as f32);
+        self.entrance_m = city.tunnel.filter(|&(a, _)| s <= a).map_or(f32::INFINITY, |(a, _)| (a - s) as f32);
     }
 
     fn index_vehicles(&mut self) {

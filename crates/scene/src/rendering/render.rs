@@ -24,8 +24,11 @@ impl Scene {
         self.check_time(t)?;
         let (mut frame, hidden) =
             self.render_instant(&SceneInstant::new(self, t), samples, (&self.tiles(), None), threads);
-        self.image_formation.apply_rgb(&mut frame.rgb, &hidden.glare);
-        frame.light = frame.rgb.iter().map(|&c| luminance(c.into())).collect();
+        self.image_formation.apply(&mut frame.light, &hidden.glare());
+        for (color, excess) in frame.rgb.iter_mut().zip(&hidden.excess) {
+            *color = (Vec3::from(*color) + Vec3::from(*excess)).to_array();
+        }
+        self.image_formation.apply_rgb(&mut frame.rgb);
         Ok(frame)
     }
 
@@ -44,7 +47,7 @@ impl Scene {
             &SceneInstant::new(self, t),
             &SamplePattern::new(0),
             (&self.tiles(), None),
-            false,
+            (true, false),
             threads,
         )
         .labels
@@ -87,26 +90,63 @@ impl Scene {
     ) -> (RenderedFrame, HiddenData) {
         let pattern = SamplePattern::new(samples.count());
         let shadows = self.has_sun();
-        let visibility = compute_visibility(frame, &pattern, (tiles, city), shadows, threads);
+        let visibility = compute_visibility(frame, &pattern, (tiles, city), (true, shadows), threads);
         let bands = threads::map_indexed(threads, visibility.bands.len(), |b| {
             shade_band(frame, &visibility, &pattern, (b, tiles))
         });
-        let (mut rgb, mut glare): (Vec<[f32; 3]>, Vec<f32>) = (Vec::new(), Vec::new());
+        let (mut rgb, mut excess): (Vec<[f32; 3]>, Vec<[f32; 3]>) = (Vec::new(), Vec::new());
         for band in bands {
             rgb.extend(band.0);
-            glare.extend(band.1);
+            excess.extend(band.1);
         }
         let light = rgb.iter().map(|&c| luminance(c.into())).collect();
-        let hidden = HiddenData { glare, bands: visibility.bands };
+        let hidden = HiddenData { excess, bands: visibility.bands };
         (RenderedFrame { labels: visibility.labels, light, rgb }, hidden)
+    }
+}
+
+impl Scene {
+    /// Renders the luminance in front of the lens of the pixels whose light `tiles` needs. Returns the index and the
+    /// luminance of each pixel. It is the luminance of [`render_instant`](Self::render_instant).
+    ///
+    /// Only the triangles `city` of each chunk of the city are drawn.
+    pub(crate) fn render_pixels(
+        &self,
+        frame: &SceneInstant,
+        samples: SamplesPerPixel,
+        (tiles, city): (&Tiles, &[Vec<u32>]),
+        threads: usize,
+    ) -> Vec<(usize, f32)> {
+        let pattern = SamplePattern::new(samples.count());
+        let options = (false, self.has_sun());
+        let visibility = compute_visibility(frame, &pattern, (tiles, Some(city)), options, threads);
+        let bands = threads::map_indexed(threads, visibility.bands.len(), |b| {
+            let mut pixels = Vec::new();
+            shade_pixels(frame, &visibility, &pattern, (b, tiles), |at, color, _| {
+                pixels.push((b * BAND_ROWS * visibility.labels.width + at, luminance(color)));
+            });
+            pixels
+        });
+        bands.concat()
     }
 }
 
 /// Results of a render that are not part of a [`RenderedFrame`].
 pub(crate) struct HiddenData {
-    /// Luminance of each pixel that is only in the glare of the lens.
-    pub glare: Vec<f32>,
+    /// Color of each pixel above the limit of the sharp image, in cd/m2. The list is empty if the light has no limit.
+    pub excess: Vec<[f32; 3]>,
     pub bands: Vec<Band>,
+}
+
+impl HiddenData {
+    /// Returns the luminance of each pixel that is only in the glare of the lens. The list is empty if there is no such
+    /// luminance.
+    pub(crate) fn glare(&self) -> Vec<f32> {
+        if self.excess.iter().all(|excess| *excess == [0.0; 3]) {
+            return Vec::new();
+        }
+        self.excess.iter().map(|&excess| luminance(excess.into())).collect()
+    }
 }
 
 /// The samples of one pixel at which the same surface is visible.
@@ -127,11 +167,31 @@ pub(super) fn shade_band(
     visibility: &Visibility,
     pattern: &SamplePattern,
     (index, tiles): (usize, &Tiles),
-) -> (Vec<[f32; 3]>, Vec<f32>) {
+) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+    let pixels = visibility.labels.width * band_rows(index, visibility.labels.height);
+    let mut out = vec![[0.0; 3]; pixels];
+    let has_limit = frame.scene.light.max_sharp_cd_m2.is_finite();
+    let mut excess = if has_limit { vec![[0.0; 3]; pixels] } else { Vec::new() };
+    shade_pixels(frame, visibility, pattern, (index, tiles), |at, color, above| {
+        out[at] = color.to_array();
+        if above != Vec3::ZERO {
+            excess[at] = above.to_array();
+        }
+    });
+    (out, excess)
+}
+
+/// Shades the pixels of a band whose light is needed. `output` receives the index of a pixel within the band, its color up
+/// to the limit of the sharp image, and its color above this limit.
+fn shade_pixels(
+    frame: &SceneInstant,
+    visibility: &Visibility,
+    pattern: &SamplePattern,
+    (index, tiles): (usize, &Tiles),
+    mut output: impl FnMut(usize, Vec3, Vec3),
+) {
     let (width, height) = (visibility.labels.width, visibility.labels.height);
     let (rows, runs) = (band_rows(index, height), tiles.band_runs(index));
-    let mut out = vec![[0.0; 3]; width * rows];
-    let mut glare = vec![0.0; width * rows];
     let limit = frame.scene.light.max_sharp_cd_m2;
     let mut groups: Vec<SurfaceGroup> = Vec::new();
     let mut latest = FacetCache::default();
@@ -140,7 +200,7 @@ pub(super) fn shade_band(
         for x in runs[row].iter().flat_map(|run| run.0..run.1).filter(|&x| tiles.needs_light(x, y)) {
             groups.clear();
             collect(frame, &visibility.bands[index], pattern, (row, x, y), &mut groups);
-            let (mut sum, mut excess) = (Vec3::ZERO, 0.0);
+            let (mut sum, mut above) = (Vec3::ZERO, Vec3::ZERO);
             for g in &groups {
                 let (gx, gy) = (g.position_sum.0 / g.triangle_samples, g.position_sum.1 / g.triangle_samples);
                 let color = if g.id == NO_TRIANGLE {
@@ -153,17 +213,15 @@ pub(super) fn shade_band(
                 let bright = luminance(color);
                 if bright > limit {
                     sum += color * (g.count * limit / bright);
-                    excess += g.count * (bright - limit);
+                    above += color * (g.count * (1.0 - limit / bright));
                 } else {
                     sum += color * g.count;
                 }
             }
             let count = (pattern.rows() - 1) as f32;
-            out[row * width + x] = (sum / count).to_array();
-            glare[row * width + x] = excess / count;
+            output(row * width + x, sum / count, above / count);
         }
     }
-    (out, glare)
 }
 
 pub(super) fn collect(

@@ -46,8 +46,10 @@ pub struct Labels {
 pub struct RenderedFrame {
     /// Labels at the pixel centers.
     pub labels: Labels,
-    /// Mean luminance of each pixel in cd/m2.
+    /// Mean luminance of each pixel in cd/m2, as in the light of readouts. In rain, at dusk and at night, the luminance of
+    /// lamps is limited to a few times white, and the rest of their light is only in the glare of the lens.
     pub light: Vec<f32>,
-    /// Mean color of each pixel in linear sRGB, in cd/m2. The luminance of this color is the value in `light`.
+    /// Mean color of each pixel in linear sRGB, in cd/m2. The luminance of lamps is not limited. Without lamps, the luminance
+    /// of this color is the value in `light`.
     pub rgb: Vec<[f32; 3]>,
 }

@@ -67,7 +67,9 @@ pub(crate) fn shade(frame: &SceneInstant, f: &Fragment, sun: f32) -> Vec3 {
         out = out * (1.0 - fresnel * clear)
             + reflected_environment(frame, f, direction, tunnel, look.roughness) * (fresnel * clear);
     }
-    add_haze(frame, out, f.view_direction, f.distance)
+    // The air in front of the tunnel scatters daylight, and the air inside does not.
+    let outside = f.distance.min(frame.entrance_m);
+    add_haze(frame, out, f.view_direction, f.distance + (outside - f.distance) * tunnel)
 }
 
 /// Returns the luminance of the sky in direction `direction`, including clouds and the disk of the sun.
@@ -117,6 +119,20 @@ fn tunnel_share(frame: &SceneInstant, f: &Fragment) -> f32 {
     }
 }
 
+/// Returns the fraction of the light of the street that reaches a fragment in the tunnel through the portals.
+fn portal_share(frame: &SceneInstant, f: &Fragment) -> f32 {
+    let city = &frame.scene.city;
+    if city.tunnel.is_none() {
+        return 0.0;
+    }
+    match f.material {
+        Material::Tunnel | Material::Road | Material::Curb | Material::Sidewalk => {
+            city.portal_share(f64::from(f.spot.uv.x))
+        }
+        _ => frame.parts[f.part].vehicle.map_or(0.0, |v| frame.vehicles[v as usize].portal),
+    }
+}
+
 /// Returns the ambient illuminance. It is the sum of skylight, light reflected by ground and facades, and light of the
 /// tunnel lamps.
 fn add_ambient(frame: &SceneInstant, f: &Fragment, tunnel: f32) -> Vec3 {
@@ -130,9 +146,10 @@ fn add_ambient(frame: &SceneInstant, f: &Fragment, tunnel: f32) -> Vec3 {
     sky_share *= contact;
     let surround = &frame.ambient;
     let glow = light.sun_glow * (0.5 * n.dot(surround.horizontal_sun_direction).max(0.0) * sky_share);
+    let street = (1.0 - tunnel).max(portal_share(frame, f));
     let outside = surround.sky_lux * sky_share
         + glow
-        + surround.non_sky_lux * ((1.0 - sky_share) * (0.35 + 0.65 * contact) * (1.0 - tunnel));
+        + surround.non_sky_lux * ((1.0 - sky_share) * (0.35 + 0.65 * contact) * street);
     if tunnel == 0.0 {
         return outside;
     }

@@ -23,7 +23,7 @@ impl Scene {
         let (frame, tiles) = (&SceneInstant::new(self, t), &self.tiles());
         let pattern = &SamplePattern::new(4);
         let shadows = self.light.sun_illuminance.max_element() > 0.0;
-        let visibility = compute_visibility(frame, pattern, (tiles, None), shadows, 1);
+        let visibility = compute_visibility(frame, pattern, (tiles, None), (true, shadows), 1);
         let (width, height) = (visibility.labels.width, visibility.labels.height);
         let mut take = |run: &mut dyn FnMut()| timer(run);
         let total = take(&mut || drop(self.render_tiles(t, SamplesPerPixel::Four, tiles, 1)));

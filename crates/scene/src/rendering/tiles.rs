@@ -7,7 +7,7 @@ pub(crate) const BAND_ROWS: usize = 16;
 /// Number of pixel columns of a tile. A tile has as many rows as a band.
 const TILE_COLUMNS: usize = 40;
 /// Side of a block in pixels. Triangles that overlap no block with a drawn pixel are not drawn.
-const BLOCK: usize = 8;
+const BLOCK: usize = 4;
 
 /// The tiles of an image, and the selection of pixels that are drawn.
 #[derive(Clone, Debug)]
@@ -133,6 +133,10 @@ fn dilate(needed: &[bool], width: usize, reach: usize) -> Vec<bool> {
         column.fill(false);
         for row in y.saturating_sub(reach)..(y + reach + 1).min(height) {
             column.iter_mut().zip(&needed[row * width..]).for_each(|(any, on)| *any |= on);
+        }
+        if !column.contains(&true) {
+            near.extend_from_slice(&column);
+            continue;
         }
         let window = |x: usize| x.saturating_sub(reach)..(x + reach + 1).min(width);
         near.extend((0..width).map(|x| column[window(x)].contains(&true)));

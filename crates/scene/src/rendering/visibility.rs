@@ -22,7 +22,8 @@ pub(super) fn band_rows(band: usize, height: usize) -> usize {
     BAND_ROWS.min(height - band * BAND_ROWS)
 }
 
-/// Computes the visible samples and the labels. If `shadows` is true, also computes the sunlight.
+/// Computes the visible samples. If `shadows` is true, also computes the sunlight. If `needs_labels` is false, the labels
+/// are empty.
 ///
 /// Pixels that are not drawn contain no triangle. If `city` is given, only these triangles of each chunk of the city are
 /// drawn.
@@ -30,7 +31,7 @@ pub(super) fn compute_visibility(
     frame: &SceneInstant,
     pattern: &SamplePattern,
     (tiles, city): (&Tiles, Option<&[Vec<u32>]>),
-    shadows: bool,
+    (needs_labels, shadows): (bool, bool),
     threads: usize,
 ) -> Visibility {
     let i = frame.camera.intrinsics;
@@ -43,14 +44,21 @@ pub(super) fn compute_visibility(
     let count = height.div_ceil(BAND_ROWS);
     let parts = threads::map_indexed(threads, count, |b| {
         let band = Band::fill(&batches, pattern, tiles.band_runs(b), width, b * BAND_ROWS);
-        let (labels, sunny) = center_labels(frame, &band, pattern, (b, tiles), shadows);
-        (band, labels, sunny)
+        if needs_labels || (shadows && tiles.band_runs(b).iter().any(|runs| !runs.is_empty())) {
+            let (labels, sunny) = center_labels(frame, &band, pattern, (b, tiles), shadows);
+            return (band, labels, sunny);
+        }
+        let rows = band_rows(b, height);
+        (band, empty_labels(width, rows, frame.t), vec![0; width * rows])
     });
     let mut visibility =
         Visibility { bands: Vec::new(), labels: empty_labels(width, height, frame.t), is_sunlit: Vec::new() };
     for (band, labels, sunny) in parts {
         visibility.bands.push(band);
         visibility.is_sunlit.extend(sunny);
+        if !needs_labels {
+            continue;
+        }
         let all = &mut visibility.labels;
         all.depth_m.extend(labels.depth_m);
         all.instance.extend(labels.instance);

@@ -1,7 +1,7 @@
 //! Tests of renders. The bytes must depend on the seed but not on the number of threads, and the light of the presets
 //! must be in the documented order.
 
-use spikelane_scene::{Lighting, SamplesPerPixel, Scene, SceneOptions};
+use spikelane_scene::{Lens, Lighting, SamplesPerPixel, Scene, SceneOptions};
 
 fn options(lighting: Lighting) -> SceneOptions {
     SceneOptions::default().with_width(120).with_height(75).with_lighting(Some(lighting)).with_duration_s(1.0)
@@ -87,6 +87,37 @@ fn sixteen_samples_agree_with_four_in_the_mean() {
     };
     let (few, many) = (mean(SamplesPerPixel::Four), mean(SamplesPerPixel::Sixteen));
     assert!((few / many - 1.0).abs() < 0.02, "{few} against {many}");
+}
+
+/// A street lamp has 12,000 cd/m2 and a headlight 22,000 cd/m2. Sharp light at night is limited to 16 cd/m2.
+#[test]
+fn colors_of_lamps_are_not_limited() {
+    let options = options(Lighting::Night).with_lens(Some(Lens::IDEAL));
+    let frame = Scene::from_seed(23, &options).unwrap().render(0.5, SamplesPerPixel::Four, 1).unwrap();
+    let weights = spikelane::light::LUMINANCE_WEIGHTS;
+    let luminance = |c: &[f32; 3]| c.iter().zip(weights).map(|(x, w)| x * w).sum::<f32>();
+    let brightest = frame.rgb.iter().map(luminance).fold(0.0, f32::max);
+    let limited = frame.light.iter().copied().fold(0.0, f32::max);
+    assert!(brightest > 1_000.0, "{brightest}");
+    assert!((15.0..16.01).contains(&limited), "{limited}");
+    for (color, light) in frame.rgb.iter().zip(&frame.light).filter(|(_, light)| **light < 1.0) {
+        // A pixel below 1 cd/m2 in the mean may contain a sample of a lamp, so its color may be brighter.
+        assert!(luminance(color) >= 0.999 * light, "{color:?} for {light}");
+    }
+}
+
+#[test]
+fn light_is_the_luminance_of_the_color_if_no_lamp_is_visible() {
+    let frame = Scene::from_seed(23, &options(Lighting::Noon))
+        .unwrap()
+        .render(0.5, SamplesPerPixel::Four, 1)
+        .unwrap();
+    let weights = spikelane::light::LUMINANCE_WEIGHTS;
+    for (color, light) in frame.rgb.iter().zip(&frame.light) {
+        let luminance: f32 = color.iter().zip(weights).map(|(x, w)| x * w).sum();
+        // Both are sums of at most 200 rounded products.
+        assert!((luminance - light).abs() < 200.0 * f32::EPSILON * light, "{luminance} for {light}");
+    }
 }
 
 #[test]

@@ -113,10 +113,10 @@ fn pane(
     let shade = 1.0 - 0.35 * smoothstep(0.86, 1.0, height) * one;
     let room = Vec3::splat(0.035 + 0.03 * draw(4) * one);
     let albedo = room.lerp(Vec3::new(0.42, 0.40, 0.36), 0.8 * blind) * shade;
-    let warm =
-        Vec3::new(1.25, 0.95, 0.55).lerp(Vec3::new(0.95, 1.0, 1.05), if draw(5) < 0.3 { 1.0 } else { 0.0 });
+    let warm = Vec3::new(1.25, 0.95, 0.55).lerp(Vec3::new(0.95, 1.0, 1.05), 2.0 * (draw(5) - 0.5).max(0.0));
     let gradient = 0.6 + 0.6 * height.clamp(0.0, 1.0) * one;
-    let strength = 0.35 + 1.1 * draw(6) * one + 0.55 * (1.0 - one);
+    // The light of rooms differs by a factor of 16: the logarithm is uniform, and the mean is 0.9.
+    let strength = 0.9 + (0.166 * libm::exp2f(4.0 * draw(6)) - 0.9) * one;
     let emission = warm * (light.window_cd_m2 * lit * strength * gradient * (1.0 - 0.55 * blind));
     Appearance {
         emission,
