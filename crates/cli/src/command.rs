@@ -2,6 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
+use super::benchmark;
 use super::generate::{dataset, live, scene, simulate};
 use super::meta::{completions, effects, man, preset};
 use super::sensors::{calibrate, compare, diagnose, measure, record};
@@ -57,6 +58,7 @@ pub(super) enum Command {
     Record(record::Args),
     Scene(scene::Args),
     Dataset(Box<dataset::Args>),
+    Benchmark(Box<benchmark::Args>),
     Speed(speed::SpeedArgs),
     Completions(completions::Args),
     Man(man::Args),
