@@ -8,5 +8,5 @@ for features in "" threads presets maps threads,presets; do
 done
 echo "spikelane-benchmark, without ssimulacra2"
 cargo clippy -q -p spikelane-benchmark --no-default-features --all-targets -- -D warnings
-echo "the program without exr and snee"
+echo "the program without exr, snee and ssimulacra2"
 cargo clippy -q -p spikelane-cli --no-default-features -- -D warnings

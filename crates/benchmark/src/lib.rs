@@ -1,4 +1,8 @@
-//! Metrics of spike-camera benchmarks.
+//! Benchmarks of spike pipelines: suites, runs, scores, reports, and the metrics.
+//!
+//! A [`suite`] is a text file that determines every bit of the streams and references. The module [`generated`] writes
+//! the data of a suite, [`run`] runs a method on every stream, [`score`] scores the outputs and verifies the scores,
+//! [`report`] compares methods, and [`seal`] keeps seeds secret until a stated time.
 //!
 //! The name of a metric does not determine its value: programs use other data ranges, windows or matching rules under
 //! the same name. In this crate, a metric is a function with a version. The table [`METRICS`] lists all metrics. The
@@ -16,8 +20,8 @@
 //! | [`aggregate`] | means over sequences, bootstrap intervals, paired differences |
 //!
 //! The functions compare an *output*, which a method computed, with a *reference*. An output that is missing, is not
-//! finite or has a wrong size is a [`MetricError`] and never a number. The caller decides what such an output scores: a
-//! benchmark substitutes a trivial answer.
+//! finite or has a wrong size is a [`MetricError`] and never a number. The module [`score`] substitutes a trivial answer
+//! for such an output.
 //!
 //! The results do not depend on threads. All sums are sums of `f64` in a fixed order.
 
@@ -28,8 +32,14 @@ pub mod depth;
 pub mod detection;
 mod error;
 pub mod flow;
+pub mod generated;
 pub mod image;
 mod metric;
+pub mod report;
+pub mod run;
+pub mod score;
+pub mod seal;
+pub mod suite;
 pub mod tracking;
 
 pub use bounding_box::BoundingBox;

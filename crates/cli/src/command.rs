@@ -2,6 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
+use super::benchmark;
 use super::check;
 use super::generate::{dataset, live, scene, simulate};
 use super::meta::{completions, effects, man, preset};
@@ -59,6 +60,7 @@ pub(super) enum Command {
     Check(check::Args),
     Scene(scene::Args),
     Dataset(Box<dataset::Args>),
+    Benchmark(Box<benchmark::Args>),
     Speed(speed::SpeedArgs),
     Completions(completions::Args),
     Man(man::Args),

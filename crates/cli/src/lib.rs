@@ -1,6 +1,7 @@
 //! The command-line interface of spikelane. Each command has its own file. This crate uses only the public interfaces
 //! of the libraries.
 
+mod benchmark;
 mod check;
 mod command;
 mod common;
@@ -95,6 +96,7 @@ fn dispatch(command: Option<Command>, out: &Console) -> Result<()> {
             run_interruptible(UNFINISHED_REMOVED_MESSAGE, || scene::run(&args, out))
         }
         Some(Command::Dataset(args)) => dataset::run(&args, out),
+        Some(Command::Benchmark(args)) => benchmark::run(&args, out),
         Some(Command::Speed(args)) => speed::run(&args, out.json()),
         Some(Command::Completions(args)) => completions::run(&args, help::command(), out),
         Some(Command::Man(args)) => {

@@ -25,6 +25,7 @@ macro_rules! runs {
 
 runs! {
     readme: "README.md";
+    guide_benchmark: "docs/guides/benchmark.md";
     guide_check: "docs/guides/check.md";
     guide_clusters: "docs/guides/clusters.md", SEQUENCES = "3", IMAGES = "3", PER_SHARD = "1";
     guide_embedding: "docs/guides/embedding.md";
@@ -57,12 +58,18 @@ const TESTED_ELSEWHERE: &[(&str, &str)] = &[
 ];
 
 /// Creates the files that readers of the page have.
-fn prepare(page: &str, place: &Path) {
-    if page == "README.md" && check::is_installed("ffmpeg") {
+fn prepare(name: &str, place: &Path) {
+    if name == "README.md" && check::is_installed("ffmpeg") {
         let clip = ["-f", "lavfi", "-i", "testsrc2=size=400x250:rate=25:duration=0.2", "video.mp4"];
         let status =
             Command::new("ffmpeg").args(["-loglevel", "error"]).args(clip).current_dir(place).status();
         assert!(status.unwrap().success());
+    }
+    if name == "docs/guides/benchmark.md" {
+        let page = page(name);
+        let suite = page.blocks().into_iter().find(|block| block.language() == "toml").unwrap();
+        std::fs::write(place.join("tiny.toml"), suite.text).unwrap();
+        std::fs::copy(root().join("docs/examples/method.py"), place.join("method.py")).unwrap();
     }
 }
 

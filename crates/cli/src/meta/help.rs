@@ -67,6 +67,7 @@ const COMMAND_EXAMPLES: &[(&str, [&str; 2])] = &[
         "dataset",
         ["dataset -o first --scene-preset tiny", "dataset -o set --from clips --dataset-layout spike-zoo"],
     ),
+    ("benchmark", ["benchmark generate quick -o quick", "benchmark run quick --baseline tfp -o runs/tfp"]),
     ("speed", ["speed", "speed --quick"]),
     ("completions", ["completions bash", "completions zsh"]),
     ("man", ["man | man -l -", "man --output man"]),

@@ -131,8 +131,10 @@ fn check_program(words: &[String]) -> Result<(), String> {
         None => vec![],
         Some(first) if first.starts_with('-') => vec![],
         Some("preset") if words.len() > 1 => vec!["preset", words[1].as_str()],
-        Some("dataset") if words.get(1).is_some_and(|w| !w.starts_with(['-', '[', '<'])) => {
-            vec!["dataset", words[1].as_str()]
+        Some(name @ ("dataset" | "benchmark"))
+            if words.get(1).is_some_and(|w| !w.starts_with(['-', '[', '<'])) =>
+        {
+            vec![name, words[1].as_str()]
         }
         Some(first) => vec![first],
     };

@@ -5,6 +5,7 @@ mod finite;
 #[path = "../program_support/mod.rs"]
 mod program_support;
 
+mod benchmark;
 #[cfg(unix)]
 mod check;
 mod dataset;

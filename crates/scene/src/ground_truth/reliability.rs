@@ -13,8 +13,7 @@ use crate::rendering::rendered_frame::Labels;
 /// Maximum error of the light by different motions around a pixel, as a fraction of white.
 const MAX_PARALLAX_ERROR: f32 = 4e-2;
 /// Maximum difference between one render and the other render, warped to its instant: a fraction of white, and a fraction
-/// of the contrast around the pixel, which counts up to white. The lens removes most of the contrast that the interpolation
-/// of the warp loses.
+/// of the contrast around the pixel. The lens removes most of the contrast that the interpolation of the warp loses.
 const MAX_DIFFERENCE: f32 = 3e-2;
 const MAX_CONTRAST_LOSS: f32 = 0.18;
 /// Maximum distance in pixels at which light and motions around a pixel are compared.
@@ -58,8 +57,7 @@ pub(super) fn unreliable_pixels(
             let actual = &other[row * labels.width + columns.start..][..columns.len()];
             let pixels = unreliable[at.clone()].iter_mut().zip(&contrast[at]);
             for ((unreliable, contrast), (x, y)) in pixels.zip(warped.iter().zip(actual)) {
-                *unreliable |=
-                    (x - y).abs() > MAX_DIFFERENCE * white + MAX_CONTRAST_LOSS * contrast.min(white);
+                *unreliable |= (x - y).abs() > MAX_DIFFERENCE * white + MAX_CONTRAST_LOSS * contrast;
             }
         }
     }

@@ -1,0 +1,112 @@
+//! Baselines: simple methods that every other method should exceed.
+
+use std::path::Path;
+
+use spikelane::Geometry;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::reconstruct::{gaussian_blur, span_rates, tfi, tfp};
+use spikelane_io::formats::{Layout, OpenOptions};
+
+use crate::generated::GeneratedSequence;
+use crate::suite::Task;
+
+/// Standard deviation of the Gaussian blur in pixels.
+const BLUR_SIGMA_PX: f64 = 1.0;
+
+/// A simple method.
+///
+/// # Examples
+/// ```
+/// use spikelane_benchmark::run::Baseline;
+/// use spikelane_benchmark::suite::Task;
+/// let baseline = Baseline::find("tfp-blur", Task::Reconstruction)?;
+/// assert_eq!(baseline.name(), "tfp-blur");
+/// assert!(Baseline::find("median", Task::Reconstruction).is_err());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Baseline {
+    /// The number of spikes in the whole stream.
+    Tfp,
+    /// [`Baseline::Tfp`] with a Gaussian blur of 1 pixel.
+    TfpBlur,
+    /// The interval between the spikes around the reference readout.
+    Tfi,
+    /// [`Baseline::Tfi`] with a Gaussian blur of 1 pixel.
+    TfiBlur,
+    /// The rate between the first and the last spike of the stream.
+    Span,
+    /// [`Baseline::Span`] with a Gaussian blur of 1 pixel.
+    SpanBlur,
+    /// The trivial answer of a task with labels; see [`Task::trivial_answer`].
+    Trivial,
+}
+
+impl Baseline {
+    /// Returns the baselines of a task. The first baseline is the trivial answer.
+    #[must_use]
+    pub const fn all(task: Task) -> &'static [Self] {
+        match task {
+            Task::Reconstruction => {
+                &[Self::Tfp, Self::TfpBlur, Self::Tfi, Self::TfiBlur, Self::Span, Self::SpanBlur]
+            }
+            Task::Flow | Task::Depth | Task::Detection | Task::Tracking => &[Self::Trivial],
+        }
+    }
+
+    /// Returns the name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tfp => "tfp",
+            Self::TfpBlur => "tfp-blur",
+            Self::Tfi => "tfi",
+            Self::TfiBlur => "tfi-blur",
+            Self::Span => "span",
+            Self::SpanBlur => "span-blur",
+            Self::Trivial => "trivial",
+        }
+    }
+
+    /// Returns the baseline of `task` with the name `name`.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Usage`] if there is no such baseline.
+    pub fn find(name: &str, task: Task) -> Result<Self> {
+        let all = Self::all(task);
+        all.iter().copied().find(|b| b.name() == name).ok_or_else(|| {
+            Error::new(ErrorKind::Usage, "baseline")
+                .found(format_args!("`{name}`"))
+                .expected(all.iter().map(|b| b.name()).collect::<Vec<_>>().join(", "))
+                .with_suggestion(name, all.iter().map(|b| b.name()))
+        })
+    }
+
+    /// Returns the image of the reference readout in linear light. The light 1 is white.
+    ///
+    /// # Errors
+    /// The errors of reading the stream.
+    pub fn image(self, stream: &Path, sequence: &GeneratedSequence) -> Result<Vec<f32>> {
+        let geometry = Geometry::new(sequence.width, sequence.height)?;
+        let reader = OpenOptions::default()
+            .with_layout(Some(Layout::Dat))
+            .with_geometry(Some(geometry))
+            .open(stream)?;
+        let frames = reader.read(0..reader.readouts())?;
+        let view = frames.view();
+        let at = sequence.reference_readout as usize;
+        let whole = view.readouts();
+        let rates = match self {
+            Self::Tfp | Self::TfpBlur | Self::Trivial => tfp(view, at, whole)?,
+            Self::Tfi | Self::TfiBlur => tfi(view, at, (whole / 2).max(1))?,
+            Self::Span | Self::SpanBlur => span_rates(view, at, whole)?,
+        };
+        let white = sequence.white_rate as f32;
+        let light: Vec<f32> = rates.into_iter().map(|rate| rate / white).collect();
+        Ok(match self {
+            Self::TfpBlur | Self::TfiBlur | Self::SpanBlur => gaussian_blur(&light, geometry, BLUR_SIGMA_PX),
+            _ => light,
+        })
+    }
+}

@@ -1,0 +1,298 @@
+//! The scores of the output of one sequence.
+
+use std::collections::BTreeMap;
+
+use spikelane::Geometry;
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::reconstruct::DetailReference;
+#[cfg(feature = "ssimulacra2")]
+use spikelane::sensor::Transfer;
+use spikelane::unstable::inputs::read_bytes;
+use spikelane::unstable::npy;
+
+use super::boxes;
+use super::dense;
+use crate::detection::ImageMatches;
+use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
+use crate::run::Baseline;
+use crate::suite::Task;
+use crate::tracking::TrackingCounts;
+use crate::{Metric, MetricError, image};
+
+/// Maximum size of a reference in bytes.
+pub(super) const MAX_REFERENCE_BYTES: u64 = 1 << 30;
+
+/// The scores of one sequence.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Evaluation {
+    /// The score of each metric. A metric that is not defined for the reference has no score.
+    pub scores: BTreeMap<String, f64>,
+    /// Why the sequence has the scores of the trivial answer, in one line.
+    pub fault: Option<String>,
+    /// The counts from which the scores of several sequences follow.
+    pub(super) counts: Counts,
+}
+
+/// The counts of metrics that are not means over sequences.
+#[derive(Clone, Debug)]
+pub(super) enum Counts {
+    None,
+    Detection(ImageMatches),
+    Tracking(Box<TrackingCounts>),
+}
+
+/// The scores of an output, and its counts.
+pub(super) type Scored = (BTreeMap<String, f64>, Counts);
+
+/// Scores the output of a sequence.
+///
+/// `output` contains the bytes of the output file, or is `None` if there is no file. `fault` is the failure of the
+/// method. If the method failed or the output is faulty, the scores are those of the trivial answer.
+///
+/// # Errors
+/// [`ErrorKind::Corrupt`] if the stream or the reference was changed, and errors of the reference.
+pub fn evaluate_output(
+    data: &GeneratedSuite,
+    group: &GeneratedGroup,
+    sequence: &GeneratedSequence,
+    output: Option<&[u8]>,
+    fault: Option<&str>,
+) -> Result<Evaluation> {
+    let metrics = &data.suite.metrics;
+    let paths = sequence
+        .files
+        .iter()
+        .map(|file| data.verified_path(&group.name, &sequence.id, file))
+        .collect::<Result<Vec<_>>>()?;
+    let geometry = Geometry::new(sequence.width, sequence.height)?;
+    let attempt = Attempt { output, fault };
+    let mut evaluation = match data.suite.task {
+        Task::Reconstruction => {
+            let reference = reference_image(data, group, sequence, geometry)?;
+            attempt.evaluate(
+                |bytes| decode_image(bytes, geometry),
+                |image| Ok((image_scores(metrics, image, &reference, geometry)?, Counts::None)),
+                || Baseline::Tfp.image(&paths[0], sequence),
+            )
+        }
+        Task::Flow => {
+            let reference = dense::FlowLabels::read(&paths[1], &paths[2], sequence)?;
+            attempt.evaluate(
+                |bytes| dense::decode_flow(bytes, geometry),
+                |flow| Ok((reference.scores(flow)?, Counts::None)),
+                || Ok(vec![[0.0; 2]; geometry.pixels()]),
+            )
+        }
+        Task::Depth => {
+            let reference = dense::read_depth(&paths[1], geometry)?;
+            attempt.evaluate(
+                |bytes| dense::decode_depth(bytes, geometry),
+                |depth| Ok((dense::depth_metrics(depth, &reference)?, Counts::None)),
+                || Ok(vec![crate::suite::TRIVIAL_DEPTH_M; geometry.pixels()]),
+            )
+        }
+        Task::Detection => {
+            let labels = boxes::read_labels(&paths[1])?;
+            let truth = boxes::detection_truth(&labels, sequence.reference_readout);
+            attempt.evaluate(
+                boxes::decode_detections,
+                |found| boxes::score_detections(&truth, found),
+                || Ok(Vec::new()),
+            )
+        }
+        Task::Tracking => {
+            let labels = boxes::read_labels(&paths[1])?;
+            attempt.evaluate(
+                |bytes| boxes::decode_tracks(bytes, &labels),
+                |tracks| boxes::score_tracks(&labels, tracks),
+                || Ok(BTreeMap::new()),
+            )
+        }
+    }
+    .map_err(|e| e.with_context(format_args!("{}/{}", group.name, sequence.id)))?;
+    evaluation.scores.retain(|name, _| metrics.iter().any(|metric| metric.name == name));
+    Ok(evaluation)
+}
+
+/// The output and the failure of a method.
+struct Attempt<'a> {
+    output: Option<&'a [u8]>,
+    fault: Option<&'a str>,
+}
+
+impl Attempt<'_> {
+    /// Scores the output, or the trivial answer if the output is faulty.
+    fn evaluate<T>(
+        &self,
+        decode: impl Fn(&[u8]) -> std::result::Result<T, String>,
+        score: impl Fn(&T) -> std::result::Result<Scored, MetricError>,
+        trivial: impl Fn() -> Result<T>,
+    ) -> Result<Evaluation> {
+        let decoded = match (self.fault, self.output) {
+            (Some(fault), _) => Err(fault.to_owned()),
+            (None, None) => Err(MetricError::Missing.to_string()),
+            (None, Some(bytes)) => decode(bytes),
+        };
+        let fault = match decoded {
+            Err(fault) => fault,
+            Ok(output) => match score(&output) {
+                Ok((scores, counts)) => return Ok(Evaluation { scores, fault: None, counts }),
+                Err(error) if error.is_output_fault() => error.to_string(),
+                Err(error) => return Err(error.into()),
+            },
+        };
+        let (scores, counts) = score(&trivial()?)?;
+        Ok(Evaluation { scores, fault: Some(fault), counts })
+    }
+}
+
+/// Reads the reference image of a sequence: linear light, clipped to 1.
+///
+/// # Errors
+/// [`ErrorKind::Corrupt`] if the file was changed.
+pub(crate) fn reference_image(
+    data: &GeneratedSuite,
+    group: &GeneratedGroup,
+    sequence: &GeneratedSequence,
+    geometry: Geometry,
+) -> Result<Vec<f32>> {
+    let file = sequence.files.get(1).ok_or_else(|| {
+        Error::new(ErrorKind::Config, sequence.id.as_str())
+            .found("no reference")
+            .expected("a reference image")
+    })?;
+    let path = data.verified_path(&group.name, &sequence.id, file)?;
+    let bytes = read_bytes(&path, "a reference", MAX_REFERENCE_BYTES)?;
+    let (_, values) = npy::read_values(&path.display().to_string(), &bytes)?;
+    if values.len() != geometry.pixels() {
+        return Err(Error::new(ErrorKind::Input, path.display()).found(values.len()).expected(geometry));
+    }
+    Ok(values.into_iter().map(|v| v.min(1.0) as f32).collect())
+}
+
+/// Reads an image from the bytes of an `.npy` file, or returns the fault in one line. Values are clipped to 0..1.
+pub(crate) fn decode_image(bytes: &[u8], geometry: Geometry) -> std::result::Result<Vec<f32>, String> {
+    let image = decode_array(bytes, &[geometry.height() as u64, geometry.width() as u64])?;
+    Ok(image.into_iter().map(|v| v.clamp(0.0, 1.0)).collect())
+}
+
+/// Reads the finite values of an array of floats. The shape may contain further sides of length 1.
+pub(super) fn decode_array(bytes: &[u8], expected: &[u64]) -> std::result::Result<Vec<f32>, String> {
+    let (header, values) = npy::read_values("output of the method", bytes).map_err(|e| e.to_string())?;
+    let sides = |shape: &[u64]| -> Vec<u64> { shape.iter().copied().filter(|side| *side != 1).collect() };
+    if !header.element.is_float() {
+        return Err(format!(
+            "output of the method: found elements of type {}, expected f4 or f8",
+            header.element
+        ));
+    }
+    if sides(&header.shape) != sides(expected) {
+        return Err(format!(
+            "output of the method: found the shape {:?}, expected {expected:?}",
+            header.shape
+        ));
+    }
+    let values: Vec<f32> = values.into_iter().map(|v| v as f32).collect();
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(index) => Err(MetricError::NonFinite { index }.to_string()),
+        None => Ok(values),
+    }
+}
+
+/// The score of a metric that is not defined for an output: a flat image has no detail, and its noise counts as 100 %.
+fn undefined_score(name: &str) -> Option<f64> {
+    match name {
+        "detail_slope" | "blind_snr" => Some(0.0),
+        "high_pass_noise" => Some(1.0),
+        _ => None,
+    }
+}
+
+/// Returns the score of each metric. The values of `output` and `reference` are 0 to 1, in linear light.
+fn image_scores(
+    metrics: &[&'static Metric],
+    output: &[f32],
+    reference: &[f32],
+    geometry: Geometry,
+) -> std::result::Result<BTreeMap<String, f64>, MetricError> {
+    let clipped: Vec<f32> = output.iter().map(|v| v.clamp(0.0, 1.0)).collect();
+    let output = clipped.as_slice();
+    let mut scores = BTreeMap::new();
+    for metric in metrics {
+        let value = image_score(metric.name, output, reference, geometry);
+        let value = match (value, undefined_score(metric.name)) {
+            (Ok(value), Some(stated)) if !value.is_finite() => stated,
+            (Err(MetricError::Undefined { .. }), Some(stated)) => stated,
+            (value, _) => value?,
+        };
+        scores.insert(metric.name.to_owned(), value);
+    }
+    Ok(scores)
+}
+
+fn image_score(
+    name: &str,
+    output: &[f32],
+    reference: &[f32],
+    geometry: Geometry,
+) -> std::result::Result<f64, MetricError> {
+    let detail = || {
+        let observations = [reference.to_vec(), reference.to_vec()];
+        image::detail(output, &DetailReference { observations, mask: None, is_scene: true }, geometry)
+    };
+    match name {
+        "psnr" => image::psnr(output, reference, geometry),
+        "ssim" => image::ssim(output, reference, geometry),
+        "psnr_as_spike_zoo" => image::psnr_as_spike_zoo(output, reference, geometry),
+        "ssim_as_spike_zoo" => image::ssim_as_spike_zoo(output, reference, geometry),
+        "psnr_as_spikecv" => image::psnr_as_spikecv(output, reference, geometry),
+        "ssim_as_spikecv" => image::ssim_as_spikecv(output, reference, geometry),
+        "detail_slope" => detail().map(|scores| scores.slope),
+        "high_pass_noise" => detail().map(|scores| scores.noise),
+        "noise_chen" => image::noise_chen(output, geometry),
+        "noise_liu" => image::noise_liu(output, geometry),
+        "blind_snr" => image::blind_snr(output, geometry),
+        #[cfg(feature = "ssimulacra2")]
+        "ssimulacra2" => {
+            let codes = |image: &[f32]| -> Vec<f32> {
+                image.iter().map(|v| Transfer::Srgb.code(f64::from(*v)) as f32).collect()
+            };
+            image::ssimulacra2(&codes(output), &codes(reference), geometry)
+        }
+        other => Err(MetricError::reference(
+            "metrics of the suite",
+            format!("`{other}`"),
+            "a metric of the task reconstruction",
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use spikelane::unstable::npy::Element;
+
+    #[test]
+    fn faulty_images_have_a_fault_in_one_line() {
+        let geometry = Geometry::new(3, 2).unwrap();
+        let image = |shape: &[u64], values: &[f32]| {
+            npy::to_bytes(Element::F32, shape, values.iter().map(|v| v.to_le_bytes())).unwrap()
+        };
+        let good = image(&[2, 3], &[0.5, 2.0, -1.0, 0.0, 1.0, 0.25]);
+        assert_eq!(decode_image(&good, geometry).unwrap(), [0.5, 1.0, 0.0, 0.0, 1.0, 0.25]);
+        assert!(decode_image(&image(&[1, 2, 3], &[0.5; 6]), geometry).is_ok());
+        let nan = image(&[2, 3], &[0.5, f32::NAN, 0.0, 0.0, 0.0, 0.0]);
+        let integers = npy::to_bytes(Element::U8, &[2, 3], [[0_u8]; 6].into_iter()).unwrap();
+        for (bytes, word) in [
+            (&good[..good.len() - 4], "truncated"),
+            (&nan, "NaN at index 1"),
+            (&image(&[3, 2], &[0.5; 6]), "[3, 2]"),
+            (&integers, "f4 or f8"),
+            (&b"no array"[..], "output of the method"),
+        ] {
+            let fault = decode_image(bytes, geometry).unwrap_err();
+            assert!(fault.contains(word) && !fault.contains('\n'), "{fault}");
+        }
+    }
+}

@@ -1,0 +1,324 @@
+//! Scores of a run, and their verification.
+//!
+//! `score.json` contains every score of every sequence, the digests of the streams and outputs, the means with 95 %
+//! bootstrap intervals over sequences, and the cost. [`verify()`] computes all scores again from the outputs.
+
+mod boxes;
+mod dense;
+mod evaluation;
+mod summary;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::inputs::{PlainName, read_bytes};
+use spikelane::unstable::threads;
+
+use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
+use crate::run::{self, Method, SequenceResult};
+use crate::suite::CurvePoint;
+
+pub use evaluation::{Evaluation, evaluate_output};
+pub(crate) use evaluation::{decode_image, reference_image};
+pub use summary::{Cost, GroupSummary, MetricSummary, ScoreInterval};
+
+/// Version of the format of `score.json`.
+const FORMAT_VERSION: u32 = 1;
+
+/// Maximum size of `score.json` in bytes.
+const MAX_SCORE_BYTES: u64 = 64 << 20;
+
+/// The name of the group that contains all scored splits.
+pub const OVERALL: &str = "overall";
+
+/// The scores of one sequence.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct SequenceScore {
+    /// Name of the group.
+    pub group: PlainName,
+    /// Name of the sequence.
+    pub id: PlainName,
+    /// Digest of the stream.
+    pub stream_digest: String,
+    /// Digest of the output, or `None` if there is no output.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output_digest: Option<String>,
+    /// Why the sequence has the scores of the trivial answer, in one line.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<String>,
+    /// Time and memory of the method.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub result: Option<SequenceResult>,
+    /// The score of each metric.
+    pub scores: BTreeMap<String, f64>,
+}
+
+/// The computer of a run.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct Environment {
+    /// Version of spikelane.
+    pub spikelane: String,
+    /// Operating system and architecture.
+    pub system: String,
+    /// Number of processors.
+    pub processors: u64,
+    /// Name of the processor. `None` if the system does not report it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub processor: Option<String>,
+    /// Date of the scoring in UTC.
+    pub date: String,
+}
+
+/// The content of `score.json`.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct ScoreFile {
+    /// Version of the format.
+    pub format_version: u32,
+    /// Name of the suite.
+    pub suite: PlainName,
+    /// Version of the suite.
+    pub version: String,
+    /// Digest of the suite.
+    pub digest: String,
+    /// The commitment of a sealed suite.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sealed: Option<String>,
+    /// Identifiers of the metrics. The first metric is the primary metric.
+    pub metrics: Vec<String>,
+    /// The answer whose scores a faulty output has.
+    pub trivial_answer: String,
+    /// The method.
+    pub method: Method,
+    /// Longest time for one sequence in seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_limit_s: Option<f64>,
+    /// The computer.
+    pub environment: Environment,
+    /// Time and memory.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<Cost>,
+    /// The means of [`OVERALL`], of each split and of each point of a curve.
+    pub summaries: Vec<GroupSummary>,
+    /// The scores of all sequences.
+    pub sequences: Vec<SequenceScore>,
+}
+
+/// Scores the outputs in the folder of a run.
+///
+/// `name` is the name of the method if the folder has no `run.json`.
+///
+/// # Errors
+/// * [`ErrorKind::Corrupt`] if a stream or a reference was changed.
+/// * [`ErrorKind::Config`] if the run belongs to another suite.
+/// * [`ErrorKind::Input`] if sequences of the run are not finished.
+pub fn score(
+    data: &GeneratedSuite,
+    folder: &Path,
+    name: &str,
+    check_stop: &(dyn Fn() -> Result<()> + Sync),
+) -> Result<ScoreFile> {
+    let description = run::read_description(folder)?;
+    if let Some(description) = &description
+        && description.digest != data.digest
+    {
+        return Err(Error::new(ErrorKind::Config, folder.display())
+            .found(format_args!("a run on the suite {} {}", description.suite, description.digest))
+            .expected(format_args!("{} {}", data.suite.name, data.digest))
+            .remedy("run the method on this suite"));
+    }
+    let is_run = description.as_ref().is_some_and(|d| !matches!(d.method, Method::Outputs(_)));
+    let all: Vec<(&GeneratedGroup, &GeneratedSequence)> = data.scored().collect();
+    let scored = threads::try_map(all, |(group, sequence)| {
+        check_stop()?;
+        score_sequence(data, folder, is_run, group, sequence)
+    })?;
+    let method = description.as_ref().map_or_else(|| Method::Outputs(name.to_owned()), |d| d.method.clone());
+    let results: Vec<&SequenceResult> = scored.iter().filter_map(|(s, _)| s.result.as_ref()).collect();
+    let summaries = summary::summarize_groups(data, &scored)?;
+    Ok(ScoreFile {
+        format_version: FORMAT_VERSION,
+        suite: data.suite.name.clone(),
+        version: data.suite.version.clone(),
+        digest: data.digest.clone(),
+        sealed: data.suite.sealed.clone(),
+        metrics: data.suite.metrics.iter().map(|metric| metric.id()).collect(),
+        trivial_answer: data.suite.task.trivial_answer().to_owned(),
+        method,
+        time_limit_s: description.map(|d| d.time_limit_s),
+        environment: Environment::current(),
+        cost: Cost::from_results(&results),
+        summaries,
+        sequences: scored.into_iter().map(|(score, _)| score).collect(),
+    })
+}
+
+/// Scores the output of one sequence.
+fn score_sequence(
+    data: &GeneratedSuite,
+    folder: &Path,
+    is_run: bool,
+    group: &GeneratedGroup,
+    sequence: &GeneratedSequence,
+) -> Result<(SequenceScore, Evaluation)> {
+    let result = if is_run { run::read_result(folder, &group.name, &sequence.id)? } else { None };
+    if is_run && result.is_none() {
+        return Err(Error::new(ErrorKind::Input, folder.display())
+            .found(format_args!("no result of {}/{}", group.name, sequence.id))
+            .expected("a finished run")
+            .remedy("continue the run"));
+    }
+    // An output that cannot be read costs only its own score.
+    let (output, unreadable) = match run::read_output(folder, data.suite.task, &group.name, sequence) {
+        Ok(output) => (output, None),
+        Err(error) => (None, Some(error.to_string())),
+    };
+    let fault = result.as_ref().and_then(|r| r.fault.clone()).or(unreadable);
+    let (bytes, output_digest) = output.unzip();
+    let evaluation = evaluate_output(data, group, sequence, bytes.as_deref(), fault.as_deref())?;
+    let stream_digest = sequence.stream().map(|file| file.digest.clone()).unwrap_or_default();
+    let score = SequenceScore {
+        group: group.name.clone(),
+        id: sequence.id.clone(),
+        stream_digest,
+        output_digest,
+        fault: evaluation.fault.clone(),
+        result,
+        scores: evaluation.scores.clone(),
+    };
+    Ok((score, evaluation))
+}
+
+impl ScoreFile {
+    /// Reads a `score.json`. The file can come from a stranger.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Config`] if the file is invalid, and [`ErrorKind::Input`] if it is too large.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = read_bytes(path, "a score file", MAX_SCORE_BYTES)?;
+        let invalid = |found: &dyn std::fmt::Display| {
+            Error::new(ErrorKind::Config, path.display()).found(found).expected("a score file")
+        };
+        let file: Self = serde_json::from_slice(&text).map_err(|e| invalid(&e))?;
+        if file.format_version != FORMAT_VERSION {
+            return Err(invalid(&format_args!("version {} of the format", file.format_version))
+                .expected(FORMAT_VERSION));
+        }
+        Ok(file)
+    }
+
+    /// Returns the text of the file.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Config`] if a value cannot be written.
+    pub fn to_json(&self) -> Result<Vec<u8>> {
+        let mut text = serde_json::to_vec_pretty(self)
+            .map_err(|e| Error::new(ErrorKind::Config, "score file").found(e))?;
+        text.push(b'\n');
+        Ok(text)
+    }
+
+    /// Returns the number of sequences that have the scores of the trivial answer.
+    #[must_use]
+    pub fn faults(&self) -> usize {
+        self.sequences.iter().filter(|sequence| sequence.fault.is_some()).count()
+    }
+
+    /// Returns the summary of a group.
+    #[must_use]
+    pub fn summary(&self, group: &str) -> Option<&GroupSummary> {
+        self.summaries.iter().find(|summary| summary.group == group)
+    }
+
+    /// Returns the points of the curves, in the order of the file.
+    pub fn points(&self) -> impl Iterator<Item = (&CurvePoint, &GroupSummary)> {
+        self.summaries.iter().filter_map(|summary| Some((summary.point.as_ref()?, summary)))
+    }
+}
+
+impl Environment {
+    fn current() -> Self {
+        let processors = std::thread::available_parallelism().map_or(1, |n| n.get() as u64);
+        let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let name = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+        Self {
+            spikelane: env!("CARGO_PKG_VERSION").to_owned(),
+            system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            processors,
+            processor: name.map(|(_, name)| name.trim().to_owned()),
+            date: spikelane_measure::report::today(),
+        }
+    }
+}
+
+/// Computes the scores of a run again and compares them with a score file, to the last digit.
+///
+/// Returns one line for each difference. The computer, the date, the times and the memory are not compared, because no
+/// output determines them.
+///
+/// # Errors
+/// The errors of [`score`], and [`ErrorKind::Config`] if the score file belongs to another suite.
+pub fn verify(
+    data: &GeneratedSuite,
+    folder: &Path,
+    file: &ScoreFile,
+    check_stop: &(dyn Fn() -> Result<()> + Sync),
+) -> Result<Vec<String>> {
+    if file.digest != data.digest {
+        return Err(Error::new(ErrorKind::Config, "score file")
+            .found(format_args!("suite {} {} {}", file.suite, file.version, file.digest))
+            .expected(format_args!("{} {} {}", data.suite.name, data.suite.version, data.digest))
+            .remedy("generate the suite of the score file, or score the outputs again"));
+    }
+    let again = score(data, folder, file.method.name(), check_stop)?;
+    let mut differences = Vec::new();
+    let mut compare = |subject: &str, is_equal: bool, listed: String, computed: String| {
+        if !is_equal {
+            differences.push(format!("{subject}: the file lists {listed}, the outputs give {computed}"));
+        }
+    };
+    let text = |value: &dyn std::fmt::Debug| format!("{value:?}");
+    compare("suite", file.suite == again.suite, file.suite.to_string(), again.suite.to_string());
+    compare("version", file.version == again.version, file.version.clone(), again.version.clone());
+    compare("metrics", file.metrics == again.metrics, text(&file.metrics), text(&again.metrics));
+    compare("method", file.method == again.method, text(&file.method), text(&again.method));
+    compare("sealed", file.sealed == again.sealed, text(&file.sealed), text(&again.sealed));
+    compare(
+        "number of sequences",
+        file.sequences.len() == again.sequences.len(),
+        file.sequences.len().to_string(),
+        again.sequences.len().to_string(),
+    );
+    for (listed, computed) in file.sequences.iter().zip(&again.sequences) {
+        let name = format!("{}/{}", computed.group, computed.id);
+        let identity = |s: &SequenceScore| {
+            (s.group.clone(), s.id.clone(), s.stream_digest.clone(), s.output_digest.clone(), s.fault.clone())
+        };
+        let (a, b) = (identity(listed), identity(computed));
+        compare(&name, a == b, text(&a), text(&b));
+        for key in computed.scores.keys().chain(listed.scores.keys()) {
+            let [a, b] = [listed, computed].map(|s| s.scores.get(key));
+            compare(&format!("{name} {key}"), a == b, text(&a), text(&b));
+        }
+    }
+    compare(
+        "number of summaries",
+        file.summaries.len() == again.summaries.len(),
+        file.summaries.len().to_string(),
+        again.summaries.len().to_string(),
+    );
+    for (listed, computed) in file.summaries.iter().zip(&again.summaries) {
+        compare(&format!("summary of {}", computed.group), listed == computed, text(listed), text(computed));
+    }
+    differences.sort();
+    differences.dedup();
+    Ok(differences)
+}

@@ -1,0 +1,56 @@
+//! Implements `spikelane benchmark report`.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use crate::common::console::Console;
+use crate::common::output_claims;
+use spikelane::unstable::Count;
+use spikelane::{Error, ErrorKind, Result};
+use spikelane_benchmark::generated::GeneratedSuite;
+use spikelane_benchmark::report::{self, ScoredMethod};
+use spikelane_io::storage;
+
+/// Compare the scores of methods as an HTML page and as JSON
+///
+/// The differences are those to the first method. All score files must belong to the same generated suite.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// Compare these score.json files
+    #[arg(required = true, value_name = "SCORE")]
+    scores: Vec<PathBuf>,
+    /// Write STEM.html and STEM.json
+    #[arg(short, long, value_name = "STEM")]
+    output: PathBuf,
+    /// Show the worst outputs beside the references of the generated suite in this folder
+    #[arg(long, value_name = "DIR")]
+    suite: Option<PathBuf>,
+    /// Overwrite existing files
+    #[arg(long)]
+    force: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Those of [`report::report`].
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    let path = |ending: &str| {
+        let mut name = args.output.clone().into_os_string();
+        name.push(ending);
+        PathBuf::from(name)
+    };
+    let (html, json_path) = (path(".html"), path(".json"));
+    let _claim = output_claims::claim([&html, &json_path], args.force)?;
+    let methods = args.scores.iter().map(|path| ScoredMethod::read(path)).collect::<Result<Vec<_>>>()?;
+    let data = args.suite.as_ref().map(|folder| GeneratedSuite::open(folder)).transpose()?;
+    let made = report::report(&methods, data.as_ref())?;
+    let text = serde_json::to_vec_pretty(&made.json)
+        .map_err(|e| Error::new(ErrorKind::Config, json_path.display()).found(e))?;
+    storage::write_small(&html, made.html.as_bytes(), args.force)?;
+    storage::write_small(&json_path, &text, args.force)?;
+    let files = [html.display().to_string(), json_path.display().to_string()];
+    let event = json!({"event": "report", "files": files, "methods": methods.len()});
+    out.print_result(&event, &format!("{}, {}: {}\n", files[0], files[1], Count(methods.len(), "method")))
+}

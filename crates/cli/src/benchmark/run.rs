@@ -1,0 +1,117 @@
+//! Implements `spikelane benchmark run`.
+
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use serde_json::json;
+
+use super::score::write_score;
+use crate::common::console::Console;
+use crate::common::progress::{CountProgress, StopSignal, stop_flag};
+use spikelane::{Error, ErrorKind, Result};
+use spikelane_benchmark::generated::GeneratedSuite;
+use spikelane_benchmark::run::{self as benchmark_run, Method, RunOptions};
+
+/// Run a method on every sequence of a suite and score the outputs
+///
+/// A missing or faulty output, a crash and an exceeded time limit cost only the score of their sequence: the sequence has
+/// the scores of a trivial answer. The folder of the run contains the outputs and score.json.
+#[derive(clap::Args, Debug)]
+#[command(override_usage = "spikelane benchmark run [OPTIONS] <DIR> --output <DIR> <METHOD>")]
+pub(crate) struct Args {
+    /// Run on the generated suite in this folder
+    #[arg(value_name = "DIR")]
+    suite: PathBuf,
+    #[command(flatten)]
+    method: MethodArgs,
+    /// Write the run to this folder
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Set the longest time for one sequence in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = parse_seconds)]
+    time_limit: f64,
+    /// Continue an interrupted run
+    #[arg(long)]
+    resume: bool,
+}
+
+#[derive(clap::Args, Debug)]
+#[group(required = true, multiple = false)]
+struct MethodArgs {
+    /// Start this command for each sequence
+    ///
+    /// No shell reads the command. Spaces separate words, and quotes enclose spaces. {stream} and {output} are the paths of
+    /// the stream and of the output. {width}, {height}, {readouts}, {readout}, {interval}, {readout_hz} and {white_rate}
+    /// describe the stream.
+    #[arg(long, value_name = "COMMAND", allow_hyphen_values = true)]
+    command: Option<String>,
+    /// Start this command once and send it one request per sequence
+    ///
+    /// The server prints `ready`. Then it reads one line of JSON per sequence and answers each with the line `ok`.
+    #[arg(long, value_name = "COMMAND", allow_hyphen_values = true)]
+    server: Option<String>,
+    /// Run a baseline, such as tfp, tfi-blur or span
+    #[arg(long, value_name = "NAME")]
+    baseline: Option<String>,
+}
+
+fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
+        _ => Err("expected a number of seconds above 0 and up to 1000000".to_owned()),
+    }
+}
+
+impl MethodArgs {
+    fn method(&self) -> Method {
+        match self {
+            Self { command: Some(text), .. } => Method::Command(text.clone()),
+            Self { server: Some(text), .. } => Method::Server(text.clone()),
+            Self { baseline, .. } => Method::Baseline(baseline.clone().unwrap_or_default()),
+        }
+    }
+}
+
+/// Returns an error if the stop flag is set.
+pub(super) fn check_stop(stop: &StopSignal) -> Result<()> {
+    if stop.load(Ordering::Relaxed) {
+        return Err(
+            Error::new(ErrorKind::Interrupted, "stopped on request").remedy(super::SEQUENCES_KEPT_MESSAGE)
+        );
+    }
+    Ok(())
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Those of [`benchmark_run::run`] and [`spikelane_benchmark::score::score`].
+pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    let data = GeneratedSuite::open(&args.suite)?;
+    let options = RunOptions {
+        output: args.output.clone(),
+        method: args.method.method(),
+        time_limit: Duration::from_secs_f64(args.time_limit),
+        resume: args.resume,
+    };
+    run_and_score(&data, &options, out)
+}
+
+/// Runs a method, writes its score file and prints the scores.
+pub(super) fn run_and_score(data: &GeneratedSuite, options: &RunOptions, out: &Console) -> Result<()> {
+    let stop = stop_flag()?;
+    let mut progress = CountProgress::with_unit(out, stop_flag()?, "sequences");
+    let report = benchmark_run::run(data, options, &mut || check_stop(&stop), &mut |p| {
+        if let Some((name, fault)) = p.fault {
+            out.print_detail(format_args!("failed  {name}: {fault}"));
+        }
+        progress.update(p.finished, Some(p.total))
+    })?;
+    drop(progress);
+    out.print_event(&json!({
+        "event": "run", "output": options.output.display().to_string(), "run": report.run, "kept": report.kept,
+        "failed": report.failed,
+    }))?;
+    write_score(data, &options.output, options.method.name(), true, out)
+}
