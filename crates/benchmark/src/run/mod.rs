@@ -1,7 +1,7 @@
 //! Runs a method on every scored sequence of a generated suite.
 //!
 //! A method is a baseline, a command that is started once for each sequence, or a server that answers one request for
-//! each sequence. A method has no state between sequences: a command ends, and a server must reset its state.
+//! each sequence. The program that called this program can be the server. A method has no state between sequences: a command ends, and a server must reset its state.
 //!
 //! The folder of a run contains `run.json`, the outputs `outputs/GROUP/ID.npy`, and one file `results/GROUP/ID.json` for
 //! each finished sequence. An interrupted run continues after the last finished sequence.
@@ -23,7 +23,7 @@ use spikelane_io::storage::{self, Digest, OutputSet, folders};
 
 use crate::generated::{GeneratedSequence, GeneratedSuite};
 use crate::suite::{TRIVIAL_DEPTH_M, Task};
-use process::{ProcessOutcome, Server, run_process};
+use process::{Caller, ProcessOutcome, Server, run_process};
 
 pub use baseline::Baseline;
 pub use command_template::CommandTemplate;
@@ -50,6 +50,8 @@ pub enum Method {
     Command(String),
     /// A command that is started once and reads one request for each sequence.
     Server(String),
+    /// The program that called this program. It answers requests like a server.
+    Caller(String),
     /// Outputs that another program wrote into the folder of the run.
     Outputs(String),
 }
@@ -58,7 +60,11 @@ impl Method {
     /// Returns the name in reports.
     #[must_use]
     pub fn name(&self) -> &str {
-        let (Self::Baseline(text) | Self::Command(text) | Self::Server(text) | Self::Outputs(text)) = self;
+        let (Self::Baseline(text)
+        | Self::Command(text)
+        | Self::Server(text)
+        | Self::Caller(text)
+        | Self::Outputs(text)) = self;
         text
     }
 
@@ -89,7 +95,7 @@ impl Method {
                 false => Ok(()),
                 true => missing(text, "a placeholder", "none: a server reads the paths from its requests"),
             },
-            Self::Outputs(_) => Ok(()),
+            Self::Caller(_) | Self::Outputs(_) => Ok(()),
         }
     }
 }
@@ -353,6 +359,7 @@ enum Worker {
     Baseline(Baseline, Task),
     Command(CommandTemplate, Duration),
     Server { words: Vec<String>, limit: Duration, server: Option<Server> },
+    Caller(Caller, Duration),
     Nothing,
 }
 
@@ -365,6 +372,7 @@ impl Worker {
             Method::Server(text) => {
                 Self::Server { words: CommandTemplate::parse(text)?.words().to_vec(), limit, server: None }
             }
+            Method::Caller(_) => Self::Caller(Caller::new(), limit),
             Method::Outputs(_) => Self::Nothing,
         })
     }
@@ -383,6 +391,7 @@ impl Worker {
                 storage::write_small_unsynced(&job.output, &bytes)?;
                 Ok(ProcessOutcome { seconds, ..ProcessOutcome::default() })
             }
+            Self::Caller(caller, limit) => caller.request(&request(job), *limit, check_stop),
             Self::Command(command, limit) => run_process(&command.words_for(job)?, *limit, check_stop),
             Self::Server { words, limit, server } => {
                 let mut running = match server.take() {

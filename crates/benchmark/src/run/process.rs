@@ -178,17 +178,7 @@ impl Server {
         let (Some(stdin), Some(stdout)) = (process.child.stdin.take(), process.child.stdout.take()) else {
             return Err(Error::new(ErrorKind::Io, "server").found("no standard input or output"));
         };
-        let (send, answers) = channel();
-        std::thread::spawn(move || {
-            let mut lines = BufReader::new(stdout);
-            let mut line = Vec::new();
-            while let Ok(1..) = (&mut lines).take(MAX_ANSWER_BYTES).read_until(b'\n', &mut line) {
-                if send.send(String::from_utf8_lossy(&line).trim().to_owned()).is_err() {
-                    return;
-                }
-                line.clear();
-            }
-        });
+        let answers = receive_lines(stdout);
         let mut server = Self { process, stdin, answers };
         Ok(match server.answer(Instant::now(), limit * START_LIMIT_FACTOR, check_stop)? {
             Ok(line) if line == "ready" => Ok(server),
@@ -242,5 +232,69 @@ impl Server {
                 return Ok(Err(time_limit_fault(limit)));
             }
         }
+    }
+}
+
+/// Returns the lines of a text, which a thread reads. The channel closes at the end of the text.
+fn receive_lines(text: impl Read + Send + 'static) -> Receiver<String> {
+    let (send, lines) = channel();
+    std::thread::spawn(move || {
+        let mut text = BufReader::new(text);
+        let mut line = Vec::new();
+        while let Ok(1..) = (&mut text).take(MAX_ANSWER_BYTES).read_until(b'\n', &mut line) {
+            if send.send(String::from_utf8_lossy(&line).trim().to_owned()).is_err() {
+                return;
+            }
+            line.clear();
+        }
+    });
+    lines
+}
+
+/// The program that started this process. It reads requests from standard output, and writes answers to standard input.
+pub(super) struct Caller {
+    answers: Receiver<String>,
+}
+
+impl Caller {
+    pub(super) fn new() -> Self {
+        Self { answers: receive_lines(std::io::stdin()) }
+    }
+
+    /// Sends a request and waits for the answer `ok`. Any other answer is a fault.
+    ///
+    /// The caller cannot be started again, so a late answer is a fault after its arrival.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Tool`] if the caller ended, and the errors of `check_stop`.
+    pub(super) fn request(
+        &self,
+        request: &str,
+        limit: Duration,
+        check_stop: &mut dyn FnMut() -> Result<()>,
+    ) -> Result<ProcessOutcome> {
+        let ended = || {
+            Error::new(ErrorKind::Tool, "standard input")
+                .found("no answer to the last request")
+                .expected("one line for each request")
+        };
+        let start = Instant::now();
+        let mut stdout = std::io::stdout().lock();
+        writeln!(stdout, "{request}").and_then(|()| stdout.flush()).map_err(|_| ended())?;
+        drop(stdout);
+        let answer = loop {
+            match self.answers.recv_timeout(4 * POLL_INTERVAL) {
+                Ok(answer) => break answer,
+                Err(RecvTimeoutError::Disconnected) => return Err(ended()),
+                Err(RecvTimeoutError::Timeout) => check_stop()?,
+            }
+        };
+        let elapsed = start.elapsed();
+        let fault = match &*answer {
+            _ if elapsed > limit => Some(time_limit_fault(limit)),
+            "ok" => None,
+            _ => Some(one_line(&answer)),
+        };
+        Ok(ProcessOutcome { seconds: elapsed.as_secs_f64(), memory_peak_bytes: None, fault })
     }
 }

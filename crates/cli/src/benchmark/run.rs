@@ -51,6 +51,12 @@ struct MethodArgs {
     /// The server prints `ready`. Then it reads one line of JSON per sequence and answers each with the line `ok`.
     #[arg(long, value_name = "COMMAND", allow_hyphen_values = true)]
     server: Option<String>,
+    /// Send the requests of a server to the calling program and set its name in reports
+    ///
+    /// Requests are lines of standard output, and answers are lines of standard input. The Python function
+    /// `spikelane.benchmark.evaluate` uses this flag.
+    #[arg(hide_short_help = true, long, value_name = "NAME")]
+    caller: Option<String>,
     /// Run a baseline, such as tfp, tfi-blur or span
     #[arg(long, value_name = "NAME")]
     baseline: Option<String>,
@@ -68,6 +74,7 @@ impl MethodArgs {
         match self {
             Self { command: Some(text), .. } => Method::Command(text.clone()),
             Self { server: Some(text), .. } => Method::Server(text.clone()),
+            Self { caller: Some(name), .. } => Method::Caller(name.clone()),
             Self { baseline, .. } => Method::Baseline(baseline.clone().unwrap_or_default()),
         }
     }

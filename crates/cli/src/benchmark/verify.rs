@@ -54,6 +54,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         Method::Baseline(text) => ("baseline", text),
         Method::Command(text) => ("command", text),
         Method::Server(text) => ("server", text),
+        Method::Caller(text) => ("caller", text),
         Method::Outputs(text) => ("outputs of", text),
         _ => ("method", &args.path.display().to_string()),
     };
@@ -122,7 +123,7 @@ fn verify_scores(
 
 /// Runs the recorded method again and compares its scores with those of the file.
 fn run_again(file: &ScoreFile, data: &GeneratedSuite, folder: &Path, out: &Console) -> Result<()> {
-    if let Method::Outputs(name) = &file.method {
+    if let Method::Outputs(name) | Method::Caller(name) = &file.method {
         return Err(Error::new(ErrorKind::Usage, "--run")
             .found(format_args!("outputs of {name}, which no recorded command wrote"))
             .expected("a recorded baseline, command or server"));
