@@ -27,6 +27,7 @@ pub use answer::diagnosis::{
     DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, LimitTest, Parameter, ParameterMismatch,
     ReportData, UnexplainedStatistic, Verdict,
 };
+pub use answer::effect_limits::EffectLimit;
 pub use answer::figures::RateResidual;
 pub use answer::figures::{NamedCurve, SetPlots};
 pub use answer::page::write_diagnosis;

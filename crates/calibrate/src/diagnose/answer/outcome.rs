@@ -4,6 +4,7 @@ use super::diagnosis::{
     DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, LimitTest, Parameter, ParameterMismatch,
     ReportData, UnexplainedStatistic, Verdict,
 };
+use super::effect_limits::{EffectLimit, effect_limits};
 use super::qualifications::{open_discrepancy_note, untested_note};
 use super::recommended_recordings::recommended_recordings;
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
@@ -18,6 +19,7 @@ use crate::diagnose::search::contradicted::{Contradicted, Contradictions, contra
 use crate::diagnose::search::round::{Round, kept, tied};
 use crate::diagnose::search::search::Found;
 use crate::diagnose::search::undecided::Undecided;
+use crate::diagnose::sensors::context::in_time;
 use crate::diagnose::sensors::lamp::{Lamp, LampKind};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
@@ -157,12 +159,31 @@ pub(in crate::diagnose) fn outcome(
         tests: limit_tests(reference, found, data),
         undecided: found.undecided.iter().map(Undecided::sentence).collect(),
         recommended_recordings: recommended_recordings(reference, &found.rounds),
+        limits: limits(reference, found, data, verdict)?,
         undetectable: reference.not_testable(),
         seconds: 0.0,
         cache_counts: None,
         camera,
         traces: traces(reference, found, data),
     })
+}
+
+/// Returns limits for the effects that a model lacks, if the model describes the recordings.
+fn limits(
+    reference: &NullModel,
+    found: &Found,
+    data: &nalgebra::DVector<f64>,
+    verdict: Verdict,
+) -> Result<Vec<EffectLimit>> {
+    if !verdict.is_complete() {
+        return Ok(Vec::new());
+    }
+    let off = data - &found.own.mean;
+    let limits = effect_limits(reference, &found.own.metric, &off, &found.fit.located, |signature| {
+        found.fit.lacks(signature)
+    });
+    // Without time for further simulations, the diagnosis states no limits.
+    Ok(in_time(limits)?.unwrap_or_default())
 }
 
 /// Returns whether a model does not describe the data. `gaps` are the discrepancies after each step, and `floor` is

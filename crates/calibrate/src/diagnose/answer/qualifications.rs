@@ -58,6 +58,9 @@ pub(in crate::diagnose) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
             d.discrepancy.noise_floor, d.discrepancy.noise_floor_sd
         ));
     }
+    if !d.verdict.is_complete() {
+        d.limits.clear();
+    }
 }
 
 /// Drops spreads between pixels that are larger than in the model: the texture of an unknown scene adds to the spread.

@@ -2,7 +2,7 @@
 
 use super::reference::NullModel;
 use super::signature::Signature;
-use super::signature::reach;
+use super::signature::{MIN_SQUARE, reach};
 use crate::diagnose::fit::fit::Fit;
 use nalgebra::DVector;
 use spikelane::effects::{Definition, EventKind};
@@ -74,8 +74,7 @@ impl NullModel {
             let (nearest, alike) = self.nearest(tried);
             let weak = self.weakened(tried).ok()?;
             let square = self.square(&weak);
-            // A signature that is lost in its own noise says nothing.
-            if square < 25.0 {
+            if square < MIN_SQUARE {
                 continue;
             }
             let length = (square * (1.0 - alike * alike)).sqrt();
@@ -139,7 +138,7 @@ impl NullModel {
         let square = self.square(own);
         let alike = |rival: &Signature| {
             let other = self.square(rival);
-            if other < 25.0 || square < 25.0 {
+            if other < MIN_SQUARE || square < MIN_SQUARE {
                 return 0.0;
             }
             (self.product(own, rival) / (square * other).sqrt()).clamp(-1.0, 1.0)
@@ -204,7 +203,7 @@ impl NullModel {
         };
         let cosine = |a: &Signature, b: &Signature| {
             let squares = [self.square(a), self.square(b)];
-            if squares.iter().any(|s| *s < 25.0) {
+            if squares.iter().any(|s| *s < MIN_SQUARE) {
                 return 0.0;
             }
             (self.product(a, b) / (squares[0] * squares[1]).sqrt()).abs()

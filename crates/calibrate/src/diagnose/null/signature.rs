@@ -2,6 +2,7 @@
 
 use super::denoised::quiet;
 use super::mean::average;
+use super::metric::Metric;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::model::{Model, Sample};
@@ -9,6 +10,9 @@ use crate::diagnose::sensors::simulate;
 use nalgebra::DVector;
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
+
+/// Squared length below which a signature is lost in its own noise.
+pub(super) const MIN_SQUARE: f64 = 25.0;
 
 /// How a candidate shows at one position.
 #[derive(Clone, Debug)]
@@ -32,6 +36,22 @@ impl Signature {
         Self { candidate, mean, each, score_sd: 1.0 }
     }
 
+    /// Estimates the amplitude of the effect in units of the tried amplitude. `dual` is a deviation in `metric`. Returns
+    /// `None` if the signature is lost in its own noise.
+    pub(in crate::diagnose) fn amplitude(
+        &self,
+        metric: &Metric,
+        dual: &DVector<f64>,
+    ) -> Option<AmplitudeEstimate> {
+        let [first, second] = self.two_estimates();
+        let square = metric.dual(first).dot(second);
+        let own = self.mean.dot(&metric.dual(&self.mean));
+        (square > MIN_SQUARE).then(|| AmplitudeEstimate {
+            value: self.mean.dot(dual) / square,
+            sd: self.score_sd * own.max(0.0).sqrt() / square,
+        })
+    }
+
     /// Two estimates of the change. Their noise is independent if there are two simulations.
     pub(super) fn two_estimates(&self) -> [&DVector<f64>; 2] {
         match self.each.as_slice() {
@@ -39,6 +59,13 @@ impl Signature {
             _ => [&self.mean, &self.mean],
         }
     }
+}
+
+/// An amplitude with its standard deviation.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::diagnose) struct AmplitudeEstimate {
+    pub value: f64,
+    pub sd: f64,
 }
 
 /// Whether `b` is the same effect as `a` with the opposite sign.
