@@ -2,8 +2,8 @@
 
 use super::effect_limits::EffectLimit;
 use super::figures::{RateResidual, SetPlots};
-use crate::diagnose::given::about::Provenance;
 use crate::diagnose::lab::fault::Fault;
+use crate::diagnose::prepared::provenance::Provenance;
 use crate::diagnose::search::round::{EliminationReason, Step};
 use crate::diagnose::search::undecided::Undecided;
 use serde::Serialize;

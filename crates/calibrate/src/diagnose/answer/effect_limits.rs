@@ -9,9 +9,9 @@
 use nalgebra::DVector;
 
 use crate::diagnose::events::locations::Events;
-use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::null::signature::{AmplitudeEstimate, Signature};
+use crate::diagnose::null_model::metric::Metric;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::null_model::signature::{AmplitudeEstimate, Signature};
 use crate::diagnose::sensors::model::Knob;
 use spikelane::effects::Definition;
 use spikelane::effects::definition::SearchScale;

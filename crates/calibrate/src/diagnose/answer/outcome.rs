@@ -12,12 +12,12 @@ use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::found_lamps::LampPosterior;
 use crate::diagnose::fit::interval::{interval, of_data};
 use crate::diagnose::fit::unlocated::allowing;
-use crate::diagnose::given::about::words;
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::prepared::provenance::words;
 use crate::diagnose::search::alarm::values_and_limits;
-use crate::diagnose::search::contradicted::{Contradicted, Contradictions, contradicted};
+use crate::diagnose::search::parameter_mismatch::{Contradicted, Contradictions, contradicted};
 use crate::diagnose::search::round::{Round, kept, tied};
-use crate::diagnose::search::search::Found;
+use crate::diagnose::search::search::SearchResult;
 use crate::diagnose::search::undecided::Undecided;
 use crate::diagnose::sensors::context::in_time;
 use crate::diagnose::sensors::lamp::{Lamp, LampKind};
@@ -51,7 +51,7 @@ const MAX_AMBIGUOUS: usize = 2;
 
 pub(in crate::diagnose) fn outcome(
     fitter: Fitter<'_>,
-    found: &mut Found,
+    found: &mut SearchResult,
     given: Option<&Camera>,
 ) -> Result<Diagnosis> {
     let Fitter { reference, data } = fitter;
@@ -171,7 +171,7 @@ pub(in crate::diagnose) fn outcome(
 /// Returns limits for the effects that a model lacks, if the model describes the recordings.
 fn limits(
     reference: &NullModel,
-    found: &Found,
+    found: &SearchResult,
     data: &nalgebra::DVector<f64>,
     verdict: Verdict,
 ) -> Result<Vec<EffectLimit>> {
@@ -194,7 +194,7 @@ fn is_inadequate(gaps: &[f64], floor: f64) -> bool {
     *last > MAX_FLOORS * floor || (*last > INCOMPLETE_MAX_FLOORS * floor && explained < COMPLETE_SHARE)
 }
 
-impl Found {
+impl SearchResult {
     /// Returns whether the added effects change the base parameters, or the noise, so strongly that the base
     /// parameters are not determined.
     ///
@@ -213,11 +213,11 @@ impl Found {
     }
 }
 
-fn parameter(found: &Found, j: usize) -> Parameter {
+fn parameter(found: &SearchResult, j: usize) -> Parameter {
     parameter_at(found, j, found.fit.u[j], found.deviation(j))
 }
 
-fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
+fn parameter_at(found: &SearchResult, j: usize, u: f64, deviation: f64) -> Parameter {
     let knob = found.fit.model.knobs[j];
     if let Some(count) = found.fit.count(j) {
         let [low, high] = count.interval();
@@ -231,7 +231,7 @@ fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
 /// Returns the light of recordings and of sources, and the influence of each lamp on the named parameters.
 fn lamps(
     reference: &NullModel,
-    found: &Found,
+    found: &SearchResult,
     off: &nalgebra::DVector<f64>,
     mismatches: &[ParameterMismatch],
 ) -> Vec<DiagnosedLamp> {
@@ -275,7 +275,7 @@ fn lamps(
 }
 
 /// Compares the recordings with the limits of the final model.
-fn limit_tests(reference: &NullModel, found: &Found, data: &nalgebra::DVector<f64>) -> Vec<LimitTest> {
+fn limit_tests(reference: &NullModel, found: &SearchResult, data: &nalgebra::DVector<f64>) -> Vec<LimitTest> {
     const QUANTITIES: [&str; 3] =
         ["total deviation", "largest deviation of a statistic", "largest score of an effect"];
     let values =
@@ -311,7 +311,7 @@ struct Remainder {
 /// initial discrepancy.
 fn base_mismatches(
     reference: &NullModel,
-    found: &Found,
+    found: &SearchResult,
     data: &nalgebra::DVector<f64>,
     given: &Camera,
     rest: &Remainder,
@@ -352,7 +352,7 @@ fn base_mismatches(
 /// Returns the statistics with the largest deviations.
 fn unexplained_statistics(
     reference: &NullModel,
-    found: &Found,
+    found: &SearchResult,
     off: &nalgebra::DVector<f64>,
 ) -> Vec<UnexplainedStatistic> {
     let scores = found.own.metric.scores(off);
@@ -365,7 +365,7 @@ fn unexplained_statistics(
     order.into_iter().take(6).map(entry).collect()
 }
 
-fn traces(reference: &NullModel, found: &Found, data: &nalgebra::DVector<f64>) -> ReportData {
+fn traces(reference: &NullModel, found: &SearchResult, data: &nalgebra::DVector<f64>) -> ReportData {
     let before = reference.metric.scores(&(data - &reference.mean));
     let after = found.own.metric.scores(&(data - &found.own.mean));
     let row = |i: usize| {

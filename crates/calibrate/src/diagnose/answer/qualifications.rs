@@ -1,7 +1,7 @@
 //! Qualifications of a diagnosis: tentative names, ambiguities, causes outside the camera, and notes.
 
 use super::diagnosis::{Diagnosis, Discrepancy, FoundEffect, ParameterMismatch, Verdict};
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::reference::NullModel;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::BASE_KNOBS;
 use spikelane::effects::{AmbiguityGroup, Definition};

@@ -7,12 +7,12 @@
 
 use nalgebra::DVector;
 
-use super::context::Case;
-use super::search::Found;
+use super::context::Search;
+use super::search::SearchResult;
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
-use crate::diagnose::null::known::CALIBRATED;
-use crate::diagnose::null::metric::Bound;
+use crate::diagnose::null_model::calibration_prior::CALIBRATED;
+use crate::diagnose::null_model::metric::Bound;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 
@@ -28,9 +28,9 @@ const FAR: f64 = 1.0;
 /// Trust in a step of a base number, as a share of the larger of its values in the camera and in the base model.
 const TRUST: f64 = 0.3;
 
-impl Case<'_> {
+impl Search<'_> {
     /// Takes the last steps, where some are asked for; `given` is the camera that the base model came from.
-    pub(in crate::diagnose) fn end(&self, found: &mut Found, given: &Camera) -> Result<()> {
+    pub(in crate::diagnose) fn end(&self, found: &mut SearchResult, given: &Camera) -> Result<()> {
         let places = self.fitter.reference.model.places_in(given);
         // Beside noise as strong as that, what a base number moves is another change altogether; a still scene or maps tell too few apart.
         let setup = &self.fitter.reference.setup;
@@ -38,7 +38,7 @@ impl Case<'_> {
             return Ok(());
         }
         let Some(mut fit) = self.onward(found, &places)? else { return Ok(()) };
-        let own = self.fitter.judged_by_itself(&mut fit)?;
+        let own = self.fitter.self_consistency(&mut fit)?;
         let next = self.judged(fit, own)?;
         let [train, heldout] = self.gaps(&next);
         let before = found.heldout.last().copied().unwrap_or_default();
@@ -54,7 +54,7 @@ impl Case<'_> {
     }
 
     /// As many steps as each ask for less than the one before, where the first asks for enough.
-    fn onward(&self, found: &Found, places: &[f64]) -> Result<Option<Fit>> {
+    fn onward(&self, found: &SearchResult, places: &[f64]) -> Result<Option<Fit>> {
         let wanted =
             |fit: &Fit| found.own.metric.bounded(&(self.fitter.data - &fit.mean), &bounds(fit, places));
         let mut at = None;

@@ -2,16 +2,16 @@
 
 use nalgebra::DVector;
 
-use super::context::{Case, Judged};
+use super::backward_elimination::REMAINDER;
+use super::context::{Search, TestedFit};
 use super::round::EliminationReason;
 use super::round::Round;
 use super::tournament::entrants;
 use super::undecided::Undecided;
-use super::weed::REMAINDER;
 use crate::ProgressCallback;
-use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::fit::self_consistency::SelfConsistency;
+use crate::diagnose::null_model::signature::Signature;
 use crate::diagnose::sensors::context::in_time;
 use spikelane::error::Result;
 
@@ -45,14 +45,14 @@ const SWEEPING: f64 = 0.1;
 const NOTHING_ADDED: &str = "nothing added";
 
 /// The search's end.
-pub(in crate::diagnose) struct Found {
+pub(in crate::diagnose) struct SearchResult {
     pub fit: Fit,
     pub rounds: Vec<Round>,
     /// Gap on both sets after each accepted effect, the first without any, and what was done before.
     pub train: Vec<f64>,
     pub heldout: Vec<f64>,
     pub steps: Vec<String>,
-    pub own: Own,
+    pub own: SelfConsistency,
     /// What the held-out set is off.
     pub off: DVector<f64>,
     /// Whether anything is left above its limit.
@@ -61,9 +61,9 @@ pub(in crate::diagnose) struct Found {
     pub undecided: Vec<Undecided>,
 }
 
-impl Case<'_> {
+impl Search<'_> {
     /// `next`, which has one effect more, where the held-out set bears it out.
-    fn accepted(&self, before: &Judged, mut next: Fit) -> Result<Option<Judged>> {
+    fn accepted(&self, before: &TestedFit, mut next: Fit) -> Result<Option<TestedFit>> {
         let evidence = Evidence {
             before: before.deviance(),
             after: self.deviance(&next)?,
@@ -80,19 +80,19 @@ impl Case<'_> {
     }
 
     /// Effects whose signatures resemble what a model leaves, the most similar first.
-    fn similar_effects(&self, at: &Judged, signatures: &[&Signature]) -> Vec<&'static str> {
+    fn similar_effects(&self, at: &TestedFit, signatures: &[&Signature]) -> Vec<&'static str> {
         let off = self.fitter.data - &at.fit.mean;
         let similar = entrants(&at.fit, &at.own.metric, &off, signatures);
         similar.into_iter().map(|(_, signature)| signature.candidate.effect.name).collect()
     }
 
     /// The base model and what the sets have beyond it, if the time ends before the null model is complete.
-    pub(in crate::diagnose) fn unfinished(&self, undecided: Undecided) -> Result<Found> {
+    pub(in crate::diagnose) fn unfinished(&self, undecided: Undecided) -> Result<SearchResult> {
         Ok(self.ended(self.base()?, vec![undecided]))
     }
 
     /// The search's end if nothing is beyond the limits of the base model, and `None` if something is.
-    pub(in crate::diagnose) fn agreement(&self) -> Result<Option<Found>> {
+    pub(in crate::diagnose) fn agreement(&self) -> Result<Option<SearchResult>> {
         if self.base_alarm() {
             return Ok(None);
         }
@@ -100,10 +100,10 @@ impl Case<'_> {
     }
 
     /// The end of a search that adds nothing.
-    fn ended(&self, at: Judged, undecided: Vec<Undecided>) -> Found {
+    fn ended(&self, at: TestedFit, undecided: Vec<Undecided>) -> SearchResult {
         let [fitted, held_out] = self.gaps(&at);
-        let Judged { fit, own, off, left, .. } = at;
-        Found {
+        let TestedFit { fit, own, off, left, .. } = at;
+        SearchResult {
             fit,
             rounds: Vec::new(),
             train: vec![fitted],
@@ -143,10 +143,10 @@ impl Evidence {
     }
 }
 
-pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_>) -> Result<Found> {
+pub(in crate::diagnose) fn search(case: &Search<'_>, progress: ProgressCallback<'_>) -> Result<SearchResult> {
     let mut at = case.base()?;
     let (mut train, mut heldout, mut steps) = (Vec::new(), Vec::new(), Vec::new());
-    let mut gap = |step: String, at: &Judged| {
+    let mut gap = |step: String, at: &TestedFit| {
         let [fitted, held_out] = case.gaps(at);
         train.push(fitted);
         heldout.push(held_out);
@@ -198,7 +198,7 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_
         let kept = at.fit.effects.clone();
         progress("looking again", AGAIN);
         let (fitted, fitted_rounds) = (at.clone(), rounds.clone());
-        if in_time(case.weed(&mut at, &mut rounds))?.is_none() {
+        if in_time(case.eliminate_backward(&mut at, &mut rounds))?.is_none() {
             (at, rounds) = (fitted, fitted_rounds);
             undecided.push(Undecided::NecessityOfEffects);
         }
@@ -206,8 +206,8 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_
             gap("after removal and swaps".to_owned(), &at);
         }
     }
-    let Judged { fit, own, off, left, .. } = at;
-    Ok(Found { fit, rounds, train, heldout, steps, own, off, left, undecided })
+    let TestedFit { fit, own, off, left, .. } = at;
+    Ok(SearchResult { fit, rounds, train, heldout, steps, own, off, left, undecided })
 }
 
 #[cfg(test)]

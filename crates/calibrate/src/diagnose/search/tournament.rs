@@ -1,18 +1,18 @@
 //! One round of the loop: the candidates that promise most are fitted, and the most likely one wins.
 
-use super::context::Case;
+use super::context::Search;
 use super::round::EliminationReason;
 use super::round::{Entrant, Round};
-use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;
-use crate::diagnose::fit::price::Priced;
+use crate::diagnose::fit::scored_fit::ScoredFit;
+use crate::diagnose::fit::self_consistency::SelfConsistency;
 use crate::diagnose::fit::unlocated::allowing;
-use crate::diagnose::null::lamps::likely_deviations;
-use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::signature::Signature;
-use crate::diagnose::null::signature::reach;
+use crate::diagnose::null_model::lamps::likely_deviations;
+use crate::diagnose::null_model::metric::Metric;
+use crate::diagnose::null_model::signature::Signature;
+use crate::diagnose::null_model::signature::reach;
 use nalgebra::DVector;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
@@ -48,12 +48,12 @@ const ENTERING: f64 = 20.0;
 /// Deviation of a price from which on more simulations are made of the front: of the four that any two models may differ by, half.
 const UNSURE: f64 = 2.0;
 
-impl Case<'_> {
+impl Search<'_> {
     /// The best candidate for what is left, fitted together with everything accepted before.
     pub(in crate::diagnose) fn tournament(
         &self,
         fit: &Fit,
-        own: &Own,
+        own: &SelfConsistency,
         signatures: &[&Signature],
     ) -> Result<Option<(Fit, Round)>> {
         let Fitter { reference, data } = self.fitter;
@@ -68,8 +68,8 @@ impl Case<'_> {
             let refined = threads::try_map(from, |f| self.fitter.refined(f.clone(), rounds[0], few))?;
             Ok(refined.into_iter().min_by(cheaper))
         };
-        let fits: Vec<Option<Priced>> = threads::try_map(&starts, enter)?;
-        let mut fits: Vec<Priced> = fits.into_iter().flatten().collect();
+        let fits: Vec<Option<ScoredFit>> = threads::try_map(&starts, enter)?;
+        let mut fits: Vec<ScoredFit> = fits.into_iter().flatten().collect();
         fits.sort_by(cheaper);
         // Near the front, once more and with less noise.
         let front = fits[0].price + 0.15 * (fit.price() - fits[0].price).max(0.0) + NEAR;
@@ -77,7 +77,7 @@ impl Case<'_> {
         let far = fits.split_off(near);
         let again = threads::try_map(fits, |f| self.fitter.refined(f.fit, rounds[1], some))?;
         let mut fits = self.finish(again)?;
-        let Priced { fit: best, .. } = fits[0].clone();
+        let ScoredFit { fit: best, .. } = fits[0].clone();
         fits.extend(far);
         let entrants = fits.iter().map(|f| self.entrant(&fits[0], f)).collect();
         let before = allowing(reference, &fit.events)?.square(&(data - &fit.mean));
@@ -97,12 +97,12 @@ impl Case<'_> {
     }
 
     /// The front in its order; where draws decide on it, more of them are made.
-    fn finish(&self, mut front: Vec<Priced>) -> Result<Vec<Priced>> {
+    fn finish(&self, mut front: Vec<ScoredFit>) -> Result<Vec<ScoredFit>> {
         front.sort_by(cheaper);
-        let unsure = |f: &Priced| self.entrant(&front[0], f).tied && drawn(&front[0], f) > UNSURE;
+        let unsure = |f: &ScoredFit| self.entrant(&front[0], f).tied && drawn(&front[0], f) > UNSURE;
         let mut open: Vec<bool> = front.iter().map(unsure).collect();
         open[0] = open[1..].contains(&true);
-        let more = |(f, open): (Priced, bool)| {
+        let more = |(f, open): (ScoredFit, bool)| {
             if !open {
                 return Ok(f);
             }
@@ -117,7 +117,7 @@ impl Case<'_> {
     }
 
     /// How a fit of which the last name is new stands beside the best one.
-    pub(in crate::diagnose) fn entrant(&self, best: &Priced, f: &Priced) -> Entrant {
+    pub(in crate::diagnose) fn entrant(&self, best: &ScoredFit, f: &ScoredFit) -> Entrant {
         // Twice the distance of two models is the deviation of the difference of their costs.
         let apart = best.apart(f, &self.fitter.reference.metric);
         let tied = f.price - best.price < 4.0 + 2.0 * apart.min(12.0) + drawn(best, f);
@@ -170,7 +170,7 @@ impl Case<'_> {
     }
 }
 
-impl Case<'_> {
+impl Search<'_> {
     /// The candidates that promise most, each name once with its best shape and scale. Candidates that come near are
     /// compared by two simulations each.
     pub(in crate::diagnose) fn entrants(
@@ -227,12 +227,12 @@ pub(in crate::diagnose) fn entrants<'a>(
     entrants
 }
 
-pub(in crate::diagnose) fn cheaper(a: &Priced, b: &Priced) -> std::cmp::Ordering {
+pub(in crate::diagnose) fn cheaper(a: &ScoredFit, b: &ScoredFit) -> std::cmp::Ordering {
     a.price.total_cmp(&b.price)
 }
 
 /// What the draws leave open of the difference of two prices.
-fn drawn(a: &Priced, b: &Priced) -> f64 {
+fn drawn(a: &ScoredFit, b: &ScoredFit) -> f64 {
     a.deviation.hypot(b.deviation)
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::context::{Case, Judged};
+use super::context::{Search, TestedFit};
 use super::round::EliminationReason;
 use super::round::{Entrant, Round, kept_mut};
 use super::tournament::{NEAR, ROUNDS_BESIDE, cheaper, last};
@@ -11,9 +11,9 @@ use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::draws::SOME_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;
-use crate::diagnose::fit::price::Priced;
-use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::fit::scored_fit::ScoredFit;
+use crate::diagnose::null_model::metric::Metric;
+use crate::diagnose::null_model::signature::Signature;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
@@ -45,9 +45,13 @@ const ROUNDS_TO_ENTER: usize = 2;
 /// Most names that are exchanged, one after the other.
 const SWAPS: usize = 4;
 
-impl Case<'_> {
+impl Search<'_> {
     /// Looks at every name again until nothing moves: what came after a wrong name may be a likeness of what that one left.
-    pub(in crate::diagnose) fn weed(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<()> {
+    pub(in crate::diagnose) fn eliminate_backward(
+        &self,
+        at: &mut TestedFit,
+        rounds: &mut [Round],
+    ) -> Result<()> {
         self.eliminate(at, rounds)?;
         for _ in 0..SWAPS {
             if !self.swap(at, rounds)? {
@@ -63,7 +67,7 @@ impl Case<'_> {
 
     /// Drops effects that the data do without: those whose amplitude is within three deviations of none, and those that another one can
     /// stand in for. The likeness that came first may have left the right name a part only, and steps along their valley are short.
-    fn eliminate(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<()> {
+    fn eliminate(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<()> {
         while at.fit.effects.len() > 1 {
             let Some((place, without)) = self.dispensable(at)? else { break };
             let name = at.fit.effects[place].0.name;
@@ -76,7 +80,7 @@ impl Case<'_> {
     }
 
     /// The weakest effect without which the data are as likely, and the model without it.
-    fn dispensable(&self, at: &Judged) -> Result<Option<(usize, Judged)>> {
+    fn dispensable(&self, at: &TestedFit) -> Result<Option<(usize, TestedFit)>> {
         let Fitter { reference, data } = self.fitter;
         let (fit, own) = (&at.fit, &at.own);
         let worth = DISPENSED + REMAINDER * fit.length_of(&(data - &reference.mean));
@@ -96,7 +100,7 @@ impl Case<'_> {
             if !weak && costlier >= worth {
                 continue;
             }
-            let own = self.fitter.judged_by_itself(&mut without)?;
+            let own = self.fitter.self_consistency(&mut without)?;
             let without = self.judged(without, own)?;
             // Beside a strong effect little is evidence, unless it is all that was left.
             if weak || costlier < DISPENSED || at.left || !without.left {
@@ -109,7 +113,7 @@ impl Case<'_> {
     /// Whether other data than what was fitted tell the model from `other` too, of which the fitted data gained `gained`. An interval may
     /// hold zero because numbers stand in for each other, or because a probability moves the noise more than the mean: a lag's share
     /// of 1.7 deviations and a loss of readouts of 1.1 gained 156 and 8,527 here, and 157 and 8,360 there.
-    fn shown(&self, at: &Judged, other: &Fit, gained: f64) -> Result<bool> {
+    fn shown(&self, at: &TestedFit, other: &Fit, gained: f64) -> Result<bool> {
         Ok(self.judge.held_out && self.deviance(other)? - at.deviance() >= gained * HELD_OUT)
     }
 
@@ -128,8 +132,8 @@ impl Case<'_> {
 
     /// Tries other names in the place of each accepted one, now that the others are known, and takes the first that is better. Where
     /// none is, those that are as likely are ties. Whether a name was exchanged.
-    fn swap(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<bool> {
-        let [_, some] = draws_of_weeding(&at.fit);
+    fn swap(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<bool> {
+        let [_, some] = draws_of_elimination(&at.fit);
         let mut with = at.fit.clone();
         self.fitter.evaluate(&mut with, some)?;
         let with = self.fitter.priced(with);
@@ -163,11 +167,11 @@ impl Case<'_> {
     /// The model with `best`, of which the last name came in the place of what was kept in `round`.
     fn exchanged(
         &self,
-        at: &Judged,
+        at: &TestedFit,
         mut best: Fit,
         round: Option<&mut Round>,
         rivals: Vec<Entrant>,
-    ) -> Result<Judged> {
+    ) -> Result<TestedFit> {
         let own = self.fitter.converged(&mut best)?;
         let next = self.judged(best, own)?;
         if let Some(round) = round {
@@ -183,11 +187,11 @@ impl Case<'_> {
     }
 
     /// The model with other names in `place` that come near it with the one there, `with`, in the order of their prices.
-    fn other_names(&self, at: &Judged, with: &Priced, place: usize) -> Result<Vec<Priced>> {
+    fn other_names(&self, at: &TestedFit, with: &ScoredFit, place: usize) -> Result<Vec<ScoredFit>> {
         let (fitter, fit) = (&self.fitter, &at.fit);
         let all: Vec<&Signature> = self.signatures.iter().collect();
         let name = fit.effects[place].0.name;
-        let [few, some] = draws_of_weeding(fit);
+        let [few, some] = draws_of_elimination(fit);
         let without = fitter.refine(fit.without(place), 1, few)?;
         let metric = without_effect(&at.own.metric, fit, place);
         let others = self.entrants(&without, &metric, &(fitter.data - &without.mean), &all)?;
@@ -204,7 +208,7 @@ impl Case<'_> {
             fitter.refined(entered.fit, ROUNDS_BESIDE[0] - ROUNDS_TO_ENTER, few).map(Some)
         };
         let fits = threads::try_map(&others, enter)?;
-        let fits: Vec<Priced> = fits.into_iter().flatten().collect();
+        let fits: Vec<ScoredFit> = fits.into_iter().flatten().collect();
         // Fewer simulations shrink a model's own noise toward the null's, which makes it dearer by as much as that noise is apart.
         let drawn = NEAR + with.fit.noise_of_its_own().max(0.0);
         let front = fits.iter().map(|f| f.price).fold(with.price, f64::min) + drawn;
@@ -216,7 +220,7 @@ impl Case<'_> {
 }
 
 /// Simulations of a mean in both legs.
-fn draws_of_weeding(fit: &Fit) -> [usize; 2] {
+fn draws_of_elimination(fit: &Fit) -> [usize; 2] {
     if fit.is_noisy() { OF_NOISY } else { fit.draws() }
 }
 
@@ -238,7 +242,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     use super::*;
-    use crate::diagnose::null::metric::noise;
+    use crate::diagnose::null_model::metric::noise;
 
     #[test]
     fn what_an_effect_explained_is_off_again_without_it() {

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::search::{Evidence, Found};
-use crate::diagnose::null::known::CALIBRATED;
+use super::search::{Evidence, SearchResult};
+use crate::diagnose::null_model::calibration_prior::CALIBRATED;
 
 /// By how much the squared distance of the camera's numbers from the fitted ones falls with a number set free for that one to be
 /// contradicted: three and a half deviations of it.
@@ -43,7 +43,7 @@ pub(in crate::diagnose) struct Contradictions {
 /// `missed` is what fits of clean sensors miss them by. Where nothing is left, `off` is what the fit does not explain of the data: the last step that it asks for is taken here, as no
 /// cost tells whether it is worth it.
 pub(in crate::diagnose) fn contradicted(
-    found: &Found,
+    found: &SearchResult,
     missed: &[f64],
     off: &DVector<f64>,
     given: &[f64],

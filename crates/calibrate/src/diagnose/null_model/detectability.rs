@@ -45,7 +45,7 @@ impl NullModel {
     /// and angles come from products of different simulations, so that their noise averages out.
     #[must_use]
     pub fn detectabilities(&self) -> Vec<Detectability> {
-        self.effects().into_iter().filter_map(|effect| self.nameable_one(effect)).collect()
+        self.effects().into_iter().filter_map(|effect| self.detectability_of(effect)).collect()
     }
 
     /// Effects whose signatures are known, in the order in which they are tried.
@@ -68,7 +68,7 @@ impl NullModel {
     }
 
     /// The same of one name; nothing where its signature is lost in its own noise.
-    pub(in crate::diagnose) fn nameable_one(&self, effect: &'static Definition) -> Option<Detectability> {
+    pub(in crate::diagnose) fn detectability_of(&self, effect: &'static Definition) -> Option<Detectability> {
         let mut found: Vec<Detectability> = Vec::new();
         for tried in self.signatures.iter().filter(|s| s.candidate.effect == effect) {
             let (nearest, alike) = self.nearest(tried);

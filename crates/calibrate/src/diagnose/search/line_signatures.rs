@@ -1,7 +1,7 @@
 //! Signatures of swinging light at the frequency that a set shows.
 
-use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::null_model::signature::Signature;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::statistics::readouts::{line, power, refine_line};
 use crate::diagnose::statistics::vector::MeasuredSet;

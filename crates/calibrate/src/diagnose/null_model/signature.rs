@@ -1,8 +1,8 @@
 //! How a candidate shows.
 
-use super::denoised::quiet;
 use super::mean::average;
 use super::metric::Metric;
+use super::shrinkage::shrink;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::model::{Model, Sample};
@@ -30,7 +30,7 @@ impl Signature {
     pub(super) fn new(candidate: Candidate, each: Vec<DVector<f64>>, spread: &[f64]) -> Self {
         // The noise of a single simulation is as long as a weak signature.
         let mean = match each.as_slice() {
-            [only] => quiet(only.clone(), spread, 1),
+            [only] => shrink(only.clone(), spread, 1),
             _ => average(&each),
         };
         Self { candidate, mean, each, score_sd: 1.0 }
