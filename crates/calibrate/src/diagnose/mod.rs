@@ -23,6 +23,7 @@ mod run;
 mod search;
 mod sensors;
 mod statistics;
+mod thresholds;
 
 pub use answer::diagnosis::{
     DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, LimitTest, Parameter, ParameterMismatch,

@@ -21,33 +21,12 @@ use crate::diagnose::search::search::SearchResult;
 use crate::diagnose::search::undecided::Undecided;
 use crate::diagnose::sensors::context::in_time;
 use crate::diagnose::sensors::lamp::{Lamp, LampKind};
+use crate::diagnose::thresholds::{
+    COMPLETE_SHARE, INCOMPLETE_MAX_FLOORS, MAX_AMBIGUOUS_PARAMETERS, MAX_BASE_CHANGE, MAX_FLOORS,
+    MIN_EXPLAINED_SHARE, MIN_MISMATCH,
+};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
-
-/// Smallest share of the initial excess that the model must explain if a significant discrepancy remains. Below it,
-/// all names are tentative. True effects leave a few percent at most, and wrong ones were measured to leave 20 %.
-const MIN_EXPLAINED_SHARE: f64 = 0.95;
-
-/// Remaining discrepancy, divided by the noise floor, above which the model does not describe the data. The floor of a
-/// model with random events deviates by up to three standard deviations of the number of events.
-const MAX_FLOORS: f64 = 10.0;
-
-/// Largest remaining discrepancy, divided by the noise floor, of a model that explains less than [`COMPLETE_SHARE`] of
-/// the initial excess. Models with the true effects were measured to violate at most one of both limits.
-const INCOMPLETE_MAX_FLOORS: f64 = 3.0;
-
-/// Share of the initial excess above which a model may exceed [`INCOMPLETE_MAX_FLOORS`].
-const COMPLETE_SHARE: f64 = 0.99;
-
-/// Relative change of a base parameter, caused by added effects, above which its linear derivative is not valid.
-/// Strong row noise was measured to change base parameters by factors of 0.2 to 3.6.
-const MAX_BASE_CHANGE: f64 = 0.45;
-
-/// Smallest relative deviation of a parameter that is reported.
-const MIN_MISMATCH: f64 = 0.02;
-
-/// Largest number of names beside a parameter that the data contradict.
-const MAX_AMBIGUOUS: usize = 2;
 
 pub(in crate::diagnose) fn outcome(
     fitter: Fitter<'_>,
@@ -333,7 +312,7 @@ fn base_mismatches(
         if is_tentative {
             ambiguous_with.extend(reference.effects_like(&c.change, &found.fit));
         }
-        ambiguous_with.truncate(MAX_AMBIGUOUS);
+        ambiguous_with.truncate(MAX_AMBIGUOUS_PARAMETERS);
         ParameterMismatch {
             parameter: format!("{}.{}", knob.effect.name, knob.key),
             model_value: knob.value_in(given),

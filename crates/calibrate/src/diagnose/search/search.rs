@@ -1,8 +1,11 @@
 //! The loop: is anything left, what explains it best, does it hold on other recordings.
 
+use crate::diagnose::thresholds::{
+    COMPLETE_REMAINDER, MAX_EFFECTS, MAX_REJECTED, MAX_STATIC_EFFECTS, MIN_EXPLAINED_EXCESS,
+    MIN_HELD_OUT_GAIN, REMAINDER_SHARE,
+};
 use nalgebra::DVector;
 
-use super::backward_elimination::REMAINDER;
 use super::context::{Search, TestedFit};
 use super::round::EliminationReason;
 use super::round::Round;
@@ -15,31 +18,9 @@ use crate::diagnose::null_model::signature::Signature;
 use crate::diagnose::sensors::context::in_time;
 use spikelane::error::Result;
 
-/// Most effects that are added.
-const ROUNDS: usize = 4;
-
-/// The same for static scenes of unknown light with nothing held out. A dozen statistics do not test a second effect beside the two or
-/// three fitted numbers of the first.
-const STATIC_ROUNDS: usize = 1;
-
 /// Shares of a diagnosis that are done where a search begins, and where it looks at its names again.
 const BEGIN: f64 = 0.8;
 const AGAIN: f64 = 0.9;
-
-/// Most names that the held-out set may turn down.
-const VETOES: usize = 2;
-
-/// Fall of the held-out deviance below which a name is not kept: three deviations of one number.
-const BETTER: f64 = 9.0;
-
-/// Share of the excess below which the best name explains too little for another one to be tried:
-/// of three effects of equal strength the first explains a third.
-const LIKENESS: f64 = 0.2;
-
-/// Share of the held-out deviance below which a further effect leaves so little that no such remainder is asked of it, as where it
-/// leaves nothing: what a signature leaves has many shapes, of which another effect has some. `comparator_noise` beside strong
-/// `adaptation` left 278 of 3,637, which the noise of that model explains, where the remainder was 3,998.
-const SWEEPING: f64 = 0.1;
 
 /// The step before any effect is added.
 const NOTHING_ADDED: &str = "nothing added";
@@ -132,14 +113,14 @@ impl Evidence {
     /// By how much the deviance falls further than by chance and by what any name takes.
     pub(super) fn beyond(&self) -> f64 {
         let share = 0.02 * self.before.clamp(0.0, 1e4) / (1.0 + self.others as f64);
-        self.before - self.after - BETTER - share
+        self.before - self.after - MIN_HELD_OUT_GAIN - share
     }
 
     /// Whether that is more than a remainder of what is there already; `left` tells whether anything is left of the fitted set. The
     /// other one may show more: `supply_droop` beside `adaptation` took its deviance from 5,741 to 1,152, left nothing of the fitted
     /// set, and one statistic at 6.5 deviations there.
     fn suffices(&self, left: bool) -> bool {
-        self.beyond() > REMAINDER * self.whole || self.after < SWEEPING * self.before || !left
+        self.beyond() > REMAINDER_SHARE * self.whole || self.after < COMPLETE_REMAINDER * self.before || !left
     }
 }
 
@@ -157,10 +138,10 @@ pub(in crate::diagnose) fn search(case: &Search<'_>, progress: ProgressCallback<
     let mut turned_down: Vec<&'static str> = Vec::new();
     let mut undecided = Vec::new();
     let untested = case.fitter.reference.setup.only_still() && !case.judge.held_out;
-    let most = if untested { STATIC_ROUNDS } else { ROUNDS };
-    while at.left && at.fit.effects.len() < most && turned_down.len() < VETOES {
+    let most = if untested { MAX_STATIC_EFFECTS } else { MAX_EFFECTS };
+    while at.left && at.fit.effects.len() < most && turned_down.len() < MAX_REJECTED {
         let rounds_begun = at.fit.effects.len() + turned_down.len();
-        let tried = BEGIN + (AGAIN - BEGIN) * (rounds_begun as f64 / ROUNDS as f64).min(1.0);
+        let tried = BEGIN + (AGAIN - BEGIN) * (rounds_begun as f64 / MAX_EFFECTS as f64).min(1.0);
         progress("tournament", tried);
         let open: Vec<&Signature> =
             case.signatures.iter().filter(|s| !turned_down.contains(&s.candidate.effect.name)).collect();
@@ -189,7 +170,7 @@ pub(in crate::diagnose) fn search(case: &Search<'_>, progress: ProgressCallback<
             ..round
         });
         at = next;
-        if share < LIKENESS {
+        if share < MIN_EXPLAINED_EXCESS {
             // What is there is something else; more names would be more likenesses.
             break;
         }
