@@ -26,8 +26,8 @@ const NORMAL_QUANTILE: f64 = 1.645;
 const MIN_CERTAIN_LENGTH: f64 = 15.0;
 
 /// Exponent of the length of a signature as a function of the amplitude above which an effect counts as quadratic. Measured
-/// exponents of linear effects are 0.5 to 1.12, those of noise whose variance is proportional to the square of the
-/// amplitude (`telegraph_dark`, `readout_jitter`) are 1.24 to 1.52.
+/// exponents (24x24 pixels) of most effects are 0.5 to 1.12. Those of `telegraph_dark` and `readout_jitter`, whose variance
+/// is proportional to the square of the amplitude, and of `false_spikes` are 1.24 to 1.52.
 const MAX_LINEAR_EXPONENT: f64 = 1.2;
 
 /// The largest strength of an effect with which the recordings are compatible.
