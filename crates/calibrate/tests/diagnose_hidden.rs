@@ -120,7 +120,8 @@ fn stated_limit(diagnosis: &Diagnosis, name: &str) -> Option<f64> {
     diagnosis.limits.iter().find(|l| l.name == name).and_then(|l| l.limit)
 }
 
-/// Sensors with an effect whose strength is the limit of a clean sensor.
+/// Sensors with an effect that is a little stronger than the limit of a clean sensor. The smallest limit is that of an estimate of
+/// zero, so sensors at this limit itself would be covered whatever they show.
 struct LimitTrial {
     name: &'static str,
     strength: f64,
@@ -131,7 +132,7 @@ struct LimitTrial {
 impl LimitTrial {
     fn new(name: &'static str, seeds: std::ops::Range<u64>) -> Self {
         let clean = diagnose_hidden(&[], 31);
-        let strength = stated_limit(&clean, name).unwrap();
+        let strength = 1.3 * stated_limit(&clean, name).unwrap();
         let limit = |seed| {
             let diagnosis = diagnose_hidden(&[(name, strength)], seed);
             stated_limit(&diagnosis, name).unwrap_or(f64::INFINITY)
@@ -158,16 +159,16 @@ impl LimitTrial {
     }
 }
 
-/// A limit is below the true strength with a probability of 5 %, and 4 of 12 sensors with a probability of 0.2 %. The estimate
-/// is the true strength on average, and half of the true strength with a probability of at most 21 %: a limit is then 1.5
-/// times the strength, and 1.22 times if the statistics change with the square of the strength.
+/// A limit is below the true strength with a probability of 5 %, and those of 4 of 12 sensors with a probability of 0.2 %. The
+/// median estimate is the true strength, of at least 2.1 standard deviations. The limit of half of that exceeds the strength
+/// by a quarter.
 #[test]
 fn a_limit_exceeds_the_strength_of_a_hidden_effect() {
-    let trials = ["crosstalk", "row_noise"].map(|name| LimitTrial::new(name, 41..47));
+    let trials = ["crosstalk", "dead_time"].map(|name| LimitTrial::new(name, 41..47));
     let covered: usize = trials.iter().map(LimitTrial::covered).sum();
     assert!(covered >= 9, "{covered} of 12");
     for trial in &trials {
-        assert!(trial.median() > 1.22, "{}: {}", trial.name, trial.median());
+        assert!(trial.median() > 1.25, "{}: {}", trial.name, trial.median());
     }
 }
 
@@ -191,7 +192,7 @@ fn long_95_percent_of_limits_exceed_the_strength_of_a_hidden_effect() {
     eprintln!("{covered} of 160");
     assert!(covered > 138, "{covered} of 160");
     for trial in &trials {
-        assert!(trial.covered() >= 15 && trial.median() > 1.22, "{}: {}", trial.name, trial.covered());
+        assert!(trial.covered() >= 15, "{}: {}", trial.name, trial.covered());
     }
 }
 

@@ -30,6 +30,10 @@ const MIN_CERTAIN_LENGTH: f64 = 15.0;
 /// is proportional to the square of the amplitude, and of `false_spikes` are 1.24 to 1.52.
 const MAX_LINEAR_EXPONENT: f64 = 1.2;
 
+/// Smallest share of the tried variance to which a limit of a standard deviation is interpolated. Measured: hidden `row_noise`
+/// with 1/36 of the tried variance changed the statistics by less than half of 1/36, in six sensors.
+const MIN_VARIANCE_SHARE: f64 = 0.1;
+
 /// The largest strength of an effect with which the recordings are compatible.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
@@ -180,9 +184,11 @@ impl TriedShape {
         for amplitude in &self.tried {
             match amplitude.share {
                 Some(share) if share <= 1.0 => {
+                    let is_variance = amplitude.knob.scale == SearchScale::Square;
                     let share = match self.is_quadratic {
                         _ if self.effect.has_onset => 1.0,
                         true => share.sqrt(),
+                        false if is_variance => share.max(MIN_VARIANCE_SHARE),
                         false => share,
                     };
                     return Some(amplitude.strength(share * amplitude.position).max(compatible));
@@ -258,6 +264,15 @@ mod tests {
         assert!(!exceeds_linear(&[(1.0, 6.0), (5.0, 16.3), (5.0, 16.0), (20.0, 207.0)]));
         assert!(!exceeds_linear(&[(1.0, 60.0)]));
         assert!(!exceeds_linear(&[(1.0, 0.5), (5.0, 8.0)]), "noise");
+    }
+
+    #[test]
+    fn the_limit_of_a_standard_deviation_is_not_far_below_the_tried_one() {
+        let mut noise = lag(&[(1.0, Some(0.001))]);
+        noise.tried[0].knob.scale = SearchScale::Square;
+        assert_limit(&noise, 0.01 * MIN_VARIANCE_SHARE.sqrt());
+        noise.tried[0].share = Some(0.25);
+        assert_limit(&noise, 0.005);
     }
 
     #[test]
