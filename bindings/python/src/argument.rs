@@ -3,6 +3,7 @@
 //! Use the functions with `#[pyo3(from_py_with = ...)]`. The functions of [`optional`] accept None too.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
@@ -70,6 +71,13 @@ fn as_integer<T: TryFrom<u64>>(
 fn as_number(value: &Bound<'_, PyAny>, name: &str, remedy: &str) -> PyResult<f64> {
     let remedy = if value.is_instance_of::<PyString>() { "pass a number without quotes" } else { remedy };
     value.extract().map_err(|_| type_error(name, describe(value), "a number", remedy))
+}
+
+/// Returns a positive number of seconds.
+fn as_seconds(value: &Bound<'_, PyAny>, name: &str, remedy: &str) -> PyResult<Duration> {
+    let seconds = Duration::try_from_secs_f64(as_number(value, name, remedy)?).ok();
+    let seconds = seconds.filter(|seconds| !seconds.is_zero());
+    seconds.ok_or_else(|| usage_error(name, describe(value), "a positive number of seconds", remedy))
 }
 
 fn as_text<'a>(value: &'a Bound<'_, PyAny>, name: &str, remedy: &str) -> PyResult<&'a str> {
@@ -215,6 +223,7 @@ arguments! {
     dead_time_fraction: f64 = as_number("pass a share, for example 0.002");
     light_uncertainty: f64 = as_number("pass a relative standard deviation, for example 0.01");
     max_gain_error: f64 = as_number("pass a relative standard error, for example 0.01");
+    time_limit: Duration = as_seconds("pass seconds, for example 60, or omit time_limit");
     interpolation: &'a str = as_interpolation("pass \"linear\", \"hold\" or \"flow\"");
     backend: &'a str = as_text("omit backend");
     layout: &'a str = as_text("pass the name of a layout, for example \"dat\"");

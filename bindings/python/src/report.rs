@@ -2,6 +2,7 @@
 //! dataclasses.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
@@ -117,8 +118,8 @@ pub fn calibrate(
 
 /// Returns (JSON text, Camera) with the results of `spikelane diagnose`; see `spikelane.diagnose`.
 #[pyfunction]
-#[pyo3(signature = (recordings, camera=None, holdout=None, seed=1, all_readouts=false, out=None, force=false,
-    progress=None))]
+#[pyo3(signature = (recordings, camera=None, holdout=None, seed=1, all_readouts=false, time_limit=None, out=None,
+    force=false, progress=None))]
 pub fn diagnose(
     py: Python<'_>,
     #[pyo3(from_py_with = argument::recordings)] recordings: PathBuf,
@@ -126,6 +127,7 @@ pub fn diagnose(
     #[pyo3(from_py_with = argument::optional::holdout)] holdout: Option<PathBuf>,
     #[pyo3(from_py_with = argument::seed)] seed: u64,
     #[pyo3(from_py_with = argument::all_readouts)] all_readouts: bool,
+    #[pyo3(from_py_with = argument::optional::time_limit)] time_limit: Option<Duration>,
     #[pyo3(from_py_with = argument::optional::folder)] out: Option<PathBuf>,
     #[pyo3(from_py_with = argument::force)] force: bool,
     progress: Option<Py<PyAny>>,
@@ -139,7 +141,8 @@ pub fn diagnose(
             let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;
             let readout_selection =
                 if all_readouts { ReadoutSelection::All } else { ReadoutSelection::Leading };
-            let options = Diagnosing { camera, seed, readout_selection, ..Diagnosing::default() };
+            let options =
+                Diagnosing { camera, seed, readout_selection, time_limit, ..Diagnosing::default() };
             let diagnosis =
                 spikelane_calibrate::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| {
                     report_progress(share)

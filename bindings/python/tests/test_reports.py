@@ -123,6 +123,19 @@ def test_invalid_sets_are_rejected(tmp_path):
             function(tmp_path / "bad.toml")
 
 
+def test_a_time_limit_ends_a_diagnosis(recordings):
+    # A nanosecond is over before the first simulation.
+    found = sl.diagnose(recordings, time_limit=1e-9)
+    assert found.verdict == "undecided" and found.limits == ()
+    assert found.undecided == ("whether the recordings agree with the model",)
+
+
+@pytest.mark.parametrize("limit", [0, -1.0, float("nan"), float("inf")])
+def test_a_time_limit_is_a_positive_number(recordings, limit):
+    with pytest.raises(sl.SpikelaneError, match="time_limit.*a positive number of seconds"):
+        sl.diagnose(recordings, time_limit=limit)
+
+
 def test_ctrl_c_stops_a_diagnosis(recordings):
     timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
     timer.start()
@@ -138,6 +151,7 @@ def test_ctrl_c_stops_a_diagnosis(recordings):
 def test_diagnose_agrees_with_the_camera_that_recorded(recordings, tmp_path):
     found = sl.diagnose(recordings, out=tmp_path / "d")
     assert found.verdict in ("agrees", "explained", "partly-explained", "unknown")
+    assert bool(found.limits) == (found.verdict in ("agrees", "explained"))
     assert found.camera.shape == (32, 32) and found.discrepancy.noise_floor > 0
     assert json.loads((tmp_path / "d" / "diagnosis.json").read_text())["verdict"] == found.verdict
 

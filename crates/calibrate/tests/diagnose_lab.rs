@@ -211,6 +211,11 @@ fn a_time_limit_leaves_the_verdict_open() {
     let [unlimited, long] = [None, Some(Duration::from_secs(3600))].map(diagnose_within);
     assert_eq!((long.verdict, long.undecided.len()), (Verdict::Agrees, 0));
     assert_eq!(unlimited.discrepancy, long.discrepancy);
+    assert_eq!(unlimited.limits, long.limits);
+    let limit = |name: &str| long.limits.iter().find(|l| l.name == name).and_then(|l| l.limit);
+    // The set detects a third of these strengths in pairs of sets.
+    assert!(limit("crosstalk").is_some_and(|l| l < 4e-4), "{:?}", long.limits);
+    assert!(limit("response_nonlinearity").is_some_and(|l| l < 1e-2), "{:?}", long.limits);
 }
 
 /// A laboratory with pairs of sources whose light is known to 3 %, and adds up to 0.01 %.

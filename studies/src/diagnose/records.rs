@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::Value;
 
 /// Keys that neither the tables nor the analysis of a failure require.
-const OMITTED_KEYS: [&str; 3] = ["recommended_recordings", "undetectable", "notes"];
+const OMITTED_KEYS: [&str; 4] = ["limits", "recommended_recordings", "undetectable", "notes"];
 
 fn read_record(path: &Path) -> Option<Value> {
     serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()

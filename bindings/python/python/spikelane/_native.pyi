@@ -359,6 +359,7 @@ def diagnose(
     holdout: _Path | None = None,
     seed: int = 1,
     all_readouts: bool = False,
+    time_limit: float | None = None,
     out: _Path | None = None,
     force: bool = False,
     progress: _Progress = None,

@@ -18,6 +18,7 @@ __all__ = [
     "Defects",
     "Diagnosis",
     "Discrepancy",
+    "EffectLimit",
     "Estimate",
     "FoundEffect",
     "Lamp",
@@ -239,6 +240,22 @@ class ParameterMismatch:
 
 
 @dataclass(frozen=True)
+class EffectLimit:
+    """The largest strength of an effect with which the recordings are compatible, with 95 % confidence.
+
+    ``limit`` is the difference of ``parameter`` from the value of the model. It is the largest value over the tried shapes
+    of the effect, and ``median_limit`` is the median. A limit is None if the recordings are compatible with
+    ``largest_tried``.
+    """
+
+    name: str
+    parameter: str
+    limit: float | None
+    median_limit: float | None
+    largest_tried: float
+
+
+@dataclass(frozen=True)
 class UnexplainedStatistic:
     """A statistic of a recording (``where``) that no effect explains; ``z`` is its deviation in standard deviations."""
 
@@ -260,8 +277,10 @@ class Discrepancy:
 class Diagnosis:
     """The effects of a camera that its model lacks.
 
-    ``verdict`` is "agrees", "explained", "partly-explained" or "unknown". ``camera`` is the model with the added effects.
-    ``seconds`` is the duration of the diagnosis, and ``raw`` is the content of diagnosis.json.
+    ``verdict`` is "agrees", "explained", "partly-explained", "unknown" or "undecided". ``camera`` is the model with the
+    added effects. ``limits`` has upper limits for the other effects if the verdict is "agrees" or "explained".
+    ``undecided`` lists the questions that ``time_limit`` left open. ``seconds`` is the duration of the diagnosis, and
+    ``raw`` is the content of diagnosis.json.
     """
 
     verdict: str
@@ -270,6 +289,8 @@ class Diagnosis:
     parameter_mismatches: tuple[ParameterMismatch, ...]
     unexplained: tuple[UnexplainedStatistic, ...]
     discrepancy: Discrepancy
+    limits: tuple[EffectLimit, ...]
+    undecided: tuple[str, ...]
     recommended_recordings: tuple[str, ...]
     undetectable: tuple[str, ...]
     notes: tuple[str, ...]
@@ -388,6 +409,7 @@ def diagnose(
     holdout: PathLike | None = None,
     seed: int = 1,
     all_readouts: bool = False,
+    time_limit: float | None = None,
     out: PathLike | None = None,
     force: bool = False,
     progress: ProgressCallback | bool | None = None,
@@ -396,7 +418,8 @@ def diagnose(
 
     ``recordings`` and ``holdout`` are recording sets (.toml). ``camera`` is the initial model; without ``camera``, the
     function calibrates the published model. The same ``seed`` gives the same diagnosis. ``all_readouts`` uses all readouts
-    of large recordings. ``out`` is a folder for diagnosis.json, camera.toml and report.html. ``progress`` and Ctrl-C work
+    of large recordings. ``time_limit`` ends the simulations after this many seconds; ``Diagnosis.undecided`` then lists
+    the open questions. ``out`` is a folder for diagnosis.json, camera.toml and report.html. ``progress`` and Ctrl-C work
     as in ``measure``. Raises SpikelaneError if a set is invalid, and FileExistsError if an output exists and ``force`` is
     false.
     """
@@ -406,6 +429,7 @@ def diagnose(
         holdout,
         seed,
         all_readouts,
+        time_limit,
         out,
         force,
         progress,
@@ -436,6 +460,8 @@ def diagnose(
             noise_floor=discrepancy["noise_floor"],
             noise_floor_sd=discrepancy["noise_floor_sd"],
         ),
+        limits=tuple(EffectLimit(**limit) for limit in data["limits"]),
+        undecided=tuple(data.get("undecided", ())),
         recommended_recordings=tuple(data["recommended_recordings"]),
         undetectable=tuple(data["undetectable"]),
         notes=tuple(data["notes"]),

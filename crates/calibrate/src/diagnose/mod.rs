@@ -10,31 +10,34 @@
 
 mod answer;
 mod cache;
+mod comparison;
 mod detectability;
 mod events;
 mod fit;
-mod given;
 mod lab;
-mod null;
+mod null_model;
+mod prepared;
 mod protocol;
 mod recording;
 mod run;
 mod search;
 mod sensors;
 mod statistics;
+mod thresholds;
 
 pub use answer::diagnosis::{
     DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, LimitTest, Parameter, ParameterMismatch,
     ReportData, UnexplainedStatistic, Verdict,
 };
+pub use answer::effect_limits::EffectLimit;
 pub use answer::figures::RateResidual;
 pub use answer::figures::{NamedCurve, SetPlots};
 pub use answer::page::write_diagnosis;
 pub use lab::fault::{Fault, FaultKind};
-pub use null::first_look::PreliminaryResult;
-pub use null::nameable::DETECTION_SCORE;
-pub use null::nameable::Detectability;
-pub use null::reference::NullModel;
+pub use null_model::detectability::DETECTION_SCORE;
+pub use null_model::detectability::Detectability;
+pub use null_model::preliminary_result::PreliminaryResult;
+pub use null_model::reference::NullModel;
 pub use protocol::extent::{ReadoutSelection, RecordingPart};
 pub use protocol::recorded_set::Setup;
 pub use run::diagnose_with_preliminary;

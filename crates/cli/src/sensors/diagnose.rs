@@ -223,6 +223,14 @@ fn diagnosis_text(diagnosis: &Diagnosis, args: &Args) -> String {
     for u in &diagnosis.unexplained {
         let _ = writeln!(text, "unexplained: {} ({:+.1} standard deviations)", u.r#where, u.z);
     }
+    let limited = diagnosis.limits.iter().filter(|l| l.limit.is_some()).count();
+    if limited > 0 {
+        let all = diagnosis.limits.len();
+        let _ = writeln!(
+            text,
+            "limits: {limited} of {all} other effects are below their limits in the report, with 95 % confidence"
+        );
+    }
     if !diagnosis.undetectable.is_empty() {
         let _ = writeln!(text, "not detectable with this set: {}", diagnosis.undetectable.join(", "));
     }

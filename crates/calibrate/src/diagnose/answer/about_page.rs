@@ -2,8 +2,8 @@
 
 use super::diagnosis::Diagnosis;
 use super::page::format_value;
-use crate::diagnose::given::about::Provenance;
-use crate::diagnose::given::base_model::{BaseParameter, NumberSource};
+use crate::diagnose::prepared::base_model::{BaseParameter, NumberSource};
+use crate::diagnose::prepared::provenance::Provenance;
 use spikelane_measure::report::{PageElement, Table};
 
 /// Terms of the tables and plots, with their definitions.

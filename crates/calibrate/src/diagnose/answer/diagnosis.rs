@@ -1,8 +1,9 @@
 //! The result of a diagnosis.
 
+use super::effect_limits::EffectLimit;
 use super::figures::{RateResidual, SetPlots};
-use crate::diagnose::given::about::Provenance;
 use crate::diagnose::lab::fault::Fault;
+use crate::diagnose::prepared::provenance::Provenance;
 use crate::diagnose::search::round::{EliminationReason, Step};
 use crate::diagnose::search::undecided::Undecided;
 use serde::Serialize;
@@ -23,6 +24,14 @@ pub enum Verdict {
     Unknown,
     /// The time limit was reached before the recordings could be compared with the model.
     Undecided,
+}
+
+impl Verdict {
+    /// Returns whether the final model describes the recordings.
+    #[must_use]
+    pub fn is_complete(self) -> bool {
+        matches!(self, Self::Agrees | Self::Explained)
+    }
 }
 
 /// A parameter with its 95 % interval.
@@ -211,6 +220,9 @@ pub struct Diagnosis {
     pub undecided: Vec<String>,
     /// Recordings that would separate ambiguous effects.
     pub recommended_recordings: Vec<String>,
+    /// Upper limits for the effects of the catalog that were not added. Empty unless the model describes the recordings, which
+    /// are the verdicts [`Verdict::Agrees`] and [`Verdict::Explained`].
+    pub limits: Vec<EffectLimit>,
     /// Effects that this set cannot show.
     pub undetectable: Vec<&'static str>,
     /// Duration of the diagnosis in seconds.
@@ -262,6 +274,7 @@ impl Diagnosis {
             tests: Vec::new(),
             undecided: Vec::new(),
             recommended_recordings: Vec::new(),
+            limits: Vec::new(),
             undetectable: Vec::new(),
             seconds: 0.0,
             cache_counts: None,

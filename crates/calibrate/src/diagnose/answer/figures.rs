@@ -1,10 +1,10 @@
 //! Figures of the report: rates with residuals, maps, spectra and intervals of the recordings and of the models.
 
 use crate::RecordingSet;
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::reference::NullModel;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
-use crate::diagnose::search::search::Found;
+use crate::diagnose::search::search::SearchResult;
 use crate::diagnose::sensors::model::{Model, Sample};
 use crate::diagnose::sensors::simulate;
 use crate::diagnose::statistics::maps::fit_lines;
@@ -262,7 +262,7 @@ pub struct RateResidual {
 /// Returns the residuals of all uniform recordings in ascending order of light.
 pub(in crate::diagnose) fn rate_residuals(
     reference: &NullModel,
-    found: &Found,
+    found: &SearchResult,
     data: &DVector<f64>,
     scans: &[Scan],
 ) -> Vec<RateResidual> {

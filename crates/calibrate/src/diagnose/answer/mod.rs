@@ -2,6 +2,7 @@
 
 mod about_page;
 pub(super) mod diagnosis;
+pub(super) mod effect_limits;
 pub(super) mod figures;
 pub(super) mod outcome;
 pub(super) mod page;

@@ -4,6 +4,7 @@ use super::diagnosis::{
     DiagnosedLamp, Diagnosis, Discrepancy, FoundEffect, LampImpact, LimitTest, Parameter, ParameterMismatch,
     ReportData, UnexplainedStatistic, Verdict,
 };
+use super::effect_limits::{EffectLimit, effect_limits};
 use super::qualifications::{open_discrepancy_note, untested_note};
 use super::recommended_recordings::recommended_recordings;
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
@@ -11,45 +12,25 @@ use crate::diagnose::fit::fitter::Fitter;
 use crate::diagnose::fit::found_lamps::LampPosterior;
 use crate::diagnose::fit::interval::{interval, of_data};
 use crate::diagnose::fit::unlocated::allowing;
-use crate::diagnose::given::about::words;
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::prepared::provenance::words;
 use crate::diagnose::search::alarm::values_and_limits;
-use crate::diagnose::search::contradicted::{Contradicted, Contradictions, contradicted};
+use crate::diagnose::search::parameter_mismatch::{Contradicted, Contradictions, contradicted};
 use crate::diagnose::search::round::{Round, kept, tied};
-use crate::diagnose::search::search::Found;
+use crate::diagnose::search::search::SearchResult;
 use crate::diagnose::search::undecided::Undecided;
+use crate::diagnose::sensors::context::in_time;
 use crate::diagnose::sensors::lamp::{Lamp, LampKind};
+use crate::diagnose::thresholds::{
+    COMPLETE_SHARE, INCOMPLETE_MAX_FLOORS, MAX_AMBIGUOUS_PARAMETERS, MAX_BASE_CHANGE, MAX_FLOORS,
+    MIN_EXPLAINED_SHARE, MIN_MISMATCH,
+};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 
-/// Smallest share of the initial excess that the model must explain if a significant discrepancy remains. Below it,
-/// all names are tentative. True effects leave a few percent at most, and wrong ones were measured to leave 20 %.
-const MIN_EXPLAINED_SHARE: f64 = 0.95;
-
-/// Remaining discrepancy, divided by the noise floor, above which the model does not describe the data. The floor of a
-/// model with random events deviates by up to three standard deviations of the number of events.
-const MAX_FLOORS: f64 = 10.0;
-
-/// Largest remaining discrepancy, divided by the noise floor, of a model that explains less than [`COMPLETE_SHARE`] of
-/// the initial excess. Models with the true effects were measured to violate at most one of both limits.
-const INCOMPLETE_MAX_FLOORS: f64 = 3.0;
-
-/// Share of the initial excess above which a model may exceed [`INCOMPLETE_MAX_FLOORS`].
-const COMPLETE_SHARE: f64 = 0.99;
-
-/// Relative change of a base parameter, caused by added effects, above which its linear derivative is not valid.
-/// Strong row noise was measured to change base parameters by factors of 0.2 to 3.6.
-const MAX_BASE_CHANGE: f64 = 0.45;
-
-/// Smallest relative deviation of a parameter that is reported.
-const MIN_MISMATCH: f64 = 0.02;
-
-/// Largest number of names beside a parameter that the data contradict.
-const MAX_AMBIGUOUS: usize = 2;
-
 pub(in crate::diagnose) fn outcome(
     fitter: Fitter<'_>,
-    found: &mut Found,
+    found: &mut SearchResult,
     given: Option<&Camera>,
 ) -> Result<Diagnosis> {
     let Fitter { reference, data } = fitter;
@@ -157,12 +138,31 @@ pub(in crate::diagnose) fn outcome(
         tests: limit_tests(reference, found, data),
         undecided: found.undecided.iter().map(Undecided::sentence).collect(),
         recommended_recordings: recommended_recordings(reference, &found.rounds),
+        limits: limits(reference, found, data, verdict)?,
         undetectable: reference.not_testable(),
         seconds: 0.0,
         cache_counts: None,
         camera,
         traces: traces(reference, found, data),
     })
+}
+
+/// Returns limits for the effects that a model lacks, if the model describes the recordings.
+fn limits(
+    reference: &NullModel,
+    found: &SearchResult,
+    data: &nalgebra::DVector<f64>,
+    verdict: Verdict,
+) -> Result<Vec<EffectLimit>> {
+    if !verdict.is_complete() {
+        return Ok(Vec::new());
+    }
+    let off = data - &found.own.mean;
+    let limits = effect_limits(reference, &found.own.metric, &off, &found.fit.located, |signature| {
+        found.fit.lacks(signature)
+    });
+    // Without time for further simulations, the diagnosis states no limits.
+    Ok(in_time(limits)?.unwrap_or_default())
 }
 
 /// Returns whether a model does not describe the data. `gaps` are the discrepancies after each step, and `floor` is
@@ -173,7 +173,7 @@ fn is_inadequate(gaps: &[f64], floor: f64) -> bool {
     *last > MAX_FLOORS * floor || (*last > INCOMPLETE_MAX_FLOORS * floor && explained < COMPLETE_SHARE)
 }
 
-impl Found {
+impl SearchResult {
     /// Returns whether the added effects change the base parameters, or the noise, so strongly that the base
     /// parameters are not determined.
     ///
@@ -192,11 +192,11 @@ impl Found {
     }
 }
 
-fn parameter(found: &Found, j: usize) -> Parameter {
+fn parameter(found: &SearchResult, j: usize) -> Parameter {
     parameter_at(found, j, found.fit.u[j], found.deviation(j))
 }
 
-fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
+fn parameter_at(found: &SearchResult, j: usize, u: f64, deviation: f64) -> Parameter {
     let knob = found.fit.model.knobs[j];
     if let Some(count) = found.fit.count(j) {
         let [low, high] = count.interval();
@@ -210,7 +210,7 @@ fn parameter_at(found: &Found, j: usize, u: f64, deviation: f64) -> Parameter {
 /// Returns the light of recordings and of sources, and the influence of each lamp on the named parameters.
 fn lamps(
     reference: &NullModel,
-    found: &Found,
+    found: &SearchResult,
     off: &nalgebra::DVector<f64>,
     mismatches: &[ParameterMismatch],
 ) -> Vec<DiagnosedLamp> {
@@ -254,7 +254,7 @@ fn lamps(
 }
 
 /// Compares the recordings with the limits of the final model.
-fn limit_tests(reference: &NullModel, found: &Found, data: &nalgebra::DVector<f64>) -> Vec<LimitTest> {
+fn limit_tests(reference: &NullModel, found: &SearchResult, data: &nalgebra::DVector<f64>) -> Vec<LimitTest> {
     const QUANTITIES: [&str; 3] =
         ["total deviation", "largest deviation of a statistic", "largest score of an effect"];
     let values =
@@ -290,7 +290,7 @@ struct Remainder {
 /// initial discrepancy.
 fn base_mismatches(
     reference: &NullModel,
-    found: &Found,
+    found: &SearchResult,
     data: &nalgebra::DVector<f64>,
     given: &Camera,
     rest: &Remainder,
@@ -312,7 +312,7 @@ fn base_mismatches(
         if is_tentative {
             ambiguous_with.extend(reference.effects_like(&c.change, &found.fit));
         }
-        ambiguous_with.truncate(MAX_AMBIGUOUS);
+        ambiguous_with.truncate(MAX_AMBIGUOUS_PARAMETERS);
         ParameterMismatch {
             parameter: format!("{}.{}", knob.effect.name, knob.key),
             model_value: knob.value_in(given),
@@ -331,7 +331,7 @@ fn base_mismatches(
 /// Returns the statistics with the largest deviations.
 fn unexplained_statistics(
     reference: &NullModel,
-    found: &Found,
+    found: &SearchResult,
     off: &nalgebra::DVector<f64>,
 ) -> Vec<UnexplainedStatistic> {
     let scores = found.own.metric.scores(off);
@@ -344,7 +344,7 @@ fn unexplained_statistics(
     order.into_iter().take(6).map(entry).collect()
 }
 
-fn traces(reference: &NullModel, found: &Found, data: &nalgebra::DVector<f64>) -> ReportData {
+fn traces(reference: &NullModel, found: &SearchResult, data: &nalgebra::DVector<f64>) -> ReportData {
     let before = reference.metric.scores(&(data - &reference.mean));
     let after = found.own.metric.scores(&(data - &found.own.mean));
     let row = |i: usize| {

@@ -71,6 +71,7 @@ pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
         parts.extend(discrepancy_section(diagnosis)?);
         parts.extend(tournament(diagnosis)?);
         parts.extend(plot_sections(&diagnosis.traces.plots, diagnosis.discrepancy.fitted_set.len() > 1)?);
+        parts.extend(effect_limits(diagnosis));
         parts.push(PageElement::heading("Effects that this recording set cannot reveal"));
         parts.push(PageElement::text(undetectable_text(diagnosis)));
         parts.push(PageElement::heading("Terms"));
@@ -241,6 +242,27 @@ fn lamps(d: &Diagnosis) -> Vec<PageElement> {
     }
     const TEXT: &str = "The light of each recording is a parameter of every fit. The pull is the deviation of the found light from the stated light, divided by the uncertainty of the light. If the levels contradict a stated uncertainty, the table has the larger uncertainty that the diagnosis used. The last columns show how a named parameter changes if the light of one recording increases by its error.";
     vec![PageElement::heading("Light of the recordings"), PageElement::text(TEXT), PageElement::Table(table)]
+}
+
+/// Returns a table with the upper limit of each effect that was not added.
+fn effect_limits(d: &Diagnosis) -> Vec<PageElement> {
+    if d.limits.is_empty() {
+        return Vec::new();
+    }
+    let mut table = Table::new(&["effect", "parameter", "limit", "median over shapes"]);
+    for l in &d.limits {
+        let largest = l.largest_tried;
+        let number = |limit: Option<f64>| {
+            limit.map_or_else(|| format!("none below {largest:.2}"), |limit| format!("{limit:.2e}"))
+        };
+        table.push_row([l.name.to_owned(), l.parameter.to_owned(), number(l.limit), number(l.median_limit)]);
+    }
+    const TEXT: &str = "With 95 % confidence, the strength of an effect is below its limit, if the model lacks no other effect. A strength is the difference of the parameter from its value in the model. An effect with several shapes, such as time constants, has the largest limit of the tried shapes.";
+    vec![
+        PageElement::heading("Upper limits of other effects"),
+        PageElement::text(TEXT),
+        PageElement::Table(table),
+    ]
 }
 
 fn discrepancy_section(d: &Diagnosis) -> Result<Vec<PageElement>> {

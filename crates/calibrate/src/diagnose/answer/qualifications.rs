@@ -1,20 +1,11 @@
 //! Qualifications of a diagnosis: tentative names, ambiguities, causes outside the camera, and notes.
 
 use super::diagnosis::{Diagnosis, Discrepancy, FoundEffect, ParameterMismatch, Verdict};
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::reference::NullModel;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::model::BASE_KNOBS;
+use crate::diagnose::thresholds::{MAX_AMBIGUOUS_EFFECTS, MAX_RELATIVE_FLOOR_SD, MIN_SIMILAR_COSINE};
 use spikelane::effects::{AmbiguityGroup, Definition};
-
-/// Standard deviation of the noise floor, divided by the noise floor, above which a discrepancy at the floor is not
-/// evidence. Such a floor is compatible with a discrepancy of zero and with one of several floors.
-const MAX_RELATIVE_FLOOR_SD: f64 = 3.0;
-
-/// Smallest cosine of two signatures at which one effect may replace the other.
-const MIN_SIMILAR_COSINE: f64 = 0.9;
-
-/// Largest number of effects that are reported as ambiguous with one effect.
-const MAX_AMBIGUOUS: usize = 3;
 
 /// Weakens statements of a diagnosis that its evidence does not support.
 ///
@@ -57,6 +48,9 @@ pub(in crate::diagnose) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
             "Simulated sensors of the final model differ strongly from each other (noise floor {:.0}, standard deviation {:.0}). A discrepancy at this noise floor therefore does not show that the model is complete. More light levels or longer recordings reduce the noise floor.",
             d.discrepancy.noise_floor, d.discrepancy.noise_floor_sd
         ));
+    }
+    if !d.verdict.is_complete() {
+        d.limits.clear();
     }
 }
 
@@ -120,7 +114,7 @@ fn add_response_ambiguities(d: &mut Diagnosis, reference: &NullModel) {
     };
     let ambiguities: Vec<Vec<&'static str>> = d.effects.iter().map(similar_effects).collect();
     for (effect, similar) in d.effects.iter_mut().zip(ambiguities) {
-        let free = MAX_AMBIGUOUS.saturating_sub(effect.ambiguous_with.len());
+        let free = MAX_AMBIGUOUS_EFFECTS.saturating_sub(effect.ambiguous_with.len());
         effect.ambiguous_with.extend(similar.into_iter().take(free));
     }
 }

@@ -1,7 +1,7 @@
 //! Recommended recordings, which distinguish ambiguous effects.
 
 use super::qualifications::definition;
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::reference::NullModel;
 use crate::diagnose::search::round::{Entrant, Round, tied};
 use spikelane::effects::AmbiguityGroup;
 

@@ -102,6 +102,12 @@ impl EventCount {
         [root(self.events as f64, -0.98), root(self.events as f64 + 1.0, 0.98)]
     }
 
+    /// Returns the upper limit of the rate with 95 % confidence, by the formula of [`EventCount::interval`]. Without events it
+    /// is 3.3 events, and the exact limit is 3.0.
+    pub(crate) fn upper_limit(self) -> f64 {
+        ((self.events as f64 + 1.0).sqrt() + 0.8225).powi(2) / self.readouts as f64
+    }
+
     fn add(self, other: Self) -> Self {
         Self { events: self.events + other.events, readouts: self.readouts + other.readouts }
     }
@@ -261,6 +267,11 @@ mod tests {
             );
         }
         assert_eq!(EventCount { events: 0, readouts: 10 }.interval()[0], 0.0);
+        // Exact one-sided limits for 0, 1, 5 and 20 events.
+        for (events, limit) in [(0, 3.00), (1, 4.74), (5, 10.51), (20, 29.06)] {
+            let ratio = EventCount { events, readouts: 1 }.upper_limit() / limit;
+            assert!((1.0..1.12).contains(&ratio), "{events}: {ratio}");
+        }
     }
 
     #[test]

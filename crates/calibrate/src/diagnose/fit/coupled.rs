@@ -6,10 +6,10 @@
 //! spread is a half of what it is, and -0.78 (-0.85 to -0.71).
 
 use super::fit::Fit;
-use crate::diagnose::null::denoised::quiet;
-use crate::diagnose::null::derivatives::step;
-use crate::diagnose::null::mean::average;
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::derivatives::step;
+use crate::diagnose::null_model::mean::average;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::null_model::shrinkage::shrink;
 use crate::diagnose::sensors::model::find_base_knob;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
@@ -40,7 +40,7 @@ pub(in crate::diagnose) fn jacobian(
         let with = beside.iter().zip(&fit.each).map(|(a, b)| a - b);
         let without = alone.iter().zip(&reference.baseline).map(|(a, b)| a - b);
         let change: Vec<DVector<f64>> = with.zip(without).map(|(a, b)| a - b).collect();
-        Ok(plain + quiet(average(&change), &reference.spread, count) / h)
+        Ok(plain + shrink(average(&change), &reference.spread, count) / h)
     };
     let columns = threads::try_map(0..reference.model.knobs.len(), column)?;
     Ok(Some(DMatrix::from_columns(&columns)))

@@ -6,11 +6,11 @@ use super::likelihood::Likelihood;
 use crate::diagnose::events::locations::EventCount;
 use crate::diagnose::events::locations::Events;
 use crate::diagnose::events::locations::PinnedEvents;
-use crate::diagnose::null::known::CALIBRATED;
-use crate::diagnose::null::lamps::columns;
-use crate::diagnose::null::metric::{Bound, Metric};
-use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::null_model::calibration_prior::CALIBRATED;
+use crate::diagnose::null_model::lamps::columns;
+use crate::diagnose::null_model::metric::{Bound, Metric};
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::null_model::signature::Signature;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::model::Model;
 use spikelane::effects::Definition;
@@ -21,7 +21,7 @@ const FIXED: f64 = 1e-12;
 
 /// What derivatives were taken from: they are taken again where that has changed.
 #[derive(Clone, Debug, Default)]
-pub(in crate::diagnose) struct Taken {
+pub(in crate::diagnose) struct DerivativeOrigin {
     pub(super) at: Vec<f64>,
     pub(super) count: usize,
     pub(super) around: bool,
@@ -49,7 +49,7 @@ pub(in crate::diagnose) struct Fit {
     /// The same of the base knobs, where effects couple what these move.
     pub crossed: Option<DMatrix<f64>>,
     /// What `jacobian` was taken from.
-    pub taken: Taken,
+    pub taken: DerivativeOrigin,
     /// Changes per standard deviation of the numbers of events.
     pub events: DMatrix<f64>,
     /// Squared distance to the data by the first null's noise, calibration projected out.
@@ -74,7 +74,7 @@ impl Fit {
             at: Vec::new(),
             jacobian: DMatrix::zeros(data.len(), 0),
             crossed: None,
-            taken: Taken::default(),
+            taken: DerivativeOrigin::default(),
             events: DMatrix::zeros(data.len(), 0),
             misfit: reference.metric.square(&off),
             cost: reference.metric.square(&off),
@@ -167,7 +167,7 @@ impl Fit {
 
     /// A copy of which the effects are about to change: nothing that was simulated holds for it.
     fn of_other_effects(&self) -> Self {
-        Self { at: Vec::new(), taken: Taken::default(), crossed: None, ..self.clone() }
+        Self { at: Vec::new(), taken: DerivativeOrigin::default(), crossed: None, ..self.clone() }
     }
 
     /// Its numbers and the offsets of its lamps.

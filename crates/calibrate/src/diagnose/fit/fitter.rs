@@ -3,7 +3,7 @@
 use super::fit::Fit;
 use super::likelihood::Likelihood;
 use super::unlocated;
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::reference::NullModel;
 use nalgebra::DVector;
 use spikelane::error::Result;
 

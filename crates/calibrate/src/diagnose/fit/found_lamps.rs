@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnose::null::metric::Metric;
+use crate::diagnose::null_model::metric::Metric;
 
 /// Deviations of the lamps, given the recordings.
 pub(in crate::diagnose) struct LampPosterior {
@@ -51,7 +51,7 @@ impl LampPosterior {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::null::metric::noise;
+    use crate::diagnose::null_model::metric::noise;
     use spikelane::unstable::draws::pattern_rng::PatternRng;
     use spikelane::unstable::draws::{RandomStream, Seeds};
 

@@ -1,6 +1,6 @@
 //! What a fitted number may truly be.
 
-use crate::diagnose::null::known::CALIBRATED;
+use crate::diagnose::null_model::calibration_prior::CALIBRATED;
 use spikelane::effects::definition::SearchScale;
 
 /// Quantile of Student's law for 95 % intervals: a deviation is known from thirty simulations.

@@ -2,10 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnose::null::lamps::columns;
-use crate::diagnose::null::mean::average;
-use crate::diagnose::null::metric::{Metric, Noise};
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::lamps::columns;
+use crate::diagnose::null_model::mean::average;
+use crate::diagnose::null_model::metric::{Metric, Noise};
+use crate::diagnose::null_model::reference::NullModel;
 use spikelane::error::Result;
 
 /// Simulations that the null's variances count for beside a model's own few.

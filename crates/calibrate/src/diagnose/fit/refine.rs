@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use super::fit::Fit;
 use super::fitter::Fitter;
 use super::slopes::Secant;
-use crate::diagnose::null::derivatives::SMALL_LAMP_DEVIATION;
-use crate::diagnose::null::metric::{Bound, Metric};
+use crate::diagnose::null_model::derivatives::SMALL_LAMP_DEVIATION;
+use crate::diagnose::null_model::metric::{Bound, Metric};
 use crate::diagnose::sensors::lamp::Lamp;
 use spikelane::error::Result;
 

@@ -1,10 +1,10 @@
 //! What a fitted effect's numbers move.
 
 use super::coupled;
-use super::fit::{Fit, Taken};
+use super::fit::{DerivativeOrigin, Fit};
 use super::fitter::Fitter;
-use crate::diagnose::null::denoised::quiet;
-use crate::diagnose::null::mean::average;
+use crate::diagnose::null_model::mean::average;
+use crate::diagnose::null_model::shrinkage::shrink;
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
@@ -84,7 +84,7 @@ impl Fitter<'_> {
             };
             let (from, to) = (at(low)?, at(high)?);
             let change: Vec<_> = to.iter().zip(&from).map(|(a, b)| a - b).collect();
-            let mut plain = quiet(average(&change), &self.reference.spread, count);
+            let mut plain = shrink(average(&change), &self.reference.spread, count);
             unmoved[effect].iter().for_each(|i| plain[*i] = 0.0);
             Ok(plain / (high - low))
         };
@@ -97,7 +97,7 @@ impl Fitter<'_> {
             DMatrix::from_columns(&columns)
         };
         fit.crossed = coupled::jacobian(self.reference, fit, count)?;
-        fit.taken = Taken { at: fit.u.clone(), count, around, ..std::mem::take(&mut fit.taken) };
+        fit.taken = DerivativeOrigin { at: fit.u.clone(), count, around, ..std::mem::take(&mut fit.taken) };
         Ok(())
     }
 

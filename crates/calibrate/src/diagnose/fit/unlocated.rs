@@ -7,10 +7,10 @@ use nalgebra::{DMatrix, DVector};
 
 use super::fit::Fit;
 use crate::diagnose::events::locations::kind_index;
-use crate::diagnose::null::denoised::quiet;
-use crate::diagnose::null::mean::average;
-use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::null_model::mean::average;
+use crate::diagnose::null_model::metric::Metric;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::null_model::shrinkage::shrink;
 use spikelane::error::Result;
 
 /// Pairs of simulations that tell what an event moves.
@@ -33,7 +33,7 @@ pub(in crate::diagnose) fn columns(reference: &NullModel, fit: &Fit) -> Result<D
         fewer[j] *= 0.5;
         let fewer = reference.mean_of(&fit.model, &fewer, PAIRS.min(fit.each.len()), Vec::new())?;
         let change: Vec<DVector<f64>> = fewer.each.iter().zip(&fit.each).map(|(a, b)| b - a).collect();
-        let change = quiet(2.0 * average(&change), &reference.spread, change.len());
+        let change = shrink(2.0 * average(&change), &reference.spread, change.len());
         for k in scenes {
             let expected = probability * reference.setup.recordings[k].readouts as f64;
             let own = |i: usize| f64::from(u8::from(reference.statistics[i].recording == Some(k)));

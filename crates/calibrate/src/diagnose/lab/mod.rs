@@ -4,8 +4,8 @@
 //! is a smooth function of the light.
 
 pub(super) mod fault;
+pub(super) mod fault_scan;
 mod levels;
-pub(super) mod look;
 mod motion;
 mod unsteady_light;
 

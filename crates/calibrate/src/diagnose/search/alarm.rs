@@ -1,16 +1,16 @@
 //! Compares the deviations of recordings with the limits of sensors that follow the model.
 
-use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
-use crate::diagnose::null::limits::strays_by;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::fit::self_consistency::SelfConsistency;
+use crate::diagnose::null_model::limits::strays_by;
+use crate::diagnose::null_model::signature::Signature;
 use nalgebra::DVector;
 
 /// Returns the total deviation, the largest deviation of a statistic and the largest score of an effect that the model
 /// lacks, each with its limit. `off` is the deviation of the statistics from the mean of `fit`.
 pub(in crate::diagnose) fn values_and_limits(
     fit: &Fit,
-    own: &Own,
+    own: &SelfConsistency,
     off: &DVector<f64>,
     signatures: &[Signature],
 ) -> [(f64, f64); 3] {
@@ -21,6 +21,11 @@ pub(in crate::diagnose) fn values_and_limits(
 }
 
 /// Returns whether a value exceeds its limit.
-pub(in crate::diagnose) fn alarm(fit: &Fit, own: &Own, off: &DVector<f64>, signatures: &[Signature]) -> bool {
+pub(in crate::diagnose) fn alarm(
+    fit: &Fit,
+    own: &SelfConsistency,
+    off: &DVector<f64>,
+    signatures: &[Signature],
+) -> bool {
     values_and_limits(fit, own, off, signatures).iter().any(|(value, limit)| value > limit)
 }

@@ -4,11 +4,11 @@ use nalgebra::DVector;
 
 use super::alarm::alarm;
 use crate::diagnose::events::locations::Events;
-use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;
-use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::fit::self_consistency::SelfConsistency;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::null_model::signature::Signature;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::search::round::Step;
 use crate::diagnose::sensors::context::in_time;
@@ -18,7 +18,7 @@ use spikelane::error::Result;
 
 /// The set that judges: another take, or the second half of the first one, which the model must be
 /// simulated up to.
-pub(in crate::diagnose) struct Judge<'a> {
+pub(in crate::diagnose) struct HeldOutSet<'a> {
     pub data: &'a DVector<f64>,
     /// The protocol and the light, where they are not those of the fitted set.
     pub setup: Option<&'a Setup>,
@@ -26,7 +26,7 @@ pub(in crate::diagnose) struct Judge<'a> {
     pub held_out: bool,
 }
 
-impl Judge<'_> {
+impl HeldOutSet<'_> {
     /// Returns the mean that `fit` predicts for this set. The lamps of this set differ from those of the fitted set.
     fn mean(&self, reference: &NullModel, fit: &Fit) -> Result<DVector<f64>> {
         let mut model = fit.judging();
@@ -52,20 +52,20 @@ impl Judge<'_> {
 }
 
 /// What a search goes by.
-pub(in crate::diagnose) struct Case<'a> {
+pub(in crate::diagnose) struct Search<'a> {
     /// The base model and the set that is fitted.
     pub fitter: Fitter<'a>,
     pub signatures: &'a [Signature],
-    pub judge: &'a Judge<'a>,
+    pub judge: HeldOutSet<'a>,
     /// Lost and repeated readouts of both sets.
     pub located: &'a Events,
 }
 
 /// A fitted model, what its own sensors show, and what the data have beyond that.
 #[derive(Clone)]
-pub(in crate::diagnose) struct Judged {
+pub(in crate::diagnose) struct TestedFit {
     pub fit: Fit,
-    pub own: Own,
+    pub own: SelfConsistency,
     /// What the held-out set is off.
     pub off: DVector<f64>,
     /// Whether anything is above its limit in either set, and in the fitted one.
@@ -73,36 +73,38 @@ pub(in crate::diagnose) struct Judged {
     pub left_fitted: bool,
 }
 
-impl Judged {
+impl TestedFit {
     /// How unlikely the held-out set is.
     pub(crate) fn deviance(&self) -> f64 {
         self.fit.deviance_of(&self.off)
     }
 }
 
-impl Case<'_> {
+impl Search<'_> {
     /// Whether anything is beyond the limits of the base model.
     pub(crate) fn base_alarm(&self) -> bool {
         let Fitter { reference, data } = self.fitter;
-        let (fit, own) = (Fit::base(reference, data, self.located.clone()), Own::of_base(reference));
+        let (fit, own) =
+            (Fit::base(reference, data, self.located.clone()), SelfConsistency::of_base(reference));
         self.alarm(&fit, &own, &(data - &own.mean))
     }
 
-    pub(crate) fn base(&self) -> Result<Judged> {
+    pub(crate) fn base(&self) -> Result<TestedFit> {
         let Fitter { reference, data } = self.fitter;
-        let (fit, own) = (Fit::base(reference, data, self.located.clone()), Own::of_base(reference));
+        let (fit, own) =
+            (Fit::base(reference, data, self.located.clone()), SelfConsistency::of_base(reference));
         let left = self.alarm(&fit, &own, &(data - &own.mean));
         // Without time for simulations at the light of the held-out set, the light of the fitted set must do.
         let off = in_time(self.judge.off(reference, &fit))?;
         let off = off.unwrap_or_else(|| self.judge.data - &reference.mean);
-        Ok(Judged { off, fit, own, left, left_fitted: left })
+        Ok(TestedFit { off, fit, own, left, left_fitted: left })
     }
 
-    pub(crate) fn judged(&self, fit: Fit, own: Own) -> Result<Judged> {
+    pub(crate) fn judged(&self, fit: Fit, own: SelfConsistency) -> Result<TestedFit> {
         let off = self.judge.off(self.fitter.reference, &fit)?;
         let left_fitted = self.alarm(&fit, &own, &(self.fitter.data - &own.mean));
         let left = left_fitted || self.alarm(&fit, &own, &off);
-        Ok(Judged { fit, own, off, left, left_fitted })
+        Ok(TestedFit { fit, own, off, left, left_fitted })
     }
 
     /// How unlikely the held-out set is under a fit that was not judged yet.
@@ -111,16 +113,16 @@ impl Case<'_> {
     }
 
     /// Squared distance of the fitted and of the held-out set, with what calibration fits taken out.
-    pub(crate) fn gaps(&self, at: &Judged) -> [f64; 2] {
+    pub(crate) fn gaps(&self, at: &TestedFit) -> [f64; 2] {
         [at.fit.misfit, self.fitter.reference.metric.square(&at.off)]
     }
 
     /// What a step from one model to another did to them.
-    pub(crate) fn step(&self, before: &Judged, after: &Judged) -> Step {
+    pub(crate) fn step(&self, before: &TestedFit, after: &TestedFit) -> Step {
         Step { before: self.gaps(before), after: self.gaps(after) }
     }
 
-    fn alarm(&self, fit: &Fit, own: &Own, off: &DVector<f64>) -> bool {
+    fn alarm(&self, fit: &Fit, own: &SelfConsistency, off: &DVector<f64>) -> bool {
         alarm(fit, own, off, self.signatures)
     }
 }

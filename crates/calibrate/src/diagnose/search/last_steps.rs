@@ -5,32 +5,23 @@
 //! and a cost that is free along the base model's numbers does not ask for the next one. Left there, the two were said to be 6.6 and
 //! 5.7 mV, each three deviations off.
 
+use crate::diagnose::thresholds::{
+    MAX_FINAL_BASE_STEP, MAX_FINAL_STEPS, MIN_FINAL_STEP, MIN_FIRST_FINAL_STEP,
+};
 use nalgebra::DVector;
 
-use super::context::Case;
-use super::search::Found;
+use super::context::Search;
+use super::search::SearchResult;
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
-use crate::diagnose::null::known::CALIBRATED;
-use crate::diagnose::null::metric::Bound;
+use crate::diagnose::null_model::calibration_prior::CALIBRATED;
+use crate::diagnose::null_model::metric::Bound;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 
-/// Steps at most, each some quarter of the one before.
-const STEPS: usize = 6;
-
-/// A step of which every number moves by less than so many of its deviations is not worth the noise of another mean.
-const CLOSE: f64 = 0.3;
-
-/// What is asked of the first step: what the loop lets lie of an effect's numbers.
-const FAR: f64 = 1.0;
-
-/// Trust in a step of a base number, as a share of the larger of its values in the camera and in the base model.
-const TRUST: f64 = 0.3;
-
-impl Case<'_> {
+impl Search<'_> {
     /// Takes the last steps, where some are asked for; `given` is the camera that the base model came from.
-    pub(in crate::diagnose) fn end(&self, found: &mut Found, given: &Camera) -> Result<()> {
+    pub(in crate::diagnose) fn end(&self, found: &mut SearchResult, given: &Camera) -> Result<()> {
         let places = self.fitter.reference.model.places_in(given);
         // Beside noise as strong as that, what a base number moves is another change altogether; a still scene or maps tell too few apart.
         let setup = &self.fitter.reference.setup;
@@ -38,7 +29,7 @@ impl Case<'_> {
             return Ok(());
         }
         let Some(mut fit) = self.onward(found, &places)? else { return Ok(()) };
-        let own = self.fitter.judged_by_itself(&mut fit)?;
+        let own = self.fitter.self_consistency(&mut fit)?;
         let next = self.judged(fit, own)?;
         let [train, heldout] = self.gaps(&next);
         let before = found.heldout.last().copied().unwrap_or_default();
@@ -54,14 +45,14 @@ impl Case<'_> {
     }
 
     /// As many steps as each ask for less than the one before, where the first asks for enough.
-    fn onward(&self, found: &Found, places: &[f64]) -> Result<Option<Fit>> {
+    fn onward(&self, found: &SearchResult, places: &[f64]) -> Result<Option<Fit>> {
         let wanted =
             |fit: &Fit| found.own.metric.bounded(&(self.fitter.data - &fit.mean), &bounds(fit, places));
         let mut at = None;
         let mut step = wanted(&found.fit);
         let mut far = length(&step, &found.own.deviations);
-        for _ in 0..STEPS {
-            if far < if at.is_none() { FAR } else { CLOSE } {
+        for _ in 0..MAX_FINAL_STEPS {
+            if far < if at.is_none() { MIN_FIRST_FINAL_STEP } else { MIN_FINAL_STEP } {
                 break;
             }
             let mut next = at.as_ref().unwrap_or(&found.fit).moved(&step);
@@ -90,7 +81,7 @@ fn bounds(fit: &Fit, places: &[f64]) -> Vec<Bound> {
     let mut bounds = fit.bounds();
     for (j, place) in places.iter().enumerate() {
         let (knob, u, size) = (fit.model.knobs[j], fit.u[j], 1.0 + place);
-        let most = TRUST * size.max(1.0);
+        let most = MAX_FINAL_BASE_STEP * size.max(1.0);
         let [low, high] = [u - most, u + most].map(|u| knob.clamped(u) - fit.u[j]);
         bounds[j] = Bound { low, high, leans: place - u, weight: CALIBRATED / (size * size) };
     }

@@ -1,58 +1,39 @@
 //! The loop: is anything left, what explains it best, does it hold on other recordings.
 
+use crate::diagnose::thresholds::{
+    COMPLETE_REMAINDER, MAX_EFFECTS, MAX_REJECTED, MAX_STATIC_EFFECTS, MIN_EXPLAINED_EXCESS,
+    MIN_HELD_OUT_GAIN, REMAINDER_SHARE,
+};
 use nalgebra::DVector;
 
-use super::context::{Case, Judged};
+use super::context::{Search, TestedFit};
 use super::round::EliminationReason;
 use super::round::Round;
 use super::tournament::entrants;
 use super::undecided::Undecided;
-use super::weed::REMAINDER;
 use crate::ProgressCallback;
-use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::fit::Fit;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::fit::self_consistency::SelfConsistency;
+use crate::diagnose::null_model::signature::Signature;
 use crate::diagnose::sensors::context::in_time;
 use spikelane::error::Result;
-
-/// Most effects that are added.
-const ROUNDS: usize = 4;
-
-/// The same for static scenes of unknown light with nothing held out. A dozen statistics do not test a second effect beside the two or
-/// three fitted numbers of the first.
-const STATIC_ROUNDS: usize = 1;
 
 /// Shares of a diagnosis that are done where a search begins, and where it looks at its names again.
 const BEGIN: f64 = 0.8;
 const AGAIN: f64 = 0.9;
 
-/// Most names that the held-out set may turn down.
-const VETOES: usize = 2;
-
-/// Fall of the held-out deviance below which a name is not kept: three deviations of one number.
-const BETTER: f64 = 9.0;
-
-/// Share of the excess below which the best name explains too little for another one to be tried:
-/// of three effects of equal strength the first explains a third.
-const LIKENESS: f64 = 0.2;
-
-/// Share of the held-out deviance below which a further effect leaves so little that no such remainder is asked of it, as where it
-/// leaves nothing: what a signature leaves has many shapes, of which another effect has some. `comparator_noise` beside strong
-/// `adaptation` left 278 of 3,637, which the noise of that model explains, where the remainder was 3,998.
-const SWEEPING: f64 = 0.1;
-
 /// The step before any effect is added.
 const NOTHING_ADDED: &str = "nothing added";
 
 /// The search's end.
-pub(in crate::diagnose) struct Found {
+pub(in crate::diagnose) struct SearchResult {
     pub fit: Fit,
     pub rounds: Vec<Round>,
     /// Gap on both sets after each accepted effect, the first without any, and what was done before.
     pub train: Vec<f64>,
     pub heldout: Vec<f64>,
     pub steps: Vec<String>,
-    pub own: Own,
+    pub own: SelfConsistency,
     /// What the held-out set is off.
     pub off: DVector<f64>,
     /// Whether anything is left above its limit.
@@ -61,9 +42,9 @@ pub(in crate::diagnose) struct Found {
     pub undecided: Vec<Undecided>,
 }
 
-impl Case<'_> {
+impl Search<'_> {
     /// `next`, which has one effect more, where the held-out set bears it out.
-    fn accepted(&self, before: &Judged, mut next: Fit) -> Result<Option<Judged>> {
+    fn accepted(&self, before: &TestedFit, mut next: Fit) -> Result<Option<TestedFit>> {
         let evidence = Evidence {
             before: before.deviance(),
             after: self.deviance(&next)?,
@@ -80,19 +61,19 @@ impl Case<'_> {
     }
 
     /// Effects whose signatures resemble what a model leaves, the most similar first.
-    fn similar_effects(&self, at: &Judged, signatures: &[&Signature]) -> Vec<&'static str> {
+    fn similar_effects(&self, at: &TestedFit, signatures: &[&Signature]) -> Vec<&'static str> {
         let off = self.fitter.data - &at.fit.mean;
         let similar = entrants(&at.fit, &at.own.metric, &off, signatures);
         similar.into_iter().map(|(_, signature)| signature.candidate.effect.name).collect()
     }
 
     /// The base model and what the sets have beyond it, if the time ends before the null model is complete.
-    pub(in crate::diagnose) fn unfinished(&self, undecided: Undecided) -> Result<Found> {
+    pub(in crate::diagnose) fn unfinished(&self, undecided: Undecided) -> Result<SearchResult> {
         Ok(self.ended(self.base()?, vec![undecided]))
     }
 
     /// The search's end if nothing is beyond the limits of the base model, and `None` if something is.
-    pub(in crate::diagnose) fn agreement(&self) -> Result<Option<Found>> {
+    pub(in crate::diagnose) fn agreement(&self) -> Result<Option<SearchResult>> {
         if self.base_alarm() {
             return Ok(None);
         }
@@ -100,10 +81,10 @@ impl Case<'_> {
     }
 
     /// The end of a search that adds nothing.
-    fn ended(&self, at: Judged, undecided: Vec<Undecided>) -> Found {
+    fn ended(&self, at: TestedFit, undecided: Vec<Undecided>) -> SearchResult {
         let [fitted, held_out] = self.gaps(&at);
-        let Judged { fit, own, off, left, .. } = at;
-        Found {
+        let TestedFit { fit, own, off, left, .. } = at;
+        SearchResult {
             fit,
             rounds: Vec::new(),
             train: vec![fitted],
@@ -132,21 +113,21 @@ impl Evidence {
     /// By how much the deviance falls further than by chance and by what any name takes.
     pub(super) fn beyond(&self) -> f64 {
         let share = 0.02 * self.before.clamp(0.0, 1e4) / (1.0 + self.others as f64);
-        self.before - self.after - BETTER - share
+        self.before - self.after - MIN_HELD_OUT_GAIN - share
     }
 
     /// Whether that is more than a remainder of what is there already; `left` tells whether anything is left of the fitted set. The
     /// other one may show more: `supply_droop` beside `adaptation` took its deviance from 5,741 to 1,152, left nothing of the fitted
     /// set, and one statistic at 6.5 deviations there.
     fn suffices(&self, left: bool) -> bool {
-        self.beyond() > REMAINDER * self.whole || self.after < SWEEPING * self.before || !left
+        self.beyond() > REMAINDER_SHARE * self.whole || self.after < COMPLETE_REMAINDER * self.before || !left
     }
 }
 
-pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_>) -> Result<Found> {
+pub(in crate::diagnose) fn search(case: &Search<'_>, progress: ProgressCallback<'_>) -> Result<SearchResult> {
     let mut at = case.base()?;
     let (mut train, mut heldout, mut steps) = (Vec::new(), Vec::new(), Vec::new());
-    let mut gap = |step: String, at: &Judged| {
+    let mut gap = |step: String, at: &TestedFit| {
         let [fitted, held_out] = case.gaps(at);
         train.push(fitted);
         heldout.push(held_out);
@@ -157,10 +138,10 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_
     let mut turned_down: Vec<&'static str> = Vec::new();
     let mut undecided = Vec::new();
     let untested = case.fitter.reference.setup.only_still() && !case.judge.held_out;
-    let most = if untested { STATIC_ROUNDS } else { ROUNDS };
-    while at.left && at.fit.effects.len() < most && turned_down.len() < VETOES {
+    let most = if untested { MAX_STATIC_EFFECTS } else { MAX_EFFECTS };
+    while at.left && at.fit.effects.len() < most && turned_down.len() < MAX_REJECTED {
         let rounds_begun = at.fit.effects.len() + turned_down.len();
-        let tried = BEGIN + (AGAIN - BEGIN) * (rounds_begun as f64 / ROUNDS as f64).min(1.0);
+        let tried = BEGIN + (AGAIN - BEGIN) * (rounds_begun as f64 / MAX_EFFECTS as f64).min(1.0);
         progress("tournament", tried);
         let open: Vec<&Signature> =
             case.signatures.iter().filter(|s| !turned_down.contains(&s.candidate.effect.name)).collect();
@@ -189,7 +170,7 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_
             ..round
         });
         at = next;
-        if share < LIKENESS {
+        if share < MIN_EXPLAINED_EXCESS {
             // What is there is something else; more names would be more likenesses.
             break;
         }
@@ -198,7 +179,7 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_
         let kept = at.fit.effects.clone();
         progress("looking again", AGAIN);
         let (fitted, fitted_rounds) = (at.clone(), rounds.clone());
-        if in_time(case.weed(&mut at, &mut rounds))?.is_none() {
+        if in_time(case.eliminate_backward(&mut at, &mut rounds))?.is_none() {
             (at, rounds) = (fitted, fitted_rounds);
             undecided.push(Undecided::NecessityOfEffects);
         }
@@ -206,8 +187,8 @@ pub(in crate::diagnose) fn search(case: &Case<'_>, progress: ProgressCallback<'_
             gap("after removal and swaps".to_owned(), &at);
         }
     }
-    let Judged { fit, own, off, left, .. } = at;
-    Ok(Found { fit, rounds, train, heldout, steps, own, off, left, undecided })
+    let TestedFit { fit, own, off, left, .. } = at;
+    Ok(SearchResult { fit, rounds, train, heldout, steps, own, off, left, undecided })
 }
 
 #[cfg(test)]

@@ -1,59 +1,32 @@
 //! One round of the loop: the candidates that promise most are fitted, and the most likely one wins.
 
-use super::context::Case;
+use super::context::Search;
 use super::round::EliminationReason;
 use super::round::{Entrant, Round};
-use crate::diagnose::fit::by_itself::Own;
 use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;
-use crate::diagnose::fit::price::Priced;
+use crate::diagnose::fit::scored_fit::ScoredFit;
+use crate::diagnose::fit::self_consistency::SelfConsistency;
 use crate::diagnose::fit::unlocated::allowing;
-use crate::diagnose::null::lamps::likely_deviations;
-use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::signature::Signature;
-use crate::diagnose::null::signature::reach;
+use crate::diagnose::null_model::lamps::likely_deviations;
+use crate::diagnose::null_model::metric::Metric;
+use crate::diagnose::null_model::signature::Signature;
+use crate::diagnose::null_model::signature::reach;
+use crate::diagnose::thresholds::{
+    MAX_CANDIDATES, MAX_FINALISTS, MAX_SCORE_DEVIATION, MAX_SIGNATURE_SCALE, MAX_SIMULATION_COST,
+    MIN_PROMISE, MIN_PROMISE_SHARE, MIN_SECOND_DRAW_SHARE, STEPS_OF_FIRST_EFFECT, STEPS_OF_FURTHER_EFFECT,
+};
 use nalgebra::DVector;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// Furthest that a signature is stretched: beyond, another one of the same effect is nearer.
-const FURTHEST: f64 = 8.0;
-
-/// Candidates of a tournament, and of its second leg.
-const TOURNAMENT: usize = 5;
-const FINAL: usize = 3;
-
-/// Gauss-Newton rounds of its two legs, as long as they gain: an effect with three numbers needs as many to come near.
-const ROUNDS_ALONE: [usize; 2] = [4, 3];
-
-/// The same beside other effects, whose numbers move as well: at half the way an effect loses to a likeness.
-pub(in crate::diagnose) const ROUNDS_BESIDE: [usize; 2] = [7, 5];
-
-/// What few draws may add to a cost.
-pub(in crate::diagnose) const NEAR: f64 = 40.0;
-
-/// Share of the best promise from which on a candidate is tried: a weak switching current whose shape is not the one that is
-/// tried promised 0.4 of what false spikes did, and was it.
-const PROMISING: f64 = 0.35;
-
-/// Share of the best promise from which on a candidate has a second simulation. The noise of a single one can hide half of
-/// what a weak signature promises.
-const COMPARED: f64 = 0.1;
-
-/// What the best candidate must promise: four and a half deviations. That something is there is known by then, and the
-/// held-out set judges what it is.
-const ENTERING: f64 = 20.0;
-
-/// Deviation of a price from which on more simulations are made of the front: of the four that any two models may differ by, half.
-const UNSURE: f64 = 2.0;
-
-impl Case<'_> {
+impl Search<'_> {
     /// The best candidate for what is left, fitted together with everything accepted before.
     pub(in crate::diagnose) fn tournament(
         &self,
         fit: &Fit,
-        own: &Own,
+        own: &SelfConsistency,
         signatures: &[&Signature],
     ) -> Result<Option<(Fit, Round)>> {
         let Fitter { reference, data } = self.fitter;
@@ -62,22 +35,22 @@ impl Case<'_> {
             return Ok(None);
         }
         let [few, some] = fit.draws();
-        let rounds = if fit.effects.is_empty() { ROUNDS_ALONE } else { ROUNDS_BESIDE };
+        let rounds = if fit.effects.is_empty() { STEPS_OF_FIRST_EFFECT } else { STEPS_OF_FURTHER_EFFECT };
         // Which start is nearer shows at the end: where base numbers took in what is added now, that place costs less at first.
         let enter = |(_, from): &(&str, Vec<Fit>)| {
             let refined = threads::try_map(from, |f| self.fitter.refined(f.clone(), rounds[0], few))?;
             Ok(refined.into_iter().min_by(cheaper))
         };
-        let fits: Vec<Option<Priced>> = threads::try_map(&starts, enter)?;
-        let mut fits: Vec<Priced> = fits.into_iter().flatten().collect();
+        let fits: Vec<Option<ScoredFit>> = threads::try_map(&starts, enter)?;
+        let mut fits: Vec<ScoredFit> = fits.into_iter().flatten().collect();
         fits.sort_by(cheaper);
         // Near the front, once more and with less noise.
-        let front = fits[0].price + 0.15 * (fit.price() - fits[0].price).max(0.0) + NEAR;
-        let near = fits.iter().take(FINAL).take_while(|f| f.price < front).count();
+        let front = fits[0].price + 0.15 * (fit.price() - fits[0].price).max(0.0) + MAX_SIMULATION_COST;
+        let near = fits.iter().take(MAX_FINALISTS).take_while(|f| f.price < front).count();
         let far = fits.split_off(near);
         let again = threads::try_map(fits, |f| self.fitter.refined(f.fit, rounds[1], some))?;
         let mut fits = self.finish(again)?;
-        let Priced { fit: best, .. } = fits[0].clone();
+        let ScoredFit { fit: best, .. } = fits[0].clone();
         fits.extend(far);
         let entrants = fits.iter().map(|f| self.entrant(&fits[0], f)).collect();
         let before = allowing(reference, &fit.events)?.square(&(data - &fit.mean));
@@ -97,12 +70,13 @@ impl Case<'_> {
     }
 
     /// The front in its order; where draws decide on it, more of them are made.
-    fn finish(&self, mut front: Vec<Priced>) -> Result<Vec<Priced>> {
+    fn finish(&self, mut front: Vec<ScoredFit>) -> Result<Vec<ScoredFit>> {
         front.sort_by(cheaper);
-        let unsure = |f: &Priced| self.entrant(&front[0], f).tied && drawn(&front[0], f) > UNSURE;
+        let unsure =
+            |f: &ScoredFit| self.entrant(&front[0], f).tied && drawn(&front[0], f) > MAX_SCORE_DEVIATION;
         let mut open: Vec<bool> = front.iter().map(unsure).collect();
         open[0] = open[1..].contains(&true);
-        let more = |(f, open): (Priced, bool)| {
+        let more = |(f, open): (ScoredFit, bool)| {
             if !open {
                 return Ok(f);
             }
@@ -117,7 +91,7 @@ impl Case<'_> {
     }
 
     /// How a fit of which the last name is new stands beside the best one.
-    pub(in crate::diagnose) fn entrant(&self, best: &Priced, f: &Priced) -> Entrant {
+    pub(in crate::diagnose) fn entrant(&self, best: &ScoredFit, f: &ScoredFit) -> Entrant {
         // Twice the distance of two models is the deviation of the difference of their costs.
         let apart = best.apart(f, &self.fitter.reference.metric);
         let tied = f.price - best.price < 4.0 + 2.0 * apart.min(12.0) + drawn(best, f);
@@ -170,7 +144,7 @@ impl Case<'_> {
     }
 }
 
-impl Case<'_> {
+impl Search<'_> {
     /// The candidates that promise most, each name once with its best shape and scale. Candidates that come near are
     /// compared by two simulations each.
     pub(in crate::diagnose) fn entrants(
@@ -182,7 +156,7 @@ impl Case<'_> {
     ) -> Result<Vec<(f64, Signature)>> {
         let mut ranked = ranked(fit, metric, off, signatures);
         let best = ranked.first().map_or(0.0, |r| r.0);
-        let near = ranked.iter().take_while(|r| r.0 > COMPARED * best).count();
+        let near = ranked.iter().take_while(|r| r.0 > MIN_SECOND_DRAW_SHARE * best).count();
         let far = ranked.split_off(near);
         let again = |(_, _, s): (f64, f64, &Signature)| self.fitter.reference.with_second_draw(s);
         let mut candidates = threads::try_map(ranked, again)?;
@@ -215,24 +189,24 @@ pub(in crate::diagnose) fn entrants<'a>(
     let ranked = ranked(fit, metric, off, signatures);
     let best = ranked.first().map_or(0.0, |r| r.0);
     let mut entrants: Vec<(f64, &Signature)> = Vec::new();
-    if best < ENTERING {
+    if best < MIN_PROMISE {
         return entrants;
     }
     for (gain, scale, signature) in ranked {
         let known = entrants.iter().any(|e| e.1.candidate.effect.name == signature.candidate.effect.name);
-        if gain > PROMISING * best && !known && entrants.len() < TOURNAMENT {
+        if gain > MIN_PROMISE_SHARE * best && !known && entrants.len() < MAX_CANDIDATES {
             entrants.push((scale, signature));
         }
     }
     entrants
 }
 
-pub(in crate::diagnose) fn cheaper(a: &Priced, b: &Priced) -> std::cmp::Ordering {
+pub(in crate::diagnose) fn cheaper(a: &ScoredFit, b: &ScoredFit) -> std::cmp::Ordering {
     a.price.total_cmp(&b.price)
 }
 
 /// What the draws leave open of the difference of two prices.
-fn drawn(a: &Priced, b: &Priced) -> f64 {
+fn drawn(a: &ScoredFit, b: &ScoredFit) -> f64 {
     a.deviation.hypot(b.deviation)
 }
 
@@ -248,6 +222,6 @@ fn promise<'a>(metric: &Metric, off: &DVector<f64>, signature: &'a Signature) ->
     if square <= 0.0 || along <= 0.0 {
         return (0.0, 0.0, signature);
     }
-    let scale = (along / square).min(reach(signature)).min(FURTHEST);
+    let scale = (along / square).min(reach(signature)).min(MAX_SIGNATURE_SCALE);
     (2.0 * scale * along - scale * scale * square, scale, signature)
 }

@@ -1,15 +1,13 @@
 //! Signatures of swinging light at the frequency that a set shows.
 
-use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::null_model::signature::Signature;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::statistics::readouts::{line, power, refine_line};
 use crate::diagnose::statistics::vector::MeasuredSet;
+use crate::diagnose::thresholds::MIN_LINE_POWER;
 use spikelane::effects::Definition;
 use spikelane::error::Result;
-
-/// Power over the mean from which on a line in the frame totals is worth a frequency.
-const LINE: f64 = 12.0;
 
 /// The signatures, with those of swinging light at the frequency that the frame totals show.
 ///
@@ -24,7 +22,7 @@ pub(in crate::diagnose) fn with_line(
         signatures.retain(|s| line_of(s.candidate.effect).is_none());
         return Ok(signatures);
     }
-    let mut best = (0.0, LINE);
+    let mut best = (0.0, MIN_LINE_POWER);
     let mut bright: Vec<&[u32]> = Vec::new();
     for (scene, scan) in setup.recordings.iter().zip(&measured.scans) {
         if scene.is_constant() && scene.brightness() >= 0.2 {

@@ -1,11 +1,11 @@
 //! A set as it is judged: what was looked at, and what was set aside.
 
 use crate::RecordingSet;
-use crate::diagnose::given::found_light::find_light;
-use crate::diagnose::given::phases::{begun_over, in_step};
 use crate::diagnose::lab::fault::Fault;
-use crate::diagnose::lab::look::look;
-use crate::diagnose::null::reference::NullModel;
+use crate::diagnose::lab::fault_scan::scan_for_faults;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::prepared::found_light::find_light;
+use crate::diagnose::prepared::phases::{begun_over, in_step};
 use crate::diagnose::protocol::extent::{ReadoutSelection, RecordingPart};
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::lamp::sum_sources;
@@ -15,16 +15,16 @@ use spikelane::effects::Camera;
 use spikelane::error::Result;
 
 /// A set that was read and measured.
-pub(in crate::diagnose) struct Taken {
+pub(in crate::diagnose) struct PreparedSet {
     pub set: RecordingSet,
     pub setup: Setup,
     pub measured: MeasuredSet,
 }
 
 /// The set that is fitted and the one that judges: another take, another part of the same one, or the same once more.
-pub(in crate::diagnose) struct Both {
-    pub fitted: Taken,
-    pub judging: Taken,
+pub(in crate::diagnose) struct DataSplit {
+    pub fitted: PreparedSet,
+    pub judging: PreparedSet,
     /// Readouts at the start of each recording that were set aside, as pixels began together.
     pub aside: Vec<(String, usize)>,
     /// The share of a threshold over which charges lay at the first readout, where pixels began together.
@@ -33,7 +33,7 @@ pub(in crate::diagnose) struct Both {
     pub faults: Vec<Fault>,
 }
 
-impl Taken {
+impl PreparedSet {
     /// Reads and measures a part of `set`.
     pub(crate) fn of(
         set: &RecordingSet,
@@ -97,15 +97,18 @@ impl Taken {
     }
 }
 
-impl Both {
+impl DataSplit {
     /// Reads both sets. What pixels that began together do is set aside, and so are recordings that are at fault.
     pub(crate) fn read(
         sets: [&RecordingSet; 2],
         parts: [RecordingPart; 2],
         extent: ReadoutSelection,
     ) -> Result<Self> {
-        let read = |aside: &[usize]| -> Result<[Taken; 2]> {
-            Ok([Taken::of(sets[0], parts[0], extent, aside)?, Taken::of(sets[1], parts[1], extent, aside)?])
+        let read = |aside: &[usize]| -> Result<[PreparedSet; 2]> {
+            Ok([
+                PreparedSet::of(sets[0], parts[0], extent, aside)?,
+                PreparedSet::of(sets[1], parts[1], extent, aside)?,
+            ])
         };
         let mut taken = read(&[])?;
         // The second halves of recordings begin where the first ones end.
@@ -126,9 +129,9 @@ impl Both {
     /// Without recordings that are at fault in either set.
     fn sorted(mut self, sets: [&RecordingSet; 2], parts: [RecordingPart; 2]) -> Self {
         let other = parts[0] != parts[1] || !std::ptr::eq(sets[0], sets[1]);
-        let mut seen = look(&self.fitted.setup, &self.fitted.measured.scans);
+        let mut seen = scan_for_faults(&self.fitted.setup, &self.fitted.measured.scans);
         if other && self.fitted.setup.recordings.len() == self.judging.setup.recordings.len() {
-            let more = look(&self.judging.setup, &self.judging.measured.scans);
+            let more = scan_for_faults(&self.judging.setup, &self.judging.measured.scans);
             let place = if parts[0] == parts[1] { " of the held-out set" } else { " in the second half" };
             seen.and(more, place);
         }

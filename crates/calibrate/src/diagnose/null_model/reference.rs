@@ -4,7 +4,7 @@
 use super::baseline::{
     Baseline, FIRST_SIGNATURE_DRAWS, NULL_MODEL_DONE, SENSORS, SENSORS_DONE, SIGNATURE_DRAWS, StartingCamera,
 };
-use super::known::CALIBRATED;
+use super::calibration_prior::CALIBRATED;
 use super::lamps::columns;
 use super::limits::{AGREEMENT, ALARM, Base, Clean, LimitLevel, Limits};
 use super::mean::average;

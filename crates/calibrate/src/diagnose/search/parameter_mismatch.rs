@@ -1,16 +1,10 @@
 //! Which numbers of a given camera the data contradict.
 
+use crate::diagnose::thresholds::{MAX_AMBIGUOUS_DISTANCE, MIN_MISMATCH_GAIN};
 use nalgebra::{DMatrix, DVector};
 
-use super::search::{Evidence, Found};
-use crate::diagnose::null::known::CALIBRATED;
-
-/// By how much the squared distance of the camera's numbers from the fitted ones falls with a number set free for that one to be
-/// contradicted: three and a half deviations of it.
-const CONTRADICTED: f64 = 12.0;
-
-/// Difference of squared distances within which two numbers explain it as well.
-const ALIKE: f64 = 4.0;
+use super::search::{Evidence, SearchResult};
+use crate::diagnose::null_model::calibration_prior::CALIBRATED;
 
 /// A number that is contradicted.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,7 +37,7 @@ pub(in crate::diagnose) struct Contradictions {
 /// `missed` is what fits of clean sensors miss them by. Where nothing is left, `off` is what the fit does not explain of the data: the last step that it asks for is taken here, as no
 /// cost tells whether it is worth it.
 pub(in crate::diagnose) fn contradicted(
-    found: &Found,
+    found: &SearchResult,
     missed: &[f64],
     off: &DVector<f64>,
     given: &[f64],
@@ -114,10 +108,10 @@ fn fewest(precision: &DMatrix<f64>, fitted: &[f64], given: &[f64]) -> Vec<Contra
         let mut tried: Vec<(usize, f64)> = open.filter_map(with).collect();
         tried.sort_by(|a, b| a.1.total_cmp(&b.1));
         let Some((number, least)) = tried.first().copied() else { break };
-        if distance - least < CONTRADICTED {
+        if distance - least < MIN_MISMATCH_GAIN {
             break;
         }
-        let tied = tried[1..].iter().filter(|t| t.1 < least + ALIKE).map(|t| t.0).collect();
+        let tied = tried[1..].iter().filter(|t| t.1 < least + MAX_AMBIGUOUS_DISTANCE).map(|t| t.0).collect();
         ties.push((tied, distance - least));
         free.push(number);
         distance = least;

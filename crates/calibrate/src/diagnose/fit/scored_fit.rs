@@ -9,13 +9,13 @@ use nalgebra::DVector;
 
 use super::fit::Fit;
 use super::fitter::Fitter;
-use crate::diagnose::null::mean::average;
-use crate::diagnose::null::metric::Metric;
+use crate::diagnose::null_model::mean::average;
+use crate::diagnose::null_model::metric::Metric;
 use spikelane::error::Result;
 
 /// A fit and what it costs, less what its draws add.
 #[derive(Clone, Debug)]
-pub(in crate::diagnose) struct Priced {
+pub(in crate::diagnose) struct ScoredFit {
     pub fit: Fit,
     pub price: f64,
     /// What the draws added: the expected squared length of the mean's error.
@@ -24,7 +24,7 @@ pub(in crate::diagnose) struct Priced {
     pub deviation: f64,
 }
 
-impl Priced {
+impl ScoredFit {
     /// The fit's cost, less what its draws add.
     pub(crate) fn cost(&self) -> f64 {
         self.fit.cost - self.share
@@ -38,17 +38,17 @@ impl Priced {
 
 impl Fitter<'_> {
     /// `fit`, which has been compared with the data, with its price.
-    pub(in crate::diagnose) fn priced(&self, fit: Fit) -> Priced {
+    pub(in crate::diagnose) fn priced(&self, fit: Fit) -> ScoredFit {
         let errors = errors(&fit.each, &self.reference.baseline);
         let share = errors.iter().map(|e| fit.length_of(e)).sum();
         let off = self.data - &fit.mean;
         let product = |e: &DVector<f64>| (fit.length_of(&(&off + e)) - fit.length_of(&(&off - e))) / 4.0;
         let deviation = 2.0 * errors.iter().map(|e| product(e).powi(2)).sum::<f64>().sqrt();
-        Priced { price: fit.price() - share, fit, share, deviation }
+        ScoredFit { price: fit.price() - share, fit, share, deviation }
     }
 
     /// `fit`, refined, with its price.
-    pub(in crate::diagnose) fn refined(&self, fit: Fit, rounds: usize, count: usize) -> Result<Priced> {
+    pub(in crate::diagnose) fn refined(&self, fit: Fit, rounds: usize, count: usize) -> Result<ScoredFit> {
         Ok(self.priced(self.refine(fit, rounds, count)?))
     }
 }

@@ -15,7 +15,7 @@ const MEDIAN: f64 = 0.455;
 /// A mean change of `count` pairs of simulations, each of which has the deviations `sd`. How alike the draws of a pair are
 /// is told by the changes themselves, as most statistics are moved by noise alone; at worst they are as different as
 /// two sensors.
-pub(in crate::diagnose) fn quiet(mut change: DVector<f64>, sd: &[f64], count: usize) -> DVector<f64> {
+pub(in crate::diagnose) fn shrink(mut change: DVector<f64>, sd: &[f64], count: usize) -> DVector<f64> {
     let square = |(c, sd): (&f64, &f64)| if *sd > 0.0 { (c / sd).powi(2) } else { 0.0 };
     let mut squares: Vec<f64> = change.iter().zip(sd).map(square).collect();
     let usual = spikelane_measure::median(&mut squares) / MEDIAN;
@@ -39,7 +39,7 @@ mod tests {
         let mut change = DVector::from_fn(202, |i, _| normal(i));
         (change[7], change[90]) = (5.0, -2.0);
         let sd = vec![1.0; 202];
-        let left = quiet(change.clone(), &sd, 2);
+        let left = shrink(change.clone(), &sd, 2);
         assert!((left[7] - 5.0).abs() < 0.01 && (left[90] + 2.0).abs() < 0.15, "{} {}", left[7], left[90]);
         let noise = |v: &DVector<f64>| v.iter().filter(|c| c.abs() < 1.0).map(|c| c * c).sum::<f64>();
         assert!(noise(&left) < 0.01 * noise(&change), "{} of {}", noise(&left), noise(&change));
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn a_change_of_every_statistic_stays() {
-        let left = quiet(DVector::from_element(50, -20.0), &[1.0; 50], 2);
+        let left = shrink(DVector::from_element(50, -20.0), &[1.0; 50], 2);
         assert!(left.iter().all(|c| (c + 20.0).abs() < 0.01), "{left}");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::reference::NullModel;
 use super::signature::Signature;
-use super::signature::reach;
+use super::signature::{MIN_SQUARE, reach};
 use crate::diagnose::fit::fit::Fit;
 use nalgebra::DVector;
 use spikelane::effects::{Definition, EventKind};
@@ -45,7 +45,7 @@ impl NullModel {
     /// and angles come from products of different simulations, so that their noise averages out.
     #[must_use]
     pub fn detectabilities(&self) -> Vec<Detectability> {
-        self.effects().into_iter().filter_map(|effect| self.nameable_one(effect)).collect()
+        self.effects().into_iter().filter_map(|effect| self.detectability_of(effect)).collect()
     }
 
     /// Effects whose signatures are known, in the order in which they are tried.
@@ -68,14 +68,13 @@ impl NullModel {
     }
 
     /// The same of one name; nothing where its signature is lost in its own noise.
-    pub(in crate::diagnose) fn nameable_one(&self, effect: &'static Definition) -> Option<Detectability> {
+    pub(in crate::diagnose) fn detectability_of(&self, effect: &'static Definition) -> Option<Detectability> {
         let mut found: Vec<Detectability> = Vec::new();
         for tried in self.signatures.iter().filter(|s| s.candidate.effect == effect) {
             let (nearest, alike) = self.nearest(tried);
             let weak = self.weakened(tried).ok()?;
             let square = self.square(&weak);
-            // A signature that is lost in its own noise says nothing.
-            if square < 25.0 {
+            if square < MIN_SQUARE {
                 continue;
             }
             let length = (square * (1.0 - alike * alike)).sqrt();
@@ -139,7 +138,7 @@ impl NullModel {
         let square = self.square(own);
         let alike = |rival: &Signature| {
             let other = self.square(rival);
-            if other < 25.0 || square < 25.0 {
+            if other < MIN_SQUARE || square < MIN_SQUARE {
                 return 0.0;
             }
             (self.product(own, rival) / (square * other).sqrt()).clamp(-1.0, 1.0)
@@ -204,7 +203,7 @@ impl NullModel {
         };
         let cosine = |a: &Signature, b: &Signature| {
             let squares = [self.square(a), self.square(b)];
-            if squares.iter().any(|s| *s < 25.0) {
+            if squares.iter().any(|s| *s < MIN_SQUARE) {
                 return 0.0;
             }
             (self.product(a, b) / (squares[0] * squares[1]).sqrt()).abs()

@@ -4,7 +4,7 @@
 //! the point at which sensors are simulated: every fit knows the light as it was stated, with its uncertainty. A common
 //! factor of all rates may therefore stay in the lamps; a fit moves it to the gain.
 
-use crate::diagnose::null::mean::average_of;
+use crate::diagnose::null_model::mean::average_of;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
 use crate::diagnose::sensors::model::Model;

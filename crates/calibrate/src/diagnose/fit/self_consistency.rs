@@ -7,13 +7,13 @@ use super::fitter::Fitter;
 use super::likelihood::{own_noise, with_lamps};
 use super::slopes::Secant;
 use super::unlocated::allowing;
-use crate::diagnose::null::known::CALIBRATED;
-use crate::diagnose::null::lamps::LampDraw;
-use crate::diagnose::null::limits::strays_by;
-use crate::diagnose::null::limits::{ALARM, Limits, center, gamma_limit};
-use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::reference::NullModel;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::null_model::calibration_prior::CALIBRATED;
+use crate::diagnose::null_model::lamps::LampDraw;
+use crate::diagnose::null_model::limits::strays_by;
+use crate::diagnose::null_model::limits::{ALARM, Limits, center, gamma_limit};
+use crate::diagnose::null_model::metric::Metric;
+use crate::diagnose::null_model::reference::NullModel;
+use crate::diagnose::null_model::signature::Signature;
 use crate::diagnose::sensors::simulate;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
@@ -26,7 +26,7 @@ const MANY: usize = 30;
 
 /// What simulations of the fitted model itself look like.
 #[derive(Clone)]
-pub(in crate::diagnose) struct Own {
+pub(in crate::diagnose) struct SelfConsistency {
     pub metric: Metric,
     /// Limit and median of the total misfit in the first round's metric.
     pub floor: f64,
@@ -42,7 +42,7 @@ pub(in crate::diagnose) struct Own {
     pub additive: Vec<f64>,
 }
 
-impl Own {
+impl SelfConsistency {
     /// What sensors of the base model show.
     pub(in crate::diagnose) fn of_base(reference: &NullModel) -> Self {
         let known = vec![CALIBRATED; reference.model.knobs.len()];
@@ -73,7 +73,7 @@ const REFITS: usize = 2;
 
 impl Fitter<'_> {
     /// The fitted model judged by itself: its numbers redrawn from their posterior.
-    pub(in crate::diagnose) fn judged_by_itself(&self, fit: &mut Fit) -> Result<Own> {
+    pub(in crate::diagnose) fn self_consistency(&self, fit: &mut Fit) -> Result<SelfConsistency> {
         let reference = self.reference;
         self.evaluate(fit, MEAN_SIMULATIONS)?;
         self.derive(fit, SOME_SIMULATIONS, Secant::Around)?;
@@ -94,7 +94,7 @@ impl Fitter<'_> {
         let (floor, floor_sd) = center(&lengths);
         let allowing = allowing(reference, &fit.events)?;
         let allowed: Vec<f64> = each.iter().map(|s| allowing.square(&(s - &mean))).collect();
-        Ok(Own {
+        Ok(SelfConsistency {
             floor,
             floor_sd,
             allowed_floor: center(&allowed).0,
@@ -146,8 +146,8 @@ impl Fitter<'_> {
     }
 
     /// The fitted model judged by itself, again as long as its own noise asks for other numbers.
-    pub(in crate::diagnose) fn converged(&self, fit: &mut Fit) -> Result<Own> {
-        let mut own = self.judged_by_itself(fit)?;
+    pub(in crate::diagnose) fn converged(&self, fit: &mut Fit) -> Result<SelfConsistency> {
+        let mut own = self.self_consistency(fit)?;
         for _ in 0..REFITS {
             let moved = own.metric.bounded(&(self.data - &own.mean), &fit.bounds());
             let base = self.reference.model.knobs.len();
@@ -159,7 +159,7 @@ impl Fitter<'_> {
             if next.cost > fit.cost {
                 break;
             }
-            own = self.judged_by_itself(&mut next)?;
+            own = self.self_consistency(&mut next)?;
             *fit = next;
         }
         Ok(own)

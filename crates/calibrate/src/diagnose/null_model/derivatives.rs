@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 
-use super::denoised::quiet;
 use super::mean::average;
+use super::shrinkage::shrink;
 use super::watched::count;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::recording::scan::Scan;
@@ -166,7 +166,7 @@ impl Changes {
     /// Changes per unit of every base knob.
     pub(crate) fn jacobian(&self, model: &Model, spread: &[f64]) -> DMatrix<f64> {
         let column = |(j, all): (usize, &Vec<DVector<f64>>)| {
-            quiet(average(all), spread, all.len()) / step(&model.knobs[j])
+            shrink(average(all), spread, all.len()) / step(&model.knobs[j])
         };
         let columns: Vec<_> = self.0.iter().enumerate().map(column).collect();
         if columns.is_empty() { DMatrix::zeros(spread.len(), 0) } else { DMatrix::from_columns(&columns) }

@@ -5,9 +5,9 @@
 
 use std::sync::atomic::AtomicUsize;
 
-use crate::diagnose::null::baseline::StartingCamera;
-use crate::diagnose::null::derivatives::{Changes, changes, lit, pairs, with_lamps};
-use crate::diagnose::null::mean::average;
+use crate::diagnose::null_model::baseline::StartingCamera;
+use crate::diagnose::null_model::derivatives::{Changes, changes, lit, pairs, with_lamps};
+use crate::diagnose::null_model::mean::average;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::context::SimulationContext;
 use crate::diagnose::sensors::model::Model;

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use crate::diagnose::given::negative::kept;
-use crate::diagnose::given::reduced::reduced;
-use crate::diagnose::given::taken::{Both, Taken};
+use crate::diagnose::prepared::negative::kept;
+use crate::diagnose::prepared::prepared_set::{DataSplit, PreparedSet};
+use crate::diagnose::prepared::reduced::reduced;
 use crate::diagnose::sensors::model::BASE_KNOBS;
 use crate::diagnose::sensors::model::published;
 use crate::diagnose::statistics::quantiles::Spread;
@@ -110,7 +110,7 @@ impl BaseModel {
 
     /// From the camera that is given, or from the published model with what calibration tells of the set.
     /// Where pixels began together it begins so, too.
-    pub(crate) fn of(both: &Both, given: Option<&Camera>) -> Result<Self> {
+    pub(crate) fn of(both: &DataSplit, given: Option<&Camera>) -> Result<Self> {
         let mut base = Self::running(&both.fitted, given)?;
         if let Some(over) = both.begun_over {
             base.camera = base.camera.with_effect(start_phase::EFFECT.neutral().with_value("share", over)?);
@@ -119,8 +119,8 @@ impl BaseModel {
     }
 
     /// Of a camera that was running.
-    fn running(taken: &Taken, given: Option<&Camera>) -> Result<Self> {
-        let Taken { set, setup, measured } = taken;
+    fn running(taken: &PreparedSet, given: Option<&Camera>) -> Result<Self> {
+        let PreparedSet { set, setup, measured } = taken;
         let calibration = calibration(set);
         if let Some(given) = given {
             return Self::of_camera(given, setup.row_band.map_or(0, |(first, _)| first));

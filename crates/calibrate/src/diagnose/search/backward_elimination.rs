@@ -1,55 +1,35 @@
 //! What the loop added, looked at again when everything is known: is it needed, and is it the right name.
 
+use crate::diagnose::thresholds::{
+    ENTRY_STEPS, MAX_REPLACEMENTS, MAX_SIMULATION_COST, MAX_SWAPS, MAX_VARIANCE_INFLATION,
+    MIN_ELIMINATION_COST, MIN_HELD_OUT_GAIN_SHARE, NOISY_SIMULATIONS, REMAINDER_SHARE,
+    STEPS_OF_FURTHER_EFFECT,
+};
 use std::ops::Range;
 
-use super::context::{Case, Judged};
+use super::context::{Search, TestedFit};
 use super::round::EliminationReason;
 use super::round::{Entrant, Round, kept_mut};
-use super::tournament::{NEAR, ROUNDS_BESIDE, cheaper, last};
+use super::tournament::{cheaper, last};
 use crate::diagnose::fit::draws::MEAN_SIMULATIONS;
-use crate::diagnose::fit::draws::MOST_SIMULATIONS;
 use crate::diagnose::fit::draws::SOME_SIMULATIONS;
 use crate::diagnose::fit::fit::Fit;
 use crate::diagnose::fit::fitter::Fitter;
-use crate::diagnose::fit::price::Priced;
-use crate::diagnose::null::metric::Metric;
-use crate::diagnose::null::signature::Signature;
+use crate::diagnose::fit::scored_fit::ScoredFit;
+use crate::diagnose::null_model::metric::Metric;
+use crate::diagnose::null_model::signature::Signature;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// Share of the first excess that a further effect must explain: an approximate signature of a strong
-/// effect leaves that much. Three times as much kept a droop from being named beside strong row noise.
-pub(super) const REMAINDER: f64 = 0.0003;
-
-/// Variance of an amplitude over what it would be if all other numbers were known, from which on others may stand in for it: a cosine of 0.9.
-const STOOD_IN_FOR: f64 = 5.0;
-
-/// Rise of the cost from which on an effect is not dispensed with, beside the remainder that a strong one leaves: three and a half deviations.
-const DISPENSED: f64 = 12.0;
-
-/// Share of a gain that the held-out set must show too: a better name gains as much there, one that suits this set's noise
-/// less. A response took the place of weak dark quanta for 30 here and some 6 there.
-const HELD_OUT: f64 = 0.5;
-
-/// Names that are tried in another one's place. Their promise is a straight line's: `partial_reset` was the third in a place where it
-/// cost 401, the two before it 584 and the wrong name there 2,362.
-const OTHERS: usize = 4;
-
-/// Simulations of a mean where a model's own noise is strong, in both legs. What that noise is must be known from them as well: `partial_reset`
-/// beside strong `row_noise` cost 460 with six of them and 360 with 24, three likenesses 361 to 373 with 24.
-const OF_NOISY: [usize; 2] = [MOST_SIMULATIONS / 2, MOST_SIMULATIONS];
-
-/// Rounds after which another name must explain half of what the name in whose place it stands does.
-const ROUNDS_TO_ENTER: usize = 2;
-
-/// Most names that are exchanged, one after the other.
-const SWAPS: usize = 4;
-
-impl Case<'_> {
+impl Search<'_> {
     /// Looks at every name again until nothing moves: what came after a wrong name may be a likeness of what that one left.
-    pub(in crate::diagnose) fn weed(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<()> {
+    pub(in crate::diagnose) fn eliminate_backward(
+        &self,
+        at: &mut TestedFit,
+        rounds: &mut [Round],
+    ) -> Result<()> {
         self.eliminate(at, rounds)?;
-        for _ in 0..SWAPS {
+        for _ in 0..MAX_SWAPS {
             if !self.swap(at, rounds)? {
                 break;
             }
@@ -63,7 +43,7 @@ impl Case<'_> {
 
     /// Drops effects that the data do without: those whose amplitude is within three deviations of none, and those that another one can
     /// stand in for. The likeness that came first may have left the right name a part only, and steps along their valley are short.
-    fn eliminate(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<()> {
+    fn eliminate(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<()> {
         while at.fit.effects.len() > 1 {
             let Some((place, without)) = self.dispensable(at)? else { break };
             let name = at.fit.effects[place].0.name;
@@ -76,17 +56,17 @@ impl Case<'_> {
     }
 
     /// The weakest effect without which the data are as likely, and the model without it.
-    fn dispensable(&self, at: &Judged) -> Result<Option<(usize, Judged)>> {
+    fn dispensable(&self, at: &TestedFit) -> Result<Option<(usize, TestedFit)>> {
         let Fitter { reference, data } = self.fitter;
         let (fit, own) = (&at.fit, &at.own);
-        let worth = DISPENSED + REMAINDER * fit.length_of(&(data - &reference.mean));
+        let worth = MIN_ELIMINATION_COST + REMAINDER_SHARE * fit.length_of(&(data - &reference.mean));
         let amplitude = |e: usize| fit.knobs_of(e).start;
         let strength = |e: usize| fit.u[amplitude(e)].abs() / own.deviations[amplitude(e)];
         let mut places: Vec<usize> = (0..fit.effects.len()).collect();
         places.sort_by(|a, b| strength(*a).total_cmp(&strength(*b)));
         let cost = self.fitter.priced(fit.clone()).cost();
         for place in places {
-            if strength(place) > 3.0 && own.metric.inflation(amplitude(place)) < STOOD_IN_FOR {
+            if strength(place) > 3.0 && own.metric.inflation(amplitude(place)) < MAX_VARIANCE_INFLATION {
                 continue;
             }
             let mut without = self.refitted_without(fit, place, &own.metric)?;
@@ -96,10 +76,10 @@ impl Case<'_> {
             if !weak && costlier >= worth {
                 continue;
             }
-            let own = self.fitter.judged_by_itself(&mut without)?;
+            let own = self.fitter.self_consistency(&mut without)?;
             let without = self.judged(without, own)?;
             // Beside a strong effect little is evidence, unless it is all that was left.
-            if weak || costlier < DISPENSED || at.left || !without.left {
+            if weak || costlier < MIN_ELIMINATION_COST || at.left || !without.left {
                 return Ok(Some((place, without)));
             }
         }
@@ -109,15 +89,15 @@ impl Case<'_> {
     /// Whether other data than what was fitted tell the model from `other` too, of which the fitted data gained `gained`. An interval may
     /// hold zero because numbers stand in for each other, or because a probability moves the noise more than the mean: a lag's share
     /// of 1.7 deviations and a loss of readouts of 1.1 gained 156 and 8,527 here, and 157 and 8,360 there.
-    fn shown(&self, at: &Judged, other: &Fit, gained: f64) -> Result<bool> {
-        Ok(self.judge.held_out && self.deviance(other)? - at.deviance() >= gained * HELD_OUT)
+    fn shown(&self, at: &TestedFit, other: &Fit, gained: f64) -> Result<bool> {
+        Ok(self.judge.held_out && self.deviance(other)? - at.deviance() >= gained * MIN_HELD_OUT_GAIN_SHARE)
     }
 
     /// The likelier of two fits without an effect: from where the other numbers were, and from where it would take them.
     fn refitted_without(&self, fit: &Fit, place: usize, metric: &Metric) -> Result<Fit> {
         let starts = [fit.without(place), fit.without_and_moved(place, metric)];
         let refit = |start: Fit| -> Result<Fit> {
-            let mut fit = self.fitter.refine(start, ROUNDS_BESIDE[0], SOME_SIMULATIONS)?;
+            let mut fit = self.fitter.refine(start, STEPS_OF_FURTHER_EFFECT[0], SOME_SIMULATIONS)?;
             self.fitter.evaluate(&mut fit, MEAN_SIMULATIONS)?;
             Ok(fit)
         };
@@ -128,8 +108,8 @@ impl Case<'_> {
 
     /// Tries other names in the place of each accepted one, now that the others are known, and takes the first that is better. Where
     /// none is, those that are as likely are ties. Whether a name was exchanged.
-    fn swap(&self, at: &mut Judged, rounds: &mut [Round]) -> Result<bool> {
-        let [_, some] = draws_of_weeding(&at.fit);
+    fn swap(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<bool> {
+        let [_, some] = draws_of_elimination(&at.fit);
         let mut with = at.fit.clone();
         self.fitter.evaluate(&mut with, some)?;
         let with = self.fitter.priced(with);
@@ -142,7 +122,7 @@ impl Case<'_> {
             let others = self.other_names(at, &with, place)?;
             let Some(best) = others.first() else { continue };
             let gained = with.price - best.price;
-            if gained < 4.0 || at.deviance() - self.deviance(&best.fit)? < gained * HELD_OUT {
+            if gained < 4.0 || at.deviance() - self.deviance(&best.fit)? < gained * MIN_HELD_OUT_GAIN_SHARE {
                 ties.push((effect.name, others.iter().map(|o| self.entrant(&with, o)).collect()));
                 continue;
             }
@@ -163,11 +143,11 @@ impl Case<'_> {
     /// The model with `best`, of which the last name came in the place of what was kept in `round`.
     fn exchanged(
         &self,
-        at: &Judged,
+        at: &TestedFit,
         mut best: Fit,
         round: Option<&mut Round>,
         rivals: Vec<Entrant>,
-    ) -> Result<Judged> {
+    ) -> Result<TestedFit> {
         let own = self.fitter.converged(&mut best)?;
         let next = self.judged(best, own)?;
         if let Some(round) = round {
@@ -183,41 +163,41 @@ impl Case<'_> {
     }
 
     /// The model with other names in `place` that come near it with the one there, `with`, in the order of their prices.
-    fn other_names(&self, at: &Judged, with: &Priced, place: usize) -> Result<Vec<Priced>> {
+    fn other_names(&self, at: &TestedFit, with: &ScoredFit, place: usize) -> Result<Vec<ScoredFit>> {
         let (fitter, fit) = (&self.fitter, &at.fit);
         let all: Vec<&Signature> = self.signatures.iter().collect();
         let name = fit.effects[place].0.name;
-        let [few, some] = draws_of_weeding(fit);
+        let [few, some] = draws_of_elimination(fit);
         let without = fitter.refine(fit.without(place), 1, few)?;
         let metric = without_effect(&at.own.metric, fit, place);
         let others = self.entrants(&without, &metric, &(fitter.data - &without.mean), &all)?;
         let others: Vec<_> =
-            others.into_iter().filter(|e| e.1.candidate.effect.name != name).take(OTHERS).collect();
+            others.into_iter().filter(|e| e.1.candidate.effect.name != name).take(MAX_REPLACEMENTS).collect();
         let without = fitter.priced(without);
-        let halfway = 0.5 * (without.price + with.price) + NEAR;
+        let halfway = 0.5 * (without.price + with.price) + MAX_SIMULATION_COST;
         let enter = |(scale, s): &(f64, Signature)| {
             let start = without.fit.with(&s.candidate, *scale);
-            let entered = fitter.refined(start, ROUNDS_TO_ENTER, few)?;
+            let entered = fitter.refined(start, ENTRY_STEPS, few)?;
             if entered.price > halfway {
                 return Ok(None);
             }
-            fitter.refined(entered.fit, ROUNDS_BESIDE[0] - ROUNDS_TO_ENTER, few).map(Some)
+            fitter.refined(entered.fit, STEPS_OF_FURTHER_EFFECT[0] - ENTRY_STEPS, few).map(Some)
         };
         let fits = threads::try_map(&others, enter)?;
-        let fits: Vec<Priced> = fits.into_iter().flatten().collect();
+        let fits: Vec<ScoredFit> = fits.into_iter().flatten().collect();
         // Fewer simulations shrink a model's own noise toward the null's, which makes it dearer by as much as that noise is apart.
-        let drawn = NEAR + with.fit.noise_of_its_own().max(0.0);
+        let drawn = MAX_SIMULATION_COST + with.fit.noise_of_its_own().max(0.0);
         let front = fits.iter().map(|f| f.price).fold(with.price, f64::min) + drawn;
         let near: Vec<Fit> = fits.into_iter().filter(|f| f.price <= front).map(|f| f.fit).collect();
-        let mut others = threads::try_map(near, |f| fitter.refined(f, ROUNDS_BESIDE[1], some))?;
+        let mut others = threads::try_map(near, |f| fitter.refined(f, STEPS_OF_FURTHER_EFFECT[1], some))?;
         others.sort_by(cheaper);
         Ok(others)
     }
 }
 
 /// Simulations of a mean in both legs.
-fn draws_of_weeding(fit: &Fit) -> [usize; 2] {
-    if fit.is_noisy() { OF_NOISY } else { fit.draws() }
+fn draws_of_elimination(fit: &Fit) -> [usize; 2] {
+    if fit.is_noisy() { NOISY_SIMULATIONS } else { fit.draws() }
 }
 
 /// The metric of a fit without one of its effects. What that effect explains is free in the fit's own, so a name that could stand in
@@ -238,7 +218,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     use super::*;
-    use crate::diagnose::null::metric::noise;
+    use crate::diagnose::null_model::metric::noise;
 
     #[test]
     fn what_an_effect_explained_is_off_again_without_it() {

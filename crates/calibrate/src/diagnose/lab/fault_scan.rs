@@ -12,7 +12,7 @@ use crate::recordings::check::SATURATION_RATE;
 use crate::{LightLevel, Stimulus, StimulusPattern};
 
 /// Result of the scan.
-pub(in crate::diagnose) struct Seen {
+pub(in crate::diagnose) struct FaultScan {
     pub faults: Vec<Fault>,
     /// Excluded recordings.
     pub dropped: Vec<usize>,
@@ -20,9 +20,9 @@ pub(in crate::diagnose) struct Seen {
     pub light_uncertainties: Vec<f64>,
 }
 
-pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan]) -> Seen {
+pub(in crate::diagnose) fn scan_for_faults(setup: &Setup, scans: &[Scan]) -> FaultScan {
     let stated = setup.recordings.iter().map(|r| r.light_uncertainty).collect();
-    let mut seen = Seen { faults: Vec::new(), dropped: Vec::new(), light_uncertainties: stated };
+    let mut seen = FaultScan { faults: Vec::new(), dropped: Vec::new(), light_uncertainties: stated };
     if setup.has_rate_maps {
         return seen;
     }
@@ -32,7 +32,7 @@ pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan]) -> Seen {
     let level_of =
         |k: usize| setup.recordings[k].level().map(|_| (k, light_level(&setup.recordings[k], &scans[k])));
     let mut levels: Vec<(usize, LightLevel)> = (0..scans.len()).filter_map(level_of).collect();
-    let pick = |levels: &mut Vec<(usize, LightLevel)>, seen: &Seen| {
+    let pick = |levels: &mut Vec<(usize, LightLevel)>, seen: &FaultScan| {
         levels.retain(|(k, _)| !seen.dropped.contains(k))
     };
     pick(&mut levels, &seen);
@@ -60,7 +60,7 @@ pub(in crate::diagnose) fn look(setup: &Setup, scans: &[Scan]) -> Seen {
     seen
 }
 
-impl Seen {
+impl FaultScan {
     fn take(&mut self, found: Vec<(usize, Fault)>) {
         for (k, fault) in found {
             self.dropped.push(k);
@@ -119,10 +119,13 @@ mod tests {
     #[test]
     fn what_two_takes_show_is_said_once_and_set_aside_in_both() {
         let fault = |file: &str| Fault::new(file, FaultKind::LightDrift, "drifts".to_owned());
-        let mut seen =
-            Seen { faults: vec![fault("a.dat")], dropped: vec![3], light_uncertainties: vec![0.01, 0.3] };
+        let mut seen = FaultScan {
+            faults: vec![fault("a.dat")],
+            dropped: vec![3],
+            light_uncertainties: vec![0.01, 0.3],
+        };
         let faults = vec![fault("a.dat"), fault("b.dat")];
-        let more = Seen { faults, dropped: vec![3, 4], light_uncertainties: vec![0.02, 0.01] };
+        let more = FaultScan { faults, dropped: vec![3, 4], light_uncertainties: vec![0.02, 0.01] };
         seen.and(more, " of the held-out set");
         assert_eq!(seen.faults.len(), 2);
         assert_eq!(seen.faults[1].recording.as_deref(), Some("b.dat of the held-out set"));

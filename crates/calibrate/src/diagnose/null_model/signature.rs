@@ -1,7 +1,8 @@
 //! How a candidate shows.
 
-use super::denoised::quiet;
 use super::mean::average;
+use super::metric::Metric;
+use super::shrinkage::shrink;
 use crate::diagnose::protocol::recorded_set::Setup;
 use crate::diagnose::sensors::catalog::Candidate;
 use crate::diagnose::sensors::model::{Model, Sample};
@@ -9,6 +10,9 @@ use crate::diagnose::sensors::simulate;
 use nalgebra::DVector;
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
+
+/// Squared length below which a signature is lost in its own noise.
+pub(super) const MIN_SQUARE: f64 = 25.0;
 
 /// How a candidate shows at one position.
 #[derive(Clone, Debug)]
@@ -26,10 +30,26 @@ impl Signature {
     pub(super) fn new(candidate: Candidate, each: Vec<DVector<f64>>, spread: &[f64]) -> Self {
         // The noise of a single simulation is as long as a weak signature.
         let mean = match each.as_slice() {
-            [only] => quiet(only.clone(), spread, 1),
+            [only] => shrink(only.clone(), spread, 1),
             _ => average(&each),
         };
         Self { candidate, mean, each, score_sd: 1.0 }
+    }
+
+    /// Estimates the amplitude of the effect in units of the tried amplitude. `dual` is a deviation in `metric`. Returns
+    /// `None` if the signature is lost in its own noise.
+    pub(in crate::diagnose) fn amplitude(
+        &self,
+        metric: &Metric,
+        dual: &DVector<f64>,
+    ) -> Option<AmplitudeEstimate> {
+        let [first, second] = self.two_estimates();
+        let square = metric.dual(first).dot(second);
+        let own = self.mean.dot(&metric.dual(&self.mean));
+        (square > MIN_SQUARE).then(|| AmplitudeEstimate {
+            value: self.mean.dot(dual) / square,
+            sd: self.score_sd * own.max(0.0).sqrt() / square,
+        })
     }
 
     /// Two estimates of the change. Their noise is independent if there are two simulations.
@@ -39,6 +59,13 @@ impl Signature {
             _ => [&self.mean, &self.mean],
         }
     }
+}
+
+/// An amplitude with its standard deviation.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::diagnose) struct AmplitudeEstimate {
+    pub value: f64,
+    pub sd: f64,
 }
 
 /// Whether `b` is the same effect as `a` with the opposite sign.
