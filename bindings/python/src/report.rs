@@ -141,8 +141,7 @@ pub fn diagnose(
             let holdout = holdout.as_deref().map(RecordingSet::open).transpose()?;
             let readout_selection =
                 if all_readouts { ReadoutSelection::All } else { ReadoutSelection::Leading };
-            let options =
-                Diagnosing { camera, seed, readout_selection, time_limit, ..Diagnosing::default() };
+            let options = Diagnosing { camera, seed, readout_selection, time_limit, ..Diagnosing::default() };
             let diagnosis =
                 spikelane_calibrate::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| {
                     report_progress(share)

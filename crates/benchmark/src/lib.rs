@@ -16,7 +16,7 @@
 //! | [`depth`] | relative error, logarithmic error, accuracy within a factor |
 //! | [`detection`] | average precision and recall of COCO |
 //! | [`tracking`] | HOTA and its parts |
-//! | [`baseline`] | no metrics: outputs of simple methods |
+//! | [`block_matching`] | no metric: optical flow between two images |
 //! | [`aggregate`] | means over sequences, bootstrap intervals, paired differences |
 //!
 //! The functions compare an *output*, which a method computed, with a *reference*. An output that is missing, is not
@@ -26,7 +26,7 @@
 //! The results do not depend on threads. All sums are sums of `f64` in a fixed order.
 
 pub mod aggregate;
-pub mod baseline;
+pub mod block_matching;
 mod bounding_box;
 pub mod depth;
 pub mod detection;

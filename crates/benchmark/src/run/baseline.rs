@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use spikelane::Geometry;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::reconstruct::{gaussian_blur, span_rates, tfi, tfp};
+use spikelane::{Geometry, SpikeFrames};
 use spikelane_io::formats::{Layout, OpenOptions};
 
+use crate::block_matching::flow_between_readouts;
 use crate::generated::GeneratedSequence;
 use crate::suite::Task;
 
@@ -39,6 +40,8 @@ pub enum Baseline {
     Span,
     /// [`Baseline::Span`] with a Gaussian blur of 1 pixel.
     SpanBlur,
+    /// Optical flow by [block matching](crate::block_matching), scaled from the centers of two windows to the interval.
+    BlockMatching,
     /// The trivial answer of a task with labels; see [`Task::trivial_answer`].
     Trivial,
 }
@@ -51,7 +54,8 @@ impl Baseline {
             Task::Reconstruction => {
                 &[Self::Tfp, Self::TfpBlur, Self::Tfi, Self::TfiBlur, Self::Span, Self::SpanBlur]
             }
-            Task::Flow | Task::Depth | Task::Detection | Task::Tracking => &[Self::Trivial],
+            Task::Flow => &[Self::Trivial, Self::BlockMatching],
+            Task::Depth | Task::Detection | Task::Tracking => &[Self::Trivial],
         }
     }
 
@@ -65,6 +69,7 @@ impl Baseline {
             Self::TfiBlur => "tfi-blur",
             Self::Span => "span",
             Self::SpanBlur => "span-blur",
+            Self::BlockMatching => "block-matching",
             Self::Trivial => "trivial",
         }
     }
@@ -88,17 +93,12 @@ impl Baseline {
     /// # Errors
     /// The errors of reading the stream.
     pub fn image(self, stream: &Path, sequence: &GeneratedSequence) -> Result<Vec<f32>> {
-        let geometry = Geometry::new(sequence.width, sequence.height)?;
-        let reader = OpenOptions::default()
-            .with_layout(Some(Layout::Dat))
-            .with_geometry(Some(geometry))
-            .open(stream)?;
-        let frames = reader.read(0..reader.readouts())?;
-        let view = frames.view();
+        let frames = read_stream(stream, sequence)?;
+        let (view, geometry) = (frames.view(), frames.geometry());
         let at = sequence.reference_readout as usize;
         let whole = view.readouts();
         let rates = match self {
-            Self::Tfp | Self::TfpBlur | Self::Trivial => tfp(view, at, whole)?,
+            Self::Tfp | Self::TfpBlur | Self::BlockMatching | Self::Trivial => tfp(view, at, whole)?,
             Self::Tfi | Self::TfiBlur => tfi(view, at, (whole / 2).max(1))?,
             Self::Span | Self::SpanBlur => span_rates(view, at, whole)?,
         };
@@ -109,4 +109,38 @@ impl Baseline {
             _ => light,
         })
     }
+
+    /// Returns the displacement of every pixel from the reference readout to the next labeled readout, in pixels to the
+    /// right and downward.
+    ///
+    /// # Errors
+    /// The errors of reading the stream.
+    pub fn flow(self, stream: &Path, sequence: &GeneratedSequence) -> Result<Vec<[f32; 2]>> {
+        let pixels = sequence.width as usize * sequence.height as usize;
+        if self != Self::BlockMatching {
+            return Ok(vec![[0.0; 2]; pixels]);
+        }
+        let frames = read_stream(stream, sequence)?;
+        let (at, interval) = (sequence.reference_readout as usize, sequence.interval_readouts as usize);
+        // A stream can end at the next labeled readout. Windows that are complete and do not overlap have their centers at
+        // readouts with a known distance.
+        let last = frames.view().readouts().saturating_sub(1);
+        let half_window = (interval / 4).min(last.saturating_sub(at) / 3);
+        let second = (at + interval).min(last - half_window);
+        let flow = flow_between_readouts(
+            frames.view(),
+            [at, second],
+            half_window,
+            crate::block_matching::BlockMatching::default(),
+        )?;
+        let scale = interval as f32 / (second - at).max(1) as f32;
+        Ok(flow.into_iter().map(|displacement| displacement.map(|px| scale * px)).collect())
+    }
+}
+
+fn read_stream(stream: &Path, sequence: &GeneratedSequence) -> Result<SpikeFrames> {
+    let geometry = Geometry::new(sequence.width, sequence.height)?;
+    let reader =
+        OpenOptions::default().with_layout(Some(Layout::Dat)).with_geometry(Some(geometry)).open(stream)?;
+    reader.read(0..reader.readouts())
 }

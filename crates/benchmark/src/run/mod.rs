@@ -431,7 +431,9 @@ fn baseline_output(baseline: Baseline, task: Task, job: &SequenceJob<'_>) -> Res
     let pixels = (shape[0] * shape[1]) as usize;
     match task {
         Task::Reconstruction => array(&shape, &baseline.image(&job.stream, job.sequence)?),
-        Task::Flow => array(&[shape[0], shape[1], 2], &vec![0.0; 2 * pixels]),
+        Task::Flow => {
+            array(&[shape[0], shape[1], 2], baseline.flow(&job.stream, job.sequence)?.as_flattened())
+        }
         Task::Depth => array(&shape, &vec![TRIVIAL_DEPTH_M; pixels]),
         Task::Detection | Task::Tracking => Ok(b"[]\n".to_vec()),
     }

@@ -15,7 +15,7 @@ const BLUR_SIGMA_PX: f64 = 1.0;
 ///
 /// # Examples
 /// ```
-/// use spikelane_benchmark::baseline::block_matching::BlockMatching;
+/// use spikelane_benchmark::block_matching::BlockMatching;
 /// let options = BlockMatching { block_radius_px: 9, ..BlockMatching::default() };
 /// assert_eq!(options.search_radius_px, 2);
 /// ```
@@ -57,7 +57,7 @@ impl Default for BlockMatching {
 /// # Examples
 /// ```
 /// use spikelane::Geometry;
-/// use spikelane_benchmark::baseline::block_matching::{BlockMatching, flow_between_images};
+/// use spikelane_benchmark::block_matching::{BlockMatching, flow_between_images};
 /// let geometry = Geometry::new(96, 64)?;
 /// let image = |shift: f64| -> Vec<f32> {
 ///     let light = |x: f64, y: f64| (0.4 * x).sin() + (0.3 * y + 0.1 * x).cos();
