@@ -42,7 +42,7 @@ fn suite_text() -> String {
 }
 
 /// Returns a suite with `sequences` scenes.
-fn short_suite(sequences: u32) -> String {
+pub(crate) fn short_suite(sequences: u32) -> String {
     suite_text().replace("sequences = 7", &format!("sequences = {sequences}"))
 }
 

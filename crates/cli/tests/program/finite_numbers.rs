@@ -94,6 +94,21 @@ fn light_commands(size: &str) -> Vec<String> {
     ]
 }
 
+/// Runs a baseline on a stream with hardly any light.
+fn benchmark_commands() -> Vec<String> {
+    let all = [
+        "benchmark list tiny.toml",
+        "benchmark generate tiny.toml -o suite --resume",
+        "benchmark verify suite",
+        "benchmark run suite --baseline tfi -o tfi --resume",
+        "benchmark run suite --baseline tfp -o tfp --resume",
+        "benchmark score suite tfp --force",
+        "benchmark report tfi/score.json tfp/score.json --suite suite -o report --force",
+        "benchmark verify tfi/score.json --suite suite",
+    ];
+    all.map(str::to_owned).to_vec()
+}
+
 fn dataset_commands(size: &str) -> Vec<String> {
     vec![
         format!("dataset --from in -o set {size} --readouts-per-frame 3 --test-share 0"),
@@ -145,6 +160,7 @@ fn every_command_is_run_here() {
         recorded_set_commands(),
         light_commands(""),
         dataset_commands(""),
+        benchmark_commands(),
         inputless_commands(),
     ];
     let first = |line: &String| line.split(' ').next().unwrap_or_default().to_owned();
@@ -229,6 +245,13 @@ fn of_odd_light_every_maker_leaves_finite_numbers() {
 fn what_is_drawn_recorded_and_printed_holds_finite_numbers() {
     let place = TestFolder::new();
     assert_all_finite(&non_finite_values(&place, &inputless_commands()));
+}
+
+#[test]
+fn benchmarks_hold_finite_numbers() {
+    let place = TestFolder::new();
+    place.write("tiny.toml", crate::benchmark::short_suite(2).replace("[0.1, 1.0]", "[1e-6, 1.0]"));
+    assert_all_finite(&non_finite_values(&place, &benchmark_commands()));
 }
 
 #[test]
