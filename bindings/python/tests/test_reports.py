@@ -132,7 +132,7 @@ def test_a_time_limit_ends_a_diagnosis(recordings):
 
 @pytest.mark.parametrize("limit", [0, -1.0, float("nan"), float("inf")])
 def test_a_time_limit_is_a_positive_number(recordings, limit):
-    with pytest.raises(sl.SpikelaneError, match="time_limit.*a positive number of seconds"):
+    with pytest.raises(sl.SpikelaneError, match=r"time_limit.*a positive number of seconds"):
         sl.diagnose(recordings, time_limit=limit)
 
 

@@ -49,6 +49,7 @@ runs! {
     why_performance: "docs/why/performance.md";
     why_presets: "docs/why/presets.md";
     why_reconstruction: "docs/why/reconstruction.md";
+    why_scenes: "docs/why/scenes.md";
 }
 
 /// Pages whose blocks other tests run.

@@ -187,7 +187,9 @@ mod tests {
                 words.extend_from_slice(path);
                 match arg.get_long() {
                     Some(flag) => words.extend([format!("--{flag}"), "-".to_owned()]),
-                    None => words.extend(vec!["-".to_owned(); arg.get_index().unwrap()]),
+                    None => {
+                        words.extend((1..=arg.get_index().unwrap()).map(|index| positional(command, index)))
+                    }
                 }
                 let error = command_error(&words);
                 if error.as_ref().is_some_and(|e| e.to_string().contains("./-")) {
@@ -210,6 +212,13 @@ mod tests {
         ];
         assert_eq!(streams, expected);
         assert!(refused > 30, "{refused}");
+    }
+
+    /// Returns the first accepted value of a positional argument, or `-` if it accepts any text.
+    fn positional(command: &clap::Command, index: usize) -> String {
+        let arg = command.get_positionals().find(|arg| arg.get_index() == Some(index));
+        let values = arg.map_or_else(Vec::new, |arg| arg.get_possible_values());
+        values.first().map_or_else(|| "-".to_owned(), |value| value.get_name().to_owned())
     }
 
     fn command_error(words: &[String]) -> Option<clap::Error> {
