@@ -158,7 +158,7 @@ pub fn reveal(suite: &Suite, public: &Path, secret: &Path) -> Result<Suite> {
         return Err(Error::new(ErrorKind::Corrupt, secret.display())
             .found(&digest)
             .expected(format_args!("{}, the commitment in {}", commitment.commitment, public.display()))
-            .remedy("ask for the secret file that belongs to the commitment"));
+            .remedy("use the secret file that belongs to the commitment"));
     }
     let secret: Secret = read(secret, "a secret", |s: &Secret| s.format_version)?;
     let text = Digest::hash_bytes(suite.text.as_bytes());

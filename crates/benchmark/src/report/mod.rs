@@ -213,19 +213,12 @@ fn metric_header(first: &str, metrics: &[&Metric]) -> Table {
     Table::new(&header.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
-fn interval_text(score: ScoreInterval) -> String {
-    match score.interval {
-        Some([low, high]) => format!("{:.4} ({low:.4} to {high:.4})", score.value),
-        None => format!("{:.4}", score.value),
-    }
-}
-
 fn score_table(methods: &[ScoredMethod], names: &[String], metrics: &[&Metric]) -> Table {
     let mut table = metric_header("method", metrics);
     for (method, name) in methods.iter().zip(names) {
         let cell = |metric: &&Metric| {
             let summary = method.file.summary(OVERALL).and_then(|s| s.metrics.get(metric.name));
-            summary.map_or("-".to_owned(), |summary| interval_text(summary.pooled))
+            summary.map_or("-".to_owned(), |summary| summary.pooled.to_string())
         };
         table.push_row(std::iter::once(name.clone()).chain(metrics.iter().map(cell)));
     }
@@ -304,7 +297,7 @@ fn difference_table(differences: &[Difference], metrics: &[&Metric]) -> Table {
     for name in names {
         let cell = |metric: &&Metric| {
             let found = differences.iter().find(|d| d.method == name && d.metric == metric.name);
-            found.map_or("-".to_owned(), |d| interval_text(d.mean))
+            found.map_or("-".to_owned(), |d| d.mean.to_string())
         };
         table.push_row(std::iter::once(name.to_owned()).chain(metrics.iter().map(cell)));
     }
@@ -373,7 +366,7 @@ fn curve_table(methods: &[ScoredMethod], names: &[String], groups: &CurveGroups,
     let mut table = Table::new(&header);
     for (value, _, group) in groups {
         let cell = |method: &ScoredMethod| {
-            primary_score(&method.file, group, primary).map_or("-".to_owned(), interval_text)
+            primary_score(&method.file, group, primary).map_or("-".to_owned(), |score| score.to_string())
         };
         table.push_row(std::iter::once(value.clone()).chain(methods.iter().map(cell)));
     }

@@ -29,6 +29,17 @@ pub struct ScoreInterval {
     pub interval: Option<[f64; 2]>,
 }
 
+impl std::fmt::Display for ScoreInterval {
+    /// Writes the value with four decimals, and the interval in parentheses.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.4}", self.value)?;
+        match self.interval {
+            Some([low, high]) => write!(f, " ({low:.4} to {high:.4})"),
+            None => Ok(()),
+        }
+    }
+}
+
 /// The means of a metric.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]

@@ -6,6 +6,7 @@ use serde_json::json;
 
 use crate::common::console::Console;
 use crate::common::output_claims;
+use crate::common::output_stem::append_ending;
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_benchmark::generated::GeneratedSuite;
@@ -36,11 +37,7 @@ pub(crate) struct Args {
 /// # Errors
 /// Those of [`report::report`].
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let path = |ending: &str| {
-        let mut name = args.output.clone().into_os_string();
-        name.push(ending);
-        PathBuf::from(name)
-    };
+    let path = |ending: &str| append_ending(&args.output, ending);
     let (html, json_path) = (path(".html"), path(".json"));
     let _claim = output_claims::claim([&html, &json_path], args.force)?;
     let methods = args.scores.iter().map(|path| ScoredMethod::read(path)).collect::<Result<Vec<_>>>()?;

@@ -10,7 +10,7 @@ use crate::common::progress::stop_flag;
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_benchmark::generated::GeneratedSuite;
-use spikelane_benchmark::score::{self as benchmark_score, GroupSummary, OVERALL, ScoreFile, ScoreInterval};
+use spikelane_benchmark::score::{self as benchmark_score, GroupSummary, OVERALL, ScoreFile};
 use spikelane_io::storage;
 
 /// Name of the score file in the folder of a run.
@@ -114,14 +114,7 @@ fn summary_text(file: &ScoreFile, summary: &GroupSummary) -> String {
         if index > 0 && summary.group != OVERALL {
             break;
         }
-        text += &format!("{:<24} {name:<20} {}\n", summary.group, interval_text(metric.pooled));
+        text += &format!("{:<24} {name:<20} {}\n", summary.group, metric.pooled);
     }
     text
-}
-
-pub(super) fn interval_text(score: ScoreInterval) -> String {
-    match score.interval {
-        Some([low, high]) => format!("{:.4} ({low:.4} to {high:.4})", score.value),
-        None => format!("{:.4}", score.value),
-    }
 }

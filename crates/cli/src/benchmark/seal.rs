@@ -7,6 +7,7 @@ use serde_json::json;
 use super::generate::{GenerateArgs, generate};
 use crate::common::console::Console;
 use crate::common::output_claims;
+use crate::common::output_stem::append_ending;
 use spikelane::Result;
 use spikelane::unstable::inputs::read_text;
 use spikelane_benchmark::seal;
@@ -58,11 +59,7 @@ pub(crate) struct RevealArgs {
 /// # Errors
 /// Those of [`seal::seal`].
 pub(crate) fn run_seal(args: &SealArgs, out: &Console) -> Result<()> {
-    let path = |ending: &str| {
-        let mut name = args.output.clone().into_os_string();
-        name.push(ending);
-        PathBuf::from(name)
-    };
+    let path = |ending: &str| append_ending(&args.output, ending);
     let (public, secret) = (path(".sealed.json"), path(".secret.json"));
     let _claim = output_claims::claim([&public, &secret], false)?;
     let suite = Suite::load(&args.suite)?;

@@ -11,6 +11,7 @@ use crate::common::progress::{CountProgress, stop_flag};
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_benchmark::generated::GeneratedSuite;
+use spikelane_benchmark::report::ScoredMethod;
 use spikelane_benchmark::run::{self as benchmark_run, Method, RunOptions};
 use spikelane_benchmark::score::{self as benchmark_score, ScoreFile};
 
@@ -46,10 +47,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             .expected("the folder of the generated suite")
             .remedy("set --suite"));
     };
-    let file = ScoreFile::read(&args.path)?;
+    let ScoredMethod { file, folder } = ScoredMethod::read(&args.path)?;
     let data = GeneratedSuite::open(suite)?;
-    let folder = args.path.parent().unwrap_or(Path::new(""));
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let (kind, text) = match &file.method {
         Method::Baseline(text) => ("baseline", text),
         Method::Command(text) => ("command", text),
@@ -59,7 +58,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         _ => ("method", &args.path.display().to_string()),
     };
     out.print_message(format_args!("recorded {kind}: {text}"));
-    verify_scores(&file, &data, folder, &args.path, out)?;
+    verify_scores(&file, &data, &folder, &args.path, out)?;
     match &args.run {
         Some(folder) => run_again(&file, &data, folder, out),
         None => Ok(()),

@@ -26,7 +26,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 const MAX_MESSAGE_BYTES: usize = 1000;
 const MAX_FACTS_BYTES: u64 = 1 << 16;
 
-/// A simulator with a preset.
+/// A simulator with a preset. The driver uses the same names as the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Peer {
     /// `video2spike_simulation` of Spike-Zoo
@@ -47,16 +47,6 @@ impl Peer {
             Self::Spikecv => "spikecv",
             Self::SpikecvImage => "spikecv-image",
             Self::Scsim => "scsim-code",
-        }
-    }
-
-    /// Returns the name of the simulator in the driver.
-    const fn driver_name(self) -> &'static str {
-        match self {
-            Self::Spikezoo => "spikezoo",
-            Self::Spikecv => "spikecv",
-            Self::SpikecvImage => "spikecv-image",
-            Self::Scsim => "scsim",
         }
     }
 
@@ -132,7 +122,7 @@ impl Job<'_> {
         let python = if python.components().count() > 1 { absolute(python)? } else { python.clone() };
         let child = Command::new(&python)
             .arg(&driver)
-            .arg(self.args.simulator.driver_name())
+            .args(self.args.simulator.to_possible_value().map(|value| value.get_name().to_owned()))
             .arg(absolute(&self.args.code)?)
             .args([self.frames.folder.as_path(), output])
             .args([seed.to_string(), self.frames.readouts.to_string()])

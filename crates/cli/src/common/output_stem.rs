@@ -1,7 +1,6 @@
 //! Interprets the flag `-o`. The flag determines the stream layout and the common part of the file names of a
 //! simulation.
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use spikelane::{Error, ErrorKind, Result};
@@ -51,12 +50,17 @@ impl OutputStem {
         }
     }
 
-    /// Returns the path with `ending` appended. Any existing extension remains, because a stem can contain dots.
+    /// Returns the path with `ending` appended (see [`append_ending`]).
     pub(crate) fn with_ending(&self, ending: &str) -> PathBuf {
-        let mut full_path: OsString = self.path.as_os_str().to_os_string();
-        full_path.push(ending);
-        PathBuf::from(full_path)
+        append_ending(&self.path, ending)
     }
+}
+
+/// Returns `stem` with `ending` appended. Any existing extension remains, because a stem can contain dots.
+pub(crate) fn append_ending(stem: &Path, ending: &str) -> PathBuf {
+    let mut full_path = stem.as_os_str().to_os_string();
+    full_path.push(ending);
+    PathBuf::from(full_path)
 }
 
 fn is_folder(output: &Path) -> bool {

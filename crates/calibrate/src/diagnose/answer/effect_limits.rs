@@ -71,7 +71,7 @@ pub(in crate::diagnose) fn effect_limits(
         }
     }
     let dual = metric.dual(off);
-    let tried = threads::try_map(shapes, |shape| shape.tried(reference, metric, &dual))?;
+    let tried = threads::try_map(shapes, |shape| shape.estimate(reference, metric, &dual))?;
     let mut effects: Vec<&'static Definition> = tried.iter().map(|shape| shape.effect).collect();
     effects.dedup();
     let limit = |effect: &'static Definition| {
@@ -95,7 +95,7 @@ impl Shape<'_> {
 
     /// Estimates the amplitude by each signature that is long enough. A second simulation of short ones is made if the shape
     /// has no others, or if their length shows how the effect depends on the amplitude.
-    fn tried(mut self, reference: &NullModel, metric: &Metric, dual: &DVector<f64>) -> Result<TriedShape> {
+    fn estimate(mut self, reference: &NullModel, metric: &Metric, dual: &DVector<f64>) -> Result<TriedShape> {
         let amplitude = |s: &Signature| s.candidate.at[0].abs();
         self.signatures.sort_by(|a, b| amplitude(a).total_cmp(&amplitude(b)));
         let lengths: Vec<(f64, f64)> =
@@ -120,7 +120,7 @@ impl Shape<'_> {
             };
             let (knob, position) = (signature.candidate.knobs[0], signature.candidate.at[0]);
             let share = share.map(|estimate| upper_share(estimate, has_both_signs(&knob)));
-            tried.push(Tried { knob, position, share });
+            tried.push(TriedAmplitude { knob, position, share });
         }
         Ok(TriedShape { effect, is_quadratic, tried })
     }
@@ -138,7 +138,7 @@ fn exceeds_linear(lengths: &[(f64, f64)]) -> bool {
 
 /// An amplitude that was tried.
 #[derive(Clone, Debug)]
-struct Tried {
+struct TriedAmplitude {
     knob: Knob,
     /// Position of the amplitude.
     position: f64,
@@ -146,7 +146,7 @@ struct Tried {
     share: Option<f64>,
 }
 
-impl Tried {
+impl TriedAmplitude {
     /// Distance of a position from the value of the model, in the parameter's unit.
     fn strength(&self, position: f64) -> f64 {
         (self.knob.value(self.knob.clamped(position)) - self.knob.value(0.0)).abs()
@@ -171,7 +171,7 @@ struct TriedShape {
     effect: &'static Definition,
     /// Whether the statistics change with the square of the amplitude.
     is_quadratic: bool,
-    tried: Vec<Tried>,
+    tried: Vec<TriedAmplitude>,
 }
 
 impl TriedShape {
@@ -236,7 +236,7 @@ mod tests {
     fn shape(effect: &'static Definition, amplitudes: &[(f64, Option<f64>)]) -> TriedShape {
         let (scale, range) = (SearchScale::Linear, (0.0, 1.0));
         let knob = Knob { effect, key: "x", scale, center: 0.0, unit: 0.01, range };
-        let tried = |&(position, share): &(f64, _)| Tried { knob, position, share };
+        let tried = |&(position, share): &(f64, _)| TriedAmplitude { knob, position, share };
         TriedShape { effect, is_quadratic: false, tried: amplitudes.iter().map(tried).collect() }
     }
 

@@ -45,10 +45,9 @@ impl Signature {
     ) -> Option<AmplitudeEstimate> {
         let [first, second] = self.two_estimates();
         let square = metric.dual(first).dot(second);
-        let own = self.mean.dot(&metric.dual(&self.mean));
         (square > MIN_SQUARE).then(|| AmplitudeEstimate {
             value: self.mean.dot(dual) / square,
-            sd: self.score_sd * own.max(0.0).sqrt() / square,
+            sd: self.score_sd * metric.square(&self.mean).sqrt() / square,
         })
     }
 
