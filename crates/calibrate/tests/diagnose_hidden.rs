@@ -224,7 +224,8 @@ fn full_gain_dark_correlation_is_recovered() {
 }
 
 #[test]
-fn doubled_gain_spread_in_the_camera_file_is_reported() {
+#[ignore = "two minutes: a camera file that is far off"]
+fn long_doubled_gain_spread_in_the_camera_file_is_reported() {
     let (_folder, sets) = small_recording_sets(&[], 52);
     let setup = Setup::new(&sets[0], RecordingPart::Whole, ReadoutSelection::All).unwrap();
     let camera = published_camera(&setup).unwrap();
@@ -250,7 +251,8 @@ fn doubled_gain_spread_in_the_camera_file_is_reported() {
 /// The threshold noise of the camera file is 10 % off, and the sensor has an effect outside the catalog. No number may be stated
 /// plainly, because a number explains only a part.
 #[test]
-fn an_unknown_effect_makes_no_number_of_the_camera_file_plainly_wrong() {
+#[ignore = "three minutes: two camera files"]
+fn long_an_unknown_effect_makes_no_number_of_the_camera_file_plainly_wrong() {
     for (name, strength) in [("two-tap parity", 0.03), ("wake-up transient", 0.2)] {
         let (_folder, sets) = small_recording_sets(&[(name, strength)], 57);
         let setup = Setup::new(&sets[0], RecordingPart::Whole, ReadoutSelection::All).unwrap();
@@ -268,7 +270,8 @@ fn an_unknown_effect_makes_no_number_of_the_camera_file_plainly_wrong() {
 /// Lost readouts must be located. If the model contained only their probability, all simulated recordings would scatter
 /// too much to detect any other effect.
 #[test]
-fn effects_beside_dropped_or_repeated_readouts_are_found() {
+#[ignore = "two minutes: two sensors with two effects"]
+fn long_effects_beside_dropped_or_repeated_readouts_are_found() {
     for (name, other, strength) in
         [("dropped_readouts", "missed_spikes", 0.004), ("repeated_readouts", "false_spikes", 0.001)]
     {

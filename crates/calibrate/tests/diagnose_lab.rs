@@ -443,7 +443,7 @@ fn partial_reset_with_common_start_is_found_on_four_levels() {
 /// of the totals and in the variance of intervals.
 #[test]
 #[ignore = "a minute and a half: numbers that are guessed are moved step by step"]
-fn few_electrons_agree_without_a_camera_file() {
+fn long_few_electrons_agree_without_a_camera_file() {
     let default_physics = Physics::default();
     let physics = Physics {
         electrons: 0.1 * default_physics.electrons,
