@@ -214,6 +214,47 @@ def calls(table: Table) -> None:
     )
 
 
+def training(table: Table) -> None:
+    """Measures batches of 32 crops of 64x64x41 with new noise, from clips of 80x128 pixels and one plan of `physical`.
+
+    The native rate is that of one thread that simulates such crops without any loader.
+    """
+    try:
+        from torch.utils.data import DataLoader
+
+        from spikelane.torch import SpikeClips, SpikeLoader
+    except ImportError:
+        table.row("batches for training", "not measured", "torch is not installed")
+        return
+    count, batch = 512, 32
+    clips = np.random.default_rng(3).integers(0, 200, (count, 5, 80, 128), np.uint8)
+    camera = sl.Camera.preset("physical").with_shape(80, 128)
+    data = SpikeClips(clips, camera, 10, crop=(64, 64), readouts=41)
+    parts = [clips[i, :, :64, :64] for i in range(batch)]
+    turn = [0]
+
+    def native() -> None:
+        turn[0] += batch
+        windows = [(0, 0)] * batch
+        sl.simulate_batch(camera, parts, 10, sequences=range(turn[0], turn[0] + batch), windows=windows, readouts=41)
+
+    seconds = best(native) / batch
+    table.row("crops of 64x64x41 of one plan of 80x128 pixels, one thread, no loader", f"{1 / seconds:.0f} crops/s")
+
+    def epoch(batches: Any, number: int) -> float:
+        data.set_epoch(number)
+        start = time.perf_counter()
+        for _ in batches:
+            pass
+        return time.perf_counter() - start
+
+    loaders = {f"DataLoader, {n} worker processes": DataLoader(data, batch, num_workers=n) for n in (0, 1, 2)}
+    loaders |= {f"SpikeLoader, threads={n}": SpikeLoader(data, batch, threads=n) for n in (1, 2)}
+    for name, batches in loaders.items():
+        rate = count / min(epoch(batches, number) for number in range(3))
+        table.row(name, f"{rate:.0f} crops/s", f"{rate * seconds:.2f} of the rate above")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--spikezoo", type=Path)
@@ -227,6 +268,7 @@ def main() -> None:
     one_stream(table)
     crops(table, arguments.spikezoo, arguments.spikecv)
     calls(table)
+    training(table)
     where = f"CPython {platform.python_version()}, NumPy {np.__version__}, spikelane {sl.__version__}, one thread"
     text = f"{where}, the fastest of several runs.\n\n{table.text()}"
     print(text)

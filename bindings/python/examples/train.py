@@ -1,6 +1,6 @@
 """Train a small network that reconstructs images from spikes, on random cameras with new noise.
 
-    python train.py [--seconds 120] [--workers 0]
+    python train.py [--seconds 120] [--threads 2]
 
 Every epoch simulates new recordings. After training, the program compares the network with counting (TFP) on new cameras
 and scenes.
@@ -14,10 +14,9 @@ import time
 import numpy as np
 import torch
 from torch import nn
-from torch.utils.data import DataLoader
 
 import spikelane as sl
-from spikelane.torch import SpikeClips
+from spikelane.torch import SpikeClips, SpikeLoader
 
 READOUTS, CROP = 41, 48
 
@@ -52,7 +51,7 @@ def batch_of(batch: dict) -> tuple[torch.Tensor, torch.Tensor]:
     return batch["spikes"].float(), batch["light"] * exposure
 
 
-def loader(seeds: range, seed: int, workers: int) -> tuple[SpikeClips, DataLoader]:
+def loader(seeds: range, seed: int, threads: int | None) -> tuple[SpikeClips, SpikeLoader]:
     data = SpikeClips(
         clips(seeds),
         sl.CameraDistribution(),
@@ -64,11 +63,11 @@ def loader(seeds: range, seed: int, workers: int) -> tuple[SpikeClips, DataLoade
         target_readouts=[READOUTS // 2],
         camera_count=32,
     )
-    return data, DataLoader(data, batch_size=8, num_workers=workers)
+    return data, SpikeLoader(data, 8, threads=threads)
 
 
 @torch.no_grad()
-def error(net: nn.Module | None, batches: DataLoader) -> float:
+def error(net: nn.Module | None, batches: SpikeLoader) -> float:
     """Returns the RMS of the relative error of `net` over all batches, or of counting if `net` is None."""
     squares = []
     for batch in batches:
@@ -79,11 +78,11 @@ def error(net: nn.Module | None, batches: DataLoader) -> float:
     return float(torch.stack(squares).mean().sqrt())
 
 
-def train(seconds: float, workers: int = 0) -> tuple[float, float]:
+def train(seconds: float, threads: int | None = None) -> tuple[float, float]:
     """Trains for `seconds` and returns the errors of counting and of the network."""
     torch.manual_seed(1)
-    data, batches = loader(range(6), 1, workers)
-    _, unseen = loader(range(100, 102), 2, workers)
+    data, batches = loader(range(6), 1, threads)
+    _, unseen = loader(range(100, 102), 2, threads)
     net = Net()
     optimizer = torch.optim.Adam(net.parameters(), lr=2e-3)
     start, epoch, steps = time.monotonic(), 0, 0
@@ -105,7 +104,7 @@ def train(seconds: float, workers: int = 0) -> tuple[float, float]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=120)
-    parser.add_argument("--workers", type=int, default=0)
+    parser.add_argument("--threads", type=int, help="threads that simulate (default: all processors)")
     arguments = parser.parse_args()
-    counting, network = train(arguments.seconds, arguments.workers)
+    counting, network = train(arguments.seconds, arguments.threads)
     print(f"relative error on new cameras and scenes: counting {counting:.3f}, network {network:.3f}")

@@ -14,7 +14,7 @@ try:
     import torch
     from torch.utils.data import DataLoader
 
-    from spikelane.torch import SpikeClips, SpikeClipStream
+    from spikelane.torch import SpikeClips, SpikeClipStream, SpikeLoader, unpack
 except ImportError as why:
     needs_torch = pytest.mark.skip(reason=f"torch is not here ({why}); install python3-torch or torch")
 else:
@@ -156,6 +156,96 @@ def test_a_pass_has_each_item_once_with_any_number_of_workers(clips, physical, w
     orders = {tuple(item["index"] for item in data) for _ in range(2)}
     data.set_epoch(3)
     assert len(orders) == 1 and tuple(item["index"] for item in data) not in orders
+
+
+def assert_equal_batches(found: dict, expected: dict) -> None:
+    assert set(found) == set(expected)
+    for key, value in expected.items():
+        if torch.is_tensor(value):
+            assert found[key].dtype == value.dtype and torch.equal(found[key], value), key
+        else:
+            assert found[key] == value, key
+
+
+@needs_torch
+@pytest.mark.parametrize("cameras", ["one", "drawn", "few"])
+@pytest.mark.parametrize("dense", [False, True])
+def test_a_batch_of_threads_equals_a_batch_of_workers(clips, physical, cameras, dense):
+    camera = physical if cameras == "one" else sl.CameraDistribution()
+    count = 3 if cameras == "few" else None
+    options = {
+        "crop": (16, 12),
+        "seed": 3,
+        "clean": True,
+        "dense": dense,
+        "camera_count": count,
+        "target_readouts": [2, 9],
+    }
+    data = SpikeClips(clips, camera, 5, **options)
+    for epoch in (0, 4):
+        data.set_epoch(epoch)
+        expected = list(DataLoader(data, batch_size=3))
+        for threads in (1, 3):
+            found = list(SpikeLoader(data, 3, threads=threads))
+            assert len(found) == len(expected) == len(SpikeLoader(data, 3)) == 3
+            for one, other in zip(found, expected, strict=True):
+                assert_equal_batches(one, other)
+
+
+@needs_torch
+def test_a_shuffled_pass_has_each_item_once_and_a_new_order_in_each_epoch(clips, physical):
+    data = SpikeClips(clips, physical, 5, seed=3)
+    orders = []
+    for epoch in (0, 0, 1):
+        data.set_epoch(epoch)
+        parts = [SpikeLoader(data, 2, shuffle=True, rank=rank, ranks=2) for rank in range(2)]
+        orders.append([index for part in parts for batch in part for index in batch["index"].tolist()])
+        assert sorted(orders[-1]) == list(range(7))
+    assert orders[0] == orders[1] != orders[2]
+    assert [len(SpikeLoader(data, 2, drop_last=drop)) for drop in (False, True)] == [4, 3]
+    assert len(list(SpikeLoader(data, 2, drop_last=True))) == 3
+
+
+@needs_torch
+def test_batches_of_a_loader_are_not_overwritten(clips, physical):
+    data = SpikeClips(clips, physical, 5, seed=3)
+    kept = list(SpikeLoader(data, 1, ahead=1))
+    for index, batch in enumerate(kept):
+        np.testing.assert_array_equal(batch["spikes"][0].numpy(), data.sampler.item(index)["spikes"])
+
+
+@needs_torch
+def test_the_end_of_an_iteration_ends_its_thread(clips, physical):
+    import threading
+
+    data = SpikeClips(clips, physical, 5, seed=3)
+    for _ in SpikeLoader(data, 1, ahead=2):
+        break
+    assert not any(thread.name == "SpikeLoader" for thread in threading.enumerate())
+
+
+@needs_torch
+def test_an_error_in_a_thread_names_the_clip(clips, physical):
+    wrong = [*clips[:3], clips[3].astype(np.float32) * np.nan]
+    batches = iter(SpikeLoader(SpikeClips(wrong, physical, 5), 2))
+    next(batches)
+    with pytest.raises(sl.SpikelaneError, match=r"clips\[3\]"):
+        next(batches)
+    for wrong_arguments in ({"batch_size": 0}, {"ahead": 0}, {"threads": 0}, {"rank": 1}):
+        with pytest.raises(sl.SpikelaneError, match=next(iter(wrong_arguments))):
+            SpikeLoader(SpikeClips(clips, physical, 5), **wrong_arguments)
+    with pytest.raises(sl.SpikelaneError, match="data"):
+        SpikeLoader(clips)
+
+
+@needs_torch
+@pytest.mark.parametrize("size", [(30, 36), (7, 5), (1, 8)])
+def test_tensor_operations_unpack_like_the_native_function(size):
+    packed = np.random.default_rng(2).integers(0, 256, (2, 3, (size[0] * size[1] + 7) // 8), np.uint8)
+    expected = np.stack([sl.unpack(one, *size) for one in packed])
+    np.testing.assert_array_equal(unpack(torch.from_numpy(packed), *size).numpy(), expected)
+    with pytest.raises(sl.SpikelaneError, match="packed"):
+        unpack(torch.from_numpy(packed), size[0] + 8, size[1])
 
 
 @needs_torch

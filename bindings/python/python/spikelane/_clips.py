@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,27 @@ def _rename(error: SpikelaneError, old: str, new: str) -> BaseException:
     """The same error about an argument that has another name for the caller."""
     fields = (error.kind, error.subject.replace(old, new, 1), error.found, error.expected, error.remedy)
     return make_error(str(error).replace(old, new), fields, None, False)
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """All that determines the stream of an item, and the light at its target readouts."""
+
+    index: int
+    # The clip in messages: `clips[3][:, 0:48, 5:53]`.
+    name: str
+    clip: NDArray[Any]
+    light: NDArray[np.float32]
+    camera: _native.Camera
+    camera_seed: int
+    sequence: int
+    row: int
+    col: int
+
+    @property
+    def window(self) -> tuple[int, int]:
+        """Row and column of the crop in the camera. A camera of the size of the crop has only (0, 0)."""
+        return (0, 0) if self.camera.shape == self.clip.shape[1:] else (self.row, self.col)
 
 
 class ClipSampler:
@@ -181,6 +203,23 @@ class ClipSampler:
 
         Raises IndexError if the index is out of range.
         """
+        recording = self._recording(index, epoch)
+        item: dict[str, Any] = {
+            "spikes": self._simulate([recording])[0],
+            "light": recording.light,
+            "thresholds_at_full_scale": recording.camera.thresholds_at_full_scale,
+            "index": recording.index,
+            "camera_seed": recording.camera_seed,
+            "sequence": recording.sequence,
+            "row": recording.row,
+            "col": recording.col,
+        }
+        if self.clean:
+            item["clean"] = self._simulate([recording], twin=True)[0]
+        return item
+
+    def _recording(self, index: int, epoch: int) -> Recording:
+        """Draws the camera, the crop and the noise of an item, and computes its light."""
         length = len(self)
         if not -length <= index < length:
             raise IndexError(f"found index {index}, expected -{length} to {length - 1}")
@@ -190,7 +229,7 @@ class ClipSampler:
             remedy = "pass clip[None] for one image" if clip.ndim == 2 else "pass gray frames: rgb @ weights for colors"
             raise usage_error(f"clips[{index}]", f"shape {clip.shape}", "an array (N, H, W)", remedy)
         camera, camera_seed = self._item_camera(epoch, index, (clip.shape[1], clip.shape[2]))
-        row, col = 0, 0
+        row, col, name = 0, 0, f"clips[{index}]"
         if self.crop is not None:
             height, width = self.crop
             margins = (clip.shape[1] - height, clip.shape[2] - width)
@@ -200,6 +239,7 @@ class ClipSampler:
             row = _hash(self.seed, 0xC209, epoch, index) % (margins[0] + 1)
             col = _hash(self.seed, 0xC20A, epoch, index) % (margins[1] + 1)
             clip = clip[:, row : row + height, col : col + width]
+            name += f"[:, {row}:{row + height}, {col}:{col + width}]"
         sequence = _hash(self.seed, 0x5E9, epoch, index)
         lasts = clip.shape[0] * self.readouts_per_frame
         readouts = lasts if self.readouts is None else self.readouts
@@ -207,57 +247,55 @@ class ClipSampler:
             expected = f"at most {lasts}, which clips[{index}] lasts"
             raise usage_error("readouts", readouts, expected, "pass fewer, or a larger readouts_per_frame")
         targets = (readouts // 2,) if self.target_readouts is None else self.target_readouts
-        place = f"[:, {row}:{row + clip.shape[1]}, {col}:{col + clip.shape[2]}]" if self.crop else ""
         try:
             # It checks the shape, and the readouts of `light` before the simulation of the spikes.
             light = _native.light_at(
                 clip, targets, self.readouts_per_frame, interpolation=self.interpolation, full_scale=self.full_scale
             )
-            spikes = self._simulate(camera, clip, camera_seed, sequence, row, col)
         except SpikelaneError as error:
             if error.subject == "readouts":
                 raise _rename(error, "readouts", "target_readouts") from None
-            name = "frames" if error.subject.startswith("frames") else "clips[0]"
-            raise _rename(error, name, f"clips[{index}]{place}") from None
-        item: dict[str, Any] = {
-            "spikes": spikes,
-            "light": light,
-            "thresholds_at_full_scale": camera.thresholds_at_full_scale,
-            "index": index,
-            "camera_seed": camera_seed,
-            "sequence": sequence,
-            "row": row,
-            "col": col,
-        }
-        if self.clean:
-            item["clean"] = self._simulate(camera.clean_twin(), clip, camera_seed, sequence, row, col)
-        return item
+            raise (_rename(error, "frames", name) if error.subject.startswith("frames") else error) from None
+        return Recording(index, name, clip, light, camera, camera_seed, sequence, row, col)
 
     def _simulate(
         self,
-        camera: _native.Camera,
-        clip: NDArray[Any],
-        camera_seed: int,
-        sequence: int,
-        row: int,
-        col: int,
+        recordings: Sequence[Recording],
+        *,
+        twin: bool = False,
+        dense: bool | None = None,
+        threads: int = 1,
+        out: NDArray[np.uint8] | None = None,
     ) -> NDArray[np.uint8]:
-        batch = _native.simulate_batch(
-            camera,
-            [clip],
-            self.readouts_per_frame,
-            sequences=[sequence],
-            seed=self.seed,
-            camera_seed=camera_seed,
-            windows=[(row, col)] if self.crop is not None and camera.shape != self.crop else None,
-            interpolation=self.interpolation,
-            full_scale=self.full_scale,
-            readouts=self.readouts,
-            dense=self.dense,
-            max_light=self.max_light,
-        )
-        one: NDArray[np.uint8] = batch[0]
-        return one
+        """Simulates recordings of equal size: uint8 (B, T, H, W), or packed (B, T, ceil(H * W / 8)).
+
+        With ``twin``, the cameras are the noise-free twins.
+        """
+        cameras = [one.camera.clean_twin() if twin else one.camera for one in recordings]
+        # A camera of the size of the crop needs no window. The window of all its pixels gives the same bits.
+        has_window = self.crop is not None and any(camera.shape != self.crop for camera in cameras)
+        try:
+            return _native.simulate_batch(
+                cameras,
+                [one.clip for one in recordings],
+                self.readouts_per_frame,
+                sequences=[one.sequence for one in recordings],
+                seed=self.seed,
+                camera_seed=[one.camera_seed for one in recordings],
+                windows=[one.window for one in recordings] if has_window else None,
+                interpolation=self.interpolation,
+                full_scale=self.full_scale,
+                readouts=self.readouts,
+                threads=threads,
+                dense=self.dense if dense is None else dense,
+                max_light=self.max_light,
+                out=out,
+            )
+        except SpikelaneError as error:
+            for i, one in enumerate(recordings):
+                if error.subject.startswith(f"clips[{i}]"):
+                    raise _rename(error, f"clips[{i}]", one.name) from None
+            raise
 
     def __getitem__(self, index: int) -> dict[str, Any]:
         return self.item(index)

@@ -1,13 +1,19 @@
-"""Data sets for loaders of torch: a new recording of every clip in every epoch.
+"""Data sets and a loader for torch: a new recording of every clip in every epoch.
 
 `SpikeClips` is a map-style data set, and `SpikeClipStream` is an iterable data set. (seed, epoch, index) determines a
-stream. The number of workers and their start method (fork or spawn) have no effect. `SpikeShards` reads the
-data sets that `spikelane dataset` generated. Only this module imports torch.
+stream. The number of workers and their start method (fork or spawn) have no effect. `SpikeLoader` simulates the batches of
+a `SpikeClips` on native threads, one batch ahead. `SpikeShards` reads the data sets that `spikelane dataset` generated.
+Only this module imports torch.
 """
 
 from __future__ import annotations
 
+import os
+import queue
+import threading
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +22,12 @@ import torch
 from numpy.typing import NDArray
 from torch.utils.data import Dataset, IterableDataset, get_worker_info
 
-from ._clips import ClipSampler, _hash
-from ._errors import usage_error
+from ._clips import ClipSampler, Recording, _hash
+from ._errors import type_error, usage_error
 from ._native import Camera, CameraDistribution, check_argument
 from ._shards import ShardReader
 
-__all__ = ["SpikeClipStream", "SpikeClips", "SpikeShards"]
+__all__ = ["SpikeClipStream", "SpikeClips", "SpikeLoader", "SpikeShards", "unpack"]
 
 Clips = Sequence[NDArray[Any]] | NDArray[Any]
 
@@ -111,14 +117,33 @@ def _worker_index_and_count() -> tuple[int, int]:
     return (worker.id, worker.num_workers) if worker else (0, 1)
 
 
+def _check_positive(name: str, value: Any) -> None:
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise type_error(name, f"{value!r} (a {type(value).__name__})", "an integer from 1", f"pass {name}=1")
+    if value < 1:
+        raise usage_error(name, value, "an integer from 1", f"pass {name}=1")
+
+
+def _check_rank(rank: int, ranks: int) -> None:
+    check_argument("rank", rank)
+    check_argument("ranks", ranks)
+    if not rank < ranks:
+        raise usage_error("rank", f"{rank} of {ranks}", f"0 to {ranks - 1}", "count ranks from 0")
+
+
+def _epoch_order(seed: int, epoch: int, count: int, shuffle: bool) -> list[int]:
+    """Returns the order of the items in an epoch."""
+    order = list(range(count))
+    if shuffle:
+        order.sort(key=lambda index: _hash(seed, 0x5807, epoch, index))
+    return order
+
+
 class _EpochDataset(IterableDataset[dict[str, Any]]):
     """A pass over the items of an epoch; process ``rank`` of ``ranks`` reads a part of the items."""
 
     def __init__(self, rank: int, ranks: int) -> None:
-        check_argument("rank", rank)
-        check_argument("ranks", ranks)
-        if not rank < ranks:
-            raise usage_error("rank", f"{rank} of {ranks}", f"0 to {ranks - 1}", "count ranks from 0")
+        _check_rank(rank, ranks)
         self.rank = rank
         self.ranks = ranks
         self._epoch = _shared_zero()
@@ -185,9 +210,8 @@ class SpikeClipStream(_EpochDataset):
         return len(range(self.rank, len(self.sampler), self.ranks))
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        epoch, order = self.epoch, list(range(len(self.sampler)))
-        if self.shuffle:
-            order.sort(key=lambda index: _hash(self.sampler.seed, 0x5807, epoch, index))
+        epoch = self.epoch
+        order = _epoch_order(self.sampler.seed, epoch, len(self.sampler), self.shuffle)
         worker_index, workers = _worker_index_and_count()
         for index in order[self.rank :: self.ranks][worker_index::workers]:
             yield _to_tensors(self.sampler.item(index, epoch))
@@ -195,6 +219,215 @@ class SpikeClipStream(_EpochDataset):
     def __repr__(self) -> str:
         part = f"rank {self.rank} of {self.ranks}, epoch {self.epoch}"
         return f"<spikelane.torch.SpikeClipStream, {part}, {self.sampler!r}>"
+
+
+def unpack(packed: torch.Tensor, height: int, width: int) -> torch.Tensor:
+    """Unpacks readouts (..., ceil(H * W / 8)) to uint8 (..., H, W) of 0 and 1, on the device of ``packed``.
+
+    The result equals that of ``spikelane.unpack``, which is faster for arrays of numpy.
+    """
+    check_argument("height", height)
+    check_argument("width", width)
+    size = (height * width + 7) // 8
+    if packed.dtype != torch.uint8 or packed.ndim == 0 or packed.shape[-1] != size:
+        found = f"{str(packed.dtype).removeprefix('torch.')} of shape {tuple(packed.shape)}"
+        raise usage_error("packed", found, f"uint8 of shape (..., {size})", "pass readouts with dense=False")
+    bits = torch.arange(8, dtype=torch.uint8, device=packed.device)
+    pixels = packed.unsqueeze(-1).bitwise_right_shift(bits).bitwise_and_(1).flatten(-2)
+    return pixels[..., : height * width].reshape(*packed.shape[:-1], height, width)
+
+
+def _event_after(stream: Any) -> Any:
+    """Returns an event that follows the work of a CUDA stream so far."""
+    event: Any = torch.cuda.Event()  # type: ignore[no-untyped-call, unused-ignore]
+    event.record(stream)
+    return event
+
+
+@dataclass
+class _PinnedBuffer:
+    """Memory from which a device copies a batch. ``copied`` is the event after the last copy."""
+
+    packed: torch.Tensor
+    copied: Any = None
+
+
+class SpikeLoader:
+    """Iterates over the batches of an epoch of a `SpikeClips`. Native threads of this process simulate the next batches.
+
+    A batch equals the batch that ``torch.utils.data.DataLoader(data, batch_size)`` makes of the same items: tensors with a
+    leading axis B, and lists of ``camera_seed`` and ``sequence``. No worker process is started, and nothing is pickled. All
+    clips must have equal shapes.
+
+    - ``shuffle=True`` draws a new order of the items in every epoch (``data.set_epoch``);
+    - ``drop_last=True`` leaves out the last batch if it is smaller;
+    - ``threads`` is the number of threads that simulate (default: all processors of this process);
+    - ``ahead`` is the number of batches that are simulated before they are requested;
+    - ``device`` receives the tensors. With "cuda", packed spikes are simulated straight into pinned memory, copied while the
+      device computes, and unpacked on the device;
+    - each of R ranks (``rank`` of ``ranks``) simulates every R-th item.
+
+    Raises SpikelaneError for wrong arguments. An error in a thread is raised by the iteration. The end of an iteration, also
+    by ``break``, ends its threads.
+    """
+
+    def __init__(
+        self,
+        data: SpikeClips,
+        batch_size: int = 1,
+        *,
+        shuffle: bool = False,
+        drop_last: bool = False,
+        threads: int | None = None,
+        ahead: int = 1,
+        device: str | torch.device | None = None,
+        rank: int = 0,
+        ranks: int = 1,
+    ) -> None:
+        if not isinstance(data, SpikeClips):
+            raise usage_error("data", f"a {type(data).__name__}", "a SpikeClips", "pass SpikeClips(clips, camera)")
+        available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        numbers = {"batch_size": batch_size, "ahead": ahead, "threads": available if threads is None else threads}
+        for name, value in numbers.items():
+            _check_positive(name, value)
+        _check_rank(rank, ranks)
+        self.data = data
+        self.batch_size = batch_size
+        self.shuffle = shuffle
+        self.drop_last = drop_last
+        self.threads = numbers["threads"]
+        self.ahead = ahead
+        self.device = torch.device("cpu" if device is None else device)
+        self.rank = rank
+        self.ranks = ranks
+
+    def __len__(self) -> int:
+        """Returns the number of batches in a pass of this rank."""
+        items = len(range(self.rank, len(self.data), self.ranks))
+        return items // self.batch_size if self.drop_last else -(-items // self.batch_size)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        epoch, sampler = self.data.epoch, self.data.sampler
+        order = _epoch_order(sampler.seed, epoch, len(self.data), self.shuffle)[self.rank :: self.ranks]
+        parts = [order[i * self.batch_size : (i + 1) * self.batch_size] for i in range(len(self))]
+        ready: queue.Queue[dict[str, Any] | BaseException | None] = queue.Queue(self.ahead)
+        stopped = threading.Event()
+        thread = threading.Thread(
+            target=self._simulate_parts, args=(parts, epoch, ready, stopped), name="SpikeLoader", daemon=True
+        )
+        thread.start()
+        try:
+            while (batch := ready.get()) is not None:
+                if isinstance(batch, BaseException):
+                    raise batch
+                event = batch.pop("_unpacked", None)
+                if event is not None:
+                    stream = torch.cuda.current_stream(self.device)
+                    stream.wait_event(event)
+                    for value in batch.values():
+                        if torch.is_tensor(value):
+                            value.record_stream(stream)
+                yield batch
+        finally:
+            stopped.set()
+            while thread.is_alive():
+                # The thread may wait for a place in the queue.
+                while not ready.empty():
+                    ready.get()
+                thread.join(0.01)
+
+    def _simulate_parts(
+        self, parts: list[list[int]], epoch: int, ready: queue.Queue[Any], stopped: threading.Event
+    ) -> None:
+        """Puts the batches into ``ready``, and None at the end."""
+        sampler = self.data.sampler
+        is_cuda = self.device.type == "cuda"
+        buffers: list[_PinnedBuffer] = []
+        stream: Any = torch.cuda.Stream(self.device) if is_cuda else None  # type: ignore[no-untyped-call, unused-ignore]
+
+        def prepare(part: list[int]) -> list[Recording]:
+            return [sampler._recording(index, epoch) for index in part]
+
+        try:
+            # The interpreter prepares a batch while native threads simulate the batch before.
+            with ThreadPoolExecutor(1) as executor:
+                waiting: Future[list[Recording]] | None = executor.submit(prepare, parts[0]) if parts else None
+                for i in range(len(parts)):
+                    assert waiting is not None
+                    recordings = waiting.result()
+                    waiting = executor.submit(prepare, parts[i + 1]) if i + 1 < len(parts) else None
+                    if stopped.is_set():
+                        return
+                    if stream is None:
+                        batch = self._collate(recordings)
+                        batch = {k: v.to(self.device) if torch.is_tensor(v) else v for k, v in batch.items()}
+                    else:
+                        batch = self._collate_on_device(recordings, buffers, i, stream)
+                    ready.put(batch)
+            ready.put(None)
+        except BaseException as error:
+            ready.put(error)
+
+    def _collate(self, recordings: list[Recording]) -> dict[str, Any]:
+        """Simulates a batch into memory of its own."""
+        sampler = self.data.sampler
+        batch = self._describe(recordings)
+        batch["spikes"] = torch.from_numpy(sampler._simulate(recordings, threads=self.threads))
+        if sampler.clean:
+            batch["clean"] = torch.from_numpy(sampler._simulate(recordings, twin=True, threads=self.threads))
+        return batch
+
+    def _collate_on_device(
+        self, recordings: list[Recording], buffers: list[_PinnedBuffer], number: int, stream: Any
+    ) -> dict[str, Any]:
+        """Simulates packed spikes into pinned memory, and copies and unpacks them on ``stream`` of the device."""
+        sampler = self.data.sampler
+        height, width = recordings[0].clip.shape[1:]
+        lasts = recordings[0].clip.shape[0] * sampler.readouts_per_frame
+        readouts = lasts if sampler.readouts is None else sampler.readouts
+        shape = (len(recordings), readouts, (height * width + 7) // 8)
+        batch = self._describe(recordings)
+        with torch.cuda.stream(stream):
+            batch = {
+                k: v.pin_memory().to(self.device, non_blocking=True) if torch.is_tensor(v) else v
+                for k, v in batch.items()
+            }
+            for k, twin in enumerate([False, True][: 1 + sampler.clean]):
+                # Two buffers per output: the device may still copy one while the other receives the next batch.
+                place = 2 * k + number % 2
+                while len(buffers) <= place:
+                    size = (self.batch_size, *shape[1:])
+                    buffers.append(_PinnedBuffer(torch.empty(size, dtype=torch.uint8, pin_memory=True)))
+                buffer = buffers[place]
+                if buffer.copied is not None:
+                    buffer.copied.synchronize()
+                packed = buffer.packed[: shape[0]]
+                sampler._simulate(recordings, twin=twin, dense=False, threads=self.threads, out=packed.numpy())
+                moved = packed.to(self.device, non_blocking=True)
+                buffer.copied = _event_after(stream)
+                batch["clean" if twin else "spikes"] = unpack(moved, height, width) if sampler.dense else moved
+            batch["_unpacked"] = _event_after(stream)
+        return batch
+
+    def _describe(self, recordings: list[Recording]) -> dict[str, Any]:
+        """Returns everything in a batch but the spikes."""
+        thresholds = [one.camera.thresholds_at_full_scale for one in recordings]
+        return {
+            "spikes": None,
+            "light": torch.from_numpy(np.stack([one.light for one in recordings])),
+            "thresholds_at_full_scale": torch.tensor(thresholds, dtype=torch.float64),
+            "index": torch.tensor([one.index for one in recordings]),
+            "camera_seed": [str(one.camera_seed) for one in recordings],
+            "sequence": [str(one.sequence) for one in recordings],
+            "row": torch.tensor([one.row for one in recordings]),
+            "col": torch.tensor([one.col for one in recordings]),
+        }
+
+    def __repr__(self) -> str:
+        return (
+            f"<spikelane.torch.SpikeLoader of {len(self)} batches of {self.batch_size}, {self.threads} threads,"
+            f" device {self.device}, {self.data!r}>"
+        )
 
 
 class SpikeShards(_EpochDataset):
