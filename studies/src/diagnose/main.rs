@@ -1,15 +1,14 @@
 //! Blind study of `diagnose`: the library diagnoses hidden sensors about which it has no information.
 //!
-//! `cargo run --release -p spikelane-studies --bin study-diagnose -- FOLDER [--nulls N] [--singles N] [--unknown N]
-//! [--doubles N] [--triples N] [--names A,B] [--only TEXT] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON
+//! `cargo run --release -p spikelane-studies --bin study-diagnose -- FOLDER [--clean N] [--singles N] [--outside N]
+//! [--doubles N] [--triples N] [--names A,B] [--filter TEXT] [--minutes M] [--profile]` adds sensors to FOLDER, one JSON
 //! file each. Sensors that this version of the code has diagnosed are skipped.
 //!
 //! * `--report FILE` writes the tables of the existing records.
 //! * `--records FILE` restores the records from a file of lines, and writes all records to it.
 //! * `--profile` prints the seconds of every phase.
-//! * `--only TEXT` selects sensors whose id contains TEXT.
-//! * `--large` uses sets of 128x96 pixels and 10,000 readouts, which need a separate folder and file.
-//! * `--again LIST` diagnoses the sensors in LIST, one per line, again. It compares nine digits with the records, and
+//! * `--filter TEXT` selects sensors whose id contains TEXT.
+//! * `--rejudge LIST` diagnoses the sensors in LIST, one per line, again. It compares nine digits with the records, and
 //!   fails if one differs.
 
 mod diagnose_sensor;
@@ -24,7 +23,6 @@ mod records;
 mod rejudge;
 mod report;
 mod score;
-mod sensor_table;
 mod share;
 mod summary;
 mod version;
@@ -32,7 +30,7 @@ mod version;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use hidden_sensor::{LARGE_SIZE, SMALL_SIZE, Size};
+use hidden_sensor::SMALL_SIZE;
 use jobs::{SensorJob, jobs, uniform_hash};
 use phases::PhaseTimer;
 use serde_json::{Value, json};
@@ -58,7 +56,6 @@ struct Args {
     /// Numbers of sensors: clean, with one effect of the catalog, with one effect from outside the catalog, with two
     /// effects, with three effects.
     counts: [usize; 5],
-    size: Size,
     profile: bool,
     names: Vec<String>,
     id_filter: String,
@@ -72,7 +69,6 @@ fn arguments() -> Args {
     let mut args = Args {
         folder: PathBuf::from("target/diagnosis"),
         counts: [0; 5],
-        size: SMALL_SIZE,
         profile: false,
         names: Vec::new(),
         id_filter: String::new(),
@@ -91,7 +87,6 @@ fn arguments() -> Args {
             "--doubles" => args.counts[3] = next().parse().unwrap(),
             "--triples" => args.counts[4] = next().parse().unwrap(),
             "--profile" => args.profile = true,
-            "--large" => args.size = LARGE_SIZE,
             "--names" => args.names = next().split(',').map(str::to_owned).collect(),
             "--filter" => args.id_filter = next(),
             "--minutes" => args.minutes = next().parse().unwrap(),
@@ -110,7 +105,7 @@ fn main() {
         let lines = spikelane_studies::lines::read(
             args.records.as_deref().expect("--rejudge needs the --records to compare with"),
         );
-        let reference = diagnose_sensor::shared_null_model(args.size, &mut PhaseTimer::new(args.profile));
+        let reference = diagnose_sensor::shared_null_model(SMALL_SIZE, &mut PhaseTimer::new(args.profile));
         std::process::exit(i32::from(!rejudge::rejudge(
             &std::fs::read_to_string(list).unwrap(),
             &lines,
@@ -141,7 +136,7 @@ fn main() {
         records::write_lines(&args.folder, lines);
     }
     if let Some(path) = &args.report {
-        report::write(&args.folder, path, args.size.width == LARGE_SIZE.width);
+        report::write(&args.folder, path);
     }
 }
 
@@ -149,7 +144,7 @@ fn main() {
 fn shared_null_model(args: &Args) -> (NullModel, SmallestStrengths) {
     let mut phases = PhaseTimer::new(args.profile);
     let start = Instant::now();
-    let reference = diagnose_sensor::shared_null_model(args.size, &mut phases);
+    let reference = diagnose_sensor::shared_null_model(SMALL_SIZE, &mut phases);
     let seconds = start.elapsed().as_secs_f64();
     phases.enter("nameable");
     let file = args.folder.join("nameable.txt");
@@ -188,7 +183,7 @@ fn run_job(job: &SensorJob, reference: &NullModel, nameable: &SmallestStrengths,
         (wanted.min(kind.largest), smallest)
     };
     let strengths: Vec<_> = (0..job.kinds.len()).map(strength).collect();
-    diagnose_sensor::diagnose_hidden(job, &strengths, reference, args.size, &mut phases)
+    diagnose_sensor::diagnose_hidden(job, &strengths, reference, SMALL_SIZE, &mut phases)
 }
 
 fn summary(record: &Value) -> String {

@@ -8,7 +8,6 @@ use serde_json::Value;
 
 use super::multiple_effects::MultipleEffects;
 use super::outcomes::{discrepancy, interval_covers};
-use super::sensor_table::sensor_table;
 use super::summary::{run_time_text, summary};
 
 /// Smallest share of intervals that contain the true value for which the table omits an effect, the target of the study.
@@ -44,15 +43,9 @@ fn add(row: &mut TableRow, record: &Value) {
 }
 
 /// Replaces the text between the markers of the page, or creates the page.
-///
-/// The sensors of the large size have their own markers and their own table.
-pub(crate) fn write(folder: &Path, path: &Path, large: bool) {
+pub(crate) fn write(folder: &Path, path: &Path) {
     let records = super::records::current_records(folder);
-    let (start, end, tables) = if large {
-        ("<!-- large -->\n", "<!-- end of large -->", sensor_table(&records))
-    } else {
-        ("<!-- tables -->\n", "<!-- end of tables -->", tables(&records))
-    };
+    let (start, end, tables) = ("<!-- tables -->\n", "<!-- end of tables -->", tables(&records));
     let page = std::fs::read_to_string(path).unwrap_or_else(|_| format!("# Diagnosis\n\n{start}{end}\n"));
     let (before, rest) = page.split_once(start).expect("the page has marks for its tables");
     let (_, after) = rest.split_once(end).expect("the tables have an end");

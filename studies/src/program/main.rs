@@ -1,7 +1,7 @@
 //! Study of diagnoses with the whole program. Laboratories differ in their cameras, lamps and protocols.
 //!
-//! `cargo run --release -p spikelane-studies --bin study-program -- RECORDS.jsonl.gz [--nulls N] [--singles N]
-//! [--doubles N] [--outside N] [--minutes M] [--attempt K] [--only ID] [--keep FOLDER] [--table FILE]` adds sensors to
+//! `cargo run --release -p spikelane-studies --bin study-program -- RECORDS.jsonl.gz [--clean N] [--singles N]
+//! [--doubles N] [--outside N] [--minutes M] [--attempt K] [--filter ID] [--keep FOLDER] [--table FILE]` adds sensors to
 //! RECORDS, one per line. Sensors that are already in RECORDS are skipped.
 //!
 //! The simulator of the hidden sensors belongs to the tests and imports nothing from the library. The seed of a sensor

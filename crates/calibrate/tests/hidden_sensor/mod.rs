@@ -101,9 +101,6 @@ pub struct Size {
 /// Size of the recording sets of the study.
 pub const SMALL_SIZE: Size = Size { width: 48, height: 48, readouts: 4000 };
 
-/// Size of large recording sets.
-pub const LARGE_SIZE: Size = Size { width: 128, height: 96, readouts: 10_000 };
-
 /// Returns whether a sensor with these parameters produces other bits than a clean sensor with the same seed. The
 /// recordings in which most effects are visible are compared first.
 pub fn changes_bits(physics: &Physics, size: Size, seed: u64) -> bool {
