@@ -60,18 +60,8 @@ pub(crate) fn sample_readouts(readouts: usize, step: usize) -> Vec<usize> {
 
 /// Reads `half` packed frames before and after readout `at`. Returns them and the index of readout `at` among them.
 pub(crate) fn frames_around(reader: &StreamReader, at: usize, half: usize) -> Result<(Vec<u8>, usize)> {
-    let first = at.saturating_sub(half);
-    let end = at.saturating_add(half).saturating_add(1).min(reader.readouts());
-    if at >= reader.readouts() {
-        return Err(Error::new(ErrorKind::Usage, format_args!("readout {at}")).expected(format_args!(
-            "less than {}, the length of {}",
-            reader.readouts(),
-            reader.name()
-        )));
-    }
-    let mut packed = inputs::zeroed_vec(reader.name(), (end - first) * reader.geometry().frame_bytes())?;
-    reader.read_frames(first, &mut packed)?;
-    Ok((packed, at - first))
+    let (frames, center) = reader.read_around(at, half)?;
+    Ok((frames.into_bytes(), center))
 }
 
 fn window_rates(reader: &StreamReader, at: usize) -> Result<Vec<f32>> {
