@@ -106,7 +106,7 @@ impl Api {
         let (reader, geometry) = (&stream.reader, stream.reader.geometry());
         Ok(json!({
             "width": geometry.width(), "height": geometry.height(), "readouts": reader.readouts(),
-            "readout_hz": stream.readout_hz, "layout": reader.layout().name(), "warnings": reader.warnings(),
+            "readout_hz": stream.readout_hz, "layout": reader.layout().name(), "warnings": stream.warnings,
             "missing_frames": reader.missing_frames().len(), "is_live": false, "max_window": MAX_WINDOW_READOUTS,
             "max_request_readouts": (MAX_REQUEST_BYTES / geometry.frame_bytes()).max(1),
         }))

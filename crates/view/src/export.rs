@@ -58,10 +58,8 @@ pub fn export_page(sources: &Sources, readouts: Range<usize>, crop: Option<Crop>
         bytes.extend_from_slice(part);
         Ok(())
     })?;
-    let clip = OpenStream {
-        reader: StreamReader::from_bytes(name, bytes.clone(), Some(Layout::DatTop), Some(geometry))?,
-        readout_hz: stream.readout_hz,
-    };
+    let reader = StreamReader::from_bytes(name, bytes.clone(), Some(Layout::DatTop), Some(geometry))?;
+    let clip = OpenStream::new(reader, stream.readout_hz);
     let defects = summary(&clip, &mut |_| {})?.value;
     let data = json!({
         "name": name, "width": geometry.width(), "height": geometry.height(), "readouts": readouts.len(),
@@ -71,6 +69,7 @@ pub fn export_page(sources: &Sources, readouts: Range<usize>, crop: Option<Crop>
     // The text `</script>` in a name must not end the element.
     let data = data.to_string().replace('<', "\\u003c");
     let page = INDEX
+        .replace("<link rel=\"icon\" href=\"icon.svg\">\n", "")
         .replace(
             "<link rel=\"stylesheet\" href=\"style.css\">",
             &format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{EXPORT_POLICY}\">\n<style>\n{STYLE}</style>"),

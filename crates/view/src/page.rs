@@ -28,6 +28,7 @@ pub(crate) fn file(path: &str) -> Option<PageFile> {
     let text = |content_type, text: &'static str| Some(PageFile { content_type, bytes: text.as_bytes() });
     match path {
         "" => text("text/html; charset=utf-8", INDEX),
+        "icon.svg" => text("image/svg+xml", include_str!("static/icon.svg")),
         "style.css" => text("text/css; charset=utf-8", STYLE),
         _ => MODULES
             .iter()

@@ -46,6 +46,8 @@ spikelane::unstable::with_methods!(SourceOptions {
 pub(crate) struct OpenStream {
     pub(crate) reader: StreamReader,
     pub(crate) readout_hz: Option<f64>,
+    /// Problems of the file that affect the images.
+    pub(crate) warnings: Vec<String>,
 }
 
 /// A path that the user named.
@@ -172,11 +174,11 @@ impl Sources {
                 let files = self.sequence(key)?;
                 let name = if key.is_clean { "stream.clean.dat" } else { "stream.dat" };
                 let reader = files.stream(name, &OpenOptions::default())?;
-                Ok(OpenStream { reader, readout_hz: files.sidecar()?.readout_hz })
+                Ok(OpenStream::new(reader, files.sidecar()?.readout_hz))
             }
             Content::Recordings(set) if !key.is_clean => {
                 let recording = set.recordings.get(index).ok_or_else(|| missing(set.recordings.len()))?;
-                Ok(OpenStream { reader: set.reader(recording)?, readout_hz: Some(set.readout_hz) })
+                Ok(OpenStream::new(set.reader(recording)?, Some(set.readout_hz)))
             }
             Content::Folder { folder, streams, .. } if !key.is_clean => {
                 let inner = streams.get(index).ok_or_else(|| missing(streams.len()))?;
@@ -247,11 +249,19 @@ fn light_text(light: Stimulus) -> String {
 }
 
 impl OpenStream {
+    pub(crate) fn new(reader: StreamReader, readout_hz: Option<f64>) -> Self {
+        let warnings = reader.warnings().to_vec();
+        Self { reader, readout_hz: readout_hz.filter(|hz| hz.is_finite() && *hz > 0.0), warnings }
+    }
+
+    /// Opens a file. The warnings include a layout that does not look like a picture.
     fn open(path: &Path, options: &SourceOptions) -> Result<Self> {
         let reader = options.open.open(path)?;
         let sidecar = Sidecar::read_beside(path).ok().flatten().and_then(|(_, s)| s.readout_hz);
-        let readout_hz = options.readout_hz.or(sidecar).filter(|hz| hz.is_finite() && *hz > 0.0);
-        Ok(Self { reader, readout_hz })
+        let guess = reader.layout_guesses()?.warning();
+        let mut stream = Self::new(reader, options.readout_hz.or(sidecar));
+        stream.warnings.extend(guess);
+        Ok(stream)
     }
 }
 

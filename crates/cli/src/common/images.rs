@@ -5,7 +5,6 @@ use std::io::Cursor;
 use image::{GrayImage, ImageFormat, Luma, imageops};
 use spikelane::reconstruct::{tfi_with_open_pixels, tfp};
 use spikelane::spikes::{SpikeFramesRef, bit};
-use spikelane::unstable::inputs;
 use spikelane::unstable::light::srgb_byte;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::StreamReader;

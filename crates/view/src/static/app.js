@@ -9,6 +9,7 @@ const el = (id) => document.getElementById(id);
 const DEFAULT_HZ = 20000;
 const SPEEDS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const PIXEL_READOUTS = 2000;
+const TRAIN_READOUTS = 200;
 const REGION_READOUTS = 8192;
 const LISTED_DEFECTS = 200;
 const DEFECT_KINDS = { hot: 'hot (rate too high)', weak: 'weak (rate too low)', dead: 'dead (no spikes)', stuck: 'stuck (always fires)' };
@@ -524,8 +525,9 @@ const showPixel = guard(async () => {
   const mean = count > 1 ? (result.times[count - 1] - result.times[0]) / (count - 1) : 0;
   el('pixel-text').textContent = `Pixel (${x}, ${y}): ${count} spikes in readouts ${from} to ${to - 1}, `
     + `rate ${number(count / (to - from))}${mean ? `, mean interval ${number(mean)} readouts` : ''}`;
+  const train = nearReadouts(TRAIN_READOUTS);
   drawPlot(el('train-plot'), {
-    title: 'Spikes', xLabel: 'readout', hideY: true, xRange: [from, to], yRange: [0, 1], marker: state.at,
+    title: 'Spikes around this readout', xLabel: 'readout', hideY: true, xRange: train, yRange: [0, 1], marker: state.at,
     series: [{ kind: 'events', x: result.times, y: [], color: '--series-1' }],
     description: `Spike times of pixel ${x}, ${y}: ${count} spikes`,
   });

@@ -176,6 +176,14 @@ export class ImageView {
       this.overlay(c, s, i);
       c.restore();
     });
+    if (this.layout === 'side' && this.pictures.length === 2) {
+      c.save();
+      c.scale(ratio, ratio);
+      c.fillStyle = '#8c959f';
+      if (this.isStacked()) c.fillRect(0, ph - 1, pw, 2);
+      else c.fillRect(pw - 1, 0, 2, ph);
+      c.restore();
+    }
     if (this.layout === 'wipe') {
       c.save();
       c.scale(ratio, ratio);

@@ -7,11 +7,11 @@ const drawn = new Map();
 // Sets the content of a plot. `plot` has axes and series; a series has x and y values and a kind.
 export function drawPlot(canvas, plot) {
   drawn.set(canvas, plot);
-  paint(canvas, plot);
+  paintPlot(canvas, plot);
 }
 
 export function redrawPlots() {
-  for (const [canvas, plot] of drawn) paint(canvas, plot);
+  for (const [canvas, plot] of drawn) paintPlot(canvas, plot);
 }
 
 const rounded = (v) => {
@@ -29,6 +29,14 @@ function ticks(low, high, count) {
   return values;
 }
 
+// Whole powers of ten, as exponents.
+function decades(low, high) {
+  const step = Math.max(1, Math.ceil((high - low) / 4));
+  const values = [];
+  for (let v = Math.ceil(low); v <= high; v += step) values.push(v);
+  return values;
+}
+
 function range(series, axis) {
   let low = 1e300;
   let high = -1e300;
@@ -42,7 +50,7 @@ function range(series, axis) {
   return low === high ? [low - 0.5, high + 0.5] : [low, high];
 }
 
-function paint(canvas, plot) {
+function paintPlot(canvas, plot) {
   const ratio = window.devicePixelRatio || 1;
   const width = canvas.clientWidth;
   const height = canvas.clientHeight;
@@ -53,7 +61,7 @@ function paint(canvas, plot) {
   const c = canvas.getContext('2d');
   c.scale(ratio, ratio);
   c.font = '11px system-ui, sans-serif';
-  const box = { left: 46, right: width - 8, top: 18, bottom: height - 30 };
+  const box = { left: 46, right: width - 18, top: 18, bottom: height - 30 };
   const isLog = plot.yScale === 'log';
   const series = plot.series.map((s) => {
     if (!isLog) return s;
@@ -62,6 +70,7 @@ function paint(canvas, plot) {
   });
   const [x0, x1] = plot.xRange || range(series, 'x');
   let [y0, y1] = plot.yRange || range(series, 'y');
+  if (isLog) y1 += 0.05 * (y1 - y0);
   if (plot.fromZero) y0 = Math.min(0, y0);
   const sx = (v) => box.left + ((v - x0) / (x1 - x0)) * (box.right - box.left);
   const sy = (v) => box.bottom - ((v - y0) / (y1 - y0)) * (box.bottom - box.top);
@@ -80,7 +89,7 @@ function paint(canvas, plot) {
   c.fillText(plot.xLabel, (box.left + box.right) / 2, height - 3);
   if (!plot.hideY) {
     c.textAlign = 'right';
-    for (const v of ticks(y0, y1, 3)) c.fillText(rounded(isLog ? 10 ** v : v), box.left - 5, sy(v) + 4);
+    for (const v of isLog ? decades(y0, y1) : ticks(y0, y1, 3)) c.fillText(rounded(isLog ? 10 ** v : v), box.left - 5, sy(v) + 4);
   }
   c.save();
   c.beginPath();

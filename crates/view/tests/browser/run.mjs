@@ -42,6 +42,15 @@ const browser = await chromium.launch({ executablePath: '/usr/bin/chromium', arg
 async function openPage(address, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1400, height: 900 }, permissions: ['clipboard-read', 'clipboard-write'], ...options });
   const page = await context.newPage();
+  // With PAGE_FILES=source, a changed page needs no build of the program.
+  if (process.env.PAGE_FILES === 'source') {
+    const types = { js: 'text/javascript', css: 'text/css', svg: 'image/svg+xml', html: 'text/html' };
+    await page.route(/^http:\/\/127\.0\.0\.1:\d+\/[0-9a-f]{32}\/([a-z_.]*)(#.*)?$/, (route) => {
+      const name = new URL(route.request().url()).pathname.split('/')[2] || 'index.html';
+      const body = readFileSync(new URL(`../../src/static/${name}`, import.meta.url));
+      return route.fulfill({ body, contentType: types[name.split('.')[1]] });
+    });
+  }
   const faults = [];
   page.on('pageerror', (e) => faults.push(String(e)));
   page.on('console', (m) => { if (m.type() === 'error') faults.push(m.text()); });
@@ -459,7 +468,9 @@ test('a recording set lists its recordings, with text from files as text', 'file
 });
 
 test('an output folder shows its report without scripts', 'folder', ['report-toggle', 'report'], async (page) => {
-  assert.ok(!(await page.$eval('#report', (e) => e.hidden)));
+  assert.ok(await page.$eval('#report', (e) => e.hidden));
+  await page.click('#report-toggle');
+  await page.frameLocator('#report').locator('p').waitFor();
   const frame = page.frames().find((f) => f.url().includes('api/report'));
   await frame.waitForSelector('p');
   assert.equal(await frame.$eval('p', (e) => e.textContent), 'the report');
