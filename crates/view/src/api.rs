@@ -43,7 +43,8 @@ impl Api {
             "image" => {
                 let stream = self.stream(query)?;
                 let method: Method = query.get("method")?;
-                Response::floats(&method.image(&stream.reader, query.get("at")?, query.get("window")?)?)
+                let image = method.encoded_image(&stream.reader, query.get("at")?, query.get("window")?)?;
+                Response::new("application/octet-stream", image)
             }
             "live" => self.live(query)?,
             "pixel" => {

@@ -4,8 +4,8 @@
 //! requests of the page, and [`export_page`] returns a page that contains a short stream and needs no server.
 //!
 //! **Work of both sides.** The server reads only the window of an image from the file, and computes images with
-//! [`spikelane::reconstruct`]. The page receives one 32-bit float per pixel and applies gain, gamma and colors. Results
-//! over whole streams are computed once on a thread.
+//! [`spikelane::reconstruct`]. The page receives a table of rates and one index per pixel, and applies gain, gamma and
+//! colors. Results over whole streams are computed once on a thread.
 //!
 //! **Access.** The server listens on 127.0.0.1 only. Every request must contain a random token and a local `Host`, and
 //! names a path by its index among the paths that the user gave. The page loads nothing from other origins.

@@ -14,6 +14,17 @@ async function get(request) {
 const json = async (request) => (await get(request)).json();
 const floats = async (request) => new Float32Array(await (await get(request)).arrayBuffer());
 
+// Decodes an image: a table of rates and one index per pixel, or the rates themselves.
+function decodeImage(buffer) {
+  const [width, length] = new Uint32Array(buffer, 0, 2);
+  if (width === 0) return new Float32Array(buffer, 8);
+  const table = new Float32Array(buffer, 8, length);
+  const indices = width === 1 ? new Uint8Array(buffer, 8 + 4 * length) : new Uint16Array(buffer, 8 + 4 * length);
+  const rates = new Float32Array(indices.length);
+  for (let i = 0; i < rates.length; i++) rates[i] = table[indices[i]];
+  return rates;
+}
+
 export class ServerSource {
   constructor() {
     this.isEmbedded = false;
@@ -23,7 +34,12 @@ export class ServerSource {
 
   list() { return json('sources'); }
   stream(s) { return json(`stream?s=${s}`); }
-  image(s, at, method, window) { return floats(`image?s=${s}&at=${at}&method=${method}&window=${window}`); }
+
+  async image(s, at, method, window) {
+    const response = await get(`image?s=${s}&at=${at}&method=${method}&window=${window}`);
+    return decodeImage(await response.arrayBuffer());
+  }
+
   rates(s) { return floats(`rates?s=${s}`); }
   pixel(s, x, y, from, to) { return json(`pixel?s=${s}&x=${x}&y=${y}&from=${from}&to=${to}`); }
   region(s, r, from, to) { return json(`region?s=${s}&${rectangle(r)}&from=${from}&to=${to}`); }
