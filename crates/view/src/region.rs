@@ -11,7 +11,7 @@ use spikelane_io::formats::{Layout, StreamReader, convert_to};
 use spikelane_measure::{Accumulator, MeasureOptions, spectrum};
 
 /// Largest part of a file that one immediate request reads.
-pub(crate) const MAX_REQUEST_BYTES: usize = 512 << 20;
+pub(crate) const MAX_REQUEST_BYTES: usize = 256 << 20;
 
 /// Largest number of readouts of a series. A series needs four bytes per readout.
 const MAX_SERIES_READOUTS: usize = 1 << 26;
