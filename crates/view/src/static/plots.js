@@ -68,7 +68,8 @@ function paintPlot(canvas, plot) {
     const kept = s.y.map((_, i) => i).filter((i) => s.y[i] > 0);
     return { ...s, x: kept.map((i) => s.x[i]), y: kept.map((i) => Math.log10(s.y[i])) };
   });
-  const [x0, x1] = plot.xRange || range(series, 'x');
+  const edge = series.some((s) => s.kind === 'bars') ? 0.6 : 0;
+  const [x0, x1] = plot.xRange || range(series, 'x').map((v, i) => v + (i ? edge : -edge));
   let [y0, y1] = plot.yRange || range(series, 'y');
   if (isLog) y1 += 0.05 * (y1 - y0);
   if (plot.fromZero) y0 = Math.min(0, y0);
