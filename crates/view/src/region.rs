@@ -25,7 +25,7 @@ const MAX_SEGMENT_READOUTS: usize = 8192;
 /// Smallest prominence of a spectral line, as for the frame totals of `spikelane-measure`.
 const LINE_POWER_RATIO: f64 = 30.0;
 
-/// Longest interval with a bin of its own, in readouts.
+/// Longest interval that the histogram counts separately, in readouts.
 const LONGEST_BIN: u32 = 1023;
 
 /// Number of readouts per read.
@@ -183,7 +183,7 @@ fn total_variation(a: &[f64], b: &[f64]) -> f64 {
     0.5 * a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>()
 }
 
-/// Mean distance in readouts by which intervals of `a` must change to become the intervals of `b`: the sum of the
+/// Smallest mean change in readouts that turns the intervals of `a` into the intervals of `b`. It equals the sum of the
 /// absolute differences of the cumulative shares.
 fn earth_mover(a: &[f64], b: &[f64]) -> f64 {
     let mut difference = 0.0;
