@@ -781,11 +781,17 @@ function showFiles() {
   el('filter').parentElement.hidden = items.length < 8 && splits.length < 2;
   listFiles();
   const table = document.createElement('table');
+  const head = table.insertRow();
+  for (const text of ['Split', 'Sequences', 'Readouts', 'MB']) {
+    const th = document.createElement('th');
+    th.textContent = text;
+    head.append(th);
+  }
   for (const split of splits) {
     const sequences = items.filter((item) => item.item?.split === split && !item.isClean);
     const sum = (key) => sequences.reduce((total, item) => total + (item.item[key] || 0), 0);
     const tr = table.insertRow();
-    const cells = [split, `${sequences.length} sequences`, `${sum('readouts')} readouts`, `${(sum('bytes') / 1e6).toFixed(1)} MB`];
+    const cells = [split, sequences.length, sum('readouts'), (sum('bytes') / 1e6).toFixed(1)];
     for (const text of cells) tr.insertCell().textContent = text;
   }
   el('set-statistics').replaceChildren(...(splits.length ? [table] : []));
