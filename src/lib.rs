@@ -48,9 +48,9 @@
 //! every other target, including WebAssembly, the kernels use portable lanes. The minimum Rust version is 1.89.
 //!
 //! # Other packages
-//! Files, scenes, measurements, calibration, data sets, metrics and the program are in separate packages:
+//! Files, scenes, measurements, calibration, data sets, metrics, the viewer and the program are in separate packages:
 //! `spikelane-io`, `spikelane-scene`, `spikelane-measure`, `spikelane-calibrate`, `spikelane-dataset`,
-//! `spikelane-benchmark` and `spikelane-cli`.
+//! `spikelane-benchmark`, `spikelane-view` and `spikelane-cli`.
 
 mod conversions;
 mod count;

@@ -8,7 +8,7 @@ use super::generate::{dataset, live, scene, simulate};
 use super::meta::{completions, effects, man, preset};
 use super::sensors::{calibrate, compare, diagnose, measure, record};
 use super::speed;
-use super::streams::{convert, evaluate, inspect, partials, reconstruct, verify};
+use super::streams::{convert, evaluate, inspect, partials, reconstruct, verify, view};
 
 /// Simulate spike cameras: convert light to bit-packed spike streams
 ///
@@ -50,6 +50,7 @@ pub(super) enum Command {
     Partials(partials::Args),
     Reconstruct(reconstruct::Args),
     Evaluate(evaluate::Args),
+    View(Box<view::Args>),
     Preset(preset::Args),
     Effects(effects::Args),
     Measure(measure::Args),

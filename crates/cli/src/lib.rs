@@ -22,7 +22,7 @@ use common::progress::{self, run_interruptible};
 use generate::{dataset, first_run, live, scene, simulate};
 use meta::{completions, effects, help, man, preset};
 use sensors::{calibrate, compare, diagnose, measure, record};
-use streams::{convert, evaluate, inspect, partials, reconstruct, verify};
+use streams::{convert, evaluate, inspect, partials, reconstruct, verify, view};
 
 /// Runs the command line `args` and returns the exit code. The first argument is the program name.
 ///
@@ -74,6 +74,7 @@ fn dispatch(command: Option<Command>, out: &Console) -> Result<()> {
         Some(Command::Evaluate(args)) => {
             run_interruptible(NOTHING_WRITTEN_MESSAGE, || evaluate::run(&args, out))
         }
+        Some(Command::View(args)) => view::run(&args, out),
         Some(Command::Preset(args)) => run_interruptible(NOTHING_WRITTEN_MESSAGE, || preset::run(&args, out)),
         Some(Command::Effects(args)) => effects::run(&args, out),
         Some(Command::Measure(args)) => {

@@ -32,6 +32,7 @@ runs! {
     guide_first_video: "docs/guides/first-video.md";
     guide_own_camera: "docs/guides/own-camera.md", SIDE = "24", READOUTS = "800", MAX_READOUTS = "200";
     guide_own_data_set: "docs/guides/own-data-set.md", FRAMES = "2", SEQUENCES = "2", IMAGES = "4";
+    guide_view: "docs/guides/view.md", READOUTS = "600";
     reference_datasets: "docs/reference/datasets.md", SEQUENCES = "2", IMAGES = "3";
     reference_features: "docs/reference/features.md";
     reference_formats: "docs/reference/formats.md";

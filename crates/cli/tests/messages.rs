@@ -16,6 +16,7 @@ const LIBRARIES: &[&str] = &[
     "crates/calibrate/src",
     "crates/dataset/src",
     "crates/benchmark/src",
+    "crates/view/src",
 ];
 
 /// Lines that may contain a flag or a command of the program, with the reason.

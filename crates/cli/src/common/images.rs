@@ -5,7 +5,6 @@ use std::io::Cursor;
 use image::{GrayImage, ImageFormat, Luma, imageops};
 use spikelane::reconstruct::{tfi_with_open_pixels, tfp};
 use spikelane::spikes::{SpikeFramesRef, bit};
-use spikelane::unstable::inputs;
 use spikelane::unstable::light::srgb_byte;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::StreamReader;
@@ -60,18 +59,8 @@ pub(crate) fn sample_readouts(readouts: usize, step: usize) -> Vec<usize> {
 
 /// Reads `half` packed frames before and after readout `at`. Returns them and the index of readout `at` among them.
 pub(crate) fn frames_around(reader: &StreamReader, at: usize, half: usize) -> Result<(Vec<u8>, usize)> {
-    let first = at.saturating_sub(half);
-    let end = at.saturating_add(half).saturating_add(1).min(reader.readouts());
-    if at >= reader.readouts() {
-        return Err(Error::new(ErrorKind::Usage, format_args!("readout {at}")).expected(format_args!(
-            "less than {}, the length of {}",
-            reader.readouts(),
-            reader.name()
-        )));
-    }
-    let mut packed = inputs::zeroed_vec(reader.name(), (end - first) * reader.geometry().frame_bytes())?;
-    reader.read_frames(first, &mut packed)?;
-    Ok((packed, at - first))
+    let (frames, center) = reader.read_around(at, half)?;
+    Ok((frames.into_bytes(), center))
 }
 
 fn window_rates(reader: &StreamReader, at: usize) -> Result<Vec<f32>> {

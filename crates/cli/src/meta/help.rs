@@ -39,6 +39,7 @@ const COMMAND_EXAMPLES: &[(&str, [&str; 2])] = &[
         ],
     ),
     ("evaluate", ["evaluate out/lake.dat", "evaluate out/photo.dat --reference photo.png"]),
+    ("view", ["view out/lake.dat", "view out/lake.dat --export lake.html --readouts 0..500"]),
     ("preset", ["preset list", "preset show physical > mine.toml"]),
     ("effects", ["effects", "effects prnu"]),
     ("measure", ["measure flat.dat", "measure flat.dat --report flat.html"]),

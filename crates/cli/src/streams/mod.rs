@@ -6,3 +6,4 @@ pub(super) mod inspect;
 pub(super) mod partials;
 pub(super) mod reconstruct;
 pub(super) mod verify;
+pub(super) mod view;

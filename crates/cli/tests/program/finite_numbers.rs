@@ -43,6 +43,7 @@ fn reader_commands(odd: &OddStream) -> Vec<String> {
         format!("reconstruct odd.dat -o tfi.npy {size} --method tfi --force"),
         format!("reconstruct odd.dat -o isi.npy {size} --method isi --force"),
         format!("reconstruct odd.dat -o span.npy {size} --method span --force"),
+        format!("view odd.dat {size} --export view.html --force"),
         format!("evaluate odd.dat {size}"),
         format!("evaluate odd.dat {size} --reference reference.png --full-scale-rate 0.6"),
         format!("compare odd.dat {size} --max-readouts 50 -o compared --force"),

@@ -25,11 +25,12 @@ fn with_stream() -> TestFolder {
 #[test]
 fn every_command_that_opens_a_stream_warns_of_exchanged_sides() {
     let place = with_stream();
-    for command in ["inspect", "measure", "convert", "reconstruct", "evaluate", "compare"] {
+    for command in ["inspect", "measure", "convert", "reconstruct", "evaluate", "compare", "view"] {
         let rest = match command {
             "convert" => "new.npy",
             "reconstruct" => "-o new.png",
             "compare" => "ideal",
+            "view" => "--export new.html",
             _ => "",
         };
         let wrong = place.run(&format!("{command} bare.dat {rest} --width 48 --height 64"));

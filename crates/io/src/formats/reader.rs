@@ -225,6 +225,31 @@ impl StreamReader {
         Ok(frames)
     }
 
+    /// Returns the readouts from `at - half` to `at + half` that are in the stream, and the index of readout `at` among
+    /// them.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane_io::formats::StreamReader;
+    /// let reader = StreamReader::from_bytes("mine", vec![1, 3, 7], None, Some(spikelane::Geometry::new(8, 1)?))?;
+    /// let (frames, center) = reader.read_around(2, 1)?;
+    /// assert_eq!((frames.as_bytes(), center), ([3, 7].as_slice(), 1));
+    /// assert_eq!(reader.read_around(3, 1).unwrap_err().kind(), spikelane::ErrorKind::Usage);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`read`](Self::read). [`ErrorKind::Usage`] if readout `at` is not in the stream.
+    pub fn read_around(&self, at: usize, half: usize) -> Result<(SpikeFrames, usize)> {
+        if at >= self.readouts {
+            return Err(Error::new(ErrorKind::Usage, format_args!("readout {at}"))
+                .expected(format_args!("less than {}, the length of {}", self.readouts, self.name)));
+        }
+        let first = at.saturating_sub(half);
+        let end = at.saturating_add(half).saturating_add(1).min(self.readouts);
+        Ok((self.read(first..end)?, at - first))
+    }
+
     /// Reads the packed frame of readout `i` into `packed`.
     ///
     /// # Errors

@@ -203,6 +203,20 @@ impl RingReader {
         self.frame_bytes
     }
 
+    /// Returns the readouts per second of the camera. `None` if the writer stored no positive number.
+    #[must_use]
+    pub fn readout_hz(&self) -> Option<f64> {
+        let hz = f64::from_bits(self.shared.words()[RATE_WORD].load(Ordering::Relaxed));
+        (hz.is_finite() && hz > 0.0).then_some(hz)
+    }
+
+    /// Returns the number of readouts that the writer has written and this reader has not read. Readouts that the writer
+    /// has overwritten count too.
+    #[must_use]
+    pub fn unread_readouts(&self) -> u64 {
+        self.shared.words()[WRITTEN_WORD].load(Ordering::Acquire).saturating_sub(self.next)
+    }
+
     /// Copies the next readout to `frame` and releases its slot. A writer that waits for a free slot can then
     /// continue.
     ///

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# Runs the browser tests of the viewer. Usage: crates/view/ci.sh [quick|full]
+#   quick  streams, recording sets and exported pages
+#   full   also data sets, a live camera and the end of the program
+# Installs Chromium (on Debian, as root) and the npm package of the tests.
+set -euo pipefail
+mode=${1:-quick}
+cd "$(dirname "$0")/../.."
+. .ci/skip.sh
+if [ ! -x /usr/bin/chromium ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+    apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends chromium nodejs npm >/dev/null
+fi
+for tool in chromium node npm; do
+    command -v "$tool" >/dev/null || { missing "$tool" "the browser tests of the viewer"; exit 0; }
+done
+cargo build -q --workspace --bin spikelane
+target=${CARGO_TARGET_DIR:-target}
+program=$(realpath "$target/debug/spikelane")
+cd crates/view/tests/browser
+[ -d node_modules/playwright-core ] || npm install --silent --no-audit --no-fund --no-package-lock
+node run.mjs "$program" "$mode"
