@@ -47,7 +47,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             .expected("the folder of the generated suite")
             .remedy("set --suite"));
     };
-    let ScoredMethod { file, folder } = ScoredMethod::read(&args.path)?;
+    let ScoredMethod { file, folder, .. } = ScoredMethod::read(&args.path)?;
     let data = GeneratedSuite::open(suite)?;
     let (kind, text) = match &file.method {
         Method::Baseline(text) => ("baseline", text),
