@@ -1,6 +1,6 @@
 //! Compares a generated suite and the scores of two baselines with a recorded claim, to the last digit.
 //!
-//! Every instruction set and every system must give the recorded numbers. `.ci/targets` runs this test in emulators.
+//! Every instruction set and every system must give the recorded numbers.
 //! To write the claim again after a change of the scenes, run
 //! `cargo test -p spikelane-benchmark --test claim -- --ignored`.
 

@@ -89,9 +89,12 @@ fn print_report(suite: &Suite, args: &GenerateArgs, report: &GenerateReport, out
     }
     let place = args.output.display();
     let text = format!("{place}: {} generated, {} verified\n", report.generated, report.verified);
-    let event = json!({
+    let mut event = json!({
         "event": "done", "output": place.to_string(), "generated": report.generated, "verified": report.verified,
-        "digest": report.digest, "published_digest": suite.published_digest(),
+        "digest": report.digest,
     });
+    if let Some(published) = suite.published_digest() {
+        event["published_digest"] = published.into();
+    }
     out.print_result(&event, &format!("{text}digest {}\n", report.digest))
 }

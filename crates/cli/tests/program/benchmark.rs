@@ -249,13 +249,11 @@ fn a_claim_is_verified_with_every_backend() {
     for backend in ["reference", "portable"] {
         let generate = format!("benchmark generate tiny.toml -o {backend} --threads 1");
         let verify = format!("benchmark verify claim/score.json --suite {backend} --run again-{backend}");
-        for line in [generate, verify] {
+        for (line, result) in [(generate, "digest"), (verify, "the method gives the same scores")] {
             let output = place.command(&line).env("SPIKELANE_BACKEND", backend).output().unwrap();
             assert!(output.status.success(), "{backend}: {}", String::from_utf8_lossy(&output.stderr));
+            assert!(String::from_utf8_lossy(&output.stdout).contains(result), "{backend}: {line}");
         }
-        let [claim, again] =
-            ["claim", &format!("again-{backend}")].map(|run| place.json(&format!("{run}/score.json")));
-        assert_eq!(claim["summaries"], again["summaries"], "{backend}");
     }
 }
 
@@ -295,7 +293,7 @@ fn a_report_replaces_the_tables_between_the_markers_of_a_page() {
     }
     assert!(!page.contains("old"), "{page}");
     place.write("plain.md", "no markers\n");
-    place.run_refused(&format!("{report} --markdown plain.md"), 3, &["no marker lines"]);
+    place.run_refused(&format!("{report} --markdown plain.md"), 4, &["no marker lines"]);
     place.run_refused(
         "benchmark report tfp/score.json -o other --label a --label b",
         2,
