@@ -40,6 +40,7 @@ runs! {
     reference_measure: "docs/reference/measure.md", READOUTS = "500";
     reference_recordings: "docs/reference/recordings.md";
     reference_shards: "docs/reference/shards.md";
+    why_benchmark: "docs/why/benchmark.md";
     why_calibration: "docs/why/calibration.md";
     why_calibration_labs: "docs/why/calibration-labs.md";
     why_clusters: "docs/why/clusters.md";

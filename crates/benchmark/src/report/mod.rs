@@ -1,5 +1,7 @@
 //! Compares the scores of methods: tables with intervals, paired differences, curves and the worst outputs.
 
+mod markdown;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -17,6 +19,8 @@ use crate::score::{OVERALL, ScoreFile, ScoreInterval, decode_image, reference_im
 use crate::suite::Task;
 use crate::{Better, Metric};
 
+pub use markdown::markdown;
+
 /// Number of sequences whose outputs the page shows for each method.
 const WORST_SEQUENCES: usize = 3;
 
@@ -30,6 +34,8 @@ pub struct ScoredMethod {
     pub file: ScoreFile,
     /// The folder that contains `score.json` and `outputs`.
     pub folder: PathBuf,
+    /// The name in reports. `None` stands for the baseline or the command of the score file.
+    pub label: Option<String>,
 }
 
 /// A comparison of methods.
@@ -50,7 +56,14 @@ impl ScoredMethod {
     pub fn read(path: &Path) -> Result<Self> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        Ok(Self { file: ScoreFile::read(path)?, folder: folder.to_owned() })
+        Ok(Self { file: ScoreFile::read(path)?, folder: folder.to_owned(), label: None })
+    }
+
+    /// Sets the name in reports.
+    #[must_use]
+    pub fn with_label(mut self, label: Option<String>) -> Self {
+        self.label = label;
+        self
     }
 }
 
@@ -172,7 +185,7 @@ fn check_comparable<'a>(methods: &'a [ScoredMethod], data: Option<&GeneratedSuit
 fn unique_names(methods: &[ScoredMethod]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for method in methods {
-        let name = method.file.method.name();
+        let name = method.label.as_deref().unwrap_or_else(|| method.file.method.name());
         let short: String = match name.chars().count() > MAX_NAME_CHARS {
             true => name.chars().take(MAX_NAME_CHARS - 3).chain("...".chars()).collect(),
             false => name.to_owned(),

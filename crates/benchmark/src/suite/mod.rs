@@ -6,6 +6,7 @@
 
 mod curve;
 mod file;
+mod published;
 mod task;
 
 use std::collections::BTreeSet;

@@ -80,15 +80,21 @@ pub(super) fn generate(suite: &Suite, args: &GenerateArgs, out: &Console) -> Res
         progress.update(p.finished_sequences as u64, Some(p.sequence_count as u64))
     })?;
     drop(progress);
-    print_report(args, &report, out)
+    print_report(suite, args, &report, out)
 }
 
-fn print_report(args: &GenerateArgs, report: &GenerateReport, out: &Console) -> Result<()> {
+fn print_report(suite: &Suite, args: &GenerateArgs, report: &GenerateReport, out: &Console) -> Result<()> {
+    if let Some(mismatch) = suite.publication_mismatch(&report.digest) {
+        out.print_message(mismatch);
+    }
     let place = args.output.display();
     let text = format!("{place}: {} generated, {} verified\n", report.generated, report.verified);
-    let event = json!({
+    let mut event = json!({
         "event": "done", "output": place.to_string(), "generated": report.generated, "verified": report.verified,
         "digest": report.digest,
     });
+    if let Some(published) = suite.published_digest() {
+        event["published_digest"] = published.into();
+    }
     out.print_result(&event, &format!("{text}digest {}\n", report.digest))
 }

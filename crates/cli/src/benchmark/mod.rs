@@ -8,11 +8,14 @@ mod score;
 mod seal;
 mod verify;
 
+use std::path::Path;
+
 use clap::Subcommand;
 
 use crate::common::console::Console;
 use crate::common::progress::run_interruptible;
 use spikelane::Result;
+use spikelane_benchmark::generated::GeneratedSuite;
 
 /// Score spike pipelines on suites of scenes
 ///
@@ -38,6 +41,15 @@ enum Command {
 
 const SEQUENCES_KEPT_MESSAGE: &str = "finished sequences are kept; continue with --resume";
 const NOTHING_WRITTEN_MESSAGE: &str = "nothing was written";
+
+/// Opens a generated suite, and prints a message if its digest differs from the published digest.
+fn open_suite(folder: &Path, out: &Console) -> Result<GeneratedSuite> {
+    let data = GeneratedSuite::open(folder)?;
+    if let Some(mismatch) = data.suite.publication_mismatch(&data.digest) {
+        out.print_message(mismatch);
+    }
+    Ok(data)
+}
 
 /// Runs the command.
 ///

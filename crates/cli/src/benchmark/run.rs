@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
+use super::open_suite;
 use super::score::write_score;
 use crate::common::console::Console;
 use crate::common::progress::{CountProgress, StopSignal, stop_flag};
@@ -95,7 +96,7 @@ pub(super) fn check_stop(stop: &StopSignal) -> Result<()> {
 /// # Errors
 /// Those of [`benchmark_run::run`] and [`spikelane_benchmark::score::score`].
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let data = GeneratedSuite::open(&args.suite)?;
+    let data = open_suite(&args.suite, out)?;
     let options = RunOptions {
         output: args.output.clone(),
         method: args.method.method(),

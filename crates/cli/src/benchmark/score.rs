@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use super::open_suite;
 use super::run::check_stop;
 use crate::common::console::Console;
 use crate::common::progress::stop_flag;
@@ -41,7 +42,7 @@ pub(crate) struct Args {
 /// Those of [`benchmark_score::score`].
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     storage::refuse_existing(&args.run, &[SCORE_FILE], args.force)?;
-    let data = GeneratedSuite::open(&args.suite)?;
+    let data = open_suite(&args.suite, out)?;
     if !args.run.is_dir() {
         return Err(Error::new(ErrorKind::Input, args.run.display())
             .found("no folder")

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
+use super::open_suite;
 use super::run::check_stop;
 use crate::common::console::Console;
 use crate::common::progress::{CountProgress, stop_flag};
@@ -47,8 +48,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             .expected("the folder of the generated suite")
             .remedy("set --suite"));
     };
-    let ScoredMethod { file, folder } = ScoredMethod::read(&args.path)?;
-    let data = GeneratedSuite::open(suite)?;
+    let ScoredMethod { file, folder, .. } = ScoredMethod::read(&args.path)?;
+    let data = open_suite(suite, out)?;
     let (kind, text) = match &file.method {
         Method::Baseline(text) => ("baseline", text),
         Method::Command(text) => ("command", text),
@@ -66,7 +67,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 }
 
 fn verify_suite(folder: &Path, out: &Console) -> Result<()> {
-    let data = GeneratedSuite::open(folder)?;
+    let data = open_suite(folder, out)?;
     let total: usize = data.groups.iter().map(|group| group.sequences.len()).sum();
     let mut progress = CountProgress::with_unit(out, stop_flag()?, "sequences");
     let faults = data.verify(&mut |done| progress.update(done, Some(total as u64)))?;

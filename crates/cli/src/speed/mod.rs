@@ -3,7 +3,7 @@
 mod cameras;
 mod in_memory;
 mod processes;
-mod report;
+pub(crate) mod report;
 mod scalar;
 mod scene_error;
 mod scenes;
@@ -17,6 +17,7 @@ use std::time::Duration;
 use clap::Args;
 use spikelane::{Backend, Error, ErrorKind, Result};
 
+use crate::common::marked_page::replace_between_markers;
 use cameras::{NoiseSet, test_frames};
 use in_memory::LightMode;
 use report::{BenchmarkFigure, Machine, SpeedReport};
@@ -87,7 +88,7 @@ fn run_scene_error(args: &SpeedArgs, json: bool) -> Result<()> {
     let rows = scene_error::scene_error_table(std::thread::available_parallelism().map_or(1, usize::from))?;
     let text = scene_error::markdown(&rows);
     if let Some(path) = &args.markdown {
-        report::replace_between_markers(path, report::SCENE_ERROR_MARKERS, &text)?;
+        replace_between_markers(path, report::SCENE_ERROR_MARKERS, &text)?;
     }
     if json {
         println!(

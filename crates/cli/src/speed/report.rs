@@ -7,7 +7,7 @@ use std::process::Command;
 
 use serde_json::{Value, json};
 use spikelane::unstable::Count;
-use spikelane::{Error, ErrorKind, Result};
+use spikelane::{Error, Result};
 
 use super::processes::ProcessResult;
 use super::scenes::{RenderStage, RenderTime, STAGE_LIGHTINGS};
@@ -80,7 +80,7 @@ impl Machine {
             cpu: cpu.unwrap_or_else(|| std::env::consts::ARCH.to_owned()),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             compiler: command_output(Command::new("rustc").arg("--version")),
-            commit: command_output(Command::new("git").args(["describe", "--always", "--dirty"])),
+            commit: source_commit(),
             portable_lanes: if cfg!(target_feature = "avx2") {
                 "built for this CPU"
             } else {
@@ -97,6 +97,11 @@ fn cpu_model(cpuinfo: &str) -> Option<String> {
     };
     let number = |name: &str| field(name).unwrap_or_default();
     Some(format!("{} (family {}, model {})", field("model name")?, number("cpu family"), number("model\t")))
+}
+
+/// Returns the commit of the source code in the current folder, or `unknown` outside a checkout.
+pub(crate) fn source_commit() -> String {
+    command_output(Command::new("git").args(["describe", "--always", "--dirty"]))
 }
 
 fn command_output(command: &mut Command) -> String {
@@ -248,19 +253,6 @@ impl SpeedReport {
         );
         std::fs::write(path, page).map_err(|e| Error::io(path.display(), e))
     }
-}
-
-/// Replaces the text between two marker lines of a page.
-pub(crate) fn replace_between_markers(path: &Path, (begin, end): (&str, &str), text: &str) -> Result<()> {
-    let old = std::fs::read_to_string(path).map_err(|e| Error::io(path.display(), e))?;
-    let parts = old.split_once(begin).and_then(|(before, rest)| Some((before, rest.split_once(end)?.1)));
-    let Some((before, after)) = parts else {
-        return Err(Error::new(ErrorKind::Input, path.display())
-            .found("no marker lines for the table")
-            .expected(format_args!("the lines {} and {}", begin.trim_end(), end.trim_end())));
-    };
-    std::fs::write(path, format!("{before}{begin}{text}{end}{after}"))
-        .map_err(|e| Error::io(path.display(), e))
 }
 
 #[cfg(test)]

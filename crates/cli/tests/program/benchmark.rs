@@ -243,6 +243,65 @@ fn the_digest_does_not_depend_on_the_backend_or_the_threads() {
 }
 
 #[test]
+fn a_claim_is_verified_with_every_backend() {
+    let (place, _) = generated(&short_suite(2));
+    place.run_ok("benchmark run data --baseline span-blur -o claim");
+    for backend in ["reference", "portable"] {
+        let generate = format!("benchmark generate tiny.toml -o {backend} --threads 1");
+        let verify = format!("benchmark verify claim/score.json --suite {backend} --run again-{backend}");
+        for (line, result) in [(generate, "digest"), (verify, "the method gives the same scores")] {
+            let output = place.command(&line).env("SPIKELANE_BACKEND", backend).output().unwrap();
+            assert!(output.status.success(), "{backend}: {}", String::from_utf8_lossy(&output.stderr));
+            assert!(String::from_utf8_lossy(&output.stdout).contains(result), "{backend}: {line}");
+        }
+    }
+}
+
+#[test]
+fn other_data_than_the_published_data_is_named() {
+    let text = short_suite(1).replace("name = \"tiny\"", "name = \"quick\"");
+    let place = TestFolder::new();
+    place.write("tiny.toml", text);
+    for line in [
+        "benchmark generate tiny.toml -o data",
+        "benchmark run data --baseline tfp -o tfp",
+        "benchmark verify tfp/score.json --suite data",
+    ] {
+        let stderr = place.run_ok(line).stderr;
+        assert!(stderr.contains("not the data of the suite quick 0.1.0 as published"), "{line}: {stderr}");
+    }
+}
+
+#[test]
+fn a_report_replaces_the_tables_between_the_markers_of_a_page() {
+    let (place, _) = generated(&short_suite(2));
+    for baseline in ["tfp", "span"] {
+        place.run_ok(&format!("benchmark run data --baseline {baseline} -o {baseline}"));
+    }
+    let report =
+        "benchmark report tfp/score.json span/score.json --label counted --label spans -o report --force";
+    place.write(
+        "page.md",
+        "before\n<!-- benchmark tiny: begin -->\nold\n<!-- benchmark tiny: end -->\nafter\n",
+    );
+    place.run_ok(&format!("{report} --markdown page.md"));
+    let page = String::from_utf8(place.read("page.md")).unwrap();
+    let psnr =
+        place.json("span/score.json")["summaries"][0]["metrics"]["psnr"]["pooled"]["value"].as_f64().unwrap();
+    for part in ["before\n", "\nafter\n", "| counted | spans |", "curve `light`", &format!("| {psnr:.2} (")] {
+        assert!(page.contains(part), "{part}: {page}");
+    }
+    assert!(!page.contains("old"), "{page}");
+    place.write("plain.md", "no markers\n");
+    place.run_refused(&format!("{report} --markdown plain.md"), 4, &["no marker lines"]);
+    place.run_refused(
+        "benchmark report tfp/score.json -o other --label a --label b",
+        2,
+        &["--label", "2 names"],
+    );
+}
+
+#[test]
 fn a_published_digest_is_compared() {
     let text = short_suite(1);
     let (place, digest) = generated(&text);
