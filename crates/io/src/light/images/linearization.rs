@@ -81,7 +81,7 @@ impl Linearization {
 
     /// Sets whether frames of color images keep their colors ([`Frame::rgb`]).
     #[must_use]
-    pub(in crate::light) fn with_color(mut self, keeps_color: bool) -> Self {
+    pub fn with_color(mut self, keeps_color: bool) -> Self {
         self.keeps_color = keeps_color;
         self
     }

@@ -127,7 +127,9 @@ impl std::str::FromStr for ImageFormat {
 /// As [`ImageFormat::encode`].
 pub fn linear_png(light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
     let code = |x: &f32| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-    png(&light.iter().map(code).collect::<Vec<_>>(), geometry, ExtendedColorType::L8)
+    let is_color = light.len() == 3 * geometry.pixels();
+    let kind = if is_color { ExtendedColorType::Rgb8 } else { ExtendedColorType::L8 };
+    png(&light.iter().map(code).collect::<Vec<_>>(), geometry, kind)
 }
 
 fn png(bytes: &[u8], geometry: Geometry, kind: ExtendedColorType) -> Result<Vec<u8>> {
