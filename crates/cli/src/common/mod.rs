@@ -6,6 +6,7 @@ pub(super) mod console;
 pub(super) mod images;
 pub(super) mod lighting;
 pub(super) mod limits;
+pub(super) mod mosaic;
 pub(super) mod movie;
 pub(super) mod output_claims;
 pub(super) mod output_stem;
