@@ -6,7 +6,7 @@ use crate::count::Count;
 use crate::draws::Seeds;
 use crate::error::{Error, ErrorKind, Result};
 use crate::inputs;
-use crate::sensor::{FrontEnd, Sensor};
+use crate::sensor::{FrontEnd, Mosaic, Sensor};
 use crate::spikes::{Crop, Geometry};
 use crate::threads;
 
@@ -67,6 +67,9 @@ pub struct Camera {
     pub sensor: Sensor,
     /// Conversion from stored codes to light.
     pub front_end: FrontEnd,
+    /// The color filters of the whole sensor, or `None` for a gray camera. The first pixel of a window can have another
+    /// filter; see [`Camera::window_mosaic`].
+    pub mosaic: Option<Mosaic>,
     effects: Vec<Effect>,
     /// Measured maps.
     pub maps: Maps,
@@ -99,6 +102,7 @@ impl Camera {
             source: "no effects".to_owned(),
             sensor,
             front_end: FrontEnd::default(),
+            mosaic: None,
             effects: Vec::new(),
             maps: Maps::default(),
             window: None,
@@ -137,8 +141,8 @@ impl Camera {
         self
     }
 
-    /// Returns the noise-free twin of this camera. It has the same sensor, saturation clamp and start phase, but no other
-    /// effect.
+    /// Returns the noise-free twin of this camera. It has the same sensor, mosaic, saturation clamp and start phase, but
+    /// no other effect.
     ///
     /// # Examples
     /// ```
@@ -155,6 +159,7 @@ impl Camera {
         let mut twin = Self::ideal(self.sensor);
         twin.name = format!("{} (clean)", self.name);
         twin.source.clone_from(&self.source);
+        twin.mosaic.clone_from(&self.mosaic);
         for definition in [&start_phase::EFFECT, &saturation_clamp::EFFECT] {
             if let Some(effect) = self.effect(definition.name) {
                 twin = twin.with_effect(effect.clone());
@@ -187,9 +192,12 @@ impl Camera {
     /// # Ok::<(), spikelane::Error>(())
     /// ```
     pub fn hash_exactly(&self, into: &mut impl Hasher) {
-        let Self { name: _, source: _, sensor, front_end: light, effects, maps, window } = self;
+        let Self { name: _, source: _, sensor, front_end: light, mosaic, effects, maps, window } = self;
         // `Debug` writes every float with enough digits to distinguish it from all other floats.
         format!("{sensor:?} {light:?} {window:?}").hash(into);
+        if let Some(mosaic) = mosaic {
+            format!("{mosaic:?}").hash(into);
+        }
         let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
         effects.len().hash(into);
         for effect in effects {

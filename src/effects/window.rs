@@ -2,6 +2,7 @@
 
 use crate::effects::Camera;
 use crate::error::{Error, ErrorKind, Result};
+use crate::sensor::Mosaic;
 use crate::spikes::{Crop, Geometry};
 
 impl Camera {
@@ -9,7 +10,7 @@ impl Camera {
     ///
     /// The window has the fixed pattern of `crop` in this camera. The plan of the window has the fixed-point scales of
     /// the whole sensor. Temporal noise and start phases differ from the temporal noise and start phases of the whole
-    /// sensor. Pixels outside `crop` do not affect pixels inside `crop`. `maps` still contains the maps of the whole
+    /// sensor. Pixels outside `crop` do not affect pixels inside `crop`. `maps` and `mosaic` still describe the whole
     /// sensor. If this camera is a window, the result is a window of the same whole sensor.
     ///
     /// # Examples
@@ -70,6 +71,25 @@ impl Camera {
         full.sensor.geometry = geometry;
         full.window = None;
         Ok(Some((full, crop)))
+    }
+
+    /// Returns the mosaic of the pixels that this camera reads out. If the camera is a window, the first pixel of the
+    /// mosaic is the first pixel of the window.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::spikes::Crop;
+    /// use spikelane::{Camera, Sensor};
+    /// let mut camera = Camera::ideal(Sensor::new(400, 250, 20_000.0)?);
+    /// camera.mosaic = Some("RGGB".parse()?);
+    /// let part = camera.window(Crop { row: 1, col: 20, width: 32, height: 24 })?;
+    /// assert_eq!(part.window_mosaic().map(|mosaic| mosaic.to_string()).as_deref(), Some("GBRG"));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    #[must_use]
+    pub fn window_mosaic(&self) -> Option<Mosaic> {
+        let mosaic = self.mosaic.as_ref()?;
+        Some(self.window.map_or_else(|| mosaic.clone(), |(_, crop)| mosaic.crop(crop)))
     }
 
     /// Returns the geometry of the maps of this camera. If the camera is a window, it is the geometry of the whole

@@ -1,5 +1,7 @@
 //! A frame of linear light, and the trait of its sources.
 
+use std::sync::Arc;
+
 use super::rate::Rate;
 use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
@@ -76,6 +78,8 @@ impl OwnedSamples {
 pub struct Frame {
     geometry: Geometry,
     samples: OwnedSamples,
+    /// Linear red, green and blue of every pixel, if the frame has color.
+    rgb: Option<Arc<[f32]>>,
 }
 
 impl Frame {
@@ -103,7 +107,66 @@ impl Frame {
         if let OwnedSamples::F32(values) = &samples {
             check_light(geometry, values)?;
         }
-        Ok(Self { geometry, samples })
+        Ok(Self { geometry, samples, rgb: None })
+    }
+
+    /// Returns this frame with the colors `rgb`: linear red, green and blue of every pixel in units of full scale,
+    /// row-major. The samples remain the light of the pixels.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::Geometry;
+    /// use spikelane::light::{Frame, OwnedSamples};
+    /// let gray = Frame::new(Geometry::new(1, 1)?, OwnedSamples::F32(vec![0.25]))?;
+    /// let colored = gray.with_rgb(vec![0.5, 0.2, 0.1])?;
+    /// assert_eq!((colored.get(0, 0), colored.rgb()), (0.25, Some(&[0.5, 0.2, 0.1][..])));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::Input`] if the number of values is not three times the number of pixels, or if a value is
+    /// negative or not finite.
+    pub fn with_rgb(self, rgb: Vec<f32>) -> Result<Self> {
+        if rgb.len() != 3 * self.geometry.pixels() {
+            return Err(Error::new(ErrorKind::Input, "colors of a frame")
+                .found(Count(rgb.len(), "value"))
+                .expected(format_args!(
+                    "{}, three for each pixel of {}",
+                    3 * self.geometry.pixels(),
+                    self.geometry
+                )));
+        }
+        if let Some(i) = rgb.iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
+            return Err(invalid_light_error(self.geometry, i / 3, rgb[i]));
+        }
+        Ok(Self { rgb: Some(rgb.into()), ..self })
+    }
+
+    /// Returns a frame with other samples and the colors of this frame.
+    pub(crate) fn with_samples(&self, samples: OwnedSamples) -> Result<Self> {
+        Ok(Self { rgb: self.rgb.clone(), ..Self::new(self.geometry, samples)? })
+    }
+
+    /// Returns linear red, green and blue of every pixel, row-major, or `None` for a gray frame.
+    #[must_use]
+    pub fn rgb(&self) -> Option<&[f32]> {
+        self.rgb.as_deref()
+    }
+
+    /// Returns the values of an image of this frame: red, green and blue of every pixel if the frame has colors, else the
+    /// light of every pixel.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Geometry, light::Frame};
+    /// let gray = Frame::dark(Geometry::new(2, 1)?);
+    /// assert_eq!(gray.image_values(), [0.0; 2]);
+    /// assert_eq!(gray.with_rgb(vec![0.5; 6])?.image_values(), [0.5; 6]);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    #[must_use]
+    pub fn image_values(&self) -> Vec<f32> {
+        self.rgb().map_or_else(|| self.to_f32(), <[f32]>::to_vec)
     }
 
     /// Returns a frame without light, for example as the first argument of [`Source::next_frame`].
@@ -117,7 +180,7 @@ impl Frame {
     /// ```
     #[must_use]
     pub fn dark(geometry: Geometry) -> Self {
-        Self { geometry, samples: OwnedSamples::U8(vec![0; geometry.pixels()]) }
+        Self { geometry, samples: OwnedSamples::U8(vec![0; geometry.pixels()]), rgb: None }
     }
 
     /// Returns width and height.
@@ -175,6 +238,7 @@ impl Frame {
     /// Returns the interpolated frame `a + weight (b - a)`. It equals `a` at `weight` 0 and `b` at `weight` 1.
     ///
     /// If both frames have integer samples, the result has 16-bit samples, rounded to nearest. Otherwise it has floats.
+    /// The result has colors if both frames have colors.
     ///
     /// # Examples
     /// ```
@@ -203,7 +267,8 @@ impl Frame {
             // Rounding can make a value near zero negative, but the light of a frame must not be negative.
             OwnedSamples::F32(zip(&a.to_f32(), &b.to_f32(), |x, y| mix(x, y).max(0.0)))
         };
-        Ok(Self { geometry: a.geometry, samples })
+        let rgb = a.rgb().zip(b.rgb()).map(|(x, y)| zip(x, y, |x, y| mix(x, y).max(0.0)).into());
+        Ok(Self { geometry: a.geometry, samples, rgb })
     }
 
     /// Returns integer samples scaled to 16 bits, or `None` for floats.
@@ -238,11 +303,15 @@ fn check_light(geometry: Geometry, values: &[f32]) -> Result<()> {
     let Some(p) = values.iter().position(|v| !(v.is_finite() && *v >= 0.0)) else {
         return Ok(());
     };
-    let (row, col) = (p / geometry.width(), p % geometry.width());
-    Err(Error::new(ErrorKind::Input, format_args!("pixel row {row}, col {col}"))
-        .found(values[p])
+    Err(invalid_light_error(geometry, p, values[p]))
+}
+
+fn invalid_light_error(geometry: Geometry, pixel: usize, value: f32) -> Error {
+    let (row, col) = (pixel / geometry.width(), pixel % geometry.width());
+    Error::new(ErrorKind::Input, format_args!("pixel row {row}, col {col}"))
+        .found(value)
         .expected("light that is finite and not negative")
-        .remedy("replace the invalid values before you simulate"))
+        .remedy("replace the invalid values before you simulate")
 }
 
 /// A sequence of frames of linear light at the camera's size.

@@ -9,7 +9,7 @@ use toml::Value;
 use crate::effects::{Camera, Catalog, Effect};
 use crate::error::{Error, ErrorKind, Result};
 use crate::presets::maps::{MapFolder, MapSource};
-use crate::presets::{default_sensor, light, maps};
+use crate::presets::{default_sensor, light, maps, mosaic};
 use crate::sensor::Sensor;
 use crate::spikes::{Crop, Geometry};
 use crate::units::Unit;
@@ -61,6 +61,7 @@ struct SensorTable {
     capacitance: Option<Value>,
     swing: Option<Value>,
     thresholds_at_full_scale: Option<Value>,
+    mosaic: Option<mosaic::Table>,
 }
 
 /// Parses the text of a camera file. `folder` contains the map files.
@@ -118,6 +119,9 @@ pub(super) fn from_toml_and_maps(text: &str, maps: &dyn MapSource, effects: &Cat
     camera.name = file.name;
     camera.source = file.source;
     camera.front_end = file.light.front_end().map_err(|e| e.with_context("light"))?;
+    camera.mosaic = (file.sensor.mosaic.as_ref())
+        .map(|table| table.mosaic().map_err(|e| e.with_context("sensor.mosaic")))
+        .transpose()?;
     for (name, table) in &file.effects {
         camera = camera.with_effect(
             effect(name, table, effects).map_err(|e| e.with_context(format_args!("effects.{name}")))?,

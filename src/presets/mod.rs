@@ -5,6 +5,7 @@ mod distribution;
 mod file;
 mod light;
 mod maps;
+mod mosaic;
 mod write;
 
 pub use bytes::{fingerprint, from_bytes, to_bytes};
@@ -197,6 +198,23 @@ mod tests {
     }
 
     #[test]
+    fn a_written_mosaic_reads_back() {
+        let text = "
+            [sensor.mosaic]
+            pattern = \"quad-RGBW\"
+            response = { R = [0.8, 0.15, 0.05], W = [0.3, 0.4, 0.3] }
+            gain = { W = 2.5, B = 0.7 }
+            infrared = { R = 0.1 }
+            ";
+        let camera = from_toml(text, None).unwrap();
+        let mosaic = camera.mosaic.clone().unwrap();
+        let white: Vec<f64> = mosaic.channels().iter().map(|c| (c.white() * 1e9).round() / 1e9).collect();
+        assert_eq!((mosaic.to_string().as_str(), &white[..]), ("quad-RGBW", &[1.1, 1.0, 0.7, 2.5][..]));
+        assert_eq!(from_toml(&to_toml(&camera).unwrap().text, None).unwrap(), camera);
+        assert_eq!(camera.clean_twin().mosaic, camera.mosaic);
+    }
+
+    #[test]
     fn unknown_keys_wrong_units_and_impossible_values_are_refused() {
         let wrong = [
             "nmae = \"x\"",
@@ -222,6 +240,14 @@ mod tests {
             "[light]\nfull_scale = inf",
             "[light]\nfull_scale = \"half\"",
             "[light]\ngamma = 2.2",
+            "[sensor.mosaic]",
+            "[sensor.mosaic]\npattern = \"RGB\"",
+            "[sensor.mosaic]\npattern = \"CYYM\"",
+            "[sensor.mosaic]\npattern = \"RGGB\"\ngain = { red = 0.5 }",
+            "[sensor.mosaic]\npattern = \"RGGB\"\ngain = { W = 0.5 }",
+            "[sensor.mosaic]\npattern = \"RGGB\"\ninfrared = { R = -0.5 }",
+            "[sensor.mosaic]\npattern = \"RGGB\"\nresponse = { R = [1, 0] }",
+            "[sensor.mosaic]\npattern = \"RGGB\"\nfilter = 1",
             "not toml",
         ];
         for text in wrong {

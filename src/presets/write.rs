@@ -9,7 +9,7 @@ use crate::effects::Camera;
 use crate::effects::definition::{Param, ParamKind};
 use crate::error::{Error, ErrorKind, Result};
 use crate::presets::file::WindowTable;
-use crate::presets::{light, maps};
+use crate::presets::{light, maps, mosaic};
 use crate::units::Unit;
 
 #[derive(Serialize)]
@@ -33,6 +33,8 @@ struct SensorTable {
     capacitance: String,
     swing: String,
     thresholds_at_full_scale: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mosaic: Option<mosaic::Table>,
 }
 
 #[derive(Serialize)]
@@ -111,6 +113,7 @@ pub fn to_toml(camera: &Camera) -> Result<CameraFiles> {
             capacitance: Unit::Femtofarad.format(sensor.capacitance_ff),
             swing: Unit::Volt.format(sensor.swing_v),
             thresholds_at_full_scale: sensor.thresholds_at_full_scale,
+            mosaic: camera.mosaic.as_ref().map(mosaic::Table::from_mosaic),
         },
         light: light::Table::from_front_end(&camera.front_end),
         effects: effects.collect(),

@@ -7,14 +7,18 @@
 //! * the span from the first to the last spike of a window ([`span_rates()`]) is most accurate for steady light, but
 //!   motion blurs the image.
 //!
+//! [`demosaic`] and [`ColorMatrix`] convert the rates of a color camera to a color image.
+//!
 //! Rates are in spikes per readout. For every camera, light of one nominal threshold per readout has the rate 1.0.
 
+mod color;
 mod detail;
 mod quality;
 mod span_rates;
 mod tfi;
 mod tfp;
 
+pub use color::{ColorMatrix, Demosaic, ciede2000, demosaic, lab};
 pub use detail::{DetailReference, DetailScores, aligned_psnr, gaussian_blur, score_detail};
 pub use quality::{psnr, ssim};
 pub use span_rates::span_rates;

@@ -1,9 +1,11 @@
 //! The sensor: geometry, readout rate, nominal circuit, and the conversion from stored codes to light.
 
 mod front_end;
+mod mosaic;
 mod transfer;
 
 pub use front_end::{FrontEnd, FullScale};
+pub use mosaic::{Channel, Mosaic};
 pub use transfer::Transfer;
 
 use crate::error::{Error, ErrorKind, Result};

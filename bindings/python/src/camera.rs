@@ -260,6 +260,19 @@ impl Camera {
         Self::new(camera)
     }
 
+    /// Returns this camera with the color filters `pattern`, such as "RGGB", "quad-RGGB" or "RGBG/GWGW". None removes the
+    /// filters.
+    ///
+    /// The light that `Simulator.run` receives is the light behind the filters. For a window, `pattern` starts at the first
+    /// pixel of the whole sensor. The channels have their default spectral responses. `from_toml` sets other responses.
+    ///
+    /// Raises SpikelaneError for an invalid pattern.
+    fn with_mosaic(&self, pattern: Option<&str>) -> PyResult<Self> {
+        let mut camera = self.camera().clone();
+        camera.mosaic = pattern.map(str::parse).transpose().or_raise()?;
+        Self::new(camera)
+    }
+
     /// Returns this camera with another number of pixels. The fixed pattern is drawn again.
     ///
     /// `window` returns a part of the same camera instead.
@@ -377,6 +390,12 @@ impl Camera {
             }
         }
         Ok(dict)
+    }
+
+    /// The color filters from the first pixel of this camera, such as "RGGB". None for a gray camera.
+    #[getter]
+    fn mosaic(&self) -> Option<String> {
+        self.camera().window_mosaic().map(|mosaic| mosaic.to_string())
     }
 
     /// Returns the text of the camera file, which `from_toml` parses. The text refers to map files, which `save` writes.

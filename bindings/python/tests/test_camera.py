@@ -150,3 +150,14 @@ def test_a_distribution_draws_the_same_camera_for_the_same_seed():
     assert 0 <= min(spreads) and max(spreads) <= 0.07 and 0.025 < np.mean(spreads) < 0.045
     with pytest.raises(sl.SpikelaneError):
         sl.CameraDistribution("[effects.prnu]\nsigma = { uniform = [1, 0] }")
+
+
+def test_a_mosaic_survives_files_and_pickles_and_shifts_with_a_window():
+    camera = sl.Camera.ideal(8, 8).with_mosaic("RGGB")
+    assert camera.mosaic == "RGGB" and sl.Camera.ideal(8, 8).mosaic is None
+    assert camera.window(0, 1, 4, 4).mosaic == "GRBG"
+    for other in (pickle.loads(pickle.dumps(camera)), sl.Camera.from_toml(camera.to_toml())):
+        assert other == camera and other.mosaic == "RGGB"
+    assert camera.with_mosaic(None) == sl.Camera.ideal(8, 8)
+    with pytest.raises(sl.SpikelaneError, match="RGGB"):
+        camera.with_mosaic("rggb")

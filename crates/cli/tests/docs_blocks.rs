@@ -27,6 +27,7 @@ runs! {
     readme: "README.md";
     guide_benchmark: "docs/guides/benchmark.md";
     guide_check: "docs/guides/check.md";
+    guide_color: "docs/guides/color.md";
     guide_clusters: "docs/guides/clusters.md", SEQUENCES = "3", IMAGES = "3", PER_SHARD = "1";
     guide_embedding: "docs/guides/embedding.md";
     guide_first_video: "docs/guides/first-video.md";

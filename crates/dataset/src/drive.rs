@@ -1,9 +1,10 @@
 //! A driving scene as a light source.
 
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::sensor::Mosaic;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
-use spikelane_io::light::{Frame, Interpolation, OwnedSamples, Rate, Source, Timeline};
+use spikelane_io::light::{Frame, Interpolation, OwnedSamples, Rate, Source, Timeline, luminance};
 use spikelane_scene::{self as scene, KeyframePlan, Scene, SpanEnd};
 
 /// Maximum duration of a span in seconds. `MAX_SPAN_BYTES` is the maximum size of the light of a span.
@@ -25,6 +26,8 @@ pub struct Drive {
     rate: Rate,
     samples: scene::SamplesPerPixel,
     threads: usize,
+    /// The color filters of the camera, or `None` for gray light.
+    mosaic: Option<Mosaic>,
     /// The render of the first frame after the frames in `ready_light`.
     next_render: Option<SpanEnd>,
     ready_light: Vec<Vec<f32>>,
@@ -81,12 +84,24 @@ impl Drive {
             rate,
             samples,
             threads: threads.max(1),
+            mosaic: None,
             next_render: None,
             ready_light: Vec::new(),
             first_ready_frame: 0,
             next_frame: 0,
         };
         drive.with_frames(|plan| (0..plan.readouts.len()).collect())
+    }
+
+    /// Sets the color filters of the camera. The frames then contain the light behind the filters, and their colors
+    /// ([`Frame::rgb`]).
+    ///
+    /// Each frame is rendered completely. Without filters, most frames are computed from the previous frame, which is
+    /// faster.
+    #[must_use]
+    pub fn with_mosaic(mut self, mosaic: Option<Mosaic>) -> Self {
+        self.mosaic = mosaic;
+        self
     }
 
     fn with_frames(mut self, frames: impl Fn(&KeyframePlan) -> Vec<usize>) -> Result<Self> {
@@ -149,6 +164,9 @@ impl Drive {
                 Error::new(ErrorKind::Usage, format_args!("readout {readout}"))
                     .expected(format_args!("less than {}", self.plan.readouts.len()))
             })?;
+        if let Some(mosaic) = &self.mosaic {
+            return self.color_frame(mosaic, at, self.white_cd_m2(at));
+        }
         let end = self.render(at);
         self.frame(end.sensor_light(&self.scene), self.white_cd_m2(at))
     }
@@ -163,6 +181,21 @@ impl Drive {
         let scale = 1.0 / white_cd_m2;
         light.iter_mut().for_each(|v| *v *= scale);
         Frame::new(self.geometry, OwnedSamples::F32(light))
+    }
+
+    /// Renders the light of a readout behind the filters of `mosaic`.
+    ///
+    /// The color of a pixel has the luminance of the gray light, in which the luminance of lamps is limited.
+    fn color_frame(&self, mosaic: &Mosaic, readout: usize, white_cd_m2: f32) -> Result<Frame> {
+        let rendered = self.scene.render(self.plan.readouts[readout], self.samples, self.threads)?;
+        let color = |(rgb, light): (&[f32; 3], &f32)| {
+            let rgb = rgb.map(|x| x.max(0.0));
+            let luminance = luminance(rgb);
+            let scale = if luminance > 0.0 { light / luminance / white_cd_m2 } else { 0.0 };
+            rgb.map(|x| x * scale)
+        };
+        let rgb = rendered.rgb.iter().zip(&rendered.light).flat_map(color).collect();
+        mosaic.light(&self.frame(rendered.light, white_cd_m2)?.with_rgb(rgb)?)
     }
 
     fn render(&self, readout: usize) -> SpanEnd {
@@ -215,6 +248,12 @@ impl Source for Drive {
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
         if self.next_frame >= self.frames.len() {
             return Ok(false);
+        }
+        if let Some(mosaic) = &self.mosaic {
+            let white = self.white_cd_m2[self.next_frame];
+            *into = self.color_frame(mosaic, self.frames[self.next_frame], white)?;
+            self.next_frame += 1;
+            return Ok(true);
         }
         if self.next_frame >= self.first_ready_frame + self.ready_light.len() {
             self.render_span(self.next_frame);

@@ -38,7 +38,7 @@ pub(super) fn exposed_camera(options: &DatasetOptions) -> Camera {
 
 /// Writes `reference.png` and `gt.png`. `light` is the light of the middle readout.
 pub(super) fn write_reference_images(options: &DatasetOptions, light: &Frame, folder: &Path) -> Result<()> {
-    let (values, geometry) = (light.to_f32(), light.geometry());
+    let (values, geometry) = (light.image_values(), light.geometry());
     write_label_file(folder, "reference.png", &ImageFormat::U8.encode(&values, geometry)?)?;
     let full = exposed_camera(options).sensor.thresholds_at_full_scale / options.dataset_layout.rate_at_255();
     let codes: Vec<f32> = values.iter().map(|&x| x * full as f32).collect();
@@ -113,7 +113,12 @@ impl ScaledSource<'_> {
         if by >= 1.0 {
             return Ok(frame.clone());
         }
-        Frame::new(frame.geometry(), OwnedSamples::F32(frame.to_f32().into_iter().map(|x| x * by).collect()))
+        let scaled = |light: &[f32]| light.iter().map(|x| x * by).collect::<Vec<f32>>();
+        let light = Frame::new(frame.geometry(), OwnedSamples::F32(scaled(&frame.to_f32())))?;
+        match frame.rgb() {
+            Some(rgb) => light.with_rgb(scaled(rgb)),
+            None => Ok(light),
+        }
     }
 }
 

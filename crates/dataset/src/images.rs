@@ -43,8 +43,8 @@ impl ReferenceImageWriter {
 
     /// Writes the image of readout `readout` with the light `light`.
     pub(crate) fn write(&mut self, readout: u64, light: &Frame) -> Result<()> {
-        let (values, geometry) = (light.to_f32(), light.geometry());
-        self.statistics.push(readout, &values);
+        let (values, geometry) = (light.image_values(), light.geometry());
+        self.statistics.push(readout, &light.to_f32());
         let mut forms = vec![self.format];
         if self.write_npy && self.format != ImageFormat::F32 {
             forms.push(ImageFormat::F32);

@@ -20,7 +20,8 @@ use spikelane::unstable::inputs::InnerPath;
 use spikelane_io::formats::Layout;
 use spikelane_io::light::{self, Frame, FrameTiming, Interpolation, OwnedSamples, Source, Timeline};
 use spikelane_io::simulate::{
-    CameraFacts, LightFacts, LightTap, RunObserver, RunOptions, RunSummary, Sidecar, StreamFacts, run,
+    CameraFacts, LightFacts, LightTap, MosaicFacts, RunObserver, RunOptions, RunSummary, Sidecar,
+    StreamFacts, run,
 };
 use spikelane_io::storage::{folders, sync};
 use spikelane_measure::report::insert_present;
@@ -83,7 +84,8 @@ fn generate_scene(
     let seed = entry.scene_seed.unwrap_or_else(|| options.scene_seed_for(entry.id.as_str()));
     let scene =
         Scene::from_seed(seed, &scene_options(options, drives, options.listed_lighting(entry.id.as_str()))?)?;
-    let mut drive = Drive::new(scene, rate, readouts, drives.samples, options.threads)?;
+    let drive = Drive::new(scene, rate, readouts, drives.samples, options.threads)?;
+    let mut drive = drive.with_mosaic(options.camera.window_mosaic());
     if options.dataset_layout == DatasetLayout::SpikeZoo {
         let by = ground_truth::exposure_factor(options, &drive.light(readouts / 2)?);
         drive.scale_exposure(by);
@@ -249,6 +251,7 @@ fn simulate_streams(
     sidecar.clean = outcome.clean.as_ref().map(facts);
     sidecar.seeds = Some(Sidecar::seed_facts(seeds));
     sidecar.camera = Some(CameraFacts::new(&camera)?);
+    sidecar.mosaic = camera.window_mosaic().as_ref().map(MosaicFacts::new);
     let electrons = camera.operating_point(0.0).electrons;
     sidecar.images = keeper.facts();
     let resize_mode = match &options.content {

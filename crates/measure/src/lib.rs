@@ -27,6 +27,7 @@ mod image_spectrum;
 mod intervals;
 mod join;
 mod maps;
+mod mosaic;
 mod options;
 pub mod report;
 mod spectrum;
@@ -53,6 +54,7 @@ pub use intervals::{HalfMaps, IntervalHistogram, Intervals, PhaseNoise, PixelInt
 pub use maps::line_structure;
 pub use maps::{Correlations, LineStructure, high_pass};
 pub use maps::{box_means, map_correlations, pattern_correlations, select_rate, select_uniform};
+pub use mosaic::{CellSummary, detect_mosaic, summarize_cells, summarize_mosaic};
 pub use options::MeasureOptions;
 pub use spectrum::{FrameTotalLine, SpectralLine, Spectrum};
 pub use spectrum::{frame_total_lines, spectrum};

@@ -102,6 +102,16 @@ pub struct Summary {
 /// # Errors
 /// [`ErrorKind::Usage`] if counts are missing, if only a band of rows was measured, or if there are no readouts.
 pub fn summarize(statistics: &Statistics) -> Result<Summary> {
+    summary(statistics, None)
+}
+
+/// Summarizes the statistics of all rows with the defects `defects`.
+pub(super) fn summarize_without(statistics: &Statistics, defects: Defects) -> Result<Summary> {
+    summary(statistics, Some(defects))
+}
+
+/// Summarizes the statistics of all rows. If `defects` is `None`, searches the defects among all pixels.
+fn summary(statistics: &Statistics, defects: Option<Defects>) -> Result<Summary> {
     let counts = statistics.counts.as_ref();
     let all = 0..statistics.geometry.height();
     let Some(counts) = counts.filter(|_| statistics.rows == all && statistics.readouts > 0) else {
@@ -116,7 +126,7 @@ pub fn summarize(statistics: &Statistics) -> Result<Summary> {
     };
     let width = statistics.geometry.width();
     let mut rates = counts.rate_by_time();
-    let defects = find_defects(counts, &rates, width);
+    let defects = defects.unwrap_or_else(|| find_defects(counts, &rates, width));
     for p in [&defects.dead, &defects.stuck, &defects.hot, &defects.weak] {
         p.iter().for_each(|p| rates[*p] = f64::NAN);
     }

@@ -7,6 +7,7 @@ use super::recording_set::{Recording, RecordingSet, Stimulus, StimulusPattern};
 use crate::formulas::fit::RateWeighting;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::sensor::Channel;
 use spikelane::unstable::draws::hash::mix64;
 use spikelane::unstable::draws::pattern_rng::PatternRng;
 use spikelane::unstable::draws::{RandomStream, Seeds};
@@ -14,7 +15,7 @@ use spikelane::unstable::inputs;
 use spikelane::unstable::plan::Plan;
 use spikelane::unstable::threads;
 use spikelane_io::formats::{Layout, StreamWriter};
-use spikelane_io::simulate::{CameraFacts, LightFacts, Sidecar, StreamFacts};
+use spikelane_io::simulate::{CameraFacts, LightFacts, MosaicFacts, Sidecar, StreamFacts};
 
 /// Number of readouts that one call of the simulator produces.
 pub(crate) const BATCH_READOUTS: usize = 496;
@@ -222,9 +223,15 @@ impl Protocol {
         report_share: &mut dyn FnMut(f64),
     ) -> Result<()> {
         let geometry = camera.sensor.geometry;
+        // The lamp is white, so the light of a pixel behind a filter is its light for white.
+        let mosaic = camera.window_mosaic();
+        let white = |row: usize, col: usize| {
+            mosaic.as_ref().map_or(1.0, |mosaic| mosaic.channels()[mosaic.channel_at(row, col)].white())
+        };
         let frame = |readout: u64| {
             let at = |p: usize| {
-                light.level_at(p / geometry.width(), p % geometry.width(), readout).map(|l| l as f32)
+                let (row, col) = (p / geometry.width(), p % geometry.width());
+                light.level_at(row, col, readout).map(|l| (l * white(row, col)) as f32)
             };
             (0..geometry.pixels()).map(at).collect::<Option<Vec<f32>>>()
         };
@@ -239,7 +246,9 @@ impl Protocol {
                     .expected("light that can be simulated"));
             }
         };
-        let plan = Plan::with_max_light(camera, seeds, max_level.max(1.0))?;
+        let brightest = mosaic.iter().flat_map(|m| m.channels()).map(Channel::white).fold(1.0, f64::max);
+        let max_light = (max_level * brightest).max(1.0);
+        let plan = Plan::with_max_light(camera, seeds, max_light)?;
         let mut simulator = SimulatorOptions::new().threads(threads::thread_count()).build_from_plan(plan)?;
         let mut writer = StreamWriter::create(path, Layout::Dat, geometry, u64::from(self.readouts), force)?;
         let hold = match light {
@@ -271,13 +280,14 @@ impl Protocol {
             readout_hz: Some(camera.sensor.readout_hz),
             seeds: Some(Sidecar::seed_facts(seeds)),
             camera: Some(CameraFacts::new(camera)?),
+            mosaic: mosaic.as_ref().map(MosaicFacts::new),
             light: Some(LightFacts {
                 source: format!("{light:?}, in full scales"),
                 transfer: "linear".to_owned(),
                 interpolation: "hold".to_owned(),
                 exposure_electrons: camera.operating_point(0.0).electrons
                     * camera.sensor.thresholds_at_full_scale,
-                max_light: max_level.max(1.0),
+                max_light,
                 ..LightFacts::default()
             }),
             ..Sidecar::new(geometry, Layout::Dat, end, facts)

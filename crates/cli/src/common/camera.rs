@@ -35,6 +35,12 @@ pub(crate) struct CameraChanges {
     /// If the camera file states no exposure, full-scale light adds one nominal threshold per readout.
     #[arg(hide_short_help = true, long, value_name = "ELECTRONS", help_heading = "Camera")]
     pub exposure: Option<f64>,
+    /// Set the color filters, such as RGGB, BGGR or quad-RGGB, or none [default: from the camera]
+    ///
+    /// The letters are the filters of the first rows and columns, row by row. The table [sensor.mosaic] of a camera file
+    /// also sets the spectral response.
+    #[arg(hide_short_help = true, long, value_name = "PATTERN", help_heading = "Camera")]
+    pub mosaic: Option<String>,
     /// Set a parameter of an effect, such as prnu.sigma=0.03 (repeatable)
     ///
     /// Other parameters keep the value of the camera, or have their neutral value if --disable-effect disables the
@@ -63,7 +69,7 @@ impl CameraChanges {
     pub(crate) fn is_empty(&self) -> bool {
         let sized = self.camera_format.is_some() || self.width.is_some() || self.height.is_some();
         let timed = self.readout_hz.is_some() || self.exposure.is_some();
-        !sized && !timed && self.effect.is_empty() && self.disable_effect.is_empty()
+        !sized && !timed && self.mosaic.is_none() && self.effect.is_empty() && self.disable_effect.is_empty()
     }
 
     pub(crate) fn apply(&self, mut camera: Camera) -> Result<Camera> {
@@ -79,6 +85,9 @@ impl CameraChanges {
         sensor.geometry = Geometry::new(self.width.unwrap_or(width), self.height.unwrap_or(height))?;
         if let Some(rate) = self.readout_hz {
             sensor.readout_hz = rate.hz();
+        }
+        if let Some(text) = &self.mosaic {
+            camera.mosaic = super::mosaic::parse(text)?;
         }
         for name in &self.disable_effect {
             effects::find(name)?;

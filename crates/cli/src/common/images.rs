@@ -2,8 +2,9 @@
 
 use std::io::Cursor;
 
-use image::{GrayImage, ImageFormat, Luma, imageops};
-use spikelane::reconstruct::{tfi_with_open_pixels, tfp};
+use image::{DynamicImage, GrayImage, ImageBuffer, ImageFormat, PixelWithColorType, Rgb, RgbImage, imageops};
+use spikelane::reconstruct::{ColorMatrix, Demosaic, demosaic, tfi_with_open_pixels, tfp};
+use spikelane::sensor::Mosaic;
 use spikelane::spikes::{SpikeFramesRef, bit};
 use spikelane::unstable::light::srgb_byte;
 use spikelane::{Error, ErrorKind, Geometry, Result};
@@ -31,6 +32,23 @@ pub(crate) fn gray_image(values: &[f32], white: f32, geometry: Geometry) -> Gray
     image_from_levels(values.iter().map(|&v| level(v)), geometry)
 }
 
+/// Returns a PNG of linear values in sRGB: a gray image of one value per pixel, or a color image of red, green and blue of
+/// each pixel. Values of at least `white` are the largest code.
+pub(crate) fn picture_png(values: &[f32], white: f32, geometry: Geometry) -> Result<Vec<u8>> {
+    if values.len() == 3 * geometry.pixels() {
+        encode_png(&color_image(values, white, geometry))
+    } else {
+        encode_png(&gray_image(values, white, geometry))
+    }
+}
+
+/// Converts linear red, green and blue of each pixel to 8-bit sRGB. Values of at least `white` are the largest code.
+fn color_image(values: &[f32], white: f32, geometry: Geometry) -> RgbImage {
+    let mut image = RgbImage::new(geometry.width() as u32, geometry.height() as u32);
+    image.iter_mut().zip(values).for_each(|(code, v)| *code = srgb_byte(v / white));
+    image
+}
+
 fn image_from_levels(levels: impl Iterator<Item = u8>, geometry: Geometry) -> GrayImage {
     let mut image = GrayImage::new(geometry.width() as u32, geometry.height() as u32);
     image.iter_mut().zip(levels).for_each(|(pixel, level)| *pixel = level);
@@ -45,7 +63,10 @@ pub(crate) fn white_rate(values: &[f32]) -> f32 {
     if value > 0.0 { value } else { 1.0 }
 }
 
-pub(crate) fn encode_png(image: &GrayImage) -> Result<Vec<u8>> {
+pub(crate) fn encode_png<P>(image: &ImageBuffer<P, Vec<u8>>) -> Result<Vec<u8>>
+where
+    P: PixelWithColorType<Subpixel = u8>,
+{
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, ImageFormat::Png).map_err(|e| Error::new(ErrorKind::Io, "PNG").found(e))?;
     Ok(bytes.into_inner())
@@ -87,33 +108,52 @@ pub(crate) fn contact_sheet(
     noisy: &StreamReader,
     clean: Option<&StreamReader>,
     full: f32,
+    mosaic: Option<&Mosaic>,
 ) -> Result<Vec<u8>> {
     let geometry = noisy.geometry();
     let at = (glance.readout as usize).min(noisy.readouts() - 1);
-    let light = glance.frame.to_f32();
+    let light = glance.frame.image_values();
+    // A picture of rates in color, if the camera has a color matrix.
+    let matrix = mosaic.and_then(|mosaic| Some((mosaic, ColorMatrix::from_response(mosaic).ok()?)));
+    let colored = |rates: Vec<f32>| match &matrix {
+        Some((mosaic, matrix)) => demosaic(&rates, geometry, mosaic, Demosaic::Bilinear)
+            .map_or(rates, |colors| matrix.apply(&colors)),
+        None => rates,
+    };
+    let panel = |values: &[f32], white: f32| match values.len() == 3 * geometry.pixels() {
+        true => color_image(values, white, geometry),
+        false => DynamicImage::from(gray_image(values, white, geometry)).into_rgb8(),
+    };
     let brightest = white_rate(&light).min(1.0);
     let white = full * brightest;
     let mut panels = vec![
-        ("LIGHT", gray_image(&light, brightest, geometry)),
-        ("SPIKES", spikes_picture(noisy, at)?),
-        ("TFP NOISY", gray_image(&window_rates(noisy, at)?, white, geometry)),
+        ("LIGHT", panel(&light, brightest)),
+        ("SPIKES", DynamicImage::from(spikes_picture(noisy, at)?).into_rgb8()),
+        ("TFP NOISY", panel(&colored(window_rates(noisy, at)?), white)),
     ];
     if let Some(clean) = clean {
-        panels.push(("TFP CLEAN", gray_image(&window_rates(clean, at)?, white, geometry)));
+        panels.push(("TFP CLEAN", panel(&colored(window_rates(clean, at)?), white)));
     } else {
         let (bytes, center) = frames_around(noisy, at, SEARCH_READOUTS)?;
         let tfi = tfi_with_open_pixels(SpikeFramesRef::new(geometry, &bytes)?, center, SEARCH_READOUTS)?;
         if tfi.is_measurable() {
-            panels.push(("TFI NOISY", gray_image(&tfi.rates, white, geometry)));
+            panels.push(("TFI NOISY", panel(&colored(tfi.rates), white)));
         }
     }
-    encode_png(&arrange_panels(&panels, geometry))
+    let sheet = arrange_panels(&panels, geometry);
+    // The sheet of a gray camera is a gray image.
+    if matrix.is_some() {
+        return encode_png(&sheet);
+    }
+    let levels = sheet.pixels().map(|p| p.0[0]).collect();
+    let gray = GrayImage::from_raw(sheet.width(), sheet.height(), levels);
+    encode_png(&gray.expect("one level per pixel"))
 }
 
-fn arrange_panels(panels: &[(&str, GrayImage)], geometry: Geometry) -> GrayImage {
+fn arrange_panels(panels: &[(&str, RgbImage)], geometry: Geometry) -> RgbImage {
     let (w, h) =
         (geometry.width() as u32 + PANEL_GAP_PX, geometry.height() as u32 + LABEL_STRIP_PX + PANEL_GAP_PX);
-    let mut sheet = GrayImage::from_pixel(2 * w + PANEL_GAP_PX, 2 * h, Luma([BACKGROUND_LEVEL]));
+    let mut sheet = RgbImage::from_pixel(2 * w + PANEL_GAP_PX, 2 * h, Rgb([BACKGROUND_LEVEL; 3]));
     for (i, (name, panel)) in (0..).zip(panels) {
         let (x, y) = (PANEL_GAP_PX + i % 2 * w, i / 2 * h + LABEL_STRIP_PX);
         imageops::replace(&mut sheet, panel, x.into(), y.into());
@@ -143,14 +183,14 @@ const FONT: [(char, [u8; 5]); 16] = [
     (' ', [0; 5]),
 ];
 
-fn draw_text(image: &mut GrayImage, text: &str, x: u32, y: u32) {
+fn draw_text(image: &mut RgbImage, text: &str, x: u32, y: u32) {
     for (i, letter) in (0..).zip(text.chars()) {
         let Some((_, columns)) = FONT.iter().find(|(c, _)| *c == letter) else { continue };
         for (col, bits) in (0..).zip(columns) {
             for row in (0..7).filter(|row| bits >> row & 1 != 0) {
                 let (x, y) = (x + 6 * i + col, y + row);
                 if x < image.width() && y < image.height() {
-                    image.put_pixel(x, y, Luma([TEXT_LEVEL]));
+                    image.put_pixel(x, y, Rgb([TEXT_LEVEL; 3]));
                 }
             }
         }

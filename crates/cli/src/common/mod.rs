@@ -7,6 +7,7 @@ pub(super) mod images;
 pub(super) mod lighting;
 pub(super) mod limits;
 pub(super) mod marked_page;
+pub(super) mod mosaic;
 pub(super) mod movie;
 pub(super) mod output_claims;
 pub(super) mod output_stem;

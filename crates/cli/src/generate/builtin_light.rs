@@ -118,6 +118,7 @@ impl LightArgs {
             }
         };
         let warnings = motion_warning(drive.plan(), rate, readout).into_iter().collect();
+        let drive = drive.with_mosaic(camera.window_mosaic());
         let frame_rate = drive.rate();
         Ok(RunLight { source: Box::new(drive), timeline, readouts: Some(readouts), frame_rate, warnings })
     }

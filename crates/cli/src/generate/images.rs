@@ -45,7 +45,7 @@ impl ImageFolder {
     /// Writes the light of readout `readout` as an image.
     pub(crate) fn write(&mut self, readout: u64, light: &Frame) -> Result<()> {
         let file = format!("{readout:06}.{}", self.format.extension());
-        let bytes = self.format.encode(&light.to_f32(), light.geometry())?;
+        let bytes = self.format.encode(&light.image_values(), light.geometry())?;
         storage::write_small(&self.hidden_path.join(&file), &bytes, false)?;
         self.facts.files.push(ImageFile { file, readout, digest: storage::Digest::hash_bytes(&bytes) });
         Ok(())

@@ -6,8 +6,8 @@ use clap::ValueEnum;
 use spikelane::{Camera, Error, ErrorKind, Result};
 use spikelane_io::light::open;
 use spikelane_io::light::{
-    DEFAULT_READOUTS_PER_FRAME, FrameTiming, InputOptions, Interpolation, Rate, ResizeMode, Source, Timeline,
-    Transfer,
+    DEFAULT_READOUTS_PER_FRAME, FrameTiming, InputOptions, Interpolation, MosaicSource, Rate, ResizeMode,
+    Source, Timeline, Transfer,
 };
 use spikelane_io::simulate::LightFacts;
 
@@ -165,8 +165,8 @@ impl LightArgs {
         let readout = exact_rate(camera.sensor.readout_hz)?;
         if self.input.is_none() {
             return match self.builtin_light {
-                Some(BuiltinLight::Chart) => self.chart_light(camera, readout),
-                Some(BuiltinLight::Objects) => self.objects_light(camera, readout),
+                Some(BuiltinLight::Chart) => self.chart_light(camera, readout)?.with_mosaic(camera),
+                Some(BuiltinLight::Objects) => self.objects_light(camera, readout)?.with_mosaic(camera),
                 Some(BuiltinLight::Drive) | None => self.drive_light(camera, readout),
             };
         }
@@ -227,6 +227,14 @@ impl LightArgs {
 }
 
 impl RunLight {
+    /// Passes the drawn light through the color filters of `camera`.
+    fn with_mosaic(self, camera: &Camera) -> Result<Self> {
+        let Some(mosaic) = camera.window_mosaic() else { return Ok(self) };
+        let source = MosaicSource::new(self.source, mosaic)?;
+        let warnings = self.warnings.into_iter().chain(source.notes()).collect();
+        Ok(Self { source: Box::new(source), warnings, ..self })
+    }
+
     /// Returns the facts about the light for the sidecar. The simulation adds the facts that are known only at its end.
     pub(crate) fn facts(&self, args: &LightArgs, camera: &Camera) -> LightFacts {
         let of_source = LightFacts::from_source(&*self.source);

@@ -10,8 +10,8 @@ use spikelane::{Backend, Camera, Error, ErrorKind, Plan, Result, Seeds};
 use spikelane_io::formats::{Layout, OpenOptions, StreamSummary};
 use spikelane_io::light::Frame;
 use spikelane_io::simulate::{
-    CameraFacts, LightFacts, LightTap, ReadAhead, RunObserver, RunOptions, RunSummary, Sidecar, StreamFacts,
-    run as run_source, save_camera,
+    CameraFacts, LightFacts, LightTap, MosaicFacts, ReadAhead, RunObserver, RunOptions, RunSummary, Sidecar,
+    StreamFacts, run as run_source, save_camera,
 };
 use spikelane_io::storage;
 use spikelane_measure::report::insert_present;
@@ -198,6 +198,7 @@ fn run_simulation(
             ..facts
         }),
         camera: Some(CameraFacts::new(&job.camera)?),
+        mosaic: job.camera.window_mosaic().as_ref().map(MosaicFacts::new),
         command: command_line(),
         ..Sidecar::new(geometry, layout, outcome.readouts, facts_of(&outcome.noisy))
     };
@@ -230,6 +231,7 @@ fn write_picture(
     let clean = outcome.clean.as_ref().map(|c| written.open_written(&c.path)).transpose()?;
     // The rate is limited to 1, because a pixel fires at most once per readout.
     let full = job.camera.sensor.thresholds_at_full_scale.clamp(1e-6, 1.0) as f32;
-    let sheet = contact_sheet(&outcome.light_sample, &noisy, clean.as_ref(), full)?;
+    let mosaic = job.camera.window_mosaic();
+    let sheet = contact_sheet(&outcome.light_sample, &noisy, clean.as_ref(), full, mosaic.as_ref())?;
     storage::write_small(&names.picture, &sheet, args.force)
 }

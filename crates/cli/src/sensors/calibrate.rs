@@ -6,17 +6,18 @@ use clap::Args as ClapArgs;
 
 use serde_json::json;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::Count;
 use spikelane_calibrate::{
     CalibrateOptions, Calibration, CalibrationFiles, RecordingSet, SneeOptions, calibrate, estimate_snee,
     import_maps, measure_levels,
 };
-use spikelane_measure::Estimate;
+use spikelane_measure::{Accumulator, Estimate, MeasureOptions, detect_mosaic};
 
 use crate::common::console::Console;
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
-use crate::common::stream::print_set_warnings;
+use crate::common::stream::{print_set_warnings, sidecar_beside};
 use crate::sensors::static_recording::template_remedy;
 
 /// Fit a camera to recordings of known light
@@ -85,6 +86,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         RecordingSet::open(&args.recordings)?
     };
     print_set_warnings(&set, out)?;
+    print_mosaic_notes(&set, out)?;
     let paper = SneeOptions { has_known_levels: !args.unknown_levels, ..SneeOptions::default() };
     if args.snee {
         paper.check()?;
@@ -108,6 +110,45 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     result["files"] =
         json!([&files.camera, &files.calibration_json, &files.report].map(|f| f.display().to_string()));
     out.print_result(&result, &result_text(&calibration, &files))
+}
+
+/// Number of readouts in which a mosaic is detected.
+const MOSAIC_READOUTS: usize = 2000;
+
+/// Prints a note if the camera of the recordings has color filters, because the fitted camera is gray.
+///
+/// The pattern comes from the sidecar of a recording, or is detected in the recording with the most spikes.
+fn print_mosaic_notes(set: &RecordingSet, out: &Console) -> Result<()> {
+    let mut brightest: Option<(u64, Vec<u32>, usize)> = None;
+    let mut pattern = None;
+    for recording in &set.recordings {
+        if let Some(facts) = sidecar_beside(&set.folder.join(&recording.file)).and_then(|(_, s)| s.mosaic) {
+            pattern = Some(facts.pattern);
+            break;
+        }
+        let reader = set.reader(recording)?;
+        let geometry = reader.geometry();
+        let options = MeasureOptions { frames: false, ..MeasureOptions::without_intervals() };
+        let mut counts = Accumulator::new(geometry, &options)?;
+        let mut frames = reader.frames(0..reader.readouts().min(MOSAIC_READOUTS))?;
+        while let Some(frame) = frames.next_frame() {
+            counts.push(SpikeFramesRef::new(geometry, frame?)?)?;
+        }
+        let counts = counts.finish().counts.map(|c| c.count).unwrap_or_default();
+        let spikes: u64 = counts.iter().map(|n| u64::from(*n)).sum();
+        if brightest.as_ref().is_none_or(|(most, ..)| spikes > *most) {
+            brightest = Some((spikes, counts, geometry.width()));
+        }
+    }
+    let detected =
+        brightest.filter(|_| pattern.is_none()).and_then(|(_, counts, width)| detect_mosaic(&counts, width));
+    let pattern = pattern.or_else(|| detected.map(|[first, second]| format!("{first} or {second}")));
+    if let Some(pattern) = pattern {
+        out.print_message(format_args!(
+            "note: the recordings have the mosaic {pattern}; the fitted gains contain the response of each filter to the lamp, so the spread of the gains is not the spread of equal pixels; 'spikelane measure --mosaic' reports each channel"
+        ));
+    }
+    Ok(())
 }
 
 /// Returns an error if `path` is a stream instead of a recording set, because the light of a stream is unknown. The

@@ -6,14 +6,16 @@ use clap::Args as ClapArgs;
 use serde_json::json;
 
 use spikelane::error::Result;
+use spikelane::unstable::Count;
 use spikelane_io::storage::write_small;
 use spikelane_measure::report::{Curve, PageElement, Table, bar_plot, heat_map, page};
 use spikelane_measure::{
-    ERROR_MEANING, FrameTotalLine, MeasuredRecording, ReportedStatistic, SceneMotion, SpectralLine, Summary,
-    high_pass,
+    CellSummary, ERROR_MEANING, FrameTotalLine, MeasuredRecording, ReportedStatistic, SceneMotion,
+    SpectralLine, Summary, detect_mosaic, high_pass,
 };
 
 use crate::common::console::{Console, recorded_path};
+use crate::common::mosaic::StreamMosaicArgs;
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
 use crate::common::stream::{StreamArgs, sidecar_beside};
@@ -29,6 +31,8 @@ pub(crate) struct Args {
     file: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
+    #[command(flatten)]
+    mosaic: StreamMosaicArgs,
     /// Also write an HTML report with plots and maps
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -50,9 +54,23 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         MeasuredRecording::from_stream(&reader, &mut |done| progress.update(&name, done as f64 / all))?;
     drop(progress);
     let statistics = &recording.statistics;
-    let measurement = recording.report()?;
+    let declared = args.mosaic.of_stream(&args.file)?;
+    let detected = match (&declared, &statistics.counts) {
+        (None, Some(counts)) if args.mosaic.mosaic.is_none() => {
+            detect_mosaic(&counts.count, reader.geometry().width())
+        }
+        _ => None,
+    };
+    if let Some([first, second]) = &detected {
+        out.print_message(format_args!(
+            "note: {name}: rows and columns alternate as in a color camera with the pattern {first} or {second}; pixels are compared with pixels of the same filter; to name the pattern, set --mosaic"
+        ));
+    }
+    let mosaic = declared.or_else(|| detected.map(|[first, _]| first));
+    let measurement = recording.report_with_mosaic(mosaic.as_ref())?;
     let hz = sidecar_beside(&args.file).and_then(|(_, sidecar)| sidecar.readout_hz);
     let mut rows = statistic_rows(&measurement.summary, &measurement.statistics);
+    rows.extend(measurement.cells.iter().map(cell_row));
     rows.push(["scene".to_owned(), motion_text(measurement.scene_motion), String::new(), String::new()]);
     rows.extend(measurement.frame_total_lines.iter().map(|l| spectral_line_row(l, hz)));
     let line = |r: &[String; 4]| format!("{:<52} {:<12} {:<12} {}", r[0], r[1], r[2], r[3]);
@@ -100,6 +118,24 @@ fn spectral_line_row(line: &FrameTotalLine, readout_hz: Option<f64>) -> [String;
     let value =
         format!("{frequency:.5} cycles per readout{hz}, {prominence:.0} times the neighboring frequencies");
     [what, value, String::new(), String::new()]
+}
+
+/// Returns the mean rate and the number of defects of one cell of a mosaic as table cells.
+fn cell_row(cell: &CellSummary) -> [String; 4] {
+    let CellSummary { channel, row, col, summary, .. } = cell;
+    let spread = summary.local_nonuniformity.value;
+    let spread = if spread.is_finite() { format!(", local pattern {spread:.6}") } else { String::new() };
+    let value = format!(
+        "mean rate {:.6}{spread}, {}",
+        summary.mean_rate.value,
+        Count(summary.defects.count(), "defect pixel"),
+    );
+    [
+        format!("channel {channel} (row {row}, column {col} of the mosaic)"),
+        value,
+        String::new(),
+        String::new(),
+    ]
 }
 
 fn motion_text(motion: SceneMotion) -> String {

@@ -11,11 +11,12 @@ use spikelane_io::formats::{
     EVENTS_LAYOUT, Layout, OpenOptions, StreamSummary, StreamWriter, convert, convert_to, sidecar_path,
     write_events,
 };
-use spikelane_io::simulate::{Sidecar, StreamFacts};
+use spikelane_io::simulate::{MosaicFacts, Sidecar, StreamFacts};
 use spikelane_io::storage::OutputSet;
 use spikelane_measure::report::insert_present;
 
 use crate::common::console::{Console, command_line};
+use crate::common::mosaic::StreamMosaicArgs;
 use crate::common::output_claims;
 use crate::common::progress::{CountProgress, stop_flag};
 use crate::common::readout_range::{CropArg, ReadoutRange};
@@ -35,6 +36,8 @@ pub(crate) struct Args {
     output: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
+    #[command(flatten)]
+    mosaic: StreamMosaicArgs,
     /// Set the output layout [default: by extension]
     ///
     /// LAYOUT is a layout, or events for an .npy array with a row (x, y, readout) for each spike. The default is
@@ -108,6 +111,11 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 /// Writes the stream to standard output.
 fn write_to_stdout(args: &Args, out: &Console) -> Result<()> {
     refuse_json(out.json())?;
+    if args.mosaic.mosaic.is_some() {
+        return Err(Error::new(ErrorKind::Usage, "--mosaic")
+            .found("standard output")
+            .expected("a file, whose sidecar contains the pattern"));
+    }
     let layout = match args.to.as_deref() {
         Some(EVENTS_LAYOUT) => {
             return Err(Error::new(ErrorKind::Usage, "--to events")
@@ -142,6 +150,9 @@ fn write_files(args: &Args, out: &Console) -> Result<()> {
     let range = args.readouts.resolve(reader.readouts());
     reader.frames(range.clone())?;
     let crop = args.crop.map(|r| r.0);
+    // The first pixel of a crop can have another filter than the first pixel of the sensor.
+    let mosaic = args.mosaic.of_stream(&args.input)?;
+    let mosaic = mosaic.map(|m| crop.map_or_else(|| m.clone(), |crop| m.crop(crop)));
     let geometry = crop.map_or(Ok(reader.geometry()), |c| c.geometry(reader.geometry()))?;
     let mut progress = CountProgress::new(out, stop_flag()?);
     let total = Some(range.len() as u64);
@@ -169,6 +180,7 @@ fn write_files(args: &Args, out: &Console) -> Result<()> {
     let crop_facts = crop.map(|c| json!([c.col, c.row, c.width, c.height]));
     let facts = Sidecar {
         readout_hz: original.as_ref().and_then(|s| s.readout_hz),
+        mosaic: mosaic.as_ref().map(MosaicFacts::new),
         converted_from: Some(insert_present(from, [("crop", crop_facts), ("sidecar", origin)])),
         layout: form.name().to_owned(),
         command: command_line(),

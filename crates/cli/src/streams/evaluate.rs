@@ -7,6 +7,7 @@ use crate::common::console::Console;
 use spikelane::unstable::inputs;
 
 mod args;
+mod color;
 mod dataset;
 mod picture;
 mod reference;
@@ -34,6 +35,10 @@ fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {
     }
     let reader = args.stream.open(&args.file, out)?;
     let geometry = reader.geometry();
+    if let Some(mosaic) = args.mosaic.of_stream(&args.file)? {
+        inputs::check_memory(format_args!("images of {geometry} pixels"), 200 * geometry.pixels())?;
+        return color::run(args, &reader, &mosaic, out);
+    }
     let bytes_per_pixel = match (&args.reference, args.static_scene) {
         // Memory for the pictures of each method.
         (None, false) => 32,

@@ -5,16 +5,18 @@ use std::path::PathBuf;
 use indicatif::DecimalBytes;
 use serde_json::json;
 use spikelane::reconstruct::tfp;
+use spikelane::sensor::{Channel, Mosaic};
 use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::Count;
-use spikelane::{Error, ErrorKind, Result};
+use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::{LayoutGuess, LayoutGuesses, StreamReader};
 use spikelane_io::storage;
 use spikelane_measure::report::insert_present;
-use spikelane_measure::{Accumulator, MeasureOptions, summarize};
+use spikelane_measure::{Accumulator, MeasureOptions, detect_mosaic, summarize, summarize_mosaic};
 
 use crate::common::console::Console;
 use crate::common::images::{encode_png, frames_around, gray_image, white_rate};
+use crate::common::mosaic::StreamMosaicArgs;
 use crate::common::output_claims;
 use crate::common::readout_range::ReadoutRange;
 use crate::common::standard_streams::is_dash;
@@ -34,6 +36,8 @@ pub(crate) struct Args {
     file: PathBuf,
     #[command(flatten)]
     stream: StreamArgs,
+    #[command(flatten)]
+    mosaic: StreamMosaicArgs,
     /// Read these readouts, such as 0..1000 [default: all]
     ///
     /// The first readout has the number 0. Readout B is not included.
@@ -73,7 +77,12 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let OpenedStream { reader, guesses: readings, bytes } = args.stream.open_with_guesses(&args.file, out)?;
     let sidecar = sidecar_beside(&args.file);
     let range = args.readouts.resolve(reader.readouts());
-    let measured = count_stream(&reader, range.clone())?;
+    let measured = count_stream(
+        &reader,
+        range.clone(),
+        args.mosaic.of_stream(&args.file)?,
+        args.mosaic.mosaic.is_some(),
+    )?;
     let digest = args.digest.then(|| storage::Digest::hash_file(&args.file)).transpose()?;
     let known = sidecar.as_ref().map(|(_, s)| &s.stream_facts(&file_name(&args.file)).digest);
     let matches = digest.as_ref().and_then(|d| known.map(|k| k == d));
@@ -98,6 +107,13 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         "layout_guesses": listed_guesses(&readings).map(guess_json).collect::<Vec<_>>(),
     });
     let optional_fields = [
+        ("mosaic", measured.mosaic.as_ref().map(|mosaic| mosaic.to_string().into())),
+        ("detected_mosaics", measured.detected.as_ref().map(|all| json!(all))),
+        (
+            "channels",
+            (!measured.channels.is_empty())
+                .then(|| measured.channels.iter().map(ChannelRates::json).collect()),
+        ),
         ("digest", digest.as_ref().map(|d| json!(d))),
         ("digest_matches", matches.map(Into::into)),
         ("sidecar", sidecar.as_ref().map(|(path, _)| path.display().to_string().into())),
@@ -123,6 +139,17 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         measured.hot_pixels,
         measured.weak_pixels,
     );
+    if let Some([first, second]) = &measured.detected {
+        text += &format!(
+            "mosaic     rows and columns alternate as in a color camera with the pattern {first} or {second}; pixels are compared with pixels of the same filter; to name the pattern, set --mosaic\n",
+        );
+    }
+    if let Some(mosaic) = &measured.mosaic {
+        text += &format!("mosaic     {mosaic}; pixels are compared with pixels of the same filter\n");
+        for channel in &measured.channels {
+            text += &channel.text();
+        }
+    }
     text += &format!("size       {}, {}\n", reader.geometry(), reader.origin());
     for (i, (reading, given)) in listed_guesses(&readings).enumerate() {
         let head = if i == 0 { "layouts" } else { "" };
@@ -159,7 +186,59 @@ fn guess_line(reading: &LayoutGuess) -> String {
     format!("{geometry:<10} {layout:<12} {:>7} readouts, correlation of rows {rows}{bytes}", reading.readouts)
 }
 
+/// The rates of one channel of a color camera.
+struct ChannelRates {
+    name: char,
+    pixels: usize,
+    mean_rate: f64,
+    min_rate: f64,
+    max_rate: f64,
+}
+
+impl ChannelRates {
+    /// Returns the rates of each channel of `mosaic`. Channels without pixels are omitted.
+    fn all(counts: &[u32], geometry: Geometry, mosaic: &Mosaic, readouts: usize) -> Vec<Self> {
+        let map = mosaic.channel_map(geometry);
+        let channel = |(i, channel): (usize, &Channel)| {
+            let own: Vec<u32> = counts.iter().zip(&map).filter(|(_, c)| **c == i).map(|(n, _)| *n).collect();
+            let rate = |n: f64| n / readouts as f64;
+            let total: u64 = own.iter().map(|n| u64::from(*n)).sum();
+            Some(Self {
+                name: channel.name,
+                pixels: own.len(),
+                mean_rate: rate(total as f64 / own.len() as f64),
+                min_rate: rate(f64::from(*own.iter().min()?)),
+                max_rate: rate(f64::from(*own.iter().max()?)),
+            })
+        };
+        mosaic.channels().iter().enumerate().filter_map(channel).collect()
+    }
+
+    fn json(&self) -> serde_json::Value {
+        json!({
+            "name": self.name, "pixels": self.pixels, "mean_rate": self.mean_rate,
+            "min_pixel_rate": self.min_rate, "max_pixel_rate": self.max_rate,
+        })
+    }
+
+    fn text(&self) -> String {
+        format!(
+            "channel {}  mean rate {:.5} spikes per readout; {} from {:.5} to {:.5}\n",
+            self.name,
+            self.mean_rate,
+            Count(self.pixels, "pixel"),
+            self.min_rate,
+            self.max_rate,
+        )
+    }
+}
+
 struct StreamCounts {
+    /// The mosaic that determines which pixels are compared.
+    mosaic: Option<Mosaic>,
+    /// The two possible patterns, if the mosaic was detected.
+    detected: Option<[String; 2]>,
+    channels: Vec<ChannelRates>,
     mean_rate: f64,
     min_rate: f64,
     max_rate: f64,
@@ -170,7 +249,15 @@ struct StreamCounts {
     weak_pixels: usize,
 }
 
-fn count_stream(reader: &StreamReader, range: std::ops::Range<usize>) -> Result<StreamCounts> {
+/// Counts the spikes and the defects of a range of readouts.
+///
+/// If `declared` is `None`, a pattern of 2x2 filters is detected, unless the user set `--mosaic` (`is_set`).
+fn count_stream(
+    reader: &StreamReader,
+    range: std::ops::Range<usize>,
+    declared: Option<Mosaic>,
+    is_set: bool,
+) -> Result<StreamCounts> {
     let geometry = reader.geometry();
     // Memory for the counts, and for the maps in which defects are searched.
     inputs::check_memory(format_args!("counts of {geometry} pixels"), 100 * geometry.pixels())?;
@@ -187,11 +274,25 @@ fn count_stream(reader: &StreamReader, range: std::ops::Range<usize>) -> Result<
         sums.push(SpikeFramesRef::new(geometry, packed)?)?;
     }
     let statistics = sums.finish();
-    let defects = summarize(&statistics)?.defects;
+    let known = statistics.counts.as_ref().map(|c| &*c.count).unwrap_or_default();
+    let found = if declared.is_none() && !is_set { detect_mosaic(known, geometry.width()) } else { None };
+    let detected = found.as_ref().map(|[a, b]| [a, b].map(ToString::to_string));
+    let mosaic = declared.or_else(|| found.map(|[first, _]| first));
+    let channels = match (&mosaic, &detected) {
+        (Some(mosaic), None) => ChannelRates::all(known, geometry, mosaic, range.len()),
+        _ => Vec::new(),
+    };
+    let defects = match &mosaic {
+        Some(mosaic) => summarize_mosaic(&statistics, mosaic)?.defects,
+        None => summarize(&statistics)?.defects,
+    };
     let counts = statistics.counts.map(|c| c.count).unwrap_or_default();
     let rate = |n: u32| f64::from(n) / range.len() as f64;
     let total: u64 = counts.iter().map(|&n| u64::from(n)).sum();
     Ok(StreamCounts {
+        mosaic: mosaic.filter(|_| detected.is_none()),
+        detected,
+        channels,
         mean_rate: total as f64 / range.len() as f64 / geometry.pixels() as f64,
         min_rate: rate(counts.iter().copied().min().unwrap_or(0)),
         max_rate: rate(counts.iter().copied().max().unwrap_or(0)),

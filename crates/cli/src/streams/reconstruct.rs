@@ -4,14 +4,18 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use serde_json::json;
-use spikelane::reconstruct::{isi_map, span_rates, tfi_with_open_pixels, tfp};
+use spikelane::reconstruct::{
+    ColorMatrix, Demosaic, demosaic, isi_map, span_rates, tfi_with_open_pixels, tfp,
+};
+use spikelane::sensor::{Channel, Mosaic};
 use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::Count;
-use spikelane::{Error, ErrorKind, Result};
+use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::StreamReader;
 
 use crate::common::console::Console;
 use crate::common::images::{frames_around, sample_readouts, white_rate};
+use crate::common::mosaic::StreamMosaicArgs;
 use crate::common::movie::{MOVIE_EXTENSIONS, MovieFormat, MovieWriter};
 use crate::common::output_claims;
 use crate::common::progress::{CountProgress, stop_flag};
@@ -65,6 +69,20 @@ pub(crate) struct Args {
     /// window, and an .npy file has one image.
     #[arg(long, value_name = "READOUTS", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
+    #[command(flatten)]
+    mosaic: StreamMosaicArgs,
+    /// Set the demosaicing: bilinear, malvar, menon or none [default: bilinear for a color camera]
+    ///
+    /// malvar (Malvar, He and Cutler 2004) and menon (Menon et al. 2007) require a Bayer pattern. none writes the rates of
+    /// the mosaic.
+    #[arg(hide_short_help = true, long, value_name = "METHOD")]
+    demosaic: Option<String>,
+    /// Set the color conversion: matrix, white, gray-world or none [default: matrix]
+    ///
+    /// matrix inverts the spectral response of the sidecar. white divides each channel by its response to white.
+    /// gray-world divides each channel by its mean in the first image. none keeps the rates of the channels.
+    #[arg(hide_short_help = true, long, value_name = "CONVERSION")]
+    color: Option<ColorConversion>,
     /// Set the spikes per readout of white [default: auto]
     ///
     /// Pixels with at least this rate, or for isi this interval in readouts, are white. By default, one pixel in 500 of
@@ -79,6 +97,28 @@ pub(crate) struct Args {
     /// Overwrite existing files
     #[arg(long)]
     force: bool,
+}
+
+/// Conversion of the channels of a mosaic to red, green and blue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ColorConversion {
+    Matrix,
+    White,
+    GrayWorld,
+    None,
+}
+
+/// The conversion of the rates of a mosaic to a color picture.
+struct ColorPicture {
+    mosaic: Mosaic,
+    method: Demosaic,
+    matrix: ColorMatrix,
+}
+
+impl ColorPicture {
+    fn apply(&self, rates: &[f32], geometry: Geometry) -> Result<Vec<f32>> {
+        Ok(self.matrix.apply(&demosaic(rates, geometry, &self.mosaic, self.method)?))
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -131,6 +171,54 @@ impl Args {
         }
     }
 
+    /// Returns the conversion to color, or `None` for gray pictures. `first` contains the rates of the first picture.
+    fn color_picture(
+        &self,
+        target: &OutputKind,
+        first: &[f32],
+        geometry: Geometry,
+    ) -> Result<Option<ColorPicture>> {
+        let mosaic = self.mosaic.of_stream(&self.file)?;
+        let unused = |flag: &str, found: &str| {
+            Error::new(ErrorKind::Usage, flag).found(found).expected("rates of a color camera").remedy(
+                "set --mosaic to the pattern of the camera and --method to tfp, span or tfi, or omit the flag",
+            )
+        };
+        let is_none = self.demosaic.as_deref() == Some("none");
+        let reason = match &mosaic {
+            None => Some("a stream without a mosaic"),
+            Some(_) if self.method == Method::Isi => Some("intervals, which are not light"),
+            Some(_) if is_none => Some("--demosaic none"),
+            Some(_) => None,
+        };
+        if let Some(reason) = reason {
+            if self.demosaic.is_some() && !is_none {
+                return Err(unused("--demosaic", reason));
+            }
+            return if self.color.is_some() { Err(unused("--color", reason)) } else { Ok(None) };
+        }
+        let Some(mosaic) = mosaic else { return Ok(None) };
+        if matches!(target, OutputKind::Movie(_)) {
+            return Err(Error::new(ErrorKind::Usage, self.output.display())
+                .found(format_args!("an animated image or a video of the mosaic {mosaic}"))
+                .expected("a .png, an .npy or a folder for color pictures")
+                .remedy("write a folder of PNGs, or set --demosaic none for gray pictures"));
+        }
+        let method = self.demosaic.as_deref().map_or(Ok(Demosaic::Bilinear), str::parse)?;
+        let matrix = match self.color.unwrap_or(ColorConversion::Matrix) {
+            ColorConversion::Matrix => ColorMatrix::from_response(&mosaic)?,
+            ColorConversion::White => ColorMatrix::from_white(
+                &mosaic,
+                &mosaic.channels().iter().map(Channel::white).collect::<Vec<_>>(),
+            )?,
+            ColorConversion::None => ColorMatrix::from_white(&mosaic, &vec![1.0; mosaic.channels().len()])?,
+            ColorConversion::GrayWorld => {
+                ColorMatrix::from_white(&mosaic, &channel_means(first, geometry, &mosaic)?)?
+            }
+        };
+        Ok(Some(ColorPicture { mosaic, method, matrix }))
+    }
+
     /// Returns the readouts of the pictures whose windows exceed the stream.
     fn cut_windows(&self, pictures: &[usize], readouts: usize) -> Vec<usize> {
         let half = self.half_window();
@@ -165,6 +253,25 @@ impl Args {
         }
         sample_readouts(readouts, self.every.map_or(2 * self.half_window() + 1, |n| n as usize))
     }
+}
+
+/// Returns the mean rate of each channel, divided by the mean of green or, without green, of all pixels.
+fn channel_means(rates: &[f32], geometry: Geometry, mosaic: &Mosaic) -> Result<Vec<f64>> {
+    let channels = mosaic.channels();
+    let mut sums = vec![(0.0, 0.0); channels.len()];
+    for (rate, channel) in rates.iter().zip(mosaic.channel_map(geometry)) {
+        sums[channel].0 += f64::from(*rate);
+        sums[channel].1 += 1.0;
+    }
+    let means: Vec<f64> = sums.iter().map(|(sum, pixels)| sum / f64::max(*pixels, 1.0)).collect();
+    let green = channels.iter().position(|c| c.name == 'G').map_or(means.iter().sum::<f64>(), |g| means[g]);
+    if green <= 0.0 || means.iter().any(|mean| *mean <= 0.0) {
+        return Err(Error::new(ErrorKind::Input, "--color gray-world")
+            .found("a channel without spikes")
+            .expected("spikes in every channel")
+            .remedy("set --color to white or none"));
+    }
+    Ok(means.iter().map(|mean| mean / green).collect())
 }
 
 /// Kind of output. The output name determines it.
@@ -203,7 +310,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let reader = args.stream.open(&args.file, out)?;
     let geometry = reader.geometry();
     // Memory for a picture, a sorted copy of it, its gray levels, and their encoding.
-    inputs::check_memory(format_args!("image of {geometry} pixels"), 28 * geometry.pixels())?;
+    // A color picture has up to 26 channels before the conversion to three colors.
+    inputs::check_memory(format_args!("image of {geometry} pixels"), 100 * geometry.pixels())?;
     if args.white.is_some_and(|w| !(w.is_finite() && w > 0.0)) {
         return Err(Error::new(ErrorKind::Usage, "--white").expected("a positive number"));
     }
@@ -226,7 +334,16 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         }
         _ => Some(output_claims::claim([&args.output], args.force)?),
     };
-    let first = args.reconstruct_at(&reader, moments[0])?;
+    let mut first = args.reconstruct_at(&reader, moments[0])?;
+    let color = args.color_picture(&target, &first.0, geometry)?;
+    let in_color = |rates: Vec<f32>| match &color {
+        Some(color) => color.apply(&rates, geometry),
+        None => Ok(rates),
+    };
+    first.0 = in_color(first.0)?;
+    if let Some(color) = &color {
+        out.print_message(format_args!("color of the mosaic {}, demosaicing {}", color.mosaic, color.method));
+    }
     let white = args.white.unwrap_or_else(|| white_rate(&first.0));
     let shown = GrayScale { white, geometry: reader.geometry() };
     let mut sink: Box<dyn PictureSink> = match target {
@@ -241,6 +358,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             &args.output,
             args.force,
             reader.geometry(),
+            if color.is_some() { 3 } else { 1 },
             many.then_some(moments.len()),
         )?),
         OutputKind::Movie(format) => {
@@ -254,8 +372,12 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut done = 0;
     for batch in moments.chunks(BATCH_PICTURES * threads::thread_count()) {
         let encode = |&at: &usize| {
-            let (picture, is_complete) =
-                if at == moments[0] { first.clone() } else { args.reconstruct_at(&reader, at)? };
+            let (picture, is_complete) = if at == moments[0] {
+                first.clone()
+            } else {
+                let (rates, is_complete) = args.reconstruct_at(&reader, at)?;
+                (in_color(rates)?, is_complete)
+            };
             Ok((at, is_complete, sink.encode(&picture)?))
         };
         // Each picture has its own result. The pictures before an error are therefore always written, for any order of the

@@ -8,6 +8,7 @@ mod program_support;
 mod benchmark;
 #[cfg(unix)]
 mod check;
+mod color;
 mod dataset;
 mod defaults;
 mod errors;

@@ -6,6 +6,7 @@
 
 use std::str::FromStr;
 
+use super::images::linearization::with_colors;
 use crate::light::resize_mode::FullImage;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Rate;
@@ -145,7 +146,12 @@ impl CameraMotion {
                 OwnedSamples::F32(sample_frame(camera, geometry, at, |p| v[p], |x| x.max(0.0)))
             }
         };
-        Frame::new(camera, samples)
+        let colors = picture.rgb().map(|rgb| {
+            let planes =
+                [0, 1, 2].map(|c| sample_frame(camera, geometry, at, |p| rgb[3 * p + c], |x| x.max(0.0)));
+            (0..camera.pixels()).flat_map(|p| [planes[0][p], planes[1][p], planes[2][p]]).collect()
+        });
+        with_colors(Frame::new(camera, samples)?, colors)
     }
 }
 

@@ -1,5 +1,5 @@
-//! Light from files. Images, image folders, videos and arrays are converted to frames of linear gray light at the
-//! camera's size.
+//! Light from files. Images, image folders, videos and arrays are converted to frames of linear light at the camera's
+//! size: the luminance, or the light behind the filters of a color camera.
 //!
 //! The module re-exports [`spikelane::light`], so that one path covers all light sources.
 
@@ -7,6 +7,7 @@ mod arrays;
 pub mod camera_motion;
 pub mod full_scale;
 mod images;
+mod mosaic_source;
 mod open;
 mod resize_mode;
 mod scaled_source;
@@ -16,6 +17,7 @@ mod video;
 pub use arrays::{npy, npz};
 pub use camera_motion::CameraMotion;
 pub use images::{folder, image_file, natural_order, still_image};
+pub use mosaic_source::MosaicSource;
 pub use open::{InputOptions, MotionClip, open, open_reader};
 pub use resize_mode::ResizeMode;
 pub use spikelane::light::*;

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use super::mosaic_source::MosaicSource;
 use super::resize_mode::ResizeMode;
 use super::scaled_source::scale_source;
 use crate::Stdin;
@@ -25,7 +26,7 @@ use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::Rate;
 use spikelane::light::Source;
 use spikelane::light::Transfer;
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, Mosaic};
 use spikelane::spikes::Geometry;
 
 /// Extensions of files that ffmpeg decodes.
@@ -57,6 +58,8 @@ pub struct InputOptions {
     pub resize_mode: ResizeMode,
     /// How the camera's front end converts codes to light.
     pub front_end: FrontEnd,
+    /// The color filters of the camera's pixels. If `mosaic` is `None`, color becomes luminance.
+    pub mosaic: Option<Mosaic>,
     /// The declared transfer function. It overrides the transfer function of the front end and also applies to EXR.
     ///
     /// If `transfer` is `None`, the transfer function of the front end applies. If the front end has no transfer
@@ -79,6 +82,7 @@ spikelane::unstable::with_methods!(InputOptions {
     with_camera: camera: Geometry,
     with_resize_mode: resize_mode: ResizeMode,
     with_front_end: front_end: FrontEnd,
+    with_mosaic: mosaic: Option<Mosaic>,
     with_transfer: transfer: Option<Transfer>,
     with_motion_clip: motion_clip: Option<MotionClip>,
     with_scale: scale: Option<f64>,
@@ -94,6 +98,7 @@ impl InputOptions {
             camera,
             resize_mode: ResizeMode::Cover,
             front_end,
+            mosaic: None,
             transfer: None,
             motion_clip: None,
             scale: None,
@@ -101,14 +106,19 @@ impl InputOptions {
         }
     }
 
-    /// Creates default options with the geometry and the front end of `camera`.
+    /// Creates default options with the geometry, the front end and the mosaic of `camera`.
     #[must_use]
     pub fn from_camera(camera: &Camera) -> Self {
-        Self { front_end: camera.front_end, ..Self::new(camera.sensor.geometry) }
+        Self {
+            front_end: camera.front_end,
+            mosaic: camera.window_mosaic(),
+            ..Self::new(camera.sensor.geometry)
+        }
     }
 
     fn linearization(&self) -> Result<Linearization> {
-        Linearization::from_front_end(&self.front_end, self.transfer).with_full_scale(self.scale)
+        let linear = Linearization::from_front_end(&self.front_end, self.transfer);
+        linear.with_color(self.mosaic.is_some()).with_full_scale(self.scale)
     }
 }
 
@@ -150,7 +160,7 @@ pub fn open(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
         let stdin = stdin.map_err(|e| Error::io("standard input", e))?;
         return open_reader(Box::new(stdin), "standard input", options);
     }
-    open_path(path, options).map(scale_source)
+    finish_source(open_path(path, options)?, options)
 }
 
 fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
@@ -221,12 +231,12 @@ pub fn open_reader(
     let first = reader.fill_buf().map_err(|e| Error::io(name, e))?.first().copied();
     if first == npy::MAGIC.first().copied() {
         let array = ArraySource::from_reader(Box::new(reader), name, camera, resize_mode, options.transfer)?;
-        return Ok(scale_source(array_source(array, options)?));
+        return finish_source(array_source(array, options)?, options);
     }
     if first == y4m::MAGIC.first().copied() {
         let video =
             Y4mSource::from_reader(Box::new(reader), name, camera, resize_mode, options.linearization()?)?;
-        return Ok(scale_source(Box::new(video)));
+        return finish_source(Box::new(video), options);
     }
     Err(Error::new(ErrorKind::Input, name)
         .found(if first.is_none() { "nothing" } else { "other data" })
@@ -234,8 +244,18 @@ pub fn open_reader(
         .remedy("pipe a video through ffmpeg -i FILE -pix_fmt yuv444p -f yuv4mpegpipe -"))
 }
 
+/// Applies the full scale of the front end and the mosaic.
+fn finish_source(source: Box<dyn Source>, options: &InputOptions) -> Result<Box<dyn Source>> {
+    let scaled = scale_source(source);
+    match &options.mosaic {
+        Some(mosaic) => Ok(Box::new(MosaicSource::new(scaled, mosaic.clone())?)),
+        None => Ok(scaled),
+    }
+}
+
 fn array_source(array: ArraySource, options: &InputOptions) -> Result<Box<dyn Source>> {
-    let array = array.with_front_end(&options.front_end, options.transfer);
+    let array =
+        array.with_front_end(&options.front_end, options.transfer).with_color(options.mosaic.is_some());
     Ok(Box::new(array.with_scale(options.scale)?))
 }
 

@@ -8,8 +8,9 @@
 use std::str::FromStr;
 
 use image::imageops::{FilterType, resize};
-use image::{ImageBuffer, Luma, Primitive};
+use image::{ImageBuffer, Luma, Pixel, Rgb};
 
+use super::images::linearization::with_colors;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::{Frame, OwnedSamples};
 use spikelane::spikes::Geometry;
@@ -197,12 +198,13 @@ fn crop(frame: Frame, part: Geometry) -> Result<Frame> {
     if from == part {
         return Ok(frame);
     }
+    let colors = frame.rgb().map(|rgb| centered_samples(rgb.as_chunks::<3>().0, from, part));
     let samples = match frame.into_samples() {
         OwnedSamples::U8(v) => OwnedSamples::U8(centered_samples(&v, from, part)),
         OwnedSamples::U16(v) => OwnedSamples::U16(centered_samples(&v, from, part)),
         OwnedSamples::F32(v) => OwnedSamples::F32(centered_samples(&v, from, part)),
     };
-    Frame::new(part, samples)
+    with_colors(Frame::new(part, samples)?, colors.map(|colors| colors.concat()))
 }
 
 fn centered_samples<T: Copy>(all: &[T], from: Geometry, part: Geometry) -> Vec<T> {
@@ -221,34 +223,40 @@ fn scale(frame: Frame, to: Geometry) -> Result<Frame> {
     if from == to {
         return Ok(frame);
     }
-    let peak = frame.max();
+    let colors = frame.rgb().map(|rgb| resize_floats::<Rgb<f32>>(rgb.to_vec(), from, to));
     let samples = match frame.into_samples() {
         OwnedSamples::U8(v) => {
             let wide = v.iter().map(|&x| u16::from(x) * 257).collect();
-            OwnedSamples::U16(resize_samples(wide, from, to))
+            OwnedSamples::U16(resize_samples::<Luma<u16>>(wide, from, to))
         }
-        OwnedSamples::U16(v) => OwnedSamples::U16(resize_samples(v, from, to)),
-        OwnedSamples::F32(mut v) => {
-            // The `image` crate clips floats at 1.0, but light can exceed 1.0. The light is therefore divided by the
-            // peak before resizing.
-            let over = peak.max(1.0);
-            v.iter_mut().for_each(|x| *x /= over);
-            let mut v: Vec<f32> = resize_samples(v, from, to);
-            v.iter_mut().for_each(|x| *x = (*x * over).max(0.0));
-            OwnedSamples::F32(v)
-        }
+        OwnedSamples::U16(v) => OwnedSamples::U16(resize_samples::<Luma<u16>>(v, from, to)),
+        OwnedSamples::F32(v) => OwnedSamples::F32(resize_floats::<Luma<f32>>(v, from, to)),
     };
-    Frame::new(to, samples)
+    with_colors(Frame::new(to, samples)?, colors)
 }
 
-fn resize_samples<T>(samples: Vec<T>, from: Geometry, to: Geometry) -> Vec<T>
+/// Resizes light, which can exceed 1.0.
+fn resize_floats<P>(mut light: Vec<f32>, from: Geometry, to: Geometry) -> Vec<f32>
 where
-    T: Primitive + 'static,
-    Luma<T>: image::Pixel<Subpixel = T>,
+    P: Pixel<Subpixel = f32> + 'static,
 {
-    let picture: ImageBuffer<Luma<T>, Vec<T>> =
+    // The `image` crate clips floats at 1.0, but light can exceed 1.0. The light is therefore divided by the peak before
+    // resizing.
+    let over = light.iter().copied().fold(1.0, f32::max);
+    light.iter_mut().for_each(|x| *x /= over);
+    let mut light = resize_samples::<P>(light, from, to);
+    light.iter_mut().for_each(|x| *x = (*x * over).max(0.0));
+    light
+}
+
+fn resize_samples<P>(samples: Vec<P::Subpixel>, from: Geometry, to: Geometry) -> Vec<P::Subpixel>
+where
+    P: Pixel + 'static,
+    P::Subpixel: 'static,
+{
+    let picture: ImageBuffer<P, Vec<P::Subpixel>> =
         ImageBuffer::from_raw(from.width() as u32, from.height() as u32, samples)
-            .expect("a frame has one sample per pixel");
+            .expect("a frame has the samples of all pixels");
     let (w, h) = (to.width() as u32, to.height() as u32);
     resize(&picture, w, h, FilterType::Triangle).into_raw()
 }

@@ -1,5 +1,6 @@
 //! A source whose light is divided by the full scale of a front end.
 
+use super::images::linearization::with_colors;
 use spikelane::error::Result;
 use spikelane::light::Rate;
 use spikelane::light::Transfer;
@@ -28,7 +29,10 @@ impl ScaledSource {
     fn unit(&self, frame: &Frame) -> f64 {
         match self.front_end.full_scale {
             FullScale::Code(code) => self.front_end.transfer.unwrap_or(Transfer::Linear).light(code / 255.0),
-            FullScale::Peak => f64::from(frame.max()),
+            FullScale::Peak => match frame.rgb() {
+                Some(rgb) => f64::from(rgb.iter().copied().fold(0.0, f32::max)),
+                None => f64::from(frame.max()),
+            },
         }
     }
 }
@@ -53,8 +57,10 @@ impl Source for ScaledSource {
         let unit = self.unit(into);
         // In a frame without light, the peak is 0, so the frame is not divided.
         if unit > 0.0 {
-            let light = into.to_f32().into_iter().map(|x| (f64::from(x) / unit) as f32).collect();
-            *into = Frame::new(into.geometry(), OwnedSamples::F32(light))?;
+            let scaled =
+                |light: &[f32]| light.iter().map(|&x| (f64::from(x) / unit) as f32).collect::<Vec<f32>>();
+            let frame = Frame::new(into.geometry(), OwnedSamples::F32(scaled(&into.to_f32())))?;
+            *into = with_colors(frame, into.rgb().map(scaled))?;
         }
         Ok(true)
     }

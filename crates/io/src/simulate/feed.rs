@@ -45,7 +45,7 @@ fn frame_memory_bytes(frame: &Frame) -> usize {
         OwnedSamples::U16(_) => 2,
         OwnedSamples::F32(_) => 4,
     };
-    size * frame.samples().len()
+    size * frame.samples().len() + 4 * frame.rgb().map_or(0, <[f32]>::len)
 }
 
 /// A source, with the next readout on its timeline.

@@ -15,5 +15,5 @@ pub use readouts::ReadoutStream;
 pub use reference::images::{ImageFacts, ImageFile, ImageFormat, linear_png};
 pub use reference::light_tap::{LightSample, LightTap, light_at};
 pub use run::{RunObserver, RunOptions, RunSummary, run};
-pub use sidecar::{CameraFacts, LightFacts, SensorFacts, Sidecar, StreamFacts, save_camera};
+pub use sidecar::{CameraFacts, LightFacts, MosaicFacts, SensorFacts, Sidecar, StreamFacts, save_camera};
 pub use spikelane::simulate::*;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::formats::{Layout, StreamSummary, StreamWriter};
 use crate::light::timestamps::unit_remedy;
-use crate::light::{OwnedSamples, Source, Timeline};
+use crate::light::{Interpolation, OwnedSamples, Source, Timeline};
 use crate::simulate::Simulator;
 use crate::simulate::batch_writer::{self, BatchWriter};
 use crate::simulate::feed::{self, LightFeeder, LightPiece};
@@ -130,10 +130,23 @@ impl RunOptions {
             .remedy(format_args!("{}, or set {}", unit_remedy(seconds, frames), Setting("readouts"))))
     }
 
+    /// Checks that the timeline does not estimate motion from the light of a mosaic.
+    fn check_interpolation(&self) -> Result<()> {
+        let Some(mosaic) = &self.camera.mosaic else { return Ok(()) };
+        if self.timeline.interpolation() != Interpolation::Flow {
+            return Ok(());
+        }
+        Err(Error::new(ErrorKind::Usage, "interpolation")
+            .found(format_args!("flow for a camera with the mosaic {mosaic}"))
+            .expected("hold or linear, because neighboring pixels of a mosaic have different light")
+            .remedy("interpolate the video first, or use a camera without a mosaic"))
+    }
+
     /// Reads the first frame of `source` and plans the camera for the light of this frame. If `clean` is true, also
     /// plans the clean twin of the camera.
     pub(super) fn prepare<'a>(&self, source: &'a mut dyn Source, clean: bool) -> Result<PreparedRun<'a>> {
         self.check_duration(source.frames())?;
+        self.check_interpolation()?;
         let limit = self.expected_readouts(source.frames()).or(self.readouts).unwrap_or(u64::MAX);
         let first = feed::next_frame(source)?.ok_or_else(|| {
             Error::new(ErrorKind::Input, source.describe()).found("no frame").expected("at least one frame")

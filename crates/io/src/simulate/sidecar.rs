@@ -15,7 +15,7 @@ use spikelane::effects::Camera;
 use spikelane::effects::definition::ParamKind;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::presets;
-use spikelane::sensor::FrontEnd;
+use spikelane::sensor::{FrontEnd, Mosaic};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, check_link, read_bytes};
@@ -226,6 +226,55 @@ impl CameraFacts {
     }
 }
 
+/// The color filters of a camera.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct MosaicFacts {
+    /// The pattern from the first pixel of the stream, such as `RGGB`.
+    pub pattern: String,
+    /// The weights of linear red, green and blue in the light of each channel. A missing channel has the default
+    /// response of its letter.
+    #[serde(default)]
+    pub weights: BTreeMap<char, [f64; 3]>,
+    /// The illuminant of white, for which the weights of a channel sum to its light.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub illuminant: Option<String>,
+    /// The light of each channel for white.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub white: BTreeMap<char, f64>,
+}
+
+impl MosaicFacts {
+    /// Describes `mosaic`.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane_io::simulate::MosaicFacts;
+    /// let facts = MosaicFacts::new(&"BGGR".parse()?);
+    /// assert_eq!((facts.pattern.as_str(), facts.white[&'R']), ("BGGR", 1.0));
+    /// assert_eq!(facts.mosaic()?.to_string(), "BGGR");
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    #[must_use]
+    pub fn new(mosaic: &Mosaic) -> Self {
+        Self {
+            pattern: mosaic.to_string(),
+            weights: mosaic.channels().iter().map(|c| (c.name, c.weights())).collect(),
+            illuminant: Some("D65".to_owned()),
+            white: mosaic.channels().iter().map(|c| (c.name, c.white())).collect(),
+        }
+    }
+
+    /// Returns the mosaic. Its channels have the gain 1 and the weights as their responses.
+    ///
+    /// # Errors
+    /// As [`Mosaic::new`].
+    pub fn mosaic(&self) -> Result<Mosaic> {
+        let responses: Vec<(char, [f64; 3])> = self.weights.iter().map(|(name, w)| (*name, *w)).collect();
+        Mosaic::new(&self.pattern, &responses).map_err(|e| e.with_context("sidecar: mosaic"))
+    }
+}
+
 /// The sidecar of a stream. A key whose field is an `Option` or has a default may be missing in the file, for example
 /// if another program wrote the sidecar.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -256,6 +305,9 @@ pub struct Sidecar {
     /// The camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraFacts>,
+    /// The color filters of the camera. `None` for a gray camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mosaic: Option<MosaicFacts>,
     /// The reference images.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub images: Option<ImageFacts>,
@@ -285,6 +337,7 @@ impl Sidecar {
             seeds: None,
             light: None,
             camera: None,
+            mosaic: None,
             images: None,
             converted_from: None,
             version: env!("CARGO_PKG_VERSION").to_owned(),

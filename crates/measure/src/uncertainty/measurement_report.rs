@@ -3,8 +3,11 @@
 use serde_json::{Value, json};
 
 use super::{ERROR_MEANING, MeasuredRecording, ReportedStatistic, SceneMotion};
-use crate::{FrameTotalLine, Summary, frame_total_lines, summarize};
+use crate::{
+    CellSummary, FrameTotalLine, Summary, frame_total_lines, summarize, summarize_cells, summarize_mosaic,
+};
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::sensor::Mosaic;
 use spikelane::unstable::threads;
 
 /// All reported results of a recording.
@@ -13,6 +16,8 @@ use spikelane::unstable::threads;
 pub struct MeasurementReport {
     /// Rates, non-uniformities and defects.
     pub summary: Summary,
+    /// Summaries of the cells of the mosaic. Empty for a gray camera.
+    pub cells: Vec<CellSummary>,
     /// All statistics with their errors.
     pub statistics: Vec<ReportedStatistic>,
     /// Whether the scene moved.
@@ -27,10 +32,24 @@ impl MeasuredRecording {
     /// # Errors
     /// Those of [`summarize`] and [`frame_total_lines`].
     pub fn report(&self) -> Result<MeasurementReport> {
-        let summary = summarize(&self.statistics)?;
+        self.report_with_mosaic(None)
+    }
+
+    /// Computes all reported results. If the camera has a mosaic, pixels are compared only with pixels that have the same
+    /// filter, and the report has a summary of each cell of the pattern.
+    ///
+    /// # Errors
+    /// Those of [`summarize`] and [`frame_total_lines`].
+    pub fn report_with_mosaic(&self, mosaic: Option<&Mosaic>) -> Result<MeasurementReport> {
+        let (summary, cells) = match mosaic {
+            Some(mosaic) => {
+                (summarize_mosaic(&self.statistics, mosaic)?, summarize_cells(&self.statistics, mosaic)?)
+            }
+            None => (summarize(&self.statistics)?, Vec::new()),
+        };
         let of_readouts = || threads::join(|| self.scene_motion(), || frame_total_lines(&self.statistics));
         let (statistics, (motion, lines)) = threads::join(|| self.report_statistics(&summary), of_readouts);
-        Ok(MeasurementReport { statistics, summary, scene_motion: motion, frame_total_lines: lines? })
+        Ok(MeasurementReport { statistics, summary, cells, scene_motion: motion, frame_total_lines: lines? })
     }
 }
 
@@ -49,6 +68,9 @@ impl MeasurementReport {
             "scene_motion": serde_json::to_value(self.scene_motion).map_err(wrong)?,
             "frame_total_lines": self.frame_total_lines.iter().map(line_json).collect::<Vec<_>>(),
         });
+        if !self.cells.is_empty() {
+            result["cells"] = self.cells.iter().map(CellSummary::to_json).collect();
+        }
         if summary.temporal_rate_sd.is_finite() {
             result["temporal_rate_sd"] = json!(summary.temporal_rate_sd);
         }

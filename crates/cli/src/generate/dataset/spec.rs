@@ -231,7 +231,7 @@ pub(crate) struct DatasetSpec {
 }
 
 /// Flags that describe the dataset. With `--config` a dataset.toml replaces all of them.
-const SPEC_FLAGS: [&str; 43] = [
+const SPEC_FLAGS: [&str; 44] = [
     "from",
     "from_list",
     "scene_preset",
@@ -261,6 +261,7 @@ const SPEC_FLAGS: [&str; 43] = [
     "height",
     "readout_hz",
     "exposure",
+    "mosaic",
     "effect",
     "disable_effect",
     "seed",

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::common::mosaic::StreamMosaicArgs;
 use crate::common::stream::StreamArgs;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;
@@ -25,12 +26,17 @@ use super::reference::{ReferenceCurve, ReferenceImage};
 /// The second table requires a reference or --static-scene. For this table, the linear light of the picture is fitted to
 /// the reference by a least-squares line. The columns are PSNR, the share of the detail that is present (1 is sharp),
 /// noise, and the number of outlier pixels. The row of a blurred TFP shows how blur changes each score.
+///
+/// The stream of a color camera requires --reference with a color image. The table has PSNR and SSIM of each color and CPSNR,
+/// the PSNR over all colors, for each method of demosaicing.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Score this stream, dataset or packed shard
     pub(super) file: PathBuf,
     #[command(flatten)]
     pub(super) stream: StreamArgs,
+    #[command(flatten)]
+    pub(super) mosaic: StreamMosaicArgs,
     /// Compare with this image or folder
     ///
     /// In a folder, the name of each image is the number of its readout. With --every, a single image is the reference

@@ -59,6 +59,12 @@ fn evaluate_sequence(
     args.stream.report(&reader, out)?;
     let at = record.facts["reference_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
     let reference = files.open(&"reference.png".into())?;
+    if let Some(mosaic) = files.sidecar()?.mosaic {
+        return Err(Error::new(ErrorKind::Usage, reader.name())
+            .found(format_args!("a stream with the mosaic {}", mosaic.pattern))
+            .expected("streams of gray cameras")
+            .remedy("score a sequence in color with its stream.dat and --reference reference.png"));
+    }
     let curve = ReferenceCurve::from_record(&record, reference.path());
     let camera = || Ok(files.sidecar()?.camera);
     let (curve, full) = args.with_full_scale_rate(Path::new(reader.name()), curve, camera)?;

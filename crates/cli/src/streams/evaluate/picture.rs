@@ -16,7 +16,7 @@ use super::scores::{DETAIL_HEADER, HEADER, Scores};
 use super::static_scene::StaticScene;
 
 /// Number of readouts before and after the center in which TFI searches spikes.
-const TFI_SEARCH_READOUTS: usize = 300;
+pub(super) const TFI_SEARCH_READOUTS: usize = 300;
 
 /// A TFI picture counts as computed from this many readouts before and after its center. Longer intervals are rare.
 pub(super) const TFI_INTERVAL_READOUTS: usize = 20;

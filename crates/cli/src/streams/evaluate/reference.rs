@@ -75,6 +75,35 @@ impl ReferenceImage {
     }
 }
 
+/// A color reference image, and the rate that corresponds to its white.
+pub(crate) struct ColorReference {
+    /// Codes of red, green and blue of each pixel, 0 to 1, in the image's own transfer function.
+    pub codes: Vec<f32>,
+    full_scale_rate: f32,
+    transfer: Transfer,
+}
+
+impl ColorReference {
+    pub(crate) fn read(path: &Path, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
+        let frame = image_file::read(path, &Linearization::new(curve.transfer).with_color(true))?;
+        let transfer = curve.transfer.unwrap_or(Transfer::Srgb);
+        let Some(rgb) = frame.rgb().filter(|_| frame.geometry() == geometry) else {
+            let kind = if frame.rgb().is_some() { "color" } else { "gray" };
+            return Err(Error::new(ErrorKind::Input, path.display())
+                .found(format_args!("a {kind} image of {}", frame.geometry()))
+                .expected(format_args!("a color image of {geometry}, the size of the stream")));
+        };
+        let codes = rgb.iter().map(|&x| transfer.code(x.into()) as f32).collect();
+        Ok(Self { codes, full_scale_rate: full, transfer })
+    }
+
+    /// Converts rates to the codes that the reference image would have for these rates. Negative rates, which a color
+    /// matrix can give, have the code 0.
+    pub(crate) fn codes_from_rates(&self, rates: &[f32]) -> Vec<f32> {
+        rates.iter().map(|r| self.transfer.code((r / self.full_scale_rate).max(0.0).into()) as f32).collect()
+    }
+}
+
 /// A transfer function and its source. If `transfer` is `None`, the default for the kind of file applies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReferenceCurve {

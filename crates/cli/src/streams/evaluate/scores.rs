@@ -20,7 +20,7 @@ pub(crate) enum Decibels {
 
 impl Decibels {
     /// Returns `value`, or the lower bound [`MAX_DB`] if `value` is larger. `value` is infinite if two pictures are equal.
-    fn new(value: f64) -> Self {
+    pub(super) fn new(value: f64) -> Self {
         if value < MAX_DB { Self::Exact(value) } else { Self::AtLeast(MAX_DB) }
     }
 
@@ -30,7 +30,7 @@ impl Decibels {
         }
     }
 
-    fn text(self) -> String {
+    pub(super) fn text(self) -> String {
         match self {
             Self::Exact(x) => format!("{x:.2}"),
             Self::AtLeast(x) => format!(">{x:.1}"),
@@ -38,7 +38,7 @@ impl Decibels {
     }
 
     /// Inserts the value with the key `key`. A lower bound has the key `{key}_above`.
-    fn insert(self, key: &str, into: &mut Map<String, Value>) {
+    pub(super) fn insert(self, key: &str, into: &mut Map<String, Value>) {
         match self {
             Self::Exact(x) => into.insert(key.to_owned(), json!(x)),
             Self::AtLeast(x) => into.insert(format!("{key}_above"), json!(x)),

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::images::{encode_png, gray_image};
+use crate::common::images::{gray_image, picture_png};
 use crate::common::movie::{MovieFormat, MovieWriter};
 use crate::common::standard_streams::StreamOutput;
 
@@ -18,17 +18,11 @@ pub(super) trait PictureSink: Sync {
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
-/// Conversion of rates to gray levels.
+/// Conversion of rates to gray levels or colors.
 #[derive(Clone, Copy)]
 pub(super) struct GrayScale {
     pub white: f32,
     pub geometry: Geometry,
-}
-
-impl GrayScale {
-    fn image(&self, values: &[f32]) -> image::GrayImage {
-        gray_image(values, self.white, self.geometry)
-    }
 }
 
 pub(super) struct PngSink {
@@ -39,7 +33,7 @@ pub(super) struct PngSink {
 
 impl PictureSink for PngSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        encode_png(&self.gray_scale.image(values))
+        picture_png(values, self.gray_scale.white, self.gray_scale.geometry)
     }
 
     fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
@@ -58,7 +52,7 @@ pub(super) struct StdoutSink {
 
 impl PictureSink for StdoutSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        encode_png(&self.gray_scale.image(values))
+        picture_png(values, self.gray_scale.white, self.gray_scale.geometry)
     }
 
     fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
@@ -79,7 +73,7 @@ pub(super) struct MovieSink {
 
 impl PictureSink for MovieSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        let levels = self.gray_scale.image(values).into_raw();
+        let levels = gray_image(values, self.gray_scale.white, self.gray_scale.geometry).into_raw();
         self.format.encode_frame(self.gray_scale.geometry, levels)
     }
 
@@ -113,7 +107,7 @@ pub(super) fn check_empty_folder(folder: &Path, force: bool) -> Result<()> {
 
 impl PictureSink for FolderSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        encode_png(&self.gray_scale.image(values))
+        picture_png(values, self.gray_scale.white, self.gray_scale.geometry)
     }
 
     fn write(&mut self, at: usize, encoded: &[u8]) -> Result<()> {

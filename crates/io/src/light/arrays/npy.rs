@@ -1,4 +1,4 @@
-//! NumPy arrays (`.npy`) of numbers with shape `(T, H, W)`, or `(H, W)` for one frame.
+//! NumPy arrays (`.npy`) of numbers with shape `(T, H, W)` or, in color, `(T, H, W, 3)`, or `(H, W)` for one frame.
 //!
 //! Full scale is the array value that represents light 1.0. It has a default value for `u8`, `u16`, `bool` and
 //! floats. For other integer types, the caller must give a value.
@@ -31,6 +31,8 @@ pub struct ArraySource {
     front_end: FrontEnd,
     resize_mode: ResizeMode,
     camera: Geometry,
+    /// Whether the frames of a color array keep their colors.
+    keeps_color: bool,
     /// The array value of full scale, if the caller gave one.
     scale: Option<f64>,
     /// The 16-bit codes of the first, middle and last frame, if the array is in a file.
@@ -97,6 +99,7 @@ impl ArraySource {
             front_end,
             resize_mode,
             camera,
+            keeps_color: false,
             scale: None,
             codes: CodeScan::default(),
         })
@@ -111,6 +114,13 @@ impl ArraySource {
             self.curve = ToneCurve::new(transfer);
             self.front_end = FrontEnd { transfer: Some(transfer), ..*front_end };
         }
+        self
+    }
+
+    /// Sets whether the frames of a color array keep their colors ([`Frame::rgb`]).
+    #[must_use]
+    pub(in crate::light) fn with_color(mut self, keeps_color: bool) -> Self {
+        self.keeps_color = keeps_color;
         self
     }
 
@@ -164,6 +174,23 @@ impl ArraySource {
         Ok(OwnedSamples::F32(values.into_iter().map(|x| light(x / scale) as f32).collect()))
     }
 
+    /// Returns the frame with linear samples. The samples of a color array are red, green and blue of each pixel.
+    fn frame(&self, samples: OwnedSamples) -> Result<Frame> {
+        let geometry = self.reader.geometry();
+        if self.reader.channels == 1 {
+            return Frame::new(geometry, samples);
+        }
+        let rgb: Vec<f32> = match samples {
+            OwnedSamples::U8(v) => v.into_iter().map(|x| f32::from(x) / 255.0).collect(),
+            OwnedSamples::U16(v) => v.into_iter().map(|x| f32::from(x) / 65535.0).collect(),
+            OwnedSamples::F32(v) => v,
+        };
+        let [red, green, blue] = self.front_end.luminance.map(|w| w as f32);
+        let light = rgb.as_chunks::<3>().0.iter().map(|[r, g, b]| red * r + green * g + blue * b).collect();
+        let frame = Frame::new(geometry, OwnedSamples::F32(light))?;
+        if self.keeps_color { frame.with_rgb(rgb) } else { Ok(frame) }
+    }
+
     fn linearize(&self, samples: OwnedSamples) -> OwnedSamples {
         if self.curve.transfer() == Transfer::Linear {
             return samples;
@@ -199,7 +226,8 @@ impl Source for ArraySource {
         self.check_scale()?;
         let scaled = self.to_full_scale(samples, index)?;
         let light = if self.scale.is_some() { scaled } else { self.linearize(scaled) };
-        let frame = Frame::new(self.reader.geometry(), light)
+        let frame = self
+            .frame(light)
             .map_err(|e| e.with_context(format_args!("{}: frame {index}", self.reader.name)))?;
         *into = self.resize_mode.apply(frame, self.camera)?;
         Ok(true)
@@ -225,7 +253,8 @@ impl Source for ArraySource {
     fn describe(&self) -> String {
         let r = &self.reader;
         let scale = self.scale.map_or(String::new(), |s| format!(", full scale at {s}"));
-        format!("{}: {} of {}, {}{scale}", r.name, Count(r.frames, "frame"), r.geometry, r.element)
+        let color = if r.channels == 3 { ", RGB" } else { "" };
+        format!("{}: {} of {}, {}{color}{scale}", r.name, Count(r.frames, "frame"), r.geometry, r.element)
     }
 
     fn stored_geometry(&self) -> Option<Geometry> {
@@ -246,6 +275,8 @@ pub struct ArrayReader<R: Read> {
     pub(super) name: String,
     pub(super) reader: R,
     pub(super) geometry: Geometry,
+    /// 1 for gray frames, and 3 for red, green and blue.
+    pub(super) channels: usize,
     pub(super) frames: u64,
     pub(super) next: u64,
     pub(super) element: Element,
@@ -267,9 +298,9 @@ impl<R: Read> ArrayReader<R> {
                 .expected("C order")
                 .remedy("save np.ascontiguousarray(a)"));
         }
-        let (frames, geometry) = shape(&header.shape, name)?;
+        let (frames, geometry, channels) = shape(&header.shape, name)?;
         let element = header.element;
-        if (geometry.pixels() * element.bytes()) as u64 > MAX_PICTURE_BYTES {
+        if (channels * geometry.pixels() * element.bytes()) as u64 > MAX_PICTURE_BYTES {
             return Err(Error::new(ErrorKind::Input, name)
                 .found(format_args!("frames of {geometry}, {element}"))
                 .expected(format_args!("frames of at most {MAX_PICTURE_BYTES} bytes")));
@@ -278,6 +309,7 @@ impl<R: Read> ArrayReader<R> {
             name: name.to_owned(),
             reader,
             geometry,
+            channels,
             frames,
             next: 0,
             element,
@@ -310,10 +342,20 @@ impl<R: Read> ArrayReader<R> {
         self.is_big_endian
     }
 
+    /// Returns the number of values per pixel: 1 for gray frames, and 3 for red, green and blue.
+    #[must_use]
+    pub const fn channels(&self) -> usize {
+        self.channels
+    }
+
+    const fn frame_bytes(&self) -> usize {
+        self.channels * self.geometry.pixels() * self.element.bytes()
+    }
+
     /// Returns the total number of bytes of the header and all frames.
     #[must_use]
     pub const fn total_bytes(&self) -> u64 {
-        let frame = self.geometry.pixels() as u64 * self.element.bytes() as u64;
+        let frame = self.frame_bytes() as u64;
         self.header_bytes.saturating_add(self.frames.saturating_mul(frame))
     }
 
@@ -325,7 +367,7 @@ impl<R: Read> ArrayReader<R> {
         }
         let mut frames = vec![0, self.frames / 2, self.frames - 1];
         frames.dedup();
-        let len = self.geometry.pixels() * self.element.bytes();
+        let len = self.frame_bytes();
         for frame in frames {
             let mut bytes = inputs::zeroed_vec(&self.name, len)?;
             file.read_at(self.header_bytes + frame * len as u64, &mut bytes)?;
@@ -345,7 +387,7 @@ impl<R: Read> ArrayReader<R> {
         if self.next == self.frames {
             return Ok(None);
         }
-        let wanted = self.geometry.pixels() * self.element.bytes();
+        let wanted = self.frame_bytes();
         // The buffer grows only as bytes are read, so a header with a wrong size cannot cause a large allocation.
         let mut bytes = Vec::new();
         self.reader.by_ref().take(wanted as u64).read_to_end(&mut bytes).map_err(|e| match e.kind() {
@@ -373,7 +415,7 @@ impl<R: Read> ArrayReader<R> {
                 OwnedSamples::F32(bytes.as_chunks().0.iter().map(|b| order(*b)).collect())
             }
             other => {
-                let mut values = inputs::reserved_vec(&self.name, self.geometry.pixels())?;
+                let mut values = inputs::reserved_vec(&self.name, self.channels * self.geometry.pixels())?;
                 other.for_each(self.is_big_endian, &bytes, |v| values.push(v as f32));
                 OwnedSamples::F32(values)
             }
@@ -395,18 +437,18 @@ fn damaged_error(name: &str, found: impl std::fmt::Display) -> Error {
         .remedy("save the array again with np.save")
 }
 
-fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
-    let (frames, rows, cols) = match *shape {
-        [rows, cols] => (1, rows, cols),
+/// Returns the number of frames, the geometry, and the number of values per pixel.
+fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry, usize)> {
+    let (frames, rows, cols, channels) = match *shape {
+        [rows, cols] => (1, rows, cols, 1),
         // An axis of length 1 is a channel axis and is removed.
-        [frames, 1, rows, cols] | [frames, rows, cols, 1] | [frames, rows, cols] => (frames, rows, cols),
+        [frames, 1, rows, cols] | [frames, rows, cols, 1] | [frames, rows, cols] => (frames, rows, cols, 1),
+        [frames, rows, cols, 3] => (frames, rows, cols, 3),
         _ => {
             return Err(Error::new(ErrorKind::Input, name)
                 .found(format_args!("shape {shape:?}"))
-                .expected("(frames, height, width) or (height, width)")
-                .remedy(
-                    "reshape the array, or average the color channels of the array, and save the result",
-                ));
+                .expected("(frames, height, width), (frames, height, width, 3) or (height, width)")
+                .remedy("reshape the array and save the result"));
         }
     };
     if frames == 0 {
@@ -414,5 +456,5 @@ fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry)> {
             .found(format_args!("shape {shape:?}"))
             .expected("at least one frame"));
     }
-    Ok((frames, declared_geometry(cols, rows, name)?))
+    Ok((frames, declared_geometry(cols, rows, name)?, channels))
 }

@@ -20,6 +20,8 @@ pub struct Linearization {
     integers: ToneCurve,
     floats: Transfer,
     weights: [f32; 3],
+    /// Whether frames of color images keep their colors.
+    keeps_color: bool,
     gray_codes: bool,
     front_end: FrontEnd,
     /// Whether neither the caller nor the camera states a transfer function for integer codes.
@@ -55,6 +57,7 @@ impl Linearization {
             integers: ToneCurve::new(transfer),
             floats: declared.unwrap_or(Transfer::Linear),
             weights: front_end.luminance.map(|w| w as f32),
+            keeps_color: false,
             gray_codes: front_end.gray_codes,
             front_end: FrontEnd { transfer: Some(transfer), ..*front_end },
             is_default: stated.is_none(),
@@ -74,6 +77,18 @@ impl Linearization {
         full_scale.map(check_full_scale).transpose()?;
         self.stated_full_scale = full_scale;
         Ok(self)
+    }
+
+    /// Sets whether frames of color images keep their colors ([`Frame::rgb`]).
+    #[must_use]
+    pub fn with_color(mut self, keeps_color: bool) -> Self {
+        self.keeps_color = keeps_color;
+        self
+    }
+
+    /// Returns whether frames of color images keep their colors.
+    pub(in crate::light) const fn keeps_color(&self) -> bool {
+        self.keeps_color
     }
 
     /// Returns the conversion of a file with `encoding`. A statement of the caller or of the camera overrides a
@@ -258,12 +273,21 @@ fn turn(frame: Frame, orientation: Orientation) -> Result<Frame> {
     } else {
         from
     };
+    let colors = frame.rgb().map(|rgb| turned_samples(rgb.as_chunks::<3>().0, from, to, orientation));
     let samples = match frame.into_samples() {
         OwnedSamples::U8(v) => OwnedSamples::U8(turned_samples(&v, from, to, orientation)),
         OwnedSamples::U16(v) => OwnedSamples::U16(turned_samples(&v, from, to, orientation)),
         OwnedSamples::F32(v) => OwnedSamples::F32(turned_samples(&v, from, to, orientation)),
     };
-    Frame::new(to, samples)
+    with_colors(Frame::new(to, samples)?, colors.map(|colors| colors.concat()))
+}
+
+/// Returns `frame` with the colors `rgb`, or without colors if `rgb` is `None`.
+pub(in crate::light) fn with_colors(frame: Frame, rgb: Option<Vec<f32>>) -> Result<Frame> {
+    match rgb {
+        Some(rgb) => frame.with_rgb(rgb),
+        None => Ok(frame),
+    }
 }
 
 fn turned_samples<T: Copy>(all: &[T], from: Geometry, to: Geometry, orientation: Orientation) -> Vec<T> {
@@ -294,6 +318,7 @@ fn turned_samples<T: Copy>(all: &[T], from: Geometry, to: Geometry, orientation:
 /// * [`ErrorKind::Input`] if the pixel type is not supported.
 pub fn linearize(image: DynamicImage, linear: &Linearization) -> Result<Frame> {
     let geometry = declared_geometry(image.width().into(), image.height().into(), "image")?;
+    let colors = if linear.keeps_color { colors(&image, linear) } else { None };
     let samples = match image {
         DynamicImage::ImageLuma8(i) => gray8(i.into_raw(), linear),
         DynamicImage::ImageLumaA8(i) => gray8(i.as_raw().iter().step_by(2).copied().collect(), linear),
@@ -315,7 +340,38 @@ pub fn linearize(image: DynamicImage, linear: &Linearization) -> Result<Frame> {
                 .expected("gray or RGB of 8 or 16 bits or 32-bit float"));
         }
     };
-    Frame::new(geometry, samples)
+    with_colors(Frame::new(geometry, samples)?, colors)
+}
+
+/// Returns linear red, green and blue of a color image, or `None` for a gray image. Negative light, which describes a
+/// color outside the gamut of sRGB, is 0.
+fn colors(image: &DynamicImage, linear: &Linearization) -> Option<Vec<f32>> {
+    fn convert<T: Copy>(samples: &[T], channels: usize, light: impl Fn(T) -> f32) -> Vec<f32> {
+        let is_color = |i: usize| channels == 3 || i % channels != channels - 1;
+        let colors = samples.iter().enumerate().filter(|(i, _)| is_color(*i));
+        colors.map(|(_, x)| light(*x)).collect()
+    }
+    let table8: [f32; 256] = if linear.requires_floats() {
+        std::array::from_fn(|code| linear.table16()[257 * code])
+    } else {
+        linear.integers.table8().map(|light| f32::from(light) / 65535.0)
+    };
+    let light8 = |code: u8| table8[usize::from(code)];
+    let light16 = |code: u16| linear.table16()[usize::from(code)];
+    // `f32::max` would replace NaN by 0.
+    let light32 = |code: f32| match linear.float_light(code) {
+        light if light < 0.0 => 0.0,
+        light => light,
+    };
+    match image {
+        DynamicImage::ImageRgb8(i) => Some(convert(i.as_raw(), 3, light8)),
+        DynamicImage::ImageRgba8(i) => Some(convert(i.as_raw(), 4, light8)),
+        DynamicImage::ImageRgb16(i) => Some(convert(i.as_raw(), 3, light16)),
+        DynamicImage::ImageRgba16(i) => Some(convert(i.as_raw(), 4, light16)),
+        DynamicImage::ImageRgb32F(i) => Some(convert(i.as_raw(), 3, light32)),
+        DynamicImage::ImageRgba32F(i) => Some(convert(i.as_raw(), 4, light32)),
+        _ => None,
+    }
 }
 
 fn gray8(codes: Vec<u8>, linear: &Linearization) -> OwnedSamples {

@@ -25,7 +25,7 @@ use spikelane::unstable::light::declared_geometry;
 
 use super::yuv::{PlaneLayout, SampleEncoding, chroma};
 use crate::light::images::encoding::{Encoding, hdr_note};
-use crate::light::images::linearization::Linearization;
+use crate::light::images::linearization::{Linearization, with_colors};
 use crate::light::resize_mode::ResizeMode;
 
 pub use super::yuv::Matrix;
@@ -257,16 +257,19 @@ impl<R: Read> Y4mReader<R> {
     pub fn next_light(&mut self, linear: &Linearization) -> Result<Option<Frame>> {
         let (layout, geometry) = (self.planes, self.geometry);
         let table = linear.table16();
-        let samples = self.next(|f| {
+        let keeps_color = linear.keeps_color() && layout.chroma.is_some();
+        let light = self.next(|f| {
             let planes = [f.get_y_plane(), f.get_u_plane(), f.get_v_plane()];
+            let colors = keeps_color.then(|| layout.rgb(planes, table));
             let light = layout.light(planes, linear, table);
-            if layout.depth == 8 && !linear.requires_floats() {
+            let samples = if layout.depth == 8 && !linear.requires_floats() {
                 OwnedSamples::U16(light.map(|x| (x * 65535.0 + 0.5) as u16).collect())
             } else {
                 OwnedSamples::F32(light.collect())
-            }
+            };
+            (samples, colors)
         })?;
-        samples.map(|s| Frame::new(geometry, s)).transpose()
+        light.map(|(samples, colors)| with_colors(Frame::new(geometry, samples)?, colors)).transpose()
     }
 
     fn next<T>(&mut self, take: impl FnOnce(&::y4m::Frame) -> T) -> Result<Option<T>> {

@@ -1,4 +1,4 @@
-//! Conversion of Y'CbCr planes to luminance.
+//! Conversion of Y'CbCr planes to luminance and to linear colors.
 
 use ::y4m::Colorspace;
 
@@ -86,6 +86,12 @@ impl PlaneLayout {
         if self.depth == 8 { samples } else { 2 * samples }
     }
 
+    /// Returns linear red, green and blue of the pixels, row by row. Full scale is 1.0. `table` contains the linear light
+    /// of each 16-bit code.
+    pub(in crate::light) fn rgb(self, planes: [&[u8]; 3], table: &[f32]) -> Vec<f32> {
+        self.codes(planes).flat_map(|codes| codes.map(|code| table[code as usize])).collect()
+    }
+
     /// Returns the luminance of the pixels, row by row. Full scale is 1.0. `table` contains the linear light of each
     /// 16-bit code.
     pub(in crate::light) fn light<'a>(
@@ -94,36 +100,48 @@ impl PlaneLayout {
         linear: &'a Linearization,
         table: &'a [f32],
     ) -> impl Iterator<Item = f32> + 'a {
+        // `table` is indexed by 16-bit codes. The gray codes of an 8-bit video are multiples of 257 in 16-bit codes.
+        let unit = if self.depth == 8 { 257.0 } else { 1.0 };
+        let look_up = move |code: usize| table[code];
+        let max_light = table[65535].max(1.0);
+        let is_mono = self.chroma.is_none();
+        self.codes(planes).map(move |codes| {
+            if is_mono {
+                return look_up(codes[0] as usize);
+            }
+            // The sum of the weights can differ slightly from 1 because of rounding, so the light is limited to that of
+            // the largest code.
+            linear.light(codes, [unit, 65535.0], look_up).min(max_light)
+        })
+    }
+
+    /// Returns the 16-bit codes of red, green and blue of the pixels, row by row. The three codes of a mono video are
+    /// equal.
+    fn codes<'a>(self, planes: [&'a [u8]; 3]) -> impl Iterator<Item = [f32; 3]> + 'a {
         let [black, white, swing] = self.levels();
         let (to_y, to_c) = (1.0 / (white - black), 1.0 / swing);
         let middle = (1_u32 << (self.depth - 1)) as f32;
         let [kr, kb] = self.matrix.red_blue();
         let kg = 1.0 - kr - kb;
         let code = |code: f32| (code.clamp(0.0, 1.0) * 65535.0 + 0.5).floor();
-        // `table` is indexed by 16-bit codes. The gray codes of an 8-bit video are multiples of 257 in 16-bit codes.
-        let unit = if self.depth == 8 { 257.0 } else { 1.0 };
-        let look_up = move |code: usize| table[code];
-        let max_light = table[65535].max(1.0);
         let [shift_x, shift_y] = self.chroma.unwrap_or_default();
         let stride = self.width.div_ceil(1 << shift_x);
         (0..self.height).flat_map(move |row| {
             (0..self.width).map(move |col| {
                 let y = (self.sample(planes[0], row * self.width + col) - black) * to_y;
                 if self.chroma.is_none() {
-                    return look_up(code(y) as usize);
+                    return [code(y); 3];
                 }
                 let at = (row >> shift_y) * stride + (col >> shift_x);
                 if self.matrix == Matrix::Gbr {
                     let [blue, red] = [1, 2].map(|p| self.sample(planes[p], at) * to_y);
-                    return linear.light([red, y, blue].map(code), [unit, 65535.0], look_up).min(max_light);
+                    return [red, y, blue].map(code);
                 }
                 let [cb, cr] = [1, 2].map(|p| (self.sample(planes[p], at) - middle) * to_c);
                 let red = y + 2.0 * (1.0 - kr) * cr;
                 let blue = y + 2.0 * (1.0 - kb) * cb;
                 let green = (y - kr * red - kb * blue) / kg;
-                // The sum of the weights can differ slightly from 1 because of rounding, so the light is limited to that of
-                // the largest code.
-                linear.light([red, green, blue].map(code), [unit, 65535.0], look_up).min(max_light)
+                [red, green, blue].map(code)
             })
         })
     }

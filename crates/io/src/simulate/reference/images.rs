@@ -57,23 +57,28 @@ impl ImageFormat {
         }
     }
 
-    /// Encodes `light` as an image file. `light` contains the pixels row by row from the top, in units of full scale.
+    /// Encodes `light` as an image file. `light` contains the pixels row by row from the top, in units of full scale: one
+    /// value per pixel, or red, green and blue of each pixel. An array of colors has the shape (height, width, 3).
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if the number of values in `light` differs from the number of pixels of `geometry`.
+    /// [`ErrorKind::Input`] if the number of values in `light` is neither the number of pixels of `geometry` nor three
+    /// times this number.
     pub fn encode(self, light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
+        let is_color = light.len() == 3 * geometry.pixels();
         match self {
             Self::U8 => {
                 let bytes: Vec<u8> = light.iter().map(|&x| srgb_byte(x)).collect();
-                png(&bytes, geometry, ExtendedColorType::L8)
+                png(&bytes, geometry, if is_color { ExtendedColorType::Rgb8 } else { ExtendedColorType::L8 })
             }
             Self::U16 => {
                 let code = |x: &f32| ((x.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_ne_bytes();
-                png(&light.iter().flat_map(code).collect::<Vec<_>>(), geometry, ExtendedColorType::L16)
+                let kind = if is_color { ExtendedColorType::Rgb16 } else { ExtendedColorType::L16 };
+                png(&light.iter().flat_map(code).collect::<Vec<_>>(), geometry, kind)
             }
             Self::F32 => {
-                let shape = [geometry.height() as u64, geometry.width() as u64];
-                npy::to_bytes(Element::F32, &shape, light.iter().map(|v| v.to_le_bytes()))
+                let shape = [geometry.height() as u64, geometry.width() as u64, 3];
+                let axes = if is_color { 3 } else { 2 };
+                npy::to_bytes(Element::F32, &shape[..axes], light.iter().map(|v| v.to_le_bytes()))
             }
         }
     }
@@ -122,11 +127,13 @@ impl std::str::FromStr for ImageFormat {
 /// As [`ImageFormat::encode`].
 pub fn linear_png(light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
     let code = |x: &f32| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-    png(&light.iter().map(code).collect::<Vec<_>>(), geometry, ExtendedColorType::L8)
+    let is_color = light.len() == 3 * geometry.pixels();
+    let kind = if is_color { ExtendedColorType::Rgb8 } else { ExtendedColorType::L8 };
+    png(&light.iter().map(code).collect::<Vec<_>>(), geometry, kind)
 }
 
 fn png(bytes: &[u8], geometry: Geometry, kind: ExtendedColorType) -> Result<Vec<u8>> {
-    let expected = geometry.pixels() * if kind == ExtendedColorType::L16 { 2 } else { 1 };
+    let expected = geometry.pixels() * usize::from(kind.bits_per_pixel()) / 8;
     if bytes.len() != expected {
         return Err(Error::new(ErrorKind::Input, "reference image")
             .found(format_args!("{} of samples", Count(bytes.len(), "byte")))
