@@ -8,11 +8,11 @@ mkdir -p "$out"
 spikelane preset show scsim-code > "$out/model.toml"
 {
     cat "$out/model.toml"
-    printf '\n[effects.hot_pixels]\nfraction = 0.008\nfactor = 8\n'
+    printf '\n[effects.hot_pixels]\nfraction = 0.01\nfactor = 8\n'
 } > "$out/hidden.toml"
-# A small camera limits the duration of the example to a minute.
-sed -i 's/^\[sensor\]/[sensor]\nwidth = 64\nheight = 64/' "$out/model.toml" "$out/hidden.toml"
+# A small camera limits the duration of the example to half a minute.
+sed -i 's/^\[sensor\]/[sensor]\nwidth = 48\nheight = 48/' "$out/model.toml" "$out/hidden.toml"
 for take in 1 2; do
-    spikelane record "$out/hidden.toml" --readouts 4000 --camera-seed 9 --seed "$take" -o "$out/take$take" --force
+    spikelane record "$out/hidden.toml" --readouts 2000 --camera-seed 9 --seed "$take" -o "$out/take$take" --force
 done
 spikelane diagnose "$out/take1/recordings.toml" --holdout "$out/take2/recordings.toml" -o "$out/diagnosis" --force
