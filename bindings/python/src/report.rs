@@ -13,6 +13,7 @@ use spikelane_calibrate::{
     CalibrateOptions as Calibrating, RecordingSet, SneeOptions, estimate_snee, measure_levels,
 };
 use spikelane_io::formats::{Layout, OutputSet, StreamReader};
+use spikelane_measure::report::RunRecord;
 use spikelane_measure::{MeasuredRecording, high_pass};
 
 use crate::argument;
@@ -109,7 +110,7 @@ pub fn calibrate(
                 calibration.snee = Some(estimate_snee(&observed, &SneeOptions::default())?);
             }
             if let Some(folder) = &out {
-                calibration.write(folder, force)?;
+                calibration.write(folder, &RunRecord::now("spikelane.calibrate"), force)?;
             }
             Ok((calibration.to_json().to_string(), calibration.camera()?))
         })?;
@@ -147,7 +148,12 @@ pub fn diagnose(
                     report_progress(share)
                 })?;
             let json = match &out {
-                Some(folder) => spikelane_calibrate::diagnose::write_diagnosis(&diagnosis, folder, force)?,
+                Some(folder) => spikelane_calibrate::diagnose::write_diagnosis(
+                    &diagnosis,
+                    folder,
+                    &RunRecord::now("spikelane.diagnose"),
+                    force,
+                )?,
                 None => to_value(&diagnosis)?,
             };
             Ok((json.to_string(), diagnosis.camera))

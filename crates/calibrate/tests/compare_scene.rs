@@ -9,6 +9,7 @@ use spikelane_calibrate::compare::{
     RealismOptions, SceneComparison, WindowSize, compare_realism, compare_static_scene,
 };
 use spikelane_io::formats::{Layout, StreamReader, StreamWriter};
+use spikelane_measure::report::RunRecord;
 
 const SIZE: (u32, u32) = (128, 96);
 const READOUTS: usize = 400;
@@ -156,5 +157,5 @@ fn row_bands_with_different_noise_leave_the_ranking_undecided() {
     assert_eq!((nearest("physical"), nearest("noisy")), (4, 4), "{:?}", comparison.row_bands);
     assert!(comparison.models[1].is_tied_with_nearest(), "{}", comparison.verdict());
     assert!(comparison.verdict().contains("does not distinguish"), "{}", comparison.verdict());
-    assert!(comparison.html_report().unwrap().contains("Row bands"));
+    assert!(comparison.html_report(&RunRecord::default()).unwrap().contains("row bands"));
 }

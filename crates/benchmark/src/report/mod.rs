@@ -10,7 +10,9 @@ use serde_json::{Value, json};
 use spikelane::Geometry;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane_io::simulate::ImageFormat;
-use spikelane_measure::report::{Curve as PlotCurve, PageElement, Table, marked_line_plot, page, png_image};
+use spikelane_measure::report::{
+    Cell, PageElement, Plot, PlotPoint, Report as HtmlReport, ReportState, RunRecord, Table, png_image,
+};
 
 use crate::aggregate::{Bootstrap, summarize_differences};
 use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
@@ -44,7 +46,7 @@ pub struct ScoredMethod {
 pub struct Report {
     /// The comparison as JSON.
     pub json: Value,
-    /// The comparison as an HTML page without scripts and without links to other files.
+    /// The comparison as an HTML page without links to other files.
     pub html: String,
 }
 
@@ -69,62 +71,62 @@ impl ScoredMethod {
 
 /// Compares methods that ran on the same suite.
 ///
-/// With `data`, the page shows the worst outputs of each method beside their references.
+/// With `data`, the page shows the worst outputs of each method beside their references. The page states the origin `run`.
 ///
 /// # Errors
 /// * [`ErrorKind::Usage`] if there is no method.
 /// * [`ErrorKind::Config`] if two score files have different suites, metrics or sequences.
-pub fn report(methods: &[ScoredMethod], data: Option<&GeneratedSuite>) -> Result<Report> {
+pub fn report(methods: &[ScoredMethod], data: Option<&GeneratedSuite>, run: &RunRecord) -> Result<Report> {
     let first = check_comparable(methods, data)?;
     let names = unique_names(methods);
     let metrics = listed_metrics(first)?;
     let primary = metrics[0];
-    let mut parts = vec![PageElement::text(format!(
-        "Suite {} {}, digest {}. {} sequences. An output with a fault has the scores of {}.",
-        first.suite,
-        first.version,
-        first.digest,
-        first.sequences.len(),
-        first.trivial_answer
-    ))];
-    parts.push(PageElement::heading("Scores"));
-    parts.push(PageElement::text(
-        "Scores of the scored splits, with 95 % bootstrap intervals over sequences. Scores of detections and tracks count all \
-         boxes together; other scores are means over sequences.",
-    ));
-    parts.push(PageElement::Table(score_table(methods, &names, &metrics)));
-    parts.push(PageElement::heading("Cost"));
-    parts.push(PageElement::Table(cost_table(methods, &names)));
     let differences = paired_differences(methods, &names, &metrics)?;
-    if !differences.is_empty() {
-        parts.push(PageElement::heading("Paired differences"));
-        parts.push(PageElement::text(format!(
-            "Mean differences to {} over the same sequences. If an interval excludes 0, the methods differ beyond the choice \
-             of sequences.",
-            names[0]
-        )));
-        parts.push(PageElement::Table(difference_table(&differences, &metrics)));
+    let (state, word, verdict) = verdict(methods, &names, &differences, primary);
+    let mut page =
+        HtmlReport::new(format!("Benchmark {} {}", first.suite, first.version), state, word, verdict);
+    for (method, name) in methods.iter().zip(&names).take(MAX_KEY_METHODS) {
+        if let Some(score) = primary_score(&method.file, OVERALL, primary) {
+            page.push_key(format!("{name}: {}", primary.name), score_cell(score).text(), primary.unit);
+        }
     }
+    page.push_key("sequences", first.sequences.len().to_string(), "");
+    page.push_key("faulty outputs", methods.iter().map(|m| m.file.faults()).sum::<usize>().to_string(), "");
+    page.extend(score_figure(methods, &names, primary));
+    page.extend(cost_figure(methods, &names, primary));
     let curves = curve_points(first);
     for (curve, groups) in &curves {
-        parts.push(PageElement::heading(&format!("Curve {curve}")));
-        parts.push(curve_figure(methods, &names, (curve, groups), primary)?);
-        parts.push(PageElement::Table(curve_table(methods, &names, groups, primary)));
+        page.push(curve_figure(methods, &names, (curve, groups), primary));
     }
     if let Some(faults) = fault_list(methods, &names) {
-        parts.push(PageElement::heading("Faults"));
-        parts.push(faults);
+        page.push(PageElement::heading("Faults"));
+        page.push(PageElement::text(format!(
+            "An output with a fault has the scores of {}.",
+            first.trivial_answer
+        )));
+        page.push(faults);
     }
     let worst = worst_sequences(methods, primary);
     if let Some(data) = data {
-        parts.push(PageElement::heading("Worst outputs"));
+        page.push(PageElement::heading("Worst outputs"));
         for (index, method) in methods.iter().enumerate() {
             for sequence in &worst[index] {
-                parts.extend(worst_figure(data, method, &names[index], sequence, primary)?);
+                page.extend(worst_figure(data, method, &names[index], sequence, primary)?);
             }
         }
     }
-    let html = page(&format!("Benchmark {} {}", first.suite, first.version), &parts);
+    page.push_table(score_table(methods, &names, &metrics));
+    page.push_table(difference_table(&differences, &metrics, &names[0]));
+    page.push_table(cost_table(methods, &names));
+    for (curve, groups) in &curves {
+        page.push_table(curve_table(methods, &names, (curve, groups), primary));
+    }
+    let mut suite = Table::new("Suite", &["property", "value"]);
+    suite.push_row(["suite".to_owned(), first.suite.to_string()]);
+    suite.push_row(["version".to_owned(), first.version.to_string()]);
+    suite.push_row(["digest".to_owned(), first.digest.to_string()]);
+    page.push_table(suite);
+    let html = page.html(run);
     let methods_json: Vec<Value> = methods
         .iter()
         .zip(&names)
@@ -146,6 +148,116 @@ pub fn report(methods: &[ScoredMethod], data: Option<&GeneratedSuite>) -> Result
         "metrics": first.metrics, "methods": methods_json, "differences": differences_json,
     });
     Ok(Report { json, html })
+}
+
+/// Number of methods whose primary score is a key number.
+const MAX_KEY_METHODS: usize = 4;
+
+/// Returns the cell of a score with its interval.
+fn score_cell(score: ScoreInterval) -> Cell {
+    match score.interval {
+        Some([low, high]) if high > low => Cell::interval(score.value, low, high),
+        _ => Cell::value(score.value, ""),
+    }
+}
+
+/// Returns how far a score is from the best possible score; smaller is better.
+fn badness(metric: &Metric, score: f64) -> f64 {
+    match metric.better {
+        Better::Larger => -score,
+        Better::Smaller => score,
+        Better::CloserTo(target) => (score - target).abs(),
+    }
+}
+
+/// Returns the index of the method with the best overall score of a metric.
+fn best_method(methods: &[ScoredMethod], metric: &Metric) -> Option<usize> {
+    let score = |m: &ScoredMethod| m.file.summary(OVERALL)?.metrics.get(metric.name).map(|s| s.pooled.value);
+    let known = methods.iter().enumerate().filter_map(|(i, m)| Some((i, badness(metric, score(m)?))));
+    known.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+}
+
+/// Returns the state, the word and the sentence of the page.
+fn verdict(
+    methods: &[ScoredMethod],
+    names: &[String],
+    differences: &[Difference],
+    primary: &Metric,
+) -> (ReportState, &'static str, String) {
+    let faults: usize = methods.iter().map(|m| m.file.faults()).sum();
+    let note = if faults == 0 { String::new() } else { format!(" {faults} outputs have faults.") };
+    let Some(best) = best_method(methods, primary) else {
+        return (ReportState::Problem, "no scores", format!("No method has a score.{note}"));
+    };
+    let name = &names[best];
+    if methods.len() == 1 {
+        let state = if faults == 0 { ReportState::Info } else { ReportState::Caution };
+        return (state, "one method", format!("{name} is the only method.{note}"));
+    }
+    // The first method is the baseline of all differences.
+    let other = differences.iter().filter(|d| d.metric == primary.name);
+    let excludes_zero = |d: &Difference| d.mean.interval.is_some_and(|[low, high]| low > 0.0 || high < 0.0);
+    let is_decided = match best {
+        0 => other.clone().count() > 0 && other.clone().all(excludes_zero),
+        _ => other.clone().any(|d| d.method == *name && excludes_zero(d)),
+    };
+    let text = match (is_decided, best) {
+        (true, 0) => format!(
+            "{name} has the best {}, and the differences to all other methods are significant.",
+            primary.name
+        ),
+        (true, _) => format!(
+            "{name} has the best {}, and its difference to {} is significant.",
+            primary.name, names[0]
+        ),
+        (false, _) => format!(
+            "{name} has the best {}, but the choice of sequences can explain the difference.",
+            primary.name
+        ),
+    };
+    let state = if is_decided && faults == 0 { ReportState::Good } else { ReportState::Caution };
+    (state, if is_decided { "decided" } else { "not decided" }, text + &note)
+}
+
+/// Returns the names of the methods as ticks, and the overall score of each method.
+fn overall_scores(methods: &[ScoredMethod], primary: &Metric) -> Vec<(usize, ScoreInterval)> {
+    let score = |(i, m): (usize, &ScoredMethod)| Some((i, primary_score(&m.file, OVERALL, primary)?));
+    methods.iter().enumerate().filter_map(score).collect()
+}
+
+/// Plots the primary metric of every method with half of its interval as the error.
+fn score_figure(methods: &[ScoredMethod], names: &[String], primary: &Metric) -> Option<PageElement> {
+    let scores = overall_scores(methods, primary);
+    let best = best_method(methods, primary)?;
+    let points = scores
+        .iter()
+        .map(|(i, s)| {
+            PlotPoint::new(*i as f64, s.value, s.interval.map_or(0.0, |[low, high]| (high - low) / 2.0))
+        })
+        .collect();
+    let ticks = names.iter().enumerate().map(|(i, n)| (i as f64, n.clone())).collect();
+    let vertical = format!("{} ({})", primary.name, primary.unit);
+    let plot = Plot::new(format!("{} has the best {}", names[best], primary.name), "method", vertical)
+        .points("all sequences", points)
+        .named_ticks(ticks);
+    Some(plot.figure("Bars are half the 95 % bootstrap interval over the sequences."))
+}
+
+/// Plots the primary metric over the outputs per second. Returns `None` if fewer than two methods have a cost.
+fn cost_figure(methods: &[ScoredMethod], names: &[String], primary: &Metric) -> Option<PageElement> {
+    let point = |(i, s): &(usize, ScoreInterval)| {
+        let rate = methods[*i].file.cost?.outputs_per_second;
+        (rate > 0.0).then(|| (*i, PlotPoint::new(rate, s.value, 0.0)))
+    };
+    let points: Vec<(usize, PlotPoint)> = overall_scores(methods, primary).iter().filter_map(point).collect();
+    if points.len() < 2 {
+        return None;
+    }
+    let fastest = points.iter().max_by(|a, b| a.1.x.total_cmp(&b.1.x)).map_or("", |p| &names[p.0]);
+    let vertical = format!("{} ({})", primary.name, primary.unit);
+    let plot = Plot::new(format!("{fastest} is the fastest method"), "outputs per second", vertical).log_x();
+    let plot = points.iter().fold(plot, |plot, (i, p)| plot.points(names[*i].clone(), vec![*p]));
+    Some(plot.figure("Speed depends on the machine; the table of costs names it."))
 }
 
 /// Checks that the score files belong to the same suite and sequences. Returns the first file.
@@ -212,8 +324,8 @@ fn listed_metrics(file: &ScoreFile) -> Result<Vec<&'static Metric>> {
     Ok(found)
 }
 
-/// Returns the header `first`, then each metric with its unit and an arrow for the better direction.
-fn metric_header(first: &str, metrics: &[&Metric]) -> Table {
+/// Returns a table with the header `first`, then each metric with its unit and the better direction.
+fn metric_header(title: &str, first: &str, metrics: &[&Metric]) -> Table {
     let label = |metric: &&Metric| {
         let better = match metric.better {
             Better::Larger => "larger is better".to_owned(),
@@ -223,23 +335,26 @@ fn metric_header(first: &str, metrics: &[&Metric]) -> Table {
         format!("{} ({}; {better})", metric.name, metric.unit)
     };
     let header: Vec<String> = std::iter::once(first.to_owned()).chain(metrics.iter().map(label)).collect();
-    Table::new(&header.iter().map(String::as_str).collect::<Vec<_>>())
+    Table::new(title, &header.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
 fn score_table(methods: &[ScoredMethod], names: &[String], metrics: &[&Metric]) -> Table {
-    let mut table = metric_header("method", metrics);
-    for (method, name) in methods.iter().zip(names) {
+    let mut table = metric_header("Scores", "method", metrics).open().with_note(
+        "Scores of the scored splits, with 95 % bootstrap intervals over sequences. Scores of detections and tracks count all boxes together; other scores are means over sequences. The star marks the best method.",
+    );
+    for (i, (method, name)) in methods.iter().zip(names).enumerate() {
         let cell = |metric: &&Metric| {
             let summary = method.file.summary(OVERALL).and_then(|s| s.metrics.get(metric.name));
-            summary.map_or("-".to_owned(), |summary| summary.pooled.to_string())
+            let is_best = methods.len() > 1 && best_method(methods, metric) == Some(i);
+            summary.map_or(Cell::from("-"), |summary| score_cell(summary.pooled).best(is_best))
         };
-        table.push_row(std::iter::once(name.clone()).chain(metrics.iter().map(cell)));
+        table.push_row(std::iter::once(Cell::from(name)).chain(metrics.iter().map(cell)));
     }
     table
 }
 
 fn cost_table(methods: &[ScoredMethod], names: &[String]) -> Table {
-    let mut table = Table::new(&[
+    let header = [
         "method",
         "outputs per second",
         "latency 50 %, ms",
@@ -248,22 +363,23 @@ fn cost_table(methods: &[ScoredMethod], names: &[String]) -> Table {
         "memory, MB",
         "faults",
         "processor",
-    ]);
+    ];
+    let mut table = Table::new("Cost", &header);
     for (method, name) in methods.iter().zip(names) {
         let cost = method.file.cost;
-        let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.2}"));
+        let number = |value: Option<f64>| value.map_or(Cell::from("-"), |v| Cell::value(v, ""));
         let latency = |i: usize| number(cost.map(|c| 1e3 * c.latency_seconds[i]));
         let memory = cost.and_then(|c| c.memory_peak_bytes).map(|bytes| bytes as f64 / 1e6);
         let environment = &method.file.environment;
         table.push_row([
-            name.clone(),
+            Cell::from(name),
             number(cost.map(|c| c.outputs_per_second)),
             latency(0),
             latency(1),
             latency(2),
             number(memory),
-            method.file.faults().to_string(),
-            environment.processor.clone().unwrap_or_else(|| environment.system.clone()),
+            Cell::from(method.file.faults()),
+            Cell::from(environment.processor.as_ref().unwrap_or(&environment.system)),
         ]);
     }
     table
@@ -303,16 +419,18 @@ fn paired_differences(
     Ok(all)
 }
 
-fn difference_table(differences: &[Difference], metrics: &[&Metric]) -> Table {
-    let mut table = metric_header("method", metrics);
+fn difference_table(differences: &[Difference], metrics: &[&Metric], baseline: &str) -> Table {
+    let mut table = metric_header(&format!("Differences to {baseline}"), "method", metrics).with_note(
+        "Mean differences over the same sequences. If an interval excludes 0, the methods differ beyond the choice of sequences.",
+    );
     let mut names: Vec<&str> = differences.iter().map(|d| d.method.as_str()).collect();
     names.dedup();
     for name in names {
         let cell = |metric: &&Metric| {
             let found = differences.iter().find(|d| d.method == name && d.metric == metric.name);
-            found.map_or("-".to_owned(), |d| d.mean.to_string())
+            found.map_or(Cell::from("-"), |d| score_cell(d.mean))
         };
-        table.push_row(std::iter::once(name.to_owned()).chain(metrics.iter().map(cell)));
+        table.push_row(std::iter::once(Cell::from(name)).chain(metrics.iter().map(cell)));
     }
     table
 }
@@ -343,45 +461,53 @@ fn curve_figure(
     names: &[String],
     (curve, groups): (&str, &CurveGroups),
     primary: &Metric,
-) -> Result<PageElement> {
+) -> PageElement {
     let numbers: Vec<f64> = groups.iter().map(|g| g.1).collect();
     let (low, high) =
         numbers.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let is_named = groups.iter().any(|(text, ..)| text.parse::<f64>().is_err());
     let is_logarithmic = !is_named && low > 0.0 && high >= 8.0 * low;
-    let place = |x: f64| if is_logarithmic { x.log10() } else { x };
-    let lines: Vec<PlotCurve<'_>> = methods
-        .iter()
-        .zip(names)
-        .map(|(method, name)| {
-            let mut points: Vec<(f64, f64)> = groups
-                .iter()
-                .filter_map(|(_, x, group)| {
-                    Some((place(*x), primary_score(&method.file, group, primary)?.value))
-                })
-                .collect();
-            points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            PlotCurve { name, points }
-        })
-        .collect();
-    let axis = match (is_named, is_logarithmic) {
-        (true, _) => format!("index of the value of {curve}"),
-        (false, true) => format!("log10 of {curve}"),
-        (false, false) => curve.to_owned(),
-    };
     let vertical = format!("{} ({})", primary.name, primary.unit);
-    let svg = marked_line_plot(curve, (&axis, &vertical), &lines, None)?;
-    Ok(PageElement::figure(svg, format!("{} of the same scenes at each value of {curve}.", primary.name)))
+    let mut plot = Plot::new(format!("{} along {curve}", primary.name), curve, vertical);
+    if is_logarithmic {
+        plot = plot.log_x();
+    }
+    if is_named {
+        plot = plot.named_ticks(groups.iter().map(|(text, x, _)| (*x, text.clone())).collect());
+    }
+    for (method, name) in methods.iter().zip(names) {
+        let point = |(_, x, group): &(String, f64, String)| {
+            let score = primary_score(&method.file, group, primary)?;
+            Some(PlotPoint::new(
+                *x,
+                score.value,
+                score.interval.map_or(0.0, |[low, high]| (high - low) / 2.0),
+            ))
+        };
+        let mut points: Vec<PlotPoint> = groups.iter().filter_map(point).collect();
+        points.sort_by(|a, b| a.x.total_cmp(&b.x));
+        let line = points.iter().map(|p| (p.x, p.y)).collect();
+        plot = plot.points_on_line(name.clone(), points, line);
+    }
+    plot.figure(format!(
+        "{} of the same scenes at each value of {curve}. Bars are half the 95 % interval.",
+        primary.name
+    ))
 }
 
-fn curve_table(methods: &[ScoredMethod], names: &[String], groups: &CurveGroups, primary: &Metric) -> Table {
+fn curve_table(
+    methods: &[ScoredMethod],
+    names: &[String],
+    (curve, groups): (&str, &CurveGroups),
+    primary: &Metric,
+) -> Table {
     let header: Vec<&str> = std::iter::once("value").chain(names.iter().map(String::as_str)).collect();
-    let mut table = Table::new(&header);
-    for (value, _, group) in groups {
+    let mut table = Table::new(format!("{} along {curve}", primary.name), &header);
+    for (value, x, group) in groups {
         let cell = |method: &ScoredMethod| {
-            primary_score(&method.file, group, primary).map_or("-".to_owned(), |score| score.to_string())
+            primary_score(&method.file, group, primary).map_or(Cell::from("-"), score_cell)
         };
-        table.push_row(std::iter::once(value.clone()).chain(methods.iter().map(cell)));
+        table.push_row(std::iter::once(Cell::number(*x, value)).chain(methods.iter().map(cell)));
     }
     table
 }
@@ -400,11 +526,6 @@ fn fault_list(methods: &[ScoredMethod], names: &[String]) -> Option<PageElement>
 
 /// Returns the group, the name and the score of the worst sequences of each method.
 fn worst_sequences(methods: &[ScoredMethod], primary: &Metric) -> Vec<Vec<(String, String, f64)>> {
-    let badness = |score: f64| match primary.better {
-        Better::Larger => -score,
-        Better::Smaller => score,
-        Better::CloserTo(target) => (score - target).abs(),
-    };
     methods
         .iter()
         .map(|method| {
@@ -414,7 +535,7 @@ fn worst_sequences(methods: &[ScoredMethod], primary: &Metric) -> Vec<Vec<(Strin
                 .iter()
                 .filter_map(|s| Some((s.group.to_string(), s.id.to_string(), *s.scores.get(primary.name)?)))
                 .collect();
-            all.sort_by(|a, b| badness(b.2).total_cmp(&badness(a.2)));
+            all.sort_by(|a, b| badness(primary, b.2).total_cmp(&badness(primary, a.2)));
             all.truncate(WORST_SEQUENCES);
             all
         })
@@ -449,11 +570,9 @@ fn worst_figure(
                 _ => String::new(),
             };
             let note = if image.is_empty() { ", no valid output" } else { "" };
-            let caption = format!(
-                "{name}, {}/{id}: {} {score:.2} {}. Left: reference. Right: output{note}.",
-                group.name, primary.name, primary.unit
-            );
-            Ok(Some(PageElement::figure(reference + " " + &image, caption)))
+            let title = format!("{name}, {}/{id}: {} {score:.2} {}", group.name, primary.name, primary.unit);
+            let caption = format!("Left: reference. Right: output{note}.");
+            Ok(Some(PageElement::figure(title, reference + " " + &image, caption)))
         }
         Task::Flow | Task::Depth | Task::Detection | Task::Tracking => Ok(Some(PageElement::text(format!(
             "{name}, {}/{id}: {} {score:.3} {}",

@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::emva_1288::sheet_json;
 use crate::population::mean_and_sd;
 use crate::result::{AdditiveSum, Additivity, Calibration, Lamp, LightField};
 use crate::snee::{SneeMaps, SneePixel};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::pixel::NoiseSampling;
 use spikelane::unstable::npy;
-use spikelane_measure::report::insert_present;
+use spikelane_measure::report::{RunRecord, insert_present};
 use spikelane_measure::{Estimate, median};
 
 /// The paths of the files of a calibration.
@@ -80,6 +81,7 @@ impl Calibration {
         let field =
             |f: &LightField| json!({ "corner_falloff": estimate_json(f.corner_falloff), "terms": f.terms });
         let optional_fields = [
+            ("emva_1288", Some(sheet_json(self))),
             ("light_field", self.light_field.as_ref().map(field)),
             ("camera", self.recorded_camera.as_ref().map(|camera| json!(camera))),
             ("additivity", self.additivity.as_ref().map(additivity_json)),
@@ -154,11 +156,11 @@ impl Calibration {
     /// Writes the files of a calibration into `folder`, which is created if necessary.
     ///
     /// The files are `camera.toml` with its maps, the maps of the fit, `calibration.json` and `report.html`. If the
-    /// estimator of the SCSim paper was run, its maps are written too.
+    /// estimator of the SCSim paper was run, its maps are written too. The report states the origin `run`.
     ///
     /// # Errors
     /// If a file exists and `force` is not set, or if a file cannot be written.
-    pub fn write(&self, folder: &Path, force: bool) -> Result<CalibrationFiles> {
+    pub fn write(&self, folder: &Path, run: &RunRecord, force: bool) -> Result<CalibrationFiles> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
         let mut group = spikelane_io::storage::FileGroup::new(force);
         let mut put = |name: &str, bytes: &[u8]| group.write(&folder.join(name), bytes);
@@ -178,7 +180,7 @@ impl Calibration {
             "calibration.json",
             text.map_err(|e| Error::new(ErrorKind::Config, "calibration").found(e))?.as_bytes(),
         )?;
-        put("report.html", self.html_report()?.as_bytes())?;
+        put("report.html", self.html_report(run)?.as_bytes())?;
         group.commit()?;
         Ok(CalibrationFiles {
             camera: folder.join("camera.toml"),

@@ -1,5 +1,6 @@
 //! The HTML report of a calibration.
 
+use super::emva_1288::sheet_table;
 use crate::formulas::fit::PixelFit;
 use crate::population::mean_and_sd;
 use crate::result::{Additivity, Calibration, Lamp};
@@ -7,120 +8,244 @@ use crate::snee::{SneeMaps, SneePixel};
 use spikelane::error::Result;
 use spikelane::unstable::Count;
 use spikelane_measure::report::{
-    Curve, PageElement, ShadedBand, Table, bar_plot, heat_map, marked_line_plot, page as render, today,
+    Cell, PageElement, Plot, PlotPoint, Report, ReportState, RunRecord, Table, heat_map, without_error,
 };
-use spikelane_measure::{Estimate, finite_values};
+use spikelane_measure::{Estimate, finite_values, map_histogram, pattern_spectra};
+
+/// Number of bins of a histogram.
+const HISTOGRAM_BINS: usize = 60;
+
+/// Unit of a rate in the plots.
+const RATE_UNIT: &str = "spikes per readout";
+
+/// Label of the axis of light.
+const LIGHT_AXIS: &str = "stated light, relative to saturation";
 
 impl Calibration {
-    /// Returns the report as an HTML page.
+    /// Returns the report as an HTML page. `run` is the origin of the report.
     ///
     /// # Errors
-    /// If a plot cannot be drawn.
-    pub fn html_report(&self) -> Result<String> {
-        page(self)
+    /// If a map cannot be encoded.
+    pub fn html_report(&self, run: &RunRecord) -> Result<String> {
+        Ok(report(self)?.html(run))
     }
 }
 
-fn page(c: &Calibration) -> Result<String> {
+fn report(c: &Calibration) -> Result<Report> {
     let width = c.sensor.geometry.width();
     let map = |value: fn(&PixelFit) -> f64| c.fits.iter().map(value).collect::<Vec<f64>>();
     let (a, d) = (map(|f| f.a), map(|f| f.d));
-    let mut parts = vec![
-        PageElement::text(set_summary(c)),
-        PageElement::text(c.verdict()),
-        PageElement::List { items: c.cautions() },
-        PageElement::heading("Light levels"),
-        linearity_figure(c)?,
-        residual_figure(c)?,
-        PageElement::Table(lamp_table(c)),
-    ];
-    parts.extend(c.additivity.as_ref().map(|a| PageElement::Table(additivity_table(a))));
-    parts.extend([
-        PageElement::heading("Population"),
-        PageElement::Table(population_table(c)),
-        PageElement::heading("Identified and unidentified values"),
-        PageElement::List { items: c.notes.clone() },
-        PageElement::heading("Defects"),
-        PageElement::text(defect_summary(c)),
-        PageElement::heading("Maps"),
-        PageElement::figure(
-            heat_map(&a, width, "map of a")?,
-            "Gain a, 1st to 99th percentile; unknown pixels are red.",
-        ),
-        PageElement::figure(
-            heat_map(&d, width, "map of d")?,
-            "Dark rate d, 1st to 99th percentile; unknown pixels are red.",
-        ),
-        histogram_figure("Gain a", "thresholds per readout at full light", &a)?,
-        histogram_figure("Dark rate d", "thresholds per readout", &d)?,
-    ]);
-    if let Some(camera) = &c.recorded_camera {
-        parts.insert(1, PageElement::Table(camera.table()));
+    let cautions = c.cautions();
+    let (state, word) = match cautions.is_empty() {
+        true => (ReportState::Good, "agrees"),
+        false => (ReportState::Caution, "usable with care"),
+    };
+    let mut report = Report::new("Calibration", state, word, c.verdict());
+    push_key_numbers(&mut report, c);
+    report.push(PageElement::List { items: cautions });
+    report.push(PageElement::text(set_summary(c)));
+    report.push(PageElement::heading("Light levels"));
+    report.push(linearity_figure(c));
+    report.push(residual_figure(c));
+    report.extend(variance_figure(c));
+    report.push(PageElement::heading("Pixels"));
+    let p = &c.population;
+    for (name, unit, values, mean, sd, variance) in [
+        ("gain a", "thresholds per readout at light 1", &a, p.mean_a, p.sd_a, map(|f| f.var_a)),
+        ("dark rate d", "thresholds per readout", &d, p.mean_d, p.sd_d, map(|f| f.var_d)),
+    ] {
+        report.push(heat_map(
+            &format!("Map of the {name}"),
+            values,
+            width,
+            unit,
+            "The colors span the 1st to the 99th percentile. Pixels without an estimate are red.",
+        )?);
+        report.push(population_figure(name, unit, values, (mean, sd), &finite_values(&variance)));
+        report.push(spectrum_figure(name, unit, values, width));
     }
+    report.push(PageElement::heading("Identified and unidentified values"));
+    report.push(PageElement::List { items: c.notes.clone() });
+    report.push(PageElement::text(defect_summary(c)));
     if let Some(paper) = &c.snee {
-        parts.extend(snee_comparison(c, paper)?);
+        report.extend(snee_text(paper));
+        report.push(histogram_figure(
+            "Thresholds of the paper's estimator (SNEE)",
+            "relative to the nominal threshold",
+            &paper.map(|s| s.phi),
+        ));
     }
-    Ok(render("Calibration", &parts))
+    report.push_table(population_table(c));
+    report.push_table(lamp_table(c));
+    report.push_table(sheet_table(c));
+    c.additivity.iter().for_each(|a| report.push_table(additivity_table(a)));
+    c.snee.iter().for_each(|paper| report.push_table(snee_table(c, paper)));
+    c.recorded_camera.iter().for_each(|camera| report.push_table(camera.table()));
+    Ok(report)
+}
+
+fn push_key_numbers(report: &mut Report, c: &Calibration) {
+    let p = &c.population;
+    let percent = |spread: Estimate, mean: f64| [spread.value, spread.error].map(|x| 100.0 * x / mean);
+    let [prnu, prnu_error] = percent(p.sd_a, p.mean_a.value);
+    report.push_estimate("mean gain a", p.mean_a.value, p.mean_a.error, "thresholds per readout at light 1");
+    report.push_estimate("PRNU", prnu, prnu_error, "% of the mean gain");
+    report.push_estimate("mean dark rate d", p.mean_d.value, p.mean_d.error, "thresholds per readout");
+    report.push_estimate("DSNU", p.sd_d.value, p.sd_d.error, "thresholds per readout");
+    let assumed = |e: Estimate, unit: &str| {
+        if e.error.is_finite() { unit.to_owned() } else { format!("{unit} (assumed)") }
+    };
+    let [noise, noise_error] = percent(c.sigma_t, 1.0);
+    report.push_estimate("threshold noise", noise, noise_error, &assumed(c.sigma_t, "% of the threshold"));
+    let electrons = c.electrons_per_threshold;
+    report.push_estimate("electrons", electrons.value, electrons.error, &assumed(electrons, "per threshold"));
 }
 
 /// Returns a sentence with the number of recordings, their size in pixels and their length.
 fn set_summary(c: &Calibration) -> String {
     let readouts: u64 = c.lamps.iter().map(|l| u64::from(l.readouts)).sum();
     format!(
-        "{} of {}x{} pixels at {} readouts per second, {} in total, {:.2} s. Created on {}.",
+        "{} of {}x{} pixels at {} readouts per second, {} in total, {:.2} s.",
         Count(c.lamps.len(), "recording"),
         c.sensor.geometry.width(),
         c.sensor.geometry.height(),
         c.sensor.readout_hz,
         Count(readouts, "readout"),
-        readouts as f64 / c.sensor.readout_hz,
-        today()
+        readouts as f64 / c.sensor.readout_hz
     )
 }
 
 /// Plots the mean rates, and the mean of the fitted lines, as functions of the stated light.
-fn linearity_figure(c: &Calibration) -> Result<PageElement> {
+fn linearity_figure(c: &Calibration) -> PageElement {
     let p = &c.population;
     let unsaturated = || c.lamps.iter().filter(|l| !l.is_saturated);
     let end = unsaturated().map(|l| l.stated_light).fold(0.0, f64::max);
     let line = [0.0, end].map(|light| (light, p.mean_a.value * light + p.mean_d.value));
-    let plot = marked_line_plot(
-        "Linearity",
-        ("stated light, relative to saturation", "spikes per readout"),
-        &[
-            Curve { name: "mean of the fitted lines", points: line.to_vec() },
-            Curve {
-                name: "recorded",
-                points: unsaturated().map(|l| (l.stated_light, l.mean_rate)).collect(),
-            },
-        ],
-        None,
-    )?;
-    Ok(PageElement::figure(plot, "Mean rate of each level below saturation, over the stated light."))
+    let largest = c.lamps.iter().filter_map(Lamp::relative_deviation).map(|d| d[0].abs()).fold(0.0, f64::max);
+    let title = match c.is_nonlinear {
+        true => "The rate is not linear in the light".to_owned(),
+        false => format!("The rate is linear within {} %", without_error(two_digits(100.0 * largest))),
+    };
+    let recorded = unsaturated().map(|l| PlotPoint::new(l.stated_light, l.mean_rate, 0.0)).collect();
+    Plot::new(title, LIGHT_AXIS, RATE_UNIT)
+        .points("recorded", recorded)
+        .line("mean of the fitted lines", line.to_vec())
+        .figure(
+            "Mean rate of each level below saturation. The errors of the rates are smaller than the points.",
+        )
 }
 
-/// Plots the deviation of each level from its stated light, with a band of plus and minus two standard errors.
-fn residual_figure(c: &Calibration) -> Result<PageElement> {
-    let known: Vec<(f64, [f64; 2])> = c
+/// Rounds to two significant digits, for limits in titles.
+fn two_digits(x: f64) -> f64 {
+    format!("{x:.1e}").parse().unwrap_or(x)
+}
+
+/// Plots the deviation of each level from its stated light, and the stated uncertainty as a band.
+fn residual_figure(c: &Calibration) -> PageElement {
+    let mut known: Vec<(&Lamp, [f64; 2])> =
+        c.lamps.iter().filter_map(|l| Some((l, l.relative_deviation()?.map(|x| 100.0 * x)))).collect();
+    known.sort_by(|x, y| x.0.stated_light.total_cmp(&y.0.stated_light));
+    let points =
+        known.iter().map(|(l, [value, error])| PlotPoint::new(l.stated_light, *value, *error)).collect();
+    let prior = |sign: f64| {
+        let of = |(l, _): &(&Lamp, _)| (l.stated_light, sign * 100.0 * l.stated_uncertainty);
+        known.iter().map(of).collect::<Vec<_>>()
+    };
+    let largest = known.iter().filter_map(|(l, _)| l.pull()).map(f64::abs).fold(0.0, f64::max);
+    let title = format!("The largest deviation of a level is {largest:.1} times its stated uncertainty");
+    Plot::new(title, LIGHT_AXIS, "estimated minus stated light, %")
+        .band("stated uncertainty", prior(-1.0), prior(1.0))
+        .points("estimated light", points)
+        .rule(0.0, "")
+        .log_x()
+        .figure("Bars are standard errors. They include the error of the scale that all levels share, so they may exceed the scatter of the points.")
+}
+
+/// Plots the temporal variance of the rates over the mean rate, as in a photon transfer curve. Returns `None` for fewer than
+/// two lit recordings of known length.
+fn variance_figure(c: &Calibration) -> Option<PageElement> {
+    let pixels = c.fits.iter().filter(|f| f.a.is_finite()).count().max(1) as f64;
+    let usable = |l: &&Lamp| {
+        l.readouts > 0
+            && !l.is_saturated
+            && l.mean_rate > 0.0
+            && l.rate_scatter.is_finite()
+            && l.rate_scatter > 0.0
+    };
+    let mut points: Vec<PlotPoint> = c
         .lamps
         .iter()
-        .filter_map(|l| Some((l.stated_light, l.relative_deviation()?.map(|x| 100.0 * x))))
+        .filter(usable)
+        .map(|l| {
+            let variance = (l.rate_scatter * l.mean_rate).powi(2) * f64::from(l.readouts);
+            // The relative standard error of a robust standard deviation is 1.17 / sqrt(n), and that of its square is twice
+            // as large.
+            PlotPoint::new(l.mean_rate, variance, variance * 2.34 / pixels.sqrt())
+        })
         .collect();
-    let at = |errors: f64| known.iter().map(|(x, [value, error])| (*x, value + errors * error)).collect();
-    let band = ShadedBand { name: "two standard errors", low: at(-2.0), high: at(2.0) };
-    let plot = marked_line_plot(
-        "Estimated light minus stated light",
-        ("stated light, relative to saturation", "%"),
-        &[Curve { name: "estimated", points: at(0.0) }],
-        Some(&band),
-    )?;
-    let caption = "Residuals from the line of all levels. The errors include the error of the scale that all levels share, so the errors may exceed the scatter of the points.";
-    Ok(PageElement::figure(plot, caption))
+    points.sort_by(|x, y| x.x.total_cmp(&y.x));
+    let (first, last) = (points.first()?.x, points.last()?.x);
+    if points.len() < 2 || first >= last {
+        return None;
+    }
+    let ratio = points.iter().map(|p| p.y / p.x).fold(0.0, f64::max);
+    let title = match ratio < 1.0 {
+        true => format!(
+            "The noise is below that of independent spikes: at most {} of their variance",
+            without_error(two_digits(ratio))
+        ),
+        false => format!(
+            "The noise reaches {} times the variance of independent spikes",
+            without_error(two_digits(ratio))
+        ),
+    };
+    let independent = [first, (first * last).sqrt(), last].map(|x| (x, x)).to_vec();
+    let plot = Plot::new(title, "mean rate, spikes per readout", "variance of the rate x readouts")
+        .points("recorded", points)
+        .line("independent spikes", independent)
+        .log_x()
+        .log_y();
+    Some(plot.figure("Photon transfer curve of a spike camera: the square of the robust spread of the pixels about their lines, multiplied by the number of readouts. The lines are fitted to the same recordings, so few levels reduce the spread."))
+}
+
+/// Plots the histogram of a map with the normal distribution of its population. `variances` are the squared errors of the
+/// pixels.
+fn population_figure(
+    name: &str,
+    unit: &str,
+    map: &[f64],
+    (mean, sd): (Estimate, Estimate),
+    variances: &[f64],
+) -> PageElement {
+    let bins = map_histogram(map, HISTOGRAM_BINS);
+    let step = bins.get(1).map_or(1.0, |b| b.0 - bins[0].0);
+    let noise = variances.iter().sum::<f64>() / variances.len().max(1) as f64;
+    let spread = (sd.value.powi(2) + noise).sqrt();
+    let density = |x: f64| {
+        step / spread / std::f64::consts::TAU.sqrt() * (-0.5 * ((x - mean.value) / spread).powi(2)).exp()
+    };
+    let curve: Vec<(f64, f64)> = bins.iter().map(|b| (b.0, density(b.0))).collect();
+    let plot =
+        Plot::new(format!("Distribution of the {name}"), unit, "share of the pixels").bars("pixels", bins);
+    let is_finite = spread > 0.0 && curve.iter().all(|p| p.1.is_finite());
+    let plot = if is_finite { plot.line("normal population with fit errors", curve) } else { plot };
+    plot.figure("Between the 0.1th and the 99.9th percentile. The curve has the mean and the spread of the population.")
+}
+
+/// Plots the spectra of a map along rows and columns, as in the spectrograms of EMVA 1288.
+fn spectrum_figure(name: &str, unit: &str, map: &[f64], width: usize) -> PageElement {
+    let [rows, columns] = pattern_spectra(map, width);
+    Plot::new(format!("Spectrum of the {name}"), "frequency, cycles per pixel", unit)
+        .line("along rows", rows)
+        .line("along columns", columns)
+        .log_y()
+        .figure("Amplitude: white noise has its standard deviation at every frequency. A peak is a periodic pattern, and a rise at low frequencies is a gradient.")
 }
 
 fn population_table(c: &Calibration) -> Table {
     let p = &c.population;
-    let mut table = Table::new(&["quantity", "value", "standard error", "relative to the mean"]);
+    let mut table =
+        Table::new("Population of the pixels", &["quantity", "value", "relative to the mean"]).open();
     let (a, d) = (p.mean_a.value, p.mean_d.value);
     let rows = [
         ("mean gain a (thresholds per readout at full light)", p.mean_a, None),
@@ -144,57 +269,67 @@ fn population_table(c: &Calibration) -> Table {
     let others = shares.into_iter().chain(falloff).chain(classes).filter(|(_, e)| e.value.is_finite());
     let rows = rows.chain(others.map(|(name, e)| (name, e, None)));
     for (name, e, mean) in rows {
-        let digits = if e.value >= 100.0 { 0 } else { 6 };
-        let error = if e.error.is_finite() { format!("{:.2e}", e.error) } else { "assumed".to_owned() };
-        let relative = mean.map_or(String::new(), |m| format!("{:.3} %", 100.0 * e.value / m));
-        table.push_row([name, format!("{:.digits$}", e.value), error, relative]);
+        let value = Cell::estimate(e.value, e.error, if e.error.is_finite() { "" } else { "(assumed)" });
+        let relative =
+            mean.map_or(Cell::from(""), |m| Cell::estimate(100.0 * e.value / m, 100.0 * e.error / m, "%"));
+        table.push_row([Cell::from(name), value, relative]);
     }
     table
 }
 
 fn lamp_table(c: &Calibration) -> Table {
-    let mut table = Table::new(&[
+    let header = [
         "recording",
         "readouts",
         "stated light",
-        "uncertainty",
+        "uncertainty, %",
         "estimated light",
-        "deviation",
-        "standard error",
+        "deviation, %",
         "pull",
         "spikes per readout",
-        "scatter of the pixels around their lines",
+        "scatter about the lines, %",
         "verdict",
-    ]);
-    let percent = |x: f64| format!("{:.3} %", 100.0 * x);
+    ];
+    let mut table = Table::new("Light levels", &header).with_note(
+        "Uncertainty: standard deviation of the stated light. Pull: deviation divided by this uncertainty. Scatter: spread of the pixels about their fitted lines, relative to the mean rate.",
+    );
     for lamp in &c.lamps {
-        let readouts = if lamp.readouts > 0 { lamp.readouts.to_string() } else { "a map".to_owned() };
-        let [estimated, deviation, error, pull] = match (lamp.relative_deviation(), lamp.pull()) {
-            (Some([value, error]), Some(pull)) => {
-                [format!("{:.5}", lamp.found_light()), percent(value), percent(error), format!("{pull:+.2}")]
-            }
+        let readouts =
+            if lamp.readouts > 0 { Cell::from(lamp.readouts as usize) } else { Cell::from("a map") };
+        let [estimated, deviation, pull] = match (lamp.relative_deviation(), lamp.pull()) {
+            (Some([value, error]), Some(pull)) => [
+                Cell::estimate(lamp.found_light(), lamp.deviation.error, ""),
+                Cell::estimate(100.0 * value, 100.0 * error, ""),
+                Cell::number(pull, format!("{pull:+.1}")),
+            ],
             _ => Default::default(),
         };
-        let (stated, uncertainty) = (format!("{:.5}", lamp.stated_light), percent(lamp.stated_uncertainty));
-        let cells = [lamp.file.clone(), readouts, stated, uncertainty, estimated, deviation, error, pull];
-        let fitted =
-            [format!("{:.5}", lamp.mean_rate), percent(lamp.rate_scatter), lamp_verdict(lamp).to_owned()];
-        table.push_row(cells.into_iter().chain(fitted));
+        table.push_row([
+            Cell::from(&lamp.file),
+            readouts,
+            Cell::value(lamp.stated_light, ""),
+            Cell::value(100.0 * lamp.stated_uncertainty, ""),
+            estimated,
+            deviation,
+            pull,
+            Cell::value(lamp.mean_rate, ""),
+            Cell::value(100.0 * lamp.rate_scatter, ""),
+            Cell::from(lamp_verdict(lamp)),
+        ]);
     }
     table
 }
 
 /// Returns one row for each recording of several sources, and one for the curvature of the response.
 fn additivity_table(additivity: &Additivity) -> Table {
-    let mut table = Table::new(&["recording", "sources", "response more than the sum", "standard error"]);
-    let percent = |x: f64| format!("{:.4} %", 100.0 * x);
+    let header = ["recording", "sources", "response more than the sum, %"];
+    let mut table = Table::new("Sums of sources", &header);
+    let percent = |e: Estimate| Cell::estimate(100.0 * e.value, 100.0 * e.error, "");
     for sum in &additivity.sums {
-        let Estimate { value, error, .. } = sum.residual;
-        table.push_row([sum.file.clone(), sum.sources.join(" + "), percent(value), percent(error)]);
+        table.push_row([Cell::from(&sum.file), Cell::from(sum.sources.join(" + ")), percent(sum.residual)]);
     }
-    let Estimate { value, error, .. } = additivity.curvature;
-    let name = "deviation from a line at full light".to_owned();
-    table.push_row([name, String::new(), percent(value), percent(error)]);
+    let name = "deviation from a line at full light";
+    table.push_row([Cell::from(name), Cell::from(""), percent(additivity.curvature)]);
     table
 }
 
@@ -218,26 +353,28 @@ fn defect_summary(c: &Calibration) -> String {
     )
 }
 
-fn histogram_figure(title: &str, unit: &str, map: &[f64]) -> Result<PageElement> {
-    let plot = bar_plot(title, unit, &[Curve { name: "pixels", points: histogram_bins(map) }])?;
-    Ok(PageElement::figure(plot, "Share of the pixels, between the 0.1th and the 99.9th percentile."))
+fn histogram_figure(title: &str, unit: &str, map: &[f64]) -> PageElement {
+    Plot::new(title, unit, "share of the pixels")
+        .bars("pixels", map_histogram(map, HISTOGRAM_BINS))
+        .figure("Between the 0.1th and the 99.9th percentile.")
 }
 
 /// Compares the estimator of the SCSim paper with the default estimator. Both estimators determine some of the listed
 /// quantities. For the other quantities, the values of the paper's estimator depend on the limits that it sets for the
 /// threshold.
-fn snee_comparison(c: &Calibration, paper: &SneeMaps) -> Result<Vec<PageElement>> {
-    let mut table = Table::new(&["quantity", "paper: mean", "spread", "default: mean", "spread"]);
+fn snee_table(c: &Calibration, paper: &SneeMaps) -> Table {
+    let header = ["quantity", "paper: mean", "paper: spread", "default: mean", "default: spread"];
+    let mut table = Table::new("The paper's estimator (SNEE)", &header);
     let p = &c.population;
+    let spread_cells = |mean: f64, sd: f64| [Cell::value(mean, ""), Cell::value(sd, "")];
     let cells = |value: fn(&SneePixel) -> f64| {
         let (mean, sd) = mean_and_sd(&paper.map(value));
-        [format!("{mean:.5}"), format!("{sd:.5}")]
+        spread_cells(mean, sd)
     };
-    let mut row = |name: &str, value: fn(&SneePixel) -> f64, cell_pair: [String; 2]| {
-        table.push_row(std::iter::once(name.to_owned()).chain(cells(value)).chain(cell_pair));
+    let mut row = |name: &str, value: fn(&SneePixel) -> f64, cell_pair: [Cell; 2]| {
+        table.push_row(std::iter::once(Cell::from(name)).chain(cells(value)).chain(cell_pair));
     };
-    let spread_cells = |mean: f64, sd: f64| [format!("{mean:.5}"), format!("{sd:.5}")];
-    let unknown = || ["not identified".to_owned(), String::new()];
+    let unknown = || [Cell::from("not identified"), Cell::from("")];
     row("alpha / phi = a, identified", |s| s.alpha / s.phi, spread_cells(p.mean_a.value, p.sd_a.value));
     row("I / phi = d, identified", |s| s.dark / s.phi, spread_cells(p.mean_d.value, p.sd_d.value));
     row("phi, relative to the nominal threshold", |s| s.phi, spread_cells(1.0, p.sigma_phi.value));
@@ -245,38 +382,22 @@ fn snee_comparison(c: &Calibration, paper: &SneeMaps) -> Result<Vec<PageElement>
     row("V_S, relative to the nominal swing", |s| s.v_s, unknown());
     row("alpha, in nominal thresholds", |s| s.alpha, unknown());
     row("I, in nominal thresholds", |s| s.dark, unknown());
+    table
+}
+
+/// Explains which values of the estimator are measurements.
+fn snee_text(paper: &SneeMaps) -> Vec<PageElement> {
     let edges = paper.edge_counts();
     let (low, high) = (1.0 - paper.box_half_width, 1.0 + paper.box_half_width);
     let where_to = format!(
         "Allowed thresholds: {low:.2} to {high:.2} of the nominal threshold. Pixels at the lower limit: {}; between the limits: {}; at the upper limit: {}; without a solution: {}.",
         edges.at_lower_edge, edges.between_edges, edges.at_upper_edge, edges.unsolved
     );
-    Ok(vec![
+    vec![
         PageElement::heading("The paper's estimator (SNEE)"),
         PageElement::text(
             "As a linear program in (phi, alpha, I), the objective, the sum over the levels of |N phi - (alpha mu + I) T|, scales with all three variables. Without limits, all three variables are zero at the optimum. With limits, the threshold of every pixel with nonzero residuals is at the lower limit. The threshold, the absolute values of alpha and I, and the split of phi into C_S and V_S therefore depend on the limits and are not measurements. Only the ratios alpha / phi and I / phi are measurements.",
         ),
         PageElement::text(where_to),
-        PageElement::Table(table),
-        histogram_figure(
-            "Thresholds of the paper's estimator",
-            "relative to the nominal threshold",
-            &paper.map(|s| s.phi),
-        )?,
-    ])
-}
-
-/// Returns the center and the share of 60 bins. The bins cover the range between the 0.1th and the 99.9th percentile.
-fn histogram_bins(map: &[f64]) -> Vec<(f64, f64)> {
-    let mut sorted = finite_values(map);
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| sorted.get((share * sorted.len() as f64) as usize).copied().unwrap_or(0.0);
-    // If all values are equal, the range is widened, because the bin width must not be 0.
-    let (low, high) = (at(0.001), at(0.999).max(at(0.001) * (1.0 + 1e-3) + 1e-9));
-    let step = (high - low) / 60.0;
-    let mut bins = [0.0; 60];
-    for x in sorted.iter().filter(|x| (low..=high).contains(*x)) {
-        bins[(((x - low) / step) as usize).min(59)] += 1.0 / sorted.len() as f64;
-    }
-    bins.iter().enumerate().map(|(i, n)| (low + (i as f64 + 0.5) * step, *n)).collect()
+    ]
 }

@@ -2,6 +2,7 @@
 
 use crate::result::{Calibration, Lamp};
 use spikelane_measure::Estimate;
+use spikelane_measure::report::without_error;
 
 /// If the typical chi-square per degree of freedom exceeds this ratio, a caution about nonlinear pixel responses is
 /// issued. For a hundred pixels the error of the typical chi-square is about 10 %.
@@ -52,11 +53,10 @@ impl Calibration {
             cautions.push("The recordings do not show when threshold noise is redrawn: the camera file uses the nominal setting, every reset.".to_owned());
         }
         let assumed = |what: &str, e: Estimate| {
-            let digits = if e.value >= 100.0 { 0 } else { 6 };
             (!e.error.is_finite()).then(|| {
                 format!(
-                    "{what} could not be estimated: the camera file has the nominal {:.digits$}.",
-                    e.value
+                    "{what} could not be estimated: the camera file has the nominal {}.",
+                    without_error(e.value)
                 )
             })
         };

@@ -65,7 +65,7 @@ impl RecordedCamera {
 
     /// Returns the table of a report.
     pub(crate) fn table(&self) -> Table {
-        let mut table = Table::new(&["", ""]);
+        let mut table = Table::new("Recorded camera", &["property", "value"]);
         self.rows().into_iter().for_each(|(title, text)| table.push_row([title.to_owned(), text]));
         table
     }

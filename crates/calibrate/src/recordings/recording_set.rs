@@ -253,6 +253,13 @@ pub struct RecordingSet {
 }
 
 impl RecordingSet {
+    /// Returns the paths of the recordings and rate maps.
+    #[must_use]
+    pub fn input_files(&self) -> Vec<PathBuf> {
+        let files = self.recordings.iter().map(|r| &r.file).chain(self.rate_maps.iter().map(|m| &m.file));
+        files.map(|file| self.folder.join(file)).collect()
+    }
+
     /// Reads and checks the file of a set.
     ///
     /// # Errors

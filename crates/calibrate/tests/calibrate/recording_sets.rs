@@ -13,6 +13,7 @@ use spikelane_calibrate::{
     calibrate, estimate_snee, import_maps, measure_levels, predict_precision,
 };
 use spikelane_io::formats::{Layout, StreamReader};
+use spikelane_measure::report::RunRecord;
 
 const SEEDS: Seeds = Seeds { camera: 3, shot: 4, sequence: 0 };
 
@@ -307,7 +308,7 @@ fn the_report_says_what_was_recorded_and_how_far_to_trust_the_camera() {
     let report = |path: &std::path::Path, out: &str| {
         let observed = measure_levels(&RecordingSet::open(path).unwrap(), &mut |_, _| {}).unwrap();
         let calibration = calibrate(&observed, &CalibrateOptions::default()).unwrap();
-        let files = calibration.write(&folder.path().join(out), false).unwrap();
+        let files = calibration.write(&folder.path().join(out), &RunRecord::default(), false).unwrap();
         (calibration, std::fs::read_to_string(&files.report).unwrap())
     };
     let (calibration, page) = report(&path, "right");
@@ -315,7 +316,8 @@ fn the_report_says_what_was_recorded_and_how_far_to_trust_the_camera() {
         "Identified and unidentified values",
         "6 recordings of",
         "6000 readouts in total",
-        "Linearity",
+        "The rate is linear within",
+        "Summary sheet of EMVA 1288 Release 4.0",
         &calibration.verdict(),
     ] {
         assert!(page.contains(phrase), "{phrase}");
@@ -347,7 +349,7 @@ fn a_calibrated_camera_has_the_rates_of_the_first() {
     let (folder, path) = record(&protocol);
     let first = measure_levels(&RecordingSet::open(&path).unwrap(), &mut |_, _| {}).unwrap();
     let calibration = calibrate(&first, &CalibrateOptions::default()).unwrap();
-    let files = calibration.write(&folder.path().join("out"), false).unwrap();
+    let files = calibration.write(&folder.path().join("out"), &RunRecord::default(), false).unwrap();
     let again = presets::load(files.camera.to_str().unwrap()).unwrap();
     let second_folder = tempfile::tempdir().unwrap();
     let seeds = Seeds { camera: 8, shot: 9, sequence: 50 };
@@ -435,7 +437,7 @@ fn a_model_is_nearest_to_recordings_made_by_itself() {
     let comparison =
         compare_gray_levels(&set, &cameras, Seeds { camera: 30, ..SEEDS }, 1500, &mut |_, _| {}).unwrap();
     assert_eq!(comparison.models[0].name, "scsim-code");
-    assert!(comparison.html_report().unwrap().contains("<svg"));
+    assert!(comparison.html_report(&RunRecord::default()).unwrap().contains("<svg"));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use crate::common::console::Console;
+use crate::common::console::{Console, run_record};
 use crate::common::marked_page::replace_between_markers;
 use crate::common::output_claims;
 use crate::common::output_stem::append_ending;
@@ -60,7 +60,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let read = |(path, label): (&PathBuf, _)| Ok(ScoredMethod::read(path)?.with_label(label));
     let methods = args.scores.iter().zip(labels).map(read).collect::<Result<Vec<_>>>()?;
     let data = args.suite.as_ref().map(|folder| GeneratedSuite::open(folder)).transpose()?;
-    let made = report::report(&methods, data.as_ref())?;
+    let made = report::report(&methods, data.as_ref(), &run_record(&args.scores))?;
     let text = serde_json::to_vec_pretty(&made.json)
         .map_err(|e| Error::new(ErrorKind::Config, json_path.display()).found(e))?;
     storage::write_small(&html, made.html.as_bytes(), args.force)?;

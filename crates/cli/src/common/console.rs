@@ -2,12 +2,13 @@
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use serde_json::{Value, json};
 use spikelane::error::{printable, render_settings};
 use spikelane::{Error, Result};
+use spikelane_measure::report::RunRecord;
 
 /// The standard output and standard error, and the output format that the user selected.
 #[derive(Clone, Copy, Debug)]
@@ -116,6 +117,36 @@ pub(crate) fn recorded_path(path: &Path) -> String {
     let absolute = RECORDED_COMMAND.lock().is_ok_and(|command| command.1);
     let text = path.display().to_string();
     if absolute { text } else { strip_folders(&text) }
+}
+
+/// Returns the origin of a report: the command line, the date and the digests of the input files.
+pub(crate) fn run_record(files: impl IntoIterator<Item = impl AsRef<Path>>) -> RunRecord {
+    let run = RunRecord::now(recorded_command());
+    files.into_iter().fold(run, |run, file| {
+        let file = file.as_ref();
+        run.with_file(file, recorded_path(file))
+    })
+}
+
+/// Returns the command line as text. The program is written as `spikelane`, without its folder.
+pub(crate) fn recorded_command() -> String {
+    let words = command_line().into_iter().skip(1);
+    std::iter::once("spikelane".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// Returns the path of the JSON beside an HTML report: the same name with the ending `.json`.
+///
+/// # Errors
+/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `report` ends in `.json`.
+pub(crate) fn report_json_path(report: &Path) -> Result<PathBuf> {
+    match report.extension() {
+        Some(ending) if ending.eq_ignore_ascii_case("json") => {
+            Err(Error::new(spikelane::ErrorKind::Usage, flag("report"))
+                .found("a name with the ending of the JSON file beside the page")
+                .expected("the name of an HTML file, such as report.html"))
+        }
+        _ => Ok(report.with_extension("json")),
+    }
 }
 
 /// Replaces an absolute path in `word` with its file name. `word` is a word of a command line.

@@ -16,5 +16,6 @@ pub(super) mod readout_range;
 pub(super) mod seeds;
 pub(super) mod standard_streams;
 pub(super) mod stream;
+pub(super) mod text_table;
 pub(super) mod threads;
 pub(super) mod video;

@@ -12,9 +12,10 @@ use spikelane_calibrate::{
     CalibrateOptions, Calibration, CalibrationFiles, RecordingSet, SneeOptions, calibrate, estimate_snee,
     import_maps, measure_levels,
 };
+use spikelane_measure::report::{with_error, without_error};
 use spikelane_measure::{Accumulator, Estimate, MeasureOptions, detect_mosaic};
 
-use crate::common::console::Console;
+use crate::common::console::{Console, run_record};
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
 use crate::common::stream::{print_set_warnings, sidecar_beside};
@@ -104,7 +105,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     if args.snee {
         calibration.snee = Some(estimate_snee(&observed, &paper)?);
     }
-    let files = calibration.write(&args.output, args.force)?;
+    let run = run_record(std::iter::once(args.recordings.clone()).chain(set.input_files()));
+    let files = calibration.write(&args.output, &run, args.force)?;
     let mut result = calibration.to_json();
     result["event"] = json!("done");
     result["files"] =
@@ -189,23 +191,24 @@ fn result_text(calibration: &Calibration, files: &CalibrationFiles) -> String {
 /// Returns one line for each fitted number and each lamp.
 fn result_lines(c: &Calibration) -> Vec<String> {
     let p = &c.population;
-    let value = |e: Estimate, digits: usize| match e.error.is_finite() {
-        true => format!("{:.digits$} +- {:.digits$}", e.value, e.error),
-        false => format!("{:.digits$} (assumed)", e.value),
+    let value = |e: Estimate| match e.error.is_finite() {
+        true => format!("{:#}", with_error(e.value, e.error)),
+        false => format!("{} (assumed)", without_error(e.value)),
+    };
+    let percent = |value: f64, error: f64| {
+        let rounded = with_error(100.0 * value, 100.0 * error);
+        let sign = if value > 0.0 { "+" } else { "" };
+        format!("{sign}{} % +- {} %", rounded.value_column(), rounded.error_column())
     };
     let mut lines = vec![
         format!(
             "gain                  {} thresholds per readout at full light, spread {}",
-            value(p.mean_a, 5),
-            value(p.sd_a, 5)
+            value(p.mean_a),
+            value(p.sd_a)
         ),
-        format!(
-            "dark rate             {} thresholds per readout, spread {}",
-            value(p.mean_d, 6),
-            value(p.sd_d, 6)
-        ),
-        format!("electrons             {} per threshold", value(c.electrons_per_threshold, 0)),
-        format!("threshold noise       {} of the threshold", value(c.sigma_t, 6)),
+        format!("dark rate             {} thresholds per readout, spread {}", value(p.mean_d), value(p.sd_d)),
+        format!("electrons             {} per threshold", value(c.electrons_per_threshold)),
+        format!("threshold noise       {} of the threshold", value(c.sigma_t)),
         format!(
             "defects               {} dead, {} hot, {} nonlinear, {} unknown",
             c.dead_pixels.len(),
@@ -218,10 +221,9 @@ fn result_lines(c: &Calibration) -> Vec<String> {
         let verdict = match (lamp.is_saturated, lamp.is_outlier) {
             (true, _) => "saturated: not estimated".to_owned(),
             (_, wrong) => format!(
-                "estimated {:.5} ({:+.3} % +- {:.3} %, pull {:+.1}){}",
-                lamp.found_light(),
-                100.0 * lamp.deviation.value / lamp.stated_light,
-                100.0 * lamp.deviation.error / lamp.stated_light,
+                "estimated {} ({}, pull {:+.1}){}",
+                with_error(lamp.found_light(), lamp.deviation.error).value_column(),
+                percent(lamp.deviation.value / lamp.stated_light, lamp.deviation.error / lamp.stated_light),
                 lamp.pull().unwrap_or(0.0),
                 if wrong { ", lamp off" } else { "" }
             ),
@@ -231,17 +233,15 @@ fn result_lines(c: &Calibration) -> Vec<String> {
     if let Some(additivity) = &c.additivity {
         for sum in &additivity.sums {
             lines.push(format!(
-                "sum {:<17} {:+.4} % +- {:.4} % more than its sources; {}",
+                "sum {:<17} {} more than its sources; {}",
                 sum.sources.join(" + "),
-                100.0 * sum.residual.value,
-                100.0 * sum.residual.error,
+                percent(sum.residual.value, sum.residual.error),
                 sum.file
             ));
         }
         lines.push(format!(
-            "additivity            the response deviates from a line by {:+.3} % +- {:.3} % at full light",
-            100.0 * additivity.curvature.value,
-            100.0 * additivity.curvature.error
+            "additivity            the response deviates from a line by {} at full light",
+            percent(additivity.curvature.value, additivity.curvature.error)
         ));
     }
     lines

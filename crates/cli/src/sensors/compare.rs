@@ -12,16 +12,17 @@ use spikelane::unstable::Count;
 use spikelane::unstable::draws::Seeds;
 use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::compare::{
-    CameraDistance, DEFAULT_MODELS, RealismOptions, RealismRow, SceneComparison, SceneStatistics, WindowSize,
-    compare_gray_levels, compare_realism, compare_static_scene,
+    CameraDistance, DEFAULT_MODELS, GrayComparison, RealismComparison, RealismOptions, RealismRow,
+    SceneComparison, SceneStatistics, WindowSize, compare_gray_levels, compare_realism, compare_static_scene,
 };
 use spikelane_io::storage::FileGroup;
 
-use crate::common::console::Console;
+use crate::common::console::{Console, run_record};
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
 use crate::common::seeds::SeedArgs;
 use crate::common::stream::{StreamArgs, print_set_warnings};
+use crate::common::text_table::{sparkline, text_table};
 
 /// Compare camera models with a recording set (.toml) or a static recording
 #[derive(Debug, ClapArgs)]
@@ -139,66 +140,96 @@ fn to_value(report: &impl serde::Serialize) -> Result<Value> {
 fn compare_gray(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
     let set = RecordingSet::open(&args.recording)?;
     print_set_warnings(&set, out)?;
+    let run = run_record(std::iter::once(args.recording.clone()).chain(set.input_files()));
     let mut progress = FileProgress::new(out);
     let mut report_progress = |name: &str, share: f64| progress.update(name, share);
     let comparison = compare_gray_levels(&set, cameras, seeds, args.max_readouts, &mut report_progress)?;
     drop(progress);
-    let mut text = String::new();
-    let mut line = |name: &str, response: f64, histograms: &[f64]| {
-        let cells: Vec<String> = histograms.iter().map(|d| format!("{d:.4}")).collect();
-        text += &format!(
-            "{name:<14} response differs by {response:.5} spikes per readout, histograms by {} (0 equal, 1 disjoint)\n",
-            cells.join(" ")
-        );
-        json!({"name": name, "response": response, "histograms": histograms})
-    };
-    let row = |m: &CameraDistance| line(&m.name, m.response_distance, &m.histogram_distance);
+    let entry = |name: &str, response: f64, histograms: &[f64]| json!({"name": name, "response": response, "histograms": histograms});
+    let row = |m: &CameraDistance| entry(&m.name, m.response_distance, &m.histogram_distance);
     let models: Vec<Value> = comparison.models.iter().map(row).collect();
-    let floor = line("noise floor", comparison.noise_floor.response, &comparison.noise_floor.histograms);
+    let floor = entry("noise floor", comparison.noise_floor.response, &comparison.noise_floor.histograms);
+    let text = gray_table(&comparison) + &comparison.verdict() + "\n";
     Ok(ComparisonOutput {
         json: to_value(&comparison)?,
-        html: comparison.html_report()?,
+        html: comparison.html_report(&run)?,
         summary: json!({"models": models, "noise_floor": floor}),
         text,
         features: None,
     })
 }
 
-/// Returns a table with the outlier share and the distance of each model in each band of rows.
-fn row_band_table(comparison: &SceneComparison) -> String {
-    let mut text = format!("\n{:<12}{:>9}", "rows", "measured");
-    comparison.models.iter().for_each(|m| text += &format!("{:>17}", m.name));
-    for (i, area) in comparison.row_bands.iter().enumerate() {
-        let [first, last] = area.rows;
-        text += &format!("\n{:<12}{:>9.1e}", format!("{first} to {last}"), area.outlier_share);
-        for m in &comparison.models {
-            text += &format!("{:>10.1e} ({:.2})", m.row_band_outlier_shares[i], m.row_band_distances[i]);
-        }
+/// Returns a table with the distances of each model and the noise floor.
+fn gray_table(comparison: &GrayComparison) -> String {
+    let models = &comparison.models;
+    let smallest = |value: &dyn Fn(&CameraDistance) -> Option<f64>| {
+        models.iter().filter_map(value).fold(f64::INFINITY, f64::min)
+    };
+    let best_response = smallest(&|m| Some(m.response_distance));
+    let best_interval = |i: usize| smallest(&|m| m.histogram_distance.get(i).copied());
+    let cell = |x: f64, digits: usize, best: f64| format!("{x:.digits$}") + if x == best { "*" } else { "" };
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for m in models {
+        let intervals = m.histogram_distance.iter().enumerate().map(|(i, d)| cell(*d, 4, best_interval(i)));
+        let response = cell(m.response_distance, 5, best_response);
+        rows.push([m.name.clone(), response].into_iter().chain(intervals).collect());
     }
-    text += "\n(share of outliers, with the distance in brackets)\n";
-    text
+    let floor = &comparison.noise_floor;
+    let intervals = floor.histograms.iter().map(|d| format!("{d:.4}"));
+    let first = ["noise floor".to_owned(), format!("{:.5}", floor.response)];
+    rows.push(first.into_iter().chain(intervals).collect());
+    let lights: Vec<String> = comparison.histogram_lights.iter().map(|l| format!("at {l:.3}")).collect();
+    let header: Vec<&str> =
+        ["camera", "response"].into_iter().chain(lights.iter().map(String::as_str)).collect();
+    text_table(&header, &rows)
+        + "response: difference of the rates, spikes per readout\nat LIGHT: difference of the intervals, 0 equal, 1 disjoint; * best\n"
+}
+
+/// Returns a table with the distance of each model, and its distances in the bands of rows as a sparkline.
+fn scene_table(comparison: &SceneComparison) -> String {
+    let models = &comparison.models;
+    let all = || models.iter().flat_map(|m| &m.row_band_distances).copied();
+    let highest = all().fold(0.0, f64::max);
+    let smallest =
+        |value: fn(&SceneStatistics) -> f64| models.iter().map(value).fold(f64::INFINITY, f64::min);
+    let best = smallest(|m| m.distance);
+    let row = |m: &SceneStatistics| {
+        let nearest = comparison.row_bands.iter().filter(|b| b.nearest_model == m.name).count();
+        vec![
+            m.name.clone(),
+            format!("{:.3}", m.distance) + if m.distance == best { "*" } else { "" },
+            format!("{:.3}", m.long_lag_distance),
+            format!("{nearest} of {}", comparison.row_bands.len()),
+            sparkline(&m.row_band_distances, highest),
+        ]
+    };
+    let rows: Vec<Vec<String>> = models.iter().map(row).collect();
+    text_table(&["camera", "distance", "beyond lag 8", "nearest in", "outliers by rows"], &rows)
+        + &format!(
+            "outliers by rows: distance in bands from top to bottom, full height {highest:.2}; * best\n"
+        )
 }
 
 fn compare_static(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
+    let run = run_record([&args.recording]);
     let comparison = compare_static_scene(&args.stream.open(&args.recording, out)?, cameras, seeds)?;
     let mut text = format!(
-        "{}, mean rate {:.4} spikes per readout; a distance is a sum of |ln(model / measured)|, of which {:.3} are due to errors of the recording\n",
+        "{}, mean rate {:.4} spikes per readout\ndistance: sum of |ln(model / measured)|; {:.3} are due to errors of the recording\n\n",
         Count(comparison.pixels, "static pixel"),
         comparison.mean_rate,
         comparison.noise_floor_distance,
     );
-    let mut row = |m: &SceneStatistics| {
+    let row = |m: &SceneStatistics| {
         let (near, far) = (m.distance, m.long_lag_distance);
-        text += &format!("{:<14} distance {near:.3}, beyond lag 8 {far:.3}\n", m.name);
         json!({"name": m.name, "distance": near, "long_lag_distance": far, "excess_distance": m.excess_distance, "excess_distance_error": m.excess_distance_error})
     };
-    let models: Vec<Value> = comparison.models.iter().map(&mut row).collect();
-    text += &format!("{}\n{}", row_band_table(&comparison), comparison.verdict());
+    let models: Vec<Value> = comparison.models.iter().map(row).collect();
+    text += &format!("{}\n{}", scene_table(&comparison), comparison.verdict());
     text.push('\n');
     let summary = json!({"pixels": comparison.pixels, "mean_rate": comparison.mean_rate, "noise_floor_distance": comparison.noise_floor_distance, "models": models, "verdict": comparison.verdict()});
     Ok(ComparisonOutput {
         json: to_value(&comparison)?,
-        html: comparison.html_report()?,
+        html: comparison.html_report(&run)?,
         summary,
         text,
         features: None,
@@ -228,16 +259,12 @@ fn compare_windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console)
         comparison.mean_rate,
         100.0 * comparison.excluded_share
     );
-    let mut row = |r: &RealismRow| {
+    text += &format!("\n{}", realism_table(&comparison));
+    let row = |r: &RealismRow| {
         let feature = r.features.first().map_or("", |t| t.name.as_str());
-        let open = if r.is_conclusive() { "" } else { "; not decided with this amount of data" };
-        text += &format!(
-            "{:<14} distinguishability {:.3} ({:.2} to {:.2}), noise floor {:.3}; mainly by {feature}{open}\n",
-            r.name, r.auc.value, r.auc.low, r.auc.high, r.self_auc.value
-        );
         json!({"name": r.name, "auc": r.auc, "self_auc": r.self_auc, "is_conclusive": r.is_conclusive(), "best_feature": feature})
     };
-    let models: Vec<Value> = comparison.cameras.iter().map(&mut row).collect();
+    let models: Vec<Value> = comparison.cameras.iter().map(row).collect();
     let lines = comparison.recording_statistics.iter().map(|n| n.table_row() + "\n").collect::<String>();
     let head = comparison.recording_statistics.first().map_or_else(String::new, |n| n.table_header() + "\n");
     text += &format!(
@@ -249,8 +276,33 @@ fn compare_windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console)
         "windows": comparison.windows, "places": comparison.places, "mean_rate": comparison.mean_rate, "excluded_share": comparison.excluded_share,
         "models": models, "verdict": comparison.verdict(),
     });
-    let (page, features) = (comparison.html_report()?, Some(comparison.features_csv.clone()));
+    let (page, features) =
+        (comparison.html_report(&run_record([&args.recording]))?, Some(comparison.features_csv.clone()));
     Ok(ComparisonOutput { json: to_value(&comparison)?, html: page, summary, text, features })
+}
+
+/// Returns a table with the distinguishability of each camera.
+fn realism_table(comparison: &RealismComparison) -> String {
+    let smallest = comparison.cameras.iter().map(|r| r.auc.value).fold(f64::INFINITY, f64::min);
+    let row = |r: &RealismRow| {
+        let mark = if r.auc.value == smallest { "*" } else { "" };
+        vec![
+            r.name.clone(),
+            format!("{:.3}{mark}", r.auc.value),
+            format!("{:.2} to {:.2}", r.auc.low, r.auc.high),
+            format!("{:.3}", r.self_auc.value),
+            if r.is_conclusive() { "yes" } else { "no" }.to_owned(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = comparison.cameras.iter().map(row).collect();
+    let mut text = text_table(&["camera", "distinguishability", "95 %", "noise floor", "decided"], &rows)
+        + "0.5: like the recording, 1: always distinguished; * best\n";
+    for r in &comparison.cameras {
+        if let Some(feature) = r.features.first() {
+            text += &format!("{}: mainly by {}\n", r.name, feature.name);
+        }
+    }
+    text
 }
 
 /// Reads the dark rate of every pixel.

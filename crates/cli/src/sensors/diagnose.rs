@@ -8,13 +8,14 @@ use clap::Args as ClapArgs;
 use serde_json::{Value, json};
 use spikelane::error::Result;
 use spikelane::presets;
+use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::diagnose::{
     Detectability, DetectabilityReport, DiagnoseOptions, Diagnosis, Fault, PreliminaryResult,
     ReadoutSelection, Verdict, detectability, diagnose_with_preliminary, write_diagnosis,
 };
-use spikelane_measure::report::today;
+use spikelane_measure::report::{today, with_interval, without_error};
 
-use crate::common::console::{Console, command_line, recorded_path};
+use crate::common::console::{Console, recorded_command, recorded_path, run_record};
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
 use crate::sensors::static_recording::StaticRecordingArgs;
@@ -139,7 +140,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         }
         provenance.date = Some(today());
     }
-    let mut result = write_diagnosis(&diagnosis, &args.output, args.force)?;
+    let second_set = holdout.iter().flat_map(RecordingSet::input_files);
+    let sets = std::iter::once(&args.recordings).chain(&args.holdout).cloned();
+    let run = run_record(sets.chain(set.input_files()).chain(second_set));
+    let mut result = write_diagnosis(&diagnosis, &args.output, &run, args.force)?;
     result["event"] = json!("done");
     out.print_result(&result, &diagnosis_text(&diagnosis, args))
 }
@@ -147,12 +151,6 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
     let seconds = text.parse::<f64>().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
     seconds.filter(|limit| !limit.is_zero()).ok_or_else(|| "expected a positive number of seconds".to_owned())
-}
-
-/// Returns the command line. The program is written as `spikelane`, without its folder.
-fn recorded_command() -> String {
-    let words = command_line().into_iter().skip(1);
-    std::iter::once("spikelane".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
 fn detectability_json(report: &DetectabilityReport) -> Value {
@@ -204,7 +202,7 @@ fn diagnosis_text(diagnosis: &Diagnosis, args: &Args) -> String {
         let _ =
             writeln!(text, "{}{}{ties}", if effect.is_tentative { "resembles " } else { "" }, effect.name);
         for p in &effect.parameters {
-            let _ = writeln!(text, "  {} {:.5} ({:.5} to {:.5})", p.name, p.value, p.low, p.high);
+            let _ = writeln!(text, "  {} {}", p.name, with_interval(p.value, p.low, p.high));
         }
     }
     for m in &diagnosis.parameter_mismatches {
@@ -216,8 +214,10 @@ fn diagnosis_text(diagnosis: &Diagnosis, args: &Args) -> String {
         let resembles = if m.is_tentative { "resembles " } else { "" };
         let _ = writeln!(
             text,
-            "{resembles}mismatch {}{ties}: {:.5} ({:.5} to {:.5}), the model has {:.5}",
-            m.parameter, m.fitted_value, m.low, m.high, m.model_value
+            "{resembles}mismatch {}{ties}: {}, the model has {}",
+            m.parameter,
+            with_interval(m.fitted_value, m.low, m.high),
+            without_error(m.model_value)
         );
     }
     for u in &diagnosis.unexplained {

@@ -7,14 +7,16 @@ use serde_json::json;
 
 use spikelane::error::Result;
 use spikelane::unstable::Count;
-use spikelane_io::storage::write_small;
-use spikelane_measure::report::{Curve, PageElement, Table, bar_plot, heat_map, page};
+use spikelane_io::storage::FileGroup;
+use spikelane_measure::report::{
+    Cell, PageElement, Plot, Report, ReportState, Table, heat_map, with_error, without_error,
+};
 use spikelane_measure::{
-    CellSummary, ERROR_MEANING, FrameTotalLine, MeasuredRecording, ReportedStatistic, SceneMotion,
-    SpectralLine, Summary, detect_mosaic, high_pass,
+    CellSummary, ERROR_MEANING, FrameTotalLine, MeasuredRecording, MeasurementReport, ReportedStatistic,
+    SceneMotion, SpectralLine, Summary, detect_mosaic, high_pass, map_histogram, pattern_spectra,
 };
 
-use crate::common::console::{Console, recorded_path};
+use crate::common::console::{Console, recorded_path, report_json_path, run_record};
 use crate::common::mosaic::StreamMosaicArgs;
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
@@ -33,7 +35,7 @@ pub(crate) struct Args {
     stream: StreamArgs,
     #[command(flatten)]
     mosaic: StreamMosaicArgs,
-    /// Also write an HTML report with plots and maps
+    /// Also write an HTML report with plots and maps, and its numbers as JSON beside it
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Overwrite existing files
@@ -46,7 +48,11 @@ pub(crate) struct Args {
 /// # Errors
 /// If the stream cannot be read, or if the report cannot be written.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let _claim = args.report.as_ref().map(|report| output_claims::claim([report], args.force)).transpose()?;
+    let files = match &args.report {
+        Some(report) => vec![report.clone(), report_json_path(report)?],
+        None => Vec::new(),
+    };
+    let _claim = (!files.is_empty()).then(|| output_claims::claim(&files, args.force)).transpose()?;
     let reader = args.stream.open(&args.file, out)?;
     let mut progress = FileProgress::new(out);
     let (name, all) = (reader.name().to_string(), reader.readouts().max(1) as f64);
@@ -78,32 +84,155 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut result = measurement.to_json()?;
     result["event"] = json!("done");
     out.print_result(&result, &format!("{ERROR_MEANING}\n\n{text}"))?;
-    let Some(path) = &args.report else { return Ok(()) };
-    let mut table = Table::new(&["quantity", "value", "another recording", "another sensor"]);
-    for row in rows {
-        table.push_row(row);
+    let [page, json_file] = files.as_slice() else { return Ok(()) };
+    let html = report(args, &recording, &measurement)?.html(&run_record([&args.file]));
+    let mut group = FileGroup::new(args.force);
+    group.write(page, html.as_bytes())?;
+    group.write(json_file, format!("{:#}\n", measurement.to_json()?).as_bytes())?;
+    group.commit()
+}
+
+/// Returns the report of a measured recording.
+fn report(args: &Args, recording: &MeasuredRecording, measurement: &MeasurementReport) -> Result<Report> {
+    let summary = &measurement.summary;
+    let motion = measurement.scene_motion;
+    let defects = Count(summary.defects.count(), "defect pixel");
+    let (state, word) =
+        if motion.is_moving { (ReportState::Caution, "moving") } else { (ReportState::Good, "static") };
+    let verdict = match motion.is_moving {
+        true => format!("The scene moves, so the errors and spreads are not valid; {defects}."),
+        false => format!("No motion was detected, so the errors are valid; {defects}."),
+    };
+    let title = format!("Measurement of {}", recorded_path(&args.file));
+    let mut report = Report::new(title, state, word, verdict);
+    let named = |key: &str| measurement.statistics.iter().find(|s| s.key == key);
+    for (key, label, unit) in [
+        ("mean-rate", "mean rate", "spikes per readout"),
+        ("nonuniformity", "non-uniformity", "spikes per readout"),
+        ("local-nonuniformity", "local non-uniformity", "spikes per readout"),
+        ("interval-variance-1", "interval variance D(1)", "readouts²"),
+    ] {
+        if let Some((statistic, value)) = named(key).and_then(|s| Some((s, s.value?))) {
+            report.push_estimate(label, value, statistic.recording_error.unwrap_or(f64::NAN), unit);
+        }
     }
-    let mut parts = vec![PageElement::text(ERROR_MEANING), PageElement::Table(table)];
-    let width = reader.geometry().width();
+    report.push_key("defect pixels", summary.defects.count().to_string(), "");
+    report.push_key("readouts", summary.readouts.to_string(), "");
+    report.extend(figures(recording)?);
+    report.push_table(statistic_table(measurement));
+    let mut others = Table::new("Defects, motion and lines", &["quantity", "value"]);
+    defect_rows(summary).into_iter().for_each(|(name, n)| others.push_row([Cell::from(name), Cell::from(n)]));
+    others.push_row(["scene".to_owned(), motion_text(motion)]);
+    for cell in &measurement.cells {
+        let [what, value, ..] = cell_row(cell);
+        others.push_row([what, value]);
+    }
+    let hz = sidecar_beside(&args.file).and_then(|(_, sidecar)| sidecar.readout_hz);
+    for line in &measurement.frame_total_lines {
+        let [what, value, ..] = spectral_line_row(line, hz);
+        others.push_row([what, value]);
+    }
+    report.push_table(others);
+    Ok(report)
+}
+
+/// Returns the maps, histograms and spectra of a recording.
+fn figures(recording: &MeasuredRecording) -> Result<Vec<PageElement>> {
+    let statistics = &recording.statistics;
+    let width = statistics.geometry.width();
+    let mut parts = Vec::new();
     if let Some(counts) = &statistics.counts {
         let rate = counts.rate();
-        parts.push(PageElement::figure(heat_map(&rate, width, "rate map")?, "Rate, 1st to 99th percentile."));
-        parts.push(PageElement::figure(
-            heat_map(&high_pass(&rate, width), width, "local pattern")?,
+        let local = high_pass(&rate, width);
+        let bins = map_histogram(&rate, HISTOGRAM_BINS);
+        let ends = [bins.first(), bins.last()].map(|b| without_error(b.map_or(0.0, |b| b.0)));
+        let unit = "spikes per readout";
+        parts.push(heat_map(
+            &format!("Rates of 99.8 % of the pixels are between {} and {}", ends[0], ends[1]),
+            &rate,
+            width,
+            unit,
+            "Rate of each pixel. The colors span the 1st to the 99th percentile.",
+        )?);
+        parts.push(heat_map(
+            "Local pattern of the rate",
+            &local,
+            width,
+            unit,
             "Rate of each pixel minus the mean rate of the surrounding 5x5 pixels.",
-        ));
+        )?);
+        let histogram =
+            Plot::new("Distribution of the rates", unit, "share of the pixels").bars("pixels", bins);
+        parts.push(histogram.figure("Between the 0.1th and the 99.9th percentile."));
+        parts.push(spectrum_figure(&local, width));
     }
     if let Some(intervals) = &statistics.intervals {
         let counts = intervals.histogram().counts();
         let all = counts.iter().sum::<u64>().max(1) as f64;
         let last = counts.iter().rposition(|n| *n as f64 > 1e-4 * all).unwrap_or(1);
-        let points =
-            counts.iter().take(last + 1).enumerate().map(|(n, c)| (n as f64, *c as f64 / all)).collect();
-        let plot = bar_plot("Inter-spike intervals", "readouts", &[Curve { name: "all pixels", points }])?;
-        parts.push(PageElement::figure(plot, "Share of intervals by length."));
+        let mode = counts.iter().enumerate().max_by_key(|(_, n)| **n).map_or(0, |(length, _)| length);
+        let points = counts
+            .iter()
+            .take(last + 1)
+            .enumerate()
+            .skip(1)
+            .map(|(n, c)| (n as f64, *c as f64 / all))
+            .collect();
+        let title = format!("The most frequent interval is {}", Count(mode, "readout"));
+        let plot =
+            Plot::new(title, "interval, readouts", "share of the intervals").bars("all pixels", points);
+        parts.push(plot.figure("Lengths of the inter-spike intervals of all pixels."));
     }
-    let title = format!("Measured: {}", recorded_path(&args.file));
-    write_small(path, page(&title, &parts).as_bytes(), args.force)
+    if let Some(frames) = &statistics.frames {
+        parts.push(totals_figure(&frames.totals, statistics.geometry.pixels()));
+    }
+    Ok(parts)
+}
+
+/// Number of bins of a histogram.
+const HISTOGRAM_BINS: usize = 60;
+
+/// Largest number of points of the plot of frame totals.
+const MAX_TOTALS: usize = 300;
+
+/// Plots the spectra of the local pattern along rows and columns. A peak is a periodic pattern of columns or rows.
+fn spectrum_figure(local: &[f64], width: usize) -> PageElement {
+    let [rows, columns] = pattern_spectra(local, width);
+    Plot::new("Spectrum of the local pattern", "frequency, cycles per pixel", "amplitude, spikes per readout")
+        .line("along rows", rows)
+        .line("along columns", columns)
+        .figure("White noise has the same amplitude at all frequencies. A peak is a periodic pattern.")
+}
+
+/// Plots the share of pixels that fire at a readout over the readouts. Successive readouts are averaged.
+fn totals_figure(totals: &[u32], pixels: usize) -> PageElement {
+    let step = totals.len().div_ceil(MAX_TOTALS).max(1);
+    let mean = |part: &[u32]| {
+        part.iter().map(|t| f64::from(*t)).sum::<f64>() / part.len().max(1) as f64 / pixels.max(1) as f64
+    };
+    let points = totals.chunks(step).enumerate().map(|(i, part)| ((i * step) as f64, mean(part))).collect();
+    Plot::new("Share of firing pixels over time", "readout", "share of the pixels")
+        .line("all pixels", points)
+        .figure(format!("Each point is the mean of {}.", Count(step, "readout")))
+}
+
+/// Returns the table of all statistics.
+fn statistic_table(measurement: &MeasurementReport) -> Table {
+    let mut table =
+        Table::new("All statistics", &["quantity", "value, ± another recording", "± another sensor"])
+            .with_note(ERROR_MEANING);
+    for s in &measurement.statistics {
+        let value = match (s.value, s.upper_limit) {
+            (Some(value), _) => Cell::estimate(value, s.recording_error.unwrap_or(f64::NAN), ""),
+            (None, Some(limit)) => Cell::from(format!("below {}", without_error(limit))),
+            (None, None) => Cell::from("not measurable"),
+        };
+        let sensor = s
+            .sensor_error
+            .map_or(Cell::from(""), |e| Cell::number(e, with_error(s.value.unwrap_or(e), e).error_column()));
+        table.push_row([Cell::from(&s.description), value, sensor]);
+    }
+    table
 }
 
 /// Returns the description, frequency and prominence of a spectral line as table cells.
@@ -124,10 +253,11 @@ fn spectral_line_row(line: &FrameTotalLine, readout_hz: Option<f64>) -> [String;
 fn cell_row(cell: &CellSummary) -> [String; 4] {
     let CellSummary { channel, row, col, summary, .. } = cell;
     let spread = summary.local_nonuniformity.value;
-    let spread = if spread.is_finite() { format!(", local pattern {spread:.6}") } else { String::new() };
+    let spread =
+        if spread.is_finite() { format!(", local pattern {}", without_error(spread)) } else { String::new() };
     let value = format!(
-        "mean rate {:.6}{spread}, {}",
-        summary.mean_rate.value,
+        "mean rate {}{spread}, {}",
+        without_error(summary.mean_rate.value),
         Count(summary.defects.count(), "defect pixel"),
     );
     [
@@ -157,20 +287,30 @@ fn statistic_rows(s: &Summary, reported: &[ReportedStatistic]) -> Vec<[String; 4
     if s.temporal_rate_sd.is_finite() {
         rows.push(single_row("temporal noise of a pixel's rate", format!("{:.2e}", s.temporal_rate_sd)));
     }
+    rows.extend(defect_rows(s).into_iter().map(|(name, n)| single_row(&name, n.to_string())));
+    rows
+}
+
+/// Returns the number of defect pixels of each kind.
+fn defect_rows(s: &Summary) -> [(String, usize); 4] {
     let d = &s.defects;
     let defects = [("dead", &d.dead), ("stuck", &d.stuck), ("hot", &d.hot), ("weak", &d.weak)];
-    rows.extend(defects.map(|(kind, p)| single_row(&format!("defect pixels: {kind}"), p.len().to_string())));
-    rows
+    defects.map(|(kind, p)| (format!("defect pixels: {kind}"), p.len()))
 }
 
 /// Returns the table cells of one statistic. If an error of the statistic is unknown, its cell is empty.
 fn statistic_row(statistic: &ReportedStatistic) -> [String; 4] {
     let value = match (statistic.value, statistic.upper_limit) {
-        (Some(value), _) => format!("{value:.6}"),
+        (Some(value), _) => with_error(value, statistic.recording_error.unwrap_or(f64::NAN)).value_column(),
         (None, Some(below)) => format!("below {below:.1e}"),
         (None, None) => "not measurable".to_owned(),
     };
-    let error = |sign: &str, e: Option<f64>| e.map_or(String::new(), |e| format!("{sign} {e:.1e}"));
+    let error = |sign: &str, e: Option<f64>| {
+        e.map_or(String::new(), |e| {
+            // The error is rounded together with the value, so both have the same digits.
+            format!("{sign} {}", with_error(statistic.value.unwrap_or(e), e).error_column())
+        })
+    };
     let sign = if statistic.recording_error_is_bound { "<=" } else { "+-" };
     [
         statistic.description.clone(),

@@ -11,19 +11,21 @@ mod color;
 mod dataset;
 mod picture;
 mod reference;
+mod report;
 mod scores;
 mod sequence;
 mod static_scene;
 
 pub(crate) use args::Args;
 use picture::{Comparison, EvaluatedPicture, detail_table, evaluate_pictures};
-use scores::HEADER;
+use scores::{BestScores, HEADER};
 use static_scene::StaticScene;
 
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     if args.full_scale_rate.is_some_and(|f| !(f.is_finite() && f > 0.0)) {
         return Err(Error::new(ErrorKind::Usage, "--full-scale-rate").expected("a positive rate"));
     }
+    let _claim = report::claim(args)?;
     if dataset::is_dataset(&args.file) { dataset::run(args, out) } else { evaluate_stream(args, out) }
 }
 
@@ -79,13 +81,16 @@ fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {
         );
     }
     text += HEADER;
-    text.extend(pictures.iter().map(EvaluatedPicture::text));
-    let second = detail_table(pictures.iter().map(EvaluatedPicture::detail));
+    let best = BestScores::new(pictures.iter().filter_map(|p| p.scores.as_ref().ok()));
+    text.extend(pictures.iter().map(|p| p.text(&best)));
+    let second = detail_table(pictures.iter().map(|p| p.detail(&best)));
     if let (Some(still), true) = (&still, second.is_empty()) {
         still.reference(at..at + 1)?;
         return Err(static_scene::no_detail_error(&args.file));
     }
     text += &second;
     text.extend(pictures.iter().filter_map(|p| Some(format!("note: {}: {}\n", p.name, p.note.as_ref()?))));
+    let pictures = pictures.iter().map(EvaluatedPicture::json).collect();
+    report::write(args, &[report::ScoredStream { name: format!("readout {at}"), pictures }])?;
     out.print_result(&all, &text)
 }

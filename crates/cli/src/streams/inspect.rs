@@ -1,6 +1,6 @@
 //! Implements `spikelane inspect`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use indicatif::DecimalBytes;
 use serde_json::json;
@@ -67,7 +67,22 @@ fn guess_json((r, is_selected): (&LayoutGuess, bool)) -> serde_json::Value {
     )
 }
 
+/// Returns an error if the preview does not have the ending of its format.
+fn check_png_ending(path: &Path) -> Result<()> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Usage, path.display())
+        .found("another ending than .png")
+        .expected("a PNG file for --png")
+        .remedy(format_args!(
+            "write {}, or use reconstruct for other formats",
+            path.with_extension("png").display()
+        )))
+}
+
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    args.png.as_deref().map(check_png_ending).transpose()?;
     let _claim = args.png.as_ref().map(|png| output_claims::claim([png], args.force)).transpose()?;
     if args.digest && is_dash(&args.file) {
         return Err(Error::new(ErrorKind::Usage, "--digest")

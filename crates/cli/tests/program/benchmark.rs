@@ -378,7 +378,7 @@ fn a_report_compares_methods_of_one_suite_and_refuses_another() {
     }
     place.run_ok("benchmark report tfp/score.json span-blur/score.json -o report --suite data");
     let html = String::from_utf8(place.read("report.html")).unwrap();
-    for part in ["Paired differences", "Curve light", "<svg", "Worst outputs", "data:image/png"] {
+    for part in ["Differences to", "along light", "<svg", "Worst outputs", "data:image/png"] {
         assert!(html.contains(part), "{part}");
     }
     let report = place.json("report.json");

@@ -25,6 +25,7 @@ mod names;
 mod older_files;
 #[cfg(unix)]
 mod outputs;
+mod reports;
 mod shards;
 mod simulate;
 mod standard_streams;

@@ -123,6 +123,7 @@ const WRITERS: &[&str] = &[
     "scene -o OUT",
     "dataset --scene-preset tiny --sequences 1 --images-per-scene 3 -o OUT",
     "dataset stats missing --report OUT/a.html",
+    "evaluate missing.dat --report OUT/a.html",
     "dataset preview missing -o OUT/a.mp4",
     "preset show physical -o OUT",
     "man --output OUT",

@@ -1,10 +1,9 @@
 //! Sections of the report about the recordings, the initial model, the terms and the command.
 
 use super::diagnosis::Diagnosis;
-use super::page::format_value;
 use crate::diagnose::prepared::base_model::{BaseParameter, NumberSource};
 use crate::diagnose::prepared::provenance::Provenance;
-use spikelane_measure::report::{PageElement, Table};
+use spikelane_measure::report::{Cell, Table};
 
 /// Terms of the tables and plots, with their definitions.
 const TERMS: [(&str, &str); 17] = [
@@ -69,10 +68,9 @@ const TERMS: [(&str, &str); 17] = [
     ),
 ];
 
-/// Returns the sections about the recordings and the initial parameters.
-pub(super) fn recording_sections(about: &Provenance) -> Vec<PageElement> {
-    let mut parts = vec![PageElement::heading("Recordings and camera")];
-    let mut set = Table::new(&["", ""]);
+/// Returns the tables about the recordings and the initial parameters.
+pub(super) fn recording_tables(about: &Provenance) -> Vec<Table> {
+    let mut set = Table::new("Recording set and camera", &["property", "value"]);
     let mut row = |name: &str, value: String| set.push_row([name.to_owned(), value]);
     row("recording set", about.set_file.clone().unwrap_or_else(|| "a recording set in memory".to_owned()));
     let description = about.recorded_camera.iter().flat_map(|camera| camera.rows());
@@ -86,28 +84,20 @@ pub(super) fn recording_sections(about: &Provenance) -> Vec<PageElement> {
     }
     row("initial model", about.camera.clone());
     row("seed", about.seed.to_string());
-    parts.push(PageElement::Table(set));
-    let mut files = Table::new(&["recording", "light", "readouts", "first readout"]);
+    let mut files = Table::new("Recordings", &["recording", "light", "readouts", "first readout"]);
     for r in &about.recordings {
         files.push_row([
-            r.file.clone(),
-            r.light.clone(),
-            r.readouts.to_string(),
-            r.first_readout.to_string(),
+            Cell::from(&r.file),
+            Cell::from(&r.light),
+            Cell::from(r.readouts),
+            Cell::from(r.first_readout),
         ]);
     }
-    if !about.recordings.is_empty() {
-        parts.push(PageElement::Table(files));
-    }
-    if !about.base_parameters.is_empty() {
-        parts.push(PageElement::heading("Initial camera parameters"));
-        parts.push(PageElement::Table(numbers(&about.base_parameters)));
-    }
-    parts
+    vec![set, files, numbers(&about.base_parameters)]
 }
 
 fn numbers(all: &[BaseParameter]) -> Table {
-    let mut table = Table::new(&["parameter", "value", "standard error", "unit", "source"]);
+    let mut table = Table::new("Initial camera parameters", &["parameter", "value", "unit", "source"]);
     for n in all {
         let source = match n.source {
             NumberSource::Calibrated => "these recordings",
@@ -115,10 +105,8 @@ fn numbers(all: &[BaseParameter]) -> Table {
             NumberSource::Fitted => "a fit that started from the published model",
             NumberSource::Camera => "the camera file",
         };
-        // The error has two significant digits, and the value has the same number of decimals.
-        let error = n.error.map_or_else(String::new, |e| format_value(e, -e, e));
-        let value = n.error.map_or_else(|| format!("{:.5}", n.value), |e| format_value(n.value, -e, e));
-        table.push_row([n.parameter.clone(), value, error, n.unit.to_owned(), source.to_owned()]);
+        let value = n.error.map_or_else(|| Cell::value(n.value, ""), |e| Cell::estimate(n.value, e, ""));
+        table.push_row([Cell::from(&n.parameter), value, Cell::from(n.unit), Cell::from(source)]);
     }
     table
 }
@@ -130,15 +118,7 @@ pub(super) fn glossary(d: &Diagnosis) -> Table {
         let general = ["discrepancy", "noise floor", "standard deviations", "fitted, held out"];
         general.contains(&term) || statistics.into_iter().any(|s| s.contains(term))
     };
-    let mut table = Table::new(&["term", "meaning"]);
+    let mut table = Table::new("Terms", &["term", "meaning"]);
     TERMS.iter().filter(|t| used(t.0)).for_each(|t| table.push_row([t.0, t.1]));
     table
-}
-
-/// Returns the command and the date.
-pub(super) fn command_section(about: &Provenance) -> Vec<PageElement> {
-    let command = about.command.iter().map(|c| format!("Command: {c}"));
-    let date = about.date.iter().map(|d| format!("Date: {d} (UTC)"));
-    let lines: Vec<String> = command.chain(date).collect();
-    if lines.is_empty() { Vec::new() } else { vec![PageElement::List { items: lines }] }
 }

@@ -14,9 +14,7 @@ use serde::Serialize;
 use spikelane::error::Result;
 use spikelane::spikes::{SpikeFramesRef, bit};
 use spikelane::unstable::threads;
-use spikelane_measure::report::{
-    Curve, PageElement, ShadedBand, bar_plot, heat_map, line_plot_over_band, marked_line_plot,
-};
+use spikelane_measure::report::{PageElement, Plot, PlotPoint, heat_map};
 
 /// Number of bins of interval lengths.
 const INTERVAL_BINS: usize = 40;
@@ -161,37 +159,34 @@ fn band_means(totals: &[u32], readout_hz: f64) -> Vec<(f64, f64)> {
     (0..SPECTRUM_POINTS).filter_map(band).collect()
 }
 
-/// Returns the decimal logarithms of a point.
-fn logarithms((x, y): &(f64, f64)) -> (f64, f64) {
-    (x.log10(), y.max(1e-6).log10())
-}
-
-/// Returns the figure of the spectra.
+/// Returns the figure of the spectra. `curves` has the name and the points of each curve.
 fn spectrum(
     place: &str,
-    curves: &[Curve<'_>],
+    curves: Vec<(&str, Points)>,
     plots: &[(&'static str, SetPlots)],
     added: bool,
-) -> Result<PageElement> {
+) -> PageElement {
     let range = plots.iter().find_map(|(_, p)| p.spectrum_range.as_ref());
-    let in_logarithms = |line: &Vec<(f64, f64)>| line.iter().map(logarithms).collect();
-    let band = range.map(|[low, high]| ShadedBand {
-        name: "simulated sensors",
-        low: in_logarithms(low),
-        high: in_logarithms(high),
-    });
-    let axes = ("log10 of the frequency in Hz", "log10 of the power");
-    let plot = line_plot_over_band(place, axes, curves, band.as_ref())?;
-    let what = "Power, divided by the power of as many independent spikes.";
+    let title = format!("Spectrum of the number of spikes per readout, {place}");
+    let mut plot = Plot::new(title, "frequency, Hz", "power relative to independent spikes").log_x().log_y();
+    if let Some([low, high]) = range {
+        plot = plot.band("simulated sensors", low.clone(), high.clone());
+    }
+    let plot = curves.into_iter().fold(plot, |plot, (name, points)| plot.line(name, points));
     let model = if added { "the final model" } else { "the model" };
-    let gray = format!(
-        "{what} The gray band is the range of {RANGE_SENSORS} simulated sensors of {model}. A recording of such a sensor lies outside the band at one frequency in eleven."
-    );
-    Ok(PageElement::figure(plot, if band.is_some() { gray } else { what.to_owned() }))
+    plot.figure(match range {
+        None => "Power, divided by the power of as many independent spikes.".to_owned(),
+        Some(_) => format!(
+            "Power, divided by the power of as many independent spikes. The band is the range of {RANGE_SENSORS} simulated sensors of {model}. A recording of such a sensor lies outside the band at one frequency in eleven."
+        ),
+    })
 }
 
 /// Returns the plots of the recordings, of the initial model and of the final model. If no effect was `added`, both
 /// models are the same.
+///
+/// # Errors
+/// If a map cannot be encoded.
 pub(in crate::diagnose) fn plot_sections(
     plots: &[(&'static str, SetPlots)],
     added: bool,
@@ -201,40 +196,35 @@ pub(in crate::diagnose) fn plot_sections(
         [recordings, before, _] if !added => vec![(recordings.0, &recordings.1), ("model", &before.1)],
         all => all.iter().map(|(name, p)| (*name, p)).collect(),
     };
-    let curve = |of: fn(&SetPlots) -> &Option<NamedCurve>, convert: fn(&(f64, f64)) -> (f64, f64)| {
-        let all: Vec<Curve<'_>> = shown
-            .iter()
-            .filter_map(|(name, p)| {
-                Some(Curve { name, points: of(p).as_ref()?.1.iter().map(convert).collect() })
-            })
-            .collect();
-        let place = plots.iter().find_map(|(_, p)| Some(of(p).as_ref()?.0.clone()));
-        (place, all)
+    let curves = |of: fn(&SetPlots) -> &Option<NamedCurve>| {
+        let all: Vec<(&str, Points)> =
+            shown.iter().filter_map(|(name, p)| Some((*name, of(p).as_ref()?.1.clone()))).collect();
+        (plots.iter().find_map(|(_, p)| Some(of(p).as_ref()?.0.clone())), all)
     };
-    if let (Some(place), all) = curve(|p| &p.intervals, |p| *p) {
-        parts.push(PageElement::heading("Intervals"));
-        let plot = bar_plot(&place, "interval, divided by the mean of the pixel", &all)?;
-        parts.push(PageElement::figure(
-            plot,
-            "Lengths of intervals, each divided by the mean interval of its pixel.",
-        ));
+    if let (Some(place), all) = curves(|p| &p.intervals) {
+        let title = format!("Intervals of {place}");
+        let plot = Plot::new(title, "interval, divided by the mean of the pixel", "share of the intervals");
+        let plot = all.into_iter().fold(plot, |plot, (name, points)| plot.line(name, points));
+        parts.push(plot.figure("Lengths of intervals, each divided by the mean interval of its pixel."));
     }
-    if let (Some(place), all) = curve(|p| &p.spectrum, logarithms) {
-        parts.push(PageElement::heading("Spectrum of the number of spikes per readout"));
-        parts.push(spectrum(&place, &all, plots, added)?);
+    if let (Some(place), all) = curves(|p| &p.spectrum) {
+        parts.push(spectrum(&place, all, plots, added));
     }
-    for (place, what) in ["gain", "dark current"].into_iter().enumerate() {
+    for (place, (what, unit)) in
+        [("gain", "thresholds per readout at light 1"), ("dark current", "thresholds per readout")]
+            .into_iter()
+            .enumerate()
+    {
         let maps: Vec<_> = shown.iter().filter_map(|(n, p)| Some((n, &p.maps.as_ref()?[place]))).collect();
-        if maps.is_empty() {
-            continue;
-        }
-        parts.push(PageElement::heading(&format!("Map of the {what}")));
         for (name, map) in maps {
             let width = plots.iter().find_map(|p| p.1.width).unwrap_or(1);
-            parts.push(PageElement::figure(
-                heat_map(map, width, &format!("{what}, {name}"))?,
-                format!("{what}: {name}"),
-            ));
+            parts.push(heat_map(
+                &format!("Map of the {what}: {name}"),
+                map,
+                width,
+                unit,
+                "The colors span the 1st to the 99th percentile.",
+            )?);
         }
     }
     Ok(parts)
@@ -284,40 +274,31 @@ pub(in crate::diagnose) fn rate_residuals(
 }
 
 /// Plots the rates and their residuals. Returns nothing for fewer than two recordings.
-///
-/// # Errors
-/// If a plot cannot be drawn.
-pub(super) fn rate_figures(rates: &[RateResidual], has_additions: bool) -> Result<Vec<PageElement>> {
+pub(super) fn rate_figures(rates: &[RateResidual], has_additions: bool) -> Vec<PageElement> {
     if rates.len() < 2 {
-        return Ok(Vec::new());
+        return Vec::new();
     }
-    let points = |value: &dyn Fn(&RateResidual) -> f64| rates.iter().map(|r| (r.light, value(r))).collect();
-    let axis = "stated light, relative to saturation";
-    let rate = marked_line_plot(
-        "Mean rate",
-        (axis, "spikes per readout"),
-        &[Curve { name: "recorded", points: points(&|r| r.mean_rate) }],
-        None,
-    )?;
-    let band = ShadedBand {
-        name: "simulated sensors",
-        low: points(&|r| -200.0 * r.error),
-        high: points(&|r| 200.0 * r.error),
+    let line = |value: &dyn Fn(&RateResidual) -> f64| rates.iter().map(|r| (r.light, value(r))).collect();
+    let points = |value: &dyn Fn(&RateResidual) -> f64| {
+        rates.iter().map(|r| PlotPoint::new(r.light, value(r), 0.0)).collect()
     };
+    let axis = "stated light, relative to saturation";
+    let rate = Plot::new("Mean rate of each uniform recording", axis, "spikes per readout")
+        .points("recorded", points(&|r| r.mean_rate));
     let (before, after) = if has_additions { ("initial model", "final model") } else { ("model", "") };
-    let mut curves = vec![Curve { name: before, points: points(&|r| 100.0 * r.initial_residual) }];
+    let mut residual = Plot::new("Rate of the recordings minus the model", axis, "% of the light")
+        .band("simulated sensors", line(&|r| -200.0 * r.error), line(&|r| 200.0 * r.error))
+        .points(before, points(&|r| 100.0 * r.initial_residual));
     if has_additions {
-        curves.push(Curve { name: after, points: points(&|r| 100.0 * r.final_residual) });
+        residual = residual.points(after, points(&|r| 100.0 * r.final_residual));
     }
-    let residual = marked_line_plot("Rate minus model", (axis, "% of the light"), &curves, Some(&band))?;
-    Ok(vec![
-        PageElement::heading("Rates"),
-        PageElement::figure(rate, "Mean rate of all pixels of each uniform recording."),
-        PageElement::figure(
-            residual,
+    vec![
+        PageElement::heading("Rates, intervals and maps"),
+        rate.figure("Mean rate of all pixels."),
+        residual.figure(
             "Deviation of the rates from the model at the found light. The band is two standard deviations between simulated sensors. The lines of the pixels through all levels are \
-             subtracted from the recordings and from the model, so a wrong gain or dark current does not appear. A \
-             curve that leaves the band shows a nonlinear response.",
+             subtracted from the recordings and from the model, so a wrong gain or dark current does not appear. \
+             Points outside the band show a nonlinear response.",
         ),
-    ])
+    ]
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::about_page::{command_section, glossary, recording_sections};
+use super::about_page::{glossary, recording_tables};
 use super::diagnosis::{Diagnosis, Discrepancy, Verdict};
 use super::figures::{plot_sections, rate_figures};
 use crate::diagnose::search::round::EliminationReason;
@@ -10,7 +10,10 @@ use serde_json::Value;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets;
 use spikelane_io::storage::FileGroup;
-use spikelane_measure::report::{PageElement, RankedRow, Table, page as render, ranked_bar_plot};
+use spikelane_measure::report::{
+    Cell, PageElement, RankedRow, Report, ReportState, RunRecord, Table, ranked_bars, with_error,
+    with_interval, without_error,
+};
 
 /// Number of statistics in the plot of the largest deviations.
 const MAX_SHOWN_DEVIATIONS: usize = 24;
@@ -20,11 +23,11 @@ const MAX_SHOWN_DEVIATIONS: usize = 24;
 const DEVIATION_LIMIT: f64 = 5.0;
 
 /// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`, and returns the diagnosis as
-/// JSON. Either all files are written or none.
+/// JSON. Either all files are written or none. The report states the origin `run`.
 ///
 /// # Errors
 /// If a file exists and `force` is not set, or if a file cannot be written.
-pub fn write_diagnosis(diagnosis: &Diagnosis, folder: &Path, force: bool) -> Result<Value> {
+pub fn write_diagnosis(diagnosis: &Diagnosis, folder: &Path, run: &RunRecord, force: bool) -> Result<Value> {
     let value =
         serde_json::to_value(diagnosis).map_err(|e| Error::new(ErrorKind::Config, "diagnosis").found(e))?;
     let saved = presets::to_toml(&diagnosis.camera)?;
@@ -33,75 +36,227 @@ pub fn write_diagnosis(diagnosis: &Diagnosis, folder: &Path, force: bool) -> Res
     let mut put = |name: &str, bytes: &[u8]| group.write(&folder.join(name), bytes);
     saved.maps.iter().try_for_each(|(name, bytes)| put(name, bytes))?;
     put("camera.toml", saved.text.as_bytes())?;
-    put("report.html", page(diagnosis)?.as_bytes())?;
+    put("report.html", page(diagnosis)?.html(run).as_bytes())?;
     put("diagnosis.json", format!("{value:#}\n").as_bytes())?;
     group.commit()?;
     Ok(value)
 }
 
-/// Returns the report as an HTML page.
+/// Returns the report of a diagnosis.
 ///
 /// # Errors
-/// If a plot cannot be drawn.
-pub(super) fn page(diagnosis: &Diagnosis) -> Result<String> {
-    let mut parts = vec![PageElement::text(summary(diagnosis))];
-    parts.extend(limit_tests(diagnosis));
+/// If a map cannot be encoded.
+pub(super) fn page(diagnosis: &Diagnosis) -> Result<Report> {
+    let (state, word) = match diagnosis.verdict {
+        _ if diagnosis.discrepancy.held_out_set.is_empty() && diagnosis.verdict != Verdict::Undecided => {
+            (ReportState::Problem, "no diagnosis")
+        }
+        Verdict::Agrees => (ReportState::Good, "agrees"),
+        Verdict::Explained => (ReportState::Good, "explained"),
+        Verdict::PartlyExplained => (ReportState::Caution, "partly explained"),
+        Verdict::Unknown => (ReportState::Problem, "unknown"),
+        Verdict::Undecided => (ReportState::Info, "undecided"),
+    };
+    let mut report = Report::new("Diagnosis", state, word, summary(diagnosis));
+    push_key_numbers(&mut report, diagnosis);
+    report.extend(faults(diagnosis));
     if !diagnosis.undecided.is_empty() {
-        parts.push(PageElement::heading("Not decided within the time limit"));
-        parts.push(PageElement::List { items: diagnosis.undecided.clone() });
+        report.push(PageElement::heading("Not decided within the time limit"));
+        report.push(PageElement::List { items: diagnosis.undecided.clone() });
     }
-    parts.extend(faults(diagnosis));
-    parts.extend(findings(diagnosis));
+    let has_search = !diagnosis.discrepancy.held_out_set.is_empty();
+    let added = diagnosis.discrepancy.fitted_set.len() > 1;
+    if has_search {
+        report.push(PageElement::heading(if added {
+            "What shows the effect"
+        } else {
+            "Comparison with the model"
+        }));
+        report.extend(effect_figure(diagnosis));
+        report.extend(recording_discrepancies(diagnosis));
+        report.push(deviations_figure(diagnosis));
+        report.extend(discrepancy_figure(diagnosis));
+    }
+    report.extend(pull_figure(diagnosis));
     if !diagnosis.recommended_recordings.is_empty() {
-        parts.push(PageElement::heading("Recordings that would distinguish ambiguous effects"));
-        parts.push(PageElement::List { items: diagnosis.recommended_recordings.clone() });
+        report.push(PageElement::heading("What to record next"));
+        report.push(PageElement::text("These recordings would distinguish the ambiguous effects."));
+        report.push(PageElement::List { items: diagnosis.recommended_recordings.clone() });
     }
-    parts.extend(lamps(diagnosis));
-    parts.extend(diagnosis.provenance.iter().flat_map(recording_sections));
     if !diagnosis.notes.is_empty() {
-        parts.push(PageElement::heading("Notes"));
-        parts.push(PageElement::List { items: diagnosis.notes.clone() });
+        report.push(PageElement::heading("Notes"));
+        report.push(PageElement::List { items: diagnosis.notes.clone() });
     }
-    // Only a search gives data to plot.
-    if !diagnosis.discrepancy.held_out_set.is_empty() {
-        parts.extend(rate_figures(&diagnosis.rates, diagnosis.discrepancy.fitted_set.len() > 1)?);
-        parts.push(PageElement::heading("Deviations of the recordings from the model"));
-        parts.extend(deviations_section(diagnosis)?);
-        parts.push(PageElement::heading("Discrepancy after each step"));
-        parts.extend(discrepancy_section(diagnosis)?);
-        parts.extend(tournament(diagnosis)?);
-        parts.extend(plot_sections(&diagnosis.traces.plots, diagnosis.discrepancy.fitted_set.len() > 1)?);
-        parts.extend(effect_limits(diagnosis));
-        parts.push(PageElement::heading("Effects that this recording set cannot reveal"));
-        parts.push(PageElement::text(undetectable_text(diagnosis)));
-        parts.push(PageElement::heading("Terms"));
-        parts.push(PageElement::Table(glossary(diagnosis)));
+    if has_search {
+        report.extend(tournament(diagnosis));
+        report.extend(rate_figures(&diagnosis.rates, added));
+        report.extend(plot_sections(&diagnosis.traces.plots, added)?);
+        report.push(PageElement::heading("Effects that this recording set cannot reveal"));
+        report.push(PageElement::text(undetectable_text(diagnosis)));
     }
-    parts.extend(diagnosis.provenance.iter().flat_map(command_section));
-    Ok(render("Diagnosis", &parts))
+    findings(diagnosis).into_iter().for_each(|table| report.push_table(table));
+    report.push_table(limit_tests(diagnosis));
+    report.push_table(lamps(diagnosis));
+    report.push_table(effect_limits(diagnosis));
+    for table in diagnosis.provenance.iter().flat_map(recording_tables) {
+        report.push_table(table);
+    }
+    if has_search {
+        report.push_table(glossary(diagnosis));
+    }
+    Ok(report)
+}
+
+fn push_key_numbers(report: &mut Report, d: &Diagnosis) {
+    for e in d.effects.iter().take(2) {
+        for p in e.parameters.iter().take(2) {
+            let label = format!("{} {}", e.name, p.name);
+            report.push_key(label, with_interval(p.value, p.low, p.high), "95 % interval");
+        }
+    }
+    for m in d.parameter_mismatches.iter().take(2) {
+        let label = format!("{} instead of {}", m.parameter, format_value(m.model_value, m.low, m.high));
+        report.push_key(label, with_interval(m.fitted_value, m.low, m.high), "95 % interval");
+    }
+    let steps = &d.discrepancy.held_out_set;
+    if let (Some(first), Some(last)) = (steps.first(), steps.last()) {
+        let set = if d.discrepancy.is_held_out() { "held-out discrepancy" } else { "discrepancy" };
+        if steps.len() > 1 {
+            report.push_key(format!("{set}, before and after"), format!("{first:.0} → {last:.0}"), "");
+        } else {
+            report.push_key(set, format!("{last:.0}"), "");
+        }
+        report.push_estimate("noise floor", d.discrepancy.noise_floor, d.discrepancy.noise_floor_sd, "");
+    }
+    if !d.traces.deviations.is_empty() {
+        let beyond = d.traces.deviations.iter().filter(|r| r.3.abs() > DEVIATION_LIMIT).count();
+        let all = d.traces.deviations.len();
+        report.push_key(
+            "statistics beyond five standard deviations",
+            beyond.to_string(),
+            &format!("of {all}"),
+        );
+    }
+}
+
+/// Plots the statistic whose deviation the added effects reduce most, in all recordings, with and without the effects. If
+/// nothing was added, returns `None`.
+fn effect_figure(d: &Diagnosis) -> Option<PageElement> {
+    if d.discrepancy.fitted_set.len() < 2 {
+        return None;
+    }
+    let drop = |row: &&(String, String, f64, f64)| row.2.abs() - row.3.abs();
+    let (name, place, before, after) =
+        d.traces.deviations.iter().max_by(|a, b| drop(a).total_cmp(&drop(b)))?;
+    let rows: Vec<_> = d.traces.deviations.iter().filter(|r| r.0 == *name).collect();
+    let names: Vec<String> = d
+        .effects
+        .iter()
+        .map(|e| e.name.to_owned())
+        .chain(d.parameter_mismatches.iter().map(|m| m.parameter.clone()))
+        .collect();
+    let title = format!(
+        "With {}, \u{201c}{name}\u{201d} in {place} falls from {} to {} standard deviations",
+        if names.is_empty() { "the fitted parameters".to_owned() } else { names.join(", ") },
+        one_decimal(*before),
+        one_decimal(*after)
+    );
+    let shown: Vec<RankedRow> = rows
+        .iter()
+        .take(MAX_SHOWN_DEVIATIONS)
+        .map(|r| RankedRow { name: r.1.clone(), values: vec![r.2, r.3] })
+        .collect();
+    Some(ranked_bars(
+        &title,
+        "recordings minus model, standard deviations",
+        &["without the effect", "with the effect"],
+        &shown,
+        Some((DEVIATION_LIMIT, "limit")),
+        "The statistic that the added effect changes most, in all recordings. The limit is exceeded by some statistic of one in 1,000 sensors that follow the model.",
+    ))
+}
+
+fn one_decimal(x: f64) -> String {
+    format!("{x:.1}")
+}
+
+/// Plots the mean square deviation of the statistics of each recording before and after effects were added.
+fn recording_discrepancies(d: &Diagnosis) -> Option<PageElement> {
+    let added = d.discrepancy.fitted_set.len() > 1;
+    let mut places: Vec<&str> = d.traces.deviations.iter().map(|r| r.1.as_str()).collect();
+    places.sort_unstable();
+    places.dedup();
+    let mean_square = |place: &str, after: bool| {
+        let all = d.traces.deviations.iter().filter(|r| r.1 == place);
+        let (sum, count) =
+            all.fold((0.0, 0.0), |(sum, n), r| (sum + (if after { r.3 } else { r.2 }).powi(2), n + 1.0));
+        sum / f64::max(count, 1.0)
+    };
+    let mut rows: Vec<RankedRow> = places
+        .iter()
+        .map(|place| RankedRow {
+            name: (*place).to_owned(),
+            values: if added {
+                vec![mean_square(place, false), mean_square(place, true)]
+            } else {
+                vec![mean_square(place, false)]
+            },
+        })
+        .collect();
+    rows.sort_by(|a, b| b.values[0].total_cmp(&a.values[0]));
+    rows.truncate(MAX_SHOWN_DEVIATIONS);
+    let worst = rows.first()?.name.clone();
+    let series: &[&str] = if added { &["before", "after"] } else { &["recordings and model"] };
+    Some(ranked_bars(
+        &format!("Discrepancy of each recording: {worst} deviates most"),
+        "mean squared deviation of its statistics, standard deviations squared",
+        series,
+        &rows,
+        Some((1.0, "noise floor")),
+        "At the noise floor, a recording deviates from the model as much as simulated sensors of the model. Fitted parameters reduce the deviations below this floor.",
+    ))
+}
+
+/// Plots the deviation of each lamp, relative to its stated uncertainty.
+fn pull_figure(d: &Diagnosis) -> Option<PageElement> {
+    let largest = d.lamps.iter().map(|l| l.pull.abs()).fold(f64::NAN, f64::max);
+    if !largest.is_finite() {
+        return None;
+    }
+    let name = |l: &super::diagnosis::DiagnosedLamp| {
+        l.source.as_ref().map_or_else(|| format!("{}, light {}", l.file, l.light), |s| format!("source {s}"))
+    };
+    let rows: Vec<RankedRow> =
+        d.lamps.iter().map(|l| RankedRow { name: name(l), values: vec![l.pull] }).collect();
+    Some(ranked_bars(
+        &format!("Light of the recordings: the largest pull is {largest:.1}"),
+        "found minus stated light, divided by the uncertainty of the light",
+        &["pull"],
+        &rows,
+        Some((2.0, "two standard deviations")),
+        "One in twenty lamps exceeds two standard deviations.",
+    ))
 }
 
 /// Returns the values behind the verdict, each with its limit.
-fn limit_tests(d: &Diagnosis) -> Vec<PageElement> {
-    if d.tests.is_empty() {
-        return Vec::new();
-    }
-    let mut table = Table::new(&["test", "fitted recordings", "held-out recordings", "limit", ""]);
-    let number = |x: f64| if x.abs() < 100.0 { format!("{x:.1}") } else { format!("{x:.0}") };
+fn limit_tests(d: &Diagnosis) -> Table {
+    let header = ["test", "fitted recordings", "held-out recordings", "limit", "result"];
+    let percent = d.tests.first().map_or(0.0, |t| 100.0 * t.exceedance_probability);
+    let mut table = Table::new("Values behind the verdict", &header).open().with_note(format!(
+        "Of the sensors that follow the model, {percent} % exceed a limit. The total deviation is the squared distance of all statistics from the model. The other two values are in standard deviations. The held-out recordings are tested after an effect was added."
+    ));
+    let number =
+        |x: f64| Cell::number(x, if x.abs() < 100.0 { format!("{x:.1}") } else { format!("{x:.0}") });
     for test in &d.tests {
         table.push_row([
-            test.quantity.to_owned(),
+            Cell::from(test.quantity),
             number(test.fitted_set),
-            test.held_out_set.map_or_else(|| "not tested".to_owned(), number),
+            test.held_out_set.map_or_else(|| Cell::from("not tested"), number),
             number(test.limit),
-            if test.passes() { "passes" } else { "exceeds the limit" }.to_owned(),
+            Cell::from(if test.passes() { "passes" } else { "exceeds the limit" }),
         ]);
     }
-    let percent = 100.0 * d.tests[0].exceedance_probability;
-    let text = format!(
-        "Of the sensors that follow the model, {percent} % exceed a limit. The total deviation is the squared distance of all statistics from the model. The other two values are in standard deviations. The held-out recordings are tested after an effect was added."
-    );
-    vec![PageElement::Table(table), PageElement::text(text)]
+    table
 }
 
 /// Returns the faults, which precede all results.
@@ -177,146 +332,129 @@ fn summary(d: &Diagnosis) -> String {
     }
 }
 
-fn findings(d: &Diagnosis) -> Vec<PageElement> {
-    let mut table =
-        Table::new(&["effect", "parameter", "value", "95 % interval", "ambiguous with", "evidence"]);
+fn findings(d: &Diagnosis) -> Vec<Table> {
+    let header = ["effect", "parameter", "value (95 % interval)", "ambiguous with", "evidence"];
+    let mut table = Table::new("Effects and mismatches", &header).open();
     for e in &d.effects {
         for (i, p) in e.parameters.iter().enumerate() {
-            let (name, ties, evidence) = if i == 0 {
-                (e.name, e.ambiguous_with.join(", "), e.evidence.as_str())
-            } else {
-                ("", String::new(), "")
-            };
+            let (ties, evidence) =
+                if i == 0 { (e.ambiguous_with.join(", "), e.evidence.as_str()) } else { (String::new(), "") };
             table.push_row([
-                name,
-                p.name,
-                &format_value(p.value, p.low, p.high),
-                &format_interval(p.low, p.high),
-                &ties,
-                evidence,
+                Cell::from(e.name),
+                Cell::from(p.name),
+                Cell::interval(p.value, p.low, p.high),
+                Cell::from(ties),
+                Cell::from(evidence),
             ]);
         }
     }
     for m in &d.parameter_mismatches {
         let note = format!("the model has {}", format_value(m.model_value, m.low, m.high));
         table.push_row([
-            if m.is_tentative { "tentative mismatch" } else { "mismatch" },
-            &m.parameter,
-            &format_value(m.fitted_value, m.low, m.high),
-            &format_interval(m.low, m.high),
-            &m.ambiguous_with.join(", "),
-            &note,
+            Cell::from(if m.is_tentative { "tentative mismatch" } else { "mismatch" }),
+            Cell::from(&m.parameter),
+            Cell::interval(m.fitted_value, m.low, m.high),
+            Cell::from(m.ambiguous_with.join(", ")),
+            Cell::from(note),
         ]);
     }
-    let mut parts = Vec::new();
-    if !table.rows.is_empty() {
-        parts.push(PageElement::Table(table));
+    let mut statistics =
+        Table::new("Unexplained statistics", &["statistic", "deviation, standard deviations"]).open();
+    for u in &d.unexplained {
+        statistics.push_row([Cell::from(&u.r#where), Cell::number(u.z, format!("{:+.1}", u.z))]);
     }
-    if !d.unexplained.is_empty() {
-        let mut statistics = Table::new(&["unexplained statistic", "standard deviations"]);
-        d.unexplained.iter().for_each(|u| statistics.push_row([u.r#where.clone(), format!("{:.1}", u.z)]));
-        parts.push(PageElement::Table(statistics));
-    }
-    parts
+    vec![table, statistics]
 }
 
 /// Returns a table with one row for each lamp.
-fn lamps(d: &Diagnosis) -> Vec<PageElement> {
-    let Some(first) = d.lamps.first() else { return Vec::new() };
-    let moved: Vec<String> = first.impacts.iter().map(|i| format!("moves {} by", i.parameter)).collect();
-    let mut titles = vec!["recording", "light", "uncertainty", "found minus stated light", "error", "pull"];
+fn lamps(d: &Diagnosis) -> Table {
+    let impacts = d.lamps.first().map_or(&[][..], |first| &first.impacts);
+    let moved: Vec<String> = impacts.iter().map(|i| format!("moves {} by", i.parameter)).collect();
+    let mut titles = vec!["recording", "light", "uncertainty, %", "found minus stated light, %", "pull"];
     titles.extend(moved.iter().map(String::as_str));
-    let mut table = Table::new(&titles);
+    const TEXT: &str = "The light of each recording is a parameter of every fit. The pull is the deviation of the found light from the stated light, divided by the uncertainty of the light. If the levels contradict a stated uncertainty, the table has the larger uncertainty that the diagnosis used. The last columns show how a named parameter changes if the light of one recording increases by its error.";
+    let mut table = Table::new("Light of the recordings", &titles).with_note(TEXT);
     for lamp in &d.lamps {
-        let percent = |x: f64| format!("{:.2} %", 100.0 * x);
         let mut row = vec![
-            lamp.source.as_ref().map_or_else(|| lamp.file.clone(), |s| format!("source {s} ({})", lamp.file)),
-            lamp.light.clone(),
-            percent(lamp.uncertainty),
-            format!("{:+.2} %", 100.0 * lamp.deviation),
-            percent(lamp.error),
-            format!("{:+.1}", lamp.pull),
+            Cell::from(
+                lamp.source
+                    .as_ref()
+                    .map_or_else(|| lamp.file.clone(), |s| format!("source {s} ({})", lamp.file)),
+            ),
+            Cell::from(&lamp.light),
+            Cell::value(100.0 * lamp.uncertainty, ""),
+            Cell::estimate(100.0 * lamp.deviation, 100.0 * lamp.error, ""),
+            Cell::number(lamp.pull, format!("{:+.1}", lamp.pull)),
         ];
-        row.extend(lamp.impacts.iter().map(|i| format!("{:+.1e}", i.change)));
+        row.extend(lamp.impacts.iter().map(|i| Cell::number(i.change, format!("{:+.1e}", i.change))));
         table.push_row(row);
     }
-    const TEXT: &str = "The light of each recording is a parameter of every fit. The pull is the deviation of the found light from the stated light, divided by the uncertainty of the light. If the levels contradict a stated uncertainty, the table has the larger uncertainty that the diagnosis used. The last columns show how a named parameter changes if the light of one recording increases by its error.";
-    vec![PageElement::heading("Light of the recordings"), PageElement::text(TEXT), PageElement::Table(table)]
+    table
 }
 
 /// Returns a table with the upper limit of each effect that was not added.
-fn effect_limits(d: &Diagnosis) -> Vec<PageElement> {
-    if d.limits.is_empty() {
-        return Vec::new();
-    }
-    let mut table = Table::new(&["effect", "parameter", "limit", "median over shapes"]);
+fn effect_limits(d: &Diagnosis) -> Table {
+    const TEXT: &str = "With 95 % confidence, the strength of an effect is below its limit, if the model lacks no other effect. A strength is the difference of the parameter from its value in the model. An effect with several shapes, such as time constants, has the largest limit of the tried shapes.";
+    let header = ["effect", "parameter", "limit", "median over shapes"];
+    let mut table = Table::new("Upper limits of other effects", &header).with_note(TEXT);
     for l in &d.limits {
         let largest = l.largest_tried;
         let number = |limit: Option<f64>| {
-            limit.map_or_else(|| format!("none below {largest:.2}"), |limit| format!("{limit:.2e}"))
+            limit.map_or_else(
+                || Cell::from(format!("none below {}", without_error(largest))),
+                |limit| Cell::number(limit, without_error(limit)),
+            )
         };
-        table.push_row([l.name.to_owned(), l.parameter.to_owned(), number(l.limit), number(l.median_limit)]);
+        table.push_row([
+            Cell::from(l.name),
+            Cell::from(l.parameter),
+            number(l.limit),
+            number(l.median_limit),
+        ]);
     }
-    const TEXT: &str = "With 95 % confidence, the strength of an effect is below its limit, if the model lacks no other effect. A strength is the difference of the parameter from its value in the model. An effect with several shapes, such as time constants, has the largest limit of the tried shapes.";
-    vec![
-        PageElement::heading("Upper limits of other effects"),
-        PageElement::text(TEXT),
-        PageElement::Table(table),
-    ]
+    table
 }
 
-fn discrepancy_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
-    const MEASURE: &str =
-        "the squared distance of the statistics from the model, without the directions that calibration fits";
+/// Plots the discrepancy after each step. If no effect was added, returns `None`, because the key numbers have the value.
+fn discrepancy_figure(d: &Diagnosis) -> Option<PageElement> {
+    const MEASURE: &str = "The discrepancy is the squared distance of the statistics from the model, without the directions that calibration fits.";
     let Discrepancy {
         fitted_set: fitted_values,
         held_out_set: held_out_values,
         noise_floor: floor,
         noise_floor_sd: floor_sd,
     } = &d.discrepancy;
-    let held_out = d.discrepancy.is_held_out();
-    // A single bar would show no more than its number.
-    if let ([fitted], [held_out_value]) = (fitted_values.as_slice(), held_out_values.as_slice()) {
-        let values = if held_out {
-            format!(
-                "{fitted:.0} for the fitted recordings and {held_out_value:.0} for the held-out recordings"
-            )
-        } else {
-            format!("{fitted:.0}")
-        };
-        return Ok(vec![PageElement::text(format!(
-            "No effect was added. The discrepancy, {MEASURE}, is {values}. The noise floor, which is the discrepancy of simulated sensors of the model, is {floor:.0} with a standard deviation of {floor_sd:.0}."
-        ))]);
+    if fitted_values.len() < 2 {
+        return None;
     }
+    let held_out = d.discrepancy.is_held_out();
     let (sets, recordings): (&[&str], _) = if held_out {
         (&["fitted recordings", "held-out recordings"], "of the held-out recordings")
     } else {
         (&["recordings"], "of these recordings")
     };
-    let row = |(name, (a, b)): (&String, (&f64, &f64))| {
-        let values = if held_out { vec![*a, *b] } else { vec![*a] };
-        let texts: Vec<String> = values.iter().map(|v| format!("{v:.0}")).collect();
-        RankedRow { name: format!("{name}: {}", texts.join(", ")), values }
+    let row = |(name, (a, b)): (&String, (&f64, &f64))| RankedRow {
+        name: name.clone(),
+        values: if held_out { vec![*a, *b] } else { vec![*a] },
     };
     let rows: Vec<RankedRow> =
         d.traces.discrepancy_labels.iter().zip(fitted_values.iter().zip(held_out_values)).map(row).collect();
     let [first, last] =
         [held_out_values.first(), held_out_values.last()].map(|v| v.copied().unwrap_or_default());
-    Ok(vec![PageElement::figure(
-        ranked_bar_plot(
-            "squared distance, in standard deviations squared",
-            sets,
-            &rows,
-            Some((*floor, "noise floor")),
-        )?,
+    Some(ranked_bars(
+        &format!("The discrepancy {recordings} falls from {first:.0} to {last:.0}"),
+        "squared distance, standard deviations squared",
+        sets,
+        &rows,
+        Some((*floor, "noise floor")),
         format!(
-            "The discrepancy is {MEASURE}. The discrepancy {recordings} falls from {first:.0} to {last:.0}. The noise floor, which is the \
-             discrepancy of simulated sensors of the final model, is {floor:.0} with a standard deviation of {floor_sd:.0}."
+            "{MEASURE} The noise floor, which is the discrepancy of simulated sensors of the final model, is {}.",
+            with_error(*floor, *floor_sd)
         ),
-    )])
+    ))
 }
 
-fn deviations_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
+fn deviations_figure(d: &Diagnosis) -> PageElement {
     let mut rows: Vec<_> = d.traces.deviations.iter().collect();
     rows.sort_by(|a, b| b.2.abs().max(b.3.abs()).total_cmp(&a.2.abs().max(a.3.abs())));
     // If no effect was added, the deviations before and after are equal.
@@ -329,28 +467,27 @@ fn deviations_section(d: &Diagnosis) -> Result<Vec<PageElement>> {
     let exceeding =
         |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > DEVIATION_LIMIT).count();
     let series: &[&str] = if added { &["before", "after"] } else { &["recordings minus model"] };
-    let caption = if added {
+    let title = if added {
         format!(
-            "The largest deviations of the fitted recordings from the model, before and after effects were added: {} of {} \
-             statistics are beyond five standard deviations before, {} after.",
+            "{} of {} statistics are beyond five standard deviations before, {} after",
             exceeding(false),
             rows.len(),
             exceeding(true)
         )
     } else {
-        format!(
-            "The largest deviations of the fitted recordings from the model: {} of {} statistics are beyond five standard deviations.",
-            exceeding(false),
-            rows.len()
-        )
+        format!("{} of {} statistics are beyond five standard deviations", exceeding(false), rows.len())
     };
-    Ok(vec![PageElement::figure(
-        ranked_bar_plot("standard deviations", series, &shown, Some((DEVIATION_LIMIT, "5")))?,
-        caption,
-    )])
+    ranked_bars(
+        &title,
+        "standard deviations",
+        series,
+        &shown,
+        Some((DEVIATION_LIMIT, "limit")),
+        "The largest deviations of the fitted recordings from the model.",
+    )
 }
 
-fn tournament(d: &Diagnosis) -> Result<Vec<PageElement>> {
+fn tournament(d: &Diagnosis) -> Vec<PageElement> {
     let mut parts = Vec::new();
     let rounds = d.traces.tournament.iter().zip(&d.traces.step_outcomes);
     // Only rounds with several candidates are shown. An effect that replaced another one was not part of a comparison,
@@ -372,41 +509,24 @@ fn tournament(d: &Diagnosis) -> Result<Vec<PageElement>> {
                 "The winner was added first. After other effects were added, the recordings were equally likely without this effect.",
             ),
         };
-        parts.push(PageElement::heading(&format!("Comparison of candidates: {winner}{what}")));
         let row = |(name, misfit, tied): &(&str, f64, bool)| RankedRow {
-            name: format!("{name}: {misfit:.0}{}", if *tied && name != winner { " (ambiguous)" } else { "" }),
+            name: format!("{name}{}", if *tied && name != winner { " (ambiguous)" } else { "" }),
             values: vec![*misfit],
         };
         let rows: Vec<RankedRow> = round.iter().map(row).collect();
-        parts.push(PageElement::figure(
-            ranked_bar_plot("remaining discrepancy", &["fitted"], &rows, None)?,
+        parts.push(ranked_bars(
+            &format!("Comparison of candidates: {winner}{what}"),
+            "remaining discrepancy",
+            &["fitted"],
+            &rows,
+            None,
             caption,
         ));
     }
-    Ok(parts)
+    parts
 }
 
 /// Formats `value` with a precision of two significant digits of half its interval.
 pub(super) fn format_value(value: f64, low: f64, high: f64) -> String {
-    let half = (high - low) / 2.0;
-    let decimals = if half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 7.0) as usize } else { 5 };
-    format!("{value:.decimals$}")
-}
-
-pub(super) fn format_interval(low: f64, high: f64) -> String {
-    format!("{} to {}", format_value(low, low, high), format_value(high, low, high))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{format_interval, format_value};
-
-    #[test]
-    fn values_have_the_precision_of_their_intervals() {
-        assert_eq!(format_value(0.00744, 0.003_42, 0.011_46), "0.0074");
-        assert_eq!(format_interval(0.003_42, 0.011_46), "0.0034 to 0.0115");
-        assert_eq!(format_interval(6.574_67, 9.950_68), "6.6 to 10.0");
-        assert_eq!(format_value(2480.0, 2100.0, 2900.0), "2480");
-        assert_eq!(format_value(0.5, 0.5, 0.5), "0.50000", "known exactly");
-    }
+    with_error(value, (high - low) / 2.0).value_column()
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use indicatif::DecimalBytes;
 use serde_json::json;
 
-use crate::common::console::Console;
+use crate::common::console::{Console, report_json_path, run_record};
 use crate::common::output_claims;
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
@@ -20,7 +20,7 @@ pub(crate) struct Args {
     /// Read the dataset in this folder, or this packed shard
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Also write an HTML report
+    /// Also write an HTML report, and its numbers as JSON beside it
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Overwrite existing files
@@ -38,14 +38,22 @@ pub(crate) struct Args {
 /// # Errors
 /// Those of [`dataset_statistics`]. [`ErrorKind::Exists`] if the HTML page exists.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let _claim = args.report.as_ref().map(|report| output_claims::claim([report], args.force)).transpose()?;
+    let files = match &args.report {
+        Some(report) => vec![report.clone(), report_json_path(report)?],
+        None => Vec::new(),
+    };
+    let _claim = (!files.is_empty()).then(|| output_claims::claim(&files, args.force)).transpose()?;
     let statistics = dataset_statistics(&args.folder, args.follow_links)?;
-    if let Some(path) = &args.report {
-        let name = args.folder.file_name().unwrap_or_default().to_string_lossy();
-        storage::write_small(path, html_report(&name, &statistics)?.as_bytes(), args.force)?;
-    }
     let value = serde_json::to_value(&statistics)
         .map_err(|e| Error::new(ErrorKind::Config, args.folder.display()).found(e))?;
+    if let [page, json_file] = files.as_slice() {
+        let name = args.folder.file_name().unwrap_or_default().to_string_lossy();
+        let run = run_record(std::iter::empty::<&PathBuf>());
+        let mut group = storage::FileGroup::new(args.force);
+        group.write(page, html_report(&name, &statistics, &run).as_bytes())?;
+        group.write(json_file, format!("{value:#}\n").as_bytes())?;
+        group.commit()?;
+    }
     out.print_result(&json!({"event": "stats", "stats": value}), &statistics_text(&statistics))
 }
 

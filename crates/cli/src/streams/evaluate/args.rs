@@ -68,6 +68,12 @@ pub(crate) struct Args {
     /// White is light 1.0 of the reference image.
     #[arg(hide_short_help = true, long, value_name = "RATE")]
     pub(super) full_scale_rate: Option<f32>,
+    /// Also write an HTML report, and its numbers as JSON beside it
+    #[arg(long, value_name = "FILE")]
+    pub(super) report: Option<PathBuf>,
+    /// Overwrite existing files
+    #[arg(hide_short_help = true, long, requires = "report")]
+    pub(super) force: bool,
     /// Follow links to files outside the folder
     ///
     /// By default, a link to a file outside the folder is an error.

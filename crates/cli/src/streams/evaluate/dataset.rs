@@ -9,8 +9,9 @@ use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::{DatasetReader, SequenceFiles};
 
 use super::args::Args;
-use super::picture::{Comparison, EvaluatedPicture, evaluate_pictures, mean_scores, tables};
+use super::picture::{Comparison, EvaluatedPicture, MeanScores, evaluate_pictures, mean_scores, tables};
 use super::reference::{ReferenceCurve, ReferenceImage};
+use super::report;
 
 /// Returns whether `path` is a folder or has the extension of a packed shard.
 pub(super) fn is_dataset(path: &Path) -> bool {
@@ -39,12 +40,14 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
         }
     }
     let mut text = format!("{}: means over {}\n", args.file.display(), Count(done.len(), "sequence"));
-    for (kind, all) in &kinds {
-        if all.is_empty() {
-            continue;
-        }
-        text += &format!("{kind}\n{}", tables(&mean_scores(all)));
+    let mut streams = Vec::new();
+    for (kind, all) in kinds.iter().filter(|(_, all)| !all.is_empty()) {
+        let means = mean_scores(all);
+        text += &format!("{kind}\n{}", tables(&means));
+        let name = format!("{kind} streams, means over {}", Count(done.len(), "sequence"));
+        streams.push(report::ScoredStream { name, pictures: means.iter().map(MeanScores::json).collect() });
     }
+    report::write(args, &streams)?;
     if out.json() { Ok(()) } else { out.print_result(&Value::Null, &text) }
 }
 

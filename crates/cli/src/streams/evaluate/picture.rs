@@ -12,7 +12,7 @@ use spikelane::{Geometry, Result};
 use spikelane_io::formats::StreamReader;
 
 use super::reference::ReferenceImage;
-use super::scores::{DETAIL_HEADER, HEADER, Scores};
+use super::scores::{BestScores, DETAIL_HEADER, HEADER, Scores};
 use super::static_scene::StaticScene;
 
 /// Number of readouts before and after the center in which TFI searches spikes.
@@ -70,16 +70,16 @@ impl EvaluatedPicture {
         all
     }
 
-    pub(super) fn text(&self) -> String {
+    pub(super) fn text(&self, best: &BestScores) -> String {
         match &self.scores {
-            Ok(marks) => marks.table_row(&self.name),
+            Ok(marks) => marks.table_row(&self.name, best),
             Err(reason) => format!("{:<14} not measurable: {reason}\n", self.name),
         }
     }
 
     /// Returns the row of the picture in the table of detail scores, or `None` without a reference.
-    pub(super) fn detail(&self) -> Option<String> {
-        self.scores.as_ref().ok()?.detail_row(&self.name)
+    pub(super) fn detail(&self, best: &BestScores) -> Option<String> {
+        self.scores.as_ref().ok()?.detail_row(&self.name, best)
     }
 }
 
@@ -199,10 +199,10 @@ impl MeanScores {
         format!("{} ({} of {})", self.name, self.measured_count, self.picture_count)
     }
 
-    fn text(&self) -> String {
+    fn text(&self, best: &BestScores) -> String {
         let reason = "not measurable in any picture: the streams end too near the readout";
         match &self.average {
-            Some(average) => average.table_row(&self.label()),
+            Some(average) => average.table_row(&self.label(), best),
             None => format!("{:<14} {reason}\n", self.name),
         }
     }
@@ -232,7 +232,8 @@ pub(super) fn mean_scores(all: &[Vec<EvaluatedPicture>]) -> Vec<MeanScores> {
 
 /// Returns the first and the second table of means.
 pub(super) fn tables(means: &[MeanScores]) -> String {
-    let rows: String = means.iter().map(MeanScores::text).collect();
-    let second = means.iter().map(|mean| mean.average.as_ref()?.detail_row(&mean.label()));
+    let best = BestScores::new(means.iter().filter_map(|mean| mean.average.as_ref()));
+    let rows: String = means.iter().map(|mean| mean.text(&best)).collect();
+    let second = means.iter().map(|mean| mean.average.as_ref()?.detail_row(&mean.label(), &best));
     format!("{HEADER}{rows}{}", detail_table(second))
 }

@@ -83,6 +83,29 @@ pub(crate) const DETAIL_HEADER: &str = "against the truth aligned, dB  detail   
 pub(crate) const HEADER: &str =
     "image          PSNR, dB    SSIM patches, % weak texture, % differences, %  SNR, dB\n";
 
+/// The best scores of several pictures. A score that fewer than two pictures have is `None`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct BestScores {
+    psnr: Option<f64>,
+    ssim: Option<f64>,
+    aligned_psnr: Option<f64>,
+}
+
+impl BestScores {
+    pub(crate) fn new<'a>(all: impl Iterator<Item = &'a Scores>) -> Self {
+        let all: Vec<&Scores> = all.collect();
+        let best = |value: &dyn Fn(&Scores) -> Option<f64>| {
+            let known: Vec<f64> = all.iter().filter_map(|s| value(s)).collect();
+            if known.len() < 2 { None } else { known.into_iter().reduce(f64::max) }
+        };
+        Self {
+            psnr: best(&|s| s.psnr.map(Decibels::number)),
+            ssim: best(&|s| s.ssim),
+            aligned_psnr: best(&|s| s.detail.map(|d| d.aligned_psnr_db)),
+        }
+    }
+}
+
 impl Scores {
     pub(crate) fn compute(
         rates: &[f32],
@@ -145,14 +168,18 @@ impl Scores {
         Value::Object(all)
     }
 
-    pub(crate) fn table_row(&self, name: &str) -> String {
+    /// Returns the row below [`HEADER`]. The best PSNR and SSIM have a star.
+    pub(crate) fn table_row(&self, name: &str, best: &BestScores) -> String {
+        let mark = |is_best: bool| if is_best { '*' } else { ' ' };
         let number = |v: Option<f64>, n: usize| v.map_or("-".into(), |v| format!("{v:.n$}"));
         let decibels = |v: Option<Decibels>| v.map_or("-".into(), Decibels::text);
         let percent = |v| self.relative_noise(v).map(|share| 100.0 * share);
         format!(
-            "{name:<14} {:>8} {:>7} {:>10} {:>15} {:>14} {:>8}\n",
+            "{name:<14} {:>8}{}{:>7}{}{:>9} {:>15} {:>14} {:>8}\n",
             decibels(self.psnr),
+            mark(best.psnr.is_some() && self.psnr.map(Decibels::number) == best.psnr),
             number(self.ssim, 4),
+            mark(best.ssim.is_some() && self.ssim == best.ssim),
             number(percent(self.patch_noise), 3),
             number(percent(self.weak_texture_noise), 3),
             number(percent(self.difference_noise), 3),
@@ -164,11 +191,12 @@ impl Scores {
         self.detail.is_some()
     }
 
-    /// Returns the row below [`DETAIL_HEADER`], or `None` without a reference.
-    pub(crate) fn detail_row(&self, name: &str) -> Option<String> {
+    /// Returns the row below [`DETAIL_HEADER`], or `None` without a reference. The best PSNR has a star.
+    pub(crate) fn detail_row(&self, name: &str, best: &BestScores) -> Option<String> {
         let detail = self.detail?;
+        let mark = if best.aligned_psnr == Some(detail.aligned_psnr_db) { '*' } else { ' ' };
         Some(format!(
-            "{name:<17}{:>12} {:>7.3} {:>10.3} {:>10}\n",
+            "{name:<17}{:>12}{mark}{:>7.3} {:>10.3} {:>10}\n",
             Decibels::new(detail.aligned_psnr_db).text(),
             detail.slope,
             100.0 * detail.noise,
@@ -206,6 +234,17 @@ mod tests {
         let all = [Decibels::new(f64::INFINITY), Decibels::new(35.5)];
         assert_eq!(Decibels::mean(&all), Some(Decibels::AtLeast(90.0)));
         assert_eq!(Decibels::mean(&[]), None);
+    }
+
+    #[test]
+    fn the_best_of_several_pictures_has_a_star() {
+        let all = [0.5, 0.7].map(|ssim| Scores { ssim: Some(ssim), ..Scores::default() });
+        let best = BestScores::new(all.iter());
+        assert!(
+            all[1].table_row("b", &best).contains("0.7000*") && !all[0].table_row("a", &best).contains('*')
+        );
+        let single = BestScores::new(all[..1].iter());
+        assert!(!all[0].table_row("a", &single).contains('*'));
     }
 
     #[test]

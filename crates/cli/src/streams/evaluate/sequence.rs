@@ -18,6 +18,7 @@ use super::picture::{
     tables,
 };
 use super::reference::{ReferenceCurve, ReferenceImage};
+use super::report;
 use super::static_scene::{self, StaticScene};
 
 /// Number of readouts that a thread scores per batch. The events of a batch are printed when the batch is complete.
@@ -73,6 +74,8 @@ pub(super) fn run(args: &Args, reader: &StreamReader, folder: Option<&Path>, out
     }
     text += &tables(&means);
     let means_json: Vec<_> = means.iter().map(MeanScores::json).collect();
+    let name = format!("means over {}", Count(moments.len(), "readout"));
+    report::write(args, &[report::ScoredStream { name, pictures: means_json.clone() }])?;
     let mut event = json!({
         "event": "mean_scores", "file": file.to_string(), "readouts": moments.len(), "skipped_readouts": left_out,
         "pictures": means_json,
