@@ -15,9 +15,12 @@ for tool in chromium node npm; do
     command -v "$tool" >/dev/null || { missing "$tool" "the browser tests of the viewer"; exit 0; }
 done
 cargo build -q --workspace --bin spikelane
-target=${CARGO_TARGET_DIR:-target}
-program=$(realpath "$target/debug/spikelane")
-cd crates/view/tests/browser
+tests=$PWD/crates/view/tests/browser
+target=$(realpath "${CARGO_TARGET_DIR:-target}")
+# The npm package is outside the sources, because tests of the documentation read every file of the sources.
+mkdir -p "$target/browser-tests"
+cd "$target/browser-tests"
+cp "$tests/package.json" .
 [ -d node_modules/playwright-core ] || npm install --silent --no-audit --no-fund --no-package-lock || true
 [ -d node_modules/playwright-core ] || { missing playwright-core "the browser tests of the viewer"; exit 0; }
-node run.mjs "$program" "$mode"
+node "$tests/run.mjs" "$target/debug/spikelane" "$mode"

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, ErrorKind, Result, render_settings};
 
 use crate::http::{REPORT_POLICY, Response};
 use crate::jobs::{JobState, Jobs, Task};
@@ -105,9 +105,10 @@ impl Api {
         }
         let stream = self.stream(query)?;
         let (reader, geometry) = (&stream.reader, stream.reader.geometry());
+        let warnings = stream.warnings.iter().map(|text| render_settings(text, &|key| key.replace('_', " ")));
         Ok(json!({
             "width": geometry.width(), "height": geometry.height(), "readouts": reader.readouts(),
-            "readout_hz": stream.readout_hz, "layout": reader.layout().name(), "warnings": stream.warnings,
+            "readout_hz": stream.readout_hz, "layout": reader.layout().name(), "warnings": warnings.collect::<Vec<_>>(),
             "missing_frames": reader.missing_frames().len(), "is_live": false, "max_window": MAX_WINDOW_READOUTS,
             "max_request_readouts": (MAX_REQUEST_BYTES / geometry.frame_bytes()).max(1),
         }))

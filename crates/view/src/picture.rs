@@ -25,6 +25,13 @@ pub(crate) enum Method {
     Bits,
 }
 
+/// The rates that an image can contain.
+struct RateTable {
+    rates: Vec<f32>,
+    /// Returns the index of a rate, given the rate and the number of readouts in the window.
+    index: fn(f32, f32) -> f32,
+}
+
 impl FromStr for Method {
     type Err = ();
 
@@ -52,20 +59,22 @@ impl Method {
         }
     }
 
-    /// Returns the rates that an image of this method can contain, and the function that returns the index of a rate. `None`
-    /// if the number of different rates is large.
-    fn table(self, window: usize, counted: usize) -> Option<(Vec<f32>, fn(f32, f32) -> f32)> {
+    /// Returns the rates that an image of this method can contain. `None` if the number of different rates is large.
+    /// `counted` is the number of readouts in the window.
+    fn table(self, window: usize, counted: usize) -> Option<RateTable> {
         match self {
-            Self::Bits => Some((vec![0.0, 1.0], |rate, _| rate)),
-            Self::Tfp => {
-                Some(((0..=counted).map(|n| n as f32 / counted as f32).collect(), |rate, n| rate * n))
-            }
+            Self::Bits => Some(RateTable { rates: vec![0.0, 1.0], index: |rate, _| rate }),
+            Self::Tfp => Some(RateTable {
+                rates: (0..=counted).map(|n| n as f32 / counted as f32).collect(),
+                index: |rate, counted| rate * counted,
+            }),
             // Index 0 means that the pixel has no interval.
             Self::Tfi => {
                 let search = self.half_window(window);
                 let missing = 1.0 / (2.0 * search as f32);
                 let rates = (1..=2 * search).map(|n| 1.0 / n as f32);
-                Some((std::iter::once(missing).chain(rates).collect(), |rate, _| 1.0 / rate))
+                let rates = std::iter::once(missing).chain(rates).collect();
+                Some(RateTable { rates, index: |rate, _| 1.0 / rate })
             }
             Self::Span => None,
         }
@@ -110,12 +119,12 @@ impl Method {
 ///
 /// The encoding consists of little-endian numbers: bytes per index as u32, length of the table as u32, the table as f32, and
 /// the indices. If a rate is not in the table, the bytes per index and the length are 0, and the rates follow as f32.
-fn encode(rates: &[f32], table: Option<(Vec<f32>, fn(f32, f32) -> f32)>, counted: usize) -> Vec<u8> {
+fn encode(rates: &[f32], table: Option<RateTable>, counted: usize) -> Vec<u8> {
     let plain = || {
         let numbers = rates.iter().flat_map(|v| v.to_le_bytes());
         [0; 8].into_iter().chain(numbers).collect()
     };
-    let Some((table, index)) = table else { return plain() };
+    let Some(RateTable { rates: table, index }) = table else { return plain() };
     let width: u32 = if table.len() <= 256 { 1 } else { 2 };
     if table.len() > 1 << 16 {
         return plain();

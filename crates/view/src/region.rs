@@ -63,7 +63,7 @@ pub(crate) fn pixel(reader: &StreamReader, x: usize, y: usize, readouts: Range<u
     let frames = cropped(reader, readouts.clone(), crop)?;
     let mut times = vec![Vec::new(); crop.width * crop.height];
     for spike in frames.iter_spikes() {
-        times[spike.row as usize * crop.width + spike.col as usize].push(spike.readout as usize);
+        times[spike.row * crop.width + spike.col].push(spike.readout);
     }
     let histogram = |times: &[usize]| {
         let mut counts = std::collections::BTreeMap::<usize, u32>::new();

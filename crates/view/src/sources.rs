@@ -105,9 +105,7 @@ impl Sources {
             Content::Stream(stream) => Some((&source.name, stream)),
             _ => None,
         });
-        streams
-            .flat_map(|(name, s)| s.reader.warnings().iter().map(move |w| format!("{name}: {w}")))
-            .collect()
+        streams.flat_map(|(name, s)| s.warnings.iter().map(move |w| format!("{name}: {w}"))).collect()
     }
 
     /// Returns the description of all paths for the page.

@@ -1,16 +1,18 @@
 // Tests of the viewer in a browser. Usage: node run.mjs PROGRAM [quick|full]
 //
+// The package playwright-core is found from the working folder. Files are written to the working folder.
 // Each test lists the controls and keys that it operates. The run fails if the page has a control or a key without a test.
 
 import { spawn, execFileSync } from 'node:child_process';
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import assert from 'node:assert/strict';
-import { chromium } from 'playwright-core';
 import { DEAD, FLICKER_HZ, HEIGHT, HOT, HZ, READOUTS, WIDTH, bit, makeStream, rate } from './data.mjs';
 
+const { chromium } = createRequire(join(process.cwd(), 'package.json'))('playwright-core');
 const [program, mode = 'quick'] = process.argv.slice(2);
 const folder = mkdtempSync(join(tmpdir(), 'spikelane-view-'));
 const STREAM_FLAGS = ['--width', WIDTH, '--height', HEIGHT, '--layout', 'dat-top', '--readout-hz', HZ].map(String);
@@ -676,7 +678,7 @@ try {
   const all = [...ids.filter((id) => !isOutput(id)), ...keys];
   const untested = all.filter((c) => !tested.has(c));
   const unknown = [...tested.keys()].filter((c) => !all.includes(c));
-  writeFileSync(new URL('controls.json', import.meta.url), JSON.stringify(Object.fromEntries(tested), null, 1));
+  writeFileSync('controls.json', JSON.stringify(Object.fromEntries(tested), null, 1));
   if (untested.length || unknown.length) {
     failures++;
     console.log('FAIL  controls without a test:', untested, 'tested but not in the page:', unknown);
