@@ -36,7 +36,7 @@ pub struct ScoredMethod {
     pub file: ScoreFile,
     /// The folder that contains `score.json` and `outputs`.
     pub folder: PathBuf,
-    /// The name in reports. `None` stands for the baseline or the command of the score file.
+    /// The name in reports. With `None`, reports use the baseline or the command of the score file.
     pub label: Option<String>,
 }
 
