@@ -8,7 +8,7 @@ use spikelane::reconstruct::{Demosaic, demosaic, psnr};
 use spikelane::sensor::Mosaic;
 use spikelane::spikes::Crop;
 use spikelane::unstable::kernels::Backend;
-use spikelane::{Camera, Geometry, Seeds, Sensor, SimulatorOptions, SpikeFrames, presets};
+use spikelane::{Camera, Geometry, Sensor, SimulatorOptions, SpikeFrames, presets};
 
 /// Returns a color image with smooth and random parts, as floats or as 16-bit samples.
 fn colors(geometry: Geometry, is_float: bool) -> Frame {
@@ -27,7 +27,7 @@ fn colors(geometry: Geometry, is_float: bool) -> Frame {
 
 fn run(camera: &Camera, frame: &Frame, backend: Backend, threads: usize) -> SpikeFrames {
     let options = SimulatorOptions::new().backend(backend).threads(threads);
-    options.build(camera, Seeds::default()).unwrap().run(frame, 300).unwrap()
+    options.build(camera).unwrap().run(frame, 300).unwrap()
 }
 
 #[test]
