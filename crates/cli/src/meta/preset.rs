@@ -24,7 +24,7 @@ enum Action {
     /// List presets and known camera formats
     List,
     /// Print a camera in the format that --camera reads
-    Show(ShowArgs),
+    Show(Box<ShowArgs>),
 }
 
 #[derive(clap::Args, Debug)]
