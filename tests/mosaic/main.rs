@@ -57,7 +57,7 @@ fn the_bits_of_a_channel_equal_a_gray_run_of_its_light_on_every_backend() {
 }
 
 #[test]
-fn a_window_has_the_bits_and_the_filters_of_its_part_of_the_sensor() {
+fn a_window_has_the_light_and_the_filters_of_its_part_of_the_sensor() {
     let mut camera = Camera::ideal(Sensor::new(32, 24, 20_000.0).unwrap());
     camera.mosaic = Some("GRBG".parse().unwrap());
     let frame = colors(camera.sensor.geometry, true);

@@ -162,7 +162,7 @@ fn gray_light_is_reported_and_flow_is_refused() {
         &["flow", "BGGR"],
     );
     place.run_refused("reconstruct a.dat -o a.gif --window 11", 2, &["--demosaic none"]);
-    place.run_refused("reconstruct a.dat -o a.png --mosaic none --demosaic malvar", 2, &["--demosaic"]);
+    place.run_refused("reconstruct a.dat -o b.png --mosaic none --demosaic malvar", 2, &["--demosaic"]);
     place.run_refused("inspect a.dat --mosaic rggb", 2, &["--mosaic", "RGGB"]);
 }
 
