@@ -41,7 +41,7 @@ fn no_work_of_the_library_starts_the_global_pool() {
     let reader = StreamReader::from_bytes("packed", packed, Some(Layout::DatTop), Some(geometry)).unwrap();
     MeasuredRecording::from_stream(&reader, &mut |_| {}).unwrap().report().unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let set = Protocol::recommended(4000)
+    let set = Protocol::recommended(2000)
         .record(&camera, Seeds::default(), folder.path(), false, &mut |_, _| {})
         .unwrap();
     let set = RecordingSet::open(&set).unwrap();

@@ -57,7 +57,7 @@ mod tests {
     #[test]
     fn the_mark_of_the_best_value_moves_no_digit() {
         let rows = [["a", "1.25*"], ["bb", "10.5"]].map(|row| row.map(str::to_owned).to_vec());
-        assert_eq!(text_table(&["n", "value"], &rows), "n   value\na    1.25*\nbb   10.5\n");
+        assert_eq!(text_table(&["n", "value"], &rows), "n  value\na   1.25*\nbb  10.5\n");
     }
 
     #[test]

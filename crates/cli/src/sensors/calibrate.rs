@@ -6,14 +6,13 @@ use clap::Args as ClapArgs;
 
 use serde_json::json;
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::Count;
 use spikelane_calibrate::{
     CalibrateOptions, Calibration, CalibrationFiles, RecordingSet, SneeOptions, calibrate, estimate_snee,
     import_maps, measure_levels,
 };
 use spikelane_measure::report::{with_error, without_error};
-use spikelane_measure::{Accumulator, Estimate, MeasureOptions, detect_mosaic};
+use spikelane_measure::{Estimate, MeasureOptions, detect_mosaic, measure_stream};
 
 use crate::common::console::{Console, run_record};
 use crate::common::output_claims;
@@ -114,43 +113,34 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     out.print_result(&result, &result_text(&calibration, &files))
 }
 
-/// Number of readouts in which a mosaic is detected.
-const MOSAIC_READOUTS: usize = 2000;
-
 /// Prints a note if the camera of the recordings has color filters, because the fitted camera is gray.
 ///
-/// The pattern comes from the sidecar of a recording, or is detected in the recording with the most spikes.
+/// The pattern comes from the sidecar of a recording, or is detected in the brightest uniform recording.
 fn print_mosaic_notes(set: &RecordingSet, out: &Console) -> Result<()> {
-    let mut brightest: Option<(u64, Vec<u32>, usize)> = None;
-    let mut pattern = None;
-    for recording in &set.recordings {
-        if let Some(facts) = sidecar_beside(&set.folder.join(&recording.file)).and_then(|(_, s)| s.mosaic) {
-            pattern = Some(facts.pattern);
-            break;
-        }
-        let reader = set.reader(recording)?;
-        let geometry = reader.geometry();
-        let options = MeasureOptions { frames: false, ..MeasureOptions::without_intervals() };
-        let mut counts = Accumulator::new(geometry, &options)?;
-        let mut frames = reader.frames(0..reader.readouts().min(MOSAIC_READOUTS))?;
-        while let Some(frame) = frames.next_frame() {
-            counts.push(SpikeFramesRef::new(geometry, frame?)?)?;
-        }
-        let counts = counts.finish().counts.map(|c| c.count).unwrap_or_default();
-        let spikes: u64 = counts.iter().map(|n| u64::from(*n)).sum();
-        if brightest.as_ref().is_none_or(|(most, ..)| spikes > *most) {
-            brightest = Some((spikes, counts, geometry.width()));
-        }
-    }
-    let detected =
-        brightest.filter(|_| pattern.is_none()).and_then(|(_, counts, width)| detect_mosaic(&counts, width));
-    let pattern = pattern.or_else(|| detected.map(|[first, second]| format!("{first} or {second}")));
+    let sidecar = |file: &str| sidecar_beside(&set.folder.join(file)).and_then(|(_, s)| s.mosaic);
+    let declared = set.recordings.iter().find_map(|recording| sidecar(&recording.file));
+    let pattern = match declared {
+        Some(facts) => Some(facts.pattern),
+        None => detected_pattern(set)?,
+    };
     if let Some(pattern) = pattern {
         out.print_message(format_args!(
             "note: the recordings have the mosaic {pattern}; the fitted gains contain the response of each filter to the lamp, so the spread of the gains is not the spread of equal pixels; 'spikelane measure --mosaic' reports each channel"
         ));
     }
     Ok(())
+}
+
+/// Returns the two possible patterns of the brightest uniform recording that is not saturated.
+fn detected_pattern(set: &RecordingSet) -> Result<Option<String>> {
+    let levels = set.recordings.iter().filter_map(|r| Some((r, r.light.level()?)));
+    let brightest = levels.filter(|(_, level)| *level < 1.0).max_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((recording, _)) = brightest else { return Ok(None) };
+    let reader = set.reader(recording)?;
+    let options = MeasureOptions { frames: false, ..MeasureOptions::without_intervals() };
+    let statistics = measure_stream(&reader, &options, &mut |_| {})?;
+    let patterns = statistics.counts.and_then(|c| detect_mosaic(&c.count, reader.geometry().width()));
+    Ok(patterns.map(|[first, second]| format!("{first} or {second}")))
 }
 
 /// Returns an error if `path` is a stream instead of a recording set, because the light of a stream is unknown. The

@@ -187,3 +187,15 @@ fn a_drive_in_color_has_gray_luminance_and_colored_images() {
     }
     assert!(colored > gray.len() / 10, "{colored}");
 }
+
+#[test]
+fn calibrate_names_the_pattern_of_a_color_camera() {
+    let place = TestFolder::new();
+    let white_lamp = "record --width 48 --height 48 --readouts 600";
+    place.run_ok(&format!("{white_lamp} --mosaic GRBG -o color"));
+    place.run_ok(&format!("{white_lamp} -o gray"));
+    let note =
+        |folder: &str| place.run_ok(&format!("calibrate {folder}/recordings.toml -o {folder}-made")).stderr;
+    assert!(note("color").contains("the mosaic GRBG;"), "{}", note("color"));
+    assert!(!note("gray").contains("mosaic"));
+}

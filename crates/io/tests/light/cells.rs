@@ -813,12 +813,14 @@ cells! {
         let source = open(&path, &options().with_scale(Some(26214.0))).unwrap();
         assert_eq!(source.full_scale(), FullScale::Code(26214.0));
     }
-    npy_channels: "`.npy`, `.npz`", "channels", "gray" => {
+    npy_channels: "`.npy`, `.npz`", "channels", "gray; (T, H, W, 3)" => {
         let dir = TempDir::new().unwrap();
         let header = "{'descr': '|u1', 'fortran_order': False, 'shape': (2, 2, 4, 3), }";
         let header = format!("{header:<117}\n");
-        let bytes = [b"\x93NUMPY\x01\x00\x76\x00", header.as_bytes(), &[51; 48]].concat();
-        assert!(refusal(&file(&dir, "c.npy", bytes), &options()).contains("channels"));
+        let samples = [[255, 51, 0]; 16].concat();
+        let bytes = [b"\x93NUMPY\x01\x00\x76\x00", header.as_bytes(), &samples].concat();
+        // A gray camera receives the luminance of red and of 0.2 green.
+        near(&read(&file(&dir, "c.npy", bytes), &options()).0, &[0.2126 + 0.2 * 0.7152; 2]);
     }
 }
 
