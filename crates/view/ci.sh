@@ -14,7 +14,8 @@ fi
 for tool in chromium node npm; do
     command -v "$tool" >/dev/null || { missing "$tool" "the browser tests of the viewer"; exit 0; }
 done
-cargo build -q --workspace --bin spikelane
+# The tests of the program need the same build of the program as `cargo test --workspace`, so cargo compiles nothing twice.
+cargo test -q --workspace --no-run --test program
 tests=$PWD/crates/view/tests/browser
 target=$(realpath "${CARGO_TARGET_DIR:-target}")
 # The npm package is outside the sources, because tests of the documentation read every file of the sources.
