@@ -51,7 +51,9 @@ pub use estimate::Estimate;
 pub use estimate::{bootstrap, finite_values, median, median_and_spread, tiled_mean, trimmed_mean};
 pub use frames::{ExtremeReadout, FrameStatistics};
 pub use image_spectrum::spectral_slope;
-pub use intervals::{HalfMaps, IntervalHistogram, Intervals, PhaseNoise, PixelIntervals, ReadoutDeviation};
+pub use intervals::{
+    HalfMaps, IntervalHistogram, Intervals, PhaseNoise, PixelIntervals, ReadoutDeviation, total_variation,
+};
 pub use maps::line_structure;
 pub use maps::{Correlations, LineStructure, high_pass};
 pub use maps::{box_means, map_correlations, pattern_correlations, select_rate, select_uniform};

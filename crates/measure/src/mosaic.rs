@@ -1,7 +1,7 @@
 //! Statistics of color cameras. Pixels are compared only with pixels that have the same filter.
 //!
-//! The pixels of one cell of the pattern form a regular grid with one filter. Each grid is summarized as a
-//! sensor of its own.
+//! The pixels of one cell of the pattern form a regular grid with one filter. Each grid is summarized like a separate
+//! sensor.
 
 use super::estimate::median;
 use super::summary::{Defects, Summary, summarize, summarize_without};

@@ -8,7 +8,7 @@ use spikelane::spikes::{Crop, SpikeFrames, count_spikes};
 use spikelane::unstable::Count;
 use spikelane::unstable::threads::check_stop;
 use spikelane_io::formats::{Layout, StreamReader, convert_to};
-use spikelane_measure::{Accumulator, MeasureOptions, spectrum};
+use spikelane_measure::{Accumulator, MeasureOptions, spectrum, total_variation};
 
 /// Largest part of a file that one immediate request reads.
 pub(crate) const MAX_REQUEST_BYTES: usize = 256 << 20;
@@ -145,9 +145,11 @@ pub(crate) fn rate_over_time(
     }))
 }
 
-/// Share of the intervals of each length in a rectangle.
+/// The intervals of a rectangle.
 struct IntervalShares {
-    counts: Vec<u64>,
+    total: u64,
+    /// Share of the intervals of each length.
+    shares: Vec<f64>,
 }
 
 impl IntervalShares {
@@ -164,23 +166,13 @@ impl IntervalShares {
             let end = readouts.end.min(start + BATCH_READOUTS);
             accumulator.push(cropped(reader, start..end, crop)?.view())?;
         }
-        let counts = accumulator.finish().intervals.map(|i| i.histogram().counts()).unwrap_or_default();
-        Ok(Self { counts })
+        let intervals = accumulator.finish().intervals;
+        let histogram = intervals.as_ref().map(|intervals| intervals.histogram());
+        Ok(Self {
+            total: histogram.map_or(0, |histogram| histogram.counts().iter().sum()),
+            shares: histogram.map_or_else(Vec::new, |histogram| histogram.shares()),
+        })
     }
-
-    fn total(&self) -> u64 {
-        self.counts.iter().sum()
-    }
-
-    fn shares(&self) -> Vec<f64> {
-        let all = self.total().max(1) as f64;
-        self.counts.iter().map(|n| *n as f64 / all).collect()
-    }
-}
-
-/// Half of the sum of the absolute differences, from 0 (equal) to 1 (no common length).
-fn total_variation(a: &[f64], b: &[f64]) -> f64 {
-    0.5 * a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>()
 }
 
 /// Smallest mean change in readouts that turns the intervals of `a` into the intervals of `b`. It equals the sum of the
@@ -213,22 +205,22 @@ pub(crate) fn interval_distances(
     let halves = [readouts[0].start..half, half..readouts[0].end];
     let mut half_shares = Vec::new();
     for range in halves {
-        half_shares.push(IntervalShares::measure(streams[0], crop, range)?.shares());
+        half_shares.push(IntervalShares::measure(streams[0], crop, range)?.shares);
     }
-    let (a, b) = (measured[0].shares(), measured[1].shares());
+    let [a, b] = [0, 1].map(|i| &measured[i].shares);
     let listed = |shares: &[f64]| {
         let longest = shares.iter().rposition(|s| *s > 0.0).map_or(0, |i| i + 1);
         shares[..longest].to_vec()
     };
-    let variance = |shares: &[f64]| {
+    let mean_and_variance = |shares: &[f64]| {
         let mean: f64 = shares.iter().enumerate().map(|(n, s)| n as f64 * s).sum();
-        let square: f64 = shares.iter().enumerate().map(|(n, s)| (n as f64 - mean).powi(2) * s).sum();
-        [mean, square]
+        let variance: f64 = shares.iter().enumerate().map(|(n, s)| (n as f64 - mean).powi(2) * s).sum();
+        [mean, variance]
     };
     Ok(json!({
-        "shares": [listed(&a), listed(&b)], "intervals": [measured[0].total(), measured[1].total()],
-        "mean_and_variance": [variance(&a), variance(&b)],
-        "total_variation": total_variation(&a, &b), "earth_mover": earth_mover(&a, &b),
+        "shares": [listed(a), listed(b)], "intervals": [measured[0].total, measured[1].total],
+        "mean_and_variance": [mean_and_variance(a), mean_and_variance(b)],
+        "total_variation": total_variation(a, b), "earth_mover": earth_mover(a, b),
         "total_variation_floor": total_variation(&half_shares[0], &half_shares[1]),
     }))
 }

@@ -72,8 +72,8 @@ impl FromStr for Demosaic {
 /// [`Mosaic::channels`].
 ///
 /// `values` contains one value per pixel, such as a rate, row-major. A pixel keeps the value of its own channel with
-/// [`Demosaic::Bilinear`] and [`Demosaic::Malvar`]. The two methods other than [`Demosaic::Bilinear`] can return
-/// values below the smallest and above the largest value.
+/// [`Demosaic::Bilinear`] and [`Demosaic::Malvar`]. [`Demosaic::Malvar`] and [`Demosaic::Menon`] can
+/// return values below the smallest and above the largest value.
 ///
 /// # Examples
 /// ```
@@ -123,7 +123,7 @@ pub fn demosaic(values: &[f32], geometry: Geometry, mosaic: &Mosaic, method: Dem
 fn reach(mosaic: &Mosaic, channel: usize) -> usize {
     let (rows, cols) = mosaic.period();
     let has_channel = |row: usize, col: usize, reach: usize| {
-        // Rows and columns are counted from one period before the pixel, so that no index is negative.
+        // Rows and columns are counted from one period before the pixel, because indices must not be negative.
         let (top, left) = (row + rows * (reach / rows + 1) - reach, col + cols * (reach / cols + 1) - reach);
         (0..=2 * reach).any(|r| (0..=2 * reach).any(|c| mosaic.channel_at(top + r, left + c) == channel))
     };

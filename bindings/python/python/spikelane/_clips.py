@@ -241,8 +241,7 @@ class ClipSampler:
             clip = clip[:, row : row + height, col : col + width]
             name += f"[:, {row}:{row + height}, {col}:{col + width}]"
         sequence = _hash(self.seed, 0x5E9, epoch, index)
-        lasts = clip.shape[0] * self.readouts_per_frame
-        readouts = lasts if self.readouts is None else self.readouts
+        lasts, readouts = len(clip) * self.readouts_per_frame, self._readout_count(clip)
         if readouts > lasts:
             expected = f"at most {lasts}, which clips[{index}] lasts"
             raise usage_error("readouts", readouts, expected, "pass fewer, or a larger readouts_per_frame")
@@ -257,6 +256,10 @@ class ClipSampler:
                 raise _rename(error, "readouts", "target_readouts") from None
             raise (_rename(error, "frames", name) if error.subject.startswith("frames") else error) from None
         return Recording(index, name, clip, light, camera, camera_seed, sequence, row, col)
+
+    def _readout_count(self, clip: NDArray[Any]) -> int:
+        """Returns the number of readouts of an item."""
+        return len(clip) * self.readouts_per_frame if self.readouts is None else self.readouts
 
     def _simulate(
         self,

@@ -383,8 +383,7 @@ class SpikeLoader:
         """Simulates packed spikes into pinned memory, and copies and unpacks them on ``stream`` of the device."""
         sampler = self.data.sampler
         height, width = recordings[0].clip.shape[1:]
-        lasts = recordings[0].clip.shape[0] * sampler.readouts_per_frame
-        readouts = lasts if sampler.readouts is None else sampler.readouts
+        readouts = sampler._readout_count(recordings[0].clip)
         shape = (len(recordings), readouts, (height * width + 7) // 8)
         batch = self._describe(recordings)
         with torch.cuda.stream(stream):
@@ -413,7 +412,6 @@ class SpikeLoader:
         """Returns everything in a batch but the spikes."""
         thresholds = [one.camera.thresholds_at_full_scale for one in recordings]
         return {
-            "spikes": None,
             "light": torch.from_numpy(np.stack([one.light for one in recordings])),
             "thresholds_at_full_scale": torch.tensor(thresholds, dtype=torch.float64),
             "index": torch.tensor([one.index for one in recordings]),

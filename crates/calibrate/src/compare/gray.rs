@@ -10,7 +10,7 @@ use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
-use spikelane_measure::{Accumulator, MeasureOptions, Statistics, measure_stream};
+use spikelane_measure::{Accumulator, MeasureOptions, Statistics, measure_stream, total_variation};
 
 /// Gray levels on a scale of 0 to 255 at which interval histograms are compared. The SCSim paper uses the same levels.
 const HISTOGRAM_GRAY_LEVELS: [f64; 4] = [0.0, 120.0, 180.0, 240.0];
@@ -200,14 +200,7 @@ fn half_histogram_distance(set: &RecordingSet, recording: &crate::Recording) -> 
 }
 
 fn histogram(statistics: &Statistics) -> Vec<f64> {
-    let Some(intervals) = &statistics.intervals else { return Vec::new() };
-    let counts = intervals.histogram().counts();
-    let all = counts.iter().sum::<u64>().max(1) as f64;
-    counts.iter().map(|n| *n as f64 / all).collect()
-}
-
-fn total_variation(a: &[f64], b: &[f64]) -> f64 {
-    0.5 * a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>()
+    statistics.intervals.as_ref().map_or_else(Vec::new, |intervals| intervals.histogram().shares())
 }
 
 impl CameraPass {

@@ -89,7 +89,7 @@ impl GrayComparison {
         report.extend((0..self.histogram_lights.len()).map(|i| self.histogram_figure(i)));
         report.push_table(self.distance_table());
         report.push_table(self.response_table());
-        report.push_table(self.recorded_camera.iter().map(|c| c.table()).next().unwrap_or_default());
+        self.recorded_camera.iter().for_each(|camera| report.push_table(camera.table()));
         Ok(report.html(run))
     }
 

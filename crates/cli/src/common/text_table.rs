@@ -4,7 +4,20 @@
 const MAX_NAME_CHARS: usize = 20;
 
 /// Mark behind the best value of a column.
-pub(crate) const BEST: char = '*';
+const BEST: char = '*';
+
+/// Returns `text`, with the mark [`BEST`] if `is_best`.
+pub(crate) fn marked(mut text: String, is_best: bool) -> String {
+    if is_best {
+        text.push(BEST);
+    }
+    text
+}
+
+/// Returns the smallest of `values`, or infinity if there is none.
+pub(crate) fn smallest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(f64::INFINITY, f64::min)
+}
 
 /// Returns a table whose first column is aligned left and whose other columns are aligned right. A cell that ends in
 /// [`BEST`] has its mark beside the column, so that the digits stay aligned.
@@ -40,7 +53,7 @@ pub(crate) fn text_table(header: &[&str], rows: &[Vec<String>]) -> String {
     text
 }
 
-/// Returns one character per value, whose height grows with the value. The highest character stands for `max`.
+/// Returns one character per value, whose height grows with the value. The highest character represents `max`.
 pub(crate) fn sparkline(values: &[f64], max: f64) -> String {
     const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let level = |v: &f64| match v.is_finite() && max > 0.0 {

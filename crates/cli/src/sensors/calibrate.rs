@@ -8,11 +8,11 @@ use serde_json::json;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::Count;
 use spikelane_calibrate::{
-    CalibrateOptions, Calibration, CalibrationFiles, RecordingSet, SneeOptions, calibrate, estimate_snee,
-    import_maps, measure_levels,
+    CalibrateOptions, Calibration, CalibrationFiles, Observations, RecordingSet, SneeOptions, calibrate,
+    estimate_snee, import_maps, measure_levels,
 };
 use spikelane_measure::report::{with_error, without_error};
-use spikelane_measure::{Estimate, MeasureOptions, detect_mosaic, measure_stream};
+use spikelane_measure::{Estimate, detect_mosaic};
 
 use crate::common::console::{Console, run_record};
 use crate::common::output_claims;
@@ -86,7 +86,6 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         RecordingSet::open(&args.recordings)?
     };
     print_set_warnings(&set, out)?;
-    print_mosaic_notes(&set, out)?;
     let paper = SneeOptions { has_known_levels: !args.unknown_levels, ..SneeOptions::default() };
     if args.snee {
         paper.check()?;
@@ -94,6 +93,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut progress = FileProgress::new(out);
     let observed = measure_levels(&set, &mut |name, share| progress.update(name, share))?;
     drop(progress);
+    print_mosaic_note(&set, &observed, out);
     let options = CalibrateOptions {
         dead_time_fraction: args.dead_time_fraction,
         light_uncertainty: args.light_uncertainty,
@@ -115,32 +115,21 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 
 /// Prints a note if the camera of the recordings has color filters, because the fitted camera is gray.
 ///
-/// The pattern comes from the sidecar of a recording, or is detected in the brightest uniform recording.
-fn print_mosaic_notes(set: &RecordingSet, out: &Console) -> Result<()> {
+/// The pattern comes from the sidecar of a recording, or is detected in the brightest recording below saturation.
+fn print_mosaic_note(set: &RecordingSet, observed: &Observations, out: &Console) {
     let sidecar = |file: &str| sidecar_beside(&set.folder.join(file)).and_then(|(_, s)| s.mosaic);
     let declared = set.recordings.iter().find_map(|recording| sidecar(&recording.file));
-    let pattern = match declared {
-        Some(facts) => Some(facts.pattern),
-        None => detected_pattern(set)?,
-    };
+    let pattern = declared.map(|facts| facts.pattern).or_else(|| {
+        // The levels are sorted by light. A rate map of unknown length has no counts.
+        let brightest = observed.levels.iter().rfind(|level| level.light < 1.0 && level.readouts > 0)?;
+        let [first, second] = detect_mosaic(&brightest.spikes, observed.geometry.width())?;
+        Some(format!("{first} or {second}"))
+    });
     if let Some(pattern) = pattern {
         out.print_message(format_args!(
             "note: the recordings have the mosaic {pattern}; the fitted gains contain the response of each filter to the lamp, so the spread of the gains is not the spread of equal pixels; 'spikelane measure --mosaic' reports each channel"
         ));
     }
-    Ok(())
-}
-
-/// Returns the two possible patterns of the brightest uniform recording that is not saturated.
-fn detected_pattern(set: &RecordingSet) -> Result<Option<String>> {
-    let levels = set.recordings.iter().filter_map(|r| Some((r, r.light.level()?)));
-    let brightest = levels.filter(|(_, level)| *level < 1.0).max_by(|a, b| a.1.total_cmp(&b.1));
-    let Some((recording, _)) = brightest else { return Ok(None) };
-    let reader = set.reader(recording)?;
-    let options = MeasureOptions { frames: false, ..MeasureOptions::without_intervals() };
-    let statistics = measure_stream(&reader, &options, &mut |_| {})?;
-    let patterns = statistics.counts.and_then(|c| detect_mosaic(&c.count, reader.geometry().width()));
-    Ok(patterns.map(|[first, second]| format!("{first} or {second}")))
 }
 
 /// Returns an error if `path` is a stream instead of a recording set, because the light of a stream is unknown. The

@@ -22,7 +22,7 @@ use crate::common::output_claims;
 use crate::common::progress::FileProgress;
 use crate::common::seeds::SeedArgs;
 use crate::common::stream::{StreamArgs, print_set_warnings};
-use crate::common::text_table::{sparkline, text_table};
+use crate::common::text_table::{marked, smallest, sparkline, text_table};
 
 /// Compare camera models with a recording set (.toml) or a static recording
 #[derive(Debug, ClapArgs)]
@@ -162,12 +162,10 @@ fn compare_gray(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) ->
 /// Returns a table with the distances of each model and the noise floor.
 fn gray_table(comparison: &GrayComparison) -> String {
     let models = &comparison.models;
-    let smallest = |value: &dyn Fn(&CameraDistance) -> Option<f64>| {
-        models.iter().filter_map(value).fold(f64::INFINITY, f64::min)
-    };
-    let best_response = smallest(&|m| Some(m.response_distance));
-    let best_interval = |i: usize| smallest(&|m| m.histogram_distance.get(i).copied());
-    let cell = |x: f64, digits: usize, best: f64| format!("{x:.digits$}") + if x == best { "*" } else { "" };
+    let best_response = smallest(models.iter().map(|m| m.response_distance));
+    let best_interval =
+        |i: usize| smallest(models.iter().filter_map(|m| m.histogram_distance.get(i).copied()));
+    let cell = |x: f64, digits: usize, best: f64| marked(format!("{x:.digits$}"), x == best);
     let mut rows: Vec<Vec<String>> = Vec::new();
     for m in models {
         let intervals = m.histogram_distance.iter().enumerate().map(|(i, d)| cell(*d, 4, best_interval(i)));
@@ -188,16 +186,13 @@ fn gray_table(comparison: &GrayComparison) -> String {
 /// Returns a table with the distance of each model, and its distances in the bands of rows as a sparkline.
 fn scene_table(comparison: &SceneComparison) -> String {
     let models = &comparison.models;
-    let all = || models.iter().flat_map(|m| &m.row_band_distances).copied();
-    let highest = all().fold(0.0, f64::max);
-    let smallest =
-        |value: fn(&SceneStatistics) -> f64| models.iter().map(value).fold(f64::INFINITY, f64::min);
-    let best = smallest(|m| m.distance);
+    let highest = models.iter().flat_map(|m| &m.row_band_distances).copied().fold(0.0, f64::max);
+    let best = smallest(models.iter().map(|m| m.distance));
     let row = |m: &SceneStatistics| {
         let nearest = comparison.row_bands.iter().filter(|b| b.nearest_model == m.name).count();
         vec![
             m.name.clone(),
-            format!("{:.3}", m.distance) + if m.distance == best { "*" } else { "" },
+            marked(format!("{:.3}", m.distance), m.distance == best),
             format!("{:.3}", m.long_lag_distance),
             format!("{nearest} of {}", comparison.row_bands.len()),
             sparkline(&m.row_band_distances, highest),
@@ -283,12 +278,11 @@ fn compare_windows(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console)
 
 /// Returns a table with the distinguishability of each camera.
 fn realism_table(comparison: &RealismComparison) -> String {
-    let smallest = comparison.cameras.iter().map(|r| r.auc.value).fold(f64::INFINITY, f64::min);
+    let best = smallest(comparison.cameras.iter().map(|r| r.auc.value));
     let row = |r: &RealismRow| {
-        let mark = if r.auc.value == smallest { "*" } else { "" };
         vec![
             r.name.clone(),
-            format!("{:.3}{mark}", r.auc.value),
+            marked(format!("{:.3}", r.auc.value), r.auc.value == best),
             format!("{:.2} to {:.2}", r.auc.low, r.auc.high),
             format!("{:.3}", r.self_auc.value),
             if r.is_conclusive() { "yes" } else { "no" }.to_owned(),

@@ -13,7 +13,7 @@ use spikelane_measure::report::{
 pub fn html_report(name: &str, stats: &DatasetStatistics, run: &RunRecord) -> String {
     let sequences: u64 = stats.splits.values().sum();
     let sentence = format!(
-        "{} with {} in {} MB; {} set aside.",
+        "{} with {} in {} MB; {} failed.",
         Count(sequences, "sequence"),
         Count(stats.readouts, "readout"),
         format_number(stats.bytes as f64 / 1e6),

@@ -11,6 +11,19 @@ use spikelane::unstable::kernels::I16Lanes;
 /// Number of groups of adjacent rows that are counted separately. Standard errors come from the scatter of the groups.
 const ROW_GROUPS: usize = 32;
 
+/// Returns the total variation distance of two distributions: half of the sum of the absolute differences of their shares. It
+/// is 0 for equal distributions, and 1 for distributions without a common entry.
+///
+/// # Examples
+/// ```
+/// use spikelane_measure::total_variation;
+/// assert_eq!(total_variation(&[0.5, 0.5, 0.0], &[0.5, 0.25, 0.25]), 0.25);
+/// ```
+#[must_use]
+pub fn total_variation(a: &[f64], b: &[f64]) -> f64 {
+    0.5 * a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>()
+}
+
 /// A histogram of interval lengths over all pixels, in up to 32 groups of adjacent rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct IntervalHistogram {
@@ -52,6 +65,15 @@ impl IntervalHistogram {
     pub fn counts(&self) -> Vec<u64> {
         let sum = |bin: usize| self.groups.iter().map(|group| group[bin]).sum();
         (0..self.longest_bin as usize + 2).map(sum).collect()
+    }
+
+    /// Returns the share of the intervals of each length, with the entries of [`Self::counts`]. All shares are 0 if there are
+    /// no intervals.
+    #[must_use]
+    pub fn shares(&self) -> Vec<f64> {
+        let counts = self.counts();
+        let all = counts.iter().sum::<u64>().max(1) as f64;
+        counts.iter().map(|n| *n as f64 / all).collect()
     }
 
     /// Returns the number of intervals longer than [`Self::longest_bin`].

@@ -27,7 +27,7 @@ use spikelane::unstable::kernels::{BLOCK_WORDS, BitOps, I16Lanes, OVERRUN, Posit
 use spikelane::unstable::spikes::set_bits;
 
 pub(super) use decode::MAX_LAG_INTERVALS;
-pub use histogram::IntervalHistogram;
+pub use histogram::{IntervalHistogram, total_variation};
 use result::Snapshot;
 pub use result::{HalfMaps, Intervals, PixelIntervals, ReadoutDeviation};
 pub use variance::PhaseNoise;

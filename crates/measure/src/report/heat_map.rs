@@ -65,7 +65,7 @@ pub fn heat_map(title: &str, map: &[f64], width: usize, unit: &str, caption: &st
     .map_err(|e| Error::new(ErrorKind::Config, "map").found(e))?;
     let zoom = (MAX_SIZE[0] / width.max(1) as f64).min(MAX_SIZE[1] / height.max(1) as f64);
     let [w, h] = [width, height].map(|n| n as f64 * zoom);
-    // A color bar of fewer units has no room for its label.
+    // A shorter color bar is too short for its label.
     let bar = h.max(140.0);
     let mut svg = format!(
         "<svg class=\"map\" viewBox=\"0 0 {:.0} {:.0}\" preserveAspectRatio=\"xMinYMin meet\" role=\"img\" aria-label=\"{}\"><image width=\"{w:.1}\" height=\"{h:.1}\" style=\"image-rendering:pixelated\" preserveAspectRatio=\"none\" href=\"data:image/png;base64,{}\"/>",

@@ -474,7 +474,7 @@ impl Axis {
         }
     }
 
-    /// Returns about `count` ticks with their labels, and the power of ten by which the labels are multiplied.
+    /// Returns about `count` ticks with their labels, and a power of ten. A value is its label times this power.
     fn ticks(&self, count: usize) -> (Vec<(f64, String)>, i32) {
         if self.is_log && self.high > 9.0 * self.low {
             return (self.log_ticks(), 0);

@@ -1,4 +1,4 @@
-//! Horizontal bars with one row per quantity. The values stand beside the bars.
+//! Horizontal bars with one row per quantity. Each value is beside its bar.
 
 use std::fmt::Write as _;
 
