@@ -37,6 +37,8 @@ pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     console::remember_command(&args, cli.record_paths);
     let out = Console::new(cli.json, cli.verbose);
     common::limits::ignore_file_size_signal();
+    #[cfg(unix)]
+    let _abort_handler = common::limits::AbortHandler::new();
     // The library ignores an unknown name in `SPIKELANE_BACKEND`. The program reports the name as an error.
     let done = Backend::from_environment().and_then(|_| dispatch(cli.command, &out));
     progress::release_signals();
