@@ -7,10 +7,14 @@ set -euo pipefail
 mode=${1:-quick}
 cd "$(dirname "$0")/../.."
 . .ci/skip.sh
-if [ ! -x /usr/bin/chromium ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
-    # If the installation fails, the check of the tools below decides.
-    apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends chromium nodejs npm >/dev/null || true
-fi
+# Node.js and npm can also come from another source than Debian, so each missing program is installed alone.
+for package in chromium nodejs npm; do
+    command -v "${package/nodejs/node}" >/dev/null && continue
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        # If the installation fails, the check of the tools below decides.
+        apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends "$package" >/dev/null || true
+    fi
+done
 for tool in chromium node npm; do
     command -v "$tool" >/dev/null || { missing "$tool" "the browser tests of the viewer"; exit 0; }
 done

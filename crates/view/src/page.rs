@@ -13,13 +13,21 @@ pub(crate) const INDEX: &str = include_str!("static/index.html");
 pub(crate) const STYLE: &str = include_str!("static/style.css");
 
 /// The modules of the page. Each module imports only modules before it.
-pub(crate) const MODULES: [(&str, &str); 7] = [
+pub(crate) const MODULES: [(&str, &str); 15] = [
     ("colors.js", include_str!("static/colors.js")),
     ("bits.js", include_str!("static/bits.js")),
     ("sources.js", include_str!("static/sources.js")),
     ("plots.js", include_str!("static/plots.js")),
     ("image_view.js", include_str!("static/image_view.js")),
     ("labels.js", include_str!("static/labels.js")),
+    ("page.js", include_str!("static/page.js")),
+    ("address.js", include_str!("static/address.js")),
+    ("drawing.js", include_str!("static/drawing.js")),
+    ("player.js", include_str!("static/player.js")),
+    ("pixel_panel.js", include_str!("static/pixel_panel.js")),
+    ("region_panel.js", include_str!("static/region_panel.js")),
+    ("defect_panel.js", include_str!("static/defect_panel.js")),
+    ("file_panel.js", include_str!("static/file_panel.js")),
     ("app.js", include_str!("static/app.js")),
 ];
 
