@@ -85,12 +85,10 @@ fn coincidence_statistic(pair: NeighborPair, estimate: Estimate) -> Statistic {
     let words = match pair {
         NeighborPair::Right => "bit correlation with the right neighbor",
         NeighborPair::Lower => "bit correlation with the lower neighbor",
-        NeighborPair::RightAfter | NeighborPair::LowerAfter => {
-            "bit correlation with the right neighbor, one readout later"
-        }
-        NeighborPair::RightBefore | NeighborPair::LowerBefore => {
-            "bit correlation with the right neighbor, one readout earlier"
-        }
+        NeighborPair::RightAfter => "bit correlation with the right neighbor, one readout later",
+        NeighborPair::LowerAfter => "bit correlation with the lower neighbor, one readout later",
+        NeighborPair::RightBefore => "bit correlation with the right neighbor, one readout earlier",
+        NeighborPair::LowerBefore => "bit correlation with the lower neighbor, one readout earlier",
     };
     statistic(pair.key(), words, estimate)
 }

@@ -40,7 +40,9 @@ pub fn html_report(name: &str, stats: &DatasetStatistics, run: &RunRecord) -> St
         );
         report.push(figure.wide());
     }
-    report.push(PageElement::heading("Distributions"));
+    if !stats.histograms.is_empty() {
+        report.push(PageElement::heading("Distributions"));
+    }
     for (name, points) in &stats.histograms {
         let s = stats.quantities.get(name);
         let title = s.map_or(name.clone(), |s| {

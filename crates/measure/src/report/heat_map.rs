@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::PageElement;
 use super::escape::EscapedText;
-use super::rounding::with_error;
+use super::plot::Axis;
 use spikelane::error::{Error, ErrorKind, Result};
 
 /// Colors of the map from the lowest to the highest value. They are perceptually uniform (viridis).
@@ -48,9 +48,8 @@ pub fn heat_map(title: &str, map: &[f64], width: usize, unit: &str, caption: &st
     let mut sorted = crate::finite_values(map);
     sorted.sort_by(f64::total_cmp);
     let at = |share: f64| sorted.get((share * sorted.len() as f64) as usize).copied().unwrap_or(0.0);
-    let (low, high) = (at(0.01), at(0.99));
-    let scale = 1.0 / (high - low).max(f64::MIN_POSITIVE);
-    let pixel = |v: &f64| if v.is_finite() { color((v - low) * scale) } else { UNKNOWN };
+    let axis = Axis::spanning(unit, &[at(0.01), at(0.99)]);
+    let pixel = |v: &f64| if v.is_finite() { color(axis.share(*v)) } else { UNKNOWN };
     let pixels: Vec<u8> = map.iter().flat_map(pixel).collect();
     let height = map.len() / width.max(1);
     let mut png = std::io::Cursor::new(Vec::new());
@@ -84,11 +83,9 @@ pub fn heat_map(title: &str, map: &[f64], width: usize, unit: &str, caption: &st
             step + 0.3
         );
     }
-    for i in 0..=4 {
-        let share = f64::from(i) / 4.0;
-        let (value, y) = (low + share * (high - low), 8.0 + bar * (1.0 - share));
-        // The labels resolve a hundredth of the range.
-        let text = with_error(value, (high - low) / 8.0).value_column();
+    let (ticks, factor) = axis.ticks(5);
+    for (value, text) in ticks {
+        let y = 8.0 + bar * (1.0 - axis.share(value));
         let _ = write!(svg, "<text x=\"{:.1}\" y=\"{:.1}\">{text}</text>", left + 19.0, y + 4.5);
     }
     let _ = write!(
@@ -96,7 +93,7 @@ pub fn heat_map(title: &str, map: &[f64], width: usize, unit: &str, caption: &st
         "<text class=\"label\" transform=\"translate({:.1} {:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text></svg>",
         left - 10.0,
         8.0 + bar / 2.0,
-        EscapedText(unit)
+        EscapedText(axis.label_in(factor))
     );
     Ok(PageElement::figure(title, svg, caption))
 }

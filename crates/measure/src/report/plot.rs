@@ -61,7 +61,7 @@ struct Layer {
 
 /// An axis with its label and range.
 #[derive(Clone, Debug)]
-struct Axis {
+pub(super) struct Axis {
     label: String,
     is_log: bool,
     low: f64,
@@ -94,7 +94,7 @@ impl Plot {
     /// Returns a plot without data. `x` and `y` are the labels of the axes with their units.
     #[must_use]
     pub fn new(title: impl Into<String>, x: impl Into<String>, y: impl Into<String>) -> Self {
-        let axis = |label| Axis { label, is_log: false, low: 0.0, high: 1.0 };
+        let axis = |label: String| Axis::spanning(&label, &[0.0, 1.0]);
         Self {
             title: title.into(),
             x: axis(x.into()),
@@ -283,9 +283,18 @@ impl Plot {
         svg + "</svg>"
     }
 
+    /// Returns the number of ticks of the x axis. Bars at whole numbers have no ticks between them.
+    fn x_tick_count(&self) -> usize {
+        let is_whole =
+            |l: &Layer| matches!(l.shape, Shape::Bars) && l.points.iter().all(|p| p.x.fract() == 0.0);
+        let count = if self.layers.iter().any(is_whole) { (self.x.high - self.x.low).min(6.0) } else { 6.0 };
+        (count as usize).max(1)
+    }
+
     fn draw_axes(&self, svg: &mut String) {
         let (bottom, right) = (HEIGHT - BOTTOM, WIDTH - RIGHT);
-        let (ticks, factor) = if self.names.is_empty() { self.x.ticks(6) } else { (self.names.clone(), 0) };
+        let (ticks, factor) =
+            if self.names.is_empty() { self.x.ticks(self.x_tick_count()) } else { (self.names.clone(), 0) };
         for (value, label) in ticks {
             let x = self.place_x(value);
             let _ = write!(
@@ -295,13 +304,7 @@ impl Plot {
                 EscapedText(label)
             );
         }
-        let label = |axis: &Axis, factor: i32| {
-            let text = match factor {
-                0 => axis.label.clone(),
-                n => format!("{}, in{}", axis.label, power_of_ten(n).trim_start_matches(" ×")),
-            };
-            EscapedText(text).to_string()
-        };
+        let label = |axis: &Axis, factor: i32| EscapedText(axis.label_in(factor)).to_string();
         let _ = write!(
             svg,
             "<text class=\"label\" x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
@@ -448,6 +451,21 @@ fn marker(index: usize, x: f64, y: f64) -> String {
 }
 
 impl Axis {
+    /// Returns a linear axis from the least to the largest of the finite `values`.
+    pub(super) fn spanning(label: &str, values: &[f64]) -> Self {
+        let mut axis = Self { label: label.to_owned(), is_log: false, low: 0.0, high: 1.0 };
+        axis.set_range(values, 0.0, 0.0);
+        axis
+    }
+
+    /// Returns the label of the axis with the power of ten of its ticks.
+    pub(super) fn label_in(&self, factor: i32) -> String {
+        match factor {
+            0 => self.label.clone(),
+            n => format!("{}, in{}", self.label, power_of_ten(n).trim_start_matches(" ×")),
+        }
+    }
+
     /// Sets the range to the finite `values`, widened by `border` in units and by `margin` of the range at each end.
     fn set_range(&mut self, values: &[f64], border: f64, margin: f64) {
         let usable = |v: &&f64| v.is_finite() && (!self.is_log || **v > 0.0);
@@ -466,7 +484,7 @@ impl Axis {
         };
     }
 
-    fn share(&self, value: f64) -> f64 {
+    pub(super) fn share(&self, value: f64) -> f64 {
         if self.is_log {
             (value.max(f64::MIN_POSITIVE) / self.low).ln() / (self.high / self.low).ln()
         } else {
@@ -475,7 +493,7 @@ impl Axis {
     }
 
     /// Returns about `count` ticks with their labels, and a power of ten. A value is its label times this power.
-    fn ticks(&self, count: usize) -> (Vec<(f64, String)>, i32) {
+    pub(super) fn ticks(&self, count: usize) -> (Vec<(f64, String)>, i32) {
         if self.is_log && self.high > 9.0 * self.low {
             return (self.log_ticks(), 0);
         }
@@ -522,7 +540,7 @@ mod tests {
     use super::*;
 
     fn axis(low: f64, high: f64, is_log: bool) -> Axis {
-        Axis { label: String::new(), is_log, low, high }
+        Axis { is_log, ..Axis::spanning("", &[low, high]) }
     }
 
     fn labels(axis: &Axis) -> Vec<String> {
@@ -534,6 +552,12 @@ mod tests {
         assert_eq!(labels(&axis(-0.03, 1.03, false)), ["0.0", "0.5", "1.0"]);
         assert_eq!(labels(&axis(0.21, 0.29, false)), ["0.22", "0.24", "0.26", "0.28"]);
         assert_eq!(labels(&axis(3.0, 20_000.0, true)), ["10", "100", "1000", "10000"]);
+    }
+
+    #[test]
+    fn bars_at_whole_numbers_have_whole_ticks() {
+        let html = Plot::new("t", "x", "y").bars("b", vec![(1.0, 0.6), (2.0, 0.4)]).figure("").to_string();
+        assert!(html.contains(">2<") && !html.contains(">1.5<"), "{html}");
     }
 
     #[test]

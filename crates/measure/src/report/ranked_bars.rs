@@ -15,6 +15,9 @@ pub struct RankedRow {
     pub values: Vec<f64>,
 }
 
+/// Bars are logarithmic if the largest value exceeds the mark, and 1, by more than this factor.
+const LARGEST_LINEAR_RATIO: f64 = 30.0;
+
 /// Returns the sign of `x` times `log10(1 + |x|)`, which is smooth at zero.
 fn symmetric_log(x: f64) -> f64 {
     x.signum() * x.abs().ln_1p() / std::f64::consts::LN_10
@@ -22,7 +25,8 @@ fn symmetric_log(x: f64) -> f64 {
 
 /// Returns a figure with one row per quantity. A row contains one horizontal bar per series.
 ///
-/// The lengths are logarithmic for magnitudes above 1. `mark` is a magnitude and its label. A line is drawn at plus and at
+/// If values are far larger than the mark, the lengths are logarithmic for magnitudes above 1, and the legend states this.
+/// Otherwise they are proportional to the values. `mark` is a magnitude and its label. A line is drawn at plus and at
 /// minus this magnitude, if that side of zero contains values. `axis` is the quantity of the bars with its unit. Values
 /// that are not finite are omitted.
 #[must_use]
@@ -35,11 +39,17 @@ pub fn ranked_bars(
     caption: impl Into<String>,
 ) -> PageElement {
     let all = || rows.iter().flat_map(|r| r.values.iter().copied()).filter(|v| v.is_finite());
-    let limit = mark.map_or(0.0, |m| symmetric_log(1.3 * m.0));
-    let high = all().map(symmetric_log).fold(limit, f64::max).max(0.05);
+    let largest = all().map(f64::abs).fold(0.0, f64::max);
+    let is_log = mark.is_some_and(|m| largest > LARGEST_LINEAR_RATIO * m.0.max(1.0));
+    let scale = |v: f64| if is_log { symmetric_log(v) } else { v };
+    let limit = mark.map_or(0.0, |m| scale(1.3 * m.0));
     let signed = all().any(|v| v < 0.0);
-    let low = if signed { all().map(symmetric_log).fold(-limit, f64::min) } else { 0.0 };
-    let place = |v: f64| 100.0 * (symmetric_log(v) - low) / (high - low);
+    let low = if signed { all().map(scale).fold(-limit, f64::min) } else { 0.0 };
+    let high = match all().map(scale).fold(limit, f64::max) {
+        high if high > low => high,
+        _ => low + 1.0,
+    };
+    let place = |v: f64| 100.0 * (scale(v) - low) / (high - low);
     let mut html = String::new();
     let mut key = String::new();
     if series.len() > 1 {
@@ -51,7 +61,8 @@ pub fn ranked_bars(
     if let Some((value, name)) = mark {
         let _ = write!(key, "<li><b></b>{}: {}</li>", EscapedText(name), without_error(value));
     }
-    let _ = write!(key, "<li>bars: {}</li>", EscapedText(axis));
+    let words = if is_log { ", logarithmic" } else { "" };
+    let _ = write!(key, "<li>bars: {}{words}</li>", EscapedText(axis));
     let _ = write!(html, "<ul class=\"legend\">{key}</ul><div class=\"bars\">");
     for row in rows {
         let _ = write!(html, "<div class=\"name\">{}</div><div class=\"tracks\">", EscapedText(&row.name));
@@ -96,6 +107,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn half_of_a_value_has_half_of_the_bar() {
+        let rows = [2.0, 4.0].map(|v| RankedRow { name: "n".to_owned(), values: vec![v] });
+        let html = ranked_bars("t", "z", &["a"], &rows, Some((1.0, "limit")), "").to_string();
+        assert!(html.contains("width:50.0%") && html.contains("width:100.0%"), "{html}");
+        assert!(!html.contains("logarithmic"), "{html}");
+    }
+
+    #[test]
     fn the_longer_bar_belongs_to_the_larger_value() {
         let rows =
             [("small", 3.0), ("large", 3e4)].map(|(n, v)| RankedRow { name: n.to_owned(), values: vec![v] });
@@ -103,6 +122,7 @@ mod tests {
         let widths: Vec<f64> =
             html.split("width:").skip(1).filter_map(|part| part.split('%').next()?.parse().ok()).collect();
         assert!(widths.len() == 2 && widths[1] > 4.0 * widths[0], "{widths:?}");
+        assert!(html.contains(", logarithmic"), "{html}");
     }
 
     #[test]

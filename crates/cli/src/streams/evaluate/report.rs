@@ -94,7 +94,7 @@ fn page(file: &str, streams: &[ScoredStream]) -> Report {
                 })
                 .collect();
             if rows.len() > 1 && ["psnr_db", "ssim", "detail_slope", "patch_noise"].contains(key) {
-                let title = format!("{title}, {}", stream.name);
+                let title = format!("Scores of {}: {title}", stream.name);
                 report.push(ranked_bars(
                     &title,
                     if unit.is_empty() { "score" } else { unit },
