@@ -43,13 +43,15 @@ def simulated(program: str, camera: str, light: Path, folder: Path, seed: int) -
     full_scale = found[1] if found else DEFAULT_FULL_SCALE
     stem = folder / f"{camera}-{seed}"
     # Input values are divided by the full scale.
-    run(program, "simulate", light, "--camera", camera, "--full-scale", full_scale, "--readouts", READOUTS,
-        "--width", 400, "--height", 250, "--seed", seed, "--camera-seed", seed, "-o", stem, "--force")
+    options = ("--full-scale", full_scale, "--width", 400, "--height", 250, "--readouts", READOUTS)
+    seeds = ("--seed", seed, "--camera-seed", seed)
+    run(program, "simulate", light, "-o", stem, "--camera", camera, *options, *seeds)
     return scores(program, stem.with_suffix(".dat"))
 
 
 def row(name: str, runs: list[dict[str, float]]) -> str:
     """Returns a row of means. Two or more runs also have their standard deviation."""
+
     def cell(score: str) -> str:
         values = [run[score] * (1e3 if score.endswith("noise") else 1) for run in runs]
         digits = 2 if score in ("patch_noise", "weak_texture_noise", "detail_slope") else 1
@@ -76,8 +78,12 @@ def main() -> None:
     lines = [f"{run(program, '--version').strip()}, {len(SEEDS)} seeds, window of 41 readouts:"]
     for method in METHODS:
         title = "TFP" if method.startswith("tfp") else "Span rate"
-        lines += ["", f"| {title} of | Chen e-3 | Liu e-3 | SNR, dB | detail | static, dB |",
-                  "|---|--:|--:|--:|--:|--:|", row("real recording", [real[method]])]
+        lines += [
+            "",
+            f"| {title} of | Chen e-3 | Liu e-3 | SNR, dB | detail | static, dB |",
+            "|---|--:|--:|--:|--:|--:|",
+            row("real recording", [real[method]]),
+        ]
         lines += [row(f"`{camera}`", [run[method] for run in runs]) for camera, runs in cameras.items()]
     table = "\n".join(lines)
     print(table)
