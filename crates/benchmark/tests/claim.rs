@@ -1,6 +1,6 @@
 //! Compares a generated suite and the scores of two baselines with a recorded claim, to the last digit.
 //!
-//! Every instruction set of x86-64 gives the recorded numbers. On aarch64, the light of scenes differs.
+//! Every instruction set of x86-64 and aarch64 gives the recorded numbers.
 //! To write the claim again after a change of the scenes, run
 //! `cargo test -p spikelane-benchmark --test claim -- --ignored`.
 

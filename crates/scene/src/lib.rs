@@ -16,7 +16,7 @@
 //! the method and its limits.
 
 /// Version of the scenes. Scenes of different versions have different bytes for the same seed.
-pub const SCENE_VERSION: u32 = 2;
+pub const SCENE_VERSION: u32 = 3;
 
 mod city;
 mod drive;

@@ -245,12 +245,14 @@ impl Light {
     /// `sun_illuminance` already contains the light of the disk.
     pub(crate) fn sky_luminance(&self, direction: Vec3) -> Vec3 {
         let up = direction.z.max(0.0);
-        let rise = 1.0 - (1.0 - up) * (1.0 - up) * (1.0 - up);
+        let low = 1.0 - up;
+        let low2 = low * low;
+        let rise = 1.0 - low2 * low;
         let mut sky = self.horizon_luminance.lerp(self.zenith_luminance, rise);
         let near = direction.dot(self.sun_direction).max(0.0);
         let near2 = near * near;
         let near8 = near2 * near2 * near2 * near2;
-        sky += self.sun_glow * (0.55 * near8 * near8 + 0.35 * near2 * (1.0 - up).powi(4));
+        sky += self.sun_glow * (0.55 * near8 * near8 + 0.35 * near2 * (low2 * low2));
         // This term is the aureole around the sun.
         let near32 = near8 * near8 * near8 * near8;
         sky += self.sun_illuminance * (0.04 * near32 * near32 * near32);

@@ -71,7 +71,7 @@ impl City {
     /// The portal is a bright disk of radius R, and a wall at the distance x from the disk sees half of it at most: the
     /// fraction is (1 - x / sqrt(x^2 + R^2)) / 2.
     pub(crate) fn portal_share(&self, s: f64) -> f32 {
-        let share = |x: f64| 0.5 * (1.0 - x / x.hypot(PORTAL_RADIUS_M));
+        let share = |x: f64| 0.5 * (1.0 - x / libm::hypot(x, PORTAL_RADIUS_M));
         let inside = self.tunnel.filter(|&(a, b)| s > a && s < b);
         inside.map_or(0.0, |(a, b)| (share(s - a) + share(b - s)) as f32)
     }

@@ -61,7 +61,8 @@ fn acceleration(me: &Driver, leader: Option<&Driver>) -> f64 {
     const BRAKING: f64 = 2.0;
     const HEADWAY_S: f64 = 1.2;
     const STANDSTILL_M: f64 = 2.5;
-    let free = 1.0 - (me.v / me.desired_speed.max(0.1)).powi(4);
+    let speed2 = (me.v / me.desired_speed.max(0.1)).powi(2);
+    let free = 1.0 - speed2 * speed2;
     let pressure = leader.map_or(0.0, |l| {
         let gap = (l.s - me.s - 0.5 * (l.length + me.length)).max(0.3);
         let wanted = STANDSTILL_M

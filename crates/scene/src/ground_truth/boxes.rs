@@ -214,7 +214,7 @@ fn extent(frame: &SceneInstant, parts: std::ops::Range<usize>) -> Option<[f32; 4
                 add(b);
                 // Distortion bends long edges, so an extreme point may be between the ends of an edge.
                 let (p, q) = (at(a), at(b));
-                let pieces = ((p.0 - q.0).hypot(p.1 - q.1) / EDGE_PIECE_PX).min(MAX_EDGE_PIECES) as u32;
+                let pieces = (libm::hypotf(p.0 - q.0, p.1 - q.1) / EDGE_PIECE_PX).min(MAX_EDGE_PIECES) as u32;
                 if i.distortion != 0.0 {
                     let (from, to) = (a / a.z, b / b.z);
                     (1..pieces).for_each(|n| add(from.lerp(to, n as f32 / pieces as f32)));

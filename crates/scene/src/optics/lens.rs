@@ -94,7 +94,7 @@ impl Lens {
         if self.corner_distortion == 0.0 {
             return 0.0;
         }
-        let corner = (intrinsics.center_px[0].hypot(intrinsics.center_px[1])) / intrinsics.focal_px;
+        let corner = libm::hypot(intrinsics.center_px[0], intrinsics.center_px[1]) / intrinsics.focal_px;
         let change = f64::from(self.corner_distortion);
         change / (corner * (1.0 + change)).powi(2)
     }

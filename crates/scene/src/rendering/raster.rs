@@ -307,7 +307,7 @@ fn image_middle(a: Vec3, b: Vec3) -> Vec3 {
 /// 8 times this value. The factor 2 covers the higher orders and edges beyond the corner.
 fn straight_length_px(frame: &SceneInstant) -> f32 {
     let i = &frame.camera.intrinsics;
-    let corner = i.center_px[0].hypot(i.center_px[1]);
+    let corner = libm::hypot(i.center_px[0], i.center_px[1]);
     let change = (i.distortion * (corner / i.focal_px).powi(2)).abs();
     (8.0 * f64::from(MAX_SAGITTA_PX) * corner / (12.0 * change.max(1e-9))).sqrt() as f32
 }

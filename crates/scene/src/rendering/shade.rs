@@ -59,7 +59,7 @@ pub(crate) fn shade(frame: &SceneInstant, f: &Fragment, sun: f32) -> Vec3 {
         add_beams(frame, f, &look, &mut arriving);
     }
     let cosine = (-f.normal.dot(f.view_direction)).clamp(0.0, 1.0);
-    let fresnel = look.gloss + (1.0 - look.gloss) * (1.0 - look.roughness) * (1.0 - cosine).powi(5);
+    let fresnel = look.gloss + (1.0 - look.gloss) * (1.0 - look.roughness) * fifth_power(1.0 - cosine);
     let clear = (1.0 - look.roughness) * (1.0 - look.roughness);
     let mut out = look.albedo * arriving.diffuse_lux * (1.0 / PI) + arriving.highlight + look.emission;
     if fresnel * clear > 0.002 {
@@ -182,6 +182,12 @@ fn sky_share_under_vehicles(frame: &SceneInstant, f: &Fragment) -> f32 {
     open
 }
 
+/// Returns the fifth power in a fixed order of multiplications. The order of `f32::powi` is unspecified.
+fn fifth_power(x: f32) -> f32 {
+    let square = x * x;
+    square * square * x
+}
+
 /// Returns the luminance of a GGX highlight for light that arrives from direction `to`.
 ///
 /// The luminance is in cd/m2 per lux of illuminance on a surface that faces the light.
@@ -196,7 +202,7 @@ fn highlight_luminance(f: &Fragment, look: &Appearance, to: Vec3) -> f32 {
     let a = (a * a + 0.5 * (spread * spread).min(0.36)).sqrt().min(1.0);
     let d = nh * nh * (a * a - 1.0) + 1.0;
     let density = a * a / (PI * d * d).max(1e-9);
-    let fresnel = look.gloss + (1.0 - look.gloss) * (1.0 - to.dot(half).clamp(0.0, 1.0)).powi(5);
+    let fresnel = look.gloss + (1.0 - look.gloss) * fifth_power(1.0 - to.dot(half).clamp(0.0, 1.0));
     let k = 0.5 * a;
     let mask = 1.0 / ((nl * (1.0 - k) + k) * (nv * (1.0 - k) + k));
     // The formula is for a point light. A real lamp has a size, which limits the luminance of the highlight.
@@ -225,7 +231,8 @@ fn lamp_light(frame: &SceneInstant, f: &Fragment, look: &Appearance, index: u16)
     let cosine = f.normal.dot(to);
     let through = look.transmission * 0.6 * (-cosine).max(0.0);
     // A cutoff luminaire has a wide beam downward and emits no light above the horizontal.
-    let lobe = noise::smoothstep(0.0, 0.55, to.z) * (1.0 - (distance / LAMP_RANGE_M).powi(4));
+    let range2 = (distance / LAMP_RANGE_M).powi(2);
+    let lobe = noise::smoothstep(0.0, 0.55, to.z) * (1.0 - range2 * range2);
     let level = light.lamp_cd * lamp.strength * light.lamp_level(frame.t, lamp.phase);
     let lux = level * lobe / (distance * distance);
     let diffuse = lux * (cosine.max(0.0) + through);

@@ -4,10 +4,9 @@
 //! their apex at the lamp. Each cone has a list of the triangles that overlap the cone.
 
 use glam::{Vec2, Vec3};
-use obvhs::ray::Ray;
-use obvhs::triangle::Triangle;
 
 use super::cell_index::CellIndex;
+use super::triangle::{Ray, Triangle};
 
 /// Number of cones per row. At a depth of 1 m below the lamp, the cones extend `MAX_SLOPE` meters in each direction.
 const CONES_PER_ROW: usize = 64;
@@ -36,7 +35,7 @@ impl LampShadows {
     /// Sorts triangles into cones. Only triangles that are nearer than `reach` meters to the lamp are included.
     pub(crate) fn new(triangles: &[Triangle], lamp: Vec3, reach: f32) -> Self {
         let nearest = |t: &Triangle| {
-            let [a, b, c] = [t.v0, t.v1, t.v2].map(Vec3::from);
+            let [a, b, c] = t.corners;
             let middle = (a + b + c) / 3.0;
             let radius = middle.distance(a).max(middle.distance(b)).max(middle.distance(c));
             middle.distance(lamp) - 1.001 * radius
@@ -48,8 +47,7 @@ impl LampShadows {
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         let flat = near.iter().enumerate().flat_map(|(i, (_, t))| {
-            clip_below([t.v0, t.v1, t.v2].map(|p| Vec3::from(p) - lamp))
-                .map(move |corners| (i as u32, corners.map(|p| cell(p).0)))
+            clip_below(t.corners.map(|p| p - lamp)).map(move |corners| (i as u32, corners.map(|p| cell(p).0)))
         });
         Self { lamp, columns: CellIndex::new((CONES_PER_ROW, CONES_PER_ROW), flat), triangles: near }
     }
@@ -63,12 +61,12 @@ impl LampShadows {
         }
         let list = self.columns.triangles_at(place)?;
         let distance = to.length();
-        let ray = Ray::new(from.into(), (to / distance).into(), 0.0, distance - POST_RADIUS_M);
+        let ray = Ray { origin: from, direction: to / distance, min: 0.0, max: distance - POST_RADIUS_M };
         let mut near = list
             .iter()
             .map(|&i| &self.triangles[i as usize])
             .take_while(|(nearest_distance, _)| *nearest_distance < distance);
-        Some(near.any(|(_, t)| t.intersect(&ray) < ray.tmax))
+        Some(near.any(|(_, t)| t.intersects(&ray)))
     }
 }
 

@@ -9,3 +9,4 @@ pub(super) mod loft;
 pub(super) mod material;
 pub(super) mod mesh;
 pub(super) mod sun_shadows;
+mod triangle;
