@@ -50,6 +50,8 @@ pub fn tfi(packed: SpikeFramesRef, at: usize, search: usize) -> Result<Vec<f32>>
 pub struct Tfi {
     /// The image of [`tfi`].
     pub rates: Vec<f32>,
+    /// Number of pixels without a complete interval within the search.
+    pub missing_pixels: usize,
     /// Number of open pixels. The interval of an open pixel is incomplete because the stream ends within the search
     /// range.
     pub open_pixels: usize,
@@ -103,6 +105,7 @@ pub fn tfi_with_open_pixels(packed: SpikeFramesRef, at: usize, search: usize) ->
     let cut = [(at < search).then_some(at + 1), (last - at < search).then_some(last - at + 1)];
     let mut tfi = Tfi {
         rates: Vec::with_capacity(packed.geometry().pixels()),
+        missing_pixels: 0,
         open_pixels: 0,
         open_error: 0.0,
         rounding_error: 0.0,
@@ -117,6 +120,7 @@ pub fn tfi_with_open_pixels(packed: SpikeFramesRef, at: usize, search: usize) ->
         let readouts = interval(numbers) as usize;
         tfi.rates.push(rates[readouts]);
         tfi.rounding_error += rounding_errors[readouts];
+        tfi.missing_pixels += usize::from(readouts == 0);
         if readouts == 0
             && let [Some(before), Some(after)] = silent_readouts(numbers, cut)
         {
