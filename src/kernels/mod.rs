@@ -22,7 +22,7 @@ pub use batch::{Batch, Job, NoiseRoundKeys, RoundKeys, Samples, Segment, Segment
 pub use bits::AnyCpu;
 pub use bits::{
     BLOCK_WORDS, BitOps, Counters, I16_LANES, I16Lanes, MAX_GROUPS, MAX_SPIKES, OVERRUN, Positions,
-    ROW_WORDS, SpikeTimes, Tally, Task, dispatch, dispatch_task, load_row,
+    ROW_WORDS, SearchOrder, SpikeTimes, Tally, Task, dispatch, dispatch_task, first_spikes, load_row,
 };
 pub use modulation::{Modulation, SpikeFeedback};
 pub(crate) use start::initial_state;

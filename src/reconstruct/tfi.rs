@@ -1,8 +1,9 @@
 //! Texture from intervals (TFI): the duration between successive spikes of a pixel.
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::kernels::{SearchOrder, first_spikes};
 use crate::reconstruct::check_readout;
-use crate::spikes::{SpikeFramesRef, firing_pixels};
+use crate::spikes::SpikeFramesRef;
 
 /// Returns the reciprocal of the interval that contains readout `at`, row-major, in spikes per readout.
 ///
@@ -49,6 +50,8 @@ pub fn tfi(packed: SpikeFramesRef, at: usize, search: usize) -> Result<Vec<f32>>
 pub struct Tfi {
     /// The image of [`tfi`].
     pub rates: Vec<f32>,
+    /// Number of pixels without a complete interval within the search.
+    pub missing_pixels: usize,
     /// Number of open pixels. The interval of an open pixel is incomplete because the stream ends within the search
     /// range.
     pub open_pixels: usize,
@@ -96,28 +99,44 @@ pub fn tfi_with_open_pixels(packed: SpikeFramesRef, at: usize, search: usize) ->
             .found(0)
             .expected("at least 1"));
     }
-    let missing = 1.0 / (2.0 * search as f32);
     let last = packed.readouts() - 1;
     // For each direction: the number of silent readouts up to the end of the stream. It is `None` if the search ends
     // before the end of the stream.
     let cut = [(at < search).then_some(at + 1), (last - at < search).then_some(last - at + 1)];
     let mut tfi = Tfi {
         rates: Vec::with_capacity(packed.geometry().pixels()),
+        missing_pixels: 0,
         open_pixels: 0,
         open_error: 0.0,
         rounding_error: 0.0,
     };
-    for sides in spike_distances(packed, at, search) {
-        let readouts = interval(sides);
-        tfi.rates.push(readouts.map_or(missing, |n| 1.0 / n as f32));
-        if let Some(n) = readouts {
-            tfi.rounding_error += f64::from(n).powi(-4) / 6.0;
-        } else if let [Some(before), Some(after)] = [0, 1].map(|i| sides[i].map(|n| n as usize).or(cut[i])) {
+    // The rates of all intervals. The first entry is the rate of pixels without an interval.
+    let lengths = search.min(at) + 1 + search.min(last - at);
+    let missing = 1.0 / (2.0 * search as f32);
+    let rates: Vec<f32> = std::iter::once(missing).chain((1..lengths).map(|n| 1.0 / n as f32)).collect();
+    let rounding_errors: Vec<f64> =
+        std::iter::once(0.0).chain((1..lengths).map(|n| (n as f64).powi(-4) / 6.0)).collect();
+    for numbers in spike_numbers(packed, at, search) {
+        let readouts = interval(numbers) as usize;
+        tfi.rates.push(rates[readouts]);
+        tfi.rounding_error += rounding_errors[readouts];
+        tfi.missing_pixels += usize::from(readouts == 0);
+        if readouts == 0
+            && let [Some(before), Some(after)] = silent_readouts(numbers, cut)
+        {
             tfi.open_pixels += 1;
             tfi.open_error += ((before + after) as f64).powi(-2);
         }
     }
     Ok(tfi)
+}
+
+/// Returns the number of readouts without a spike before and after the readout of a TFI image. The number is `None` in a
+/// direction in which the search ends before a spike and before the end of the stream. `cut` contains the numbers for
+/// pixels without spikes.
+fn silent_readouts([before, after]: [u32; 2], cut: [Option<usize>; 2]) -> [Option<usize>; 2] {
+    let found = |number: u32, silent: u32| (number != 0).then_some(silent as usize);
+    [found(before, before.wrapping_sub(1)).or(cut[0]), found(after, after).or(cut[1])]
 }
 
 /// Returns the length in readouts of the interval that contains readout `at`, row-major.
@@ -138,59 +157,26 @@ pub fn tfi_with_open_pixels(packed: SpikeFramesRef, at: usize, search: usize) ->
 /// Returns [`ErrorKind::Usage`] if `at` is not a readout of the stream.
 pub fn isi_map(packed: SpikeFramesRef, at: usize) -> Result<Vec<u32>> {
     check_readout(packed, at)?;
-    let sides = spike_distances(packed, at, packed.readouts());
-    Ok(sides.map(|both| interval(both).unwrap_or(0)).collect())
+    Ok(spike_numbers(packed, at, packed.readouts()).map(interval).collect())
 }
 
-/// Returns two distances in readouts for every pixel: from `at` back to the last spike at or before `at`, and from `at`
-/// to the first spike after `at`.
+/// Returns two numbers of readouts for every pixel: from the last spike at or before `at` to `at`, including both
+/// readouts, and from the readout after `at` to the first spike after `at`.
 ///
-/// A distance is `None` if there is no spike within `search` readouts.
-fn spike_distances(
-    packed: SpikeFramesRef,
-    at: usize,
-    search: usize,
-) -> impl Iterator<Item = [Option<u32>; 2]> {
-    let last = packed.readouts() - 1;
-    let first = at.saturating_sub(search);
-    let before = distances(packed, (first..=at).rev(), 0);
-    let after = distances(packed, at + 1..=at.saturating_add(search).min(last), 1);
-    before.into_iter().zip(after).take(packed.geometry().pixels()).map(|(b, a)| [b, a])
+/// A number is 0 if there is no spike within `search` readouts of `at`.
+fn spike_numbers(packed: SpikeFramesRef, at: usize, search: usize) -> impl Iterator<Item = [u32; 2]> {
+    let end = at.saturating_add(search).saturating_add(1).min(packed.readouts());
+    let geometry = packed.geometry();
+    let numbers = |readouts: std::ops::Range<usize>, order| {
+        let frames = packed.slice(readouts);
+        first_spikes(frames.as_bytes(), geometry.frame_bytes(), geometry.pixels(), order)
+    };
+    let before = numbers(at.saturating_sub(search)..at + 1, SearchOrder::Backward);
+    let after = numbers(at + 1..end, SearchOrder::Forward);
+    before.into_iter().zip(after).map(|(before, after)| [before, after])
 }
 
-/// Returns the length of the interval between two spikes, or `None` if one of the spikes was not found.
-fn interval([before, after]: [Option<u32>; 2]) -> Option<u32> {
-    Some(before? + after?)
-}
-
-/// Returns, for every pixel, the distance in readouts to its first spike in the sequence `readouts`.
-///
-/// The first readout of the sequence has the distance `start`. The search ends when every pixel has fired.
-fn distances(packed: SpikeFramesRef, readouts: impl Iterator<Item = usize>, start: u32) -> Vec<Option<u32>> {
-    let bytes = packed.geometry().frame_bytes();
-    let mut intervals = vec![None; bytes * 8];
-    let mut pending = vec![0xff_u8; bytes];
-    if !packed.geometry().pixels().is_multiple_of(8) {
-        // Padding bits never fire. They are cleared in `pending`, because otherwise the search would wait for them
-        // until the last readout.
-        pending[bytes - 1] = (1 << (packed.geometry().pixels() % 8)) - 1;
-    }
-    let mut left = packed.geometry().pixels();
-    let mut new_spikes = vec![0_u8; bytes];
-    for (distance, readout) in (start..).zip(readouts) {
-        for ((new, wait), &spikes) in
-            new_spikes.iter_mut().zip(&mut pending).zip(packed.frame(readout).as_bytes())
-        {
-            *new = spikes & *wait;
-            *wait &= !spikes;
-        }
-        for p in firing_pixels(&new_spikes) {
-            intervals[p] = Some(distance);
-            left -= 1;
-        }
-        if left == 0 {
-            break;
-        }
-    }
-    intervals
+/// Returns the length of the interval between two spikes, or 0 if one of the spikes was not found.
+fn interval([before, after]: [u32; 2]) -> u32 {
+    if before == 0 || after == 0 { 0 } else { before - 1 + after }
 }

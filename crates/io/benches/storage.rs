@@ -1,12 +1,21 @@
 //! Benchmarks of the digest, and of writing a stream to a new mapped file. Before the measurement, the digest of one
 //! written file is checked.
+//!
+//! Two further benchmarks measure the limits of the operating system: writing one byte to each page of a mapped file, and
+//! writing the same bytes with system calls.
 
 use criterion::{Criterion, Throughput};
 use spikelane::spikes::Geometry;
 use spikelane_io::formats::{Layout, StreamWriter};
-use spikelane_io::storage::Digest;
+use spikelane_io::storage::{Digest, FileWriter};
 
 const FRAMES: usize = 4000;
+
+/// Smallest page size of current CPUs.
+const PAGE_BYTES: usize = 4096;
+
+/// Number of bytes per call.
+const PIECE_BYTES: usize = 128 << 10;
 
 fn main() {
     let geometry = Geometry::new(400, 250).unwrap();
@@ -29,6 +38,23 @@ fn main() {
     group.throughput(Throughput::Bytes(bytes.len() as u64));
     group.bench_function("digest", |b| b.iter(|| Digest::hash_bytes(&bytes)));
     group.bench_function("write without sync", |b| b.iter(|| drop(write())));
+    let limit = directory.path().join("limit");
+    let create = || FileWriter::create(&limit, bytes.len() as u64, true).unwrap();
+    group.bench_function("limit: one byte per page", |b| {
+        b.iter(|| {
+            let mut writer = create();
+            for at in (0..bytes.len()).step_by(PIECE_BYTES) {
+                let window = writer.window(at as u64, PIECE_BYTES.min(bytes.len() - at)).unwrap();
+                window.iter_mut().step_by(PAGE_BYTES).for_each(|byte| *byte = 1);
+            }
+        });
+    });
+    group.bench_function("limit: system calls", |b| {
+        b.iter(|| {
+            let mut writer = create();
+            bytes.chunks(PIECE_BYTES).for_each(|piece| writer.write_all(piece).unwrap());
+        });
+    });
     group.bench_function("write, sync, rename", |b| b.iter(|| write().finish().unwrap()));
     group.finish();
     criterion.final_summary();

@@ -4,7 +4,7 @@
 //! independent. All three functions count part of the fine texture of the scene as noise. [`difference_noise`] counts
 //! more of the texture than [`patch_noise`].
 
-use nalgebra::{DMatrix, DMatrixView, DVector};
+use crate::patch_moments::{CenteredImage, PatchMoments};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
@@ -21,9 +21,6 @@ const TEXTURE_SELECTIONS: usize = 2;
 
 /// Quantile `1 - 1e-6` of the gamma distribution with shape 49/2 and scale 1.
 const WEAK_TEXTURE_QUANTILE: f64 = 55.567_952_650_288_9;
-
-/// Number of patches per matrix product. Their values occupy at most 512 KiB.
-const BATCH_PATCHES: usize = 1024;
 
 /// Returns the standard deviation of the image noise, computed from the eigenvalues of the covariance of patches.
 ///
@@ -42,7 +39,8 @@ const BATCH_PATCHES: usize = 1024;
 pub fn patch_noise(image: &[f32], geometry: Geometry) -> Result<f64> {
     let places = patch_places(geometry, PATCH_SIDE_PIXELS, PATCH_STEP_PIXELS);
     check(image, geometry, places.len() > PATCH_SIDE_PIXELS * PATCH_SIDE_PIXELS)?;
-    let covariance = covariance(image, geometry, &places, PATCH_SIDE_PIXELS);
+    let image = CenteredImage::new(image, geometry);
+    let covariance = PatchMoments::of_places(&image, &places, PATCH_SIDE_PIXELS).covariance();
     let mut values: Vec<f64> = covariance.symmetric_eigenvalues().iter().copied().collect();
     values.sort_by(f64::total_cmp);
     let variance = (1..=values.len()).rev().find_map(|n| {
@@ -93,40 +91,84 @@ pub fn patch_noise(image: &[f32], geometry: Geometry) -> Result<f64> {
 /// covariance. About 32x32 pixels are required.
 pub fn weak_texture_noise(image: &[f32], geometry: Geometry) -> Result<f64> {
     const PIXELS: usize = TEXTURE_SIDE_PIXELS * TEXTURE_SIDE_PIXELS;
-    let mut places = patch_places(geometry, TEXTURE_SIDE_PIXELS, 1);
+    let places = patch_places(geometry, TEXTURE_SIDE_PIXELS, 1);
     check(image, geometry, places.len() > PIXELS)?;
-    let smallest = |places: &[usize]| -> f64 {
-        let values = covariance(image, geometry, places, TEXTURE_SIDE_PIXELS).symmetric_eigenvalues();
+    let smallest = |moments: &PatchMoments| -> f64 {
+        let values = moments.covariance().symmetric_eigenvalues();
         // Rounding can make a variance of zero slightly negative.
         values.iter().copied().fold(f64::INFINITY, f64::min).max(0.0)
     };
     // A row of a patch has 5 horizontal differences. The quadratic form of each difference has the trace 2/4.
     let trace = (2 * TEXTURE_SIDE_PIXELS * (TEXTURE_SIDE_PIXELS - 2)) as f64 * 2.0 / 4.0;
     let scale = 2.0 * trace / PIXELS as f64;
-    let mut variance = smallest(&places);
+    let centered = CenteredImage::new(image, geometry);
+    let every = PatchMoments::of_every_patch(&centered, TEXTURE_SIDE_PIXELS);
+    let textures = patch_textures(image, geometry);
+    let mut limit = f64::INFINITY;
+    let mut variance = smallest(&every);
     for _ in 0..TEXTURE_SELECTIONS {
-        let limit = variance * scale * WEAK_TEXTURE_QUANTILE;
-        places.retain(|place| patch_texture(image, geometry.width(), *place) < limit);
+        limit = limit.min(variance * scale * WEAK_TEXTURE_QUANTILE);
+        let of = |is_weak: bool| -> Vec<usize> {
+            let both = places.iter().zip(&textures);
+            both.filter(|(_, texture)| (**texture < limit) == is_weak).map(|(place, _)| *place).collect()
+        };
+        let (weak, other) = (of(true), of(false));
         // Fewer patches do not determine a covariance.
-        if places.len() < PIXELS {
+        if weak.len() < PIXELS {
             break;
         }
-        variance = smallest(&places);
+        let moments = |places: &[usize]| PatchMoments::of_places(&centered, places, TEXTURE_SIDE_PIXELS);
+        variance = if weak.len() <= other.len() {
+            smallest(&moments(&weak))
+        } else {
+            smallest(&(&every - moments(&other)))
+        };
     }
     Ok(variance.sqrt())
 }
 
-/// Returns the sum of the squared differences inside the patch of [`weak_texture_noise`] that begins at pixel `place`.
-fn patch_texture(image: &[f32], width: usize, place: usize) -> f64 {
-    let at = |y: usize, x: usize| f64::from(image[place + y * width + x]);
-    let half_square = |a: f64, b: f64| ((a - b) / 2.0) * ((a - b) / 2.0);
-    let mut sum = 0.0;
-    for line in 0..TEXTURE_SIDE_PIXELS {
-        for k in 0..TEXTURE_SIDE_PIXELS - 2 {
-            sum += half_square(at(line, k + 2), at(line, k)) + half_square(at(k + 2, line), at(k, line));
+/// Returns the texture of each patch of [`weak_texture_noise`], in the order of [`patch_places`].
+///
+/// The sums of rows are computed first, and then the sums of columns.
+fn patch_textures(image: &[f32], geometry: Geometry) -> Vec<f64> {
+    const SIDE: usize = TEXTURE_SIDE_PIXELS;
+    let (width, height) = (geometry.width(), geometry.height());
+    let half_square = |a: f32, b: f32| ((f64::from(a) - f64::from(b)) / 2.0).powi(2);
+    let row = |y: usize| &image[y * width..][..width];
+    let columns = width + 1 - SIDE;
+    // The horizontal differences of each row, and the vertical differences between each row and the second row below.
+    let horizontal: Vec<f64> = (0..height)
+        .flat_map(|y| {
+            let squares: Vec<f64> = row(y).windows(3).map(|r| half_square(r[2], r[0])).collect();
+            window_sums(&squares, SIDE - 2, columns)
+        })
+        .collect();
+    let vertical: Vec<f64> = (0..height - 2)
+        .flat_map(|y| {
+            let squares: Vec<f64> =
+                row(y).iter().zip(row(y + 2)).map(|(above, below)| half_square(*below, *above)).collect();
+            window_sums(&squares, SIDE, columns)
+        })
+        .collect();
+    let mut textures = vec![0.0; columns * (height + 1 - SIDE)];
+    for (y, textures) in textures.chunks_exact_mut(columns).enumerate() {
+        let lines = [(&horizontal, SIDE), (&vertical, SIDE - 2)];
+        for (sums, rows) in lines {
+            for line in sums[y * columns..][..rows * columns].chunks_exact(columns) {
+                textures.iter_mut().zip(line).for_each(|(texture, sum)| *texture += sum);
+            }
         }
     }
-    sum
+    textures
+}
+
+/// Returns the sums of `length` successive values, for the first `count` positions.
+fn window_sums(values: &[f64], length: usize, count: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; count];
+    for shift in 0..length {
+        sums.iter_mut().zip(&values[shift..]).for_each(|(sum, value)| *sum += value);
+    }
+    sums
 }
 
 /// Returns the standard deviation of the image noise, computed with a filter that does not respond to lines and slopes.
@@ -170,70 +212,29 @@ fn patch_places(geometry: Geometry, side: usize, step: usize) -> Vec<usize> {
     starts(geometry.height()).flat_map(|y| starts(width).map(move |x| y * width + x)).collect()
 }
 
-/// Returns the covariance matrix of the square patches that begin at the pixels `places`.
-fn covariance(picture: &[f32], geometry: Geometry, places: &[usize], side: usize) -> DMatrix<f64> {
-    let (w, pixels) = (geometry.width(), side * side);
-    // The mean is subtracted first, because products of large numbers lose significant digits.
-    let offset = picture.iter().map(|v| f64::from(*v)).sum::<f64>() / picture.len() as f64;
-    let mut values = Vec::with_capacity(pixels * BATCH_PATCHES);
-    let (mut sums, mut products) = (DVector::zeros(pixels), DMatrix::zeros(pixels, pixels));
-    for part in places.chunks(BATCH_PATCHES) {
-        values.clear();
-        for row in part.iter().flat_map(|place| (0..side).map(move |y| place + y * w)) {
-            values.extend(picture[row..][..side].iter().map(|v| f64::from(*v) - offset));
-        }
-        let patches = DMatrixView::from_slice(&values, pixels, part.len());
-        let transposed = DMatrixView::from_slice_with_strides(&values, part.len(), pixels, pixels, 1);
-        sums += patches.column_sum();
-        products.gemm(1.0, &patches, &transposed, 1.0);
-    }
-    let n = places.len() as f64;
-    products.ger(-1.0 / n, &sums, &sums, 1.0);
-    products / (n - 1.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spikelane::unstable::draws::pattern_rng::PatternRng;
-    use spikelane::unstable::draws::{RandomStream, Seeds};
 
-    /// The test computes the covariance in two ways. The tolerance covers the rounding error of both results, about
-    /// 1e-13 of their size.
+    /// A texture has 70 squares below 25. Its rounding error is at most `70 * 70 * 25 * 2^-53 = 1.4e-11`.
     #[test]
-    fn the_covariance_is_that_of_the_patches_one_by_one() {
-        let geometry = Geometry::new(150, 90).unwrap();
-        let pattern = PatternRng::new(Seeds::default(), RandomStream::from_name("covariance"));
-        let picture: Vec<f32> = pattern
-            .normals()
-            .take(geometry.pixels())
-            .enumerate()
-            .map(|(p, x)| (5.0 + x + (p % 7) as f64) as f32)
-            .collect();
-        let mut patches = Vec::new();
-        for y in (0..=90 - PATCH_SIDE_PIXELS).step_by(PATCH_STEP_PIXELS) {
-            for x in (0..=150 - PATCH_SIDE_PIXELS).step_by(PATCH_STEP_PIXELS) {
-                patches.push(
-                    (0..PATCH_SIDE_PIXELS * PATCH_SIDE_PIXELS)
-                        .map(|k| {
-                            f64::from(picture[(y + k / PATCH_SIDE_PIXELS) * 150 + x + k % PATCH_SIDE_PIXELS])
-                        })
-                        .collect::<Vec<_>>(),
-                );
+    fn the_textures_are_those_of_the_patches_one_by_one() {
+        let geometry = Geometry::new(41, 23).unwrap();
+        let image: Vec<f32> = (0..geometry.pixels()).map(|p| (p * p % 97) as f32 / 10.0).collect();
+        let textures = patch_textures(&image, geometry);
+        let places = patch_places(geometry, TEXTURE_SIDE_PIXELS, 1);
+        assert_eq!(textures.len(), places.len());
+        for (place, texture) in places.into_iter().zip(textures) {
+            let at = |y: usize, x: usize| f64::from(image[place + y * geometry.width() + x]);
+            let half_square = |a: f64, b: f64| ((a - b) / 2.0) * ((a - b) / 2.0);
+            let mut expected = 0.0;
+            for line in 0..TEXTURE_SIDE_PIXELS {
+                for k in 0..TEXTURE_SIDE_PIXELS - 2 {
+                    expected +=
+                        half_square(at(line, k + 2), at(line, k)) + half_square(at(k + 2, line), at(k, line));
+                }
             }
-        }
-        let mean = |k: usize| patches.iter().map(|p| p[k]).sum::<f64>() / patches.len() as f64;
-        let means: Vec<f64> = (0..PATCH_SIDE_PIXELS * PATCH_SIDE_PIXELS).map(mean).collect();
-        let places = patch_places(geometry, PATCH_SIDE_PIXELS, PATCH_STEP_PIXELS);
-        let covariances = covariance(&picture, geometry, &places, PATCH_SIDE_PIXELS);
-        for (i, j) in [(0, 0), (0, 1), (7, 8), (63, 0), (5, 40), (63, 63)] {
-            let products = patches.iter().map(|p| (p[i] - means[i]) * (p[j] - means[j]));
-            let known = products.sum::<f64>() / (patches.len() - 1) as f64;
-            assert!(
-                (covariances[(i, j)] - known).abs() < 1e-11,
-                "{i} {j}: {} for {known}",
-                covariances[(i, j)]
-            );
+            assert!((texture - expected).abs() < 1.4e-11, "{texture} for {expected}");
         }
     }
 }

@@ -29,6 +29,7 @@ mod join;
 mod maps;
 mod mosaic;
 mod options;
+mod patch_moments;
 mod pattern_spectrum;
 pub mod report;
 mod spectrum;

@@ -90,6 +90,9 @@ impl Method {
 
     /// Returns the image at readout `at` in spikes per readout, one value per pixel, top row first.
     pub(crate) fn image(self, reader: &StreamReader, at: usize, window: usize) -> Result<Vec<f32>> {
+        if self == Self::Tfi {
+            return Ok(reader.tfi(at, self.half_window(window))?.rates);
+        }
         let (frames, center) = reader.read_around(at, self.half_window(window))?;
         self.image_of_frames(frames.view(), center, window)
     }

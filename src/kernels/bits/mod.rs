@@ -11,6 +11,7 @@ mod bit_ops;
 mod bit_planes;
 mod counters;
 mod dispatch;
+mod first_spikes;
 mod i16_lanes;
 mod tally;
 
@@ -18,6 +19,7 @@ pub use bit_ops::{BLOCK_WORDS, BitOps, MAX_SPIKES, OVERRUN, Positions};
 pub use bit_planes::ROW_WORDS;
 pub use counters::{Counters, MAX_GROUPS, load_row};
 pub use dispatch::{Task, dispatch, dispatch_f64_task, dispatch_task};
+pub use first_spikes::{SearchOrder, first_spikes};
 pub use i16_lanes::AnyCpu;
 pub use i16_lanes::{I16_LANES, I16Lanes};
 pub use tally::{SpikeTimes, Tally};

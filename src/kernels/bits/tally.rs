@@ -7,7 +7,7 @@ use super::dispatch::{Task, dispatch_task};
 use super::i16_lanes::I16Lanes;
 
 /// Number of bytes in a row of words. A tile in this module is one row of words.
-const ROW_BYTES: usize = 8 * ROW_WORDS;
+pub(super) const ROW_BYTES: usize = 8 * ROW_WORDS;
 
 /// Packed frames. The spikes of many pixels are counted at once.
 #[derive(Clone, Copy)]
@@ -82,7 +82,7 @@ impl<'a> Tally<'a> {
 }
 
 #[inline(always)]
-fn words(bytes: &[u8; ROW_BYTES]) -> [u64; ROW_WORDS] {
+pub(super) fn words(bytes: &[u8; ROW_BYTES]) -> [u64; ROW_WORDS] {
     let mut words = [0; ROW_WORDS];
     for (word, bytes) in words.iter_mut().zip(bytes.as_chunks::<8>().0) {
         *word = u64::from_le_bytes(*bytes);

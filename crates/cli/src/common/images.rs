@@ -3,7 +3,7 @@
 use std::io::Cursor;
 
 use image::{DynamicImage, GrayImage, ImageBuffer, ImageFormat, PixelWithColorType, Rgb, RgbImage, imageops};
-use spikelane::reconstruct::{ColorMatrix, Demosaic, demosaic, tfi_with_open_pixels, tfp};
+use spikelane::reconstruct::{ColorMatrix, Demosaic, demosaic, tfp};
 use spikelane::sensor::Mosaic;
 use spikelane::spikes::{SpikeFramesRef, bit};
 use spikelane::unstable::light::srgb_byte;
@@ -134,8 +134,7 @@ pub(crate) fn contact_sheet(
     if let Some(clean) = clean {
         panels.push(("TFP CLEAN", panel(&colored(window_rates(clean, at)?), white)));
     } else {
-        let (bytes, center) = frames_around(noisy, at, SEARCH_READOUTS)?;
-        let tfi = tfi_with_open_pixels(SpikeFramesRef::new(geometry, &bytes)?, center, SEARCH_READOUTS)?;
+        let tfi = noisy.tfi(at, SEARCH_READOUTS)?;
         if tfi.is_measurable() {
             panels.push(("TFI NOISY", panel(&colored(tfi.rates), white)));
         }

@@ -8,13 +8,12 @@ use spikelane::reconstruct::{
     ColorMatrix, Demosaic, demosaic, isi_map, span_rates, tfi_with_open_pixels, tfp,
 };
 use spikelane::sensor::{Channel, Mosaic};
-use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::StreamReader;
 
 use crate::common::console::Console;
-use crate::common::images::{frames_around, sample_readouts, white_rate};
+use crate::common::images::{sample_readouts, white_rate};
 use crate::common::mosaic::StreamMosaicArgs;
 use crate::common::movie::{MOVIE_EXTENSIONS, MovieFormat, MovieWriter};
 use crate::common::output_claims;
@@ -154,19 +153,25 @@ impl Args {
     /// Returns the picture at a readout. The second value is whether the stream is long enough before and after the readout.
     fn reconstruct_at(&self, reader: &StreamReader, at: usize) -> Result<(Vec<f32>, bool)> {
         let half = self.half_window();
-        let (bytes, center) = frames_around(reader, at, half)?;
-        let packed = SpikeFramesRef::new(reader.geometry(), &bytes)?;
+        let around = || reader.read_around(at, half);
         match self.method {
-            Method::Tfp => Ok((tfp(packed, center, half)?, true)),
-            Method::Span => Ok((span_rates(packed, center, half)?, true)),
+            Method::Tfp => {
+                let (frames, center) = around()?;
+                Ok((tfp(frames.view(), center, half)?, true))
+            }
+            Method::Span => {
+                let (frames, center) = around()?;
+                Ok((span_rates(frames.view(), center, half)?, true))
+            }
             Method::Tfi => {
-                let tfi = tfi_with_open_pixels(packed, center, half)?;
+                let tfi = reader.tfi(at, half)?;
                 let is_complete = tfi.is_measurable();
                 Ok((tfi.rates, is_complete))
             }
             Method::Isi => {
-                let lengths = isi_map(packed, center)?.into_iter().map(|n| n as f32).collect();
-                Ok((lengths, tfi_with_open_pixels(packed, center, half)?.is_measurable()))
+                let (frames, center) = around()?;
+                let lengths = isi_map(frames.view(), center)?.into_iter().map(|n| n as f32).collect();
+                Ok((lengths, tfi_with_open_pixels(frames.view(), center, half)?.is_measurable()))
             }
         }
     }

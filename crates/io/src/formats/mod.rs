@@ -17,6 +17,7 @@ mod reader;
 mod sidecar;
 mod size;
 mod source;
+mod tfi;
 mod writer;
 
 pub use convert::{convert, convert_to};

@@ -1,9 +1,7 @@
 //! Scores of color pictures, which are reconstructed from the stream of a color camera.
 
 use serde_json::{Value, json};
-use spikelane::reconstruct::{
-    ColorMatrix, Demosaic, demosaic, psnr, span_rates, ssim, tfi_with_open_pixels, tfp,
-};
+use spikelane::reconstruct::{ColorMatrix, Demosaic, demosaic, psnr, span_rates, ssim, tfp};
 use spikelane::sensor::Mosaic;
 use spikelane::spikes::SpikeFramesRef;
 use spikelane::{Error, ErrorKind, Geometry, Result};
@@ -123,9 +121,7 @@ fn pictures(args: &Args, reader: &StreamReader, at: usize, out: &Console) -> Res
         }
     }
     if wanted.method.contains(&Method::Tfi) {
-        let (bytes, center) = frames_around(reader, at, TFI_SEARCH_READOUTS)?;
-        let packed = SpikeFramesRef::new(reader.geometry(), &bytes)?;
-        let tfi = tfi_with_open_pixels(packed, center, TFI_SEARCH_READOUTS)?;
+        let tfi = reader.tfi(at, TFI_SEARCH_READOUTS)?;
         if tfi.is_measurable() {
             all.push(("tfi".to_owned(), tfi.rates));
         } else {

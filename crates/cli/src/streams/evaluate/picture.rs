@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::common::images::frames_around;
 use clap::ValueEnum;
 use serde_json::{Value, json};
-use spikelane::reconstruct::{Tfi, gaussian_blur, span_rates, tfi_with_open_pixels, tfp};
+use spikelane::reconstruct::{Tfi, gaussian_blur, span_rates, tfp};
 use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::Count;
 use spikelane::{Geometry, Result};
@@ -146,8 +146,7 @@ pub(super) fn evaluate_pictures(
         }
     }
     if is_requested(Method::Tfi) {
-        let (bytes, center) = frames_around(reader, at, TFI_SEARCH_READOUTS)?;
-        let tfi = tfi_with_open_pixels(SpikeFramesRef::new(geometry, &bytes)?, center, TFI_SEARCH_READOUTS)?;
+        let tfi = reader.tfi(at, TFI_SEARCH_READOUTS)?;
         let marks = match unmeasurable_reason(&tfi) {
             Some(reason) => Err(reason),
             None => Ok(comparison.score(&tfi.rates, geometry, near(TFI_INTERVAL_READOUTS))?),
