@@ -136,7 +136,11 @@ impl Frame {
                     self.geometry
                 )));
         }
-        if let Some(i) = rgb.iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
+        let is_light = |v: &f32| (0.0..=f32::MAX).contains(v);
+        // Without a branch in the loop, the compiler uses vector instructions.
+        if !rgb.iter().fold(true, |valid, v| valid & is_light(v))
+            && let Some(i) = rgb.iter().position(|v| !is_light(v))
+        {
             return Err(invalid_light_error(self.geometry, i / 3, rgb[i]));
         }
         Ok(Self { rgb: Some(rgb.into()), ..self })

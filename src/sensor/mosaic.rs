@@ -265,10 +265,12 @@ impl Mosaic {
         let width = geometry.width();
         let weights: Vec<[f32; 3]> = self.channels.iter().map(|c| c.weights().map(|w| w as f32)).collect();
         let mut light = Vec::with_capacity(geometry.pixels());
-        let mut row_weights = Vec::with_capacity(width);
+        // The weights of the rows repeat with the pattern.
+        let row_weights =
+            |row: usize| (0..width).map(|col| weights[self.channel_at(row, col)]).collect::<Vec<_>>();
+        let pattern_rows: Vec<Vec<[f32; 3]>> = (0..self.rows).map(row_weights).collect();
         for row in 0..geometry.height() {
-            row_weights.clear();
-            row_weights.extend((0..width).map(|col| weights[self.channel_at(row, col)]));
+            let row_weights = &pattern_rows[row % self.rows];
             match frame.rgb() {
                 Some(rgb) => {
                     let (colors, _) = rgb[3 * row * width..3 * (row + 1) * width].as_chunks::<3>();

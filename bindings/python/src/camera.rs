@@ -15,6 +15,7 @@ use spikelane_io::formats::OutputSet;
 use crate::argument;
 use crate::arrays;
 use crate::error::{OrRaise as _, type_error, usage_error};
+use crate::mosaic;
 
 /// Limits of the cache of plans: the number of plans, and the total number of their pixels. This number of pixels
 /// corresponds to about 256 MB.
@@ -54,6 +55,14 @@ impl Camera {
     pub fn new(camera: spikelane::Camera) -> PyResult<Self> {
         let key = spikelane::presets::fingerprint(&spikelane::presets::to_bytes(&camera).or_raise()?);
         Ok(Self { inner: Arc::new(KeyedCamera { camera, key }) })
+    }
+
+    /// Returns the mosaic from the first pixel of this camera.
+    fn known_mosaic(&self) -> PyResult<spikelane::sensor::Mosaic> {
+        let remedy = "add filters: camera.with_mosaic(\"RGGB\")";
+        self.camera()
+            .window_mosaic()
+            .ok_or_else(|| usage_error("camera", "no mosaic", "a color camera", remedy))
     }
 
     pub fn camera(&self) -> &spikelane::Camera {
@@ -263,7 +272,8 @@ impl Camera {
     /// Returns this camera with the color filters `pattern`, such as "RGGB", "quad-RGGB" or "RGBG/GWGW". None removes the
     /// filters.
     ///
-    /// The light that `Simulator.run` receives is the light behind the filters. For a window, `pattern` starts at the first
+    /// `Simulator.run` receives linear RGB light (H, W, 3) or (N, H, W, 3), or the light behind the filters, (H, W) or
+    /// (N, H, W). For a window, `pattern` starts at the first
     /// pixel of the whole sensor. The channels have their default spectral responses. `from_toml` sets other responses.
     ///
     /// Raises SpikelaneError for an invalid pattern.
@@ -271,6 +281,39 @@ impl Camera {
         let mut camera = self.camera().clone();
         camera.mosaic = pattern.map(str::parse).transpose().or_raise()?;
         Self::new(camera)
+    }
+
+    /// Returns the light of each pixel behind its color filter: float32 of shape (H, W) or (N, H, W), 1.0 at full scale.
+    ///
+    /// `light` is linear red, green and blue (sRGB primaries) of shape (H, W, 3) or (N, H, W, 3), with the types and
+    /// `full_scale` of `Simulator.run`. It may have another size than the camera. The pattern starts at its first pixel.
+    ///
+    /// Raises SpikelaneError if the camera has no mosaic.
+    #[pyo3(signature = (light, *, full_scale=None), text_signature = "($self, light, *, full_scale=None)")]
+    fn filter_light<'py>(
+        &self,
+        light: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = argument::optional::full_scale)] full_scale: Option<f64>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let scale = arrays::LightScale { full_scale, max_light: None };
+        mosaic::filter_light(light, "light", &self.known_mosaic()?, scale)
+    }
+
+    /// Returns all colors of each pixel: float32 of shape (..., H, W, 3), linear sRGB.
+    ///
+    /// `rates` is float32 of shape (..., H, W), as `tfp`, `tfi` and `span_rates` return it. The pattern starts at the first
+    /// pixel. `method` is "bilinear", "malvar" or "menon" (both for Bayer patterns). With color="none", the last axis has
+    /// the rates of all channels: red, green, blue, white, then others in alphabetical order.
+    ///
+    /// Raises SpikelaneError if the camera has no mosaic, or if its response does not separate the colors.
+    #[pyo3(signature = (rates, *, method="bilinear", color="matrix"), text_signature = "($self, rates, *, method=\"bilinear\", color=\"matrix\")")]
+    fn demosaic<'py>(
+        &self,
+        rates: &Bound<'py, PyAny>,
+        method: &str,
+        color: &str,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        mosaic::demosaic_rates(rates, &self.known_mosaic()?, method, color)
     }
 
     /// Returns this camera with another number of pixels. The fixed pattern is drawn again.
@@ -390,6 +433,12 @@ impl Camera {
             }
         }
         Ok(dict)
+    }
+
+    /// Number of rows and columns after which the color filters repeat. (1, 1) for a gray camera.
+    #[getter]
+    fn mosaic_period(&self) -> (usize, usize) {
+        self.camera().mosaic.as_ref().map_or((1, 1), spikelane::sensor::Mosaic::period)
     }
 
     /// The color filters from the first pixel of this camera, such as "RGGB". None for a gray camera.

@@ -10,6 +10,7 @@ mod camera;
 mod dataset;
 mod distribution;
 mod error;
+mod mosaic;
 mod report;
 mod scene;
 mod simulator;

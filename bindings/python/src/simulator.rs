@@ -13,6 +13,7 @@ use crate::argument;
 use crate::arrays::{CopyPolicy, LightArray, LightScale, check_buffer, check_frame_buffer, zeros};
 use crate::camera::Camera;
 use crate::error::{OrRaise as _, usage_error};
+use crate::mosaic;
 use crate::spike_frames::SpikeFrames;
 use crate::watch::WorkMonitor;
 
@@ -74,7 +75,8 @@ impl Simulator {
 
     /// Simulates linear light and returns SpikeFrames, whose packed bytes are uint8 of shape (T, ceil(H * W / 8)).
     ///
-    /// `light` is one frame (H, W) or several frames (N, H, W). The type is uint8 (full scale is 255), uint16 (65535), or
+    /// `light` is one frame (H, W) or several frames (N, H, W). A camera with a mosaic also accepts linear RGB light, (H, W, 3)
+    /// or (N, H, W, 3), and light without colors is then the light behind the filters. The type is uint8 (full scale is 255), uint16 (65535), or
     /// float32 (1.0, finite and not negative). A tensor on the CPU is light too. If `full_scale` is passed, the light is
     /// `light / full_scale`, and any real type is accepted.
     ///
@@ -269,6 +271,25 @@ impl Simulator {
 }
 
 impl Simulator {
+    /// Returns the light behind the filters of the camera, or `None` if the camera has no mosaic or `light` has no colors.
+    fn filtered_light<'py>(
+        &self,
+        light: &Bound<'py, PyAny>,
+        scale: LightScale,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(mosaic) = self.camera.camera().window_mosaic() else { return Ok(None) };
+        let size = (self.geometry().height(), self.geometry().width());
+        let shape =
+            light.getattr("shape").and_then(|shape| shape.extract::<Vec<usize>>()).unwrap_or_default();
+        if mosaic::color_image_size(&shape) != Some(size) {
+            return Ok(None);
+        }
+        Ok(Some(
+            mosaic::filter_light(light, "light", &mosaic, LightScale { max_light: None, ..scale })?
+                .into_any(),
+        ))
+    }
+
     fn geometry(&self) -> Geometry {
         self.camera.camera().sensor.geometry
     }
@@ -370,7 +391,15 @@ impl<'py> LightSequence<'py> {
         full_scale: Option<f64>,
     ) -> PyResult<Self> {
         let scale = LightScale { full_scale, max_light: Some(simulator.max_light) };
-        let array = LightArray::from_array(light, "light", CopyPolicy::All, scale)?;
+        let array = match simulator.filtered_light(light, scale)? {
+            Some(light) => LightArray::from_array(
+                &light,
+                "light",
+                CopyPolicy::IfNeeded,
+                LightScale { full_scale: None, ..scale },
+            )?,
+            None => LightArray::from_array(light, "light", CopyPolicy::All, scale)?,
+        };
         array.check_size(simulator.geometry(), "light")?;
         let interpolation: Interpolation = interpolation.parse().or_raise()?;
         let readouts_per_frame = match (array.is_single(), readouts_per_frame) {

@@ -31,6 +31,7 @@ pub use output::files::CalibrationFiles;
 pub use population::Population;
 pub use population::threshold_spread;
 pub(crate) use recordings::check::pattern_correlation;
+pub use recordings::color_filters::ColorFilters;
 pub use recordings::measure_levels::{ProgressCallback, measure_levels};
 pub use recordings::observations::{IntervalNoise, LightLevel, Observations};
 pub use recordings::protocol::Protocol;
@@ -41,6 +42,8 @@ pub use recordings::recording_set::UNSPECIFIED_LIGHT;
 pub use recordings::recording_set::{RateMap, Recording, RecordingSet, Stimulus, StimulusPattern};
 pub use recordings::sources::DEFAULT_SOURCE_REPEATABILITY;
 pub use result::DEFAULT_LIGHT_UNCERTAINTY;
-pub use result::{AdditiveSum, Additivity, CalibrateOptions, Calibration, FieldTerm, Lamp, LightField};
+pub use result::{
+    AdditiveSum, Additivity, CalibrateOptions, Calibration, ChannelFit, FieldTerm, Lamp, LightField,
+};
 pub use snee::{EdgeCounts, SneeMaps, SneeOptions, SneePixel, estimate_snee};
 pub use spikelane::pixel::NoiseSampling;

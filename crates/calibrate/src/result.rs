@@ -7,7 +7,7 @@ use crate::formulas::fit::PixelFit;
 use spikelane::effects::{Camera, Maps, find};
 use spikelane::error::Result;
 use spikelane::pixel::NoiseSampling;
-use spikelane::sensor::Sensor;
+use spikelane::sensor::{Mosaic, Sensor};
 use spikelane::unstable::draws::pattern_rng::PatternRng;
 use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane_measure::Estimate;
@@ -103,6 +103,35 @@ pub struct LightField {
     pub corner_falloff: Estimate,
     /// Terms of the logarithm of the light relative to the center.
     pub terms: Vec<FieldTerm>,
+}
+
+/// The pixels behind the filters of one channel of a mosaic.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct ChannelFit {
+    /// Letter of the channel in [`Calibration::mosaic`].
+    pub name: char,
+    /// Number of pixels.
+    pub pixels: usize,
+    /// Light of the lamps behind this filter, divided by the light behind the filter that transmits the most.
+    pub light: Estimate,
+    /// Light of each level in this channel minus the light that all channels show, divided by that light. The order is that
+    /// of [`Calibration::lamps`]. An unknown deviation is NaN. Lamps that change their color with the
+    /// level have such deviations.
+    pub light_deviations: Vec<Estimate>,
+    /// Moments over the pixels without defects. The gains contain the filter, but not the shape of the light.
+    pub population: Population,
+}
+
+impl ChannelFit {
+    /// Returns the largest significant deviation of a level, or `None` if no deviation is significant. A deviation is
+    /// significant if it exceeds 1 % and 3.5 standard errors.
+    #[must_use]
+    pub fn largest_light_deviation(&self) -> Option<Estimate> {
+        let is_significant = |e: &&Estimate| e.value.abs() > 0.01_f64.max(3.5 * e.error);
+        let significant = self.light_deviations.iter().filter(is_significant);
+        significant.max_by(|x, y| x.value.abs().total_cmp(&y.value.abs())).copied()
+    }
 }
 
 /// The term `coefficient * u^column_power * v^row_power`. `u` and `v` are the column and the row of a pixel, from -1 to 1
@@ -203,11 +232,19 @@ pub struct Calibration {
     pub light_field: Option<LightField>,
     /// Relative light on each pixel, with the mean 1. The gains of the camera are relative to this light.
     pub light_field_map: Vec<f64>,
-    /// Mean gain of each class of the 2x2 cell: even row and even column, even row and odd column, odd row and even column,
-    /// odd row and odd column. Empty if the classes do not differ significantly.
+    /// Mean gain of each class of pixels. The classes of a declared mosaic are its channels. Other cameras have the
+    /// classes of a cell of 2x2 pixels: even row and even column, even row and odd column, odd row and even column, odd row
+    /// and odd column. Empty if the classes do not differ significantly and are no filters.
     pub class_gains: Vec<Estimate>,
     /// Relative gain of the class of each pixel, with the mean 1.
     pub class_gain_map: Vec<f64>,
+    /// The color filters. If they are detected and not declared, each letter of the pattern `KLMN` is a position in a cell
+    /// of 2x2 pixels, and its color is unknown. `None` for a camera without filters.
+    pub mosaic: Option<Mosaic>,
+    /// Whether the recording set states the color filters.
+    pub is_mosaic_declared: bool,
+    /// The channels of `mosaic`. Empty for a camera without filters.
+    pub channels: Vec<ChannelFit>,
     /// The light levels in ascending order of light.
     pub lamps: Vec<Lamp>,
     /// Relative standard error of the scale that all levels share. No recording determines this scale.
@@ -245,6 +282,10 @@ impl Calibration {
     ///
     /// The gains are relative to the shape of the light, because the shape belongs to the lamp and the lens.
     ///
+    /// If the recorded camera has color filters, the camera has their mosaic. The gain of each channel is chosen so that
+    /// white light, linear sRGB (1, 1, 1), causes the rates that the lamps caused. The recordings of one kind of lamp do not
+    /// determine the response to other colors.
+    ///
     /// Pixels without a fit have the means of the population. Dead pixels have a gain and a dark current of zero.
     ///
     /// No recording determines how `a` and `d` of a single pixel split into gain, dark current and threshold `phi`.
@@ -260,15 +301,18 @@ impl Calibration {
     pub fn camera(&self) -> Result<Camera> {
         let sensor = self.sensor;
         let to_pa = sensor.capacitance_ff * sensor.swing_v / (sensor.period_s() * 1e3);
+        let brightest = self.class_gain_map.iter().copied().fold(0.0, f64::max);
+        let transmission =
+            |p: usize| self.mosaic.as_ref().map_or(1.0, |_| self.class_gain_map[p] / brightest);
         let mut maps = [Vec::new(), Vec::new(), Vec::new()];
         for (p, ((fit, [mean, sd]), z)) in
             self.fits.iter().zip(&self.threshold_posteriors).zip(self.threshold_posterior_draws()).enumerate()
         {
             let known = fit.a.is_finite();
             let a = if known {
-                (fit.a + z * fit.threshold_sensitivity[0]) / self.light_field_map[p]
+                (fit.a + z * fit.threshold_sensitivity[0]) / (self.light_field_map[p] * transmission(p))
             } else {
-                self.population.mean_a.value * self.class_gain_map[p]
+                self.population.mean_a.value * self.class_gain_map[p] / transmission(p)
             };
             let d =
                 if known { fit.d + z * fit.threshold_sensitivity[1] } else { self.population.mean_d.value };
@@ -308,11 +352,28 @@ impl Calibration {
                 find("dark_shot_noise")?.neutral().with_value("strength", self.dark_shot_noise)?,
             );
         }
+        camera.mosaic = self.calibrated_mosaic()?;
         camera.name = "calibrated".to_owned();
         camera.source = "fitted by calibrate; see calibration.json and report.html".to_owned();
         camera.maps =
             Maps { gain: Some(gain), dark_pa: Some(dark), swing_v: Some(swing), capacitance_ff: None };
         Ok(camera)
+    }
+
+    /// Returns the mosaic whose channels have the found light for white.
+    fn calibrated_mosaic(&self) -> Result<Option<Mosaic>> {
+        let Some(mut mosaic) = self.mosaic.clone() else { return Ok(None) };
+        let width = self.sensor.geometry.width();
+        let brightest = self.class_gain_map.iter().copied().fold(0.0, f64::max);
+        for (index, declared) in mosaic.clone().channels().iter().enumerate() {
+            let is_here = |p: &usize| mosaic.channel_at(p / width, p % width) == index;
+            // A sensor that is smaller than the pattern has no pixel of some channels.
+            let Some(pixel) = (0..self.fits.len()).find(is_here) else { continue };
+            let factor = self.class_gain_map[pixel] / brightest / declared.white();
+            mosaic =
+                mosaic.with_channel(declared.name, declared.gain * factor, declared.infrared * factor)?;
+        }
+        Ok(Some(mosaic))
     }
 
     /// Returns, for each pixel, the position of the drawn threshold in its posterior, in standard deviations. All positions

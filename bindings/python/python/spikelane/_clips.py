@@ -99,15 +99,16 @@ class ClipSampler:
     An item is a dict with these keys:
 
     - ``spikes``: uint8 (T, H, W) of 0 and 1, or packed (T, ceil(H * W / 8)) with ``dense=False``;
-    - ``light``: float32 (K, H, W), the linear light at the readouts ``target_readouts``, 1.0 at full scale;
+    - ``light``: float32 (K, H, W), the linear light at the readouts ``target_readouts``, 1.0 at full scale; for color
+      clips, (K, H, W, 3);
     - ``clean``: like ``spikes``, but from the noise-free twin of the camera; only with ``clean=True``;
     - ``thresholds_at_full_scale``: charge that full-scale light adds per readout, in nominal thresholds;
     - ``index``, ``camera_seed``, ``sequence``, and ``row`` and ``col`` of the crop.
 
     ``clips`` is a sequence of (N, H, W) arrays of uint8, uint16 or float32: an array (B, N, H, W), a list, or any object
-    with ``len`` and indexing. Each frame lasts ``readouts_per_frame`` readouts. ``interpolation`` and
+    with ``len`` and indexing. For a camera with a mosaic, clips may be linear RGB light, (N, H, W, 3). Each frame lasts ``readouts_per_frame`` readouts. ``interpolation`` and
     ``full_scale`` have the meaning that they have in ``Simulator.run``. ``crop=(h, w)`` selects a random rectangle of
-    each clip.
+    each clip. For a camera with a mosaic, all crops start at the same phase of the pattern.
 
     ``camera`` is a Camera or a CameraDistribution. A Camera must have the size of the clips; a crop uses a window of the
     camera. A CameraDistribution draws a camera with the size of the crop for every item of every epoch.
@@ -225,10 +226,14 @@ class ClipSampler:
             raise IndexError(f"found index {index}, expected -{length} to {length - 1}")
         index %= length
         clip = to_numpy(self.clips[index], f"clips[{index}]", "an array of uint8, uint16 or float32")
-        if clip.ndim != 3:
+        has_colors = clip.ndim == 4 and clip.shape[3] == 3
+        if clip.ndim != 3 and not has_colors:
             remedy = "pass clip[None] for one image" if clip.ndim == 2 else "pass gray frames: rgb @ weights for colors"
             raise usage_error(f"clips[{index}]", f"shape {clip.shape}", "an array (N, H, W)", remedy)
         camera, camera_seed = self._item_camera(epoch, index, (clip.shape[1], clip.shape[2]))
+        if has_colors and camera.mosaic is None:
+            found, expected = f"shape {clip.shape}: RGB images?", "an array (N, H, W) for a camera without a mosaic"
+            raise usage_error(f"clips[{index}]", found, expected, "weight the colors, or use camera.with_mosaic")
         row, col, name = 0, 0, f"clips[{index}]"
         if self.crop is not None:
             height, width = self.crop
@@ -236,8 +241,10 @@ class ClipSampler:
             if min(margins) < 0 or min(height, width) < 1:
                 found, whole = f"{height} x {width}", f"{clip.shape[1]} x {clip.shape[2]}"
                 raise usage_error("crop", found, f"a part of the clip's {whole} pixels", "choose a smaller crop")
-            row = _hash(self.seed, 0xC209, epoch, index) % (margins[0] + 1)
-            col = _hash(self.seed, 0xC20A, epoch, index) % (margins[1] + 1)
+            # A gray camera has the period (1, 1).
+            rows, cols = camera.mosaic_period
+            row = _hash(self.seed, 0xC209, epoch, index) % (margins[0] // rows + 1) * rows
+            col = _hash(self.seed, 0xC20A, epoch, index) % (margins[1] // cols + 1) * cols
             clip = clip[:, row : row + height, col : col + width]
             name += f"[:, {row}:{row + height}, {col}:{col + width}]"
         sequence = _hash(self.seed, 0x5E9, epoch, index)
@@ -248,9 +255,21 @@ class ClipSampler:
         targets = (readouts // 2,) if self.target_readouts is None else self.target_readouts
         try:
             # It checks the shape, and the readouts of `light` before the simulation of the spikes.
-            light = _native.light_at(
-                clip, targets, self.readouts_per_frame, interpolation=self.interpolation, full_scale=self.full_scale
-            )
+            def light_at(frames: NDArray[Any]) -> NDArray[np.float32]:
+                return _native.light_at(
+                    frames,
+                    targets,
+                    self.readouts_per_frame,
+                    interpolation=self.interpolation,
+                    full_scale=self.full_scale,
+                )
+
+            if has_colors:
+                light = np.stack([light_at(clip[..., color]) for color in range(3)], axis=-1)
+                # The crop starts at the phase of the first pixel of the camera.
+                clip = camera.filter_light(clip, full_scale=self.full_scale)
+            else:
+                light = light_at(clip)
         except SpikelaneError as error:
             if error.subject == "readouts":
                 raise _rename(error, "readouts", "target_readouts") from None
@@ -287,7 +306,8 @@ class ClipSampler:
                 camera_seed=[one.camera_seed for one in recordings],
                 windows=[one.window for one in recordings] if has_window else None,
                 interpolation=self.interpolation,
-                full_scale=self.full_scale,
+                # The light behind color filters is in full scales already.
+                full_scale=None if recordings[0].light.ndim == 4 else self.full_scale,
                 readouts=self.readouts,
                 threads=threads,
                 dense=self.dense if dense is None else dense,

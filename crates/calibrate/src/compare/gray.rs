@@ -3,10 +3,11 @@
 use serde::Serialize;
 use spikelane::SimulatorOptions;
 
+use super::measured_filters::MeasuredFilters;
 use crate::{ProgressCallback, RecordedCamera, RecordingSet};
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::spikes::SpikeFramesRef;
+use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
@@ -26,9 +27,13 @@ pub struct CameraDistance {
     pub name: String,
     /// Mean rate at each level in spikes per readout.
     pub response: Vec<f64>,
+    /// Mean rate of each channel of the measured camera at each level, in spikes per readout. Empty for a gray camera.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub channel_response: Vec<Vec<f64>>,
     /// Interval histograms at the compared levels. Entry `n` of a histogram is the share of intervals of `n` readouts.
     pub histograms: Vec<Vec<f64>>,
-    /// Root mean square of the difference between the two responses, in spikes per readout.
+    /// Root mean square of the difference between the two responses, in spikes per readout. It is the mean over the levels,
+    /// and over the channels of a color camera.
     pub response_distance: f64,
     /// Total variation distance of each histogram from the histogram of the measured camera, 0 to 1. It is half the sum
     /// of the absolute differences between the two histograms.
@@ -43,6 +48,10 @@ pub struct GrayComparison {
     pub lights: Vec<f64>,
     /// Light levels of the histograms. They are the levels of the set that are nearest to gray 0, 120, 180 and 240.
     pub histogram_lights: Vec<f64>,
+    /// Letters of the channels, if the measured camera has color filters. Detected filters have the letters K, L, M and N
+    /// for the positions in a cell of 2x2 pixels.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<char>,
     /// The measured camera.
     pub measured_camera: CameraDistance,
     /// Name of the simulated camera. `None` if a real camera was measured.
@@ -70,16 +79,23 @@ pub struct NoiseFloor {
 }
 
 /// Response and histograms of one camera at all levels.
+#[derive(Clone, Default)]
 struct CameraPass {
     response: Vec<f64>,
+    /// Mean rate of each channel at each level. A gray camera has one channel.
+    channel_response: Vec<Vec<f64>>,
     histograms: Vec<Vec<f64>>,
 }
 
 /// Compares `cameras` with the uniform levels of `set`. Each simulation has as many readouts as the measured recording,
 /// but at most `max_readouts`.
 ///
+/// If the measured camera has color filters, the responses are compared for each channel. A camera without filters then
+/// receives the light behind the filters of the measured camera.
+///
 /// # Errors
-/// If a recording cannot be read, if the set has fewer than two uniform levels, or if the light has another unit.
+/// If a recording cannot be read, if the set has fewer than two uniform levels, if the light has another unit, or if a
+/// camera has other color filters than the measured camera.
 pub fn compare_gray_levels(
     set: &RecordingSet,
     cameras: &[Camera],
@@ -98,7 +114,8 @@ pub fn compare_gray_levels(
     let lights: Vec<f64> = levels.iter().map(|l| l.0).collect();
     let chosen = nearest_levels(&lights);
     let parts = cameras.len() as f64 + 2.0;
-    let mut measured = CameraPass { response: Vec::new(), histograms: Vec::new() };
+    let filters = MeasuredFilters::measure(set, &levels)?;
+    let mut measured = CameraPass::default();
     let mut lengths = Vec::new();
     let mut floor = NoiseFloor::default();
     for (k, (_, recording)) in levels.iter().enumerate() {
@@ -107,8 +124,8 @@ pub fn compare_gray_levels(
         lengths.push(reader.readouts().min(max_readouts));
         let statistics =
             measure_stream(&reader, &measure_options(chosen.contains(&k), reader.readouts()), &mut |_| {})?;
-        floor.response += half_rate_difference(&statistics).powi(2) / lights.len() as f64;
-        measured.add(&statistics);
+        floor.response += half_rate_square(&statistics, &filters) / lights.len() as f64;
+        measured.add(&statistics, &filters);
     }
     floor.response = floor.response.sqrt();
     for k in &chosen {
@@ -117,28 +134,27 @@ pub fn compare_gray_levels(
     let mut models = Vec::new();
     for (i, camera) in cameras.iter().enumerate() {
         progress(&camera.name, (i as f64 + 1.0) / parts);
-        let pass = simulate(set, camera, &lights, &lengths, &chosen, seeds)?;
-        models.push((camera, camera_distance(&camera.name, pass, &measured)));
+        let pass = simulate(camera, &filters, set.geometry()?, &lights, &lengths, &chosen, seeds)?;
+        models.push((camera, camera_distance(&camera.name, pass.clone(), &measured), pass));
     }
     models.sort_by(|a, b| a.1.response_distance.total_cmp(&b.1.response_distance));
     let mut pattern_floor = NoiseFloor::default();
-    if let Some((camera, first)) = models.first() {
+    if let Some((camera, _, first)) = models.first() {
         let other = Seeds { camera: !seeds.camera, shot: !seeds.shot, ..seeds };
-        let again = simulate(set, camera, &lights, &lengths, &chosen, other)?;
-        let first = CameraPass { response: first.response.clone(), histograms: first.histograms.clone() };
-        let repeat_distance = camera_distance("", again, &first);
+        let again = simulate(camera, &filters, set.geometry()?, &lights, &lengths, &chosen, other)?;
+        let repeat_distance = camera_distance("", again, first);
         pattern_floor = NoiseFloor {
             response: repeat_distance.response_distance,
             histograms: repeat_distance.histogram_distance,
         };
     }
-    let same = CameraPass { response: measured.response.clone(), histograms: measured.histograms.clone() };
     Ok(GrayComparison {
+        channels: filters.names(),
         histogram_lights: chosen.iter().map(|k| lights[*k]).collect(),
         lights,
         simulated_camera: set.simulated_camera.clone(),
         recorded_camera: set.camera.clone(),
-        measured_camera: camera_distance("measured", same, &measured),
+        measured_camera: camera_distance("measured", measured.clone(), &measured),
         noise_floor: floor,
         fixed_pattern_floor: pattern_floor,
         models: models.into_iter().map(|m| m.1).collect(),
@@ -171,16 +187,17 @@ fn sum(counts: &[u32]) -> f64 {
     counts.iter().map(|n| f64::from(*n)).sum()
 }
 
-/// Returns the mean rate in the first half of a recording minus the mean rate in the second half, in spikes per
-/// readout.
-fn half_rate_difference(statistics: &Statistics) -> f64 {
+/// Returns the mean rate in the first half of a recording minus the mean rate in the second half, in spikes per readout
+/// squared. The result is the mean square over the channels.
+fn half_rate_square(statistics: &Statistics, filters: &MeasuredFilters) -> f64 {
     let (Some(counts), Some(early)) = (&statistics.counts, &statistics.counts_before_split) else {
         return 0.0;
     };
-    let split = f64::from(statistics.readouts / 2);
-    let late = f64::from(statistics.readouts) - split;
-    let (e, all) = (sum(early), sum(&counts.count));
-    (e / split - (all - e) / late) / counts.count.len() as f64
+    let split = statistics.readouts / 2;
+    let late: Vec<u32> = counts.count.iter().zip(early).map(|(all, early)| all - early).collect();
+    let early = filters.channel_means(early, split);
+    let late = filters.channel_means(&late, statistics.readouts - split);
+    early.iter().zip(&late).map(|(e, l)| (e - l).powi(2)).sum::<f64>() / early.len() as f64
 }
 
 /// Returns the total variation distance between the histograms of the two halves of a recording.
@@ -204,10 +221,13 @@ fn histogram(statistics: &Statistics) -> Vec<f64> {
 }
 
 impl CameraPass {
-    fn add(&mut self, statistics: &Statistics) {
+    fn add(&mut self, statistics: &Statistics, filters: &MeasuredFilters) {
         if let Some(counts) = &statistics.counts {
             let bits = counts.count.len() as f64 * f64::from(statistics.readouts);
             self.response.push(sum(&counts.count) / bits);
+            let rates = filters.channel_means(&counts.count, statistics.readouts);
+            self.channel_response.resize(rates.len(), Vec::new());
+            self.channel_response.iter_mut().zip(rates).for_each(|(channel, rate)| channel.push(rate));
         }
         if statistics.intervals.is_some() {
             self.histograms.push(histogram(statistics));
@@ -217,10 +237,17 @@ impl CameraPass {
 
 fn camera_distance(name: &str, pass: CameraPass, measured: &CameraPass) -> CameraDistance {
     let square = |(a, b): (&f64, &f64)| (a - b).powi(2);
-    let sum: f64 = pass.response.iter().zip(&measured.response).map(square).sum();
+    let sum: f64 = pass
+        .channel_response
+        .iter()
+        .flatten()
+        .zip(measured.channel_response.iter().flatten())
+        .map(square)
+        .sum();
+    let compared = measured.channel_response.len() * measured.response.len();
     CameraDistance {
         name: name.to_owned(),
-        response_distance: (sum / measured.response.len() as f64).sqrt(),
+        response_distance: (sum / compared as f64).sqrt(),
         histogram_distance: pass
             .histograms
             .iter()
@@ -228,27 +255,29 @@ fn camera_distance(name: &str, pass: CameraPass, measured: &CameraPass) -> Camer
             .map(|(a, b)| total_variation(a, b))
             .collect(),
         response: pass.response,
+        channel_response: if pass.channel_response.len() > 1 { pass.channel_response } else { Vec::new() },
         histograms: pass.histograms,
     }
 }
 
 fn simulate(
-    set: &RecordingSet,
     camera: &Camera,
+    filters: &MeasuredFilters,
+    geometry: Geometry,
     lights: &[f64],
     lengths: &[usize],
     chosen: &[usize],
     seeds: Seeds,
 ) -> Result<CameraPass> {
-    let geometry = set.geometry()?;
     let mut camera = camera.clone();
     camera.sensor.geometry = geometry;
-    let mut pass = CameraPass { response: Vec::new(), histograms: Vec::new() };
+    let pixel_light = filters.pixel_light(&camera)?;
+    let mut pass = CameraPass::default();
     for (k, (light, readouts)) in lights.iter().zip(lengths).enumerate() {
         let seeds = Seeds { sequence: seeds.sequence + k as u64, ..seeds };
         let mut simulator =
             SimulatorOptions::new().seeds(seeds).threads(threads::thread_count()).build(&camera)?;
-        let samples = vec![*light as f32; geometry.pixels()];
+        let samples: Vec<f32> = pixel_light.iter().map(|share| share * *light as f32).collect();
         let mut accumulator = Accumulator::new(geometry, &measure_options(chosen.contains(&k), *readouts))?;
         let mut bits = inputs::zeroed_vec("simulated readouts", 496 * geometry.frame_bytes())?;
         let mut left = *readouts;
@@ -259,7 +288,7 @@ fn simulate(
             accumulator.push(SpikeFramesRef::new(geometry, out)?)?;
             left -= now;
         }
-        pass.add(&accumulator.finish());
+        pass.add(&accumulator.finish(), filters);
     }
     Ok(pass)
 }

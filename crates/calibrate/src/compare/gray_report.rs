@@ -89,6 +89,7 @@ impl GrayComparison {
         report.extend((0..self.histogram_lights.len()).map(|i| self.histogram_figure(i)));
         report.push_table(self.distance_table());
         report.push_table(self.response_table());
+        (0..self.channels.len()).for_each(|channel| report.push_table(self.channel_table(channel)));
         self.recorded_camera.iter().for_each(|camera| report.push_table(camera.table()));
         Ok(report.html(run))
     }
@@ -113,6 +114,19 @@ impl GrayComparison {
         let mut table = Table::new("Mean rates, spikes per readout", &header);
         for (i, light) in self.lights.iter().enumerate() {
             let rates = self.all_cameras().filter_map(|c| c.response.get(i)).map(|r| Cell::value(*r, ""));
+            table.push_row(std::iter::once(Cell::value(*light, "")).chain(rates));
+        }
+        table
+    }
+
+    fn channel_table(&self, channel: usize) -> Table {
+        let header: Vec<&str> =
+            std::iter::once("light").chain(self.all_cameras().map(|c| c.name.as_str())).collect();
+        let title = format!("Mean rates of the channel {}, spikes per readout", self.channels[channel]);
+        let mut table = Table::new(title, &header);
+        for (i, light) in self.lights.iter().enumerate() {
+            let rate = |c: &CameraDistance| c.channel_response.get(channel)?.get(i).copied();
+            let rates = self.all_cameras().filter_map(rate).map(|r| Cell::value(r, ""));
             table.push_row(std::iter::once(Cell::value(*light, "")).chain(rates));
         }
         table

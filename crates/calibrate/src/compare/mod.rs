@@ -6,6 +6,7 @@
 
 mod gray;
 mod gray_report;
+mod measured_filters;
 mod realism;
 mod row_bands;
 mod scene;

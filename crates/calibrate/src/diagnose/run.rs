@@ -23,9 +23,9 @@ use crate::diagnose::search::search::search;
 use crate::diagnose::search::undecided::Undecided;
 use crate::diagnose::sensors::context::{Deadline, SimulationContext, in_time};
 use crate::diagnose::sensors::model::published;
-use crate::{self as calibrate, RecordingSet, Stimulus, StimulusPattern};
+use crate::{self as calibrate, ColorFilters, RecordingSet, Stimulus, StimulusPattern};
 use spikelane::effects::{Camera, Catalog, Maps, readout_jitter, start_phase};
-use spikelane::error::Result;
+use spikelane::error::{Error, ErrorKind, Result};
 
 /// Options of a diagnosis.
 #[derive(Clone, Copy, Debug, Default)]
@@ -108,6 +108,7 @@ pub fn diagnose_with_preliminary(
     let cache = options.cache.map(SimulationCache::open).transpose()?;
     let context = SimulationContext { cache, deadline: Deadline::new(start, options.time_limit) };
     progress("reading", 0.0);
+    [Some(set), holdout].into_iter().flatten().try_for_each(check_gray)?;
     if options.null_model.is_none() {
         [Some(set), holdout].into_iter().flatten().try_for_each(RecordingSet::check_light_unit)?;
     }
@@ -120,6 +121,22 @@ pub fn diagnose_with_preliminary(
     diagnosis.cache_counts = context.cache.map(|cache| [cache.hit_count(), cache.miss_count()]);
     diagnosis.seconds = start.elapsed().as_secs_f64();
     Ok(diagnosis)
+}
+
+/// Returns an error if `set` states the color filters of its camera.
+fn check_gray(set: &RecordingSet) -> Result<()> {
+    match set.color_filters()? {
+        ColorFilters::Mosaic(mosaic) => Err(color_filter_error(format_args!("the mosaic {mosaic}"))),
+        ColorFilters::Unknown | ColorFilters::Absent => Ok(()),
+    }
+}
+
+/// Returns the error about a camera with color filters. The models of a diagnosis have one light for all pixels.
+pub(in crate::diagnose) fn color_filter_error(found: impl std::fmt::Display) -> Error {
+    Error::new(ErrorKind::Input, "recordings of a diagnosis")
+        .found(found)
+        .expected("a camera without color filters, because all pixels of a model receive the same light")
+        .remedy("calibrate the set, whose report compares the channels, or compare it with cameras")
 }
 
 /// Sets that share a reference with others of their protocol.

@@ -140,7 +140,7 @@ impl Fitter<'_> {
         }
     }
 
-    /// Adds notes about the shape of the light and the classes of the 2x2 cell.
+    /// Adds notes about the shape of the light and the classes of pixels.
     pub(super) fn note_shape(&mut self) {
         if let Some(field) = &self.shape.light_field {
             self.notes.push(format!(
@@ -149,7 +149,18 @@ impl Fitter<'_> {
                 100.0 * field.corner_falloff.error
             ));
         }
-        if !self.shape.class_gains.is_empty() {
+        if self.classes.are_filters && !self.shape.class_gains.is_empty() {
+            self.notes.push(format!(
+                "The pixels have the color filters {}{}. Spreads are relative to the mean of each filter. The camera file contains the light behind each filter for the lamps of the set, as if these lamps were white.",
+                self.classes.mosaic(),
+                if self.classes.are_declared { "" } else { ", one letter for each position in a cell of 2x2 pixels" }
+            ));
+            if let Some([first, second]) = self.observed.detected_mosaics() {
+                self.notes.push(format!(
+                    "The recordings agree with the mosaic {first} and the mosaic {second}. Rates show which pixels are green, but not which of the others are red. State one of the patterns to write the camera file of a color camera."
+                ));
+            }
+        } else if !self.shape.class_gains.is_empty() {
             let gains: Vec<String> =
                 self.shape.class_gains.iter().map(|g| format!("{:.4} +- {:.4}", g.value, g.error)).collect();
             self.notes.push(format!(

@@ -27,8 +27,8 @@ use super::identifiability::note_identifiability;
 use super::state::{Fitter, LevelPoint};
 use crate::formulas::fit::{PixelFit, fit_line, fit_line_least_absolute};
 use crate::population::Population;
-use crate::recordings::observations::{CELL_CLASSES, Observations, cell_class};
-use crate::result::{CalibrateOptions, Calibration};
+use crate::recordings::observations::Observations;
+use crate::result::{CalibrateOptions, Calibration, ChannelFit};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::pixel::NoiseSampling;
 use spikelane::unstable::inputs;
@@ -100,8 +100,8 @@ impl Fitter<'_> {
         let level_points = self.points(p);
         let points: Vec<_> = level_points.iter().map(|q| (q.light, q.increment, q.variance)).collect();
         let Some(mut fit) = fit_line(&points) else { return PixelFit::NAN };
-        let mut worse = self.chi2_scale;
-        if fit.is_poor_fit(self.chi2_scale)
+        let mut worse = self.typical_chi2(p);
+        if fit.is_poor_fit(worse)
             && let Some((a, d)) = fit_line_least_absolute(&points)
         {
             worse = fit.chi2 / f64::from(fit.degrees_of_freedom);
@@ -169,12 +169,11 @@ impl Fitter<'_> {
         self.threshold_posteriors = threads::map(0..self.fits.len(), of_pixel);
     }
 
-    /// Returns the pixels whose dark rate is more than six robust standard deviations above the median. If the classes of
-    /// the 2x2 cell differ, the pixels of each class are compared with each other.
+    /// Returns the pixels whose dark rate is more than six robust standard deviations above the median. If the classes
+    /// of pixels differ, the pixels of each class are compared with each other.
     fn hot_pixels(&self) -> Vec<usize> {
-        let width = self.observed.geometry.width();
-        let classes = if self.shape.class_gains.is_empty() { 1 } else { CELL_CLASSES };
-        let class = |p: usize| cell_class(p, width) % classes;
+        let classes = if self.shape.class_gains.is_empty() { 1 } else { self.classes.count() };
+        let class = |p: usize| self.classes.class(p) % classes;
         let limit = |c: usize| {
             let of_class = self.fits.iter().enumerate().filter(|(p, _)| class(*p) == c);
             let (center, spread) =
@@ -207,6 +206,28 @@ impl Fitter<'_> {
         population
     }
 
+    /// Returns the light and the population behind each filter. The list is empty if the classes are no filters.
+    fn channels(&self) -> Vec<ChannelFit> {
+        if !self.classes.are_filters || self.shape.class_gains.is_empty() {
+            return Vec::new();
+        }
+        let mask = self.defect_free_mask();
+        let brightest = self.shape.class_gains.iter().map(|g| g.value).fold(0.0, f64::max);
+        let of_class = |(class, gain): (usize, &Estimate)| {
+            let good = (0..self.fits.len()).filter(|p| mask[*p] && self.classes.class(*p) == class);
+            // The spread must not contain the shape of the light.
+            let fits: Vec<PixelFit> = good.map(|p| self.shape.fit_without_field(p, &self.fits[p])).collect();
+            ChannelFit {
+                name: self.classes.mosaic().channels()[class].name,
+                pixels: (0..self.fits.len()).filter(|p| self.classes.class(*p) == class).count(),
+                light: Estimate { value: gain.value / brightest, error: gain.error / brightest, ..*gain },
+                light_deviations: self.class_light_deviations(class),
+                population: Population::from_fits(fits.iter()),
+            }
+        };
+        self.shape.class_gains.iter().enumerate().map(of_class).collect()
+    }
+
     fn into_calibration(mut self, options: &CalibrateOptions) -> Result<Calibration> {
         let fits = &self.fits;
         let fired = |p: &usize| self.observed.levels.iter().all(|l| l.light == 0.0 || l.rate[*p] <= 0.0);
@@ -233,8 +254,14 @@ impl Fitter<'_> {
                 None => self.note_nonlinearity(b),
             }
         }
-        // The unit of light cancels in the ratio of photons and gain.
-        let gain = population.mean_a;
+        // The unit of light cancels in the ratio of photons and gain. The filters change the number of photons, but not their
+        // charge, so the gain is that of the filter that transmits the most.
+        let brightest = if self.classes.are_filters { self.shape.max_class } else { 1.0 };
+        let gain = Estimate {
+            value: population.mean_a.value * brightest,
+            error: population.mean_a.error * brightest,
+            ..population.mean_a
+        };
         let electrons = Estimate {
             value: self.electrons.value / gain.value,
             error: (self.electrons.error / gain.value)
@@ -252,6 +279,8 @@ impl Fitter<'_> {
         let is_identified = self.is_noise_sampling_identified;
         note_identifiability(&mut self.notes, self.observed, &population, self.redraw_share, is_identified);
         let levels = self.lamps(scale, shift);
+        let channels = self.channels();
+        let mosaic = (!channels.is_empty()).then(|| self.classes.mosaic().clone());
         Ok(Calibration {
             sensor: self.sensor,
             fits: self.fits,
@@ -272,6 +301,9 @@ impl Fitter<'_> {
             light_field_map: self.shape.field,
             class_gains: self.shape.class_gains,
             class_gain_map: self.shape.class,
+            mosaic,
+            is_mosaic_declared: self.classes.are_declared,
+            channels,
             lamps: levels,
             dead_pixels: dead,
             hot_pixels: hot,

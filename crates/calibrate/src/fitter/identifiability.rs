@@ -32,7 +32,8 @@ pub(super) fn note_identifiability(
     say(format!(
         "The scale of a depends on the stated light ({light} lit levels): an error common to all levels is not detectable, and errors of single levels average out."
     ));
-    if observed.levels.iter().filter(|l| !l.is_saturated(observed.geometry.width())).count() == 2 {
+    let classes = observed.pixel_classes();
+    if observed.levels.iter().filter(|l| !l.is_saturated(&classes)).count() == 2 {
         say("Two levels below saturation always fit a line. The recordings cannot show whether rates are proportional to the light, whether a level is wrong or which pixels deviate from the model, and chi-square has no degrees of freedom. A third level would answer these questions.".to_owned());
     }
     if observed.levels.iter().all(|l| l.light > 0.0) {

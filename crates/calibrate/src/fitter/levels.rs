@@ -12,7 +12,7 @@ use crate::formulas::fit::fit_line;
 use crate::recordings::sources::Source;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::threads;
-use spikelane_measure::median;
+use spikelane_measure::{Estimate, median};
 
 /// Number of pixels whose equations one task adds to the sums.
 const PIXELS_PER_TASK: usize = 512;
@@ -98,17 +98,23 @@ impl Fitter<'_> {
     pub(super) fn iterate_until_converged(&mut self) {
         for _ in 0..MAX_ITERATIONS {
             self.fits = threads::map(0..self.fits.len(), |p| self.weighted_line(p));
-            self.chi2_scale = self.median_chi2_ratio();
+            self.chi2_scale = self.median_chi2_ratio(&|_| true);
+            if self.classes.are_filters {
+                let of_class = |c| self.median_chi2_ratio(&|p| self.classes.class(p) == c);
+                self.class_chi2_scales = (0..self.classes.count()).map(of_class).collect();
+            } else {
+                self.class_chi2_scales.fill(self.chi2_scale);
+            }
             if self.fit_levels() < LEVEL_TOLERANCE {
                 break;
             }
         }
     }
 
-    /// Returns the median over the pixels of chi-square divided by its expected median. The result is at least 1.
-    fn median_chi2_ratio(&self) -> f64 {
-        let mut all: Vec<f64> =
-            self.fits.iter().filter_map(crate::formulas::fit::PixelFit::chi2_ratio).collect();
+    /// Returns the median over the pixels of `is_used` of chi-square divided by its expected median. The result is at least 1.
+    fn median_chi2_ratio(&self, is_used: &dyn Fn(usize) -> bool) -> f64 {
+        let used = (0..self.fits.len()).filter(|p| is_used(*p));
+        let mut all: Vec<f64> = used.filter_map(|p| self.fits[p].chi2_ratio()).collect();
         if all.is_empty() { 1.0 } else { median(&mut all).max(1.0) }
     }
 
@@ -117,12 +123,45 @@ impl Fitter<'_> {
     /// All pixels share the deviations. The line of every pixel is eliminated from the equations. The prior of the
     /// deviations is normal with the inverse covariance [`Fitter::light_precision`].
     fn fit_levels(&mut self) -> f64 {
+        let Some((step, variance)) = self.level_step(&|_| true) else { return 0.0 };
+        let mut furthest = 0.0_f64;
+        for (i, offset) in self.level_offsets.iter_mut().enumerate() {
+            offset.value += step[i];
+            offset.error = variance[i].sqrt();
+            offset.samples = self.fits.len();
+            furthest = furthest.max(step[i].abs() / self.observed.levels[i].light.max(1e-3));
+        }
+        furthest
+    }
+
+    /// Returns how far the light of each level in the pixels of one class deviates from the fitted light, divided by the
+    /// fitted light. A lamp whose color changes from level to level has such deviations.
+    pub(super) fn class_light_deviations(&self, class: usize) -> Vec<Estimate> {
+        let step = self.level_step(&|p| self.classes.class(p) == class);
+        let samples = (0..self.fits.len()).filter(|p| self.classes.class(*p) == class).count();
+        let estimate = |k: usize| {
+            let light = self.observed.levels[k].light + self.level_offsets[k].value;
+            let is_known = self.observed.levels[k].light > 0.0 && !self.saturated_classes[k][class];
+            match step.as_ref().filter(|_| is_known) {
+                Some((step, variance)) => {
+                    Estimate { value: step[k] / light, error: variance[k].sqrt() / light, samples }
+                }
+                None => Estimate { value: f64::NAN, error: f64::INFINITY, samples: 0 },
+            }
+        };
+        (0..self.observed.levels.len()).map(estimate).collect()
+    }
+
+    /// Returns one Gauss-Newton step of the light levels and its variances, for the pixels of `is_used`. Returns `None` if
+    /// these pixels do not determine the levels.
+    fn level_step(&self, is_used: &(dyn Fn(usize) -> bool + Sync)) -> Option<(Vec<f64>, Vec<f64>)> {
         let k = self.observed.levels.len();
         // All parts have the same size and are added in order, so the sums do not depend on the number of threads.
         let of_part = |part: usize| {
             let mut sums = (vec![0.0; k * k], vec![0.0; k]);
             let end = ((part + 1) * PIXELS_PER_TASK).min(self.fits.len());
-            (part * PIXELS_PER_TASK..end).for_each(|p| self.add_pixel_equations(p, k, &mut sums));
+            let pixels = (part * PIXELS_PER_TASK..end).filter(|p| is_used(*p));
+            pixels.for_each(|p| self.add_pixel_equations(p, k, &mut sums));
             sums
         };
         let parts: Vec<_> = threads::map(0..self.fits.len().div_ceil(PIXELS_PER_TASK), of_part);
@@ -138,20 +177,12 @@ impl Fitter<'_> {
                 g[i] -= prior[(i, j)] * self.level_offsets[j].value;
             }
         }
-        let Some((step, variance)) = solve_cholesky(&h, &g, k) else { return 0.0 };
-        let mut furthest = 0.0_f64;
-        for (i, offset) in self.level_offsets.iter_mut().enumerate() {
-            offset.value += step[i];
-            offset.error = variance[i].sqrt();
-            offset.samples = self.fits.len();
-            furthest = furthest.max(step[i].abs() / self.observed.levels[i].light.max(1e-3));
-        }
-        furthest
+        solve_cholesky(&h, &g, k)
     }
 
     fn add_pixel_equations(&self, p: usize, k: usize, (h, g): &mut (Vec<f64>, Vec<f64>)) {
         let fit = &self.fits[p];
-        if !fit.a.is_finite() || fit.is_poor_fit(self.chi2_scale) {
+        if !fit.a.is_finite() || fit.is_poor_fit(self.typical_chi2(p)) {
             return;
         }
         let points = self.points(p);

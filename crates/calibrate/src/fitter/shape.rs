@@ -1,22 +1,22 @@
-//! Gain that pixels share: the shape of the light on the sensor, and the classes of the 2x2 cell.
+//! Gain that pixels share: the shape of the light on the sensor, and the gains of the classes of pixels.
 //!
 //! The light of a lamp behind a lens falls off toward the corners. EMVA 1288 removes this shape before it compares pixels.
-//! A sensor with a mosaic of filters has up to four gains that repeat in cells of 2x2 pixels. Both are fitted together to
-//! the logarithms of the gains:
+//! The filters of a mosaic have different gains. [`PixelClasses`](crate::recordings::color_filters::PixelClasses) numbers
+//! them. Both are fitted together to the logarithms of the gains:
 //!
 //! `ln a = c + P(u, v) + e`
 //!
 //! * `a`: gain of a pixel. `c`: constant of the pixel's class. `e`: residual of the pixel.
 //! * `P`: polynomial without a constant. `u` and `v`: column and row, from -1 to 1 between the edges of the sensor.
 //!
-//! The polynomial and the differences between the classes are used only if they are significant.
+//! The polynomial and the differences between the classes are used only if they are significant. The differences between
+//! filters are always used.
 
 use super::state::Fitter;
 use crate::formulas::chi_square::chi_square_over_freedom;
 use crate::formulas::cholesky::solve_cholesky;
 use crate::formulas::fit::PixelFit;
 use crate::formulas::robust::biweights;
-use crate::recordings::observations::{CELL_CLASSES, cell_class};
 use crate::result::{FieldTerm, LightField};
 use spikelane::spikes::Geometry;
 use spikelane_measure::Estimate;
@@ -32,7 +32,7 @@ const MIN_PIXELS_PER_TERM: usize = 12;
 const SIGNIFICANCE_Z: f64 = 3.719;
 
 /// Largest number of pixels that are fitted. With 10,000 pixels and a gain spread of 7 %, the error of the falloff is 0.3 %.
-/// Larger sensors are thinned out by whole 2x2 cells.
+/// Larger sensors are thinned out by whole cells of the pattern.
 const MAX_FITTED_PIXELS: usize = 10_000;
 
 /// Number of iterations of the robust fit. The weights change by less than a thousandth after five.
@@ -45,9 +45,11 @@ pub(super) struct GainShape {
     pub(super) field: Vec<f64>,
     /// Relative gain of the class of each pixel.
     pub(super) class: Vec<f64>,
+    /// Largest relative gain of a class.
+    pub(super) max_class: f64,
     /// The fitted shape of the light. `None` if it is not significant.
     pub(super) light_field: Option<LightField>,
-    /// Mean gain of each class of the 2x2 cell. Empty if the classes do not differ significantly.
+    /// Mean gain of each class. Empty if the classes do not differ significantly and are no filters.
     pub(super) class_gains: Vec<Estimate>,
     /// Number of fitted coefficients without the mean.
     pub(super) coefficients: usize,
@@ -59,6 +61,7 @@ impl GainShape {
         Self {
             field: vec![1.0; pixels],
             class: vec![1.0; pixels],
+            max_class: 1.0,
             light_field: None,
             class_gains: Vec::new(),
             coefficients: 0,
@@ -67,7 +70,14 @@ impl GainShape {
 
     /// Returns the fit of pixel `p` without the shared gain.
     pub(super) fn relative_fit(&self, p: usize, fit: &PixelFit) -> PixelFit {
-        let factor = self.field[p] * self.class[p];
+        let fit = self.fit_without_field(p, fit);
+        let factor = self.class[p];
+        PixelFit { a: fit.a / factor, var_a: fit.var_a / (factor * factor), cov: fit.cov / factor, ..fit }
+    }
+
+    /// Returns the fit of pixel `p` without the shape of the light.
+    pub(super) fn fit_without_field(&self, p: usize, fit: &PixelFit) -> PixelFit {
+        let factor = self.field[p];
         PixelFit { a: fit.a / factor, var_a: fit.var_a / (factor * factor), cov: fit.cov / factor, ..*fit }
     }
 }
@@ -136,16 +146,16 @@ impl Fitter<'_> {
             (0..self.fits.len()).filter(|p| defect_free[*p] && self.fits[*p].a > 0.0).collect();
         let stride = all_good.len().div_ceil(MAX_FITTED_PIXELS).max(1);
         let is_fitted = |p: usize| {
-            let (row, column) = (p / geometry.width() / 2, p % geometry.width() / 2);
+            let [row, column] = self.classes.cell(p);
             (row + 3 * column).is_multiple_of(stride)
         };
         let good: Vec<usize> = all_good.iter().copied().filter(|p| is_fitted(*p)).collect();
         let y: Vec<f64> = good.iter().map(|p| self.fits[*p].a.ln()).collect();
-        let degree = (1..=MAX_DEGREE)
-            .rev()
-            .find(|degree| good.len() >= MIN_PIXELS_PER_TERM * (powers(*degree).len() + CELL_CLASSES))?;
+        let degree = (1..=MAX_DEGREE).rev().find(|degree| {
+            good.len() >= MIN_PIXELS_PER_TERM * (powers(*degree).len() + self.classes.count())
+        })?;
         let all_powers = powers(degree);
-        let class = |p: usize| cell_class(p, geometry.width());
+        let class = |p: usize| self.classes.class(p);
         // The classes that occur. A sensor of one row has two.
         let mut classes: Vec<usize> = good.iter().map(|p| class(*p)).collect();
         classes.sort_unstable();
@@ -176,7 +186,8 @@ impl Fitter<'_> {
             removed > 0 && gain > limit(removed as f64) * variance
         };
         let has_field = is_significant(&model(true, false));
-        let has_classes = is_significant(&model(false, true));
+        let has_classes =
+            classes.len() > 1 && (self.classes.are_filters || is_significant(&model(false, true)));
         if !has_field && !has_classes {
             return None;
         }
@@ -200,10 +211,12 @@ impl Fitter<'_> {
         let mut shape = GainShape {
             field: normalized(&|p| log_field(position(p, geometry))),
             class: normalized(&level),
+            max_class: 1.0,
             light_field: None,
             class_gains: Vec::new(),
             coefficients: used.columns - 1,
         };
+        shape.max_class = shape.class.iter().copied().fold(0.0, f64::max);
         if has_field {
             // The contrast between the mean of the corners and the center.
             let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]].map(|[x, y]| {
@@ -235,7 +248,7 @@ impl Fitter<'_> {
                 let of_class = all_good.iter().filter(|p| class(**p) == c);
                 Estimate::mean(of_class.map(|p| self.fits[*p].a / shape.field[*p]))
             };
-            shape.class_gains = (0..CELL_CLASSES).map(gains).collect();
+            shape.class_gains = (0..self.classes.count()).map(gains).collect();
         }
         Some(shape)
     }

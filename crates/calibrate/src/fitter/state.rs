@@ -13,7 +13,8 @@ use super::shape::GainShape;
 use crate::formulas::fit::{PixelFit, RateWeighting, correct_end_bias};
 use crate::formulas::selection::{firing_draw_variance, noise_rate_gain};
 use crate::recordings::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
-use crate::recordings::observations::{LightLevel, Observations, cell_class};
+use crate::recordings::color_filters::PixelClasses;
+use crate::recordings::observations::{LightLevel, Observations};
 use crate::result::CalibrateOptions;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::pixel::NoiseSampling;
@@ -56,16 +57,21 @@ pub(super) struct Fitter<'a> {
     pub(super) level_sd: Vec<f64>,
     /// Whether each level is off the line through the other levels.
     pub(super) is_outlier: Vec<bool>,
-    /// For each level and each class of a 2x2 cell, whether most pixels fire at nearly every readout. The few slow pixels
+    /// Classes of the pixels: the filters, or the positions in a cell of 2x2 pixels.
+    pub(super) classes: PixelClasses,
+    /// For each level and each class, whether most pixels fire at nearly every readout. The few slow pixels
     /// of such a class are not used, because their noise made them slow.
     pub(super) saturated_classes: Vec<Vec<bool>>,
     /// For each level, whether all classes are saturated. The light of such a level cannot be determined.
     pub(super) is_saturated: Vec<bool>,
-    /// Gain that neighboring pixels share: the shape of the light and the classes of the 2x2 cell.
+    /// Gain that pixels share: the shape of the light and the gains of the classes.
     pub(super) shape: GainShape,
     pub(super) alignment: Option<Alignment>,
     /// Ratio of the typical chi-square of a pixel to its expectation. It is 1 if the model fits.
     pub(super) chi2_scale: f64,
+    /// [`Fitter::chi2_scale`] of each class of pixels. Without filters, all classes have the same scale. A lamp that changes its
+    /// color is no fault of the pixels behind one filter.
+    pub(super) class_chi2_scales: Vec<f64>,
     pub(super) is_noise_sampling_identified: bool,
     /// For each level, the correction factor for correlated phases. It multiplies the rate that low threshold draws
     /// add.
@@ -84,15 +90,15 @@ pub(super) const ZERO_ESTIMATE: Estimate = Estimate { value: 0.0, error: 0.0, sa
 impl<'a> Fitter<'a> {
     pub(super) fn new(observed: &'a Observations, options: &CalibrateOptions) -> Result<Self> {
         let geometry = observed.geometry;
-        let width = geometry.width();
-        let usable = observed.levels.iter().filter(|l| !l.is_saturated(width)).count();
+        let classes = observed.checked_pixel_classes()?;
+        let usable = observed.levels.iter().filter(|l| !l.is_saturated(&classes)).count();
         if usable < 2 || observed.levels.iter().all(|l| l.light == 0.0) {
             return Err(Error::new(ErrorKind::Input, "recording set")
                 .found(format_args!("{usable} usable levels"))
                 .expected("at least two below saturation, of which at least one is lit"));
         }
         let saturated_classes = |level: &LightLevel| {
-            level.class_median_rates(width).iter().map(|rate| *rate > SATURATION_RATE).collect()
+            level.class_median_rates(&classes).iter().map(|rate| *rate > SATURATION_RATE).collect()
         };
         let mut sensor = Sensor::new(geometry.width() as u32, geometry.height() as u32, observed.readout_hz)?;
         sensor.capacitance_ff = options.capacitance_ff;
@@ -120,7 +126,9 @@ impl<'a> Fitter<'a> {
             level_sd: vec![0.0; observed.levels.len()],
             is_outlier: vec![false; observed.levels.len()],
             saturated_classes: observed.levels.iter().map(saturated_classes).collect(),
-            is_saturated: observed.levels.iter().map(|l| l.is_saturated(width)).collect(),
+            is_saturated: observed.levels.iter().map(|l| l.is_saturated(&classes)).collect(),
+            class_chi2_scales: vec![1.0; classes.count()],
+            classes,
             shape: GainShape::uniform(geometry.pixels()),
             alignment: None,
             chi2_scale: 1.0,
@@ -190,10 +198,21 @@ impl<'a> Fitter<'a> {
 
     /// Returns the charge of a quantum of light in thresholds of the pixel, divided by the charge for a nominal pixel.
     /// Quanta are photons, and they are counted before the gain is applied. The published model does the same. The shape
-    /// of the light changes the number of photons, but not their charge.
+    /// of the light and the filters change the number of photons, but not their charge.
     pub(super) fn quantum(&self, p: usize) -> f64 {
         let a = self.fits[p].a;
-        if a.is_finite() { a / self.shape.field[p] } else { 1.0 }
+        if a.is_finite() { a / (self.shape.field[p] * self.transmission(p)) } else { 1.0 }
+    }
+
+    /// Returns the ratio of the typical chi-square of the pixels like `p` to its expectation.
+    pub(super) fn typical_chi2(&self, p: usize) -> f64 {
+        self.class_chi2_scales[self.classes.class(p)]
+    }
+
+    /// Returns the light behind the filter of pixel `p`, relative to the light behind the filter that transmits the most. It
+    /// is 1 if the classes of the pixels are no filters.
+    pub(super) fn transmission(&self, p: usize) -> f64 {
+        if self.classes.are_filters { self.shape.class[p] / self.shape.max_class } else { 1.0 }
     }
 
     pub(super) fn point(&self, p: usize, k: usize, level: &LightLevel) -> Option<LevelPoint> {
@@ -202,8 +221,7 @@ impl<'a> Fitter<'a> {
         // A silent pixel in the dark has a small dark current, so its rate of 0 is used. A dark rate that is fitted to the
         // lit levels alone scatters about zero, and a camera file stores only positive values. A silent pixel in light is
         // dead and is skipped.
-        let class = cell_class(p, self.observed.geometry.width());
-        if self.saturated_classes[k].get(class).copied().unwrap_or(false)
+        if self.saturated_classes[k][self.classes.class(p)]
             || f.is_nan()
             || f > SATURATION_RATE
             || (of_length && n == 0 && level.light > 0.0)

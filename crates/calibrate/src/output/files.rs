@@ -6,10 +6,11 @@ use serde_json::{Value, json};
 
 use super::emva_1288::sheet_json;
 use crate::population::mean_and_sd;
-use crate::result::{AdditiveSum, Additivity, Calibration, Lamp, LightField};
+use crate::result::{AdditiveSum, Additivity, Calibration, ChannelFit, Lamp, LightField};
 use crate::snee::{SneeMaps, SneePixel};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::pixel::NoiseSampling;
+use spikelane::sensor::Mosaic;
 use spikelane::unstable::npy;
 use spikelane_measure::report::{RunRecord, insert_present};
 use spikelane_measure::{Estimate, median};
@@ -82,6 +83,7 @@ impl Calibration {
             |f: &LightField| json!({ "corner_falloff": estimate_json(f.corner_falloff), "terms": f.terms });
         let optional_fields = [
             ("emva_1288", Some(sheet_json(self))),
+            ("mosaic", self.mosaic.as_ref().map(|mosaic| self.mosaic_json(mosaic))),
             ("light_field", self.light_field.as_ref().map(field)),
             ("camera", self.recorded_camera.as_ref().map(|camera| json!(camera))),
             ("additivity", self.additivity.as_ref().map(additivity_json)),
@@ -96,6 +98,23 @@ impl Calibration {
     #[must_use]
     pub fn unfitted_pixels(&self) -> Vec<usize> {
         (0..self.fits.len()).filter(|p| !self.fits[*p].a.is_finite()).collect()
+    }
+
+    fn mosaic_json(&self, mosaic: &Mosaic) -> Value {
+        let channel = |c: &ChannelFit| {
+            let p = &c.population;
+            json!({
+                "name": c.name, "pixels": c.pixels, "light": estimate_json(c.light),
+                "light_deviations": c.light_deviations.iter().copied().map(estimate_json).collect::<Vec<_>>(),
+                "mean_a": estimate_json(p.mean_a), "sd_a": estimate_json(p.sd_a),
+                "mean_d": estimate_json(p.mean_d), "sd_d": estimate_json(p.sd_d),
+            })
+        };
+        json!({
+            "pattern": mosaic.to_string(),
+            "is_declared": self.is_mosaic_declared,
+            "channels": self.channels.iter().map(channel).collect::<Vec<_>>(),
+        })
     }
 
     fn snee_json(&self, paper: &SneeMaps) -> Value {

@@ -76,6 +76,9 @@ fn report(c: &Calibration) -> Result<Report> {
         ));
     }
     report.push_table(population_table(c));
+    if !c.channels.is_empty() {
+        report.push_table(channel_table(c));
+    }
     report.push_table(lamp_table(c));
     report.push_table(sheet_table(c));
     c.additivity.iter().for_each(|a| report.push_table(additivity_table(a)));
@@ -263,8 +266,8 @@ fn population_table(c: &Calibration) -> Table {
         c.light_field.iter().map(|f| ("falloff of the light at the corners".to_owned(), f.corner_falloff));
     let cells =
         ["even row, even column", "even row, odd column", "odd row, even column", "odd row, odd column"];
-    let classes =
-        c.class_gains.iter().zip(cells).map(|(g, cell)| (format!("mean gain of the class {cell}"), *g));
+    let gains: &[Estimate] = if c.mosaic.is_some() { &[] } else { &c.class_gains[..] };
+    let classes = gains.iter().zip(cells).map(|(g, cell)| (format!("mean gain of the class {cell}"), *g));
     let rows = rows.map(|(name, e, mean)| (name.to_owned(), e, mean)).into_iter();
     let others = shares.into_iter().chain(falloff).chain(classes).filter(|(_, e)| e.value.is_finite());
     let rows = rows.chain(others.map(|(name, e)| (name, e, None)));
@@ -273,6 +276,38 @@ fn population_table(c: &Calibration) -> Table {
         let relative =
             mean.map_or(Cell::from(""), |m| Cell::estimate(100.0 * e.value / m, 100.0 * e.error / m, "%"));
         table.push_row([Cell::from(name), value, relative]);
+    }
+    table
+}
+
+/// Returns the table of the channels of a mosaic.
+fn channel_table(c: &Calibration) -> Table {
+    let header = [
+        "channel",
+        "pixels",
+        "relative light",
+        "mean gain a",
+        "PRNU, %",
+        "mean dark rate d",
+        "lamp deviation, %",
+    ];
+    let mut table = Table::new("Color filters", &header).with_note(
+        "Relative light: light of the lamps behind the filter, divided by the light behind the filter that transmits the most. Lamp deviation: largest significant difference between the light of a level in this channel and in all channels.",
+    );
+    for channel in &c.channels {
+        let p = &channel.population;
+        let percent =
+            |e: Estimate, mean: f64| Cell::estimate(100.0 * e.value / mean, 100.0 * e.error / mean, "");
+        let estimate = |e: Estimate| Cell::estimate(e.value, e.error, "");
+        table.push_row([
+            Cell::from(channel.name.to_string()),
+            Cell::from(channel.pixels),
+            estimate(channel.light),
+            estimate(p.mean_a),
+            percent(p.sd_a, p.mean_a.value),
+            estimate(p.mean_d),
+            channel.largest_light_deviation().map_or(Cell::from("none"), |e| percent(e, 1.0)),
+        ]);
     }
     table
 }

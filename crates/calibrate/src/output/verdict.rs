@@ -43,11 +43,23 @@ impl Calibration {
                 100.0 * field.corner_falloff.value
             ));
         }
-        if !self.class_gains.is_empty() {
+        if self.mosaic.is_some() && !self.is_mosaic_declared {
             cautions.push(
-                "The pixels of a 2x2 cell have different mean gains, as with a mosaic of color filters."
+                "The pixels of a 2x2 cell receive different light, as behind a mosaic of color filters: the colors of the filters in the camera file are unknown."
                     .to_owned(),
             );
+        } else if self.mosaic.is_none() && !self.class_gains.is_empty() {
+            cautions.push("The pixels of a 2x2 cell have different mean gains.".to_owned());
+        }
+        for channel in &self.channels {
+            if let Some(deviation) = channel.largest_light_deviation() {
+                cautions.push(format!(
+                    "The color of the lamps changes with the level: in the channel {}, the light of a level deviates by {:+.1} % +- {:.1} %.",
+                    channel.name,
+                    100.0 * deviation.value,
+                    100.0 * deviation.error
+                ));
+            }
         }
         if !self.is_noise_sampling_identified {
             cautions.push("The recordings do not show when threshold noise is redrawn: the camera file uses the nominal setting, every reset.".to_owned());

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::color_filters::PixelClasses;
 use super::observations::{LightLevel, Observations};
 use super::recording_set::Stimulus;
 use spikelane::error::{Error, ErrorKind, Result};
@@ -81,7 +82,7 @@ pub(crate) fn check_checkerboard(level: &LightLevel, light: Stimulus, geometry: 
 
 /// Checks the levels of a set for motion, usable light, spike counts, unit of the light, order and orientation.
 pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
-    let (levels, width) = (&observed.levels, observed.geometry.width());
+    let levels = &observed.levels;
     if let Some(level) = levels.iter().find(|l| l.drifting_share > MAX_DRIFTING_SHARE) {
         return Err(set_error(&level.name)
             .found(format_args!(
@@ -99,7 +100,8 @@ pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
             .expected("at least two levels, of which at least one is lit")
             .remedy("add flat fields at 0.03, 0.1, 0.3, 0.6 and 0.9 of saturation"));
     }
-    let usable = |l: &LightLevel| !l.is_saturated(width);
+    let classes = &observed.checked_pixel_classes()?;
+    let usable = |l: &LightLevel| !l.is_saturated(classes);
     if !lit.iter().any(|l| usable(l)) {
         return Err(set_error(set)
             .found("only saturated lit levels")
@@ -115,10 +117,10 @@ pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
     check_spike_counts(&lit)?;
     // Rate maps of unknown length are not checked, because they can have another unit.
     let streams: Vec<LevelRate> =
-        levels.iter().filter(|l| l.readouts > 0).map(|l| LevelRate::new(l, width)).collect();
+        levels.iter().filter(|l| l.readouts > 0).map(|l| LevelRate::new(l, classes)).collect();
     check_light_unit(&streams, 0.5..2.0)?;
-    check_monotonic(levels, width)?;
-    check_orientation(observed)
+    check_monotonic(levels, classes)?;
+    check_orientation(observed, classes)
 }
 
 /// Checks that most pixels of each lit level have enough spikes to compute a rate from spike times.
@@ -151,8 +153,8 @@ pub(crate) struct LevelRate<'a> {
 }
 
 impl<'a> LevelRate<'a> {
-    fn new(level: &'a LightLevel, width: usize) -> Self {
-        Self { name: &level.name, light: level.light, rate: level.typical_rate(width) }
+    fn new(level: &'a LightLevel, classes: &PixelClasses) -> Self {
+        Self { name: &level.name, light: level.light, rate: level.typical_rate(classes) }
     }
 
     fn is_usable(&self) -> bool {
@@ -204,14 +206,14 @@ fn significant(x: f64) -> String {
 }
 
 /// Checks that more light causes more spikes, nearly in proportion.
-fn check_monotonic(levels: &[LightLevel], width: usize) -> Result<()> {
+fn check_monotonic(levels: &[LightLevel], classes: &PixelClasses) -> Result<()> {
     let rates: Vec<LevelRate> =
-        levels.iter().map(|l| LevelRate::new(l, width)).filter(LevelRate::is_usable).collect();
-    // A level can be wrong in one class of the 2x2 cell, for example if half of the columns are silent.
-    for class in 0..levels.iter().map(|l| l.class_median_rates(width).len()).min().unwrap_or(0) {
+        levels.iter().map(|l| LevelRate::new(l, classes)).filter(LevelRate::is_usable).collect();
+    // A level can be wrong in one class of pixels, for example if half of the columns are silent.
+    for class in 0..classes.count() {
         let of_class = |l| LevelRate {
-            rate: LightLevel::class_median_rates(l, width)[class],
-            ..LevelRate::new(l, width)
+            rate: LightLevel::class_median_rates(l, classes)[class],
+            ..LevelRate::new(l, classes)
         };
         let rates: Vec<LevelRate> = levels.iter().map(of_class).filter(LevelRate::is_usable).collect();
         if rates.len() >= 4 {
@@ -273,10 +275,10 @@ fn contradiction_error(level: &LevelRate) -> Error {
 
 /// Checks that all recordings have the same orientation. All recordings of one camera contain the same fixed pattern. If
 /// a recording matches the pattern only upside down, its layout differs from the other recordings.
-fn check_orientation(observed: &Observations) -> Result<()> {
+fn check_orientation(observed: &Observations, classes: &PixelClasses) -> Result<()> {
     let geometry = observed.geometry;
     let (width, height) = (geometry.width(), geometry.height());
-    let usable = |l: &&LightLevel| l.light > 0.0 && !l.is_saturated(width);
+    let usable = |l: &&LightLevel| l.light > 0.0 && !l.is_saturated(classes);
     let lit: Vec<&LightLevel> = observed.levels.iter().filter(usable).collect();
     if lit.len() < 2 || height < 5 || width < 5 {
         return Ok(());

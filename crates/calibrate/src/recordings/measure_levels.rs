@@ -57,6 +57,7 @@ pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Res
         readout_hz: set.readout_hz,
         levels: Vec::new(),
         other_recordings: Vec::new(),
+        filters: set.color_filters()?,
         camera: set.camera.clone(),
     };
     let mut done = 0;

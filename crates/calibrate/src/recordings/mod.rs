@@ -1,6 +1,7 @@
 //! Recording sets: plans, files, measurements and checks.
 
 pub(super) mod check;
+pub(super) mod color_filters;
 pub(super) mod drift;
 pub(super) mod measure_levels;
 pub(super) mod observations;

@@ -1,6 +1,7 @@
 //! Measurements of a recording set: for each uniform level, the data of each pixel.
 
 use super::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
+use super::color_filters::{ColorFilters, PixelClasses};
 use super::recorded_camera::RecordedCamera;
 use super::sources::Sources;
 use spikelane::spikes::{Geometry, span_rate};
@@ -17,14 +18,6 @@ pub struct IntervalNoise {
     pub end_variance: Vec<f64>,
     /// Lags in intervals. The map was fitted to the variances at these lags.
     pub lags: Vec<u32>,
-}
-
-/// Number of pixels of a 2x2 cell. A mosaic of filters repeats after two pixels in both directions.
-pub(crate) const CELL_CLASSES: usize = 4;
-
-/// Returns the position of pixel `p` in its 2x2 cell: twice the parity of its row plus the parity of its column.
-pub(crate) fn cell_class(p: usize, width: usize) -> usize {
-    2 * (p / width % 2) + p % width % 2
 }
 
 /// Measurements at one uniform light level. Maps are row-major, with one entry per pixel.
@@ -114,30 +107,33 @@ impl LightLevel {
         Self { rate, ..Self::from_counts(name, light, readouts, spikes, &nowhere, &nowhere) }
     }
 
-    /// Returns the median rates of the four classes of a 2x2 cell in spikes per readout. `width` is the number of pixels
-    /// per row. [`cell_class`] numbers the classes. The median of a sensor with a mosaic of filters is between the
-    /// classes, and it is not a linear function of the light. The median of one class is.
-    pub(crate) fn class_median_rates(&self, width: usize) -> Vec<f64> {
-        let rates = |class: usize| {
-            let of_class = self.rate.iter().enumerate().filter(|(p, _)| cell_class(*p, width) == class);
-            of_class.map(|(_, rate)| *rate).filter(|rate| rate.is_finite()).collect::<Vec<f64>>()
-        };
-        (0..CELL_CLASSES).map(|class| median(&mut rates(class))).filter(|m| !m.is_nan()).collect()
+    /// Returns the median rate of each class of pixels in spikes per readout. It is NaN for a class without pixels. The
+    /// median of a sensor with a mosaic of filters is between the classes, and it is not a linear function of the light.
+    /// The median of one class is.
+    pub(crate) fn class_median_rates(&self, classes: &PixelClasses) -> Vec<f64> {
+        let mut rates = vec![Vec::new(); classes.count()];
+        for (p, rate) in self.rate.iter().enumerate().filter(|(_, rate)| rate.is_finite()) {
+            rates[classes.class(p)].push(*rate);
+        }
+        rates.iter_mut().map(|rates| median(rates)).collect()
     }
 
-    /// Returns the mean over the classes of a 2x2 cell of their median rates. It is a linear function of the light. Returns
-    /// 1, the rate of a saturated pixel, if a class is saturated.
-    pub(crate) fn typical_rate(&self, width: usize) -> f64 {
-        let rates = self.class_median_rates(width);
+    /// Returns the mean over the classes of pixels of their median rates. It is a linear function of the light. Returns 1,
+    /// the rate of a saturated pixel, if a class is saturated.
+    pub(crate) fn typical_rate(&self, classes: &PixelClasses) -> f64 {
+        let mut rates = self.class_median_rates(classes);
+        rates.retain(|rate| rate.is_finite());
         if rates.iter().any(|rate| *rate > SATURATION_RATE) {
             return 1.0;
         }
         rates.iter().sum::<f64>() / rates.len() as f64
     }
 
-    /// Returns whether most pixels of every class of a 2x2 cell fire at nearly every readout.
-    pub(crate) fn is_saturated(&self, width: usize) -> bool {
-        self.class_median_rates(width).iter().all(|rate| *rate > SATURATION_RATE)
+    /// Returns whether most pixels of every class fire at nearly every readout.
+    pub(crate) fn is_saturated(&self, classes: &PixelClasses) -> bool {
+        let mut rates = self.class_median_rates(classes);
+        rates.retain(|rate| rate.is_finite());
+        rates.iter().all(|rate| *rate > SATURATION_RATE)
     }
 
     /// Returns the median rate of the pixels in spikes per readout.
@@ -158,6 +154,8 @@ pub struct Observations {
     pub levels: Vec<LightLevel>,
     /// File names of the recordings whose light is not uniform. The estimators do not use these recordings.
     pub other_recordings: Vec<String>,
+    /// Color filters of the camera.
+    pub filters: ColorFilters,
     /// Description of the camera, if the set has one.
     pub camera: Option<RecordedCamera>,
 }

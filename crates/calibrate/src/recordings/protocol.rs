@@ -205,6 +205,7 @@ impl Protocol {
             layout: None,
             light_uncertainty: (self.lamp_error > 0.0).then_some(self.lamp_error),
             source_repeatability: None,
+            mosaic: None,
             simulated_camera: Some(camera.name.clone()),
             camera: None,
             recordings: self.recordings.iter().map(recording).collect(),

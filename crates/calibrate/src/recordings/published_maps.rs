@@ -81,6 +81,7 @@ pub fn import_maps(archive: &Path, folder: &Path, force: bool) -> Result<PathBuf
         readout_hz: READOUT_HZ,
         layout: None,
         light_uncertainty: None,
+        mosaic: None,
         simulated_camera: None,
         camera: None,
         recordings: Vec::new(),

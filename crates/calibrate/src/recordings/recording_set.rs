@@ -6,11 +6,14 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::check::{LevelRate, check_light_unit};
+use super::color_filters::ColorFilters;
 use super::recorded_camera::RecordedCamera;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::sensor::Mosaic;
 use spikelane::spikes::{Geometry, count_spikes};
 use spikelane::unstable::inputs;
 use spikelane_io::formats::{Layout, StreamReader};
+use spikelane_io::simulate::Sidecar;
 
 /// The light in front of the camera. Light 1 causes one spike per readout.
 ///
@@ -235,6 +238,9 @@ pub struct RecordingSet {
     /// Relative standard deviation of the light of sources from one recording to another. If absent, it is 0.0001.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source_repeatability: Option<f64>,
+    /// Pattern of the color filters, such as `RGGB`, or `none`. If absent, the sidecars of the recordings state it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mosaic: Option<String>,
     /// Name of the simulated camera, if the recordings were simulated. Reports mention this name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulated_camera: Option<String>,
@@ -346,6 +352,7 @@ impl RecordingSet {
             layout: None,
             light_uncertainty: None,
             source_repeatability: None,
+            mosaic: None,
             simulated_camera: None,
             camera: None,
             recordings: vec![recording],
@@ -370,6 +377,34 @@ impl RecordingSet {
     /// See [`Geometry::new`].
     pub fn geometry(&self) -> Result<Geometry> {
         Geometry::new(self.width, self.height)
+    }
+
+    /// Returns the color filters: from the set, else from the sidecars of its recordings.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Config`] if a pattern is invalid, or if two sidecars state different filters.
+    pub fn color_filters(&self) -> Result<ColorFilters> {
+        if let Some(text) = &self.mosaic {
+            return ColorFilters::parse(text).map_err(|e| e.with_context("mosaic of the recording set"));
+        }
+        let mut found: Option<(&str, Mosaic)> = None;
+        for recording in &self.recordings {
+            // A stream without a readable sidecar states nothing.
+            let sidecar = Sidecar::read_beside(&self.folder.join(&recording.file)).ok().flatten();
+            let Some(facts) = sidecar.and_then(|(_, sidecar)| sidecar.mosaic) else { continue };
+            let mosaic = facts.mosaic().map_err(|e| e.with_context(&recording.file))?;
+            match &found {
+                Some((first, other)) if *other != mosaic => {
+                    return Err(Error::new(ErrorKind::Config, format_args!("mosaic of {}", recording.file))
+                        .found(format_args!("{mosaic}, and {other} in the sidecar of {first}"))
+                        .expected("the same color filters in all sidecars of a set")
+                        .remedy("set mosaic in the file of the set"));
+                }
+                Some(_) => {}
+                None => found = Some((&recording.file, mosaic)),
+            }
+        }
+        Ok(found.map_or(ColorFilters::Unknown, |(_, mosaic)| ColorFilters::Mosaic(mosaic)))
     }
 
     /// Returns file and light of each uniform level. Streams precede maps, and both are in the order of the set's file.
@@ -414,6 +449,7 @@ impl RecordingSet {
         }
         self.camera.as_ref().map_or(Ok(()), RecordedCamera::check)?;
         self.check_light(None)?;
+        self.mosaic.as_deref().map(ColorFilters::parse).transpose()?;
         self.check_uncertainties()?;
         if self.recordings.is_empty() && self.rate_maps.is_empty() {
             return Err(Error::new(ErrorKind::Config, "recording set")

@@ -3,6 +3,7 @@
 #[path = "../calibrate_support/mod.rs"]
 mod calibrate_support;
 
+mod mosaic;
 mod recording_sets;
 mod recovery;
 mod robustness;

@@ -408,6 +408,7 @@ fn snee_thresholds_end_on_the_box_edges() {
         readout_hz: 20_000.0,
         levels: levels.collect(),
         other_recordings: Vec::new(),
+        filters: spikelane_calibrate::ColorFilters::Unknown,
         camera: None,
     };
     let snee = estimate_snee(&observed, &SneeOptions::default()).unwrap();

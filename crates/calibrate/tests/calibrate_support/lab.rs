@@ -118,6 +118,7 @@ impl Laboratory {
             readout_hz: 20_000.0,
             levels,
             other_recordings: Vec::new(),
+            filters: spikelane_calibrate::ColorFilters::Unknown,
             camera: None,
         }
     }

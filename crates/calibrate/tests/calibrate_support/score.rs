@@ -38,6 +38,7 @@ pub(crate) fn observations_at(
         readout_hz: 20_000.0,
         levels: lights.iter().zip(seed..).map(one).collect(),
         other_recordings: Vec::new(),
+        filters: spikelane_calibrate::ColorFilters::Unknown,
         camera: None,
     }
 }

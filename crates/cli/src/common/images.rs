@@ -42,6 +42,16 @@ pub(crate) fn picture_png(values: &[f32], white: f32, geometry: Geometry) -> Res
     }
 }
 
+/// Returns the 8-bit sRGB codes of linear values: one code per pixel, or red, green and blue of each pixel. Values of at least
+/// `white` are the largest code.
+pub(crate) fn picture_levels(values: &[f32], white: f32, geometry: Geometry) -> Vec<u8> {
+    if values.len() == 3 * geometry.pixels() {
+        color_image(values, white, geometry).into_raw()
+    } else {
+        gray_image(values, white, geometry).into_raw()
+    }
+}
+
 /// Converts linear red, green and blue of each pixel to 8-bit sRGB. Values of at least `white` are the largest code.
 fn color_image(values: &[f32], white: f32, geometry: Geometry) -> RgbImage {
     let mut image = RgbImage::new(geometry.width() as u32, geometry.height() as u32);

@@ -41,7 +41,7 @@ impl MovieFormat {
         })
     }
 
-    /// Encodes the gray levels of a frame, row-major. Several threads may encode frames at the same time.
+    /// Encodes the gray levels of a frame, row-major. The frames of a video can also have levels of red, green and blue. Several threads may encode frames at the same time.
     pub(crate) fn encode_frame(self, geometry: Geometry, levels: Vec<u8>) -> Result<Vec<u8>> {
         match self {
             Self::Animation(format) => format.encode_frame(geometry, &levels),
@@ -57,23 +57,33 @@ pub(crate) enum MovieWriter {
 }
 
 impl MovieWriter {
-    /// Creates a movie of frames with the size `geometry`.
+    /// Creates a movie of frames with the size `geometry`, in color if `is_color` is set.
     ///
     /// # Errors
-    /// If the file exists and `force` is false, if ffmpeg is missing, or if the format cannot have this size or rate.
+    /// If the file exists and `force` is false, if ffmpeg is missing, if the format cannot have this size or rate, or for an
+    /// animated image in color.
     pub(crate) fn create(
         path: &Path,
         format: MovieFormat,
         geometry: Geometry,
+        is_color: bool,
         fps: f64,
         force: bool,
     ) -> Result<Self> {
         Ok(match format {
+            MovieFormat::Animation(_) if is_color => {
+                return Err(Error::new(ErrorKind::Usage, path.display())
+                    .found("an animated image in color")
+                    .expected("a video (.mp4, .mkv, .mov, .avi, .webm), a .png, an .npy or a folder for color pictures")
+                    .remedy("choose another output, or set --demosaic none for gray pictures"));
+            }
             MovieFormat::Animation(format) => {
                 Self::Animation(AnimationWriter::create(path, format, geometry, fps, force)?)
             }
             MovieFormat::Video => {
-                Self::Video(VideoWriter::start(path, FrameEncoding::Gray(geometry), fps, force)?)
+                let frames =
+                    if is_color { FrameEncoding::Color(geometry) } else { FrameEncoding::Gray(geometry) };
+                Self::Video(VideoWriter::start(path, frames, fps, force)?)
             }
         })
     }

@@ -12,6 +12,8 @@ use spikelane_io::storage::PartialFile;
 pub(crate) enum FrameEncoding {
     /// 8-bit gray levels, row-major.
     Gray(Geometry),
+    /// 8-bit red, green and blue of each pixel, row-major.
+    Color(Geometry),
     /// PNG files.
     Png,
 }
@@ -41,6 +43,10 @@ impl VideoWriter {
             FrameEncoding::Gray(size) => {
                 let size = size.to_string();
                 command.args(["-f", "rawvideo", "-pix_fmt", "gray", "-s", &size, "-r", &rate]);
+            }
+            FrameEncoding::Color(size) => {
+                let size = size.to_string();
+                command.args(["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", &size, "-r", &rate]);
             }
             FrameEncoding::Png => {
                 command.args(["-f", "image2pipe", "-c:v", "png", "-framerate", &rate]);

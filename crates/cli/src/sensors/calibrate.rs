@@ -8,16 +8,17 @@ use serde_json::json;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::Count;
 use spikelane_calibrate::{
-    CalibrateOptions, Calibration, CalibrationFiles, Observations, RecordingSet, SneeOptions, calibrate,
-    estimate_snee, import_maps, measure_levels,
+    CalibrateOptions, Calibration, CalibrationFiles, RecordingSet, SneeOptions, calibrate, estimate_snee,
+    import_maps, measure_levels,
 };
+use spikelane_measure::Estimate;
 use spikelane_measure::report::{with_error, without_error};
-use spikelane_measure::{Estimate, detect_mosaic};
 
 use crate::common::console::{Console, run_record};
+use crate::common::mosaic;
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
-use crate::common::stream::{print_set_warnings, sidecar_beside};
+use crate::common::stream::print_set_warnings;
 use crate::sensors::static_recording::template_remedy;
 
 /// Fit a camera to recordings of known light
@@ -57,6 +58,12 @@ pub(crate) struct Args {
     /// SNEE then estimates the conversion rate from the dynamic range.
     #[arg(long, requires = "snee")]
     unknown_levels: bool,
+    /// Set the color filters, such as RGGB, or none [default: from the set, else detected]
+    ///
+    /// The set states the filters in its key mosaic or in the sidecars of its recordings. The letters are the filters of the
+    /// first rows and columns, row by row. quad-RGGB has blocks of 2x2 pixels, and RGBG/GWGW has one part per row.
+    #[arg(hide_short_help = true, long, value_name = "PATTERN")]
+    mosaic: Option<String>,
     /// Overwrite existing files
     #[arg(long)]
     force: bool,
@@ -74,7 +81,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let files = output_names.iter().chain(maps).map(|name| args.output.join(name));
     // The claim lasts until the last file has its final name.
     let _claim = output_claims::claim(files, args.force)?;
-    let set = if imported {
+    let mut set = if imported {
         let path = import_maps(&args.recordings, &args.output, args.force)?;
         out.print_message(format_args!(
             "{}: dark rates and rates under 335 lux, in {}",
@@ -85,6 +92,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     } else {
         RecordingSet::open(&args.recordings)?
     };
+    if let Some(text) = &args.mosaic {
+        mosaic::parse(text)?;
+        set.mosaic = Some(text.clone());
+    }
     print_set_warnings(&set, out)?;
     let paper = SneeOptions { has_known_levels: !args.unknown_levels, ..SneeOptions::default() };
     if args.snee {
@@ -93,7 +104,6 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut progress = FileProgress::new(out);
     let observed = measure_levels(&set, &mut |name, share| progress.update(name, share))?;
     drop(progress);
-    print_mosaic_note(&set, &observed, out);
     let options = CalibrateOptions {
         dead_time_fraction: args.dead_time_fraction,
         light_uncertainty: args.light_uncertainty,
@@ -111,25 +121,6 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     result["files"] =
         json!([&files.camera, &files.calibration_json, &files.report].map(|f| f.display().to_string()));
     out.print_result(&result, &result_text(&calibration, &files))
-}
-
-/// Prints a note if the camera of the recordings has color filters, because the fitted camera is gray.
-///
-/// The pattern comes from the sidecar of a recording, or is detected in the brightest recording below saturation.
-fn print_mosaic_note(set: &RecordingSet, observed: &Observations, out: &Console) {
-    let sidecar = |file: &str| sidecar_beside(&set.folder.join(file)).and_then(|(_, s)| s.mosaic);
-    let declared = set.recordings.iter().find_map(|recording| sidecar(&recording.file));
-    let pattern = declared.map(|facts| facts.pattern).or_else(|| {
-        // The levels are sorted by light. A rate map of unknown length has no counts.
-        let brightest = observed.levels.iter().rfind(|level| level.light < 1.0 && level.readouts > 0)?;
-        let [first, second] = detect_mosaic(&brightest.spikes, observed.geometry.width())?;
-        Some(format!("{first} or {second}"))
-    });
-    if let Some(pattern) = pattern {
-        out.print_message(format_args!(
-            "note: the recordings have the mosaic {pattern}; the fitted gains contain the response of each filter to the lamp, so the spread of the gains is not the spread of equal pixels; 'spikelane measure --mosaic' reports each channel"
-        ));
-    }
 }
 
 /// Returns an error if `path` is a stream instead of a recording set, because the light of a stream is unknown. The
@@ -196,6 +187,15 @@ fn result_lines(c: &Calibration) -> Vec<String> {
             c.unfitted_pixels().len()
         ),
     ];
+    for channel in &c.channels {
+        lines.push(format!(
+            "channel {:<13} light {}, gain {}, spread {}",
+            channel.name,
+            value(channel.light),
+            value(channel.population.mean_a),
+            value(channel.population.sd_a)
+        ));
+    }
     for lamp in c.lamps.iter().filter(|l| l.stated_light > 0.0) {
         let verdict = match (lamp.is_saturated, lamp.is_outlier) {
             (true, _) => "saturated: not estimated".to_owned(),

@@ -179,8 +179,13 @@ fn gray_table(comparison: &GrayComparison) -> String {
     let lights: Vec<String> = comparison.histogram_lights.iter().map(|l| format!("at {l:.3}")).collect();
     let header: Vec<&str> =
         ["camera", "response"].into_iter().chain(lights.iter().map(String::as_str)).collect();
+    let channels: String = match comparison.channels.is_empty() {
+        true => String::new(),
+        false => format!(", over the channels {}", comparison.channels.iter().collect::<String>()),
+    };
     text_table(&header, &rows)
-        + "response: difference of the rates, spikes per readout\nat LIGHT: difference of the intervals, 0 equal, 1 disjoint; * best\n"
+        + &format!("response: difference of the rates, spikes per readout{channels}\n")
+        + "at LIGHT: difference of the intervals, 0 equal, 1 disjoint; * best\n"
 }
 
 /// Returns a table with the distance of each model, and its distances in the bands of rows as a sparkline.

@@ -177,12 +177,7 @@ impl Args {
     }
 
     /// Returns the conversion to color, or `None` for gray pictures. `first` contains the rates of the first picture.
-    fn color_picture(
-        &self,
-        target: &OutputKind,
-        first: &[f32],
-        geometry: Geometry,
-    ) -> Result<Option<ColorPicture>> {
+    fn color_picture(&self, first: &[f32], geometry: Geometry) -> Result<Option<ColorPicture>> {
         let mosaic = self.mosaic.of_stream(&self.file)?;
         let unused = |flag: &str, found: &str| {
             Error::new(ErrorKind::Usage, flag).found(found).expected("rates of a color camera").remedy(
@@ -203,12 +198,6 @@ impl Args {
             return if self.color.is_some() { Err(unused("--color", reason)) } else { Ok(None) };
         }
         let Some(mosaic) = mosaic else { return Ok(None) };
-        if matches!(target, OutputKind::Movie(_)) {
-            return Err(Error::new(ErrorKind::Usage, self.output.display())
-                .found(format_args!("an animated image or a video of the mosaic {mosaic}"))
-                .expected("a .png, an .npy or a folder for color pictures")
-                .remedy("write a folder of PNGs, or set --demosaic none for gray pictures"));
-        }
         let method = self.demosaic.as_deref().map_or(Ok(Demosaic::Bilinear), str::parse)?;
         let matrix = match self.color.unwrap_or(ColorConversion::Matrix) {
             ColorConversion::Matrix => ColorMatrix::from_response(&mosaic)?,
@@ -340,7 +329,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         _ => Some(output_claims::claim([&args.output], args.force)?),
     };
     let mut first = args.reconstruct_at(&reader, moments[0])?;
-    let color = args.color_picture(&target, &first.0, geometry)?;
+    let color = args.color_picture(&first.0, geometry)?;
     let in_color = |rates: Vec<f32>| match &color {
         Some(color) => color.apply(&rates, geometry),
         None => Ok(rates),
@@ -368,7 +357,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         )?),
         OutputKind::Movie(format) => {
             let fps = f64::from(args.fps);
-            let movie = MovieWriter::create(&args.output, format, geometry, fps, args.force)?;
+            let movie =
+                MovieWriter::create(&args.output, format, geometry, color.is_some(), fps, args.force)?;
             Box::new(MovieSink { movie, format, gray_scale: shown })
         }
     };

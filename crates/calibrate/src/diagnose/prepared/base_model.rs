@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::diagnose::prepared::negative::kept;
 use crate::diagnose::prepared::prepared_set::{DataSplit, PreparedSet};
 use crate::diagnose::prepared::reduced::reduced;
+use crate::diagnose::run::color_filter_error;
 use crate::diagnose::sensors::model::BASE_KNOBS;
 use crate::diagnose::sensors::model::published;
 use crate::diagnose::statistics::quantiles::Spread;
@@ -122,6 +123,11 @@ impl BaseModel {
     fn running(taken: &PreparedSet, given: Option<&Camera>) -> Result<Self> {
         let PreparedSet { set, setup, measured } = taken;
         let calibration = calibration(set);
+        if calibration.as_ref().is_ok_and(|c| c.mosaic.is_some()) {
+            return Err(color_filter_error(
+                "pixels whose light repeats in cells of 2x2, as behind color filters",
+            ));
+        }
         if let Some(given) = given {
             return Self::of_camera(given, setup.row_band.map_or(0, |(first, _)| first));
         }

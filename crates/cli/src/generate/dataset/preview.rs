@@ -80,9 +80,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         let wide = Geometry::new(3 * geometry.width() as u32, geometry.height() as u32)?;
         let (movie, _) = match &mut movie {
             Some(open) => open,
-            None => {
-                movie.insert((MovieWriter::create(&args.output, format, wide, FPS, args.force)?, geometry))
-            }
+            None => movie
+                .insert((MovieWriter::create(&args.output, format, wide, false, FPS, args.force)?, geometry)),
         };
         let readouts = noisy.readouts().min(clean.readouts());
         let moments = (args.frames_per_sequence as usize).min(readouts);

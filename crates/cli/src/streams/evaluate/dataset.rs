@@ -4,13 +4,15 @@ use std::path::Path;
 
 use crate::common::console::Console;
 use serde_json::{Value, json};
+use spikelane::sensor::Mosaic;
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::{DatasetReader, SequenceFiles};
 
 use super::args::Args;
+use super::color::{self, ColorScores};
 use super::picture::{Comparison, EvaluatedPicture, MeanScores, evaluate_pictures, mean_scores, tables};
-use super::reference::{ReferenceCurve, ReferenceImage};
+use super::reference::{ColorReference, ReferenceCurve, ReferenceImage};
 use super::report;
 
 /// Returns whether `path` is a folder or has the extension of a packed shard.
@@ -28,8 +30,21 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
     let dataset = DatasetReader::open(&args.file, args.follow_links)?;
     let done = dataset.done_entries();
     let mut kinds = [("noisy", Vec::<Vec<EvaluatedPicture>>::new()), ("clean", Vec::new())];
+    let mut color_kinds = [("noisy", Vec::<Vec<ColorScores>>::new()), ("clean", Vec::new())];
     for entry in &done {
         let files = dataset.sequence(entry)?;
+        if let Some(mosaic) = files.sidecar()?.mosaic {
+            let mosaic = mosaic.mosaic()?;
+            for ((kind, all), file) in color_kinds.iter_mut().zip(["stream.dat", "stream.clean.dat"]) {
+                let scores = evaluate_color_sequence(args, &files, file, &mosaic, out)?;
+                out.print_event(&json!({
+                    "sequence": entry.id, "split": entry.split, "stream": *kind, "mosaic": mosaic.to_string(),
+                    "color_pictures": scores.iter().map(ColorScores::json).collect::<Vec<_>>(),
+                }))?;
+                all.push(scores);
+            }
+            continue;
+        }
         for ((kind, all), file) in kinds.iter_mut().zip(["stream.dat", "stream.clean.dat"]) {
             let (pictures, truth) = evaluate_sequence(args, &files, file, out)?;
             out.print_event(&json!({
@@ -47,6 +62,13 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
         let name = format!("{kind} streams, means over {}", Count(done.len(), "sequence"));
         streams.push(report::ScoredStream { name, pictures: means.iter().map(MeanScores::json).collect() });
     }
+    for (kind, all) in color_kinds.iter().filter(|(_, all)| !all.is_empty()) {
+        text += &format!(
+            "{kind}, means over {} in color\n{}",
+            Count(all.len(), "sequence"),
+            color::table(&color::mean_scores(all)?)
+        );
+    }
     report::write(args, &streams)?;
     if out.json() { Ok(()) } else { out.print_result(&Value::Null, &text) }
 }
@@ -62,15 +84,28 @@ fn evaluate_sequence(
     args.stream.report(&reader, out)?;
     let at = record.facts["reference_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
     let reference = files.open(&"reference.png".into())?;
-    if let Some(mosaic) = files.sidecar()?.mosaic {
-        return Err(Error::new(ErrorKind::Usage, reader.name())
-            .found(format_args!("a stream with the mosaic {}", mosaic.pattern))
-            .expected("streams of gray cameras")
-            .remedy("score a sequence in color with its stream.dat and --reference reference.png"));
-    }
     let curve = ReferenceCurve::from_record(&record, reference.path());
     let camera = || Ok(files.sidecar()?.camera);
     let (curve, full) = args.with_full_scale_rate(Path::new(reader.name()), curve, camera)?;
     let truth = ReferenceImage::from_sequence(reference, reader.geometry(), full, curve)?;
     Ok((evaluate_pictures(&args.reconstruction, &reader, at, Comparison::Image(&truth))?, truth))
+}
+
+fn evaluate_color_sequence(
+    args: &Args,
+    files: &SequenceFiles,
+    file: &'static str,
+    mosaic: &Mosaic,
+    out: &Console,
+) -> Result<Vec<ColorScores>> {
+    let record = files.record()?;
+    let reader = files.stream(file, &args.stream.options(args.file.display())?)?;
+    args.stream.report(&reader, out)?;
+    let at = record.facts["reference_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
+    let reference = files.open(&"reference.png".into())?;
+    let curve = ReferenceCurve::from_record(&record, reference.path());
+    let camera = || Ok(files.sidecar()?.camera);
+    let (curve, full) = args.with_full_scale_rate(Path::new(reader.name()), curve, camera)?;
+    let truth = ColorReference::from_sequence(reference, reader.geometry(), full, curve)?;
+    color::evaluate_readout(args, &reader, mosaic, at, &truth, out)
 }

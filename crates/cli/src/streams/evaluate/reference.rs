@@ -86,6 +86,22 @@ pub(crate) struct ColorReference {
 impl ColorReference {
     pub(crate) fn read(path: &Path, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
         let frame = image_file::read(path, &Linearization::new(curve.transfer).with_color(true))?;
+        Self::new(path, &frame, geometry, full, curve)
+    }
+
+    /// Reads the reference image of a sequence of a data set.
+    pub(crate) fn from_sequence(
+        file: InputFile,
+        geometry: Geometry,
+        full: f32,
+        curve: ReferenceCurve,
+    ) -> Result<Self> {
+        let path = file.path().to_owned();
+        let frame = image_file::read_written(file, &Linearization::new(curve.transfer).with_color(true))?;
+        Self::new(&path, &frame, geometry, full, curve)
+    }
+
+    fn new(path: &Path, frame: &Frame, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
         let transfer = curve.transfer.unwrap_or(Transfer::Srgb);
         let Some(rgb) = frame.rgb().filter(|_| frame.geometry() == geometry) else {
             let kind = if frame.rgb().is_some() { "color" } else { "gray" };

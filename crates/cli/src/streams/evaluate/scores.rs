@@ -46,7 +46,7 @@ impl Decibels {
     }
 
     /// Returns the mean. The mean is a lower bound if at least one value is a lower bound.
-    fn mean(all: &[Self]) -> Option<Self> {
+    pub(super) fn mean(all: &[Self]) -> Option<Self> {
         let mean = average(all.iter().map(|d| Some(d.number())))?;
         let known = all.iter().all(|d| matches!(d, Self::Exact(_)));
         Some(if known { Self::Exact(mean) } else { Self::AtLeast(mean) })
@@ -54,7 +54,7 @@ impl Decibels {
 }
 
 /// Returns the mean of the values, or `None` if at least one value is absent.
-fn average(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+pub(super) fn average(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let all: Vec<f64> = values.collect::<Option<_>>()?;
     (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
 }

@@ -107,6 +107,16 @@ fn evaluation_points(
     reference_points(folder, reader)
 }
 
+/// Returns the readouts and paths of the reference images in `folder` whose windows are inside the stream.
+pub(super) fn folder_points(
+    args: &Args,
+    reader: &StreamReader,
+    folder: &Path,
+) -> Result<Vec<(usize, PathBuf)>> {
+    let points = within_stream(args, reader, evaluation_points(args, reader, Some(folder))?)?;
+    Ok(points.into_iter().filter_map(|point| Some((point.at, point.reference_path?))).collect())
+}
+
 /// Returns the images in a folder, sorted by readout. The file name of an image is the number of its readout.
 fn reference_points(folder: &Path, reader: &StreamReader) -> Result<Vec<EvaluationPoint>> {
     let wrong = |found: String| {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::images::{gray_image, picture_png};
+use crate::common::images::{picture_levels, picture_png};
 use crate::common::movie::{MovieFormat, MovieWriter};
 use crate::common::standard_streams::StreamOutput;
 
@@ -73,7 +73,7 @@ pub(super) struct MovieSink {
 
 impl PictureSink for MovieSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        let levels = gray_image(values, self.gray_scale.white, self.gray_scale.geometry).into_raw();
+        let levels = picture_levels(values, self.gray_scale.white, self.gray_scale.geometry);
         self.format.encode_frame(self.gray_scale.geometry, levels)
     }
 
