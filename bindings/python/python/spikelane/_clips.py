@@ -106,9 +106,10 @@ class ClipSampler:
     - ``index``, ``camera_seed``, ``sequence``, and ``row`` and ``col`` of the crop.
 
     ``clips`` is a sequence of (N, H, W) arrays of uint8, uint16 or float32: an array (B, N, H, W), a list, or any object
-    with ``len`` and indexing. For a camera with a mosaic, clips may be linear RGB light, (N, H, W, 3). Each frame lasts ``readouts_per_frame`` readouts. ``interpolation`` and
-    ``full_scale`` have the meaning that they have in ``Simulator.run``. ``crop=(h, w)`` selects a random rectangle of
-    each clip. For a camera with a mosaic, all crops start at the same phase of the pattern.
+    with ``len`` and indexing. For a camera with a mosaic, clips may be linear RGB light, (N, H, W, 3). Each frame lasts
+    ``readouts_per_frame`` readouts. ``interpolation`` and ``full_scale`` have the meaning that they have in
+    ``Simulator.run``. ``crop=(h, w)`` selects a random rectangle of each clip. For a camera with a mosaic, all crops start
+    at the same phase of the pattern.
 
     ``camera`` is a Camera or a CameraDistribution. A Camera must have the size of the clips; a crop uses a window of the
     camera. A CameraDistribution draws a camera with the size of the crop for every item of every epoch.
