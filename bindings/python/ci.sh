@@ -16,14 +16,18 @@ python=/usr/bin/python3
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || skip python3.10
 venv=target/python
 if [ ! -x "$venv/bin/pip" ]; then
-    "$python" -m venv --system-site-packages "$venv" || skip python3-venv
+    # PyTorch before 2.3, such as that of Debian 12, does not work with NumPy 2, which other packages need.
+    site=()
+    "$python" -c 'import sys, torch; sys.exit(tuple(map(int, torch.__version__.split(".")[:2])) < (2, 3))' 2>/dev/null &&
+        site=(--system-site-packages)
+    "$python" -m venv "${site[@]}" "$venv" || skip python3-venv
 fi
 "$venv/bin/pip" install -q 'numpy>=1.24' pytest || skip numpy
 for tool in mypy ruff tqdm webdataset datasets pillow pycocotools; do
     "$venv/bin/pip" install -q "$tool" || missing "$tool" "a check of the Python package"
 done
 "$venv/bin/python" -c 'import torch' 2>/dev/null ||
-    missing torch "the tests of training (Debian: python3-torch)"
+    missing torch "the tests of training (PyTorch 2.3 or later)"
 
 # maturin would compile most crates again. `--bench plan --test header` select the same dependencies and features, also of macro
 # crates, as `cargo test --workspace`. So cargo reuses every compiled crate. Users install the package with `pip install .`.
