@@ -163,7 +163,7 @@ pub fn isi_map(packed: SpikeFramesRef, at: usize) -> Result<Vec<u32>> {
 /// Returns two numbers of readouts for every pixel: from the last spike at or before `at` to `at`, including both
 /// readouts, and from the readout after `at` to the first spike after `at`.
 ///
-/// A number is 0 if there is no spike within `search` readouts of `at`.
+/// A number is 0 without a spike within `search` readouts of `at`.
 fn spike_numbers(packed: SpikeFramesRef, at: usize, search: usize) -> impl Iterator<Item = [u32; 2]> {
     let end = at.saturating_add(search).saturating_add(1).min(packed.readouts());
     let geometry = packed.geometry();

@@ -273,8 +273,8 @@ impl Camera {
     /// filters.
     ///
     /// `Simulator.run` receives linear RGB light (H, W, 3) or (N, H, W, 3), or the light behind the filters, (H, W) or
-    /// (N, H, W). For a window, `pattern` starts at the first
-    /// pixel of the whole sensor. The channels have their default spectral responses. `from_toml` sets other responses.
+    /// (N, H, W). For a window, `pattern` starts at the first pixel of the whole sensor. The channels have their default
+    /// spectral responses. `from_toml` sets other responses.
     ///
     /// Raises SpikelaneError for an invalid pattern.
     fn with_mosaic(&self, pattern: Option<&str>) -> PyResult<Self> {

@@ -234,7 +234,7 @@ pub struct Calibration {
     pub light_field_map: Vec<f64>,
     /// Mean gain of each class of pixels. The classes of a declared mosaic are its channels. Other cameras have the
     /// classes of a cell of 2x2 pixels: even row and even column, even row and odd column, odd row and even column, odd row
-    /// and odd column. Empty if the classes do not differ significantly and are no filters.
+    /// and odd column. Empty if the classes do not differ significantly and are not filters.
     pub class_gains: Vec<Estimate>,
     /// Relative gain of the class of each pixel, with the mean 1.
     pub class_gain_map: Vec<f64>,

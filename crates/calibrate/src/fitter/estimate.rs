@@ -206,7 +206,7 @@ impl Fitter<'_> {
         population
     }
 
-    /// Returns the light and the population behind each filter. The list is empty if the classes are no filters.
+    /// Returns the light and the population behind each filter. The list is empty if the classes are not filters.
     fn channels(&self) -> Vec<ChannelFit> {
         if !self.classes.are_filters || self.shape.class_gains.is_empty() {
             return Vec::new();

@@ -49,7 +49,7 @@ pub(super) struct GainShape {
     pub(super) max_class: f64,
     /// The fitted shape of the light. `None` if it is not significant.
     pub(super) light_field: Option<LightField>,
-    /// Mean gain of each class. Empty if the classes do not differ significantly and are no filters.
+    /// Mean gain of each class. Empty if the classes do not differ significantly and are not filters.
     pub(super) class_gains: Vec<Estimate>,
     /// Number of fitted coefficients without the mean.
     pub(super) coefficients: usize,

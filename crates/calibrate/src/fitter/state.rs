@@ -70,7 +70,7 @@ pub(super) struct Fitter<'a> {
     /// Ratio of the typical chi-square of a pixel to its expectation. It is 1 if the model fits.
     pub(super) chi2_scale: f64,
     /// [`Fitter::chi2_scale`] of each class of pixels. Without filters, all classes have the same scale. A lamp that changes its
-    /// color is no fault of the pixels behind one filter.
+    /// color is not a fault of the pixels behind one filter.
     pub(super) class_chi2_scales: Vec<f64>,
     pub(super) is_noise_sampling_identified: bool,
     /// For each level, the correction factor for correlated phases. It multiplies the rate that low threshold draws
@@ -210,7 +210,7 @@ impl<'a> Fitter<'a> {
     }
 
     /// Returns the light behind the filter of pixel `p`, relative to the light behind the filter that transmits the most. It
-    /// is 1 if the classes of the pixels are no filters.
+    /// is 1 if the classes of the pixels are not filters.
     pub(super) fn transmission(&self, p: usize) -> f64 {
         if self.classes.are_filters { self.shape.class[p] / self.shape.max_class } else { 1.0 }
     }

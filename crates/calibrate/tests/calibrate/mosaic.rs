@@ -3,11 +3,10 @@
 //! The cameras have 48x48 pixels, published noise and recordings of 4,000 readouts. A value is within its error if it
 //! deviates by less than three errors. Each seed is fixed.
 
-use crate::calibrate_support::score::{mean_and_sd, observations_at};
+use crate::calibrate_support::score::{assert_within_error, fit, mean_and_sd, observations_at};
 use crate::calibrate_support::{PUBLISHED_NOISE, Pixel, pixels};
 use spikelane::sensor::Mosaic;
 use spikelane_calibrate::{CalibrateOptions, Calibration, ColorFilters, Observations, calibrate};
-use spikelane_measure::Estimate;
 
 const SIDE: usize = 48;
 const READOUTS: u32 = 4000;
@@ -42,16 +41,6 @@ fn observe(truth: &[Pixel], seed: u64, filters: ColorFilters) -> Observations {
 
 fn declared(pattern: &str) -> ColorFilters {
     ColorFilters::Mosaic(pattern.parse().unwrap())
-}
-
-fn fit(observed: &Observations) -> Calibration {
-    calibrate(observed, &CalibrateOptions::default()).unwrap()
-}
-
-#[track_caller]
-fn assert_within_error(name: &str, estimate: Estimate, truth: f64) {
-    let z = (estimate.value - truth) / estimate.error;
-    assert!(z.abs() < 3.0, "{name}: {:.6} +- {:.6} for {truth:.6}", estimate.value, estimate.error);
 }
 
 #[track_caller]

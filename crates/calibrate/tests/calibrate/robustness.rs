@@ -4,9 +4,9 @@
 //! the error of the redraw share is 0.06. A value is within its error if it deviates by less than three errors. Without a
 //! fault, one of 370 values deviates by more. Each seed is fixed.
 
-use crate::calibrate_support::score::{mean_and_sd, observations_at};
+use crate::calibrate_support::score::{assert_within_error, fit, mean_and_sd, observations_at};
 use crate::calibrate_support::{Noise, PUBLISHED_NOISE, Pixel, pixels};
-use spikelane_calibrate::{CalibrateOptions, Calibration, NoiseSampling, Observations, calibrate};
+use spikelane_calibrate::{Calibration, NoiseSampling, Observations};
 use spikelane_measure::Estimate;
 
 const SIDE: u32 = 48;
@@ -21,16 +21,6 @@ fn camera(noise: &Noise, seed: u64) -> Vec<Pixel> {
 
 fn observe(noise: &Noise, truth: &[Pixel], seed: u64) -> Observations {
     observations_at(&LIGHTS, noise, truth, SIDE, READOUTS, 100 * seed)
-}
-
-fn fit(observed: &Observations) -> Calibration {
-    calibrate(observed, &CalibrateOptions::default()).unwrap()
-}
-
-#[track_caller]
-fn assert_within_error(name: &str, estimate: Estimate, truth: f64) {
-    let z = (estimate.value - truth) / estimate.error;
-    assert!(z.abs() < 3.0, "{name}: {:.6} +- {:.6} for {truth:.6}", estimate.value, estimate.error);
 }
 
 /// Checks threshold noise, redraw share and photons.

@@ -6,7 +6,8 @@
 
 use rayon::prelude::*;
 use spikelane::spikes::Geometry;
-use spikelane_calibrate::{Observations, RateWeighting};
+use spikelane_calibrate::{CalibrateOptions, Calibration, Observations, RateWeighting, calibrate};
+use spikelane_measure::Estimate;
 
 use super::{Noise, Pixel, Random, level};
 
@@ -15,6 +16,18 @@ pub(crate) const LEVELS: u32 = 25;
 
 pub(crate) fn gray_level_light(k: u32) -> f64 {
     f64::from(10 * k) / 255.0
+}
+
+/// Fits a camera with the default options.
+pub(crate) fn fit(observed: &Observations) -> Calibration {
+    calibrate(observed, &CalibrateOptions::default()).unwrap()
+}
+
+/// Checks that the estimate deviates from the truth by less than three of its errors.
+#[track_caller]
+pub(crate) fn assert_within_error(name: &str, estimate: Estimate, truth: f64) {
+    let z = (estimate.value - truth) / estimate.error;
+    assert!(z.abs() < 3.0, "{name}: {:.6} +- {:.6} for {truth:.6}", estimate.value, estimate.error);
 }
 
 /// Simulates all pixels at the levels of the paper.

@@ -6,8 +6,10 @@ use crate::common::console::Console;
 use serde_json::{Value, json};
 use spikelane::sensor::Mosaic;
 use spikelane::unstable::Count;
+use spikelane::unstable::inputs::InputFile;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::{DatasetReader, SequenceFiles};
+use spikelane_io::formats::StreamReader;
 
 use super::args::Args;
 use super::color::{self, ColorScores};
@@ -36,7 +38,12 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
         if let Some(mosaic) = files.sidecar()?.mosaic {
             let mosaic = mosaic.mosaic()?;
             for ((kind, all), file) in color_kinds.iter_mut().zip(["stream.dat", "stream.clean.dat"]) {
-                let scores = evaluate_color_sequence(args, &files, file, &mosaic, out)?;
+                let scores = evaluate_color_sequence(
+                    args,
+                    OpenSequence::open(args, &files, file, out)?,
+                    &mosaic,
+                    out,
+                )?;
                 out.print_event(&json!({
                     "sequence": entry.id, "split": entry.split, "stream": *kind, "mosaic": mosaic.to_string(),
                     "color_pictures": scores.iter().map(ColorScores::json).collect::<Vec<_>>(),
@@ -46,7 +53,7 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
             continue;
         }
         for ((kind, all), file) in kinds.iter_mut().zip(["stream.dat", "stream.clean.dat"]) {
-            let (pictures, truth) = evaluate_sequence(args, &files, file, out)?;
+            let (pictures, truth) = evaluate_sequence(args, OpenSequence::open(args, &files, file, out)?)?;
             out.print_event(&json!({
                 "sequence": entry.id, "split": entry.split, "stream": *kind, "reference": truth.json(),
                 "pictures": pictures.iter().map(EvaluatedPicture::json).collect::<Vec<_>>(),
@@ -73,39 +80,44 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
     if out.json() { Ok(()) } else { out.print_result(&Value::Null, &text) }
 }
 
-fn evaluate_sequence(
-    args: &Args,
-    files: &SequenceFiles,
-    file: &'static str,
-    out: &Console,
-) -> Result<(Vec<EvaluatedPicture>, ReferenceImage)> {
-    let record = files.record()?;
-    let reader = files.stream(file, &args.stream.options(args.file.display())?)?;
-    args.stream.report(&reader, out)?;
-    let at = record.facts["reference_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
-    let reference = files.open(&"reference.png".into())?;
-    let curve = ReferenceCurve::from_record(&record, reference.path());
-    let camera = || Ok(files.sidecar()?.camera);
-    let (curve, full) = args.with_full_scale_rate(Path::new(reader.name()), curve, camera)?;
-    let truth = ReferenceImage::from_sequence(reference, reader.geometry(), full, curve)?;
+/// A stream of a sequence, and its reference image.
+struct OpenSequence {
+    reader: StreamReader,
+    /// Readout of the reference image.
+    at: usize,
+    reference: InputFile,
+    curve: ReferenceCurve,
+    /// Rate that corresponds to white in the reference image.
+    full_scale_rate: f32,
+}
+
+impl OpenSequence {
+    fn open(args: &Args, files: &SequenceFiles, file: &'static str, out: &Console) -> Result<Self> {
+        let record = files.record()?;
+        let reader = files.stream(file, &args.stream.options(args.file.display())?)?;
+        args.stream.report(&reader, out)?;
+        let at = record.facts["reference_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
+        let reference = files.open(&"reference.png".into())?;
+        let curve = ReferenceCurve::from_record(&record, reference.path());
+        let camera = || Ok(files.sidecar()?.camera);
+        let (curve, full_scale_rate) = args.with_full_scale_rate(Path::new(reader.name()), curve, camera)?;
+        Ok(Self { reader, at, reference, curve, full_scale_rate })
+    }
+}
+
+fn evaluate_sequence(args: &Args, sequence: OpenSequence) -> Result<(Vec<EvaluatedPicture>, ReferenceImage)> {
+    let OpenSequence { reader, at, reference, curve, full_scale_rate } = sequence;
+    let truth = ReferenceImage::from_sequence(reference, reader.geometry(), full_scale_rate, curve)?;
     Ok((evaluate_pictures(&args.reconstruction, &reader, at, Comparison::Image(&truth))?, truth))
 }
 
 fn evaluate_color_sequence(
     args: &Args,
-    files: &SequenceFiles,
-    file: &'static str,
+    sequence: OpenSequence,
     mosaic: &Mosaic,
     out: &Console,
 ) -> Result<Vec<ColorScores>> {
-    let record = files.record()?;
-    let reader = files.stream(file, &args.stream.options(args.file.display())?)?;
-    args.stream.report(&reader, out)?;
-    let at = record.facts["reference_readout"].as_u64().map_or(reader.readouts() / 2, |at| at as usize);
-    let reference = files.open(&"reference.png".into())?;
-    let curve = ReferenceCurve::from_record(&record, reference.path());
-    let camera = || Ok(files.sidecar()?.camera);
-    let (curve, full) = args.with_full_scale_rate(Path::new(reader.name()), curve, camera)?;
-    let truth = ColorReference::from_sequence(reference, reader.geometry(), full, curve)?;
+    let OpenSequence { reader, at, reference, curve, full_scale_rate } = sequence;
+    let truth = ColorReference::from_sequence(reference, reader.geometry(), full_scale_rate, curve)?;
     color::evaluate_readout(args, &reader, mosaic, at, &truth, out)
 }
