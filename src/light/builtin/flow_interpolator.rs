@@ -10,6 +10,8 @@
 //! pixels where a static scene explains the two frames better than the estimated motion, the light is blended without
 //! motion.
 
+use wide::f32x4;
+
 use crate::error::{Error, ErrorKind, Result};
 use crate::light::catmull_rom::catmull_rom;
 use crate::light::frame::{Frame, OwnedSamples};
@@ -48,15 +50,29 @@ impl Plane {
         let (x, y) = (x.clamp(0.0, (self.w - 1) as f32), y.clamp(0.0, (self.h - 1) as f32));
         let (c, r) = (x as usize, y as usize);
         let (across, down) = (catmull_rom(x - c as f32), catmull_rom(y - r as f32));
-        let near = |i: usize, k: usize, n: usize| (i + k).saturating_sub(1).min(n - 1);
-        let columns: [usize; 4] = std::array::from_fn(|k| near(c, k, self.w));
-        let mut sum = 0.0;
-        for (k, weight) in down.iter().enumerate() {
-            let row = &self.v[near(r, k, self.h) * self.w..][..self.w];
-            let line: f32 = columns.iter().zip(&across).map(|(&c, w)| w * row[c]).sum();
-            sum += weight * line;
+        // The four columns are computed together.
+        let [first, second, third, fourth] = self.neighborhood(c, r);
+        let columns = (first * down[0] + second * down[1]) + (third * down[2] + fourth * down[3]);
+        let [p, q, s, t] = (columns * f32x4::new(across)).to_array();
+        (p + q) + (s + t)
+    }
+
+    /// Returns the 4x4 pixels around a position, row by row. `(c, r)` is the upper left of the four central pixels. Outside the
+    /// plane, the border pixels are repeated.
+    #[inline(always)]
+    fn neighborhood(&self, c: usize, r: usize) -> [f32x4; 4] {
+        if c > 0 && r > 0 && c + 3 <= self.w && r + 3 <= self.h {
+            let corner = &self.v[(r - 1) * self.w + c - 1..];
+            return [0, 1, 2, 3].map(|k| {
+                let row = &corner[k * self.w..][..4];
+                f32x4::new([row[0], row[1], row[2], row[3]])
+            });
         }
-        sum
+        let near = |i: usize, k: usize, n: usize| (i + k).saturating_sub(1).min(n - 1);
+        [0, 1, 2, 3].map(|k| {
+            let row = &self.v[near(r, k, self.h) * self.w..][..self.w];
+            f32x4::new([0, 1, 2, 3].map(|k| row[near(c, k, self.w)]))
+        })
     }
 
     fn contains(&self, x: f32, y: f32) -> bool {
