@@ -60,8 +60,9 @@ fn cached_simulations_do_not_change_a_diagnosis() {
     assert_eq!(counts, Some([simulated + again, 0]));
 
     // Damages the cache: some files are missing, cut short or zeroed, as after a stopped run on a faulty disk.
+    let damaged = (0..all.len()).filter(|i| i % 16 < 3).count();
     for (i, (file, bytes)) in all.iter().enumerate() {
-        match i % 4 {
+        match i % 16 {
             0 => std::fs::remove_file(file).unwrap(),
             1 => std::fs::write(file, &bytes[..40]).unwrap(),
             2 => std::fs::write(file, vec![0; bytes.len()]).unwrap(),
@@ -70,12 +71,13 @@ fn cached_simulations_do_not_change_a_diagnosis() {
     }
     let (torn, counts) = diagnosis_text(&sets, Some(&cache));
     assert!(torn == uncached, "a part was kept: {torn} and not {uncached}");
-    assert_eq!(counts, Some([again + simulated / 4, simulated - simulated / 4]));
+    assert_eq!(counts, Some([again + simulated - damaged, damaged]));
     assert!(files(&cache) == all, "what was lost is there again");
 }
 
 #[test]
-fn repeated_detectability_uses_the_cache() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_repeated_detectability_uses_the_cache() {
     let folder = tempfile::tempdir().unwrap();
     let (sets, cache) = (sets(folder.path()), folder.path().join("cache"));
     let run = || {

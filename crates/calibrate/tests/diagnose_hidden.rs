@@ -163,7 +163,8 @@ impl LimitTrial {
 /// median estimate is the true strength, of at least 2.1 standard deviations. The limit of half of that exceeds the strength
 /// by a quarter.
 #[test]
-fn a_limit_exceeds_the_strength_of_a_hidden_effect() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_a_limit_exceeds_the_strength_of_a_hidden_effect() {
     let trials = ["crosstalk", "dead_time"].map(|name| LimitTrial::new(name, 41..47));
     let covered: usize = trials.iter().map(LimitTrial::covered).sum();
     assert!(covered >= 9, "{covered} of 12");
@@ -199,7 +200,8 @@ fn long_95_percent_of_limits_exceed_the_strength_of_a_hidden_effect() {
 /// Only some rows have strong jitter. A fit with equal jitter in all rows would leave a discrepancy of
 /// 4,726 with a noise floor of 410, and the effect would be tentative.
 #[test]
-fn readout_jitter_of_some_rows_is_identified() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_readout_jitter_of_some_rows_is_identified() {
     // In 8 of 24 rows the jitter has more than half of its largest width.
     let physics = Physics { jitter: (0.03, 0.0, 7.0), ..Physics::default() };
     let (_folder, sets) = record_takes(SIZE, physics, 23);
@@ -213,7 +215,8 @@ fn readout_jitter_of_some_rows_is_identified() {
 
 /// The estimate of a full correlation must not be biased toward 0, and the interval must nearly include 1.
 #[test]
-fn full_gain_dark_correlation_is_recovered() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_full_gain_dark_correlation_is_recovered() {
     let diagnosis = diagnose_hidden(&[("gain_dark_correlation", 1.0)], 61);
     let effect = diagnosis.effects.iter().find(|e| e.name == "gain_dark_correlation");
     let parameter = &effect.unwrap_or_else(|| panic!("{diagnosis:?}")).parameters[0];
@@ -293,7 +296,8 @@ fn long_effects_beside_dropped_or_repeated_readouts_are_found() {
 
 /// The test uses strong noise in some of the pixels, because such noise resembles lost readouts.
 #[test]
-fn strong_noise_in_some_pixels_is_not_reported_as_dropped_readouts() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_strong_noise_in_some_pixels_is_not_reported_as_dropped_readouts() {
     let diagnosis = diagnose_hidden(&[("two populations of threshold noise", 4.0)], 81);
     assert!(!matches!(diagnosis.verdict, Verdict::Agrees), "{:?}", diagnosis.discrepancy);
     let events = diagnosis.effects.iter().any(|e| e.name.ends_with("_readouts"));
@@ -303,7 +307,8 @@ fn strong_noise_in_some_pixels_is_not_reported_as_dropped_readouts() {
 /// If the clamp were only linearized, the parameters of the base model could absorb the remaining error. A partial reset
 /// of 0.56 would then fit equally well.
 #[test]
-fn saturation_clamp_far_from_its_linearization_is_found() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_saturation_clamp_far_from_its_linearization_is_found() {
     let diagnosis = diagnose_hidden(&[("saturation_clamp", 0.757)], 94);
     let named: Vec<&str> = diagnosis.effects.iter().filter(|e| !e.is_tentative).map(|e| e.name).collect();
     assert_eq!(named, ["saturation_clamp"], "{:?} {:?}", diagnosis.verdict, diagnosis.effects);
@@ -314,7 +319,8 @@ fn saturation_clamp_far_from_its_linearization_is_found() {
 /// If the camera file lacks an effect, its parameters absorb part of the effect. If the diagnosis judged the parameters
 /// anyway, this camera would appear to have 0.22 of its light noise and 0.15 of its threshold spread.
 #[test]
-fn strong_row_noise_does_not_blame_a_correct_camera_file() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_strong_row_noise_does_not_blame_a_correct_camera_file() {
     let (_folder, sets) = recording_sets(Size { width: 36, height: 36, ..SIZE }, &[("row_noise", 0.02)], 62);
     let setup = Setup::new(&sets[0], RecordingPart::Whole, ReadoutSelection::All).unwrap();
     let camera = published_camera(&setup).unwrap();

@@ -161,18 +161,19 @@ fn alarms(laboratories: impl Iterator<Item = Lamps>) -> Vec<String> {
     alarms
 }
 
-/// Lamps of each error. Every second error is stated five times too small.
+/// Lamps off by 5 % that are stated so, and lamps off by 0.3 % whose stated error is five times too small.
 #[test]
 fn lamps_off_by_up_to_5_percent_raise_no_alarm() {
     let lamps = |(deviation, understated)| Lamps { seed: 1, deviation, stated: deviation / understated };
-    let alarms = alarms(DEVIATIONS.into_iter().zip([1.0, 5.0, 1.0, 5.0]).map(lamps));
+    let alarms = alarms([(0.05, 1.0), (0.003, 5.0)].into_iter().map(lamps));
     assert!(alarms.is_empty(), "{alarms:#?}");
 }
 
 /// The lamps are known to 1 %. The square wave and the checkerboard have two levels of one lamp each, so they show a bend of
 /// the response whatever the lamps are.
 #[test]
-fn a_bend_of_three_detectable_strengths_is_named_with_lamps_off_by_1_percent() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_a_bend_of_three_detectable_strengths_is_named_with_lamps_off_by_1_percent() {
     let lamps = Lamps { seed: 6, deviation: 0.01, stated: 0.01 };
     let (_folder, sets) = lamps.record(Physics::default());
     let report = detectability(&sets[0], DiagnoseOptions::default(), &mut |_, _| {}).unwrap();
@@ -334,7 +335,8 @@ fn lamp_drift_in_one_recording_is_not_gain_drift() {
 }
 
 #[test]
-fn a_scene_that_moves_is_said_to_move() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_a_scene_that_moves_is_said_to_move() {
     let diagnosis = diagnose_spoiled(|folder| {
         let half = |high, low| {
             record(
@@ -351,7 +353,8 @@ fn a_scene_that_moves_is_said_to_move() {
 }
 
 #[test]
-fn another_frame_size_is_a_pattern_mismatch() {
+#[ignore = "a minute; .ci/full runs it"]
+fn long_another_frame_size_is_a_pattern_mismatch() {
     let diagnosis = diagnose_spoiled(|folder| {
         let larger = Sensor::new(Physics::default(), 2 * SIZE.width, 2 * SIZE.height, 5);
         let bits = record(&larger, Scene::Flat(0.3), SIZE.readouts / 4, 3);

@@ -75,7 +75,7 @@ fn a_name_that_the_library_has_is_refused() {
 fn a_diagnosis_that_knows_the_effect_finds_it_by_its_name() {
     let folder = tempfile::tempdir().unwrap();
     // The effect is strong, so fewer and shorter recordings than recommended are sufficient.
-    let mut protocol = Protocol::recommended(1500);
+    let mut protocol = Protocol::recommended(1000);
     protocol.recordings.retain(|(stem, _)| {
         ["dark", "flat_0300", "flat_1000", "flat_3000", "flat_6000", "checker"].contains(&stem.as_str())
     });

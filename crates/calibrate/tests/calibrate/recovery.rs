@@ -129,7 +129,7 @@ fn hot_pixels_have_thresholds_like_the_others() {
 
 #[test]
 #[ignore = "takes minutes"]
-fn noise_of_whole_sensors_lies_within_its_errors() {
+fn long_noise_of_whole_sensors_lies_within_its_errors() {
     // With six cameras, the error of the photons is 0.27 %. Without the correction for correlated phases, the photons
     // would be too high by 1.4 %.
     check_noise(400, 250, 10_000, 6);
@@ -160,7 +160,7 @@ fn simulated_firing_draws_match_the_integrals() {
 
 #[test]
 #[ignore = "400x250 pixels take minutes; the figures of docs/why/calibration.md"]
-fn a_whole_sensor_is_recovered_near_the_bound() {
+fn long_a_whole_sensor_is_recovered_near_the_bound() {
     check(400, 250, 10_000, 9);
 }
 

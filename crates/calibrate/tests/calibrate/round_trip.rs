@@ -135,7 +135,7 @@ fn every_statistic_survives_calibration_and_simulation() {
 
 #[test]
 #[ignore = "takes minutes and 1 GB of disk"]
-fn every_statistic_of_a_whole_sensor_survives() {
+fn long_every_statistic_of_a_whole_sensor_survives() {
     let comparison = compare(400, 250, 10_000, 6);
     print(&comparison);
     // A user compares one pair. By chance 0.3 % of the differences would exceed three stated errors. The actual share is

@@ -26,8 +26,6 @@ struct InterruptionCase {
     resume_flags: &'static str,
     /// Commands that verify the outputs. No command may report incomplete files (exit code 3 or 9).
     verify: &'static [&'static str],
-    /// Whether a run takes several seconds.
-    is_slow: bool,
 }
 
 const SCENES: &str =
@@ -48,7 +46,6 @@ const JOBS: &[InterruptionCase] = &[
         earlier_flags: Some("--seed 7"),
         resume_flags: "--force",
         verify: &["verify out/a.dat", "verify out/a.clean.dat"],
-        is_slow: false,
     },
     InterruptionCase {
         name: "convert",
@@ -58,7 +55,6 @@ const JOBS: &[InterruptionCase] = &[
         earlier_flags: Some("--readouts 100..15000"),
         resume_flags: "--force",
         verify: &["verify out/b.npy"],
-        is_slow: false,
     },
     InterruptionCase {
         name: "dataset",
@@ -68,7 +64,6 @@ const JOBS: &[InterruptionCase] = &[
         earlier_flags: None,
         resume_flags: "--resume",
         verify: &[],
-        is_slow: false,
     },
     InterruptionCase {
         name: "run",
@@ -78,7 +73,6 @@ const JOBS: &[InterruptionCase] = &[
         earlier_flags: None,
         resume_flags: "",
         verify: &[],
-        is_slow: false,
     },
     InterruptionCase {
         name: "merge",
@@ -91,7 +85,6 @@ const JOBS: &[InterruptionCase] = &[
         earlier_flags: None,
         resume_flags: "",
         verify: &[],
-        is_slow: false,
     },
     InterruptionCase {
         name: "calibrate",
@@ -101,7 +94,6 @@ const JOBS: &[InterruptionCase] = &[
         earlier_flags: Some("--dead-time-fraction 0.01"),
         resume_flags: "--force",
         verify: &["preset show out/made/camera.toml"],
-        is_slow: true,
     },
     InterruptionCase {
         name: "diagnose",
@@ -111,7 +103,6 @@ const JOBS: &[InterruptionCase] = &[
         earlier_flags: Some("--seed 5"),
         resume_flags: "--force",
         verify: &["preset show out/made/camera.toml"],
-        is_slow: true,
     },
 ];
 
@@ -353,7 +344,6 @@ impl<'a> CaseRun<'a> {
 
 fn try_job(name: &str, moments: u64, finish_every: u64) {
     let job = JOBS.iter().find(|job| job.name == name).unwrap();
-    let moments = if job.is_slow && moments < 20 { 3 } else { moments };
     CaseRun::new(job).try_moments(moments, finish_every);
 }
 
@@ -361,7 +351,7 @@ macro_rules! jobs {
     ($($short:ident $long:ident $job:literal,)*) => {$(
         #[test]
         fn $short() {
-            try_job($job, 10, 5);
+            try_job($job, 4, 4);
         }
 
         #[test]
