@@ -104,8 +104,10 @@ impl Frame {
                 .expected(format_args!("{} for {geometry}", geometry.pixels()))
                 .remedy("check width and height"));
         }
-        if let OwnedSamples::F32(values) = &samples {
-            check_light(geometry, values)?;
+        if let OwnedSamples::F32(values) = &samples
+            && let Some(p) = invalid_light(values)
+        {
+            return Err(invalid_light_error(geometry, p, values[p]));
         }
         Ok(Self { geometry, samples, rgb: None })
     }
@@ -136,11 +138,7 @@ impl Frame {
                     self.geometry
                 )));
         }
-        let is_light = |v: &f32| (0.0..=f32::MAX).contains(v);
-        // Without a branch in the loop, the compiler uses vector instructions.
-        if !rgb.iter().fold(true, |valid, v| valid & is_light(v))
-            && let Some(i) = rgb.iter().position(|v| !is_light(v))
-        {
+        if let Some(i) = invalid_light(&rgb) {
             return Err(invalid_light_error(self.geometry, i / 3, rgb[i]));
         }
         Ok(Self { rgb: Some(rgb.into()), ..self })
@@ -303,11 +301,12 @@ fn zip<T: Copy>(a: &[T], b: &[T], f: impl Fn(T, T) -> T) -> Vec<T> {
     a.iter().zip(b).map(|(&x, &y)| f(x, y)).collect()
 }
 
-fn check_light(geometry: Geometry, values: &[f32]) -> Result<()> {
-    let Some(p) = values.iter().position(|v| !(v.is_finite() && *v >= 0.0)) else {
-        return Ok(());
-    };
-    Err(invalid_light_error(geometry, p, values[p]))
+/// Returns the index of the first value that is negative or not finite.
+fn invalid_light(values: &[f32]) -> Option<usize> {
+    let is_light = |v: &f32| (0.0..=f32::MAX).contains(v);
+    // Without a branch in the loop, the compiler uses vector instructions.
+    let all_valid = values.iter().fold(true, |valid, v| valid & is_light(v));
+    if all_valid { None } else { values.iter().position(|v| !is_light(v)) }
 }
 
 fn invalid_light_error(geometry: Geometry, pixel: usize, value: f32) -> Error {
