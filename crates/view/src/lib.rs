@@ -12,6 +12,7 @@
 
 mod access;
 mod api;
+mod encoding;
 mod export;
 mod http;
 mod jobs;

@@ -161,7 +161,7 @@ function connect() {
   on('play', 'click', togglePlay);
   on('back', 'click', () => setAt(state.at - 1));
   on('forward', 'click', () => setAt(state.at + 1));
-  on('at', 'change', () => setAt(Number(el('at').value)));
+  on('at', 'change', () => { setAt(Number(el('at').value)); el('at').value = state.at; });
   on('scrubber', 'input', () => setAt(Number(el('scrubber').value)));
   on('method', 'change', () => { state.method = el('method').value; syncControls(); refreshOrWait(); });
   on('window', 'change', () => setWindow(Number(el('window').value)));
@@ -299,10 +299,10 @@ function showHover({ x, y, pane, isInside }) {
     return;
   }
   const p = y * session.info.width + x;
-  const rate = session.pictures[state.b && state.compare !== 'difference' ? pane : 0].rates[p];
+  const rate = session.pictures[state.b && state.compare !== 'difference' ? pane : 0].image.at(p);
   let text = `x ${x}, y ${y}, `;
   if (state.b && state.compare === 'difference') {
-    text += `difference ${number(session.pictures[0].rates[p] - session.pictures[1].rates[p])}`;
+    text += `difference ${number(session.pictures[0].image.at(p) - session.pictures[1].image.at(p))}`;
   } else if (state.method === 'bits') {
     text += rate ? 'spike' : 'no spike';
   } else {

@@ -11,6 +11,7 @@ import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import assert from 'node:assert/strict';
 import { DEAD, FLICKER_HZ, HEIGHT, HOT, HZ, READOUTS, WIDTH, bit, makeStream, rate } from './data.mjs';
+import { servePageFiles } from './page_files.mjs';
 
 const { chromium } = createRequire(join(process.cwd(), 'package.json'))('playwright-core');
 const [program, mode = 'quick'] = process.argv.slice(2);
@@ -44,15 +45,7 @@ const browser = await chromium.launch({ executablePath: '/usr/bin/chromium', arg
 async function openPage(address, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1400, height: 900 }, permissions: ['clipboard-read', 'clipboard-write'], ...options });
   const page = await context.newPage();
-  // With PAGE_FILES=source, a changed page needs no build of the program.
-  if (process.env.PAGE_FILES === 'source') {
-    const types = { js: 'text/javascript', css: 'text/css', svg: 'image/svg+xml', html: 'text/html' };
-    await page.route(/^http:\/\/127\.0\.0\.1:\d+\/[0-9a-f]{32}\/([a-z_.]*)(#.*)?$/, (route) => {
-      const name = new URL(route.request().url()).pathname.split('/')[2] || 'index.html';
-      const body = readFileSync(new URL(`../../src/static/${name}`, import.meta.url));
-      return route.fulfill({ body, contentType: types[name.split('.')[1]] });
-    });
-  }
+  await servePageFiles(page);
   const faults = [];
   page.on('pageerror', (e) => faults.push(String(e)));
   page.on('console', (m) => { if (m.type() === 'error') faults.push(m.text()); });
