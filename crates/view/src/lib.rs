@@ -12,6 +12,7 @@
 
 mod access;
 mod api;
+mod blinking;
 mod encoding;
 mod export;
 mod http;

@@ -4,7 +4,7 @@ import { el, DEFECT_KINDS, state, session, view, number } from './page.js';
 import { saveStateSoon } from './address.js';
 import { Picture } from './image_view.js';
 
-const DEFECT_COLORS = { hot: '#ff4d4d', weak: '#4da3ff', dead: '#ffd000', stuck: '#ff66ff' };
+const DEFECT_COLORS = { hot: '#ff4d4d', weak: '#4da3ff', dead: '#ffd000', stuck: '#ff66ff', blinking: '#00e5ff' };
 
 export function setWhite() {
   session.white = state.method === 'bits' ? 1 : session.pictures[0].image.white();

@@ -23,9 +23,16 @@ export class Labels {
     return this.frames[i].boxes.filter((b) => b.visible_pixels > 0);
   }
 
-  // Index of the first labeled readout with a visible vehicle. -1 if there is none.
-  firstVehicle() {
-    return this.frames.findIndex((_, i) => this.visible(i).length > 0);
+  // Classes of all boxes.
+  classes() {
+    return [...new Set(this.frames.flatMap((frame) => frame.boxes.map((b) => b.class)))].sort();
+  }
+
+  // Index of the first labeled readout from index `start` on with an object of class `name`, or of any class if `name` is
+  // empty. At least `pixels` pixels of the object are visible. -1 if there is none.
+  find(start, name, pixels) {
+    const isWanted = (b) => b.visible_pixels >= pixels && (!name || b.class === name);
+    return this.frames.findIndex((frame, i) => i >= start && frame.boxes.some(isWanted));
   }
 
   // Returns a map as a canvas. Null if the sequence has no such map.

@@ -194,3 +194,12 @@ function syncLabelText() {
 export function goToLabel(i) {
   if (i >= 0 && i < session.labels.frames.length) setAt(session.labels.frames[i].readout);
 }
+
+// Moves to the first labeled readout from `start` on that shows an object of the selected class and size.
+export function findObject(start) {
+  const [name, pixels] = [el('label-class').value, Math.max(1, Number(el('label-pixels').value) || 1)];
+  const found = session.labels.find(start, name, pixels);
+  const what = `${name || 'vehicle'} with at least ${pixels} visible pixels`;
+  showError(found < 0 ? `no ${start ? 'later ' : ''}labels contain a ${what}` : null);
+  goToLabel(found);
+}
