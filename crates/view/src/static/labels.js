@@ -1,5 +1,8 @@
 import { colorMaps, hueColor, idColor } from './colors.js';
 
+// Narrowest box on the screen that has a text, in CSS pixels.
+const MIN_TEXT_BOX_PX = 30;
+
 // Labels of a sequence: boxes, tracks and maps of the labeled readout that is nearest to the shown readout.
 
 export class Labels {
@@ -53,6 +56,8 @@ export class Labels {
       const color = `rgb(${idColor(b.track_id).join(',')})`;
       c.strokeStyle = color;
       c.strokeRect(x0, y0, x1 - x0, y1 - y0);
+      // Texts over the boxes of distant vehicles would cover each other.
+      if ((x1 - x0) * scale < MIN_TEXT_BOX_PX) continue;
       const text = `${b.class} ${b.track_id}`;
       const width = c.measureText(text).width;
       c.fillStyle = '#000b';
