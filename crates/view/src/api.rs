@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 use spikelane::error::{Error, ErrorKind, Result, render_settings};
 
+use crate::encoding::encoded_image;
 use crate::http::{REPORT_POLICY, Response};
 use crate::jobs::{JobState, Jobs, Task};
 use crate::labels;
@@ -42,8 +43,8 @@ impl Api {
             "stream" => Response::json(&self.stream_json(query)?),
             "image" => {
                 let stream = self.stream(query)?;
-                let method: Method = query.get("method")?;
-                let image = method.encoded_image(&stream.reader, query.get("at")?, query.get("window")?)?;
+                let (at, window) = (query.get("at")?, query.get("window")?);
+                let image = encoded_image(query.get("method")?, &stream.reader, at, window)?;
                 Response::new("application/octet-stream", image)
             }
             "live" => self.live(query)?,

@@ -10,6 +10,7 @@ use spikelane::spikes::Crop;
 use spikelane::unstable::threads;
 use spikelane_measure::{MeasureOptions, measure_stream, summarize};
 
+use crate::blinking::blinking_pixels;
 use crate::query::StreamKey;
 use crate::region::rate_over_time;
 use crate::sources::OpenStream;
@@ -124,10 +125,15 @@ fn compute(task: Task, stream: &OpenStream, done: &AtomicU64) -> Result<JobResul
 /// Returns the rate map and the defects of a stream.
 pub(crate) fn summary(stream: &OpenStream, progress: &mut dyn FnMut(usize)) -> Result<JobResult> {
     let options = MeasureOptions { frames: false, ..MeasureOptions::without_intervals() };
-    let statistics = measure_stream(&stream.reader, &options, progress)?;
+    // The stream is read twice: for the statistics and for the blinking pixels.
+    let statistics = measure_stream(&stream.reader, &options, &mut |readouts| progress(readouts / 2))?;
     let rates: Vec<f32> =
         statistics.counts.as_ref().map(|c| c.rate().iter().map(|r| *r as f32).collect()).unwrap_or_default();
     let defects = summarize(&statistics)?.defects;
     let mean = rates.iter().map(|r| f64::from(*r)).sum::<f64>() / rates.len().max(1) as f64;
+    let mut defects = json!(defects);
+    let half = stream.reader.readouts() / 2;
+    defects["blinking"] =
+        json!(blinking_pixels(&stream.reader, &mut |readouts| progress(half + readouts / 2))?);
     Ok(JobResult { value: json!({"defects": defects, "mean_rate": mean}), rates })
 }

@@ -12,6 +12,8 @@
 
 mod access;
 mod api;
+mod blinking;
+mod encoding;
 mod export;
 mod http;
 mod jobs;

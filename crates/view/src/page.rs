@@ -13,9 +13,10 @@ pub(crate) const INDEX: &str = include_str!("static/index.html");
 pub(crate) const STYLE: &str = include_str!("static/style.css");
 
 /// The modules of the page. Each module imports only modules before it.
-pub(crate) const MODULES: [(&str, &str); 15] = [
+pub(crate) const MODULES: [(&str, &str); 16] = [
     ("colors.js", include_str!("static/colors.js")),
     ("bits.js", include_str!("static/bits.js")),
+    ("rate_image.js", include_str!("static/rate_image.js")),
     ("sources.js", include_str!("static/sources.js")),
     ("plots.js", include_str!("static/plots.js")),
     ("image_view.js", include_str!("static/image_view.js")),

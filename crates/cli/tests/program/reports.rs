@@ -1,5 +1,6 @@
 //! Tests that all HTML reports have the same structure.
 
+use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
 use crate::program_support::TestFolder;
@@ -150,4 +151,43 @@ fn a_preview_with_another_ending_than_png_is_refused() {
     let place = place_with_recordings();
     place.run_refused("inspect flat.dat --png preview.jpg", 2, &["preview.jpg", ".png"]);
     assert!(!place.path("preview.jpg").exists());
+}
+
+/// Returns the words in code style of the first table after `heading`, which are keys.
+fn documented_keys(page: &str, heading: &str) -> BTreeSet<String> {
+    let section = page.split(&format!("\n{heading}:\n\n")).nth(1).expect(heading);
+    let table = section.split("\n\n").next().unwrap_or_default();
+    table.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+fn add_keys(value: &serde_json::Value, keys: &mut BTreeSet<String>) {
+    if let Some(object) = value.as_object() {
+        keys.extend(object.keys().cloned());
+        object.values().for_each(|v| add_keys(v, keys));
+    }
+    value.as_array().into_iter().flatten().for_each(|v| add_keys(v, keys));
+}
+
+#[test]
+fn the_reference_lists_the_keys_of_every_comparison() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/reports.md");
+    let page = std::fs::read_to_string(path).unwrap();
+    let place = place_with_recordings();
+    place.run_ok("simulate --builtin-light chart --width 256 --height 160 --readouts 600 -o chart");
+    // The files of cameras without color filters and without a description lack the optional keys.
+    let cases = [
+        ("`compare` with a recording set", "set/recordings.toml", "", &["channels", "recorded_camera"][..]),
+        ("`compare` with one recording", "flat.dat", "", &[]),
+        ("`compare --realism`", "chart.dat", "--realism --window 16,40 --recordings-per-camera 2", &[]),
+    ];
+    for (i, (heading, input, flags, optional)) in cases.into_iter().enumerate() {
+        place.run_ok(&format!("compare {input} ideal physical {flags} -o compared{i}"));
+        let mut keys = BTreeSet::new();
+        add_keys(&place.json(&format!("compared{i}/comparison.json")), &mut keys);
+        let documented = documented_keys(&page, heading);
+        let missing: Vec<_> = keys.difference(&documented).collect();
+        let absent: Vec<_> =
+            documented.difference(&keys).filter(|key| !optional.contains(&key.as_str())).collect();
+        assert!(missing.is_empty() && absent.is_empty(), "{heading}: {missing:?} {absent:?}");
+    }
 }

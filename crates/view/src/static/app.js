@@ -7,7 +7,7 @@ import { redrawPlots } from './plots.js';
 import { Picture } from './image_view.js';
 import { Labels } from './labels.js';
 import { draw, zoom, fit, largePixels, pan } from './drawing.js';
-import { refresh, refreshOrWait, restyle, setWindow, syncControls, setAt, togglePlay, pause, startLive, stopLive, goToLabel } from './player.js';
+import { refresh, refreshOrWait, restyle, setWindow, syncControls, setAt, togglePlay, pause, startLive, stopLive, goToLabel, findObject } from './player.js';
 import { showPixel, selectPixel, clearPixel } from './pixel_panel.js';
 import { showRegion, clearRegion, setDrawing, showDistances } from './region_panel.js';
 import { showDefects, listDefects, nextDefect } from './defect_panel.js';
@@ -131,6 +131,7 @@ async function openLabels() {
     if (read && read.frames && read.frames.length) session.labels = new Labels(source, s, read.frames);
   }
   el('labels-panel').hidden = !session.labels;
+  if (session.labels) setOptions(el('label-class'), [['', 'any vehicle'], ...session.labels.classes().map((name) => [name, name])], '');
 }
 
 function nextOption(id) {
@@ -161,7 +162,7 @@ function connect() {
   on('play', 'click', togglePlay);
   on('back', 'click', () => setAt(state.at - 1));
   on('forward', 'click', () => setAt(state.at + 1));
-  on('at', 'change', () => setAt(Number(el('at').value)));
+  on('at', 'change', () => { setAt(Number(el('at').value)); el('at').value = state.at; });
   on('scrubber', 'input', () => setAt(Number(el('scrubber').value)));
   on('method', 'change', () => { state.method = el('method').value; syncControls(); refreshOrWait(); });
   on('window', 'change', () => setWindow(Number(el('window').value)));
@@ -199,7 +200,8 @@ function connect() {
   on('label-opacity', 'input', draw);
   on('label-previous', 'click', () => goToLabel(session.labels.nearest(state.at) - 1));
   on('label-next', 'click', () => goToLabel(session.labels.nearest(state.at) + 1));
-  on('label-first', 'click', () => goToLabel(session.labels.firstVehicle()));
+  on('label-first', 'click', () => findObject(0));
+  on('label-later', 'click', () => findObject(session.labels.nearest(state.at) + 1));
   on('copy', 'click', guard(async () => {
     saveState();
     await navigator.clipboard.writeText(location.href);
@@ -299,10 +301,10 @@ function showHover({ x, y, pane, isInside }) {
     return;
   }
   const p = y * session.info.width + x;
-  const rate = session.pictures[state.b && state.compare !== 'difference' ? pane : 0].rates[p];
+  const rate = session.pictures[state.b && state.compare !== 'difference' ? pane : 0].image.at(p);
   let text = `x ${x}, y ${y}, `;
   if (state.b && state.compare === 'difference') {
-    text += `difference ${number(session.pictures[0].rates[p] - session.pictures[1].rates[p])}`;
+    text += `difference ${number(session.pictures[0].image.at(p) - session.pictures[1].image.at(p))}`;
   } else if (state.method === 'bits') {
     text += rate ? 'spike' : 'no spike';
   } else {

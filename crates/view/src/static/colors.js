@@ -53,13 +53,3 @@ export function hueColor(hue, saturation, value) {
   };
   return [channel(5), channel(3), channel(1)];
 }
-
-// The rate above which one pixel in 500 lies, estimated from at most 20,000 pixels.
-export function whiteRate(rates) {
-  const step = Math.max(1, Math.floor(rates.length / 20000));
-  const sample = [];
-  for (let i = 0; i < rates.length; i += step) sample.push(rates[i]);
-  sample.sort((a, b) => a - b);
-  const white = sample[Math.min(sample.length - 1, Math.floor(sample.length * 0.998))];
-  return white > 0 ? white : 1;
-}

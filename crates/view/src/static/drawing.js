@@ -1,14 +1,13 @@
 // Draws the images, and over them the labels, defects, the pixel and the region.
 
-import { whiteRate } from './colors.js';
 import { el, DEFECT_KINDS, state, session, view, number } from './page.js';
 import { saveStateSoon } from './address.js';
 import { Picture } from './image_view.js';
 
-const DEFECT_COLORS = { hot: '#ff4d4d', weak: '#4da3ff', dead: '#ffd000', stuck: '#ff66ff' };
+const DEFECT_COLORS = { hot: '#ff4d4d', weak: '#4da3ff', dead: '#ffd000', stuck: '#ff66ff', blinking: '#00e5ff' };
 
 export function setWhite() {
-  session.white = state.method === 'bits' ? 1 : whiteRate(session.pictures[0].rates);
+  session.white = state.method === 'bits' ? 1 : session.pictures[0].image.white();
   session.whiteMethod = state.method;
 }
 

@@ -1,6 +1,6 @@
 // List of the streams of a folder, with thumbnails and filters.
 
-import { colorMaps, lookupTable, whiteRate } from './colors.js';
+import { colorMaps, lookupTable } from './colors.js';
 import { el, state, session, source, setOptions } from './page.js';
 import { Picture } from './image_view.js';
 
@@ -52,10 +52,9 @@ async function drawThumbnail(canvas) {
   try {
     const s = canvas.dataset.stream;
     const { width, height, readouts } = await source.stream(s);
-    const rates = await source.image(s, Math.floor(readouts / 2), 'tfp', 81);
     const picture = new Picture(width, height);
-    picture.rates = rates;
-    picture.color(lookupTable(colorMaps.gray), whiteRate(rates), 1);
+    picture.image = await source.image(s, Math.floor(readouts / 2), 'tfp', 81);
+    picture.color(lookupTable(colorMaps.gray), picture.image.white(), 1);
     canvas.width = 128;
     canvas.height = 80;
     const scale = Math.min(128 / width, 80 / height);

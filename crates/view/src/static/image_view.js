@@ -1,15 +1,16 @@
 import { differenceColor, lookupTable } from './colors.js';
+import { RateImage } from './rate_image.js';
 
 // The image area: pans, zooms, and draws one or two images with overlays.
 
 const differenceTable = lookupTable(differenceColor);
 
-// One image: rates, and the same as colors.
+// One image as rates and as colors.
 export class Picture {
   constructor(width, height) {
     this.width = width;
     this.height = height;
-    this.rates = new Float32Array(width * height);
+    this.image = new RateImage(new Float32Array(width * height));
     this.canvas = document.createElement('canvas');
     this.canvas.width = width;
     this.canvas.height = height;
@@ -20,22 +21,14 @@ export class Picture {
 
   // Colors the rates. Rate `white` has the last color of the table.
   color(table, white, gamma) {
-    const { rates, words } = this;
-    const scale = 1 / white;
-    if (gamma === 1) {
-      for (let i = 0; i < words.length; i++) words[i] = table[Math.min(1023, (rates[i] * scale * 1023 + 0.5) | 0)];
-    } else {
-      const curve = new Uint32Array(4096);
-      for (let i = 0; i < 4096; i++) curve[i] = table[Math.round(1023 * (i / 4095) ** (1 / gamma))];
-      for (let i = 0; i < words.length; i++) words[i] = curve[Math.min(4095, (rates[i] * scale * 4095 + 0.5) | 0)];
-    }
+    this.image.color(this.words, table, white, gamma);
     this.context.putImageData(this.pixels, 0, 0);
   }
 
   // Colors the difference of two images. A difference of `limit` has the last color.
   colorDifference(a, b, limit) {
     for (let i = 0; i < this.words.length; i++) {
-      const d = (a.rates[i] - b.rates[i]) / limit;
+      const d = (a.image.at(i) - b.image.at(i)) / limit;
       this.words[i] = differenceTable[Math.max(0, Math.min(1023, Math.round(511.5 * (1 + d))))];
     }
     this.context.putImageData(this.pixels, 0, 0);

@@ -1,5 +1,8 @@
 import { colorMaps, hueColor, idColor } from './colors.js';
 
+// Narrowest box on the screen that has a text, in CSS pixels.
+const MIN_TEXT_BOX_PX = 30;
+
 // Labels of a sequence: boxes, tracks and maps of the labeled readout that is nearest to the shown readout.
 
 export class Labels {
@@ -23,9 +26,16 @@ export class Labels {
     return this.frames[i].boxes.filter((b) => b.visible_pixels > 0);
   }
 
-  // Index of the first labeled readout with a visible vehicle. -1 if there is none.
-  firstVehicle() {
-    return this.frames.findIndex((_, i) => this.visible(i).length > 0);
+  // Classes of all boxes.
+  classes() {
+    return [...new Set(this.frames.flatMap((frame) => frame.boxes.map((b) => b.class)))].sort();
+  }
+
+  // Index of the first labeled readout from index `start` on with an object of class `name`, or of any class if `name` is
+  // empty. At least `pixels` pixels of the object are visible. -1 if there is none.
+  find(start, name, pixels) {
+    const isWanted = (b) => b.visible_pixels >= pixels && (!name || b.class === name);
+    return this.frames.findIndex((frame, i) => i >= start && frame.boxes.some(isWanted));
   }
 
   // Returns a map as a canvas. Null if the sequence has no such map.
@@ -46,6 +56,8 @@ export class Labels {
       const color = `rgb(${idColor(b.track_id).join(',')})`;
       c.strokeStyle = color;
       c.strokeRect(x0, y0, x1 - x0, y1 - y0);
+      // Texts over the boxes of distant vehicles would cover each other.
+      if ((x1 - x0) * scale < MIN_TEXT_BOX_PX) continue;
       const text = `${b.class} ${b.track_id}`;
       const width = c.measureText(text).width;
       c.fillStyle = '#000b';

@@ -6,7 +6,7 @@ import { ImageView } from './image_view.js';
 
 export const el = (id) => document.getElementById(id);
 
-export const DEFECT_KINDS = { hot: 'hot (rate too high)', weak: 'weak (rate too low)', dead: 'dead (no spikes)', stuck: 'stuck (always fires)' };
+export const DEFECT_KINDS = { hot: 'hot (rate too high)', weak: 'weak (rate too low)', dead: 'dead (no spikes)', stuck: 'stuck (always fires)', blinking: 'blinking (rate switches)' };
 export const LABEL_MAPS = ['instance', 'semantic', 'depth', 'flow'];
 export const LABEL_KINDS = ['boxes', 'tracks', ...LABEL_MAPS];
 export const REGION_READOUTS = 8192;

@@ -1,13 +1,14 @@
 // Loads the images of the shown time, plays, and shows a live camera.
 
 import { colorMaps, lookupTable } from './colors.js';
+import { RateImage } from './rate_image.js';
 import { el, LABEL_KINDS, LABEL_MAPS, state, session, source, number, clampAt, showError, runJob } from './page.js';
 import { saveStateSoon } from './address.js';
 import { setWhite, paint } from './drawing.js';
 
 const DEFAULT_HZ = 20000;
 
-// A newer request replaces an older one that has not begun. One request is under way at a time.
+// One request is under way at a time. Times between two requests are skipped.
 let isLoading = false;
 let isDirty = false;
 
@@ -20,7 +21,7 @@ async function rateMap(s, i) {
     await runJob(s, 'summary', null, el('summary-progress'));
     session.rateMaps[i] = await source.rates(s);
   }
-  return session.rateMaps[i];
+  return new RateImage(session.rateMaps[i]);
 }
 
 export function refresh() {
@@ -28,23 +29,38 @@ export function refresh() {
   if (!isLoading) load();
 }
 
+function requestImages() {
+  isDirty = false;
+  const { at, method, window: size } = state;
+  const streams = state.b ? [state.a, state.b] : [state.a];
+  const images = Promise.all(streams.map((s, i) => (method === 'rates' ? rateMap(s, i) : source.image(s, at, method, size))));
+  // `load` awaits the images later. Without a handler, the browser would report the error of a request twice.
+  images.catch(() => {});
+  return { at, method, images };
+}
+
 async function load() {
   isLoading = true;
-  while (isDirty) {
-    isDirty = false;
-    const { at, method, window: size } = state;
+  let next = null;
+  while (next || isDirty) {
+    const { at, method, images: promised } = next || requestImages();
+    next = null;
     try {
-      const streams = state.b ? [state.a, state.b] : [state.a];
-      const rates = await Promise.all(streams.map((s, i) => (method === 'rates' ? rateMap(s, i) : source.image(s, at, method, size))));
-      if (session.pictures[0].width * session.pictures[0].height !== rates[0].length) continue;
-      rates.forEach((r, i) => { session.pictures[i].rates = r; });
+      const images = await promised;
+      // The server computes the next images while the page colors these.
+      if (isDirty) next = requestImages();
+      if (session.pictures[0].width * session.pictures[0].height !== images[0].length) continue;
+      images.forEach((image, i) => { session.pictures[i].image = image; });
       if (!session.white || session.whiteMethod !== method) setWhite();
       if (session.labels) await loadLabelMaps(at);
       paint();
+      // The numbers change with the image, because each change of the page costs the browser a frame.
+      syncTime();
       el('image').dataset.readout = at;
       el('image').dataset.images = Number(el('image').dataset.images || 0) + 1;
     } catch (error) {
       showError(error);
+      syncTime();
       pause();
     }
   }
@@ -89,13 +105,13 @@ export function syncControls() {
 export function setAt(at) {
   if (session.info.is_live) return;
   state.at = clampAt(at);
-  syncTime();
   refresh();
   saveStateSoon();
 }
 
 function syncTime() {
-  el('at').value = state.at;
+  // The number that a user types stays until the user ends the input.
+  if (document.activeElement !== el('at')) el('at').value = state.at;
   el('scrubber').value = state.at;
   el('clock').textContent = session.info.readout_hz
     ? `${((1000 * state.at) / session.info.readout_hz).toFixed(2)} ms of ${((1000 * session.info.readouts) / session.info.readout_hz).toFixed(2)} ms`
@@ -148,7 +164,7 @@ export async function startLive() {
       try {
         const live = await source.live(state.a, state.method === 'rates' ? 'tfp' : state.method, state.window);
         if (run !== liveRun) return;
-        session.pictures[0].rates = live.rates;
+        session.pictures[0].image = live.image;
         if (!session.white || session.whiteMethod !== state.method) setWhite();
         paint();
         const image = el('image');
@@ -177,4 +193,13 @@ function syncLabelText() {
 
 export function goToLabel(i) {
   if (i >= 0 && i < session.labels.frames.length) setAt(session.labels.frames[i].readout);
+}
+
+// Moves to the first labeled readout from `start` on that shows an object of the selected class and size.
+export function findObject(start) {
+  const [name, pixels] = [el('label-class').value, Math.max(1, Number(el('label-pixels').value) || 1)];
+  const found = session.labels.find(start, name, pixels);
+  const what = `${name || 'vehicle'} with at least ${pixels} visible pixels`;
+  showError(found < 0 ? `no ${start ? 'later ' : ''}labels contain a ${what}` : null);
+  goToLabel(found);
 }

@@ -71,8 +71,9 @@ function paintPlot(canvas, plot) {
   const edge = series.some((s) => s.kind === 'bars') ? 0.6 : 0;
   const [x0, x1] = plot.xRange || range(series, 'x').map((v, i) => v + (i ? edge : -edge));
   let [y0, y1] = plot.yRange || range(series, 'y');
-  if (isLog) y1 += 0.05 * (y1 - y0);
   if (plot.fromZero) y0 = Math.min(0, y0);
+  // The highest bar or line does not touch the title.
+  if (isLog || plot.fromZero) y1 += 0.05 * (y1 - y0);
   const sx = (v) => box.left + ((v - x0) / (x1 - x0)) * (box.right - box.left);
   const sy = (v) => box.bottom - ((v - y0) / (y1 - y0)) * (box.bottom - box.top);
   c.fillStyle = style('--text');

@@ -48,7 +48,7 @@ export const showRegion = guard(async () => {
     const ul = document.createElement('ul');
     for (const line of spectrum.lines) {
       const li = document.createElement('li');
-      const cause = line.harmonic ? `, harmonic ${line.harmonic} of the firing rate` : '';
+      const cause = line.harmonic ? `, perhaps harmonic ${line.harmonic} of the firing rate` : '';
       li.textContent = `${number(line.frequency * unit)} ${name}, ${number(line.prominence, 3)} times its surroundings${cause}`;
       ul.append(li);
     }

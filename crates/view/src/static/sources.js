@@ -1,4 +1,5 @@
 import { PackedStream } from './bits.js';
+import { RateImage } from './rate_image.js';
 
 // The data of the page: from the server, or from the page itself. Both classes have the same methods.
 
@@ -17,12 +18,9 @@ const floats = async (request) => new Float32Array(await (await get(request)).ar
 // Decodes an image: a table of rates and one index per pixel, or the rates themselves.
 function decodeImage(buffer) {
   const [width, length] = new Uint32Array(buffer, 0, 2);
-  if (width === 0) return new Float32Array(buffer, 8);
+  if (width === 0) return new RateImage(new Float32Array(buffer, 8));
   const table = new Float32Array(buffer, 8, length);
-  const indices = width === 1 ? new Uint8Array(buffer, 8 + 4 * length) : new Uint16Array(buffer, 8 + 4 * length);
-  const rates = new Float32Array(indices.length);
-  for (let i = 0; i < rates.length; i++) rates[i] = table[indices[i]];
-  return rates;
+  return new RateImage(table, width === 1 ? new Uint8Array(buffer, 8 + 4 * length) : new Uint16Array(buffer, 8 + 4 * length));
 }
 
 export class ServerSource {
@@ -55,8 +53,8 @@ export class ServerSource {
   async live(s, method, window) {
     const response = await get(`live?s=${s}&method=${method}&window=${window}`);
     const [received, latest, dropped, lag, state] = response.headers.get('x-live').split(',');
-    const rates = new Float32Array(await response.arrayBuffer());
-    return { rates, received: Number(received), latest: Number(latest), dropped: Number(dropped), lag: Number(lag), state };
+    const image = new RateImage(new Float32Array(await response.arrayBuffer()));
+    return { image, received: Number(received), latest: Number(latest), dropped: Number(dropped), lag: Number(lag), state };
   }
 
   // Waits for a computation over a whole stream. `progress` receives the finished share.
@@ -96,7 +94,7 @@ export class EmbeddedSource {
     };
   }
 
-  async image(s, at, method, window) { return this.packed.image(at, method, window); }
+  async image(s, at, method, window) { return new RateImage(this.packed.image(at, method, window)); }
   async rates() { return this.packed.rateMap(); }
   async pixel(s, x, y, from, to) { return this.packed.pixel(x, y, from, to); }
   async region(s, r, from, to) { return this.packed.region(r.x, r.y, r.w, r.h, from, to); }

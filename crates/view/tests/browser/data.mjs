@@ -9,6 +9,7 @@ export const HZ = 20000;
 export const FLICKER_HZ = 500;
 export const HOT = [40, 10];
 export const DEAD = [12, 30];
+export const BLINKING = [26, 8];
 
 // Light of a pixel in spikes per readout: a gradient, with a lamp that flickers in the right half.
 function light(x, y, t) {
@@ -40,6 +41,7 @@ export function makeStream(path, noise, seed) {
       let rate = light(x, y, t);
       if (x === HOT[0] && y === HOT[1]) rate = 0.7;
       if (x === DEAD[0] && y === DEAD[1]) rate = 0;
+      if (x === BLINKING[0] && y === BLINKING[1]) rate *= Math.floor(t / 400) % 2 ? 1.4 : 0.6;
       charge[p] += rate;
       if (charge[p] >= threshold[p]) {
         charge[p] -= threshold[p];

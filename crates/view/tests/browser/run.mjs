@@ -10,7 +10,8 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import assert from 'node:assert/strict';
-import { DEAD, FLICKER_HZ, HEIGHT, HOT, HZ, READOUTS, WIDTH, bit, makeStream, rate } from './data.mjs';
+import { BLINKING, DEAD, FLICKER_HZ, HEIGHT, HOT, HZ, READOUTS, WIDTH, bit, makeStream, rate } from './data.mjs';
+import { servePageFiles } from './page_files.mjs';
 
 const { chromium } = createRequire(join(process.cwd(), 'package.json'))('playwright-core');
 const [program, mode = 'quick'] = process.argv.slice(2);
@@ -44,15 +45,7 @@ const browser = await chromium.launch({ executablePath: '/usr/bin/chromium', arg
 async function openPage(address, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1400, height: 900 }, permissions: ['clipboard-read', 'clipboard-write'], ...options });
   const page = await context.newPage();
-  // With PAGE_FILES=source, a changed page needs no build of the program.
-  if (process.env.PAGE_FILES === 'source') {
-    const types = { js: 'text/javascript', css: 'text/css', svg: 'image/svg+xml', html: 'text/html' };
-    await page.route(/^http:\/\/127\.0\.0\.1:\d+\/[0-9a-f]{32}\/([a-z_.]*)(#.*)?$/, (route) => {
-      const name = new URL(route.request().url()).pathname.split('/')[2] || 'index.html';
-      const body = readFileSync(new URL(`../../src/static/${name}`, import.meta.url));
-      return route.fulfill({ body, contentType: types[name.split('.')[1]] });
-    });
-  }
+  await servePageFiles(page);
   const faults = [];
   page.on('pageerror', (e) => faults.push(String(e)));
   page.on('console', (m) => { if (m.type() === 'error') faults.push(m.text()); });
@@ -64,6 +57,11 @@ async function openPage(address, options = {}) {
 }
 
 const shown = (page, readout) => page.waitForFunction((n) => document.getElementById('image').dataset.readout === String(n), readout);
+// The labels of a data set in which the first car appears in the labeled readout of this index.
+const FIRST_CAR = 3;
+const carLabelsFile = () => join(folder, 'cars', 'sequences', 'scene-0000', 'labels', 'labels.json');
+const carLabels = () => JSON.parse(readFileSync(carLabelsFile(), 'utf8'));
+
 const value = (page, id) => page.$eval(`#${id}`, (e) => e.value);
 const text = (page, id) => page.$eval(`#${id}`, (e) => e.textContent);
 
@@ -327,6 +325,10 @@ test('defects are found, listed and marked', 'stream', ['defects', 'defect-kind'
   await page.click('#defect-list button');
   await page.waitForSelector(`#pixel-result[data-pixel="${DEAD.join(',')}"]`);
   assert.equal(await text(page, 'zoom-value'), '1600 %');
+  await page.selectOption('#defect-kind', 'blinking');
+  const blinking = await page.$$eval('#defect-list button', (list) => list.map((b) => b.textContent));
+  assert.equal(blinking.length, 1);
+  assert.ok(blinking[0].startsWith(`(${BLINKING.join(', ')}) rate`), blinking[0]);
   await page.selectOption('#defect-kind', 'hot');
   await page.focus('#image');
   await page.keyboard.press('n');
@@ -523,6 +525,27 @@ test('a data set shows its sequences and labels', 'dataset', ['split', 'files', 
   }
 });
 
+test('the first image with a car is found', 'cars', ['label-class', 'label-pixels', 'label-first', 'label-later'], async (page) => {
+  const { frames } = carLabels();
+  const sizes = frames.map((frame) => Math.max(0, ...frame.boxes.filter((b) => b.class === 'Car').map((b) => b.visible_pixels)));
+  const at = async () => Number(await value(page, 'at'));
+  await page.selectOption('#label-class', 'Car');
+  await page.click('#label-first');
+  await shown(page, frames[FIRST_CAR].readout);
+  assert.equal(await at(), frames[FIRST_CAR].readout);
+  assert.equal(sizes.findIndex((n) => n > 0), FIRST_CAR);
+  await page.click('#label-later');
+  await shown(page, frames[FIRST_CAR + 1].readout);
+  await page.fill('#label-pixels', String(Math.max(...sizes) + 1));
+  await page.click('#label-first');
+  await page.waitForFunction(() => document.getElementById('message').textContent.includes('no labels contain a Car'));
+  await page.selectOption('#label-class', '');
+  await page.fill('#label-pixels', '1');
+  await page.click('#label-first');
+  await shown(page, frames[0].readout);
+  assert.ok(await page.$eval('#message', (e) => e.hidden));
+});
+
 test('a live camera shows new readouts', 'live', ['play'], async (page) => {
   await page.waitForFunction(() => Number(document.getElementById('image').dataset.images) > 20);
   assert.match(await text(page, 'live-state'), /running, readout \d+, lag \d+ readouts, \d+ dropped/);
@@ -606,6 +629,17 @@ const groups = {
   dataset: () => {
     execFileSync(program, ['dataset', '-o', 'drives', '--scene-preset', 'tiny'], { cwd: folder, stdio: 'ignore' });
     return serve('drives');
+  },
+  cars: () => {
+    const flags = '--sequences 1 --images-per-scene 6 --width 64 --height 40 --label-every 1 --test-share 0'.split(' ');
+    execFileSync(program, ['dataset', '-o', 'cars', ...flags], { cwd: folder, stdio: 'ignore' });
+    // The first images keep only vehicles of other classes.
+    const labels = carLabels();
+    labels.frames.forEach((frame, i) => {
+      frame.boxes.forEach((b) => { if (i < FIRST_CAR && b.class === 'Car') b.class = 'Van'; });
+    });
+    writeFileSync(carLabelsFile(), JSON.stringify(labels));
+    return serve('cars');
   },
   live: async () => {
     const name = join(folder, 'ring');
