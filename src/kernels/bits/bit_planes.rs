@@ -72,23 +72,29 @@ impl BitPlanes for AnyCpu {
     }
     #[inline(always)]
     fn transpose_planes(self, planes: [Pair; 8]) -> [[u8; 64]; ROW_WORDS] {
-        let planes = planes.map(|plane| self.words(plane));
-        std::array::from_fn(|word| {
-            let columns = transpose_bytes(planes.map(|plane| plane[word]));
-            let mut numbers = [0; 64];
-            for (bit, column) in columns.iter().enumerate() {
+        // `array::map` and `array::from_fn` are often not inlined, and then not compiled for the instructions of this CPU.
+        let mut of_word = [[0; 8]; ROW_WORDS];
+        for (j, plane) in planes.into_iter().enumerate() {
+            for (planes, word) in of_word.iter_mut().zip(self.words(plane)) {
+                planes[j] = word;
+            }
+        }
+        let mut all = [[0; 64]; ROW_WORDS];
+        for (numbers, planes) in all.iter_mut().zip(of_word) {
+            for (bit, column) in transpose_bytes(planes).into_iter().enumerate() {
                 for (byte, value) in column.to_le_bytes().into_iter().enumerate() {
                     numbers[byte * 8 + bit] = value;
                 }
             }
-            numbers
-        })
+        }
+        all
     }
 }
 
 /// Transposes eight 8x8 bit squares. Square `b` consists of byte `b` of the eight words.
 ///
 /// Bit `j` of byte `b` of word `i` becomes bit `i` of byte `b` of word `j`.
+#[inline(always)]
 fn transpose_bytes(mut words: [u64; 8]) -> [u64; 8] {
     const STAGES: [(usize, u64); 3] =
         [(4, 0x0F0F_0F0F_0F0F_0F0F), (2, 0x3333_3333_3333_3333), (1, 0x5555_5555_5555_5555)];
