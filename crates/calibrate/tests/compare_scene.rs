@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use spikelane::effects::find;
 use spikelane::spikes::Geometry;
 use spikelane::{Camera, Plan, Seeds, Sensor, Simulator, presets};
+use spikelane_calibrate::ColorFilters;
 use spikelane_calibrate::compare::{
     RealismOptions, SceneComparison, WindowSize, compare_realism, compare_static_scene,
 };
@@ -62,7 +63,8 @@ fn recording(folder: &std::path::Path, bytes: &[u8], readouts: usize) -> StreamR
 
 fn compare_models(bytes: &[u8], models: &[Camera]) -> SceneComparison {
     let folder = tempfile::tempdir().unwrap();
-    compare_static_scene(&recording(folder.path(), bytes, READOUTS), models, seeds(1)).unwrap()
+    let recording = recording(folder.path(), bytes, READOUTS);
+    compare_static_scene(&recording, &ColorFilters::Unknown, models, seeds(1)).unwrap()
 }
 
 /// Returns options with windows of 16x16 pixels. The sensor then has 48 places.
@@ -97,8 +99,9 @@ fn a_scene_whose_pixels_fire_six_times_is_refused() {
     let bytes = stream_under(&physical_camera(), |_| 0.055);
     let frame = bytes.len() / READOUTS;
     let short = recording(folder.path(), &bytes[..110 * frame], 110);
+    let models = [noisy_camera(), physical_camera()];
     let refused =
-        compare_static_scene(&short, &[noisy_camera(), physical_camera()], seeds(1)).unwrap_err().to_string();
+        compare_static_scene(&short, &ColorFilters::Unknown, &models, seeds(1)).unwrap_err().to_string();
     assert!(refused.contains("times in 110 readouts") && refused.contains("`realism`"), "{refused}");
 }
 

@@ -103,6 +103,7 @@ fn loader_hint(options: &DatasetOptions) -> String {
     let geometry = options.camera.sensor.geometry;
     match options.dataset_layout {
         DatasetLayout::SpikeCv => ", as in the reference images of SpikeCV".to_owned(),
+        DatasetLayout::SslCsc => " (coefficient 1 in SSL-CSC)".to_owned(),
         DatasetLayout::SpikeZoo => format!(
             " (`BaseDatasetConfig(width={}, height={}, rate={})` of Spike-Zoo)",
             geometry.width(),

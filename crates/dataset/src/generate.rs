@@ -170,6 +170,7 @@ pub fn generate(
 ) -> Result<DatasetReport> {
     // The folder remains locked until this function returns. The lock also fails early if the folder is not writable.
     let _claim = OutputSet::claim_folder(&options.output)?;
+    exporters::check_camera(options)?;
     let mut manifest = planned_manifest(options)?;
     let needed = estimate(options)?.bytes;
     if let Some(free) = storage::free_space(&options.output)?.filter(|&free| needed > free) {

@@ -26,7 +26,7 @@ const EXPOSURE_STEP: f32 = 0.99;
 /// Returns the camera of `options` with an adjusted exposure. With this exposure, the rate at light 1.0 does not
 /// exceed the rate of code 255.
 ///
-/// For SpikeCV, code 255 is the highest possible rate, so the camera is unchanged.
+/// For SpikeCV and SSL-CSC, code 255 is the highest possible rate, so the camera is unchanged.
 pub(super) fn exposed_camera(options: &DatasetOptions) -> Camera {
     let mut camera = options.camera.clone();
     if options.dataset_layout == DatasetLayout::SpikeZoo {
@@ -53,7 +53,7 @@ pub(super) fn write_reference_images(options: &DatasetOptions, light: &Frame, fo
 pub(super) fn exposure_factor(options: &DatasetOptions, light: &Frame) -> f32 {
     let integers = !matches!(light.samples(), OwnedSamples::F32(_));
     if options.dataset_layout != DatasetLayout::SpikeZoo || integers {
-        // For SpikeCV, code 255 is the saturation rate of the pixel. Integer light never exceeds white. With SpikeCV or
+        // For SpikeCV and SSL-CSC, code 255 is the saturation rate of the pixel. Integer light never exceeds white. With them or
         // integer light, no code is therefore clipped.
         return 1.0;
     }

@@ -4,14 +4,19 @@
 use super::dead_pixels::find_dead;
 use super::estimate::{Estimate, finite_values, median_and_spread, tiled_mean};
 use super::intervals::PhaseNoise;
-use super::maps::{Correlations, high_pass, line_structure, local_median_residual, pattern_correlations};
+use super::maps::{
+    Correlations, high_pass, line_structure, local_median_residual, local_range, pattern_correlations,
+};
 use super::{Counts, Intervals, Statistics};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::Count;
 
-/// Smallest distance of an outlier from the median of its neighborhood, in robust standard deviations. One in 5e8 values
-/// of a normal distribution exceeds this distance.
+/// Smallest distance of an outlier from the range of its surroundings, in robust standard deviations. One in 5e8 values of
+/// a normal distribution exceeds this distance from the mean.
 const OUTLIER_SIGMAS: f64 = 6.0;
+
+/// Expected distance of the third largest of 24 normal values from their mean, in standard deviations.
+const THIRD_LARGEST_SIGMAS: f64 = 1.2;
 
 /// Side of the tiles in pixels. The standard errors of means come from the scatter of these tiles.
 const TILE_PIXELS: usize = 16;
@@ -24,10 +29,10 @@ pub struct Defects {
     pub dead: Vec<usize>,
     /// Pixels that fired at every readout (stuck or saturated).
     pub stuck: Vec<usize>,
-    /// Pixels whose rate is more than 6 robust standard deviations above the median of the 5x5 box around them.
+    /// Pixels whose rate is more than 6 robust standard deviations above the rates of the 5x5 box around them, and whose
+    /// ratio to these rates exceeds the contrast in the box.
     pub hot: Vec<usize>,
-    /// Pixels whose rate is more than 6 robust standard deviations below the median of the 5x5 box around them. Dead
-    /// pixels are excluded.
+    /// Pixels whose rate is below the rates of the box by the same criteria. Dead pixels are excluded.
     pub weak: Vec<usize>,
 }
 
@@ -81,7 +86,13 @@ pub struct Summary {
 /// Counts are required. The temporal noise is computed from the intervals if they were measured.
 ///
 /// The quantities are defined for a uniform target. In other scenes, the content of the scene increases the
-/// non-uniformities, and the edges in the scene are counted as outliers.
+/// non-uniformities.
+///
+/// An edge of a scene is not a defect. A pixel is hot or weak only if its rate is outside the range of the 5x5 box around
+/// it, from the third smallest to the third largest rate of the other pixels. The factor by which the rate is outside
+/// exceeds the ratio of both ends of the range. Near an edge, only a pixel that differs by more than the contrast of the
+/// edge is therefore found. Details of the scene of at most three pixels count as defects. A row or column with another
+/// rate is not a defect of its pixels, see [`Summary::row_nonuniformity`].
 ///
 /// # Examples
 /// ```
@@ -160,17 +171,30 @@ fn find_defects(counts: &Counts, rates: &[f64], width: usize) -> Defects {
     let away = local_median_residual(rates, width);
     let spread = median_and_spread(&mut finite_values(&away)).1;
     // If most pixels agree exactly, `spread` is 0. The limit then prevents a difference of one spike from being an outlier.
-    let limit = (OUTLIER_SIGMAS * spread).max(1.0 / f64::from(readouts));
-    let fires = |p: &usize| counts.count[*p] > 0 && counts.count[*p] < readouts;
-    let beyond = |sign: f64| -> Vec<usize> {
-        let pixels = (0..away.len()).filter(|p| sign * away[*p] > limit);
-        pixels.filter(fires).collect()
+    let one_spike = 1.0 / f64::from(readouts);
+    let limit = (OUTLIER_SIGMAS * spread).max(one_spike);
+    // Returns the lowest and the highest rate of the box around a pixel, without the contribution of noise.
+    let surroundings = |p: usize| {
+        let (median, noise) = (rates[p] - away[p], THIRD_LARGEST_SIGMAS * spread);
+        let [low, high] = local_range(rates, width, p);
+        [(low + noise).min(median).max(one_spike), (high - noise).max(median).max(one_spike)]
     };
+    let is_hot = |p: usize| {
+        let [low, high] = surroundings(p);
+        rates[p] - high > limit && rates[p] / high > high / low
+    };
+    let is_weak = |p: usize| {
+        let [low, high] = surroundings(p);
+        low - rates[p] > limit && low / rates[p] > high / low
+    };
+    let fires = |p: usize| counts.count[p] > 0 && counts.count[p] < readouts;
+    let pixels = || (0..away.len()).filter(|p| fires(*p));
     Defects {
         dead: find_dead(counts, width),
         stuck: where_count(readouts),
-        hot: beyond(1.0),
-        weak: beyond(-1.0),
+        // The median of the box is in the range of the box, so most pixels need no range.
+        hot: pixels().filter(|p| away[*p] > limit && is_hot(*p)).collect(),
+        weak: pixels().filter(|p| -away[*p] > limit && is_weak(*p)).collect(),
     }
 }
 

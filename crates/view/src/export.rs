@@ -59,7 +59,7 @@ pub fn export_page(sources: &Sources, readouts: Range<usize>, crop: Option<Crop>
         Ok(())
     })?;
     let reader = StreamReader::from_bytes(name, bytes.clone(), Some(Layout::DatTop), Some(geometry))?;
-    let clip = OpenStream::new(reader, stream.readout_hz);
+    let clip = OpenStream::new(reader, stream.readout_hz).with_mosaic(stream.mosaic.clone());
     let defects = summary(&clip, &mut |_| {})?.value;
     let data = json!({
         "name": name, "width": geometry.width(), "height": geometry.height(), "readouts": readouts.len(),

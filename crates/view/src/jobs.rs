@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Crop;
 use spikelane::unstable::threads;
-use spikelane_measure::{MeasureOptions, measure_stream, summarize};
+use spikelane_measure::{MeasureOptions, detect_mosaic, measure_stream, summarize, summarize_mosaic};
 
 use crate::blinking::blinking_pixels;
 use crate::query::StreamKey;
@@ -122,14 +122,19 @@ fn compute(task: Task, stream: &OpenStream, done: &AtomicU64) -> Result<JobResul
     }
 }
 
-/// Returns the rate map and the defects of a stream.
+/// Returns the rate map and the defects of a stream. If the color filters are unknown, a pattern of 2x2 filters is detected.
 pub(crate) fn summary(stream: &OpenStream, progress: &mut dyn FnMut(usize)) -> Result<JobResult> {
     let options = MeasureOptions { frames: false, ..MeasureOptions::without_intervals() };
     // The stream is read twice: for the statistics and for the blinking pixels.
     let statistics = measure_stream(&stream.reader, &options, &mut |readouts| progress(readouts / 2))?;
     let rates: Vec<f32> =
         statistics.counts.as_ref().map(|c| c.rate().iter().map(|r| *r as f32).collect()).unwrap_or_default();
-    let defects = summarize(&statistics)?.defects;
+    let counts = statistics.counts.as_ref().map(|c| &*c.count).unwrap_or_default();
+    let detected = || detect_mosaic(counts, statistics.geometry.width()).map(|[first, _]| first);
+    let defects = match stream.mosaic.clone().or_else(detected) {
+        Some(mosaic) => summarize_mosaic(&statistics, &mosaic)?.defects,
+        None => summarize(&statistics)?.defects,
+    };
     let mean = rates.iter().map(|r| f64::from(*r)).sum::<f64>() / rates.len().max(1) as f64;
     let mut defects = json!(defects);
     let half = stream.reader.readouts() / 2;

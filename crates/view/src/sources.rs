@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::{Value, json};
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::sensor::Mosaic;
 use spikelane::unstable::inputs::{InputFile, not_found_as_none};
-use spikelane_calibrate::{RecordingSet, Stimulus};
+use spikelane_calibrate::{ColorFilters, RecordingSet, Stimulus};
 use spikelane_dataset::{Access, DatasetReader, InnerPath, SequenceEntry, SequenceFiles};
 use spikelane_io::formats::{OpenOptions, StreamReader};
 use spikelane_io::simulate::Sidecar;
@@ -46,6 +47,8 @@ spikelane::unstable::with_methods!(SourceOptions {
 pub(crate) struct OpenStream {
     pub(crate) reader: StreamReader,
     pub(crate) readout_hz: Option<f64>,
+    /// Color filters that the sidecar or the recording set states.
+    pub(crate) mosaic: Option<Mosaic>,
     /// Problems of the file that affect the images.
     pub(crate) warnings: Vec<String>,
 }
@@ -172,11 +175,17 @@ impl Sources {
                 let files = self.sequence(key)?;
                 let name = if key.is_clean { "stream.clean.dat" } else { "stream.dat" };
                 let reader = files.stream(name, &OpenOptions::default())?;
-                Ok(OpenStream::new(reader, files.sidecar()?.readout_hz))
+                let sidecar = files.sidecar()?;
+                let mosaic = sidecar.mosaic.and_then(|facts| facts.mosaic().ok());
+                Ok(OpenStream::new(reader, sidecar.readout_hz).with_mosaic(mosaic))
             }
             Content::Recordings(set) if !key.is_clean => {
                 let recording = set.recordings.get(index).ok_or_else(|| missing(set.recordings.len()))?;
-                Ok(OpenStream::new(set.reader(recording)?, Some(set.readout_hz)))
+                let mosaic = match set.color_filters() {
+                    Ok(ColorFilters::Mosaic(mosaic)) => Some(mosaic),
+                    _ => None,
+                };
+                Ok(OpenStream::new(set.reader(recording)?, Some(set.readout_hz)).with_mosaic(mosaic))
             }
             Content::Folder { folder, streams, .. } if !key.is_clean => {
                 let inner = streams.get(index).ok_or_else(|| missing(streams.len()))?;
@@ -249,15 +258,22 @@ fn light_text(light: Stimulus) -> String {
 impl OpenStream {
     pub(crate) fn new(reader: StreamReader, readout_hz: Option<f64>) -> Self {
         let warnings = reader.warnings().to_vec();
-        Self { reader, readout_hz: readout_hz.filter(|hz| hz.is_finite() && *hz > 0.0), warnings }
+        let readout_hz = readout_hz.filter(|hz| hz.is_finite() && *hz > 0.0);
+        Self { reader, readout_hz, mosaic: None, warnings }
+    }
+
+    pub(crate) fn with_mosaic(self, mosaic: Option<Mosaic>) -> Self {
+        Self { mosaic, ..self }
     }
 
     /// Opens a file. The warnings include a layout that does not look like a picture.
     fn open(path: &Path, options: &SourceOptions) -> Result<Self> {
         let reader = options.open.open(path)?;
-        let sidecar = Sidecar::read_beside(path).ok().flatten().and_then(|(_, s)| s.readout_hz);
+        let sidecar = Sidecar::read_beside(path).ok().flatten().map(|(_, sidecar)| sidecar);
         let guess = reader.layout_guesses()?.warning();
-        let mut stream = Self::new(reader, options.readout_hz.or(sidecar));
+        let readout_hz = options.readout_hz.or(sidecar.as_ref().and_then(|s| s.readout_hz));
+        let mosaic = sidecar.and_then(|s| s.mosaic).and_then(|facts| facts.mosaic().ok());
+        let mut stream = Self::new(reader, readout_hz).with_mosaic(mosaic);
         stream.warnings.extend(guess);
         Ok(stream)
     }

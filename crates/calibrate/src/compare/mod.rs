@@ -22,7 +22,7 @@ pub use realism::{
     WindowSubset, compare_realism, static_pixels,
 };
 pub use row_bands::RowBand;
-pub use scene::{SceneComparison, compare_static_scene};
+pub use scene::{SceneChannel, SceneComparison, compare_static_scene};
 pub use scene_statistics::SceneStatistics;
 
 use spikelane::error::Result;

@@ -6,15 +6,19 @@ use super::row_bands::{RowBand, RowBands};
 use super::scene_statistics::{SceneStatistics, VARIANCE_LAGS, distance_terms, log_ratio, scene_statistics};
 use super::steady_pixels::{SURROUNDING_RADIUS_PX, steady_pixels};
 use crate::compare::check_comparison_memory;
+use crate::recordings::color_filters::{ColorFilters, PixelClasses};
 use crate::recordings::protocol::BATCH_READOUTS;
 use spikelane::effects::{Camera, Maps};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::sensor::{Channel, Mosaic};
 use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs;
 use spikelane_io::formats::StreamReader;
 use spikelane_io::simulate::Simulator;
-use spikelane_measure::{Accumulator, Estimate, MeasureOptions, Statistics, measure_stream, select_uniform};
+use spikelane_measure::{
+    Accumulator, Estimate, MeasureOptions, Statistics, detect_mosaic, measure_stream, select_uniform,
+};
 
 /// Number of readouts that are simulated and discarded before the measured readouts.
 pub(super) const LEAD_READOUTS: usize = 200;
@@ -27,6 +31,8 @@ pub struct SceneComparison {
     pub pixels: usize,
     /// Mean rate of the compared pixels in spikes per readout.
     pub mean_rate: f64,
+    /// The compared pixels of each color filter. Empty for a gray camera.
+    pub channels: Vec<SceneChannel>,
     /// Statistics of the recording.
     pub recording: SceneStatistics,
     /// The distance that the standard errors of the recording alone cause.
@@ -43,17 +49,34 @@ pub struct SceneComparison {
     pub width: usize,
 }
 
+/// The compared pixels behind one color filter.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct SceneChannel {
+    /// Letter of the filter. The filters of a detected pattern are K, L, M and N, row by row.
+    pub name: char,
+    /// Number of compared pixels.
+    pub pixels: usize,
+    /// Their mean rate in spikes per readout. NaN is serialized as null.
+    pub mean_rate: f64,
+}
+
 /// Compares the temporal noise of models with the temporal noise of a recording of a static scene.
 ///
 /// The comparison uses pixels in static, uniform areas. Every model receives the light that reproduces the measured rate
 /// of each pixel. The fixed pattern of the model is removed, because the measured rates contain the pattern of the real
 /// camera. The recording and the simulations are measured with the same options.
 ///
+/// An area is uniform if its pixels with the same color filter have equal rates. `filters` are the filters of the recorded
+/// camera. If they are unknown, a pattern of 2x2 filters is detected. The light of a model is the light behind the filters,
+/// so the filters of the model have no effect.
+///
 /// # Errors
 /// [`ErrorKind::Input`] if the recording has fewer than 100 readouts, if fewer than 500 pixels are in uniform, static
 /// areas, or if these pixels fire too rarely.
 pub fn compare_static_scene(
     recording: &StreamReader,
+    filters: &ColorFilters,
     cameras: &[Camera],
     seeds: Seeds,
 ) -> Result<SceneComparison> {
@@ -66,7 +89,10 @@ pub fn compare_static_scene(
     };
     let measured = measure_stream(recording, &options, &mut |_| {})?;
     check_comparison_memory(recording.geometry())?;
-    let pixels = static_pixels(&measured);
+    let width = recording.geometry().width();
+    let counts = measured.counts.as_ref().map(|c| &*c.count).unwrap_or_default();
+    let mosaic = filter_mosaic(filters, counts, width);
+    let pixels = static_pixels(&measured, mosaic.as_ref());
     if readouts < 100 || pixels.len() < 500 {
         return Err(Error::new(ErrorKind::Input, recording.name())
             .found(format_args!("{} static pixels of uniform areas over {readouts} readouts", pixels.len()))
@@ -107,10 +133,10 @@ pub fn compare_static_scene(
         + relative(&measured_statistics.outlier_share);
     let mut map = vec![f64::NAN; rates.len()];
     pixels.iter().for_each(|p| map[*p] = rates[*p]);
-    let width = recording.geometry().width();
     Ok(SceneComparison {
         pixels: pixels.len(),
         mean_rate,
+        channels: mosaic.map_or_else(Vec::new, |mosaic| scene_channels(&mosaic, &pixels, &rates, width)),
         recording: measured_statistics,
         noise_floor_distance: floor,
         models,
@@ -126,19 +152,56 @@ pub fn compare_static_scene(
 /// Static surroundings have the same brightness in both halves of the recording. The noise of the pixel itself is not a
 /// criterion, because this noise is compared later. Selecting pixels by their noise would remove the tails of the noise
 /// distribution.
-fn static_pixels(statistics: &Statistics) -> Vec<usize> {
+fn static_pixels(statistics: &Statistics, mosaic: Option<&Mosaic>) -> Vec<usize> {
     let (Some(counts), Some(early)) = (&statistics.counts, &statistics.counts_before_split) else {
         return Vec::new();
     };
     let width = statistics.geometry.width();
-    let even = select_uniform(&counts.rate_by_time(), width, &(0.05..0.45), SURROUNDING_RADIUS_PX, 0.06);
+    let uniform = uniform_pixels(&counts.rate_by_time(), width, mosaic.map_or((1, 1), Mosaic::period));
     let split = f64::from(statistics.readouts / 2);
     let rest = f64::from(statistics.readouts) - split;
     let late: Vec<f64> =
         counts.count.iter().zip(early).map(|(n, e)| f64::from(n - e) * split / rest).collect();
     let early: Vec<f64> = early.iter().map(|e| f64::from(*e)).collect();
     let steady = steady_pixels(&early, &late, width);
-    even.into_iter().filter(|p| steady[*p]).collect()
+    uniform.into_iter().filter(|p| steady[*p]).collect()
+}
+
+/// Returns the pixels in uniform areas, in ascending order. The pixels with one filter form grids with the period of the
+/// mosaic, in rows and columns. The pixels of each grid are selected as if they were a sensor.
+fn uniform_pixels(rates: &[f64], width: usize, (rows, cols): (usize, usize)) -> Vec<usize> {
+    let height = rates.len() / width;
+    let mut pixels = Vec::new();
+    for (row, col) in (0..rows).flat_map(|row| (0..cols.min(width)).map(move |col| (row, col))) {
+        let in_row = |r: usize| (col..width).step_by(cols).map(move |c| r * width + c);
+        let grid: Vec<usize> = (row..height).step_by(rows).flat_map(in_row).collect();
+        let own: Vec<f64> = grid.iter().map(|p| rates[*p]).collect();
+        let grid_width = (width - col).div_ceil(cols);
+        let selected = select_uniform(&own, grid_width, &(0.05..0.45), SURROUNDING_RADIUS_PX, 0.06);
+        pixels.extend(selected.into_iter().map(|i| grid[i]));
+    }
+    pixels.sort_unstable();
+    pixels
+}
+
+/// Returns the mosaic of the recorded camera, or `None` for a gray camera.
+fn filter_mosaic(filters: &ColorFilters, counts: &[u32], width: usize) -> Option<Mosaic> {
+    match filters {
+        ColorFilters::Absent => None,
+        ColorFilters::Unknown => {
+            detect_mosaic(counts, width).map(|_| PixelClasses::new(filters, width, true).mosaic().clone())
+        }
+        ColorFilters::Mosaic(mosaic) => Some(mosaic.clone()),
+    }
+}
+
+fn scene_channels(mosaic: &Mosaic, pixels: &[usize], rates: &[f64], width: usize) -> Vec<SceneChannel> {
+    let channel = |(i, channel): (usize, &Channel)| {
+        let own = pixels.iter().filter(|p| mosaic.channel_at(**p / width, **p % width) == i);
+        let mean = Estimate::mean(own.map(|p| rates[*p]));
+        SceneChannel { name: channel.name, pixels: mean.samples, mean_rate: mean.value }
+    };
+    mosaic.channels().iter().enumerate().map(channel).collect()
 }
 
 /// Returns the camera with `geometry` and without its fixed pattern. The measured rates already contain the fixed pattern

@@ -1,6 +1,6 @@
 //! The HTML report of a comparison with one static recording.
 
-use super::scene::SceneComparison;
+use super::scene::{SceneChannel, SceneComparison};
 use super::scene_statistics::{SceneStatistics, VARIANCE_LAGS};
 use spikelane::error::Result;
 use spikelane_measure::report::{
@@ -29,6 +29,9 @@ impl SceneComparison {
         }
         report.push_key("static pixels in uniform areas", self.pixels.to_string(), "");
         report.push_value("mean rate", self.mean_rate, "spikes per readout");
+        if !self.channels.is_empty() {
+            report.push_key("pixels of each color filter", self.channel_text(), "");
+        }
         let rows: Vec<RankedRow> = self
             .models
             .iter()
@@ -54,6 +57,16 @@ impl SceneComparison {
         report.push_table(self.distance_table());
         report.push_table(self.row_band_table());
         Ok(report.html(run))
+    }
+
+    /// Returns the number of compared pixels of each color filter, and their mean rates.
+    #[must_use]
+    pub fn channel_text(&self) -> String {
+        let channel = |c: &SceneChannel| match c.pixels {
+            0 => format!("{} 0", c.name),
+            n => format!("{} {n} (rate {:.4})", c.name, c.mean_rate),
+        };
+        self.channels.iter().map(channel).collect::<Vec<_>>().join(", ")
     }
 
     fn statistics_table(&self) -> Table {

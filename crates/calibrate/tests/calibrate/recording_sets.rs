@@ -9,8 +9,8 @@ use spikelane::{Camera, Seeds, presets};
 use spikelane_calibrate::compare::compare_gray_levels;
 use spikelane_calibrate::diagnose::{DiagnoseOptions, diagnose};
 use spikelane_calibrate::{
-    CalibrateOptions, Observations, Protocol, RecordingSet, SneeOptions, Stimulus, StimulusPattern,
-    calibrate, estimate_snee, import_maps, measure_levels, predict_precision,
+    CalibrateOptions, ColorFilters, Observations, Protocol, RecordingSet, SneeOptions, Stimulus,
+    StimulusPattern, calibrate, estimate_snee, import_maps, measure_levels, predict_precision,
 };
 use spikelane_io::formats::{Layout, StreamReader};
 use spikelane_measure::report::RunRecord;
@@ -452,7 +452,9 @@ fn the_static_recording_ranks_spikingsim_last() {
         StreamReader::open(&path, Some(Layout::Dat), Some(Geometry::new(400, 250).unwrap())).unwrap();
     let cameras: Vec<_> =
         spikelane_calibrate::compare::DEFAULT_MODELS.iter().map(|n| presets::builtin(n).unwrap()).collect();
-    let comparison = spikelane_calibrate::compare::compare_static_scene(&reader, &cameras, SEEDS).unwrap();
+    let comparison =
+        spikelane_calibrate::compare::compare_static_scene(&reader, &ColorFilters::Unknown, &cameras, SEEDS)
+            .unwrap();
     println!(
         "{} pixels, rate {:.4}, floor {:.3}",
         comparison.pixels, comparison.mean_rate, comparison.noise_floor_distance

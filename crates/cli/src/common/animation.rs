@@ -1,9 +1,10 @@
-//! Animated images: GIF and WebP. Both are lossless for gray levels.
+//! Animated images: GIF and WebP. WebP is lossless. GIF is lossless for gray levels, and dithers colors to a fixed palette
+//! of 252 colors.
 
 use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 
-use image::ImageEncoder as _;
+use image::{ExtendedColorType, ImageEncoder as _};
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::storage::PartialFile;
 
@@ -37,12 +38,15 @@ impl AnimationFormat {
         }
     }
 
-    /// Encodes the gray levels of a frame, row-major.
+    /// Encodes the sRGB codes of a frame, row-major: one code per pixel, or red, green and blue of each pixel.
     pub(crate) fn encode_frame(self, geometry: Geometry, levels: &[u8]) -> Result<Vec<u8>> {
         let (width, height) = (geometry.width(), geometry.height());
+        let is_color = levels.len() == 3 * geometry.pixels();
         match self {
             Self::Gif => {
-                let encoded = weezl::encode::Encoder::new(weezl::BitOrder::Lsb, GIF_CODE_BITS).encode(levels);
+                let indices = if is_color { &*dither(geometry, levels) } else { levels };
+                let encoded =
+                    weezl::encode::Encoder::new(weezl::BitOrder::Lsb, GIF_CODE_BITS).encode(indices);
                 let encoded = encoded.map_err(|e| Error::new(ErrorKind::Io, "GIF").found(e))?;
                 // The data consists of blocks of at most 255 bytes, each after its length. An empty block ends it.
                 let mut data = vec![GIF_CODE_BITS];
@@ -55,8 +59,9 @@ impl AnimationFormat {
             }
             Self::Webp => {
                 let mut file = Vec::new();
+                let kind = if is_color { ExtendedColorType::Rgb8 } else { ExtendedColorType::L8 };
                 image::codecs::webp::WebPEncoder::new_lossless(&mut file)
-                    .write_image(levels, width as u32, height as u32, image::ExtendedColorType::L8)
+                    .write_image(levels, width as u32, height as u32, kind)
                     .map_err(|e| Error::new(ErrorKind::Io, "WebP").found(e))?;
                 // The file has one chunk, which contains the image.
                 Ok(file.split_off(WEBP_HEADER_BYTES))
@@ -85,6 +90,7 @@ impl AnimationWriter {
         path: &Path,
         format: AnimationFormat,
         geometry: Geometry,
+        is_color: bool,
         fps: f64,
         force: bool,
     ) -> Result<Self> {
@@ -106,7 +112,7 @@ impl AnimationWriter {
         let mut writer =
             Self { format, geometry, fps, frames: 0, file: std::io::BufWriter::new(file), bytes: 0, partial };
         let header = match format {
-            AnimationFormat::Gif => gif_header(geometry),
+            AnimationFormat::Gif => gif_header(geometry, is_color),
             AnimationFormat::Webp => webp_header(geometry),
         };
         writer.write(&header)?;
@@ -156,14 +162,57 @@ impl AnimationWriter {
     }
 }
 
-/// Returns the start of a GIF: size, the palette of 256 gray levels, and the extension for endless repetition.
-fn gif_header(geometry: Geometry) -> Vec<u8> {
+/// Numbers of levels of red, green and blue in the palette of a GIF in color. The eye resolves green best.
+const GIF_LEVELS: [usize; 3] = [6, 7, 6];
+
+/// Side of the pattern of thresholds with which colors are dithered.
+const DITHER_SIDE: usize = 8;
+
+/// Returns the colors of the palette of a GIF: 256 gray levels, or all combinations of [`GIF_LEVELS`].
+fn gif_palette(is_color: bool) -> Vec<[u8; 3]> {
+    if !is_color {
+        return (0..=255u8).map(|level| [level; 3]).collect();
+    }
+    let [red, green, blue] = GIF_LEVELS;
+    let code = |level: usize, levels: usize| (255 * level / (levels - 1)) as u8;
+    let color =
+        |i: usize| [code(i / (green * blue), red), code(i / blue % green, green), code(i % blue, blue)];
+    // A palette has a power of two of entries. The last ones are black and not used.
+    (0..256).map(|i| if i < red * green * blue { color(i) } else { [0; 3] }).collect()
+}
+
+/// Returns the threshold of a pixel in the ordered dither of Bayer (1973), in 64ths from 0 to 63. The bits of the
+/// threshold are those of `x ^ y` and `y`, in reverse order.
+fn dither_threshold(x: usize, y: usize) -> usize {
+    (0..3).fold(0, |threshold, bit| {
+        let (x, y) = (x >> bit & 1, y >> bit & 1);
+        threshold << 2 | (x ^ y) << 1 | y
+    })
+}
+
+/// Returns the palette indices of red, green and blue of each pixel. Ordered dither keeps the mean color of an area, and
+/// does not flicker, because the thresholds of all frames are equal.
+fn dither(geometry: Geometry, levels: &[u8]) -> Vec<u8> {
+    let width = geometry.width();
+    let index = |(p, rgb): (usize, &[u8])| {
+        let threshold = dither_threshold(p % width % DITHER_SIDE, p / width % DITHER_SIDE);
+        let level = |code: u8, levels: usize| {
+            (usize::from(code) * (levels - 1) * 64 + 255 * threshold + 127) / (255 * 64)
+        };
+        rgb.iter().zip(GIF_LEVELS).fold(0, |index, (code, levels)| index * levels + level(*code, levels))
+            as u8
+    };
+    levels.chunks_exact(3).enumerate().map(index).collect()
+}
+
+/// Returns the start of a GIF: size, palette, and the extension for endless repetition.
+fn gif_header(geometry: Geometry, is_color: bool) -> Vec<u8> {
     let mut header = b"GIF89a".to_vec();
     header.extend((geometry.width() as u16).to_le_bytes());
     header.extend((geometry.height() as u16).to_le_bytes());
     // A global palette of 2^(7 + 1) colors with 8 bits each.
     header.extend([0xf7, 0, 0]);
-    header.extend((0..=255u8).flat_map(|level| [level; 3]));
+    header.extend(gif_palette(is_color).concat());
     header.extend([0x21, 0xff, 11]);
     header.extend(b"NETSCAPE2.0");
     header.extend([3, 1, 0, 0, 0]);
@@ -214,4 +263,30 @@ fn webp_frame_header(geometry: Geometry, milliseconds: u32, bytes: usize) -> Vec
     // Bit 1: the frame replaces the pixels of the frame before.
     header.push(0x02);
     header
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dither_keeps_the_mean_color_of_an_area() {
+        let (geometry, palette) = (Geometry::new(8, 8).unwrap(), gif_palette(true));
+        for code in 0..=255u8 {
+            let color = [code, 255 - code, code / 2];
+            let indices = dither(geometry, &color.repeat(64));
+            for (i, expected) in color.into_iter().enumerate() {
+                let sum: f64 = indices.iter().map(|p| f64::from(palette[usize::from(*p)][i])).sum();
+                // A pixel of 64 changes the mean by less than one code, and a color of the palette is rounded by less than one.
+                assert!((sum / 64.0 - f64::from(expected)).abs() < 1.5, "{color:?} {i}: {sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn each_threshold_occurs_once() {
+        let mut all: Vec<usize> = (0..8).flat_map(|y| (0..8).map(move |x| dither_threshold(x, y))).collect();
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..64));
+    }
 }

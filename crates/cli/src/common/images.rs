@@ -2,13 +2,18 @@
 
 use std::io::Cursor;
 
-use image::{DynamicImage, GrayImage, ImageBuffer, ImageFormat, PixelWithColorType, Rgb, RgbImage, imageops};
+use image::{
+    DynamicImage, EncodableLayout, GrayImage, ImageBuffer, ImageFormat, Luma, Pixel, PixelWithColorType, Rgb,
+    RgbImage, imageops,
+};
+use spikelane::light::srgb_code;
 use spikelane::reconstruct::{ColorMatrix, Demosaic, demosaic, tfp};
 use spikelane::sensor::Mosaic;
 use spikelane::spikes::{SpikeFramesRef, bit};
 use spikelane::unstable::light::srgb_byte;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::StreamReader;
+use spikelane_io::light::exr_image;
 use spikelane_io::simulate::LightSample;
 
 /// Number of readouts before and after the center of the TFP window on the contact sheet. At 20 kHz the window lasts 8
@@ -32,13 +37,29 @@ pub(crate) fn gray_image(values: &[f32], white: f32, geometry: Geometry) -> Gray
     image_from_levels(values.iter().map(|&v| level(v)), geometry)
 }
 
-/// Returns a PNG of linear values in sRGB: a gray image of one value per pixel, or a color image of red, green and blue of
-/// each pixel. Values of at least `white` are the largest code.
-pub(crate) fn picture_png(values: &[f32], white: f32, geometry: Geometry) -> Result<Vec<u8>> {
-    if values.len() == 3 * geometry.pixels() {
-        encode_png(&color_image(values, white, geometry))
-    } else {
-        encode_png(&gray_image(values, white, geometry))
+/// File format of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PictureFormat {
+    /// 8-bit PNG in sRGB. Values of at least `white` are the largest code.
+    Png8,
+    /// 16-bit PNG in sRGB. Values of at least `white` are the largest code.
+    Png16,
+    /// OpenEXR of 32-bit floats. The values are divided by `white` and not clipped.
+    Exr,
+}
+
+impl PictureFormat {
+    /// Encodes linear values: a gray picture of one value per pixel, or a color picture of red, green and blue of each
+    /// pixel.
+    pub(crate) fn encode(self, values: &[f32], white: f32, geometry: Geometry) -> Result<Vec<u8>> {
+        let is_color = values.len() == 3 * geometry.pixels();
+        match (self, is_color) {
+            (Self::Png8, true) => encode_png(&color_image(values, white, geometry)),
+            (Self::Png8, false) => encode_png(&gray_image(values, white, geometry)),
+            (Self::Png16, true) => encode_png(&deep_image::<Rgb<u16>>(values, white, geometry)),
+            (Self::Png16, false) => encode_png(&deep_image::<Luma<u16>>(values, white, geometry)),
+            (Self::Exr, _) => exr_image(&values.iter().map(|v| v / white).collect::<Vec<_>>(), geometry),
+        }
     }
 }
 
@@ -59,6 +80,18 @@ fn color_image(values: &[f32], white: f32, geometry: Geometry) -> RgbImage {
     image
 }
 
+/// Converts linear values to 16-bit sRGB. Values of at least `white` are the largest code.
+fn deep_image<P: Pixel<Subpixel = u16>>(
+    values: &[f32],
+    white: f32,
+    geometry: Geometry,
+) -> ImageBuffer<P, Vec<u16>> {
+    let mut image = ImageBuffer::new(geometry.width() as u32, geometry.height() as u32);
+    let code = |v: &f32| (srgb_code(v / white) * 65535.0 + 0.5) as u16;
+    image.iter_mut().zip(values).for_each(|(sample, v)| *sample = code(v));
+    image
+}
+
 fn image_from_levels(levels: impl Iterator<Item = u8>, geometry: Geometry) -> GrayImage {
     let mut image = GrayImage::new(geometry.width() as u32, geometry.height() as u32);
     image.iter_mut().zip(levels).for_each(|(pixel, level)| *pixel = level);
@@ -73,9 +106,10 @@ pub(crate) fn white_rate(values: &[f32]) -> f32 {
     if value > 0.0 { value } else { 1.0 }
 }
 
-pub(crate) fn encode_png<P>(image: &ImageBuffer<P, Vec<u8>>) -> Result<Vec<u8>>
+pub(crate) fn encode_png<P>(image: &ImageBuffer<P, Vec<P::Subpixel>>) -> Result<Vec<u8>>
 where
-    P: PixelWithColorType<Subpixel = u8>,
+    P: PixelWithColorType,
+    [P::Subpixel]: EncodableLayout,
 {
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, ImageFormat::Png).map_err(|e| Error::new(ErrorKind::Io, "PNG").found(e))?;

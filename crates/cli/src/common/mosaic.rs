@@ -1,5 +1,6 @@
 //! Flags that describe the color filters of a camera.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use spikelane::sensor::Mosaic;
@@ -21,6 +22,14 @@ pub(crate) fn parse(text: &str) -> Result<Option<Mosaic>> {
             .expected("a pattern such as RGGB or quad-RGGB, or none")
     };
     text.parse().map(Some).map_err(wrong)
+}
+
+/// Returns the note about a stream with undeclared color filters. `patterns` are the two possible Bayer patterns.
+pub(crate) fn detection_note(stream: impl Display, patterns: &[Mosaic; 2], effect: &str) -> String {
+    let [first, second] = patterns;
+    format!(
+        "note: {stream}: rows and columns alternate as in a color camera with the pattern {first} or {second}; {effect}; to name the pattern, set --mosaic"
+    )
 }
 
 /// The color filters of the camera that recorded a stream.

@@ -41,7 +41,8 @@ impl MovieFormat {
         })
     }
 
-    /// Encodes the gray levels of a frame, row-major. The frames of a video can also have levels of red, green and blue. Several threads may encode frames at the same time.
+    /// Encodes the sRGB codes of a frame, row-major: one code per pixel, or red, green and blue of each pixel. Several
+    /// threads may encode frames at the same time.
     pub(crate) fn encode_frame(self, geometry: Geometry, levels: Vec<u8>) -> Result<Vec<u8>> {
         match self {
             Self::Animation(format) => format.encode_frame(geometry, &levels),
@@ -71,14 +72,8 @@ impl MovieWriter {
         force: bool,
     ) -> Result<Self> {
         Ok(match format {
-            MovieFormat::Animation(_) if is_color => {
-                return Err(Error::new(ErrorKind::Usage, path.display())
-                    .found("an animated image in color")
-                    .expected("a video (.mp4, .mkv, .mov, .avi, .webm), a .png, an .npy or a folder for color pictures")
-                    .remedy("choose another output, or set --demosaic none for gray pictures"));
-            }
             MovieFormat::Animation(format) => {
-                Self::Animation(AnimationWriter::create(path, format, geometry, fps, force)?)
+                Self::Animation(AnimationWriter::create(path, format, geometry, is_color, fps, force)?)
             }
             MovieFormat::Video => {
                 let frames =

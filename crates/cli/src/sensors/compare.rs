@@ -10,18 +10,18 @@ use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets;
 use spikelane::unstable::Count;
 use spikelane::unstable::draws::Seeds;
-use spikelane_calibrate::RecordingSet;
 use spikelane_calibrate::compare::{
     CameraDistance, DEFAULT_MODELS, GrayComparison, RealismComparison, RealismOptions, RealismRow,
     SceneComparison, SceneStatistics, WindowSize, compare_gray_levels, compare_realism, compare_static_scene,
 };
+use spikelane_calibrate::{ColorFilters, RecordingSet};
 use spikelane_io::storage::FileGroup;
 
 use crate::common::console::{Console, run_record};
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
 use crate::common::seeds::SeedArgs;
-use crate::common::stream::{StreamArgs, print_set_warnings};
+use crate::common::stream::{StreamArgs, print_set_warnings, sidecar_beside};
 use crate::common::text_table::{marked, smallest, sparkline, text_table};
 
 /// Compare camera models with a recording set (.toml) or a static recording
@@ -212,13 +212,22 @@ fn scene_table(comparison: &SceneComparison) -> String {
 
 fn compare_static(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
     let run = run_record([&args.recording]);
-    let comparison = compare_static_scene(&args.stream.open(&args.recording, out)?, cameras, seeds)?;
+    let recording = args.stream.open(&args.recording, out)?;
+    let declared = sidecar_beside(&args.recording).and_then(|(_, sidecar)| sidecar.mosaic);
+    let filters = match declared {
+        Some(facts) => ColorFilters::Mosaic(facts.mosaic()?),
+        None => ColorFilters::Unknown,
+    };
+    let comparison = compare_static_scene(&recording, &filters, cameras, seeds)?;
     let mut text = format!(
         "{}, mean rate {:.4} spikes per readout\ndistance: sum of |ln(model / measured)|; {:.3} are due to errors of the recording\n\n",
         Count(comparison.pixels, "static pixel"),
         comparison.mean_rate,
         comparison.noise_floor_distance,
     );
+    if !comparison.channels.is_empty() {
+        text += &format!("pixels of each color filter: {}\n\n", comparison.channel_text());
+    }
     let row = |m: &SceneStatistics| {
         let (near, far) = (m.distance, m.long_lag_distance);
         json!({"name": m.name, "distance": near, "long_lag_distance": far, "excess_distance": m.excess_distance, "excess_distance_error": m.excess_distance_error})

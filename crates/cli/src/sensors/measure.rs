@@ -17,7 +17,7 @@ use spikelane_measure::{
 };
 
 use crate::common::console::{Console, recorded_path, report_json_path, run_record};
-use crate::common::mosaic::StreamMosaicArgs;
+use crate::common::mosaic::{StreamMosaicArgs, detection_note};
 use crate::common::output_claims;
 use crate::common::progress::FileProgress;
 use crate::common::stream::{StreamArgs, sidecar_beside};
@@ -67,10 +67,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         }
         _ => None,
     };
-    if let Some([first, second]) = &detected {
-        out.print_message(format_args!(
-            "note: {name}: rows and columns alternate as in a color camera with the pattern {first} or {second}; pixels are compared with pixels of the same filter; to name the pattern, set --mosaic"
-        ));
+    if let Some(patterns) = &detected {
+        let effect = "pixels are compared with pixels of the same filter";
+        out.print_message(detection_note(&name, patterns, effect));
     }
     let mosaic = declared.or_else(|| detected.map(|[first, _]| first));
     let measurement = recording.report_with_mosaic(mosaic.as_ref())?;

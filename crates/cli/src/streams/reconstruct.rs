@@ -11,10 +11,11 @@ use spikelane::sensor::{Channel, Mosaic};
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::StreamReader;
+use spikelane_measure::detect_mosaic;
 
 use crate::common::console::Console;
-use crate::common::images::{sample_readouts, white_rate};
-use crate::common::mosaic::StreamMosaicArgs;
+use crate::common::images::{PictureFormat, sample_readouts, white_rate};
+use crate::common::mosaic::{StreamMosaicArgs, detection_note};
 use crate::common::movie::{MOVIE_EXTENSIONS, MovieFormat, MovieWriter};
 use crate::common::output_claims;
 use crate::common::progress::{CountProgress, stop_flag};
@@ -26,20 +27,21 @@ use spikelane::unstable::threads;
 mod npy_sink;
 mod sinks;
 
-use sinks::{FolderSink, GrayScale, MovieSink, PictureSink, PngSink, StdoutSink};
+use sinks::{FileSink, FolderSink, GrayScale, MovieSink, PictureSink, StdoutSink};
 
 /// Number of pictures that a thread reconstructs per batch. The pictures of a batch are written when it is complete.
 const BATCH_PICTURES: usize = 4;
 
 /// Reconstruct images from a stream
 ///
-/// The output is one image (.png), an array (.npy, f32), a folder of numbered PNGs, an animated image (.gif, .webp), or
-/// a video by ffmpeg (.mp4, .mkv, .mov, .avi, .webm). Values of an array are spikes per readout, or for isi the length of an interval in readouts.
+/// The output is one image (.png, .exr), an array (.npy, f32), a folder of numbered PNGs, an animated image (.gif, .webp),
+/// or a video by ffmpeg (.mp4, .mkv, .mov, .avi, .webm). Values of an array are spikes per readout, or for isi the length of an interval in readouts.
+/// An .exr has linear f32 values with white at 1.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Read this stream file, or - for standard input
     file: PathBuf,
-    /// Write a .png, an .npy, an animated image, a video or a folder
+    /// Write a .png, .exr, .npy, animated image, video or folder
     ///
     /// - writes a PNG to standard output.
     #[arg(short, long, value_name = "PATH")]
@@ -88,9 +90,10 @@ pub(crate) struct Args {
     /// the first image exceeds white.
     #[arg(long, value_name = "RATE")]
     white: Option<f32>,
-    /// Set the frames per second of an animated image or a video
-    ///
-    /// A GIF has at most 50 frames per second.
+    /// Set the bits of a PNG in sRGB: 8 or 16
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = parse_bits)]
+    bits: PictureFormat,
+    /// Set the frames per second of an animated image or video; a GIF has at most 50
     #[arg(long, value_name = "HZ", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..))]
     fps: u32,
     /// Overwrite existing files
@@ -213,6 +216,20 @@ impl Args {
         Ok(Some(ColorPicture { mosaic, method, matrix }))
     }
 
+    /// Returns the possible patterns of a stream whose filters are neither in a sidecar nor set by the user. `first` contains the
+    /// rates of the first picture.
+    fn detected_mosaics(&self, first: &[f32], geometry: Geometry) -> Result<Option<[Mosaic; 2]>> {
+        if self.mosaic.mosaic.is_some()
+            || self.method == Method::Isi
+            || self.mosaic.of_stream(&self.file)?.is_some()
+        {
+            return Ok(None);
+        }
+        let readouts = (2 * self.half_window() + 1) as f32;
+        let counts: Vec<u32> = first.iter().map(|rate| (rate * readouts).round() as u32).collect();
+        Ok(detect_mosaic(&counts, geometry.width()))
+    }
+
     /// Returns the readouts of the pictures whose windows exceed the stream.
     fn cut_windows(&self, pictures: &[usize], readouts: usize) -> Vec<usize> {
         let half = self.half_window();
@@ -271,13 +288,23 @@ fn channel_means(rates: &[f32], geometry: Geometry, mosaic: &Mosaic) -> Result<V
 /// Kind of output. The output name determines it.
 enum OutputKind {
     Stdout,
-    Png,
+    Picture(PictureFormat),
     Npy,
     Movie(MovieFormat),
     Folder,
 }
 
-fn output_kind(path: &Path) -> Result<OutputKind> {
+/// Parses the number of bits of a PNG.
+fn parse_bits(text: &str) -> std::result::Result<PictureFormat, String> {
+    match text {
+        "8" => Ok(PictureFormat::Png8),
+        "16" => Ok(PictureFormat::Png16),
+        _ => Err("expected 8 or 16".to_owned()),
+    }
+}
+
+/// Returns the kind of output. `png` is the format of PNG files.
+fn output_kind(path: &Path, png: PictureFormat) -> Result<OutputKind> {
     if is_dash(path) {
         return Ok(OutputKind::Stdout);
     }
@@ -286,18 +313,32 @@ fn output_kind(path: &Path) -> Result<OutputKind> {
     }
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     match ending.as_deref() {
-        Some("png") => Ok(OutputKind::Png),
+        Some("png") => Ok(OutputKind::Picture(png)),
+        Some("exr") => Ok(OutputKind::Picture(PictureFormat::Exr)),
         Some("npy") => Ok(OutputKind::Npy),
         None => Ok(OutputKind::Folder),
         Some(_) if path.is_dir() => Ok(OutputKind::Folder),
         Some(other) => Err(Error::new(ErrorKind::Usage, path.display())
             .found(format_args!("the extension .{other}"))
-            .expected(format_args!(".png, .npy, {MOVIE_EXTENSIONS}, or a folder name without an extension"))),
+            .expected(format_args!(
+                ".png, .exr, .npy, {MOVIE_EXTENSIONS}, or a folder name without an extension"
+            ))),
     }
 }
 
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let target = output_kind(&args.output)?;
+    let target = output_kind(&args.output, args.bits)?;
+    if args.bits == PictureFormat::Png16
+        && !matches!(
+            target,
+            OutputKind::Stdout | OutputKind::Folder | OutputKind::Picture(PictureFormat::Png16)
+        )
+    {
+        return Err(Error::new(ErrorKind::Usage, "--bits")
+            .found(format_args!("16 for {}", args.output.display()))
+            .expected("a .png or a folder of PNGs as output")
+            .remedy("omit --bits, or choose another output"));
+    }
     if matches!(target, OutputKind::Stdout) {
         refuse_json(out.json())?;
     }
@@ -310,12 +351,12 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         return Err(Error::new(ErrorKind::Usage, "--white").expected("a positive number"));
     }
     let many = match target {
-        OutputKind::Png | OutputKind::Stdout if args.every.is_some() => {
+        OutputKind::Picture(_) | OutputKind::Stdout if args.every.is_some() => {
             return Err(Error::new(ErrorKind::Usage, "--every")
                 .found("one image to write")
                 .expected("a folder, an .npy file, an animated image or a video as output"));
         }
-        OutputKind::Png | OutputKind::Stdout => false,
+        OutputKind::Picture(_) | OutputKind::Stdout => false,
         OutputKind::Npy => args.every.is_some(),
         OutputKind::Movie(_) | OutputKind::Folder => true,
     };
@@ -330,6 +371,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     };
     let mut first = args.reconstruct_at(&reader, moments[0])?;
     let color = args.color_picture(&first.0, geometry)?;
+    if let Some(patterns) = args.detected_mosaics(&first.0, geometry)? {
+        out.print_message(detection_note(args.file.display(), &patterns, "the image is gray"));
+    }
     let in_color = |rates: Vec<f32>| match &color {
         Some(color) => color.apply(&rates, geometry),
         None => Ok(rates),
@@ -341,13 +385,16 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let white = args.white.unwrap_or_else(|| white_rate(&first.0));
     let shown = GrayScale { white, geometry: reader.geometry() };
     let mut sink: Box<dyn PictureSink> = match target {
-        OutputKind::Stdout => Box::new(StdoutSink { gray_scale: shown }),
-        OutputKind::Png => {
-            Box::new(PngSink { path: args.output.clone(), force: args.force, gray_scale: shown })
+        OutputKind::Stdout => Box::new(StdoutSink { format: args.bits, gray_scale: shown }),
+        OutputKind::Picture(format) => {
+            Box::new(FileSink { path: args.output.clone(), force: args.force, format, gray_scale: shown })
         }
-        OutputKind::Folder => {
-            Box::new(FolderSink { path: args.output.clone(), force: args.force, gray_scale: shown })
-        }
+        OutputKind::Folder => Box::new(FolderSink {
+            path: args.output.clone(),
+            force: args.force,
+            format: args.bits,
+            gray_scale: shown,
+        }),
         OutputKind::Npy => Box::new(npy_sink::NpySink::new(
             &args.output,
             args.force,

@@ -100,6 +100,162 @@ fn reference_images_and_reconstructions_of_a_color_camera_are_in_color() {
     assert!(String::from_utf8_lossy(&place.read("raw.npy")[..128]).contains("(48, 64)"));
 }
 
+/// Returns the values of an array of 32-bit floats.
+fn floats(place: &TestFolder, name: &str) -> Vec<f32> {
+    let bytes = place.read(name);
+    bytes[128..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}
+
+#[test]
+fn deep_pngs_have_the_srgb_codes_of_the_rates() {
+    let place = TestFolder::new();
+    write_picture(&place);
+    place.run_ok(&format!("simulate picture.png --camera ideal {SIZE} --mosaic RGGB --readouts 200 -o a"));
+    // The code of IEC 61966-2-1, from the formula in 64 bits.
+    let code = |v: f32| {
+        let x = f64::from(v / 0.5).clamp(0.0, 1.0);
+        let curve = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+        (curve * 65535.0).round()
+    };
+    for (demosaic, kind) in [("bilinear", image::ColorType::Rgb16), ("none", image::ColorType::L16)] {
+        let line = format!("reconstruct a.dat --demosaic {demosaic} --white 0.5 --force");
+        place.run_ok(&format!("{line} -o a.png --bits 16"));
+        place.run_ok(&format!("{line} -o a.npy"));
+        let picture = image::open(place.path("a.png")).unwrap();
+        assert_eq!(picture.color(), kind);
+        let codes = match picture {
+            image::DynamicImage::ImageLuma16(gray) => gray.into_raw(),
+            color => color.into_rgb16().into_raw(),
+        };
+        let values = floats(&place, "a.npy");
+        assert_eq!(codes.len(), values.len());
+        // The curve in 32 bits has an error below 1e-6, which is 0.07 codes. Rounding can then differ by one code.
+        assert!(
+            codes.iter().zip(&values).all(|(c, v)| (f64::from(*c) - code(*v)).abs() <= 1.0),
+            "{demosaic}"
+        );
+        let different = codes.iter().zip(&values).filter(|(c, v)| f64::from(**c) != code(**v)).count();
+        assert!(different < codes.len() / 10, "{demosaic}: {different}");
+    }
+    place.run_ok("reconstruct a.dat -o folder --bits 16 --every 100");
+    assert_eq!(image::open(place.path("folder/000000050.png")).unwrap().color(), image::ColorType::Rgb16);
+}
+
+#[test]
+fn exr_pictures_have_the_values_of_the_array_without_clipping() {
+    use exr::prelude::{ReadChannels as _, ReadLayers as _};
+    let place = TestFolder::new();
+    write_picture(&place);
+    place.run_ok(&format!("simulate picture.png --camera ideal {SIZE} --mosaic RGGB --readouts 200 -o a"));
+    for (demosaic, names) in [("bilinear", ["B", "G", "R"].as_slice()), ("none", ["Y"].as_slice())] {
+        let line = format!("reconstruct a.dat --demosaic {demosaic} --white 0.25 --force");
+        place.run_ok(&format!("{line} -o a.exr"));
+        place.run_ok(&format!("{line} -o a.npy"));
+        let bytes = place.read("a.exr");
+        let file = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
+        let file =
+            file.first_valid_layer().all_attributes().from_buffered(std::io::Cursor::new(bytes)).unwrap();
+        let channels = &file.layer_data.channel_data.list;
+        assert_eq!(channels.iter().map(|c| c.name.to_string()).collect::<Vec<_>>(), names);
+        let expected = floats(&place, "a.npy");
+        assert!(expected.iter().any(|v| *v > 0.25), "{demosaic}: no value is above white");
+        let samples = |name: &str| -> Vec<f32> {
+            let channel = channels.iter().find(|c| c.name.eq(name)).unwrap();
+            channel.sample_data.values_as_f32().collect()
+        };
+        let colors = if names.len() == 3 { vec!["R", "G", "B"] } else { vec!["Y"] };
+        for (i, name) in colors.iter().enumerate() {
+            // A division by 0.25 is exact.
+            let own: Vec<f32> = expected.iter().skip(i).step_by(colors.len()).map(|v| v / 0.25).collect();
+            assert!(samples(name) == own, "{demosaic} {name}");
+        }
+    }
+    place.run_refused("reconstruct a.dat -o a.exr --every 10", 2, &["--every"]);
+}
+
+/// Returns the palette and the indices of the first frame of a GIF with one global palette of 256 colors.
+fn first_gif_frame(bytes: &[u8]) -> (Vec<[u8; 3]>, Vec<u8>) {
+    assert_eq!((&bytes[..6], bytes[10]), (&b"GIF89a"[..], 0xf7));
+    let palette = bytes[13..13 + 768].chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
+    // The extension for repetition has 19 bytes, the extension of the frame 8, and its descriptor 10.
+    let mut rest = &bytes[13 + 768 + 19 + 8 + 10..];
+    assert_eq!(rest[0], 8);
+    rest = &rest[1..];
+    let mut data = Vec::new();
+    while rest[0] != 0 {
+        let length = usize::from(rest[0]);
+        data.extend(&rest[1..=length]);
+        rest = &rest[length + 1..];
+    }
+    let mut decoder = weezl::decode::Decoder::new(weezl::BitOrder::Lsb, 8);
+    (palette, decoder.decode(&data).unwrap())
+}
+
+#[test]
+fn animated_images_have_the_colors_of_the_folder() {
+    use image::AnimationDecoder as _;
+    let place = TestFolder::new();
+    write_picture(&place);
+    place.run_ok(&format!("simulate picture.png --camera ideal {SIZE} --mosaic RGGB --readouts 200 -o a"));
+    let line = "reconstruct a.dat --method span --every 100";
+    place.run_ok(&format!("{line} -o folder"));
+    place.run_ok(&format!("{line} -o a.webp"));
+    place.run_ok(&format!("{line} -o a.gif"));
+    let expected = image::open(place.path("folder/000000050.png")).unwrap();
+    let decoder = image::codecs::webp::WebPDecoder::new(std::io::Cursor::new(place.read("a.webp"))).unwrap();
+    let frames: Vec<_> = decoder.into_frames().map(Result::unwrap).collect();
+    assert_eq!(frames.len(), 2);
+    assert!(*frames[0].buffer() == expected.to_rgba8());
+    let (palette, indices) = first_gif_frame(&place.read("a.gif"));
+    assert_eq!(indices.len(), 64 * 48);
+    for (index, pixel) in indices.iter().zip(expected.to_rgb8().pixels()) {
+        // The palette has six levels of red and blue, and seven of green. Dither selects one of the two nearest levels.
+        for (i, step) in [51, 43, 51].into_iter().enumerate() {
+            let difference = palette[usize::from(*index)][i].abs_diff(pixel[i]);
+            assert!(difference <= step, "{pixel:?} {:?}", palette[usize::from(*index)]);
+        }
+    }
+}
+
+#[test]
+fn a_single_recording_is_compared_behind_its_filters() {
+    let place = TestFolder::new();
+    // Rates of 0.30, 0.16 and 0.10 behind the filters. With a gray camera, no area would be uniform.
+    let image = RgbImage::from_pixel(64, 48, Rgb([149, 111, 89]));
+    image.save_with_format(place.path("wall.png"), ImageFormat::Png).unwrap();
+    place.run_ok(&format!("simulate wall.png --camera physical {SIZE} --mosaic RGGB --readouts 400 -o a"));
+    place.run_ok("convert a.dat undeclared.dat --mosaic none");
+    let compare = |file: &str| {
+        place.run_ok(&format!("compare {file} --camera ideal --camera physical -o {file}.out"));
+        place.json(&format!("{file}.out/comparison.json"))
+    };
+    let (declared, detected) = (compare("a.dat"), compare("undeclared.dat"));
+    let letters = |found: &serde_json::Value| -> String {
+        found["channels"].as_array().unwrap().iter().filter_map(|c| c["name"].as_str()).collect()
+    };
+    assert_eq!((letters(&declared), letters(&detected)), ("RGB".to_owned(), "KLMN".to_owned()));
+    assert_eq!(declared["pixels"], detected["pixels"]);
+    assert!(declared["pixels"].as_u64().unwrap() > 64 * 48 / 2, "{}", declared["pixels"]);
+    for (channel, rate) in declared["channels"].as_array().unwrap().iter().zip([0.30, 0.16, 0.10]) {
+        assert!((channel["mean_rate"].as_f64().unwrap() / rate - 1.0).abs() < 0.1, "{channel}");
+    }
+    assert_eq!(declared["models"][0]["name"], "physical");
+    assert_eq!(declared["models"], detected["models"]);
+}
+
+#[test]
+fn a_picture_of_undeclared_filters_has_a_note() {
+    let place = TestFolder::new();
+    write_picture(&place);
+    place.run_ok(&format!("simulate picture.png --camera ideal {SIZE} --mosaic RGGB --readouts 200 -o a"));
+    place.run_ok("convert a.dat undeclared.dat --mosaic none");
+    let stderr = |line: &str| place.run_ok(line).stderr;
+    let note = stderr("reconstruct undeclared.dat -o gray.png");
+    assert!(note.contains("RGGB or BGGR; the image is gray"), "{note}");
+    assert!(!stderr("reconstruct undeclared.dat -o b.png --mosaic none").contains("alternate"));
+    assert!(!stderr("reconstruct a.dat -o c.png --demosaic none").contains("alternate"));
+}
+
 #[test]
 fn color_arrays_are_read_in_color() {
     let place = TestFolder::new();
@@ -140,13 +296,68 @@ fn pixels_of_a_mosaic_are_compared_with_pixels_of_the_same_filter() {
     }
     let found = place.run_ok("inspect undeclared.dat --json").events().remove(0);
     assert_eq!(found["detected_mosaics"], serde_json::json!(["RGGB", "BGGR"]));
-    let measured = place.run_ok("measure a.dat --json").events().remove(0);
+    let measured = place.run_ok("measure a.dat --json").events().pop().unwrap();
     let channels: Vec<&str> =
         measured["cells"].as_array().unwrap().iter().filter_map(|c| c["channel"].as_str()).collect();
     assert_eq!(channels, ["R", "G", "G", "B"]);
     // A gray camera has no pattern.
     place.run_ok(&format!("simulate wall.png --camera physical {SIZE} --readouts 500 -o gray"));
     assert!(place.run_ok("inspect gray.dat --json").events()[0].get("detected_mosaics").is_none());
+}
+
+/// An .npy file with the spikes of a stream of 192x128 pixels, one byte per pixel.
+struct Bits(Vec<u8>);
+
+impl Bits {
+    const PIXELS: usize = 192 * 128;
+
+    /// Changes the spikes of pixel `p` with `change`, which receives the readout and the spike.
+    fn edit(&mut self, p: usize, change: impl Fn(usize, u8) -> u8) {
+        let header = self.0.len() % Self::PIXELS;
+        for (t, bit) in self.0[header..].iter_mut().skip(p).step_by(Self::PIXELS).enumerate() {
+            *bit = change(t, *bit);
+        }
+    }
+}
+
+#[test]
+fn a_mosaic_of_a_natural_scene_shows_its_defects_and_few_others() {
+    let place = TestFolder::new();
+    let sensor = "[sensor]\nwidth = 192\nheight = 128\n[sensor.mosaic]\npattern = \"RGGB\"\n";
+    let effects = "[effects.prnu]\nsigma = 0.02\n[effects.shot_noise]\nstrength = 1\n[effects.start_phase]\nshare = 1\n";
+    place.write("camera.toml", format!("{sensor}{effects}"));
+    place.run_ok("simulate --camera camera.toml --readouts 400 -o a");
+    place.run_ok("convert a.dat a.npy");
+    let mut bits = Bits(place.read("a.npy"));
+    // 32 pixels of each kind, at fixed pseudorandom places: hot pixels fire at every second readout, weak pixels lose seven of
+    // eight spikes, and dead pixels are silent.
+    let mut state = 1_u32;
+    let mut draw = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as usize % Bits::PIXELS
+    };
+    let [hot, weak, dead]: [Vec<usize>; 3] = std::array::from_fn(|_| (0..32).map(|_| draw()).collect());
+    hot.iter().for_each(|p| bits.edit(*p, |t, bit| bit.max(u8::from(t % 2 == 0))));
+    weak.iter().for_each(|p| bits.edit(*p, |t, bit| bit * u8::from(t % 8 == 0)));
+    dead.iter().for_each(|p| bits.edit(*p, |_, _| 0));
+    place.write("b.npy", &bits.0);
+    let defects = |file: &str| {
+        let measured = place.run_ok(&format!("measure {file} --mosaic RGGB --json")).events().pop().unwrap();
+        ["hot", "weak", "dead"]
+            .map(|kind| -> Vec<usize> { serde_json::from_value(measured["defects"][kind].clone()).unwrap() })
+    };
+    // Without defects, 82 of 24,576 pixels are hot or weak: details of the scene of at most three pixels. Without the
+    // comparison with the range of the surroundings, 4,047 pixels would be hot or weak.
+    let clean: usize = defects("a.dat").iter().map(Vec::len).sum();
+    assert!(clean < 24_576 / 200, "{clean}");
+    // 23 of 32 pixels of each kind differ by more than the contrast around them.
+    let found = defects("b.npy");
+    let count = |kind: usize, injected: &[usize]| injected.iter().filter(|p| found[kind].contains(p)).count();
+    let counts = [count(0, &hot), count(1, &weak), count(2, &dead)];
+    assert!(counts[0] >= 20 && counts[1] >= 20 && counts[2] >= 20, "{counts:?}");
+    // No other pixel becomes a defect.
+    let all: usize = found.iter().map(Vec::len).sum();
+    assert!(all <= clean + 96, "{all}");
 }
 
 #[test]
@@ -161,7 +372,7 @@ fn gray_light_is_reported_and_flow_is_refused() {
         2,
         &["flow", "BGGR"],
     );
-    place.run_refused("reconstruct a.dat -o a.gif --window 11", 2, &["--demosaic none"]);
+    place.run_refused("reconstruct a.dat -o a.npy --bits 16", 2, &["--bits", "a.npy"]);
     place.run_refused("reconstruct a.dat -o b.png --mosaic none --demosaic malvar", 2, &["--demosaic"]);
     place.run_refused("inspect a.dat --mosaic rggb", 2, &["--mosaic", "RGGB"]);
 }
@@ -173,11 +384,7 @@ fn a_drive_in_color_has_gray_luminance_and_colored_images() {
         "simulate --camera ideal --width 48 --height 32 --readouts 8 --images-every 8 --images-format f32";
     place.run_ok(&format!("{drive} --mosaic RGGB -o color"));
     place.run_ok(&format!("{drive} -o gray"));
-    let floats = |name: &str| -> Vec<f32> {
-        let bytes = place.read(name);
-        bytes[128..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
-    };
-    let (color, gray) = (floats("color.images/000000.npy"), floats("gray.images/000000.npy"));
+    let [color, gray] = ["color", "gray"].map(|name| floats(&place, &format!("{name}.images/000000.npy")));
     assert_eq!(color.len(), 3 * gray.len());
     let mut colored = 0;
     for (rgb, light) in color.chunks_exact(3).zip(&gray) {

@@ -4,6 +4,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::ssl_csc;
 use crate::{DatasetOptions, SequenceEntry, Split};
 use spikelane::error::{Error, Result};
 use spikelane::unstable::inputs::{InnerPath, PlainName, read_bytes};
@@ -11,9 +12,13 @@ use spikelane_io::simulate::{Sidecar, StreamFacts};
 use spikelane_io::storage::{folders, is_same_file, sync};
 
 /// Returns the paths of a sequence's files in the loaders' folders, relative to the folder of the split.
-fn split_paths(id: &PlainName) -> [InnerPath; 8] {
+fn split_paths(id: &PlainName) -> [InnerPath; 11] {
     let at = |folder: &'static str, ending| InnerPath::from(folder).join(id.with_ending(ending));
+    let [ssl_csc_stream, ssl_csc_sidecar, ssl_csc_image] = ssl_csc::paths(id);
     [
+        ssl_csc_stream,
+        ssl_csc_sidecar,
+        ssl_csc_image,
         at("spike", ".dat"),
         at("spike", ".json"),
         at("clean", ".dat"),
@@ -55,6 +60,7 @@ pub(crate) fn link_sequence(options: &DatasetOptions, entry: &SequenceEntry) -> 
         link_sidecar.write(&folders::create_parents(root, &folder.join(id.with_ending(".json")))?, true)?;
     }
     copied += link_or_copy(&resolve("gt.png")?, root, &split.join("gt").join(id.with_ending(".png")))?;
+    ssl_csc::write(options, entry, &sequence)?;
     Ok(copied)
 }
 
@@ -65,7 +71,7 @@ pub(crate) fn remove_partials(folder: &Path) -> Result<()> {
     folders::remove_partials_in(folder, &"sequences".into())?;
     for split in Split::ALL.map(|split| InnerPath::from(split.name())) {
         folders::remove_partials_in(folder, &split)?;
-        for kind in ["spike", "clean", "gt"] {
+        for kind in ["spike", "clean", "gt", "spk/spikelane", "gt/spikelane"] {
             folders::remove_partials_in(folder, &split.join(kind))?;
         }
     }

@@ -7,6 +7,7 @@ mod loader_links;
 mod metadata;
 mod mot;
 mod spikecv;
+mod ssl_csc;
 
 use crate::{DatasetOptions, SequenceEntry, SequenceFiles, SequenceStatus, Split};
 use spikelane::error::Result;
@@ -14,6 +15,7 @@ use spikelane_io::storage::folders;
 
 pub(super) use loader_links::{link_sequence, remove_partials, unlink_sequence};
 pub(super) use spikecv::write_config;
+pub(super) use ssl_csc::check_camera;
 
 /// Collects the tables of all sequences.
 pub(super) struct Exporters {

@@ -28,6 +28,8 @@ pub enum DatasetLayout {
     SpikeCv,
     /// The layout of Spike-Zoo's base dataset, with `SPLIT/spike/ID.dat` and `SPLIT/gt/ID.png`.
     SpikeZoo,
+    /// The training folders of SSL-CSC for color cameras, with `SPLIT/spk/spikelane/ID.dat` and `SPLIT/gt/spikelane/ID.npy`.
+    SslCsc,
 }
 
 impl DatasetLayout {
@@ -37,6 +39,7 @@ impl DatasetLayout {
         match self {
             Self::SpikeCv => "spikecv",
             Self::SpikeZoo => "spike-zoo",
+            Self::SslCsc => "ssl-csc",
         }
     }
 }
@@ -51,11 +54,13 @@ impl std::str::FromStr for DatasetLayout {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self, Error> {
-        [Self::SpikeCv, Self::SpikeZoo].into_iter().find(|l| l.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, Setting("dataset_layout"))
-                .found(format_args!("`{name}`"))
-                .expected("spikecv or spike-zoo")
-        })
+        [Self::SpikeCv, Self::SpikeZoo, Self::SslCsc].into_iter().find(|l| l.name() == name).ok_or_else(
+            || {
+                Error::new(ErrorKind::Usage, Setting("dataset_layout"))
+                    .found(format_args!("`{name}`"))
+                    .expected("spikecv, spike-zoo or ssl-csc")
+            },
+        )
     }
 }
 
@@ -272,11 +277,11 @@ impl DatasetLayout {
     ///
     /// Before a comparison, Spike-Zoo divides reconstructed rates by the `rate` of its configuration, which is 0.6 by
     /// default. The result is compared with code / 255. In SpikeCV, an image is the rate multiplied by 255, and the
-    /// PSNR is computed from codes.
+    /// PSNR is computed from codes. SSL-CSC compares outputs with code / 255.
     #[must_use]
     pub const fn rate_at_255(self) -> f64 {
         match self {
-            Self::SpikeCv => 1.0,
+            Self::SpikeCv | Self::SslCsc => 1.0,
             Self::SpikeZoo => 0.6,
         }
     }

@@ -9,6 +9,7 @@ use serde_json::Value;
 use spikelane_dataset::{Access, DatasetLayout, DatasetOptions, Manifest, Split, Splits};
 
 use crate::generate::{generate_dataset, inputs, options, scene_content};
+use spikelane_io::formats::StreamReader;
 
 fn json(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))).unwrap()
@@ -180,4 +181,51 @@ fn inputs_have_no_labels_but_croissant_names_their_tables() {
     assert_eq!(described["distribution"][0]["sha256"].as_str().unwrap().len(), 64);
     let fields = described["recordSet"][0]["field"].as_array().unwrap();
     assert!(fields.iter().any(|f| f["name"] == "input") && fields.iter().all(|f| f["name"] != "scene_seed"));
+}
+
+/// Reads the files as the loader `CSPK` of SSL-CSC does: bit `i % 8` of byte `i / 8` is pixel `i` in row-major order from the
+/// top, and the image is an array of the shape (1, 3, height, width).
+#[test]
+fn ssl_csc_folders_have_the_readouts_around_the_ground_truth() {
+    let dir = tempfile::tempdir().unwrap();
+    let scenes = spikelane_dataset::SceneContent::rhdd()
+        .with_sequences(2)
+        .with_images_per_scene(12)
+        .with_readouts_per_image(4)
+        .with_label_every(6)
+        .with_lighting(vec![spikelane_scene::Lighting::Overcast]);
+    let mut options = options(&dir.path().join("set"), spikelane_dataset::Content::Scenes(scenes))
+        .with_dataset_layout(DatasetLayout::SslCsc)
+        .with_splits(Splits::default());
+    let refused = generate_dataset(&options).unwrap_err().to_string();
+    assert!(refused.contains("gray camera") && refused.contains("RGGB"), "{refused}");
+    options.camera.mosaic = Some("RGGB".parse().unwrap());
+    generate_dataset(&options).unwrap();
+    for id in ["scene-0000", "scene-0001"] {
+        let sequence = dir.path().join("set/sequences").join(id);
+        let stream = StreamReader::open(&sequence.join("stream.dat"), None, None).unwrap();
+        let (geometry, pixels) = (stream.geometry(), 48 * 32);
+        assert_eq!((geometry.width(), geometry.height()), (48, 32));
+        let first = stream.readouts() / 2 - 20;
+        let spikes = fs::read(dir.path().join("set/train/spk/spikelane").join(format!("{id}.dat"))).unwrap();
+        assert_eq!(spikes.len(), 41 * pixels / 8);
+        let readable = dir.path().join("set/train/spk/spikelane").join(format!("{id}.dat"));
+        assert_eq!(StreamReader::open(&readable, None, None).unwrap().readouts(), 41);
+        let mut packed = vec![0; 41 * geometry.frame_bytes()];
+        stream.read_frames(first, &mut packed).unwrap();
+        for (t, frame) in packed.chunks(geometry.frame_bytes()).enumerate() {
+            for i in 0..pixels {
+                let bit = spikes[t * pixels / 8 + i / 8] >> (i % 8) & 1 == 1;
+                assert_eq!(bit, spikelane::spikes::bit(frame, i), "{id}, readout {t}, pixel {i}");
+            }
+        }
+        let array = fs::read(dir.path().join("set/train/gt/spikelane").join(format!("{id}.npy"))).unwrap();
+        let header = String::from_utf8_lossy(&array[..array.len() - 3 * pixels]).into_owned();
+        assert!(header.contains("'|u1'") && header.contains("(1, 3, 32, 48)"), "{header}");
+        let codes = &array[array.len() - 3 * pixels..];
+        let image = image::open(sequence.join("gt.png")).unwrap().into_rgb8();
+        for (i, pixel) in image.pixels().enumerate() {
+            assert_eq!([0, 1, 2].map(|color| codes[color * pixels + i]), pixel.0);
+        }
+    }
 }

@@ -16,6 +16,7 @@ mod video;
 
 pub use arrays::{npy, npz};
 pub use camera_motion::CameraMotion;
+pub use images::exr_image::exr_image;
 pub use images::{folder, image_file, natural_order, still_image};
 pub use mosaic_source::MosaicSource;
 pub use open::{InputOptions, MotionClip, open, open_reader};

@@ -75,6 +75,17 @@ pub(super) fn local_median_residual(map: &[f64], width: usize) -> Vec<f64> {
     (0..map.len()).map(&mut difference).collect()
 }
 
+/// Returns the third smallest and the third largest finite entry of the 5x5 box around pixel `p`, without the pixel. A
+/// value is NaN if the box has fewer than three other entries.
+pub(super) fn local_range(map: &[f64], width: usize, p: usize) -> [f64; 2] {
+    let mut near: Vec<f64> = neighborhood(map, width, p, 2).collect();
+    if let Some(i) = near.iter().position(|x| *x == map[p]) {
+        near.swap_remove(i);
+    }
+    near.sort_by(f64::total_cmp);
+    [near.get(2), near.iter().rev().nth(2)].map(|x| x.copied().unwrap_or(f64::NAN))
+}
+
 /// Returns the pixels whose value is in `range`, in ascending order.
 ///
 /// # Examples

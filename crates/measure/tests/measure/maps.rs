@@ -220,6 +220,40 @@ fn a_summary_recovers_the_simulated_pattern() {
     assert!((flat.temporal_rate_sd / (0.41 * 0.21 / 2000.0) - 1.0).abs() < 0.1);
 }
 
+/// Returns a dark surface with a bright square, a slanted edge that the optics blur over three pixels, and a bright line of
+/// one pixel.
+fn scene_with_edges(r: usize, c: usize) -> f64 {
+    let slanted = (c as f64 - 60.0 - 0.3 * r as f64).clamp(-1.5, 1.5) / 3.0 + 0.5;
+    match (r, c) {
+        (20..50, 15..45) => 1.8,
+        (70, 5..55) => 1.7,
+        _ => 0.6 + 0.9 * slanted,
+    }
+}
+
+#[test]
+fn edges_of_a_scene_are_no_defects() {
+    let rates: Vec<f64> = shaped(&white(0.02, 21), scene_with_edges).iter().map(|x| 0.2 * x).collect();
+    let find = |rates: &[f64]| {
+        let stream = Stream::integrators(96, 96, 2000, rates, 22);
+        summarize(&stream.measure(&MeasureOptions::default(), &[])).unwrap().defects
+    };
+    // Only the ends of the line, two pixels each, look like pixels with defects.
+    let line_ends = [5, 6, 53, 54].map(|c| 70 * SIDE + c);
+    let clean = find(&rates);
+    assert!(clean.hot.iter().all(|p| line_ends.contains(p)), "{:?}", clean.hot);
+    assert_eq!((clean.weak.len(), clean.dead.len()), (0, 0));
+    // Defects inside the square and on the dark side of the slanted edge.
+    let mut faulty = rates;
+    for (row, col, factor) in [(30, 30, 1.5), (40, 30, 0.5), (30, 66, 4.0)] {
+        faulty[row * SIDE + col] *= factor;
+    }
+    let found = find(&faulty);
+    let hot: Vec<usize> = found.hot.into_iter().filter(|p| !line_ends.contains(p)).collect();
+    assert_eq!(hot, [(30, 30), (30, 66)].map(|(r, c)| r * SIDE + c));
+    assert_eq!(found.weak, [40 * SIDE + 30]);
+}
+
 #[test]
 fn a_band_cannot_be_summarized() {
     let stream = Stream::bernoulli(8, 8, 20, &[0.5; 64], 1);

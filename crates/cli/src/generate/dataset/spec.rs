@@ -200,10 +200,9 @@ pub(crate) struct DatasetSpec {
     /// u8 is a PNG in sRGB, u16 a linear PNG, and f32 a linear .npy array.
     #[arg(hide_short_help = true, long, value_name = "FORMAT", default_value = "u8")]
     pub(crate) images_format: ImageFormat,
-    /// Write for spikecv or spike-zoo
+    /// Write for the loader of spikecv, spike-zoo or ssl-csc
     ///
-    /// The data loaders of SpikeCV or Spike-Zoo read these folders and file names. In the ground truth, 255 is 1 spike
-    /// per readout for spikecv and 0.6 for spike-zoo.
+    /// In the ground truth, 255 is 1 spike per readout, and 0.6 for spike-zoo. ssl-csc requires the mosaic RGGB.
     #[arg(long, value_name = "NAME", default_value = "spikecv")]
     pub(crate) dataset_layout: DatasetLayout,
     /// Set the share of sequences for testing

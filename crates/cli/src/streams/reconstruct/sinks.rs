@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::images::{picture_levels, picture_png};
+use crate::common::images::{PictureFormat, picture_levels};
 use crate::common::movie::{MovieFormat, MovieWriter};
 use crate::common::standard_streams::StreamOutput;
 
@@ -25,15 +25,23 @@ pub(super) struct GrayScale {
     pub geometry: Geometry,
 }
 
-pub(super) struct PngSink {
+impl GrayScale {
+    fn encode(self, values: &[f32], format: PictureFormat) -> Result<Vec<u8>> {
+        format.encode(values, self.white, self.geometry)
+    }
+}
+
+/// Writes one picture.
+pub(super) struct FileSink {
     pub path: PathBuf,
     pub force: bool,
+    pub format: PictureFormat,
     pub gray_scale: GrayScale,
 }
 
-impl PictureSink for PngSink {
+impl PictureSink for FileSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        picture_png(values, self.gray_scale.white, self.gray_scale.geometry)
+        self.gray_scale.encode(values, self.format)
     }
 
     fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
@@ -47,12 +55,13 @@ impl PictureSink for PngSink {
 
 /// Writes one picture as PNG to standard output.
 pub(super) struct StdoutSink {
+    pub format: PictureFormat,
     pub gray_scale: GrayScale,
 }
 
 impl PictureSink for StdoutSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        picture_png(values, self.gray_scale.white, self.gray_scale.geometry)
+        self.gray_scale.encode(values, self.format)
     }
 
     fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
@@ -90,6 +99,7 @@ impl PictureSink for MovieSink {
 pub(super) struct FolderSink {
     pub path: PathBuf,
     pub force: bool,
+    pub format: PictureFormat,
     pub gray_scale: GrayScale,
 }
 
@@ -107,7 +117,7 @@ pub(super) fn check_empty_folder(folder: &Path, force: bool) -> Result<()> {
 
 impl PictureSink for FolderSink {
     fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
-        picture_png(values, self.gray_scale.white, self.gray_scale.geometry)
+        self.gray_scale.encode(values, self.format)
     }
 
     fn write(&mut self, at: usize, encoded: &[u8]) -> Result<()> {

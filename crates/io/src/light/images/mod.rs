@@ -4,6 +4,7 @@ mod deep_apng;
 pub(super) mod encoding;
 #[cfg(feature = "exr")]
 mod exr_file;
+pub(super) mod exr_image;
 mod fits_file;
 pub mod folder;
 pub mod image_file;
