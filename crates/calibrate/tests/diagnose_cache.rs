@@ -76,8 +76,7 @@ fn cached_simulations_do_not_change_a_diagnosis() {
 }
 
 #[test]
-#[ignore = "a minute; .ci/full runs it"]
-fn long_repeated_detectability_uses_the_cache() {
+fn repeated_detectability_uses_the_cache() {
     let folder = tempfile::tempdir().unwrap();
     let (sets, cache) = (sets(folder.path()), folder.path().join("cache"));
     let run = || {
