@@ -89,8 +89,8 @@ pub struct Summary {
 /// non-uniformities.
 ///
 /// An edge of a scene is not a defect. A pixel is hot or weak only if its rate is outside the range of the 5x5 box around
-/// it, from the third smallest to the third largest rate of the other pixels. The factor by which the rate is outside
-/// exceeds the ratio of both ends of the range. Near an edge, only a pixel that differs by more than the contrast of the
+/// it, from the third smallest to the third largest rate of the other pixels. The ratio of its rate to the nearer end of
+/// the range must also exceed the ratio of the two ends. Near an edge, only a pixel that differs by more than the contrast of the
 /// edge is therefore found. Details of the scene of at most three pixels count as defects. A row or column with another
 /// rate is not a defect of its pixels, see [`Summary::row_nonuniformity`].
 ///

@@ -234,7 +234,7 @@ mod tests {
         StreamReader::from_bytes("test", frames.into_bytes(), Some(Layout::DatTop), Some(geometry)).unwrap()
     }
 
-    fn found(reader: &StreamReader) -> Vec<[usize; 2]> {
+    fn blinking_positions(reader: &StreamReader) -> Vec<[usize; 2]> {
         let pixels = blinking_pixels(reader, &mut |_| {}).unwrap();
         pixels.into_iter().map(|p| [p % WIDTH, p / WIDTH]).collect()
     }
@@ -264,7 +264,7 @@ mod tests {
             });
             let mut expected = blinking.to_vec();
             expected.sort_by_key(|[x, y]| y * WIDTH + x);
-            assert_eq!(found(&reader), expected, "noise {noise}");
+            assert_eq!(blinking_positions(&reader), expected, "noise {noise}");
         }
     }
 
@@ -273,7 +273,7 @@ mod tests {
         for (seed, noise) in [(2, 0.0), (3, 0.05), (4, 0.3), (5, 1.0)] {
             for readouts in [31, 1000, 8000] {
                 let reader = stream(seed, readouts, noise, |x, _, _| gradient(x));
-                assert_eq!(found(&reader), [[0; 2]; 0], "noise {noise}, {readouts} readouts");
+                assert_eq!(blinking_positions(&reader), [[0; 2]; 0], "noise {noise}, {readouts} readouts");
             }
         }
     }
@@ -288,7 +288,7 @@ mod tests {
             gradient(x) * if is_lamp { 1.0 + 0.5 * wave(t, 900.0) } else { 1.0 }
         });
         for reader in [drift, flicker, lamp] {
-            assert_eq!(found(&reader), [[0; 2]; 0]);
+            assert_eq!(blinking_positions(&reader), [[0; 2]; 0]);
         }
     }
 
@@ -298,7 +298,7 @@ mod tests {
             let light = gradient(x) * if t > 3000 { 2.0 } else { 1.0 };
             if [x, y] == [20, 20] { light + 0.2 } else { light }
         });
-        assert_eq!(found(&reader), [[0; 2]; 0]);
+        assert_eq!(blinking_positions(&reader), [[0; 2]; 0]);
     }
 
     #[test]
@@ -313,7 +313,7 @@ mod tests {
             0.05 + 0.2 * ((u * 7919 + v * 104_729) % 97) as f64 / 97.0
         });
         for (name, reader) in [("spot", spot), ("bar", bar), ("texture", texture)] {
-            assert_eq!(found(&reader), [[0; 2]; 0], "{name}");
+            assert_eq!(blinking_positions(&reader), [[0; 2]; 0], "{name}");
         }
     }
 }

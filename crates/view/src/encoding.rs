@@ -138,6 +138,7 @@ fn search_spikes(reader: &StreamReader, readouts: Range<usize>, order: SearchOrd
     Ok(numbers)
 }
 
+/// Encodes indices of a table. The table has at most `2 MAX_WINDOW_READOUTS + 1` entries, so an index fits in two bytes.
 fn encode(table: &[f32], indices: impl ExactSizeIterator<Item = u32>) -> Vec<u8> {
     let width = if table.len() <= 256 { 1 } else { 2 };
     let head = 8 + 4 * table.len();

@@ -176,8 +176,7 @@ impl Sources {
                 let name = if key.is_clean { "stream.clean.dat" } else { "stream.dat" };
                 let reader = files.stream(name, &OpenOptions::default())?;
                 let sidecar = files.sidecar()?;
-                let mosaic = sidecar.mosaic.and_then(|facts| facts.mosaic().ok());
-                Ok(OpenStream::new(reader, sidecar.readout_hz).with_mosaic(mosaic))
+                Ok(OpenStream::new(reader, sidecar.readout_hz).with_mosaic(color_filters(&sidecar)))
             }
             Content::Recordings(set) if !key.is_clean => {
                 let recording = set.recordings.get(index).ok_or_else(|| missing(set.recordings.len()))?;
@@ -255,6 +254,11 @@ fn light_text(light: Stimulus) -> String {
     }
 }
 
+/// Returns the color filters that a sidecar states. Invalid filters do not prevent a view of the stream.
+fn color_filters(sidecar: &Sidecar) -> Option<Mosaic> {
+    sidecar.mosaic.as_ref()?.mosaic().ok()
+}
+
 impl OpenStream {
     pub(crate) fn new(reader: StreamReader, readout_hz: Option<f64>) -> Self {
         let warnings = reader.warnings().to_vec();
@@ -272,7 +276,7 @@ impl OpenStream {
         let sidecar = Sidecar::read_beside(path).ok().flatten().map(|(_, sidecar)| sidecar);
         let guess = reader.layout_guesses()?.warning();
         let readout_hz = options.readout_hz.or(sidecar.as_ref().and_then(|s| s.readout_hz));
-        let mosaic = sidecar.and_then(|s| s.mosaic).and_then(|facts| facts.mosaic().ok());
+        let mosaic = sidecar.as_ref().and_then(color_filters);
         let mut stream = Self::new(reader, readout_hz).with_mosaic(mosaic);
         stream.warnings.extend(guess);
         Ok(stream)
