@@ -189,14 +189,16 @@ impl Scene {
             .remedy("create the scene with a longer duration"))
     }
 
-    /// Returns whether the city occludes lamp number `lamp` as seen from a point.
-    pub(super) fn is_lamp_hidden(&self, lamp: u16, from: Vec3) -> bool {
+    /// Returns for each of four points whether the city occludes lamp number `lamp`.
+    pub(super) fn are_hidden_from_lamp(&self, lamp: u16, points: [Vec3; 4]) -> [bool; 4] {
         let position = self.city.lamps[usize::from(lamp)].position;
         let build_shadows = || LampShadows::new(self.city.bvh.triangles(), position, LAMP_RANGE_M);
-        let is_blocked = self.lamp_shadows[usize::from(lamp)].get_or_init(build_shadows).is_blocked(from);
-        is_blocked.unwrap_or_else(|| {
-            let to = position - from;
-            self.city.bvh.is_blocked(from, to.normalize_or_zero(), 0.0, to.length() - POST_RADIUS_M)
+        let are_blocked = self.lamp_shadows[usize::from(lamp)].get_or_init(build_shadows).are_blocked(points);
+        [0, 1, 2, 3].map(|i| {
+            are_blocked[i].unwrap_or_else(|| {
+                let to = position - points[i];
+                self.city.bvh.is_blocked(points[i], to.normalize_or_zero(), 0.0, to.length() - POST_RADIUS_M)
+            })
         })
     }
 

@@ -192,32 +192,35 @@ fn extent(frame: &SceneInstant, parts: std::ops::Range<usize>) -> Option<[f32; 4
         let (x, y) = i.radial_distortion().distort(p.x / p.z, p.y / p.z);
         (f * x + i.center_px[0] as f32, f * y + i.center_px[1] as f32)
     };
-    let mut add = |p: Vec3| {
-        let (x, y) = at(p);
-        all = Some(all.map_or([x, y, x, y], |b| union(b, [x, y, x, y])));
-    };
+    let mut add = |(x, y): (f32, f32)| all = Some(all.map_or([x, y, x, y], |b| union(b, [x, y, x, y])));
     for part in &frame.parts[parts] {
-        let points: Vec<Vec3> = part.mesh.vertices.iter().map(|v| part.to_camera(v.position)).collect();
+        // Each vertex with its place in the image, which has no meaning behind the near plane.
+        let points: Vec<(Vec3, (f32, f32))> =
+            part.mesh.vertices.iter().map(|v| part.to_camera(v.position)).map(|p| (p, at(p))).collect();
         for t in &part.mesh.triangles {
             let c = t.map(|v| points[v as usize]);
             for k in 0..3 {
                 let (mut a, mut b) = (c[k], c[(k + 1) % 3]);
-                if a.z < NEAR_PLANE_M && b.z < NEAR_PLANE_M {
+                if a.0.z < NEAR_PLANE_M && b.0.z < NEAR_PLANE_M {
                     continue;
                 }
-                if a.z < NEAR_PLANE_M {
-                    a += (b - a) * ((NEAR_PLANE_M - a.z) / (b.z - a.z));
-                } else if b.z < NEAR_PLANE_M {
-                    b = a + (b - a) * ((NEAR_PLANE_M - a.z) / (b.z - a.z));
+                let crossing = |from: Vec3, to: Vec3| {
+                    let point = from + (to - from) * ((NEAR_PLANE_M - from.z) / (to.z - from.z));
+                    (point, at(point))
+                };
+                if a.0.z < NEAR_PLANE_M {
+                    a = crossing(a.0, b.0);
+                } else if b.0.z < NEAR_PLANE_M {
+                    b = crossing(a.0, b.0);
                 }
-                add(a);
-                add(b);
+                add(a.1);
+                add(b.1);
                 // Distortion bends long edges, so an extreme point may be between the ends of an edge.
-                let (p, q) = (at(a), at(b));
-                let pieces = (libm::hypotf(p.0 - q.0, p.1 - q.1) / EDGE_PIECE_PX).min(MAX_EDGE_PIECES) as u32;
-                if i.distortion != 0.0 {
-                    let (from, to) = (a / a.z, b / b.z);
-                    (1..pieces).for_each(|n| add(from.lerp(to, n as f32 / pieces as f32)));
+                let (dx, dy) = (a.1.0 - b.1.0, a.1.1 - b.1.1);
+                if i.distortion != 0.0 && dx.abs() + dy.abs() >= EDGE_PIECE_PX {
+                    let pieces = (libm::hypotf(dx, dy) / EDGE_PIECE_PX).min(MAX_EDGE_PIECES) as u32;
+                    let (from, to) = (a.0 / a.0.z, b.0 / b.0.z);
+                    (1..pieces).for_each(|n| add(at(from.lerp(to, n as f32 / pieces as f32))));
                 }
             }
         }

@@ -10,6 +10,7 @@ use crate::lighting::luminance;
 use crate::rendering::rendered_frame::{Labels, RenderedFrame};
 use crate::shapes::material::Semantic;
 use spikelane::error::Result;
+use spikelane::unstable::light::srgb_byte;
 
 fn rgb_png(pixels: Vec<[u8; 3]>, width: usize, height: usize) -> Result<Vec<u8>> {
     expect_len("picture", pixels.len(), width * height)?;
@@ -20,9 +21,7 @@ fn rgb_png(pixels: Vec<[u8; 3]>, width: usize, height: usize) -> Result<Vec<u8>>
 /// remains visible.
 fn tone_map_srgb(linear: f32) -> u8 {
     let x = linear.max(0.0);
-    let x = if x < 0.6 { x } else { 1.0 - 0.4 * libm::expf((0.6 - x) / 0.4) };
-    let s = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * libm::powf(x, 1.0 / 2.4) - 0.055 };
-    (s * 255.0 + 0.5) as u8
+    srgb_byte(if x < 0.6 { x } else { 1.0 - 0.4 * libm::expf((0.6 - x) / 0.4) })
 }
 
 /// Returns the sRGB codes of the pixels. The codes have the hue of `rgb` and the luminance of `light`, as the sensor

@@ -84,11 +84,14 @@ impl Band {
         let last = (flat.y[2] as usize).min(top + runs.len() - 1);
         let sides = EdgeSlopes::from_triangle(flat);
         for row in first..=last {
-            let (low, high) = sides.row_extent(flat, row as f32);
-            let first_run = runs[row - top].partition_point(|run| (run.1 as f32) < low);
-            let runs = &runs[row - top][first_run..];
-            if runs.first().is_none_or(|run| run.0 as f32 > high) {
-                continue;
+            let mut runs = runs[row - top].as_slice();
+            // A triangle overlaps the only run of a row that is drawn as a whole.
+            if *runs != [(0, image_width)] {
+                let (low, high) = sides.row_extent(flat, row as f32);
+                runs = &runs[runs.partition_point(|run| (run.1 as f32) < low)..];
+                if runs.first().is_none_or(|run| run.0 as f32 > high) {
+                    continue;
+                }
             }
             for (four, &(dx, dy)) in offsets.iter().enumerate() {
                 let Some(spans) = sides.spans(flat, dy + row as f32, dx, image_width) else { continue };

@@ -241,7 +241,7 @@ impl<'a> SceneInstant<'a> {
     pub(crate) fn is_blocked_by(&self, list: &[u16], origin: Vec3, direction: Vec3, max: f32) -> bool {
         list.iter()
             .map(|&i| &self.vehicles[usize::from(i)])
-            .filter(|p| p.is_near(origin, direction, max))
+            .filter(|p| p.is_near_ray(origin, direction, max, 0.0))
             .any(|p| {
                 let from = p.axes.transpose() * (origin - p.origin);
                 let to = p.axes.transpose() * direction;
@@ -253,11 +253,13 @@ impl<'a> SceneInstant<'a> {
 }
 
 impl PlacedVehicle<'_> {
-    /// Returns whether a ray intersects the bounding sphere of the vehicle. This fast test rejects most rays.
-    fn is_near(&self, origin: Vec3, direction: Vec3, max: f32) -> bool {
+    /// Returns whether a ray is at most `margin` meters from the bounding sphere of the vehicle. This fast test rejects most
+    /// rays.
+    pub(crate) fn is_near_ray(&self, origin: Vec3, direction: Vec3, max: f32, margin: f32) -> bool {
         let to = self.center - origin;
         let along = to.dot(direction).clamp(0.0, max);
-        (to - direction * along).length_squared() <= self.radius * self.radius
+        let radius = self.radius + margin;
+        (to - direction * along).length_squared() <= radius * radius
     }
 }
 

@@ -272,16 +272,25 @@ const PENUMBRA_RADIUS_M: f32 = 0.12;
 fn lamp_visibility(frame: &SceneInstant, f: &Fragment, lamp: u16, origin: Vec3) -> f32 {
     let radius = PENUMBRA_RADIUS_M.max(0.5 * f.spot.footprint_m);
     let (u, v) = f.facet.any_orthonormal_pair();
+    let position = frame.scene.city.lamps[usize::from(lamp)].position;
     let near = frame.near_grid.items_at(f.world.truncate());
-    let is_visible = |(x, y): (f32, f32)| {
-        let from = origin + u * (x * radius) + v * (y * radius);
-        let to = frame.scene.city.lamps[usize::from(lamp)].position - from;
-        let distance = to.length();
-        !(frame.scene.is_lamp_hidden(lamp, from)
-            || (!near.is_empty()
-                && frame.is_blocked_by(near, from, to / distance, (distance - POST_RADIUS_M).max(0.0))))
+    // If no vehicle is near the middle of all rays, none is near a ray.
+    let (to, margin) = (position - origin, radius + 1e-3);
+    let distance = to.length();
+    let has_vehicle = near
+        .iter()
+        .any(|&i| frame.vehicles[usize::from(i)].is_near_ray(origin, to / distance, distance, margin));
+    let count = |points: [(f32, f32); 4]| {
+        let points = points.map(|(x, y)| origin + u * (x * radius) + v * (y * radius));
+        let are_hidden = frame.scene.are_hidden_from_lamp(lamp, points);
+        let is_behind_vehicle = |from: Vec3| {
+            let to = position - from;
+            let distance = to.length();
+            frame.is_blocked_by(near, from, to / distance, (distance - POST_RADIUS_M).max(0.0))
+        };
+        let is_dark = |&(from, is_hidden): &(Vec3, bool)| is_hidden || has_vehicle && is_behind_vehicle(from);
+        4 - points.into_iter().zip(are_hidden).filter(is_dark).count()
     };
-    let count = |points: [(f32, f32); 4]| points.into_iter().filter(|&p| is_visible(p)).count();
     let outer = count([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]);
     if outer == 0 || outer == 4 {
         return if outer > 0 { 1.0 } else { 0.0 };

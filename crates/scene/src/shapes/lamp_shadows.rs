@@ -4,20 +4,21 @@
 //! their apex at the lamp. Each cone has a list of the triangles that overlap the cone.
 
 use glam::{Vec2, Vec3};
+use wide::f32x4;
 
 use super::cell_index::CellIndex;
-use super::triangle::{Ray, Triangle};
+use super::triangle::{FourRays, Ray, Triangle};
 
 /// Number of cones per row. At a depth of 1 m below the lamp, the cones extend `MAX_SLOPE` meters in each direction.
-const CONES_PER_ROW: usize = 64;
-const MAX_SLOPE: f32 = 4.0;
+const CONES_PER_ROW: usize = 128;
+const MAX_SLOPE: f32 = 8.0;
 
 /// Geometry whose distance from the lamp is less than this length belongs to the lamp's own post.
 pub(crate) const POST_RADIUS_M: f32 = 0.4;
 
 /// Minimum depth below the lamp of the parts of triangles that are in the lists of the cones. At smaller depths, even
 /// the flattest ray is within `POST_RADIUS_M` of the lamp.
-const MIN_DEPTH_M: f32 = 0.06;
+const MIN_DEPTH_M: f32 = 0.03;
 
 const _: () =
     assert!(MIN_DEPTH_M * MIN_DEPTH_M * (1.0 + 2.0 * MAX_SLOPE * MAX_SLOPE) < POST_RADIUS_M * POST_RADIUS_M);
@@ -52,21 +53,48 @@ impl LampShadows {
         Self { lamp, columns: CellIndex::new((CONES_PER_ROW, CONES_PER_ROW), flat), triangles: near }
     }
 
-    /// Returns whether a triangle is between a point and the lamp. Returns `None` if the point is outside all cones.
-    pub(crate) fn is_blocked(&self, from: Vec3) -> Option<bool> {
-        let to = self.lamp - from;
-        let (place, depth) = cell(-to);
-        if depth < MIN_DEPTH_M {
-            return None;
+    /// Returns for each of four points whether a triangle is between the point and the lamp. The result is `None` for points
+    /// outside all cones.
+    pub(crate) fn are_blocked(&self, points: [Vec3; 4]) -> [Option<bool>; 4] {
+        let to = points.map(|point| self.lamp - point);
+        let lists = to.map(|to| {
+            let (place, depth) = cell(-to);
+            if depth < MIN_DEPTH_M { None } else { self.columns.triangles_at(place) }
+        });
+        let distances = to.map(Vec3::length);
+        let rays = FourRays::new([0, 1, 2, 3].map(|i| Ray {
+            origin: points[i],
+            direction: to[i] / distances[i],
+            min: 0.0,
+            max: distances[i] - POST_RADIUS_M,
+        }));
+        let mut result = [None; 4];
+        for first in 0..4 {
+            let Some(list) = lists[first].filter(|_| result[first].is_none()) else { continue };
+            // Close points are often in the same cone.
+            let is_same = |other: &[u32]| std::ptr::eq(other, list);
+            let lanes = (0..4).filter(|&i| lists[i].is_some_and(is_same)).fold(0, |mask, i| mask | 1 << i);
+            let blocked = self.blocked_rays(list, &rays, f32x4::new(distances), lanes);
+            for i in (0..4).filter(|i| lanes & 1 << i != 0) {
+                result[i] = Some(blocked & 1 << i != 0);
+            }
         }
-        let list = self.columns.triangles_at(place)?;
-        let distance = to.length();
-        let ray = Ray { origin: from, direction: to / distance, min: 0.0, max: distance - POST_RADIUS_M };
-        let mut near = list
-            .iter()
-            .map(|&i| &self.triangles[i as usize])
-            .take_while(|(nearest_distance, _)| *nearest_distance < distance);
-        Some(near.any(|(_, t)| t.intersects(&ray)))
+        result
+    }
+
+    /// Returns the bit mask of the rays that triangles of `list` block. `rays` have the lengths `distances`, and `lanes` selects
+    /// the rays.
+    fn blocked_rays(&self, list: &[u32], rays: &FourRays, distances: f32x4, lanes: u32) -> u32 {
+        let (mut reaching, mut blocked) = (lanes, 0);
+        for (nearest, triangle) in list.iter().map(|&i| &self.triangles[i as usize]) {
+            // The triangles are sorted by distance from the lamp, so all further triangles are beyond the start of the ray too.
+            reaching &= f32x4::splat(*nearest).simd_lt(distances).to_bitmask();
+            if reaching & !blocked == 0 {
+                break;
+            }
+            blocked |= triangle.intersects_four(rays) & reaching;
+        }
+        blocked
     }
 }
 
@@ -124,14 +152,17 @@ mod tests {
         let tree = Bvh::new(corners.iter().copied());
         let cones = LampShadows::new(tree.triangles(), lamp, 26.0);
         let (mut differ, mut blocked, mut checked) = (0, 0, 0);
-        for i in 0..6000 {
-            let from = place(10_000 + i, 10.0);
-            let to = lamp - from;
-            let Some(hit) = cones.is_blocked(from) else { continue };
-            checked += 1;
-            blocked += u32::from(hit);
-            differ +=
-                u32::from(hit != tree.is_blocked(from, to.normalize(), 0.0, to.length() - POST_RADIUS_M));
+        for i in 0..1500 {
+            // Some of the four points are in one cone, and some are in different cones.
+            let middle = place(10_000 + i, 10.0);
+            let points = [0, 1, 2, 3].map(|k| middle + place(20_000 + 4 * i + k, 0.3));
+            for (from, hit) in points.into_iter().zip(cones.are_blocked(points)) {
+                let (to, Some(hit)) = (lamp - from, hit) else { continue };
+                checked += 1;
+                blocked += u32::from(hit);
+                differ +=
+                    u32::from(hit != tree.is_blocked(from, to.normalize(), 0.0, to.length() - POST_RADIUS_M));
+            }
         }
         assert!(checked > 3000, "{checked} of 6000 lie below the lamp");
         assert!(blocked > 400 && blocked < 2000, "{blocked} of {checked} lie in shadow");
