@@ -251,7 +251,9 @@ impl ParamRange {
 /// Calls `visit` with the key and the value of every entry of `[sensor]` and of every effect.
 fn for_each_number(table: &Table, visit: &mut dyn FnMut(&str, &Value) -> Result<()>) -> Result<()> {
     if let Some(Value::Table(sensor)) = table.get("sensor") {
-        sensor.iter().try_for_each(|(key, value)| visit(&format!("sensor.{key}"), value))?;
+        // The mosaic is a table of its own, and no range varies it.
+        let mut numbers = sensor.iter().filter(|(key, _)| *key != "mosaic");
+        numbers.try_for_each(|(key, value)| visit(&format!("sensor.{key}"), value))?;
     }
     let Some(Value::Table(all)) = table.get("effects") else { return Ok(()) };
     for (name, effect) in all {
@@ -296,6 +298,18 @@ fn set_value(table: &mut Table, key: &str, value: Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_distribution_keeps_the_mosaic_of_its_camera() {
+        let text = "name = \"a\"\n[sensor]\nthresholds_at_full_scale = { uniform = [0.1, 0.2] }\n\
+                    mosaic = { pattern = \"BGGR\", gain = { R = 0.5 } }\n";
+        let cameras = CameraDistribution::parse(text).unwrap();
+        assert_eq!(cameras.ranges().len(), 1);
+        let mosaic = cameras.draw(3).unwrap().mosaic.unwrap();
+        assert_eq!((mosaic.to_string().as_str(), mosaic.channels()[0].gain), ("BGGR", 0.5));
+        // A range inside the mosaic is an error.
+        assert!(CameraDistribution::parse(&text.replace("0.5", "{ uniform = [0.4, 0.6] }")).is_err());
+    }
 
     const TEXT: &str = "name = \"a\"\n[sensor]\nthresholds_at_full_scale = { log_uniform = [0.02, 0.6] }\n\
                         [effects.dark_current]\nmean = { uniform = [\"0 pA\", \"500 fA\"] }\nsigma = \"0.1 pA\"";
