@@ -10,6 +10,7 @@ use spikelane::unstable::inputs::{Access, InnerPath, PlainName, read_bytes};
 use spikelane_dataset::{
     self as dataset, DatasetEstimate, DatasetOptions, DatasetReader, SequenceEntry, SequenceProgress,
 };
+use spikelane_io::simulate::MosaicFacts;
 use spikelane_io::storage::{self, Digest, OutputSet};
 
 use crate::suite::{CurvePoint, Group, Suite};
@@ -58,6 +59,9 @@ pub struct GeneratedSequence {
     pub interval_readouts: u64,
     /// Spikes per readout of a pixel with the light 1.
     pub white_rate: f64,
+    /// The color filters of a color camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mosaic: Option<MosaicFacts>,
     /// The files. The first file is the stream.
     pub files: Vec<GeneratedFile>,
 }
@@ -415,6 +419,7 @@ fn indexed_sequence(
         reference_readout: task.reference_readout(readouts),
         interval_readouts: suite.interval_readouts(),
         white_rate: sensor.thresholds_at_full_scale,
+        mosaic: camera.window_mosaic().as_ref().map(MosaicFacts::new),
         files: task.files(readouts).iter().map(find).collect::<Result<_>>()?,
     })
 }
@@ -430,6 +435,9 @@ fn suite_digest(suite: &Suite, groups: &[GeneratedGroup]) -> String {
     suite.metrics.iter().for_each(|metric| line(format!("metric {}\n", metric.id())));
     for group in groups.iter().filter(|group| group.is_scored) {
         for sequence in &group.sequences {
+            if let Some(mosaic) = &sequence.mosaic {
+                line(format!("{}/{} {mosaic:?}\n", group.name, sequence.id));
+            }
             let GeneratedSequence { id, width, height, readouts, readout_hz, white_rate, .. } = sequence;
             for file in &sequence.files {
                 line(format!(

@@ -16,8 +16,8 @@ use spikelane_benchmark::tracking::{
 };
 use spikelane_benchmark::{BoundingBox, METRICS, image};
 
-const FILES: [&str; 8] =
-    ["image", "noise", "ssimulacra2", "flow", "depth", "detection", "tracking", "aggregate"];
+const FILES: [&str; 9] =
+    ["image", "color", "noise", "ssimulacra2", "flow", "depth", "detection", "tracking", "aggregate"];
 
 /// Largest difference between a metric and its golden value. Rounding errors are below 1e-9: the values are at most 100,
 /// and the other programs also compute in double precision.
@@ -108,6 +108,24 @@ fn images_have_the_values_of_scikit_image_spike_zoo_and_spikecv() {
             ("high_pass_noise", Ok(detail.noise)),
         ];
         compare(i, &case["values"], &values.map(|(name, value)| (name, Some(value.unwrap()))));
+    }
+}
+
+#[test]
+fn color_images_have_the_values_of_scikit_image() {
+    for (i, case) in cases(&read("color")).iter().enumerate() {
+        let g = geometry(case);
+        let [x, y] = ["output", "reference"].map(|key| thousandths(&case[key]));
+        let [red, green, blue] = image::color_psnr(&x, &y, g).unwrap();
+        let values = [
+            ("cpsnr", image::cpsnr(&x, &y, g).unwrap()),
+            ("psnr_red", red),
+            ("psnr_green", green),
+            ("psnr_blue", blue),
+            ("ssim_color", image::color_ssim(&x, &y, g).unwrap()),
+            ("ciede2000", image::color_difference(&x, &y, g).unwrap()),
+        ];
+        compare(i, &case["values"], &values.map(|(name, value)| (name, Some(value))));
     }
 }
 

@@ -17,6 +17,7 @@ for suite in "$@"; do
         du -sb "$data"
     fi
     case $suite in
+    color) methods=(tfp-bilinear tfp-malvar tfp-menon span-bilinear span-malvar span-menon) ;;
     flow) methods=(trivial block-matching) ;;
     depth | detection | tracking) methods=(trivial) ;;
     *)

@@ -13,8 +13,12 @@
 //! | [`psnr_as_spike_zoo`], [`ssim_as_spike_zoo`] | 2, or 1 for a bright output, for values -1 to 1 | uniform, 7x7 pixels, sample variances | single precision |
 //! | [`psnr_as_spikecv`], [`ssim_as_spikecv`] | 255 for codes 0 to 255 | Gaussian, 11x11 pixels | codes of 8 bits, double precision |
 //!
+//! The metrics of color images are [`cpsnr`], [`color_psnr`], [`color_ssim`] and [`color_difference`]. Their images have
+//! red, green and blue of each pixel, in linear light.
+//!
 //! PSNR and SSIM prefer a blurred image to a sharp image if the noise is strong. Report [`detail`] beside them.
 
+mod color;
 mod spike_zoo;
 mod spikecv;
 #[cfg(feature = "ssimulacra2")]
@@ -28,6 +32,7 @@ use spikelane_measure::image_noise;
 use crate::error::check_output;
 use crate::{MetricError, Result};
 
+pub use color::{color_difference, color_psnr, color_ssim, cpsnr};
 pub use spike_zoo::{psnr_as_spike_zoo, ssim_as_spike_zoo};
 pub use spikecv::{psnr_as_spikecv, ssim_as_spikecv};
 #[cfg(feature = "ssimulacra2")]
@@ -207,17 +212,21 @@ pub fn blind_snr(output: &[f32], geometry: Geometry) -> Result<f64> {
 
 /// Checks the sizes and values of an output and its reference, and the smallest side in pixels.
 fn check(output: &[f32], reference: &[f32], geometry: Geometry, min_side: usize) -> Result<()> {
-    let pixels = geometry.pixels();
     if geometry.width().min(geometry.height()) < min_side {
         let expected = format_args!("at least {min_side}x{min_side} pixels").to_string();
         return Err(MetricError::reference("reference image", geometry, expected));
     }
-    if reference.len() != pixels {
-        return Err(MetricError::reference("reference image", reference.len(), format!("{pixels} values")));
+    check_values(output, reference, geometry.pixels())
+}
+
+/// Checks that an output and its reference have `expected` finite values.
+fn check_values(output: &[f32], reference: &[f32], expected: usize) -> Result<()> {
+    if reference.len() != expected {
+        return Err(MetricError::reference("reference image", reference.len(), format!("{expected} values")));
     }
     if let Some(index) = reference.iter().position(|x| !x.is_finite()) {
         let found = format!("a value that is not finite at index {index}");
         return Err(MetricError::reference("reference image", found, "finite values"));
     }
-    check_output(output, pixels)
+    check_output(output, expected)
 }

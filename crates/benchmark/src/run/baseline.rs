@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::reconstruct::{gaussian_blur, span_rates, tfi, tfp};
+use spikelane::reconstruct::{ColorMatrix, Demosaic, demosaic, gaussian_blur, span_rates, tfi, tfp};
 use spikelane::{Geometry, SpikeFrames};
 use spikelane_io::formats::{Layout, OpenOptions};
 
@@ -40,6 +40,18 @@ pub enum Baseline {
     Span,
     /// [`Baseline::Span`] with a Gaussian blur of 1 pixel.
     SpanBlur,
+    /// [`Baseline::Tfp`] with bilinear demosaicing.
+    TfpBilinear,
+    /// [`Baseline::Tfp`] with the demosaicing of Malvar, He and Cutler.
+    TfpMalvar,
+    /// [`Baseline::Tfp`] with the demosaicing of Menon, Andriani and Calvagno.
+    TfpMenon,
+    /// [`Baseline::Span`] with bilinear demosaicing.
+    SpanBilinear,
+    /// [`Baseline::Span`] with the demosaicing of Malvar, He and Cutler.
+    SpanMalvar,
+    /// [`Baseline::Span`] with the demosaicing of Menon, Andriani and Calvagno.
+    SpanMenon,
     /// Optical flow by [block matching](crate::block_matching), scaled from the centers of two windows to the interval.
     BlockMatching,
     /// The trivial answer of a task with labels; see [`Task::trivial_answer`].
@@ -54,6 +66,14 @@ impl Baseline {
             Task::Reconstruction => {
                 &[Self::Tfp, Self::TfpBlur, Self::Tfi, Self::TfiBlur, Self::Span, Self::SpanBlur]
             }
+            Task::Color => &[
+                Self::TfpBilinear,
+                Self::TfpMalvar,
+                Self::TfpMenon,
+                Self::SpanBilinear,
+                Self::SpanMalvar,
+                Self::SpanMenon,
+            ],
             Task::Flow => &[Self::Trivial, Self::BlockMatching],
             Task::Depth | Task::Detection | Task::Tracking => &[Self::Trivial],
         }
@@ -69,6 +89,12 @@ impl Baseline {
             Self::TfiBlur => "tfi-blur",
             Self::Span => "span",
             Self::SpanBlur => "span-blur",
+            Self::TfpBilinear => "tfp-bilinear",
+            Self::TfpMalvar => "tfp-malvar",
+            Self::TfpMenon => "tfp-menon",
+            Self::SpanBilinear => "span-bilinear",
+            Self::SpanMalvar => "span-malvar",
+            Self::SpanMenon => "span-menon",
             Self::BlockMatching => "block-matching",
             Self::Trivial => "trivial",
         }
@@ -98,9 +124,11 @@ impl Baseline {
         let at = sequence.reference_readout as usize;
         let whole = view.readouts();
         let rates = match self {
-            Self::Tfp | Self::TfpBlur | Self::BlockMatching | Self::Trivial => tfp(view, at, whole)?,
             Self::Tfi | Self::TfiBlur => tfi(view, at, (whole / 2).max(1))?,
-            Self::Span | Self::SpanBlur => span_rates(view, at, whole)?,
+            Self::Span | Self::SpanBlur | Self::SpanBilinear | Self::SpanMalvar | Self::SpanMenon => {
+                span_rates(view, at, whole)?
+            }
+            _ => tfp(view, at, whole)?,
         };
         let white = sequence.white_rate as f32;
         let light: Vec<f32> = rates.into_iter().map(|rate| rate / white).collect();
@@ -108,6 +136,28 @@ impl Baseline {
             Self::TfpBlur | Self::TfiBlur | Self::SpanBlur => gaussian_blur(&light, geometry, BLUR_SIGMA_PX),
             _ => light,
         })
+    }
+
+    /// Returns the color image of the reference readout: red, green and blue of each pixel in linear sRGB. The light 1 is
+    /// white.
+    ///
+    /// # Errors
+    /// * [`ErrorKind::Config`] if the camera has no mosaic, or its response does not separate three colors.
+    /// * [`ErrorKind::Usage`] if the method of demosaicing does not support the mosaic.
+    /// * The errors of reading the stream.
+    pub fn color_image(self, stream: &Path, sequence: &GeneratedSequence) -> Result<Vec<f32>> {
+        let mosaic = sequence.mosaic.as_ref().ok_or_else(|| {
+            Error::new(ErrorKind::Config, sequence.id.as_str()).found("no mosaic").expected("a color camera")
+        })?;
+        let mosaic = mosaic.mosaic()?;
+        let method = match self {
+            Self::TfpMalvar | Self::SpanMalvar => Demosaic::Malvar,
+            Self::TfpMenon | Self::SpanMenon => Demosaic::Menon,
+            _ => Demosaic::Bilinear,
+        };
+        let light = self.image(stream, sequence)?;
+        let geometry = Geometry::new(sequence.width, sequence.height)?;
+        Ok(ColorMatrix::from_response(&mosaic)?.apply(&demosaic(&light, geometry, &mosaic, method)?))
     }
 
     /// Returns the displacement of every pixel from the reference readout to the next labeled readout, in pixels to the

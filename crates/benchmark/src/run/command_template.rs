@@ -5,8 +5,18 @@ use spikelane::error::{Error, ErrorKind, Result};
 use super::SequenceJob;
 
 /// Names of the placeholders.
-const PLACEHOLDERS: [&str; 9] =
-    ["stream", "output", "width", "height", "readouts", "readout", "interval", "readout_hz", "white_rate"];
+const PLACEHOLDERS: [&str; 10] = [
+    "stream",
+    "output",
+    "width",
+    "height",
+    "readouts",
+    "readout",
+    "interval",
+    "readout_hz",
+    "white_rate",
+    "mosaic",
+];
 
 /// A command that is split into words.
 ///
@@ -80,6 +90,7 @@ impl CommandTemplate {
                 "interval" => job.sequence.interval_readouts.to_string(),
                 "readout_hz" => job.sequence.readout_hz.to_string(),
                 "white_rate" => job.sequence.white_rate.to_string(),
+                "mosaic" => job.sequence.mosaic.as_ref().map_or("none", |m| &m.pattern).to_owned(),
                 _ => return None,
             })
         };

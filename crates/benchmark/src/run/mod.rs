@@ -417,7 +417,7 @@ fn request(job: &SequenceJob<'_>) -> String {
     json!({
         "stream": job.stream.display().to_string(), "output": job.output.display().to_string(), "width": s.width,
         "height": s.height, "readouts": s.readouts, "readout": s.reference_readout, "interval": s.interval_readouts, "readout_hz": s.readout_hz,
-        "white_rate": s.white_rate,
+        "white_rate": s.white_rate, "mosaic": s.mosaic,
     })
     .to_string()
 }
@@ -431,6 +431,7 @@ fn baseline_output(baseline: Baseline, task: Task, job: &SequenceJob<'_>) -> Res
     let pixels = (shape[0] * shape[1]) as usize;
     match task {
         Task::Reconstruction => array(&shape, &baseline.image(&job.stream, job.sequence)?),
+        Task::Color => array(&[shape[0], shape[1], 3], &baseline.color_image(&job.stream, job.sequence)?),
         Task::Flow => {
             array(&[shape[0], shape[1], 2], baseline.flow(&job.stream, job.sequence)?.as_flattened())
         }

@@ -7,6 +7,7 @@ use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::reconstruct::DetailReference;
 #[cfg(feature = "ssimulacra2")]
 use spikelane::sensor::Transfer;
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::read_bytes;
 use spikelane::unstable::npy;
 
@@ -74,6 +75,14 @@ pub fn evaluate_output(
                 |bytes| decode_image(bytes, geometry),
                 |image| Ok((image_scores(metrics, image, &reference, geometry)?, Counts::None)),
                 || Baseline::Tfp.image(&paths[0], sequence),
+            )
+        }
+        Task::Color => {
+            let reference = reference_image(data, group, sequence, geometry)?;
+            attempt.evaluate(
+                |bytes| decode_color_image(bytes, geometry),
+                |image| Ok((color_scores(image, &reference, geometry)?, Counts::None)),
+                || Baseline::TfpBilinear.color_image(&paths[0], sequence),
             )
         }
         Task::Flow => {
@@ -147,7 +156,8 @@ impl Attempt<'_> {
     }
 }
 
-/// Reads the reference image of a sequence: linear light, clipped to 1.
+/// Reads the reference image of a sequence: linear light, clipped to 1. The image of a color camera has red, green and blue
+/// of each pixel.
 ///
 /// # Errors
 /// [`ErrorKind::Corrupt`] if the file was changed.
@@ -165,8 +175,11 @@ pub(crate) fn reference_image(
     let path = data.verified_path(&group.name, &sequence.id, file)?;
     let bytes = read_bytes(&path, "a reference", MAX_REFERENCE_BYTES)?;
     let (_, values) = npy::read_values(&path.display().to_string(), &bytes)?;
-    if values.len() != geometry.pixels() {
-        return Err(Error::new(ErrorKind::Input, path.display()).found(values.len()).expected(geometry));
+    let expected = geometry.pixels() * if sequence.mosaic.is_some() { 3 } else { 1 };
+    if values.len() != expected {
+        return Err(Error::new(ErrorKind::Input, path.display())
+            .found(Count(values.len(), "value"))
+            .expected(expected));
     }
     Ok(values.into_iter().map(|v| v.min(1.0) as f32).collect())
 }
@@ -174,6 +187,12 @@ pub(crate) fn reference_image(
 /// Reads an image from the bytes of an `.npy` file, or returns the fault in one line. Values are clipped to 0..1.
 pub(crate) fn decode_image(bytes: &[u8], geometry: Geometry) -> std::result::Result<Vec<f32>, String> {
     let image = decode_array(bytes, &[geometry.height() as u64, geometry.width() as u64])?;
+    Ok(image.into_iter().map(|v| v.clamp(0.0, 1.0)).collect())
+}
+
+/// Reads a color image of the shape (height, width, 3) as [`decode_image`] reads a gray image.
+pub(crate) fn decode_color_image(bytes: &[u8], geometry: Geometry) -> std::result::Result<Vec<f32>, String> {
+    let image = decode_array(bytes, &[geometry.height() as u64, geometry.width() as u64, 3])?;
     Ok(image.into_iter().map(|v| v.clamp(0.0, 1.0)).collect())
 }
 
@@ -229,6 +248,28 @@ fn image_scores(
         scores.insert(metric.name.to_owned(), value);
     }
     Ok(scores)
+}
+
+/// Returns all scores of a color image. The values of `output` and `reference` are red, green and blue, 0 to 1, in linear
+/// light.
+fn color_scores(
+    output: &[f32],
+    reference: &[f32],
+    geometry: Geometry,
+) -> std::result::Result<BTreeMap<String, f64>, MetricError> {
+    let clipped: Vec<f32> = output.iter().map(|v| v.clamp(0.0, 1.0)).collect();
+    let output = clipped.as_slice();
+    let [red, green, blue] = image::color_psnr(output, reference, geometry)?;
+    Ok([
+        ("cpsnr", image::cpsnr(output, reference, geometry)?),
+        ("psnr_red", red),
+        ("psnr_green", green),
+        ("psnr_blue", blue),
+        ("ssim_color", image::color_ssim(output, reference, geometry)?),
+        ("ciede2000", image::color_difference(output, reference, geometry)?),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .into())
 }
 
 fn image_score(

@@ -25,11 +25,12 @@ pub(crate) use task::TRIVIAL_DEPTH_M;
 pub use task::Task;
 
 /// The suites of this crate: the name and the text of the file.
-const BUILTIN: [(&str, &str); 10] = [
+const BUILTIN: [(&str, &str); 11] = [
     ("quick", include_str!("../../suites/quick.toml")),
     ("reconstruction", include_str!("../../suites/reconstruction.toml")),
     ("low-light", include_str!("../../suites/low-light.toml")),
     ("high-speed", include_str!("../../suites/high-speed.toml")),
+    ("color", include_str!("../../suites/color.toml")),
     ("flow", include_str!("../../suites/flow.toml")),
     ("depth", include_str!("../../suites/depth.toml")),
     ("detection", include_str!("../../suites/detection.toml")),

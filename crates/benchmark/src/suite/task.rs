@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use spikelane::error::Result;
+use spikelane::reconstruct::ColorMatrix;
 use spikelane_dataset::{Content, DatasetOptions, SceneContent};
 use spikelane_io::simulate::ImageFormat;
 
@@ -29,6 +30,8 @@ const MIN_SIDE_PIXELS: usize = 32;
 pub enum Task {
     /// Reconstructs the image of the reference readout.
     Reconstruction,
+    /// Reconstructs the color image of the reference readout from the stream of a color camera.
+    Color,
     /// Estimates the displacement of each pixel from the reference readout to the next labeled readout.
     Flow,
     /// Estimates the depth of each pixel at the reference readout.
@@ -45,6 +48,7 @@ impl Task {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Reconstruction => "reconstruction",
+            Self::Color => "color",
             Self::Flow => "flow",
             Self::Depth => "depth",
             Self::Detection => "detection",
@@ -56,7 +60,7 @@ impl Task {
     #[must_use]
     pub const fn output_extension(self) -> &'static str {
         match self {
-            Self::Reconstruction | Self::Flow | Self::Depth => ".npy",
+            Self::Reconstruction | Self::Color | Self::Flow | Self::Depth => ".npy",
             Self::Detection | Self::Tracking => ".json",
         }
     }
@@ -72,6 +76,7 @@ impl Task {
     pub const fn trivial_answer(self) -> &'static str {
         match self {
             Self::Reconstruction => "the TFP image of the whole stream",
+            Self::Color => "the TFP image of the whole stream with bilinear demosaicing",
             Self::Flow => "zero flow",
             Self::Depth => "a depth of 20 m everywhere",
             Self::Detection | Self::Tracking => "no boxes",
@@ -85,11 +90,14 @@ impl Task {
         let is_box = |name: &str| name == "ap" || name.starts_with("ap_") || name.starts_with("ar_");
         let is_track = |name: &str| matches!(name, "hota" | "det_a" | "ass_a" | "loc_a");
         match self {
+            Self::Color => {
+                matches!(name, "cpsnr" | "psnr_red" | "psnr_green" | "psnr_blue" | "ssim_color" | "ciede2000")
+            }
             Self::Flow => name.starts_with("flow_"),
             Self::Depth => name.starts_with("depth_"),
             Self::Detection => is_box(name),
             Self::Tracking => is_track(name),
-            Self::Reconstruction => ![Self::Flow, Self::Depth, Self::Detection, Self::Tracking]
+            Self::Reconstruction => ![Self::Color, Self::Flow, Self::Depth, Self::Detection, Self::Tracking]
                 .iter()
                 .any(|t| t.has_metric(metric)),
         }
@@ -99,7 +107,7 @@ impl Task {
     pub(crate) fn files(self, readouts: u64) -> Vec<String> {
         let at = self.reference_readout(readouts);
         let further = match self {
-            Self::Reconstruction => vec![format!("images/{at:06}.npy")],
+            Self::Reconstruction | Self::Color => vec![format!("images/{at:06}.npy")],
             Self::Flow => {
                 vec![format!("labels/{at:06}.forward.flo"), format!("labels/{at:06}.forward.occluded.npy")]
             }
@@ -120,8 +128,9 @@ impl Task {
                 .found(geometry)
                 .expected(format_args!("at least {MIN_SIDE_PIXELS} pixels per side")));
         }
+        self.check_mosaic(options)?;
         let at = self.reference_readout(scenes.readouts());
-        if self == Self::Reconstruction {
+        if matches!(self, Self::Reconstruction | Self::Color) {
             let images = options.images;
             let has_image = images.every.is_some_and(|every| every > 0 && at.is_multiple_of(every));
             if images.format == ImageFormat::F32 && has_image {
@@ -142,6 +151,22 @@ impl Task {
         Err(config_error("dataset.scenes.label_every")
             .found(format_args!("labels every {interval} of {} readouts", scenes.readouts()))
             .expected(format_args!("a label at readout {at} and a later label")))
+    }
+
+    /// Checks that a suite of color images has a color camera, and that a suite of gray images has none.
+    fn check_mosaic(self, options: &DatasetOptions) -> Result<()> {
+        let mosaic = options.camera.window_mosaic();
+        let key = || config_error("dataset.camera.sensor.mosaic");
+        match (self, mosaic) {
+            (Self::Color, None) => Err(key().found("no mosaic").expected("the mosaic of a color camera")),
+            // The baselines of this task need a color matrix.
+            (Self::Color, Some(mosaic)) => ColorMatrix::from_response(&mosaic).map(|_| ()),
+            (Self::Reconstruction, Some(mosaic)) => Err(key()
+                .found(format_args!("the mosaic {mosaic}"))
+                .expected("a gray camera")
+                .remedy(format_args!("set the task {}", Self::Color))),
+            _ => Ok(()),
+        }
     }
 }
 

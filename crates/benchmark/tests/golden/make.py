@@ -27,6 +27,7 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import ndimage, stats
+from skimage import color as skimage_color
 from skimage import metrics as skimage_metrics
 
 FOLDER = pathlib.Path(__file__).parent
@@ -163,6 +164,41 @@ def image_cases(random, arguments):
                 "output": output.astype(int).ravel().tolist(),
                 "reference": reference.astype(int).ravel().tolist(),
                 "other_observation": other.astype(int).ravel().tolist(),
+                "values": {key: float(value) for key, value in values.items()},
+            }
+        )
+    return cases
+
+
+# Color images
+
+
+def lab(image):
+    """Returns CIELAB of linear sRGB with the matrix and the white of IEC 61966-2-1."""
+    xyz = image @ np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]).T
+    return skimage_color.xyz2lab(xyz / [0.9505, 1, 1.089] * skimage_color.xyz_tristimulus_values(illuminant="D65", observer="2"))
+
+
+def color_cases(random):
+    cases = []
+    for height, width, noise in [(12, 17, 0.02), (20, 13, 0.2)]:
+        planes = [scene(height, width), np.abs(scene(height, width) - 0.3), scene(height, width) ** 3]
+        reference = np.clip(np.round(1000 * np.stack(planes, axis=-1)), 0, 1000)
+        output = np.clip(np.round(reference + 1000 * noise * random.normal(size=reference.shape)), 0, 1000)
+        x, y = pixels(output).astype(float), pixels(reference).astype(float)
+        values = {"cpsnr": skimage_metrics.peak_signal_noise_ratio(y, x, data_range=1.0)}
+        for i, name in enumerate(["red", "green", "blue"]):
+            values[f"psnr_{name}"] = skimage_metrics.peak_signal_noise_ratio(y[..., i], x[..., i], data_range=1.0)
+        values["ssim_color"] = skimage_metrics.structural_similarity(
+            y, x, data_range=1.0, channel_axis=-1, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
+        )
+        values["ciede2000"] = skimage_color.deltaE_ciede2000(lab(y), lab(x)).mean()
+        cases.append(
+            {
+                "width": width,
+                "height": height,
+                "output": output.astype(int).ravel().tolist(),
+                "reference": reference.astype(int).ravel().tolist(),
                 "values": {key: float(value) for key, value in values.items()},
             }
         )
@@ -523,6 +559,8 @@ def main():
     cases, combined = tracking_cases(random)
     write("tracking", ["numpy", "scipy", "trackeval"], TRACKING_KEYS, cases=cases, combined=combined)
     write("aggregate", ["numpy"], [], cases=aggregate_cases(random))
+    cases = color_cases(np.random.default_rng(2027))
+    write("color", ["numpy", "scikit-image"], cases[0]["values"], cases=cases)
 
 
 if __name__ == "__main__":

@@ -447,8 +447,13 @@ fn label_suite(task: &str, metrics: &str) -> String {
 }
 
 /// Generates a suite, writes one output for each scored sequence, and returns the scores of these outputs and of the
-/// trivial answer.
-fn score_outputs(suite: &str, output: &dyn Fn(&Path) -> Vec<u8>, extension: &str) -> [Value; 2] {
+/// baseline.
+fn score_outputs(
+    suite: &str,
+    output: &dyn Fn(&Path) -> Vec<u8>,
+    extension: &str,
+    baseline: &str,
+) -> [Value; 2] {
     let (place, _) = generated(suite);
     for group in ["test", "light-0.1", "light-1"] {
         std::fs::create_dir_all(place.path(&format!("mine/outputs/{group}"))).unwrap();
@@ -461,8 +466,9 @@ fn score_outputs(suite: &str, output: &dyn Fn(&Path) -> Vec<u8>, extension: &str
     }
     place.run_ok("benchmark score data mine");
     place.run_ok("benchmark verify mine/score.json --suite data");
-    place.run_ok("benchmark run data --baseline trivial -o trivial");
-    ["mine", "trivial"].map(|run| place.json(&format!("{run}/score.json")))
+    place.run_ok(&format!("benchmark run data --baseline {baseline} -o baseline"));
+    place.run_ok("benchmark report mine/score.json baseline/score.json -o report --suite data");
+    ["mine", "baseline"].map(|run| place.json(&format!("{run}/score.json")))
 }
 
 /// Returns the pooled score of all scored splits.
@@ -480,9 +486,55 @@ fn the_true_flow_has_no_error() {
         npy_f32([64, 96, 2], &values)
     };
     let [mine, trivial] =
-        score_outputs(&label_suite("flow", "\"flow_epe/1\", \"flow_outliers/1\""), &flow, "npy");
+        score_outputs(&label_suite("flow", "\"flow_epe/1\", \"flow_outliers/1\""), &flow, "npy", "trivial");
     assert_eq!(pooled(&mine, "flow_epe"), 0.0);
     assert!(pooled(&trivial, "flow_epe") > 0.0);
+}
+
+/// Returns a suite of a color camera.
+fn color_suite() -> String {
+    short_suite(2)
+        .replace("task = \"reconstruction\"", "task = \"color\"")
+        .replace(
+            "metrics = [\"psnr/1\", \"ssim/1\", \"detail_slope/1\", \"high_pass_noise/1\"]",
+            "metrics = [\"cpsnr/1\", \"psnr_red/1\", \"ssim_color/1\", \"ciede2000/1\"]",
+        )
+        .replace("height = 32, ", "height = 32, mosaic = { pattern = \"GBRG\" }, ")
+}
+
+#[test]
+fn the_true_color_image_has_no_error() {
+    // The outputs are the references without the values above white, which the metrics clip.
+    let image = |folder: &Path| std::fs::read(folder.join("images/000004.npy")).unwrap();
+    let [mine, baseline] = score_outputs(&color_suite(), &image, "npy", "span-menon");
+    assert_eq!((pooled(&mine, "cpsnr"), pooled(&mine, "ciede2000")), (144.5, 0.0));
+    assert!((pooled(&mine, "ssim_color") - 1.0).abs() < 1e-9);
+    assert!(pooled(&baseline, "cpsnr") < 60.0 && pooled(&baseline, "ciede2000") > 0.1);
+}
+
+#[test]
+fn a_method_for_a_color_camera_receives_its_mosaic() {
+    let (place, _) = generated(&color_suite());
+    place.write("mosaic.sh", "echo $1 >> mosaics; exit 1\n");
+    place.run_ok("benchmark run data --command 'sh mosaic.sh {mosaic}' -o run");
+    let text = String::from_utf8(place.read("mosaics")).unwrap();
+    assert_eq!(text.lines().collect::<Vec<_>>(), ["GBRG"; 4]);
+    // A faulty output has the scores of the trivial answer.
+    place.run_ok("benchmark run data --baseline tfp-bilinear -o trivial");
+    let [run, trivial] = ["run", "trivial"].map(|run| place.json(&format!("{run}/score.json")));
+    assert_eq!(
+        sequence(&run, "test", "scene-0000")["scores"],
+        sequence(&trivial, "test", "scene-0000")["scores"]
+    );
+}
+
+#[test]
+fn a_suite_of_color_images_needs_a_color_camera() {
+    let place = TestFolder::new();
+    place.write("gray.toml", color_suite().replace("mosaic = { pattern = \"GBRG\" }, ", ""));
+    place.run_refused("benchmark generate gray.toml -o data", 3, &["no mosaic", "color camera"]);
+    place.write("other.toml", color_suite().replace("\"color\"", "\"reconstruction\""));
+    place.run_refused("benchmark generate other.toml -o data", 3, &["cpsnr"]);
 }
 
 #[test]
@@ -496,8 +548,12 @@ fn the_true_depth_has_no_error() {
             .collect();
         npy_f32([1, 64, 96], &values)
     };
-    let [mine, trivial] =
-        score_outputs(&label_suite("depth", "\"depth_abs_rel/1\", \"depth_delta_1/1\""), &depth, "npy");
+    let [mine, trivial] = score_outputs(
+        &label_suite("depth", "\"depth_abs_rel/1\", \"depth_delta_1/1\""),
+        &depth,
+        "npy",
+        "trivial",
+    );
     assert_eq!((pooled(&mine, "depth_abs_rel"), pooled(&mine, "depth_delta_1")), (0.0, 1.0));
     assert!(pooled(&trivial, "depth_abs_rel") > 0.0);
 }
@@ -532,7 +588,8 @@ fn the_true_boxes_have_the_highest_precision() {
         let found: Vec<_> = true_boxes(&frame).into_iter().map(|b| without(b, &["track"])).collect();
         serde_json::to_vec(&found).unwrap()
     };
-    let [mine, trivial] = score_outputs(&label_suite("detection", "\"ap/1\", \"ar_100/1\""), &boxes, "json");
+    let [mine, trivial] =
+        score_outputs(&label_suite("detection", "\"ap/1\", \"ar_100/1\""), &boxes, "json", "trivial");
     // COCO interpolates the precision at 101 recall points with one rounding each.
     assert!((pooled(&mine, "ap") - 1.0).abs() < 1e-9);
     assert_eq!(pooled(&trivial, "ap"), 0.0);
@@ -548,7 +605,8 @@ fn the_true_tracks_have_the_highest_accuracy() {
         };
         serde_json::to_vec(&labels(folder).iter().map(entry).collect::<Vec<_>>()).unwrap()
     };
-    let [mine, trivial] = score_outputs(&label_suite("tracking", "\"hota/1\", \"loc_a/1\""), &tracks, "json");
+    let [mine, trivial] =
+        score_outputs(&label_suite("tracking", "\"hota/1\", \"loc_a/1\""), &tracks, "json", "trivial");
     assert!((pooled(&mine, "hota") - 1.0).abs() < 1e-9);
     assert_eq!(pooled(&trivial, "hota"), 0.0);
 }
