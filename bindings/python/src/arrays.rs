@@ -244,7 +244,7 @@ pub fn shape_error(
 }
 
 /// The element types of light.
-const LIGHT_TYPES: &str = "a NumPy array of uint8, uint16 or float32";
+pub const LIGHT_TYPES: &str = "a NumPy array of uint8, uint16 or float32";
 
 /// The element type of spikes.
 const SPIKE_TYPES: &str = "a NumPy array of uint8";

@@ -8,20 +8,24 @@ use std::time::Duration;
 
 use numpy::{PyArrayDyn, PyArrayMethods as _};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyDict, PySlice, PyString};
+use spikelane::sensor::Mosaic;
 use spikelane::spikes::{self, Crop};
 use spikelane::{Error, ErrorKind, Geometry, Plan, Seeds, Simulator};
-use spikelane_io::light::{FlowInterpolator, Frame, Interpolation, OwnedSamples as Owned, Timeline};
+use spikelane_io::light::{
+    FlowInterpolator, Frame, FramePosition, Interpolation, OwnedSamples as Owned, Timeline,
+};
 use spikelane_io::simulate::FrameRef;
 use spikelane_io::simulate::Samples;
 
 use crate::argument::{self, describe};
 use crate::arrays::{
-    CopyPolicy, LightArray, LightScale, array_from_vec, check_buffer, geometry, shape_error, shape_text,
-    zeros,
+    CopyPolicy, LIGHT_TYPES, LightArray, LightScale, array_from_vec, check_buffer, geometry, shape_error,
+    shape_text, to_numpy, zeros,
 };
 use crate::camera::Camera;
 use crate::error::{OrRaise as _, type_error, usage_error};
+use crate::mosaic::filter_light;
 use crate::simulator::{readout_count, timeline};
 use crate::watch::WorkMonitor;
 
@@ -52,7 +56,7 @@ struct BatchOptions {
 /// shape (B, T, ceil(H * W / 8)). The interpreter's lock is released during the simulation.
 ///
 /// `clips` is an array (B, N, H, W) or a sequence of arrays (N, H, W). The types are uint8, uint16 or float32, as in
-/// `Simulator.run`. `camera` is one Camera for all clips, or a sequence with one camera per clip. `sequences` (one
+/// `Simulator.run`. For a camera with a mosaic, a clip may also be linear RGB light (N, H, W, 3). `camera` is one Camera for all clips, or a sequence with one camera per clip. `sequences` (one
 /// integer per clip) and `seed` determine the temporal noise. `camera_seed` (one integer, or one per clip) determines
 /// the fixed pattern. The bits of a clip depend only on the camera, the seeds and the light of this clip. They never
 /// depend on the batch or the threads.
@@ -92,10 +96,21 @@ pub fn simulate_batch<'py>(
     argument::reject_unknown(unknown, "simulate_batch")?;
     let timeline = timeline(readouts_per_frame, interpolation)?;
     let copies = if copy { CopyPolicy::All } else { CopyPolicy::IfNeeded };
-    let lights = clip_lights(clips, copies, LightScale { full_scale, max_light: Some(max_light) })?;
+    let clips = clip_arrays(clips)?;
+    let cameras = one_or_each_camera(camera, clips.len())?;
+    let origins = windows.map(|w| window_origins(w, clips.len())).transpose()?;
+    let scale = LightScale { full_scale, max_light: Some(max_light) };
+    let lights = (0..clips.len())
+        .map(|i| {
+            let (row, col) = origins.as_ref().map_or((0, 0), |all| all[i]);
+            let mosaic = cameras[i].camera().window_mosaic().map(|mosaic| mosaic.shifted(row, col));
+            clip_light(&clips[i], &format!("clips[{i}]"), mosaic.as_ref(), copies, scale)
+        })
+        .collect::<PyResult<Vec<_>>>()?;
     let (height, width) = lights[0].size();
     let geometry = geometry(height, width)?;
-    let cameras = one_or_each_camera(camera, lights.len())?;
+    let crops: Option<Vec<Crop>> =
+        origins.map(|all| all.into_iter().map(|(row, col)| Crop { row, col, width, height }).collect());
     let sequences = one_or_each_number(sequences, lights.len(), "sequences")?;
     let camera_seeds = match camera_seed {
         None => vec![0; lights.len()],
@@ -104,7 +119,6 @@ pub fn simulate_batch<'py>(
             Err(_) => one_or_each_number(one, lights.len(), "camera_seed")?,
         },
     };
-    let crops = windows.map(|w| window_crops(w, lights.len(), height, width)).transpose()?;
     for (i, light) in lights.iter().enumerate() {
         let name = format!("clips[{i}]");
         let size = if crops.is_none() { cameras[i].camera().sensor.geometry } else { geometry };
@@ -285,34 +299,44 @@ impl BatchWorker {
     }
 }
 
-/// Converts a sequence of clips to light.
-fn clip_lights<'py>(
-    clips: &Bound<'py, PyAny>,
-    copies: CopyPolicy,
-    scale: LightScale,
-) -> PyResult<Vec<LightArray<'py>>> {
-    let expected = "an array (B, N, H, W), or a sequence of arrays (N, H, W)";
-    let mut all = Vec::new();
+/// The accepted clips in errors.
+const CLIPS: &str = "an array (B, N, H, W), or a sequence of arrays (N, H, W)";
+
+/// Returns the clips of an array or of a sequence.
+fn clip_arrays<'py>(clips: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
     let Ok(sequence) = clips.try_iter() else {
-        return Err(type_error("clips", describe(clips), expected, "pass clips[None] for a single clip"));
+        return Err(type_error("clips", describe(clips), CLIPS, "pass clips[None] for a single clip"));
     };
-    for (i, clip) in sequence.enumerate() {
-        let (clip, name) = (clip?, format!("clips[{i}]"));
-        let shape = clip.getattr("shape").and_then(|shape| shape.extract::<Vec<usize>>()).ok();
-        match shape.as_deref() {
-            Some([_, _] | [_] | []) => {
-                let found = format!("shape {}", shape_text(shape.as_deref().unwrap_or_default()));
-                return Err(usage_error(name, found, expected, "pass clips[None] for a single clip"));
-            }
-            Some(shape) if shape.len() > 3 => return Err(shape_error(&name, shape, None, "(N, H, W)")),
-            _ => {}
-        }
-        all.push(LightArray::from_array(&clip, &name, copies, scale)?);
-    }
+    let all = sequence.collect::<PyResult<Vec<_>>>()?;
     if all.is_empty() {
-        return Err(usage_error("clips", "no clip", expected, "pass at least one"));
+        return Err(usage_error("clips", "no clip", CLIPS, "pass at least one"));
     }
     Ok(all)
+}
+
+/// Converts a clip to light. Colors are converted to the light behind the filters of `mosaic`.
+fn clip_light<'py>(
+    clip: &Bound<'py, PyAny>,
+    name: &str,
+    mosaic: Option<&Mosaic>,
+    copies: CopyPolicy,
+    scale: LightScale,
+) -> PyResult<LightArray<'py>> {
+    let shape = clip.getattr("shape").and_then(|shape| shape.extract::<Vec<usize>>()).ok();
+    match (shape.as_deref(), mosaic) {
+        (Some(shape @ ([_, _] | [_] | [])), _) => {
+            let found = format!("shape {}", shape_text(shape));
+            Err(usage_error(name, found, CLIPS, "pass clips[None] for a single clip"))
+        }
+        (Some([_, _, _, 3]), Some(mosaic)) => {
+            let light = filter_light(clip, name, mosaic, LightScale { max_light: None, ..scale })?;
+            // The light behind the filters is in full scales already.
+            let scale = LightScale { full_scale: None, ..scale };
+            LightArray::from_array(light.as_any(), name, CopyPolicy::IfNeeded, scale)
+        }
+        (Some(shape), _) if shape.len() > 3 => Err(shape_error(name, shape, None, "(N, H, W)")),
+        _ => LightArray::from_array(clip, name, copies, scale),
+    }
 }
 
 /// Returns one camera per clip. `cameras` is one camera for all clips or a sequence of `count` cameras.
@@ -351,27 +375,23 @@ fn check_count<T>(all: Vec<T>, count: usize, name: &str) -> PyResult<Vec<T>> {
     Err(usage_error(name, all.len(), format_args!("{count}, one for each clip"), "pass as many as clips"))
 }
 
-fn window_crops(
-    windows: &Bound<'_, PyAny>,
-    count: usize,
-    height: usize,
-    width: usize,
-) -> PyResult<Vec<Crop>> {
+/// Returns the first row and column of each window.
+fn window_origins(windows: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<(usize, usize)>> {
     let wrong = |found: &Bound<'_, PyAny>, place: &str| {
         let remedy = "pass a list such as [(0, 0)], or an integer array (B, 2)";
         type_error(place, describe(found), "(row, col) for each clip", remedy)
     };
     let Ok(pairs) = windows.try_iter() else { return Err(wrong(windows, "windows")) };
-    let crop = |(i, pair): (usize, PyResult<Bound<'_, PyAny>>)| {
+    let origin = |(i, pair): (usize, PyResult<Bound<'_, PyAny>>)| {
         let pair = pair?;
         let numbers =
             pair.try_iter().and_then(|all| all.map(|n| n?.extract()).collect::<PyResult<Vec<usize>>>());
         match numbers.as_deref() {
-            Ok(&[row, col]) => Ok(Crop { row, col, width, height }),
+            Ok(&[row, col]) => Ok((row, col)),
             _ => Err(wrong(&pair, &format!("windows[{i}]"))),
         }
     };
-    let all = pairs.enumerate().map(crop).collect::<PyResult<Vec<_>>>()?;
+    let all = pairs.enumerate().map(origin).collect::<PyResult<Vec<_>>>()?;
     check_count(all, count, "windows")
 }
 
@@ -380,7 +400,7 @@ fn window_crops(
 /// `Simulator.run` exposes the sensor to the same light. `frames` has the shape (N, H, W). `readouts_per_frame` and
 /// `interpolation` have the same meaning as in `Simulator.run`.
 ///
-/// Raises SpikelaneError if the clip ends before a readout.
+/// The function reads and checks only the frames of these readouts. Raises SpikelaneError if the clip ends before a readout.
 #[pyfunction]
 #[pyo3(signature = (frames, readouts, readouts_per_frame=1, *, interpolation="linear", full_scale=None, **unknown), text_signature = "(frames, readouts, readouts_per_frame=1, *, interpolation=\"linear\", full_scale=None)")]
 pub fn light_at<'py>(
@@ -397,11 +417,10 @@ pub fn light_at<'py>(
     let scale = LightScale { full_scale, max_light: None };
     let readouts =
         numbers(readouts, "readouts", "an integer for each readout", "pass a list, for example [20]")?;
-    let light = LightArray::from_array(frames, "frames", CopyPolicy::All, scale)?;
-    light.check_gray("frames")?;
-    let (height, width) = light.size();
-    let geometry = geometry(height, width)?;
-    let lasts = timeline.readouts(light.count() as u64).unwrap_or(u64::MAX);
+    let frames = to_numpy(frames, "frames", LIGHT_TYPES)?;
+    let shape: Vec<usize> = frames.getattr("shape")?.extract()?;
+    let count = if let [count, _, _] = shape[..] { count } else { 1 };
+    let lasts = timeline.readouts(count as u64).unwrap_or(u64::MAX);
     if let Some(beyond) = readouts.iter().find(|t| **t >= lasts) {
         let remedy = "pass readouts of the clip";
         return Err(usage_error(
@@ -411,24 +430,43 @@ pub fn light_at<'py>(
             remedy,
         ));
     }
+    let positions = readouts
+        .iter()
+        .map(|&t| timeline.position_within(t, count as u64))
+        .collect::<spikelane::Result<Vec<_>>>()
+        .or_raise()?;
+    // Only these frames are copied and checked.
+    let first = positions.iter().map(|p| p.frame as usize).min().unwrap_or(0);
+    let end =
+        positions.iter().map(|p| p.frame as usize + 1 + usize::from(p.numerator > 0)).max().unwrap_or(1);
+    let light = match shape.len() {
+        3 if first > 0 || end < count => {
+            let part = frames.get_item(PySlice::new(py, first as isize, end as isize, 1))?;
+            LightArray::from_array(&part, &format!("frames[{first}:{end}]"), CopyPolicy::All, scale)?
+        }
+        _ => LightArray::from_array(&frames, "frames", CopyPolicy::All, scale)?,
+    };
+    light.check_gray("frames")?;
+    let (height, width) = light.size();
+    let geometry = geometry(height, width)?;
     let frames = light.frames(geometry)?;
     let all = py.detach(|| -> spikelane::Result<Vec<f32>> {
         let mut all = Vec::with_capacity(readouts.len() * geometry.pixels());
-        for &t in &readouts {
-            all.extend(light_of_readout(&frames, &timeline, t, geometry)?.to_f32());
+        for mut position in positions {
+            position.frame -= first as u64;
+            all.extend(light_at_position(&frames, position, timeline.interpolation(), geometry)?.to_f32());
         }
         Ok(all)
     });
     array_from_vec(py, all.or_raise()?, &[readouts.len(), height, width])
 }
 
-fn light_of_readout(
+fn light_at_position(
     frames: &[FrameRef<'_>],
-    timeline: &Timeline,
-    t: u64,
+    position: FramePosition,
+    interpolation: Interpolation,
     geometry: Geometry,
 ) -> spikelane::Result<Frame> {
-    let moment = timeline.position_within(t, frames.len() as u64)?;
     let owned = |i: usize| {
         let samples = match frames[i].samples() {
             Samples::U8(s) => Owned::U8(s.to_vec()),
@@ -437,14 +475,14 @@ fn light_of_readout(
         };
         Frame::new(geometry, samples).map_err(|e| e.with_context(format_args!("frame {i}")))
     };
-    let from = owned(moment.frame as usize)?;
-    if moment.numerator == 0 {
+    let from = owned(position.frame as usize)?;
+    if position.numerator == 0 {
         return Ok(from);
     }
-    let to = owned(moment.frame as usize + 1)?;
-    if timeline.interpolation() == Interpolation::Flow {
-        return FlowInterpolator::new(&from, &to)?.interpolate(moment.weight());
+    let to = owned(position.frame as usize + 1)?;
+    if interpolation == Interpolation::Flow {
+        return FlowInterpolator::new(&from, &to)?.interpolate(position.weight());
     }
     let float = |frame: &Frame| Frame::new(geometry, Owned::F32(frame.to_f32()));
-    Frame::blend(&float(&from)?, &float(&to)?, moment.weight())
+    Frame::blend(&float(&from)?, &float(&to)?, position.weight())
 }

@@ -115,3 +115,14 @@ def test_light_at_a_readout_equals_the_light_of_the_sensor(clip):
     np.testing.assert_array_equal(sl.light_at(clip, [6], 4, interpolation="hold")[0], full[1])
     with pytest.raises(sl.SpikelaneError, match="readout 20"):
         sl.light_at(clip, [20], 4)
+
+
+def test_light_at_checks_only_the_frames_of_the_readouts(clip):
+    light = clip.astype(np.float32) / 255
+    expected = sl.light_at(light, [6, 9], 4)
+    light[0, 3, 2] = np.nan
+    np.testing.assert_array_equal(sl.light_at(light, [6, 9], 4), expected)
+    light[2, 3, 4] = np.nan
+    # The name of the value is an expression of the caller's array.
+    with pytest.raises(sl.SpikelaneError, match=r"frames\[1:4\]\[1, 3, 4\]"):
+        sl.light_at(light, [6, 9], 4)

@@ -41,6 +41,35 @@ def test_rgb_light_gives_the_spikes_of_the_light_behind_the_filters():
     assert one == sl.Simulator(camera).run(_expected_light(rgb[0], "GRBG"), 50)
 
 
+def test_clips_of_colors_give_the_spikes_of_the_light_behind_the_filters():
+    camera = sl.Camera.ideal(8, 12).with_mosaic("GRBG")
+    rgb = np.stack([_colors(4, 8, 12), _colors(4, 8, 12)[::-1]])
+    found = sl.simulate_batch(camera, rgb, 25, sequences=range(2))
+    light = np.stack([_expected_light(clip, "GRBG") for clip in rgb])
+    np.testing.assert_array_equal(found, sl.simulate_batch(camera, light, 25, sequences=range(2)))
+    bytes_ = (255 * rgb).astype(np.uint8)
+    scaled = sl.simulate_batch(camera, bytes_, 25, sequences=range(2), full_scale=255)
+    np.testing.assert_array_equal(scaled, sl.simulate_batch(camera, bytes_, 25, sequences=range(2)))
+
+
+@pytest.mark.parametrize(("row", "col", "pattern"), [(0, 0, "RGGB"), (0, 3, "GRBG"), (5, 0, "GBRG"), (1, 1, "BGGR")])
+def test_a_window_has_the_phase_of_its_first_pixel(row, col, pattern):
+    camera = sl.Camera.ideal(16, 16).with_mosaic("RGGB")
+    rgb = _colors(2, 8, 10)
+    found = sl.simulate_batch(camera, [rgb], 25, sequences=[0], windows=[(row, col)])
+    light = _expected_light(rgb, pattern)
+    np.testing.assert_array_equal(found, sl.simulate_batch(camera, [light], 25, sequences=[0], windows=[(row, col)]))
+
+
+def test_a_batch_of_cameras_accepts_colors_only_for_cameras_with_a_mosaic():
+    gray = sl.Camera.ideal(16, 16)
+    rgb = _colors(2, 16, 16)
+    found = sl.simulate_batch([gray.with_mosaic("RGGB"), gray], [rgb, rgb[..., 0]], 25, sequences=range(2))
+    assert found.shape == (2, 50, 16, 16)
+    with pytest.raises(sl.SpikelaneError, match=r"clips\[1\].*RGB"):
+        sl.simulate_batch([gray.with_mosaic("RGGB"), gray], [rgb, rgb], 25, sequences=range(2))
+
+
 def test_the_program_gives_the_same_spikes(tmp_path, program):
     rgb = _colors(4, 16, 24)
     np.save(tmp_path / "light.npy", rgb)
