@@ -10,8 +10,9 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::spikes::span_rate;
 use spikelane::unstable::inputs;
-use spikelane::unstable::kernels::{SearchOrder, Tally, first_spikes};
+use spikelane::unstable::kernels::{SearchOrder, SpikeTimes, Tally, first_spikes};
 use spikelane::unstable::spikes::unpack_frame;
 use spikelane::unstable::threads::join;
 use spikelane_io::formats::StreamReader;
@@ -68,8 +69,37 @@ pub(crate) fn encoded_image(
             let interval = |(before, after)| if before == 0 || after == 0 { 0 } else { before - 1 + after };
             Ok(encode(&table, before?.into_iter().zip(after?).map(interval)))
         }
+        Method::Span if to - from <= MAX_SPAN_TABLE_READOUTS => encoded_span(reader, from..to),
         Method::Span => Ok(encode_rates(&method.image(reader, at, window)?)),
     }
+}
+
+/// Longest window whose span rates fit in a table with indices of two bytes.
+const MAX_SPAN_TABLE_READOUTS: usize = 362;
+
+const _: () = assert!(span_index(2, MAX_SPAN_TABLE_READOUTS as u32) <= 1 << 16);
+
+/// Returns the index of the rate of a pixel in the table of [`encoded_span`]. The pixel has `spikes` spikes, the last of them
+/// `span` readouts after the first.
+///
+/// Numbers of spikes below 2 come first, because they have no span. Then follow the numbers 2 to `span` + 1 for each span.
+const fn span_index(spikes: u32, span: u32) -> u32 {
+    if spikes < 2 { spikes } else { span * (span - 1) / 2 + spikes }
+}
+
+/// Returns the image of the rates between the first and the last spike in a window.
+fn encoded_span(reader: &StreamReader, window: Range<usize>) -> Result<Vec<u8>> {
+    let geometry = reader.geometry();
+    let mut frames = inputs::zeroed_vec("readouts", window.len() * geometry.frame_bytes())?;
+    reader.read_frames(window.start, &mut frames)?;
+    let times = Tally::new(&frames, geometry.frame_bytes()).spike_times();
+    let count = |spikes: u32| (f64::from(spikes) / window.len() as f64) as f32;
+    let mut table = vec![count(0), count(1)];
+    for span in 1..window.len() as u32 {
+        table.extend((2..=span + 1).map(|n| span_rate(n, 0, span).map_or(count(n), |rate| rate as f32)));
+    }
+    let index = |t: &SpikeTimes| span_index(t.spikes, t.last - t.first);
+    Ok(encode(&table, times[..geometry.pixels()].iter().map(index)))
 }
 
 /// Returns the number of readouts per read.
@@ -138,7 +168,7 @@ fn search_spikes(reader: &StreamReader, readouts: Range<usize>, order: SearchOrd
     Ok(numbers)
 }
 
-/// Encodes indices of a table. The table has at most `2 MAX_WINDOW_READOUTS + 1` entries, so an index fits in two bytes.
+/// Encodes indices of a table with at most 2^16 entries, so an index fits in two bytes.
 fn encode(table: &[f32], indices: impl ExactSizeIterator<Item = u32>) -> Vec<u8> {
     let width = if table.len() <= 256 { 1 } else { 2 };
     let head = 8 + 4 * table.len();
@@ -197,7 +227,7 @@ mod tests {
         // A read covers all readouts of the small image, and 209 readouts of the large image.
         for reader in [reader(15, 3), reader(400, 400)] {
             for method in [Method::Tfp, Method::Tfi, Method::Span, Method::Bits] {
-                for (at, window) in [(0, 1), (450, 41), (3, 161), (899, 300), (500, 900)] {
+                for (at, window) in [(0, 1), (450, 41), (3, 161), (899, 300), (450, 361), (500, 900)] {
                     let encoded = encoded_image(method, &reader, at, window).unwrap();
                     let image = method.image(&reader, at, window).unwrap();
                     assert!(decode(&encoded) == image, "{method:?} {at} {window}");
@@ -213,6 +243,7 @@ mod tests {
         assert_eq!(bytes(Method::Tfp, 41), 8 + 4 * 42 + 45);
         assert_eq!(bytes(Method::Bits, 1), 8 + 4 * 2 + 45);
         assert_eq!(bytes(Method::Tfi, 300), 8 + 4 * 601 + 2 * 45);
+        assert_eq!(bytes(Method::Span, 41), 8 + 4 * (2 + 41 * 40 / 2) + 2 * 45);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use spikelane::spikes::Crop;
 use spikelane_io::formats::{Layout, StreamReader, convert_to};
 
 use crate::jobs::summary;
-use crate::page::{INDEX, MODULES, STYLE};
+use crate::page::{INDEX, STYLE, code};
 use crate::sources::{OpenStream, Sources};
 
 /// Largest page in bytes.
@@ -39,11 +39,11 @@ pub fn export_page(sources: &Sources, readouts: Range<usize>, crop: Option<Crop>
     let (name, stream) = sources.only_stream()?;
     let full = stream.reader.geometry();
     let geometry = crop.map_or(Ok(full), |c| c.geometry(full))?;
-    let code: usize = MODULES.iter().map(|(_, m)| m.len()).sum::<usize>() + INDEX.len() + STYLE.len();
+    let page_bytes = code().len() + INDEX.len() + STYLE.len();
     let packed = geometry.frame_bytes().saturating_mul(readouts.len());
-    let needed = (packed / 3).saturating_mul(4).saturating_add(code + (1 << 20));
+    let needed = (packed / 3).saturating_mul(4).saturating_add(page_bytes + (1 << 20));
     if needed > MAX_PAGE_BYTES {
-        let readouts_limit = (MAX_PAGE_BYTES - code - (1 << 20)) / 4 * 3 / geometry.frame_bytes();
+        let readouts_limit = (MAX_PAGE_BYTES - page_bytes - (1 << 20)) / 4 * 3 / geometry.frame_bytes();
         return Err(Error::new(ErrorKind::Usage, format_args!("page of {} readouts", readouts.len()))
             .found(format_args!("{} MB", needed / 1_000_000))
             .expected(format_args!("at most {} MB", MAX_PAGE_BYTES / 1_000_000))
@@ -78,17 +78,10 @@ pub fn export_page(sources: &Sources, readouts: Range<usize>, crop: Option<Crop>
             "<script type=\"module\" src=\"app.js\"></script>",
             &format!(
                 "<script type=\"application/json\" id=\"embedded\">{data}</script>\n<script type=\"module\">\n{}</script>",
-                joined_modules()
+                code()
             ),
         );
     Ok(page)
-}
-
-/// Returns the modules as one module, without the lines that import and the words that export.
-fn joined_modules() -> String {
-    let lines =
-        MODULES.iter().flat_map(|(_, module)| module.lines()).filter(|line| !line.starts_with("import "));
-    lines.map(|line| format!("{}\n", line.strip_prefix("export ").unwrap_or(line))).collect()
 }
 
 fn base64(bytes: &[u8]) -> String {
@@ -118,7 +111,7 @@ mod tests {
 
     #[test]
     fn joined_modules_import_and_export_nothing() {
-        let all = joined_modules();
+        let all = code();
         assert!(!all.contains("\nimport ") && !all.contains("\nexport ") && !all.contains("</script"));
     }
 

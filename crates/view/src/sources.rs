@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::sensor::Mosaic;
 use spikelane::unstable::inputs::{InputFile, not_found_as_none};
+use spikelane::unstable::npy;
 use spikelane_calibrate::{ColorFilters, RecordingSet, Stimulus};
 use spikelane_dataset::{Access, DatasetReader, InnerPath, SequenceEntry, SequenceFiles};
 use spikelane_io::formats::{OpenOptions, StreamReader};
@@ -119,7 +120,7 @@ impl Sources {
                 Content::Live(_) => ("live", Vec::new()),
                 Content::Dataset { sequences, .. } => ("dataset", sequences.iter().map(sequence_json).collect()),
                 Content::Recordings(set) => {
-                    let item = |r: &spikelane_calibrate::Recording| json!({"name": r.file, "light": light_text(r.light)});
+                    let item = |r: &spikelane_calibrate::Recording| json!({"name": r.file, "light": light_json(r.light)});
                     ("recordings", set.recordings.iter().map(item).collect())
                 }
                 Content::Folder { streams, .. } => {
@@ -247,11 +248,8 @@ fn sequence_json(entry: &SequenceEntry) -> Value {
     })
 }
 
-fn light_text(light: Stimulus) -> String {
-    match light.level() {
-        Some(level) => format!("{level}"),
-        None => "scene".to_owned(),
-    }
+fn light_json(light: Stimulus) -> Value {
+    light.level().map_or_else(|| json!("scene"), |level| json!(level))
 }
 
 /// Returns the color filters that a sidecar states. Invalid filters do not prevent a view of the stream.
@@ -314,6 +312,12 @@ fn open_dataset(path: &Path) -> Result<Content> {
     Ok(Content::Dataset { reader, sequences })
 }
 
+/// Returns whether a file is an array of floats or of fewer than three axes, such as the maps of `calibrate`.
+fn is_map(path: &Path) -> bool {
+    let header = InputFile::open(path).and_then(|file| npy::Header::read("array", &mut file.reader()));
+    header.is_ok_and(|header| header.element.is_float() || header.shape.len() < 3)
+}
+
 /// Opens a data set, the folder of a recording set, or an output folder.
 fn open_folder(folder: &Path) -> Result<Content> {
     if let Some(dataset) = not_found_as_none(open_dataset(folder))? {
@@ -329,6 +333,7 @@ fn open_folder(folder: &Path) -> Result<Content> {
         let name = entry.file_name().to_string_lossy().into_owned();
         let Ok(inner) = InnerPath::parse(ErrorKind::Input, folder.display(), &name) else { continue };
         match name.rsplit_once('.').map(|(_, ending)| ending) {
+            Some("npy") if is_map(&entry.path()) => {}
             Some("dat" | "npy" | "npz") if is_file => streams.push(inner),
             Some("html") if is_file => reports.push(inner),
             _ => {}

@@ -244,6 +244,21 @@ fn names_from_files_are_json_text_and_reports_run_no_scripts() {
     assert_eq!(report.body, b"<script>alert(1)</script><p>text");
 }
 
+#[test]
+fn maps_in_an_output_folder_are_not_listed_as_streams() {
+    let server = TestServer::start(|folder| {
+        let out = folder.path().join("out");
+        std::fs::create_dir(&out).unwrap();
+        let map = spikelane::unstable::npy::map_to_bytes(&[0.5; 6], 3).unwrap();
+        std::fs::write(out.join("dark_pa.npy"), map).unwrap();
+        std::fs::write(out.join("report.html"), "<p>text").unwrap();
+        std::fs::write(out.join("stream.dat"), frames().as_bytes()).unwrap();
+        vec![out]
+    });
+    let items = server.get("api/sources").json()["sources"][0]["items"].clone();
+    assert_eq!(items, serde_json::json!([{"name": "stream.dat"}]));
+}
+
 #[cfg(unix)]
 #[test]
 fn a_link_in_a_folder_does_not_lead_outside() {

@@ -1,7 +1,7 @@
 // List of the streams of a folder, with thumbnails and filters.
 
 import { colorMaps, lookupTable } from './colors.js';
-import { el, state, session, source, setOptions } from './page.js';
+import { el, state, session, source, number, setOptions } from './page.js';
 import { Picture } from './image_view.js';
 
 const observer = new IntersectionObserver((entries) => {
@@ -79,7 +79,7 @@ export function listFiles() {
     words.textContent = item.name;
     const small = document.createElement('small');
     const { split: part, readouts, light, input } = item.item;
-    small.textContent = [part, readouts && `${readouts} readouts`, light && `light ${light}`, input].filter(Boolean).join(', ');
+    small.textContent = [part, readouts && `${readouts} readouts`, light !== undefined && `light ${light === 'scene' ? light : number(light, 4)}`, input].filter(Boolean).join(', ');
     words.append(small);
     button.append(canvas, words);
     button.addEventListener('click', () => {

@@ -113,7 +113,7 @@ function syncTime() {
   // The number that a user types stays until the user ends the input.
   if (document.activeElement !== el('at')) el('at').value = state.at;
   el('scrubber').value = state.at;
-  el('clock').textContent = session.info.readout_hz
+  el('clock').textContent = session.info.is_live ? '' : session.info.readout_hz
     ? `${((1000 * state.at) / session.info.readout_hz).toFixed(2)} ms of ${((1000 * session.info.readouts) / session.info.readout_hz).toFixed(2)} ms`
     : `of ${session.info.readouts}`;
   if (session.labels) syncLabelText();
