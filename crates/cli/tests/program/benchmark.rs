@@ -516,7 +516,12 @@ fn the_true_color_image_has_no_error() {
 fn a_method_for_a_color_camera_receives_its_mosaic() {
     let (place, _) = generated(&color_suite());
     place.write("mosaic.sh", "echo $1 >> mosaics; exit 1\n");
-    place.run_ok("benchmark run data --command 'sh mosaic.sh {mosaic}' -o run");
+    let ran = place
+        .command("benchmark run data -o run")
+        .args(["--command", "sh mosaic.sh {mosaic} {stream} {output}"])
+        .output()
+        .unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
     let text = String::from_utf8(place.read("mosaics")).unwrap();
     assert_eq!(text.lines().collect::<Vec<_>>(), ["GBRG"; 4]);
     // A faulty output has the scores of the trivial answer.
