@@ -255,7 +255,7 @@ CALLS = [
     (
         "sl.ClipSampler(clips.astype('float32'), camera, 5)[1]",
         USUAL,
-        "clips[1]: found the value 51 in frame 0, expected light with full scale at 1.0; "
+        "clips[1][1:3]: found the value 51 in frame 0, expected light with full scale at 1.0; "
         "set full_scale= to 255 if 255 is full scale, or set full_scale= to 1 if the light is this bright",
     ),
 ]
