@@ -49,8 +49,8 @@ class BenchmarkSequence:
     white_rate: float
     """Spikes per readout of a pixel with the light 1."""
     mosaic: dict[str, Any] | None = None
-    """The ``pattern`` of a color camera, and the ``weights`` of linear red, green and blue and the light for ``white`` of each
-    channel. None for a gray camera."""
+    """The ``pattern`` of a color camera, and of each channel the ``weights`` of linear red, green and blue and the light for
+    ``white``. None for a gray camera."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -75,8 +75,8 @@ class BenchmarkSequence:
 Method = Callable[[BenchmarkSequence], Any]
 """A function that returns the output of a sequence.
 
-Reconstructions have the shape (height, width), color images have (height, width, 3), flow has (height, width, 2), and depth has (height, width). Detections and
-tracks are lists of dictionaries, as the reference of benchmarks defines them.
+Reconstructions have the shape (height, width), color images have (height, width, 3), flow has (height, width, 2), and depth
+has (height, width). Detections and tracks are lists of dictionaries, as the reference of benchmarks defines them.
 """
 
 
