@@ -251,7 +251,7 @@ impl ParamRange {
 /// Calls `visit` with the key and the value of every entry of `[sensor]` and of every effect.
 fn for_each_number(table: &Table, visit: &mut dyn FnMut(&str, &Value) -> Result<()>) -> Result<()> {
     if let Some(Value::Table(sensor)) = table.get("sensor") {
-        // The mosaic is a table of its own, and no range varies it.
+        // A mosaic is a table, but not a range.
         let mut numbers = sensor.iter().filter(|(key, _)| *key != "mosaic");
         numbers.try_for_each(|(key, value)| visit(&format!("sensor.{key}"), value))?;
     }

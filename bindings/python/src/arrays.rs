@@ -143,16 +143,6 @@ impl<'py> LightArray<'py> {
         Err(shape_error(name, self.shape(), Some((height, width)), expected))
     }
 
-    /// Rejects colors on the last axis. Use it if the size of the frames is unknown.
-    pub fn check_gray(&self, name: &str) -> PyResult<()> {
-        match *self.shape() {
-            [_, rows, 3 | 4] if rows >= MIN_IMAGE_SIDE => {
-                Err(shape_error(name, self.shape(), None, "gray images (N, H, W)"))
-            }
-            _ => Ok(()),
-        }
-    }
-
     /// Returns the frames. Their size must equal `geometry`.
     pub fn frames(&self, geometry: Geometry) -> PyResult<Vec<FrameRef<'_>>> {
         match self {
@@ -176,7 +166,7 @@ impl<'py, T: Element + Copy> FrameArray<'py, T> {
 
     fn from_typed_array(array: &Bound<'py, PyArrayDyn<T>>, name: &str, copies: CopyPolicy) -> PyResult<Self> {
         if !matches!(array.ndim(), 2 | 3) {
-            return Err(shape_error(name, array.shape(), None, "one frame (H, W) or frames (N, H, W)"));
+            return Err(shape_error(name, array.shape(), None, FRAMES));
         }
         let busy = |_| {
             usage_error(
@@ -201,6 +191,19 @@ impl<'py, T: Element + Copy> FrameArray<'py, T> {
     ) -> PyResult<Vec<FrameRef<'s>>> {
         let frame = |s: &'s [T]| FrameRef::new(samples(s));
         Ok(self.contiguous.as_slice()?.chunks_exact(geometry.pixels()).map(frame).collect())
+    }
+}
+
+/// The shapes of light in errors.
+pub const FRAMES: &str = "one frame (H, W) or frames (N, H, W)";
+
+/// Rejects colors on the last axis. Use it if the size of the frames is unknown.
+pub fn check_gray(shape: &[usize], name: &str) -> PyResult<()> {
+    match *shape {
+        [_, rows, 3 | 4] if rows >= MIN_IMAGE_SIDE => {
+            Err(shape_error(name, shape, None, "gray images (N, H, W)"))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -20,8 +20,8 @@ use spikelane_io::simulate::Samples;
 
 use crate::argument::{self, describe};
 use crate::arrays::{
-    CopyPolicy, LIGHT_TYPES, LightArray, LightScale, array_from_vec, check_buffer, geometry, shape_error,
-    shape_text, to_numpy, zeros,
+    CopyPolicy, FRAMES, LIGHT_TYPES, LightArray, LightScale, array_from_vec, check_buffer, check_gray,
+    geometry, shape_error, shape_text, to_numpy, zeros,
 };
 use crate::camera::Camera;
 use crate::error::{OrRaise as _, type_error, usage_error};
@@ -56,7 +56,8 @@ struct BatchOptions {
 /// shape (B, T, ceil(H * W / 8)). The interpreter's lock is released during the simulation.
 ///
 /// `clips` is an array (B, N, H, W) or a sequence of arrays (N, H, W). The types are uint8, uint16 or float32, as in
-/// `Simulator.run`. For a camera with a mosaic, a clip may also be linear RGB light (N, H, W, 3). `camera` is one Camera for all clips, or a sequence with one camera per clip. `sequences` (one
+/// `Simulator.run`. For a camera with a mosaic, a clip may also be linear RGB light (N, H, W, 3). `camera` is one Camera
+/// for all clips, or a sequence with one camera per clip. `sequences` (one
 /// integer per clip) and `seed` determine the temporal noise. `camera_seed` (one integer, or one per clip) determines
 /// the fixed pattern. The bits of a clip depend only on the camera, the seeds and the light of this clip. They never
 /// depend on the batch or the threads.
@@ -419,7 +420,12 @@ pub fn light_at<'py>(
         numbers(readouts, "readouts", "an integer for each readout", "pass a list, for example [20]")?;
     let frames = to_numpy(frames, "frames", LIGHT_TYPES)?;
     let shape: Vec<usize> = frames.getattr("shape")?.extract()?;
-    let count = if let [count, _, _] = shape[..] { count } else { 1 };
+    let count = match shape[..] {
+        [count, _, _] => count,
+        [_, _] => 1,
+        _ => return Err(shape_error("frames", &shape, None, FRAMES)),
+    };
+    check_gray(&shape, "frames")?;
     let lasts = timeline.readouts(count as u64).unwrap_or(u64::MAX);
     if let Some(beyond) = readouts.iter().find(|t| **t >= lasts) {
         let remedy = "pass readouts of the clip";
@@ -446,7 +452,6 @@ pub fn light_at<'py>(
         }
         _ => LightArray::from_array(&frames, "frames", CopyPolicy::All, scale)?,
     };
-    light.check_gray("frames")?;
     let (height, width) = light.size();
     let geometry = geometry(height, width)?;
     let frames = light.frames(geometry)?;

@@ -117,6 +117,12 @@ def test_light_at_a_readout_equals_the_light_of_the_sensor(clip):
         sl.light_at(clip, [20], 4)
 
 
+def test_light_at_names_a_wrong_shape_before_a_readout(clip):
+    for light in (clip[None], np.stack([clip] * 3, axis=-1), np.zeros((20, 30, 3), np.uint8)):
+        with pytest.raises(sl.SpikelaneError, match=r"frames: found shape"):
+            sl.light_at(light, [10**6])
+
+
 def test_light_at_checks_only_the_frames_of_the_readouts(clip):
     light = clip.astype(np.float32) / 255
     expected = sl.light_at(light, [6, 9], 4)

@@ -436,7 +436,7 @@ fn suite_digest(suite: &Suite, groups: &[GeneratedGroup]) -> String {
     for group in groups.iter().filter(|group| group.is_scored) {
         for sequence in &group.sequences {
             if let Some(mosaic) = &sequence.mosaic {
-                line(format!("{}/{} {mosaic:?}\n", group.name, sequence.id));
+                line(format!("{}/{} mosaic {}\n", group.name, sequence.id, serde_json::json!(mosaic)));
             }
             let GeneratedSequence { id, width, height, readouts, readout_hz, white_rate, .. } = sequence;
             for file in &sequence.files {

@@ -333,7 +333,7 @@ fn open_folder(folder: &Path) -> Result<Content> {
         let name = entry.file_name().to_string_lossy().into_owned();
         let Ok(inner) = InnerPath::parse(ErrorKind::Input, folder.display(), &name) else { continue };
         match name.rsplit_once('.').map(|(_, ending)| ending) {
-            Some("npy") if is_map(&entry.path()) => {}
+            Some("npy") if is_file && is_map(&entry.path()) => {}
             Some("dat" | "npy" | "npz") if is_file => streams.push(inner),
             Some("html") if is_file => reports.push(inner),
             _ => {}

@@ -17,7 +17,7 @@ use spikelane_measure::report::{
 use crate::aggregate::{Bootstrap, summarize_differences};
 use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
 use crate::run;
-use crate::score::{OVERALL, ScoreFile, ScoreInterval, decode_color_image, decode_image, reference_image};
+use crate::score::{OVERALL, ScoreFile, ScoreInterval, decode_image, reference_image};
 use crate::suite::Task;
 use crate::{Better, Metric};
 
@@ -555,7 +555,6 @@ fn worst_figure(
     let Some((group, sequence)) = found.get(&(group.as_str(), id.as_str())) else { return Ok(None) };
     match data.suite.task {
         task @ (Task::Reconstruction | Task::Color) => {
-            let decode = if task == Task::Color { decode_color_image } else { decode_image };
             let geometry = Geometry::new(sequence.width, sequence.height)?;
             let png = |image: &[f32], label: &str| -> Result<String> {
                 Ok(png_image(
@@ -566,7 +565,11 @@ fn worst_figure(
             };
             let reference = png(&reference_image(data, group, sequence, geometry)?, "reference")?;
             let output = run::read_output(&method.folder, task, &group.name, sequence);
-            let image = match output.ok().flatten().map(|(bytes, _)| decode(&bytes, geometry)) {
+            let image = match output
+                .ok()
+                .flatten()
+                .map(|(bytes, _)| decode_image(&bytes, geometry, task == Task::Color))
+            {
                 Some(Ok(image)) => png(&image, "output")?,
                 _ => String::new(),
             };

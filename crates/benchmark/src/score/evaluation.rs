@@ -72,7 +72,7 @@ pub fn evaluate_output(
         Task::Reconstruction => {
             let reference = reference_image(data, group, sequence, geometry)?;
             attempt.evaluate(
-                |bytes| decode_image(bytes, geometry),
+                |bytes| decode_image(bytes, geometry, false),
                 |image| Ok((image_scores(metrics, image, &reference, geometry)?, Counts::None)),
                 || Baseline::Tfp.image(&paths[0], sequence),
             )
@@ -80,7 +80,7 @@ pub fn evaluate_output(
         Task::Color => {
             let reference = reference_image(data, group, sequence, geometry)?;
             attempt.evaluate(
-                |bytes| decode_color_image(bytes, geometry),
+                |bytes| decode_image(bytes, geometry, true),
                 |image| Ok((color_scores(image, &reference, geometry)?, Counts::None)),
                 || Baseline::TfpBilinear.color_image(&paths[0], sequence),
             )
@@ -185,15 +185,19 @@ pub(crate) fn reference_image(
 }
 
 /// Reads an image from the bytes of an `.npy` file, or returns the fault in one line. Values are clipped to 0..1.
-pub(crate) fn decode_image(bytes: &[u8], geometry: Geometry) -> std::result::Result<Vec<f32>, String> {
-    let image = decode_array(bytes, &[geometry.height() as u64, geometry.width() as u64])?;
-    Ok(image.into_iter().map(|v| v.clamp(0.0, 1.0)).collect())
+///
+/// The shape is (height, width), or (height, width, 3) for a color image.
+pub(crate) fn decode_image(
+    bytes: &[u8],
+    geometry: Geometry,
+    is_color: bool,
+) -> std::result::Result<Vec<f32>, String> {
+    let shape = [geometry.height() as u64, geometry.width() as u64, 3];
+    Ok(clipped(&decode_array(bytes, &shape[..if is_color { 3 } else { 2 }])?))
 }
 
-/// Reads a color image of the shape (height, width, 3) as [`decode_image`] reads a gray image.
-pub(crate) fn decode_color_image(bytes: &[u8], geometry: Geometry) -> std::result::Result<Vec<f32>, String> {
-    let image = decode_array(bytes, &[geometry.height() as u64, geometry.width() as u64, 3])?;
-    Ok(image.into_iter().map(|v| v.clamp(0.0, 1.0)).collect())
+fn clipped(image: &[f32]) -> Vec<f32> {
+    image.iter().map(|v| v.clamp(0.0, 1.0)).collect()
 }
 
 /// Reads the finite values of an array of floats. The shape may contain further sides of length 1.
@@ -235,8 +239,8 @@ fn image_scores(
     reference: &[f32],
     geometry: Geometry,
 ) -> std::result::Result<BTreeMap<String, f64>, MetricError> {
-    let clipped: Vec<f32> = output.iter().map(|v| v.clamp(0.0, 1.0)).collect();
-    let output = clipped.as_slice();
+    let output = clipped(output);
+    let output = output.as_slice();
     let mut scores = BTreeMap::new();
     for metric in metrics {
         let value = image_score(metric.name, output, reference, geometry);
@@ -257,8 +261,8 @@ fn color_scores(
     reference: &[f32],
     geometry: Geometry,
 ) -> std::result::Result<BTreeMap<String, f64>, MetricError> {
-    let clipped: Vec<f32> = output.iter().map(|v| v.clamp(0.0, 1.0)).collect();
-    let output = clipped.as_slice();
+    let output = clipped(output);
+    let output = output.as_slice();
     let [red, green, blue] = image::color_psnr(output, reference, geometry)?;
     Ok([
         ("cpsnr", image::cpsnr(output, reference, geometry)?),
@@ -321,8 +325,8 @@ mod tests {
             npy::to_bytes(Element::F32, shape, values.iter().map(|v| v.to_le_bytes())).unwrap()
         };
         let good = image(&[2, 3], &[0.5, 2.0, -1.0, 0.0, 1.0, 0.25]);
-        assert_eq!(decode_image(&good, geometry).unwrap(), [0.5, 1.0, 0.0, 0.0, 1.0, 0.25]);
-        assert!(decode_image(&image(&[1, 2, 3], &[0.5; 6]), geometry).is_ok());
+        assert_eq!(decode_image(&good, geometry, false).unwrap(), [0.5, 1.0, 0.0, 0.0, 1.0, 0.25]);
+        assert!(decode_image(&image(&[1, 2, 3], &[0.5; 6]), geometry, false).is_ok());
         let nan = image(&[2, 3], &[0.5, f32::NAN, 0.0, 0.0, 0.0, 0.0]);
         let integers = npy::to_bytes(Element::U8, &[2, 3], [[0_u8]; 6].into_iter()).unwrap();
         for (bytes, word) in [
@@ -332,7 +336,7 @@ mod tests {
             (&integers, "f4 or f8"),
             (&b"no array"[..], "output of the method"),
         ] {
-            let fault = decode_image(bytes, geometry).unwrap_err();
+            let fault = decode_image(bytes, geometry, false).unwrap_err();
             assert!(fault.contains(word) && !fault.contains('\n'), "{fault}");
         }
     }

@@ -22,7 +22,7 @@ use crate::run::{self, Method, SequenceResult};
 use crate::suite::CurvePoint;
 
 pub use evaluation::{Evaluation, evaluate_output};
-pub(crate) use evaluation::{decode_color_image, decode_image, reference_image};
+pub(crate) use evaluation::{decode_image, reference_image};
 pub use summary::{Cost, GroupSummary, MetricSummary, ScoreInterval};
 
 /// Version of the format of `score.json`.

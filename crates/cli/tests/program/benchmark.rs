@@ -538,8 +538,13 @@ fn a_suite_of_color_images_needs_a_color_camera() {
     let place = TestFolder::new();
     place.write("gray.toml", color_suite().replace("mosaic = { pattern = \"GBRG\" }, ", ""));
     place.run_refused("benchmark generate gray.toml -o data", 3, &["no mosaic", "color camera"]);
-    place.write("other.toml", color_suite().replace("\"color\"", "\"reconstruction\""));
-    place.run_refused("benchmark generate other.toml -o data", 3, &["cpsnr"]);
+    let mosaic = "height = 32, mosaic = { pattern = \"GBRG\" }, ";
+    place.write("other.toml", short_suite(1).replace("height = 32, ", mosaic));
+    place.run_refused(
+        "benchmark generate other.toml -o data",
+        3,
+        &["mosaic GBRG", "gray camera", "task color"],
+    );
 }
 
 #[test]

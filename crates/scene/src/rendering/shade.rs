@@ -274,7 +274,7 @@ fn lamp_visibility(frame: &SceneInstant, f: &Fragment, lamp: u16, origin: Vec3) 
     let (u, v) = f.facet.any_orthonormal_pair();
     let position = frame.scene.city.lamps[usize::from(lamp)].position;
     let near = frame.near_grid.items_at(f.world.truncate());
-    // If no vehicle is near the middle of all rays, none is near a ray.
+    // All rays are within `radius` of the ray from the center. A vehicle near one of them is therefore near this ray.
     let (to, margin) = (position - origin, radius + 1e-3);
     let distance = to.length();
     let has_vehicle = near
