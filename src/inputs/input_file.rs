@@ -222,6 +222,24 @@ fn decoded_text(bytes: Vec<u8>) -> std::result::Result<String, String> {
     }
 }
 
+/// Returns the path of a name in a text file. `folder` is the folder to which the name is relative.
+///
+/// Programs on Windows separate folders with backslashes. Elsewhere a backslash can be a part of a file name, so a file
+/// with exactly this name takes precedence.
+///
+/// # Examples
+/// ```
+/// use spikelane::unstable::inputs::path_from_text;
+/// assert_eq!(path_from_text("set".as_ref(), r"flats\dark.dat"), std::path::Path::new("set/flats/dark.dat"));
+/// ```
+pub fn path_from_text(folder: &Path, name: &str) -> PathBuf {
+    let path = folder.join(name);
+    if !name.contains('\\') || path.symlink_metadata().is_ok() {
+        return path;
+    }
+    folder.join(name.replace('\\', "/"))
+}
+
 /// Replaces the error that a file does not exist by `None`.
 ///
 /// # Errors

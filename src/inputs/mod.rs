@@ -15,7 +15,8 @@ mod memory;
 mod names;
 
 pub use input_file::{
-    InputFile, InputReader, MAX_TEXT_BYTES, not_found_as_none, read_bytes, read_text, read_text_up_to,
+    InputFile, InputReader, MAX_TEXT_BYTES, not_found_as_none, path_from_text, read_bytes, read_text,
+    read_text_up_to,
 };
 pub use input_lines::InputLines;
 pub use memory::{check_memory, reserved_vec, zeroed_vec};

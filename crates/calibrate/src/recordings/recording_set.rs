@@ -302,12 +302,26 @@ impl RecordingSet {
                 "the light of this recording: 0 in the dark, otherwise a fraction of saturation, such as 0.3",
             ));
         }
-        let mut set: Self = toml::from_str(text)
-            .map_err(|e| Error::new(ErrorKind::Config, "recording set").found(e.to_string().trim_end()))?;
+        let mut set: Self = toml::from_str(text).map_err(|e| {
+            let error = Error::new(ErrorKind::Config, "recording set").found(e.to_string().trim_end());
+            // A path of Windows in double quotes.
+            if e.message().contains("escape") { error.remedy("separate folders with '/'") } else { error }
+        })?;
         set.folder = folder;
         set.check_light(Some(text))?;
         set.check()?;
+        set.separate_folders_with_slashes();
         Ok(set)
+    }
+
+    /// Replaces the backslashes in paths of Windows.
+    fn separate_folders_with_slashes(&mut self) {
+        let files = self.recordings.iter_mut().map(|r| &mut r.file);
+        for file in files.chain(self.rate_maps.iter_mut().map(|m| &mut m.file)) {
+            if inputs::path_from_text(&self.folder, file) != self.folder.join(&file) {
+                *file = file.replace('\\', "/");
+            }
+        }
     }
 
     /// Returns the set of one recording of a static scene under unknown light.

@@ -141,6 +141,30 @@ fn texts_that_describe_no_set_are_refused() {
 }
 
 #[test]
+fn a_set_from_windows_reads_as_one_from_linux() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("flats")).unwrap();
+    std::fs::write(folder.path().join("flats/dark.dat"), [0; 80]).unwrap();
+    let linux =
+        "width = 8\nheight = 8\nreadout_hz = 20000\n[[recording]]\nfile = 'flats/dark.dat'\nlight = 0.0\n";
+    let windows = linux.replace("flats/", "flats\\").replace('\n', "\r\n");
+    let wide: Vec<u8> = windows.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let path = folder.path().join("recordings.toml");
+    let mut read = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        RecordingSet::open(&path).unwrap()
+    };
+    let expected = read(linux.as_bytes());
+    assert_eq!(read(windows.as_bytes()), expected);
+    assert_eq!(read(&[b"\xEF\xBB\xBF", windows.as_bytes()].concat()), expected);
+    assert_eq!(read(&[&[0xFF, 0xFE], &wide[..]].concat()), expected);
+    let quoted = windows.replace('\'', "\"");
+    std::fs::write(&path, quoted).unwrap();
+    let error = RecordingSet::open(&path).unwrap_err();
+    assert_eq!(error.parts().remedy, "separate folders with '/'");
+}
+
+#[test]
 fn dark_saturated_and_short_sets_say_what_is_missing() {
     let (_folder, dark) = record(&flats(&[0.0], 2000));
     assert!(refusal_message(&dark).contains("dark recordings only"));

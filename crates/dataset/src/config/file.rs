@@ -11,7 +11,7 @@ use crate::{
     Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions, SceneContent, Splits,
 };
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::Access;
+use spikelane::unstable::inputs::{Access, path_from_text};
 
 /// Version of the file format.
 const FORMAT_VERSION: i64 = 1;
@@ -133,8 +133,8 @@ impl DatasetFile {
         let work = match (self.scenes, self.inputs) {
             (Some(drives), None) => Content::Scenes(drives),
             (None, Some(inputs)) => Content::Inputs(InputContent {
-                folder: folder.join(inputs.folder),
-                list: inputs.list.map(|list| folder.join(list)),
+                folder: path_from_text(folder, &inputs.folder.to_string_lossy()),
+                list: inputs.list.map(|list| path_from_text(folder, &list.to_string_lossy())),
                 ..inputs
             }),
             (None, None) => Content::Scenes(SceneContent::rhdd()),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
-use spikelane::unstable::inputs::read_bytes;
+use spikelane::unstable::inputs::read_text_up_to;
 
 const CONFIG_FILE_NAME: &str = "config.yaml";
 
@@ -27,8 +27,7 @@ pub(super) fn find_above(stream: &Path) -> Result<Option<(Geometry, PathBuf)>> {
     let Ok(absolute) = std::path::absolute(stream) else { return Ok(None) };
     for folder in absolute.ancestors().skip(1).take(MAX_PARENT_FOLDERS) {
         let path = folder.join(CONFIG_FILE_NAME);
-        let bytes = read_bytes(&path, "a configuration", MAX_BYTES).ok();
-        let Some(text) = bytes.and_then(|bytes| String::from_utf8(bytes).ok()) else { continue };
+        let Ok(text) = read_text_up_to(&path, "a configuration", MAX_BYTES) else { continue };
         if let (Some(width), Some(height)) = (value(&text, "spike_w"), value(&text, "spike_h")) {
             return size(width, height, &path).map(|geometry| Some((geometry, path)));
         }
@@ -77,6 +76,9 @@ mod tests {
         write("train/config.yaml", "learning_rate: 0.1\n");
         let (geometry, path) = find_above(&stream).unwrap().unwrap();
         assert_eq!((geometry, path), (Geometry::new(64, 48).unwrap(), place.path().join("config.yaml")));
+        // A file from Windows.
+        write("config.yaml", "\u{feff}spike_w: 32\r\nspike_h: 16\r\n");
+        assert_eq!(find_above(&stream).unwrap().unwrap().0, Geometry::new(32, 16).unwrap());
         write("train/config.yaml", "spike_w: wide\nspike_h: 3\n");
         assert_eq!(find_above(&stream).unwrap_err().kind(), ErrorKind::Config);
     }
