@@ -335,3 +335,15 @@ fn moments_that_cannot_be_are_refused() {
     std::fs::rename(place.path("run.images/40.png"), place.path("run.images/900.png")).unwrap();
     place.run_refused("evaluate run.dat --reference run.images", 4, &["900", "200"]);
 }
+
+#[test]
+fn a_data_set_names_windows_that_exceed_its_streams() {
+    let place = TestFolder::new();
+    let dataset = "dataset --scene-preset tiny --sequences 2 --images-per-scene 6 --label-every 0 --width 64 --height 40";
+    place.run_ok(&format!("{dataset} -o set"));
+    let ran = place.run_ok("evaluate set --method tfp --window 9");
+    let note = "note: tfp 9: the stream has only 6 of the 9 readouts of the window (2 of 2 sequences)";
+    assert!(ran.stdout.contains(note), "{}", ran.stdout);
+    let ran = place.run_ok("evaluate set --method tfp --window 5");
+    assert!(!ran.stdout.contains("note"), "{}", ran.stdout);
+}

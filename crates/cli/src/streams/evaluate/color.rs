@@ -9,7 +9,7 @@ use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::StreamReader;
 
 use super::args::Args;
-use super::picture::{Method, TFI_SEARCH_READOUTS};
+use super::picture::{Method, TFI_SEARCH_READOUTS, window_note};
 use super::reference::ColorReference;
 use super::scores::{Decibels, average};
 use super::sequence;
@@ -180,8 +180,12 @@ fn pictures(args: &Args, reader: &StreamReader, at: usize, out: &Console) -> Res
         for window in wanted.window.iter().filter(|_| wanted.method.contains(&method)) {
             let half = (*window / 2) as usize;
             let (bytes, center) = frames_around(reader, at, half)?;
-            let rates = make(SpikeFramesRef::new(reader.geometry(), &bytes)?, center, half)?;
-            all.push((format!("{name} {}", 2 * half + 1), rates));
+            let packed = SpikeFramesRef::new(reader.geometry(), &bytes)?;
+            let name = format!("{name} {}", 2 * half + 1);
+            if let Some(note) = window_note(2 * half + 1, packed.readouts()) {
+                out.print_message(format_args!("note: {}: {name}: {note}", reader.name()));
+            }
+            all.push((name, make(packed, center, half)?));
         }
     }
     if wanted.method.contains(&Method::Tfi) {

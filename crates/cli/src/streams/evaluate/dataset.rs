@@ -1,5 +1,6 @@
 //! Mean scores of a dataset.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::common::console::Console;
@@ -65,7 +66,7 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut streams = Vec::new();
     for (kind, all) in kinds.iter().filter(|(_, all)| !all.is_empty()) {
         let means = mean_scores(all);
-        text += &format!("{kind}\n{}", tables(&means));
+        text += &format!("{kind}\n{}{}", tables(&means), notes(all));
         let name = format!("{kind} streams, means over {}", Count(done.len(), "sequence"));
         streams.push(report::ScoredStream { name, pictures: means.iter().map(MeanScores::json).collect() });
     }
@@ -78,6 +79,22 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
     }
     report::write(args, &streams)?;
     if out.json() { Ok(()) } else { out.print_result(&Value::Null, &text) }
+}
+
+/// Returns a line for each note of the pictures, with the number of sequences that have the note.
+///
+/// Sequences of different lengths have different notes about the same picture. The first one is printed.
+fn notes(all: &[Vec<EvaluatedPicture>]) -> String {
+    let mut notes = BTreeMap::<&str, (&str, usize)>::new();
+    for picture in all.iter().flatten() {
+        if let Some(note) = &picture.note {
+            notes.entry(&picture.name).or_insert((note, 0)).1 += 1;
+        }
+    }
+    let line = |(name, (note, count)): (&str, (&str, usize))| {
+        format!("note: {name}: {note} ({count} of {})\n", Count(all.len(), "sequence"))
+    };
+    notes.into_iter().map(line).collect()
 }
 
 /// A stream of a sequence, and its reference image.

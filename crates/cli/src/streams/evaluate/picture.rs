@@ -129,9 +129,7 @@ pub(super) fn evaluate_pictures(
             let packed = SpikeFramesRef::new(geometry, &bytes)?;
             let (wanted, there) = (2 * half + 1, packed.readouts());
             let rates = make(packed, center, half)?;
-            let note = (there < wanted).then(|| {
-                format!("the stream has only {there} of the {} of the window", Count(wanted, "readout"))
-            });
+            let note = window_note(wanted, there);
             let marks = Ok(comparison.score(&rates, geometry, near(half))?);
             all.push(EvaluatedPicture { name: format!("{kind} {wanted}"), scores: marks, note });
             if kind == "tfp" && comparison.has_reference() {
@@ -159,6 +157,12 @@ pub(super) fn evaluate_pictures(
         all.push(EvaluatedPicture { name: "reference".into(), scores: Ok(marks), note: None });
     }
     Ok(all)
+}
+
+/// Returns a note about a window that the stream contains only in part.
+pub(super) fn window_note(window: usize, available: usize) -> Option<String> {
+    (available < window)
+        .then(|| format!("the stream has only {available} of the {} of the window", Count(window, "readout")))
 }
 
 /// Returns the reason why a TFI picture cannot be scored, or `None` if it can be scored.
