@@ -4,6 +4,7 @@ use crate::effects::Camera;
 use crate::error::{Error, ErrorKind, Result};
 use crate::kernels::{self, Backend, Batch, Job, Segment, SegmentLight};
 use crate::plan::{FOREIGN_STATE, Plan, SimulatorState, StateTile};
+use crate::simulate::exposure_meter::{ExposureFault, ExposureMeter};
 use crate::simulate::frame_sequence::FrameSequence;
 use crate::simulate::light::{Light, ValidLight};
 use crate::simulate::segments::batches;
@@ -51,6 +52,7 @@ pub struct Simulator {
     /// alternates. The first tiles of a batch are then the last tiles of the previous batch, which are still in the
     /// caches.
     is_reversed: bool,
+    meter: ExposureMeter,
     #[cfg(feature = "threads")]
     pool: Option<Pool>,
 }
@@ -92,6 +94,7 @@ impl Simulator {
             backend: Backend::best(),
             bits: vec![Vec::new(); plan.padded_pixels().div_ceil(tile)],
             is_reversed: false,
+            meter: ExposureMeter::default(),
             tile_pixels: tile,
             plan,
             #[cfg(feature = "threads")]
@@ -141,6 +144,7 @@ impl Simulator {
     /// Returns [`ErrorKind::Usage`] if `seeds.camera` differs from the camera seed of the plan.
     pub fn restart(&mut self, seeds: Seeds) -> Result<()> {
         self.plan.reseed(seeds)?;
+        self.meter = ExposureMeter::default();
         self.state = kernels::initial_state(&self.plan);
         Ok(())
     }
@@ -188,7 +192,34 @@ impl Simulator {
             return Err(SimulatorState::foreign_error(found));
         }
         self.state = state;
+        self.meter = ExposureMeter::default();
         Ok(())
+    }
+
+    /// Returns whether the light of the simulated readouts is outside the range of the camera.
+    ///
+    /// A pixel readout is saturated if the pixel also fires in every readout next to it, so that brighter light would not
+    /// change the stream. If more than half of the pixel readouts are saturated, or if no pixel has fired, the result
+    /// is `Some`. It covers all readouts since the start, the last [`restart`](Self::restart) or the last
+    /// [`set_state`](Self::set_state). Before 32 readouts, the result is `None`.
+    ///
+    /// The share is a sample: of 256 readouts, 32 are examined, and of a large frame, about 64 parts.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::simulate::ExposureFault;
+    /// # use spikelane::{Camera, Seeds, Sensor, Simulator};
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(32, 24, 20_000.0)?), Seeds::default())?;
+    /// simulator.run(&vec![230u8; 32 * 24], 100)?;
+    /// assert_eq!(simulator.exposure_fault(), None);
+    /// simulator.restart(Seeds::default())?;
+    /// simulator.run(&vec![255u8; 32 * 24], 100)?;
+    /// assert_eq!(simulator.exposure_fault(), Some(ExposureFault::Saturated { share: 1.0 }));
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    #[must_use]
+    pub fn exposure_fault(&self) -> Option<ExposureFault> {
+        self.meter.fault()
     }
 
     /// Simulates `readouts` readouts of `light` and returns the spikes.
@@ -385,7 +416,10 @@ impl Simulator {
         for batch in batches(segments, most) {
             threads::check_stop();
             let readouts: usize = batch.iter().map(|s| s.readouts).sum();
-            kept += self.run_batch(&batch, &mut out[kept * bytes..][..readouts * bytes]);
+            let out = &mut out[kept * bytes..][..readouts * bytes];
+            let frames = self.run_batch(&batch, out);
+            self.meter.add(self.plan.geometry(), &out[..frames * bytes]);
+            kept += frames;
         }
         kept
     }

@@ -10,6 +10,7 @@ use numpy::{PyArrayDyn, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice, PyString};
 use spikelane::sensor::Mosaic;
+use spikelane::simulate::ExposureFault;
 use spikelane::spikes::{self, Crop};
 use spikelane::{Error, ErrorKind, Geometry, Plan, Seeds, Simulator};
 use spikelane_io::light::{
@@ -24,7 +25,7 @@ use crate::arrays::{
     geometry, shape_error, shape_text, to_numpy, zeros,
 };
 use crate::camera::Camera;
-use crate::error::{OrRaise as _, type_error, usage_error};
+use crate::error::{OrRaise as _, type_error, usage_error, warn_with};
 use crate::mosaic::filter_light;
 use crate::simulator::{readout_count, timeline};
 use crate::watch::WorkMonitor;
@@ -40,6 +41,7 @@ struct ClipTask<'a> {
     seeds: Seeds,
     frames: Vec<FrameRef<'a>>,
     out: &'a mut [u8],
+    exposure_fault: Option<ExposureFault>,
 }
 
 /// The options that all clips share.
@@ -160,6 +162,7 @@ pub fn simulate_batch<'py>(
                 seeds: Seeds { camera: camera_seeds[i], shot: seed, sequence: sequences[i] },
                 frames: lights[i].frames(geometry)?,
                 out: parts.next().unwrap_or_default(),
+                exposure_fault: None,
             }))
         })
         .collect::<PyResult<_>>()?;
@@ -167,9 +170,13 @@ pub fn simulate_batch<'py>(
     let mut watch = WorkMonitor::new(py, progress, "clips")?;
     let threads = threads.min(lights.len());
     let result = py.detach(|| run_batch(&items, &common, threads, &mut watch));
+    let fault = items.iter().find_map(|item| item.lock().ok()?.exposure_fault);
     drop(items);
     watch.into_result(result)?;
     drop(target);
+    if let Some(fault) = fault {
+        warn_with(&fault.warning("spikes of a clip"))?;
+    }
     Ok(out)
 }
 
@@ -285,11 +292,14 @@ impl BatchWorker {
             }
         };
         if !common.unpacked {
-            return simulator.fill_observed(Light::sequence(&item.frames, &common.timeline), item.out, watch);
+            simulator.fill_observed(Light::sequence(&item.frames, &common.timeline), item.out, watch)?;
+            item.exposure_fault = simulator.exposure_fault();
+            return Ok(());
         }
         let geometry = common.geometry;
         self.packed.resize(item.out.len() / geometry.pixels() * geometry.frame_bytes(), 0);
         simulator.fill_observed(Light::sequence(&item.frames, &common.timeline), &mut self.packed, watch)?;
+        item.exposure_fault = simulator.exposure_fault();
         let windowed = item.crop.is_some();
         spikes::unpack(geometry, &self.packed, item.out)?;
         if windowed {

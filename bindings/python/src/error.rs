@@ -69,7 +69,6 @@ pub fn type_error(
 }
 
 /// Raises a SpikelaneWarning. Its text has the form of an error.
-///
 pub fn warn(
     subject: impl std::fmt::Display,
     found: impl std::fmt::Display,
@@ -79,7 +78,12 @@ pub fn warn(
     // Python prints a text once. An index would make a text for each clip.
     let subject = subject.to_string();
     let subject = subject.split('[').next().unwrap_or_default();
-    let text = message(&Error::new(ErrorKind::Usage, subject).found(found).expected(expected).remedy(remedy));
+    warn_with(&Error::new(ErrorKind::Usage, subject).found(found).expected(expected).remedy(remedy))
+}
+
+/// Raises a SpikelaneWarning with the text of `error`.
+pub fn warn_with(error: &Error) -> PyResult<()> {
+    let text = message(error);
     Python::attach(|py| py.import("spikelane._errors")?.call_method1("warn", (text,)).map(drop))
 }
 

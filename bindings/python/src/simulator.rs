@@ -12,7 +12,7 @@ use spikelane_io::light::{Interpolation, Timeline};
 use crate::argument;
 use crate::arrays::{CopyPolicy, LightArray, LightScale, check_buffer, check_frame_buffer, zeros};
 use crate::camera::Camera;
-use crate::error::{OrRaise as _, usage_error};
+use crate::error::{OrRaise as _, usage_error, warn_with};
 use crate::mosaic;
 use crate::spike_frames::SpikeFrames;
 use crate::watch::WorkMonitor;
@@ -43,6 +43,8 @@ pub struct Simulator {
 struct SimulatorState {
     simulator: spikelane::Simulator,
     scratch: Vec<u8>,
+    /// Whether a warning about the exposure was raised for this recording.
+    has_warned: bool,
 }
 
 #[pymethods]
@@ -69,7 +71,8 @@ impl Simulator {
             let options = spikelane::SimulatorOptions::new().threads(threads);
             named_backend.map_or(options.clone(), |backend| options.backend(backend)).build_from_plan(plan)
         });
-        let inner = SimulatorState { simulator: simulator.or_raise()?, scratch: Vec::new() };
+        let inner =
+            SimulatorState { simulator: simulator.or_raise()?, scratch: Vec::new(), has_warned: false };
         Ok(Self { camera, threads, backend: backend.map(str::to_owned), max_light, inner: Mutex::new(inner) })
     }
 
@@ -91,7 +94,8 @@ impl Simulator {
     /// completed readout.
     ///
     /// Raises SpikelaneError for wrong sizes or light, and SpikelaneTypeError (a TypeError) for dtypes other than uint8, uint16
-    /// and float32. The simulator is then unchanged. Raises SpikelaneWarning for light that is mostly clipped.
+    /// and float32. The simulator is then unchanged. Raises SpikelaneWarning for light that is mostly clipped,
+    /// for spikes of which more than half are of saturated pixels, and if no pixel fires in 32 or more readouts.
     #[pyo3(signature = (light, readouts=None, *, readouts_per_frame=None, interpolation="linear", full_scale=None, progress=None, **unknown), text_signature = "($self, light, readouts=None, *, readouts_per_frame=None, interpolation=\"linear\", full_scale=None, progress=None)")]
     fn run<'py>(
         &self,
@@ -233,6 +237,7 @@ impl Simulator {
         let old = inner.simulator.plan().seeds();
         let seeds =
             Seeds { shot: seed.unwrap_or(old.shot), sequence: sequence.unwrap_or(old.sequence), ..old };
+        inner.has_warned = false;
         inner.simulator.restart(seeds).or_raise()
     }
 
@@ -318,6 +323,17 @@ fn run_unlocked<T: Send>(py: Python<'_>, pixel_readouts: usize, work: impl FnOnc
 }
 
 impl SimulatorState {
+    /// Warns once per recording if the light is outside the range of the camera.
+    fn warn_of_exposure(&mut self) -> PyResult<()> {
+        match self.simulator.exposure_fault().filter(|_| !self.has_warned) {
+            Some(fault) => {
+                self.has_warned = true;
+                warn_with(&fault.warning("spikes"))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Fills `out`, an array of packed frames.
     fn fill(
         &mut self,
@@ -337,7 +353,8 @@ impl SimulatorState {
                 watch.update(done as f64, readouts as f64)
             })
         });
-        watch.into_result(result)
+        watch.into_result(result)?;
+        self.warn_of_exposure()
     }
 
     /// Fills `out`, an array with a byte per pixel and readout.
@@ -370,7 +387,8 @@ impl SimulatorState {
         if self.scratch.len() > 4 * PIECE_BYTES {
             self.scratch = Vec::new();
         }
-        watch.into_result(result)
+        watch.into_result(result)?;
+        self.warn_of_exposure()
     }
 }
 

@@ -426,3 +426,24 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+
+def test_light_outside_the_range_of_the_camera_warns_once_per_recording(recwarn):
+    white, black = np.full((48, 64), 255, np.uint8), np.zeros((48, 64), np.uint8)
+    camera = sl.Camera.preset("ideal").with_shape(48, 64)
+    simulator = sl.Simulator(camera)
+    with pytest.warns(sl.SpikelaneWarning, match="100 % of the pixel readouts saturated"):
+        simulator.run(white, 64)
+    recwarn.clear()
+    simulator.run(white, 64)
+    assert not recwarn.list
+    simulator.restart(sequence=1)
+    with pytest.warns(sl.SpikelaneWarning, match="no spike in 40 readouts"):
+        simulator.run(black, 40)
+    with pytest.warns(sl.SpikelaneWarning, match="spikes of a clip: found 100 %"):
+        sl.simulate_batch(camera, np.stack([white, white])[None], 20, sequences=[0])
+
+
+def test_16_bit_light_with_values_of_12_bits_warns():
+    with pytest.warns(sl.SpikelaneWarning, match="no value above 4095, .* pass full_scale=4095 if the values have 12"):
+        sl.Simulator(CAMERA).run(np.full((48, 64), 4000, np.uint16), 5)

@@ -144,6 +144,8 @@ pub struct GenerateReport {
     pub generated: usize,
     /// Number of existing sequences that passed verification.
     pub verified: usize,
+    /// Notes for the user about the light of generated sequences. Each note is one line.
+    pub notes: Vec<String>,
     /// The digest of the suite.
     pub digest: String,
 }
@@ -212,6 +214,7 @@ pub fn generate(
         }
         report.generated += made.generated;
         report.verified += made.verified_sequences;
+        report.notes.extend(made.notes.iter().map(|note| format!("{name}: {note}")));
         finished += group.sequences();
         generated.push(indexed_group(suite, group, &data)?);
     }

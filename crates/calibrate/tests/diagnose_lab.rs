@@ -404,7 +404,7 @@ fn long_start_phases_are_not_reported_as_effects() {
         let seeds = Seeds { camera: 3, shot: take, sequence: 0 };
         let path = folder.path().join(format!("{take}"));
         let set = Protocol::recommended(2400).record(&camera, seeds, &path, false, &mut |_, _| {});
-        RecordingSet::open(&set.unwrap()).unwrap()
+        RecordingSet::open(&set.unwrap().path).unwrap()
     });
     for camera in [None, Some(&camera)] {
         let options = DiagnoseOptions { camera, ..DiagnoseOptions::default() };
@@ -443,7 +443,7 @@ fn long_partial_reset_with_common_start_is_found_on_four_levels() {
         let seeds = Seeds { camera: 4, shot: take, sequence: 0 };
         let path = folder.path().join(format!("{take}"));
         let set = Protocol::recommended(2400).record(&hidden, seeds, &path, false, &mut |_, _| {});
-        let mut set = RecordingSet::open(&set.unwrap()).unwrap();
+        let mut set = RecordingSet::open(&set.unwrap().path).unwrap();
         let four = ["dark.dat", "flat_1000.dat", "flat_3000.dat", "flat_7400.dat"];
         set.recordings.retain(|r| four.iter().any(|name| r.file.ends_with(name)));
         assert_eq!(set.recordings.len(), 4);

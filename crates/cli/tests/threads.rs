@@ -46,7 +46,7 @@ fn no_work_of_the_library_starts_the_global_pool() {
     let set = Protocol::recommended(1000)
         .record(&camera, Seeds::default(), folder.path(), false, &mut |_, _| {})
         .unwrap();
-    let set = RecordingSet::open(&set).unwrap();
+    let set = RecordingSet::open(&set.path).unwrap();
     let observed = measure_levels(&set, &mut |_, _| {}).unwrap();
     calibrate(&observed, &CalibrateOptions::default()).unwrap();
     // Only the threads matter here, so the short set is its own holdout, and the search for effects ends early.

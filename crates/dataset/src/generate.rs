@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use crate::discover::input_path;
 use crate::entries::{expected_bytes, planned_entries};
 use crate::exporters::{self, Exporters};
+use crate::exposure_note::ExposureFaults;
 use crate::fingerprint;
 use crate::manifest::{self, sequence_path};
 use crate::record::intact_or_none;
+use crate::sequence::GeneratedSequence;
 use crate::{
     Content, DatasetOptions, Manifest, SequenceEntry, SequenceRecord, SequenceStatus, datasheet, sequence,
 };
@@ -65,7 +67,7 @@ pub struct DatasetReport {
     /// Lowest readout rate in Hz at which no visible point of any generated scene moves by more than half a pixel per
     /// readout. The value is 0 if the actual rate is sufficient for all generated scenes.
     pub required_readout_hz: u64,
-    /// Notes for the user about the inputs of generated sequences. Each note is one line.
+    /// Notes for the user about the inputs and the light of generated sequences. Each note is one line.
     pub notes: Vec<String>,
     /// Number of files that were copied to the loaders' folders because the file system does not support hard links.
     pub copied_files: u64,
@@ -184,6 +186,7 @@ pub fn generate(
     manifest.write(&options.output)?;
     exporters::write_config(options)?;
     let mut report = DatasetReport::default();
+    let mut exposure = ExposureFaults::default();
     let sequences = manifest.entries.len();
     for index in 0..sequences {
         let entry = manifest.entries[index].clone();
@@ -213,6 +216,9 @@ pub fn generate(
         let read = current_input_digest(options, &entry, &mut || progress(at(0, None, false)));
         let result =
             sequence::generate_sequence(options, &entry, &mut |done, total| progress(at(done, total, false)));
+        if let Ok(generated) = &result {
+            exposure.add(id, generated.exposure_fault);
+        }
         manifest.entries[index] = record_outcome(entry, result, &mut report)?;
         manifest.entries[index].input_digest = read.unwrap_or(None);
         if manifest.entries[index].status == SequenceStatus::Done {
@@ -223,6 +229,7 @@ pub fn generate(
         }
         manifest.write(&options.output)?;
     }
+    report.notes.extend(exposure.note());
     let (mut counts, mut views) = (datasheet::Counts::default(), Exporters::new());
     for entry in &manifest.entries {
         counts.add(entry);
@@ -271,11 +278,11 @@ fn is_verified(
 /// for a reason that would also stop the next sequence.
 fn record_outcome(
     mut entry: SequenceEntry,
-    result: Result<(SequenceRecord, String, u64)>,
+    result: Result<GeneratedSequence>,
     report: &mut DatasetReport,
 ) -> Result<SequenceEntry> {
     match result {
-        Ok((record, digest, readouts)) => {
+        Ok(GeneratedSequence { record, digest, readouts, .. }) => {
             entry.status = SequenceStatus::Done;
             (entry.bytes, entry.digest, entry.readouts) =
                 (Some(record.bytes()), Some(digest), Some(readouts));

@@ -11,6 +11,7 @@ mod discover;
 mod drive;
 mod entries;
 mod exporters;
+mod exposure_note;
 mod fingerprint;
 mod generate;
 mod ground_truth;

@@ -16,6 +16,7 @@ use crate::{
     Content, DatasetLayout, DatasetOptions, Drive, InputContent, SceneContent, SequenceEntry, SequenceRecord,
 };
 use spikelane::error::{Error, Result};
+use spikelane::simulate::ExposureFault;
 use spikelane::unstable::inputs::InnerPath;
 use spikelane_io::formats::Layout;
 use spikelane_io::light::{self, Frame, FrameTiming, Interpolation, OwnedSamples, Source, Timeline};
@@ -45,19 +46,28 @@ impl Drop for PartialFolder {
     }
 }
 
-/// Generates the sequence of `entry`. Returns the record, the digest of the record, and the number of readouts.
+/// A sequence whose folder is complete.
+pub(super) struct GeneratedSequence {
+    pub record: SequenceRecord,
+    /// Digest of the record.
+    pub digest: String,
+    pub readouts: u64,
+    pub exposure_fault: Option<ExposureFault>,
+}
+
+/// Generates the sequence of `entry`.
 pub(super) fn generate_sequence(
     options: &DatasetOptions,
     entry: &SequenceEntry,
     watch: ReadoutCallback<'_>,
-) -> Result<(SequenceRecord, String, u64)> {
+) -> Result<GeneratedSequence> {
     let options = &options.for_sequence(entry.id.as_str())?;
     let (output, draft) = (&options.output, InnerPath::from("sequences").join(entry.id.partial_name()));
     folders::remove(output, &draft)?;
     let hidden = folders::create_parents(output, &draft)?;
     fs::create_dir(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
     let mut draft = PartialFolder { hidden_path: hidden, is_finished: false };
-    let (facts, readouts) = match &options.content {
+    let (facts, outcome) = match &options.content {
         Content::Scenes(drives) => generate_scene(options, drives, entry, &draft.hidden_path, watch)?,
         Content::Inputs(inputs) => generate_from_input(options, inputs, entry, &draft.hidden_path, watch)?,
     };
@@ -69,7 +79,8 @@ pub(super) fn generate_sequence(
     sync::rename(&draft.hidden_path, &folder)?;
     draft.is_finished = true;
     sync::sync_folder(&output.join("sequences"))?;
-    Ok((record, digest, readouts))
+    let RunSummary { readouts, exposure_fault, .. } = outcome;
+    Ok(GeneratedSequence { record, digest, readouts, exposure_fault })
 }
 
 fn generate_scene(
@@ -78,7 +89,7 @@ fn generate_scene(
     entry: &SequenceEntry,
     folder: &Path,
     watch: ReadoutCallback<'_>,
-) -> Result<(Value, u64)> {
+) -> Result<(Value, RunSummary)> {
     let rate = options.rate()?;
     let readouts = drives.readouts();
     let seed = entry.scene_seed.unwrap_or_else(|| options.scene_seed_for(entry.id.as_str()));
@@ -132,7 +143,7 @@ fn generate_scene(
         "frames_above_max_light": outcome.frames_above_max_light,
         "light_statistics": light_statistics,
     });
-    Ok((with_image_facts(facts, &keeper), outcome.readouts))
+    Ok((with_image_facts(facts, &keeper), outcome))
 }
 
 fn lens_facts(lens: Lens) -> Value {
@@ -152,7 +163,7 @@ fn generate_from_input(
     entry: &SequenceEntry,
     folder: &Path,
     watch: ReadoutCallback<'_>,
-) -> Result<(Value, u64)> {
+) -> Result<(Value, RunSummary)> {
     let name = entry.input.as_deref().unwrap_or_default();
     let mut input_options = light::InputOptions::from_camera(&options.camera);
     (input_options.resize_mode, input_options.transfer) = (inputs.resize_mode, inputs.transfer);
@@ -196,7 +207,7 @@ fn generate_from_input(
         "frames_above_max_light": outcome.frames_above_max_light, "notes": notes,
     });
     let facts = insert_present(facts, [("light_statistics", light_statistics)]);
-    Ok((with_image_facts(facts, &keeper), outcome.readouts))
+    Ok((with_image_facts(facts, &keeper), outcome))
 }
 
 /// Returns the exposure factor of an input.

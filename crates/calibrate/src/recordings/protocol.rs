@@ -8,6 +8,7 @@ use crate::formulas::fit::RateWeighting;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::sensor::Channel;
+use spikelane::simulate::ExposureFault;
 use spikelane::unstable::draws::hash::mix64;
 use spikelane::unstable::draws::pattern_rng::PatternRng;
 use spikelane::unstable::draws::{RandomStream, Seeds};
@@ -44,6 +45,16 @@ pub struct Protocol {
     /// Relative standard deviation of the light of every source and lamp of simulated recordings. The recording set states
     /// the planned light and this uncertainty. If 0, the light is exact.
     pub lamp_error: f64,
+}
+
+/// The recordings that [`Protocol::record`] wrote.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct RecordedSet {
+    /// Path of the recording set.
+    pub path: PathBuf,
+    /// File stem and fault of the recordings whose pixels are mostly saturated.
+    pub exposure_faults: Vec<(String, ExposureFault)>,
 }
 
 /// Light of the two sources of each pair of [`Protocol::additive`]. The bright sum is below saturation with lamps that are
@@ -137,8 +148,7 @@ impl Protocol {
         frame * u64::from(self.readouts) * self.recordings.len() as u64
     }
 
-    /// Simulates every recording with `camera` and writes the recordings into `folder`. Returns the path of the new
-    /// recording set.
+    /// Simulates every recording with `camera` and writes the recordings into `folder`.
     ///
     /// Each recording is a `.dat` stream with a sidecar. The recording set is the file `recordings.toml`. In this file,
     /// light 1 causes one spike per readout. Each recording has its own sequence number, so the noise differs between
@@ -155,7 +165,7 @@ impl Protocol {
         folder: &Path,
         force: bool,
         progress: super::measure_levels::ProgressCallback<'_>,
-    ) -> Result<PathBuf> {
+    ) -> Result<RecordedSet> {
         if self.readouts == 0 || self.recordings.is_empty() {
             return Err(Error::new(ErrorKind::Usage, "recordings")
                 .found("none")
@@ -171,10 +181,11 @@ impl Protocol {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
         let total = self.recordings.len() as f64;
         let lights = self.simulated_lights(&set, seeds);
+        let mut exposure_faults = Vec::new();
         for (i, ((stem, _), light)) in self.recordings.iter().zip(lights).enumerate() {
             let seeds = Seeds { sequence: seeds.sequence + i as u64, ..seeds };
             let mut report_share = |share: f64| progress(stem, (i as f64 + share) / total);
-            self.record_one_stream(
+            let fault = self.record_one_stream(
                 camera,
                 seeds,
                 light,
@@ -182,10 +193,14 @@ impl Protocol {
                 force,
                 &mut report_share,
             )?;
+            // Recordings without light have no spikes in many cameras.
+            if let Some(fault @ ExposureFault::Saturated { .. }) = fault {
+                exposure_faults.push((stem.clone(), fault));
+            }
         }
         let path = folder.join("recordings.toml");
         spikelane_io::storage::write_small(&path, set.to_toml()?.as_bytes(), force)?;
-        Ok(path)
+        Ok(RecordedSet { path, exposure_faults })
     }
 
     /// Returns the recording set of this plan. In the set, light 1 causes one spike per readout.
@@ -222,7 +237,7 @@ impl Protocol {
         path: &Path,
         force: bool,
         report_share: &mut dyn FnMut(f64),
-    ) -> Result<()> {
+    ) -> Result<Option<ExposureFault>> {
         let geometry = camera.sensor.geometry;
         // The lamp is white, so the light of a pixel behind a filter is its light for white.
         let mosaic = camera.window_mosaic();
@@ -293,7 +308,8 @@ impl Protocol {
             }),
             ..Sidecar::new(geometry, Layout::Dat, end, facts)
         };
-        sidecar.write(&path.with_extension("json"), force)
+        sidecar.write(&path.with_extension("json"), force)?;
+        Ok(simulator.exposure_fault())
     }
 }
 

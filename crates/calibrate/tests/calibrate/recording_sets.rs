@@ -30,7 +30,7 @@ fn flats(levels: &[f64], readouts: u32) -> Protocol {
 
 fn record(protocol: &Protocol) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
-    let path = protocol.record(&camera(), SEEDS, folder.path(), false, &mut |_, _| {}).unwrap();
+    let path = protocol.record(&camera(), SEEDS, folder.path(), false, &mut |_, _| {}).unwrap().path;
     (folder, path)
 }
 
@@ -377,7 +377,7 @@ fn a_calibrated_camera_has_the_rates_of_the_first() {
     let again = presets::load(files.camera.to_str().unwrap()).unwrap();
     let second_folder = tempfile::tempdir().unwrap();
     let seeds = Seeds { camera: 8, shot: 9, sequence: 50 };
-    let path = protocol.record(&again, seeds, second_folder.path(), false, &mut |_, _| {}).unwrap();
+    let path = protocol.record(&again, seeds, second_folder.path(), false, &mut |_, _| {}).unwrap().path;
     let second = measure_levels(&RecordingSet::open(&path).unwrap(), &mut |_, _| {}).unwrap();
     for (a, b) in first.levels.iter().zip(&second.levels) {
         // In each recording a rate from spike times has the variance `f^2 s / N + f^4 / (6 N^2)`. The variance that the fit

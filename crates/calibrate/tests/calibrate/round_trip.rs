@@ -43,12 +43,12 @@ fn calibrate_and_resimulate(
     let quiet = &mut |_: &str, _: f64| {};
     let folder = tempfile::tempdir().unwrap();
     let seeds = |shot: u64| Seeds { camera: 3 + r, shot, sequence: 0 };
-    let path = protocol.record(camera, seeds(100 + r), folder.path(), false, quiet).unwrap();
+    let path = protocol.record(camera, seeds(100 + r), folder.path(), false, quiet).unwrap().path;
     let set = RecordingSet::open(&path).unwrap();
     let calibration = calibrate(&measure_levels(&set, quiet).unwrap(), &CalibrateOptions::default()).unwrap();
     let first = measure_all(&set);
     let again = calibration.camera().unwrap();
-    let path = protocol.record(&again, seeds(900 + r), folder.path(), true, quiet).unwrap();
+    let path = protocol.record(&again, seeds(900 + r), folder.path(), true, quiet).unwrap().path;
     let second = measure_all(&RecordingSet::open(&path).unwrap());
     first.into_iter().map(|(key, a)| (key.clone(), [a, second[&key]])).collect()
 }

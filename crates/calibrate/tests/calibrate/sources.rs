@@ -50,7 +50,7 @@ fn recorded(camera: &Camera, seed: u64) -> Calibration {
     let protocol = Protocol { lamp_error: 0.03, ..Protocol::additive(3000) };
     let folder = tempfile::tempdir().unwrap();
     let seeds = Seeds { camera: seed, shot: seed, sequence: 0 };
-    let path = protocol.record(&camera, seeds, folder.path(), false, &mut |_, _| {}).unwrap();
+    let path = protocol.record(&camera, seeds, folder.path(), false, &mut |_, _| {}).unwrap().path;
     let set = RecordingSet::open(&path).unwrap();
     assert_eq!((set.recordings.len(), set.light_uncertainty), (13, Some(0.03)));
     let observed = measure_levels(&set, &mut |_, _| {}).unwrap();

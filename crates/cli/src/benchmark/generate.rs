@@ -87,11 +87,14 @@ fn print_report(suite: &Suite, args: &GenerateArgs, report: &GenerateReport, out
     if let Some(mismatch) = suite.publication_mismatch(&report.digest) {
         out.print_message(mismatch);
     }
+    for note in &report.notes {
+        out.print_message(format_args!("warning: {note}"));
+    }
     let place = args.output.display();
     let text = format!("{place}: {} generated, {} verified\n", report.generated, report.verified);
     let mut event = json!({
         "event": "done", "output": place.to_string(), "generated": report.generated, "verified": report.verified,
-        "digest": report.digest,
+        "digest": report.digest, "notes": report.notes,
     });
     if let Some(published) = suite.published_digest() {
         event["published_digest"] = published.into();

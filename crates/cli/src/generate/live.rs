@@ -192,6 +192,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut watch = |done| progress.update(done, total);
     let report = live::run(&mut readouts, &codec, pace, &mut *sink, SystemClock::start, &stop, &mut watch)?;
     drop(progress);
+    if let Some(fault) = readouts.exposure_fault() {
+        out.print_message(format_args!("warning: {}", fault.warning(&args.sink)));
+    }
     print_report(args, &job, &report, out)
 }
 

@@ -118,6 +118,9 @@ impl RunReport<'_> {
                 Count(wanted, "readout"),
             ));
         }
+        if let Some(fault) = o.exposure_fault {
+            out.print_message(format_args!("warning: {}", fault.warning(names.stream.display())));
+        }
         let thresholds = o.max_light * self.options.camera.sensor.thresholds_at_full_scale;
         if o.frames_above_max_light > 0 && thresholds < SATURATION_THRESHOLDS {
             out.print_message(format_args!(

@@ -116,12 +116,20 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     // The claim lasts until the last file has its final name.
     let _claim = output_claims::claim(files, args.force)?;
     let mut progress = FileProgress::new(out);
-    let path =
+    let recorded =
         protocol.record(&camera, args.seeds.seeds(), &args.output, args.force, &mut |name, share| {
             progress.update(name, share);
         })?;
     drop(progress);
-    let file = path.display().to_string();
+    if let Some((stem, fault)) = recorded.exposure_faults.first() {
+        out.print_message(format_args!(
+            "warning: {} of {} have unsuitable light: {}",
+            recorded.exposure_faults.len(),
+            Count(protocol.recordings.len(), "recording"),
+            fault.warning(stem)
+        ));
+    }
+    let file = recorded.path.display().to_string();
     let event = json!({"event": "done", "file": file, "precision": rows, "bytes": bytes});
     out.print_result(&event, &format!("{file}\n"))
 }

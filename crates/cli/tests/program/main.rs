@@ -13,6 +13,7 @@ mod dataset;
 mod defaults;
 mod errors;
 mod evaluate;
+mod exposure;
 mod finite_numbers;
 mod help;
 #[cfg(unix)]

@@ -10,8 +10,10 @@ use super::lock::{self, Lock};
 use super::pack;
 use super::plan::{SequenceTask, ShardPlan};
 use crate::discover::input_path;
+use crate::exposure_note::ExposureFaults;
 use crate::manifest::sequence_path;
 use crate::record::intact_or_none;
+use crate::sequence::GeneratedSequence;
 use crate::{
     Content, DatasetOptions, SequenceEntry, SequenceProgress, SequenceRecord, SequenceStatus, fingerprint,
     sequence,
@@ -43,7 +45,7 @@ pub struct ShardReport {
     pub reused: usize,
     /// Name of each sequence that failed in this run or in an earlier run, and the reason of the failure.
     pub failures: Vec<(String, String)>,
-    /// Notes for the user about the inputs of generated sequences. Each note is one line.
+    /// Notes for the user about the inputs and the light of generated sequences. Each note is one line.
     pub notes: Vec<String>,
 }
 
@@ -98,8 +100,13 @@ pub fn generate_shard(
     dataset_options.threads = options.threads;
     let journal = Journal::open(&folder, Access::Write)?;
     let known = reusable_entries(&journal, &folder, options, dataset_options.access(), &mut verified)?;
-    let mut shard =
-        ShardRun { options: dataset_options, journal, report: ShardReport::default(), watch: progress };
+    let mut shard = ShardRun {
+        options: dataset_options,
+        journal,
+        report: ShardReport::default(),
+        exposure: ExposureFaults::default(),
+        watch: progress,
+    };
     let mut lines = Vec::with_capacity(tasks.len());
     for (index, task) in tasks.iter().enumerate() {
         let line = match known.get(&task.entry.id) {
@@ -139,6 +146,7 @@ pub fn generate_shard(
     }
     shard.journal.remove()?;
     let mut report = shard.report;
+    report.notes.extend(shard.exposure.note());
     report.failures = failed_sequences(&lines);
     report.reused = lines.len() - report.generated - report.failures.len();
     Ok(report)
@@ -269,6 +277,7 @@ struct ShardRun<'a> {
     options: DatasetOptions,
     journal: Journal,
     report: ShardReport,
+    exposure: ExposureFaults,
     watch: &'a mut dyn FnMut(SequenceProgress<'_>) -> Result<()>,
 }
 
@@ -334,8 +343,9 @@ impl ShardRun<'_> {
             let path = input_path(inputs, Path::new(name))?;
             entry.input_digest = Some(fingerprint::input_digest(&path, &mut || report_progress(0, None))?);
         }
-        let (record, digest, readouts) =
+        let GeneratedSequence { record, digest, readouts, exposure_fault } =
             sequence::generate_sequence(&self.options, &entry, &mut report_progress)?;
+        self.exposure.add(id, exposure_fault);
         let notes = record.facts["notes"].as_array().into_iter().flatten();
         self.report.notes.extend(notes.filter_map(|n| n.as_str().map(str::to_owned)));
         (entry.status, entry.bytes) = (SequenceStatus::Done, Some(record.bytes()));

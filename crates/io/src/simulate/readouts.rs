@@ -5,6 +5,7 @@ use crate::simulate::feed::{LightFeeder, LightPiece};
 use crate::simulate::run::{MAX_BUFFER_BYTES, PreparedRun};
 use crate::simulate::{RunOptions, Simulator};
 use spikelane::error::Result;
+use spikelane::simulate::ExposureFault;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::kernels::Segment;
 
@@ -51,6 +52,12 @@ impl<'a> ReadoutStream<'a> {
     #[must_use]
     pub fn geometry(&self) -> Geometry {
         self.simulator.plan().geometry()
+    }
+
+    /// Returns whether the light of the readouts so far is outside the range of the camera.
+    #[must_use]
+    pub fn exposure_fault(&self) -> Option<ExposureFault> {
+        self.simulator.exposure_fault()
     }
 
     /// Simulates up to `readouts` readouts. Returns the number of elapsed readouts, including dropped readouts.

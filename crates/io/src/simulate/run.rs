@@ -15,6 +15,7 @@ use crate::simulate::reference::light_tap::{LightSample, LightSampler, LightTap}
 use crate::storage;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::simulate::ExposureFault;
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::kernels::{Backend, Segment};
 use spikelane::unstable::plan::Plan;
@@ -208,6 +209,8 @@ pub struct RunSummary {
     pub max_light: f64,
     /// Number of frames with light above `max_light`.
     pub frames_above_max_light: u64,
+    /// Light outside the range of the camera, in the noisy stream.
+    pub exposure_fault: Option<ExposureFault>,
     /// The light of a readout near the middle of the run.
     pub light_sample: LightSample,
     /// Time between the start of the first batch and the write of the last byte, including the time for reading light.
@@ -295,6 +298,7 @@ pub fn run(
         frames,
         max_light,
         frames_above_max_light: too_bright,
+        exposure_fault: simulators.first().and_then(Simulator::exposure_fault),
         light_sample: glance,
         simulation_time: simulated,
         wait_time: waited,
