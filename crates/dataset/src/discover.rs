@@ -1,15 +1,16 @@
 //! Finds videos and image folders in a folder and its subfolders.
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use crate::InputContent;
 use crate::fingerprint::image_files;
+use crate::{InputContent, Pictures};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
 use spikelane::unstable::draws::RandomStream;
-use spikelane::unstable::inputs::{PlainName, read_text_up_to};
-use spikelane_io::light::{TIME_FILE_NAMES, image_file};
+use spikelane::unstable::inputs::{PlainName, path_from_text, read_text_up_to};
+use spikelane_io::light::{TIME_FILE_NAMES, check_is_video, image_file};
 
 /// Extensions of files that may contain several frames.
 const VIDEO_EXTENSIONS: [&str; 19] = [
@@ -55,7 +56,7 @@ pub struct Input {
 /// * [`ErrorKind::Input`] if no input is found.
 pub fn discover_inputs(folder: &Path, excluded: &Path) -> Result<Vec<Input>> {
     let mut all = Vec::new();
-    for_each_in_folder(folder, excluded, &mut |input| {
+    for_each_in_folder(folder, excluded, Pictures::Video, &mut |input| {
         all.push(input);
         Ok(())
     })?;
@@ -72,14 +73,15 @@ pub(super) fn for_each_input(
     visit: &mut dyn FnMut(Input) -> Result<()>,
 ) -> Result<()> {
     match &inputs.list {
-        Some(list) => for_each_in_list(list, &inputs.folder, visit),
-        None => for_each_in_folder(&inputs.folder, except, visit),
+        Some(list) => for_each_in_list(list, inputs, visit),
+        None => for_each_in_folder(&inputs.folder, except, inputs.pictures, visit),
     }
 }
 
 fn for_each_in_folder(
     folder: &Path,
     except: &Path,
+    pictures: Pictures,
     visit: &mut dyn FnMut(Input) -> Result<()>,
 ) -> Result<()> {
     let folder_name =
@@ -87,11 +89,24 @@ fn for_each_in_folder(
     let folder_name = folder_name.unwrap_or_else(|| "clip".to_owned());
     let (mut inputs, mut others) = (0u64, 0u64);
     walk_inputs(folder, except, &mut |path, what| match what {
-        PathKind::Input(frames) => {
+        PathKind::Pictures(names) if pictures == Pictures::Stills => {
+            for name in names {
+                inputs += 1;
+                visit(still_input(path.join(name), &folder_name)?)?;
+            }
+            Ok(())
+        }
+        PathKind::Pictures(names) if names.len() > 1 => {
             inputs += 1;
+            check_pictures(&folder.join(&path), pictures)?;
+            let frames = Some(names.len() as u64);
             visit(Input { id: sequence_id(&path, &folder_name)?, path, frames })
         }
-        PathKind::Other => {
+        PathKind::Video => {
+            inputs += 1;
+            visit(Input { id: sequence_id(&path, &folder_name)?, path, frames: None })
+        }
+        PathKind::Pictures(_) | PathKind::Other => {
             others += 1;
             Ok(())
         }
@@ -103,14 +118,19 @@ fn for_each_in_folder(
         .found(format_args!("neither a video nor a folder of images among {}", Count(others, "file")))
         .expected("at least one video, or a folder of two or more images")
         .remedy(format_args!(
-            "add a video or a folder of images; a single image can be simulated as a stream, still or with {}",
-            Setting("motion")
+            "add a video or a folder of images, or set {} to convert every picture into its own sequence",
+            Setting("stills")
         )))
 }
 
 /// Calls `visit` for the inputs in a list. Each line contains one path, which is relative to `folder`. Empty lines are
 /// skipped.
-fn for_each_in_list(list: &Path, folder: &Path, visit: &mut dyn FnMut(Input) -> Result<()>) -> Result<()> {
+fn for_each_in_list(
+    list: &Path,
+    inputs: &InputContent,
+    visit: &mut dyn FnMut(Input) -> Result<()>,
+) -> Result<()> {
+    let folder = &inputs.folder;
     let text = read_text_up_to(list, "a list of inputs", MAX_LIST_BYTES)?;
     let mut lines: Vec<(&str, usize)> =
         text.lines().zip(1..).map(|(line, n)| (line.trim_end(), n)).filter(|(l, _)| !l.is_empty()).collect();
@@ -122,14 +142,45 @@ fn for_each_in_list(list: &Path, folder: &Path, visit: &mut dyn FnMut(Input) -> 
             .expected("one path per line"));
     }
     for (line, n) in lines {
-        let input_path = folder.join(line);
+        let input_path = path_from_text(folder, line);
+        let line = if input_path == folder.join(line) { line.to_owned() } else { line.replace('\\', "/") };
         let metadata = fs::metadata(&input_path).map_err(|e| {
             Error::io(format_args!("{}: line {n}: {}", list.display(), input_path.display()), e)
         })?;
-        let frames = if metadata.is_dir() { Some(image_files(&input_path)?.len() as u64) } else { None };
-        visit(Input { id: sequence_id(Path::new(line), "clip")?, path: PathBuf::from(line), frames })?;
+        let images = if metadata.is_dir() { Some(image_files(&input_path)?) } else { None };
+        if let (Some(images), Pictures::Stills) = (&images, inputs.pictures) {
+            let mut names: Vec<_> = images.iter().filter_map(|image| image.file_name()).collect();
+            names.sort_unstable();
+            names.iter().try_for_each(|name| visit(still_input(Path::new(&line).join(name), "clip")?))?;
+            continue;
+        }
+        if images.is_some() {
+            check_pictures(&input_path, inputs.pictures)?;
+        }
+        let frames = images.map(|images| images.len() as u64);
+        visit(Input { id: sequence_id(Path::new(&line), "clip")?, path: PathBuf::from(line), frames })?;
     }
     Ok(())
+}
+
+/// Returns the input of a picture that is a sequence of its own.
+fn still_input(path: PathBuf, folder_name: &str) -> Result<Input> {
+    Ok(Input { id: sequence_id(&path, folder_name)?, path, frames: Some(1) })
+}
+
+/// Checks that a folder of pictures is a video, unless the user states it.
+fn check_pictures(folder: &Path, pictures: Pictures) -> Result<()> {
+    if pictures != Pictures::Auto {
+        return Ok(());
+    }
+    check_is_video(folder).map_err(|e| match e.kind() {
+        ErrorKind::Input => e.remedy(format_args!(
+            "set {} to convert every picture into its own sequence, or set {} if the pictures are the frames of a video, all of one size",
+            Setting("stills"),
+            Setting("video")
+        )),
+        _ => e,
+    })
 }
 
 /// Returns the files in `folder` and its subfolders that are neither an input nor a part of an input. The paths are
@@ -142,8 +193,10 @@ fn for_each_in_list(list: &Path, folder: &Path, visit: &mut dyn FnMut(Input) -> 
 pub fn skipped_files(folder: &Path, excluded: &Path) -> Result<Vec<PathBuf>> {
     let mut others = Vec::new();
     walk_inputs(folder, excluded, &mut |path, what| {
-        if matches!(what, PathKind::Other) {
-            others.push(path);
+        match what {
+            PathKind::Other => others.push(path),
+            PathKind::Pictures(names) if names.len() == 1 => others.push(path.join(&names[0])),
+            _ => {}
         }
         Ok(())
     })?;
@@ -198,8 +251,10 @@ pub(super) fn input_path(inputs: &InputContent, name: &Path) -> Result<PathBuf> 
 
 /// Kind of a path in a folder.
 enum PathKind {
-    /// An input and its number of frames. The number is `None` if the folder listing does not determine it.
-    Input(Option<u64>),
+    /// A folder and the sorted names of its pictures, of which there is at least one.
+    Pictures(Vec<OsString>),
+    /// A file that may contain several frames.
+    Video,
     Other,
 }
 
@@ -220,8 +275,7 @@ fn walk_below(
 ) -> Result<()> {
     let folder = root.join(below);
     let refused = |e| Error::io(folder.display(), e);
-    let (mut pictures, mut one) = (0u64, None);
-    let mut names = Vec::new();
+    let (mut pictures, mut names) = (Vec::new(), Vec::new());
     for entry in fs::read_dir(&folder).map_err(refused)? {
         let entry = entry.map_err(refused)?;
         let (name, kind) = (entry.file_name(), entry.file_type().map_err(refused)?);
@@ -232,24 +286,22 @@ fn walk_below(
         if kind.is_dir() {
             names.push((name, true));
         } else if image_file::is_image(path) {
-            pictures += 1;
-            one.get_or_insert(name);
+            pictures.push(name);
         } else if is_video(path) {
             names.push((name, false));
         } else if !TIME_FILE_NAMES.iter().any(|times| name == *times) {
             visit(below.join(&name), PathKind::Other)?;
         }
     }
-    match (pictures, one) {
-        (1, Some(name)) => visit(below.join(name), PathKind::Other)?,
-        (0, _) => {}
-        _ => visit(below.to_owned(), PathKind::Input(Some(pictures)))?,
+    if !pictures.is_empty() {
+        pictures.sort_unstable();
+        visit(below.to_owned(), PathKind::Pictures(pictures))?;
     }
     names.sort_unstable();
     for (name, is_folder) in names {
         let path = below.join(&name);
         if !is_folder {
-            visit(path, PathKind::Input(None))?;
+            visit(path, PathKind::Video)?;
         } else if except.is_none() || fs::canonicalize(root.join(&path)).ok().as_deref() != except {
             walk_below(root, &path, except, visit)?;
         }

@@ -37,7 +37,7 @@ pub use manifest::{Manifest, SequenceEntry, SequenceStatus};
 pub use reader::{DatasetReader, SequenceFiles};
 pub use record::SequenceRecord;
 pub use spec::{
-    Cameras, Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions, SceneContent,
-    Split, Splits,
+    Cameras, Content, DatasetLayout, DatasetOptions, InputContent, Pictures, ReferenceImageOptions,
+    SceneContent, Split, Splits,
 };
 pub use spikelane::unstable::inputs::{Access, InnerPath, PlainName};

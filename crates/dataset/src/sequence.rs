@@ -13,7 +13,8 @@ use crate::labels;
 use crate::manifest::sequence_path;
 use crate::spec::{ground_truth_facts, scene_options};
 use crate::{
-    Content, DatasetLayout, DatasetOptions, Drive, InputContent, SceneContent, SequenceEntry, SequenceRecord,
+    Content, DatasetLayout, DatasetOptions, Drive, InputContent, Pictures, SceneContent, SequenceEntry,
+    SequenceRecord,
 };
 use spikelane::error::{Error, Result};
 use spikelane::simulate::ExposureFault;
@@ -167,7 +168,8 @@ fn generate_from_input(
     let name = entry.input.as_deref().unwrap_or_default();
     let mut input_options = light::InputOptions::from_camera(&options.camera);
     (input_options.resize_mode, input_options.transfer) = (inputs.resize_mode, inputs.transfer);
-    input_options.scale = inputs.full_scale;
+    // The folder was examined when the data set was planned.
+    (input_options.scale, input_options.is_video) = (inputs.full_scale, true);
     let path = input_path(inputs, Path::new(name))?;
     let open = || light::open(&path, &input_options);
     let mut source = open()?;
@@ -206,8 +208,18 @@ fn generate_from_input(
         "ground_truth": ground_truth_facts(options.dataset_layout), "light_scale": by,
         "frames_above_max_light": outcome.frames_above_max_light, "notes": notes,
     });
-    let facts = insert_present(facts, [("light_statistics", light_statistics)]);
+    let facts =
+        insert_present(facts, [("light_statistics", light_statistics), ("label", label(inputs, name))]);
     Ok((with_image_facts(facts, &keeper), outcome))
+}
+
+/// Returns the name of the folder of a picture that is a sequence of its own.
+fn label(inputs: &InputContent, name: &str) -> Option<Value> {
+    let path = Path::new(name);
+    if inputs.pictures != Pictures::Stills || !light::image_file::is_image(path) {
+        return None;
+    }
+    path.parent()?.file_name()?.to_str().map(Value::from)
 }
 
 /// Returns the exposure factor of an input.

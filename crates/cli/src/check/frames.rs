@@ -124,6 +124,7 @@ impl Writer<'_> {
                 .with_camera(size)
                 .with_transfer(Some(Transfer::Linear))
                 .with_resize_mode(ResizeMode::Cover)
+                .with_is_video(true)
         };
         let stored = open(path, &options(Geometry::new(8, 8)?))?.stored_geometry().ok_or_else(|| {
             Error::new(ErrorKind::Usage, path.display())

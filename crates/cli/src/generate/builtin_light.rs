@@ -41,6 +41,7 @@ impl LightArgs {
             transfer: self.transfer,
             motion_clip: motion,
             scale: self.full_scale,
+            is_video: self.video,
             ..InputOptions::from_camera(camera)
         }
     }

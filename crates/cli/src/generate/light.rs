@@ -110,6 +110,9 @@ pub(crate) struct LightArgs {
     /// require --full-scale.
     #[arg(hide_short_help = true, long, value_name = "VALUE", help_heading = "Light")]
     pub full_scale: Option<f64>,
+    /// Read any folder of images as a video
+    #[arg(hide_short_help = true, long, requires = "input", help_heading = "Light")]
+    pub video: bool,
     /// Move the camera over an image, such as pan=120,0:zoom=1.2:rotate=30 [default: no motion]
     ///
     /// pan is in pixels, zoom is a factor, and rotate is in degrees, each per second.

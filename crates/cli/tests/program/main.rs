@@ -26,6 +26,7 @@ mod names;
 mod older_files;
 #[cfg(unix)]
 mod outputs;
+mod pictures;
 mod reports;
 mod shards;
 mod simulate;

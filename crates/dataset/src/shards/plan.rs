@@ -73,7 +73,8 @@ impl ShardPlan {
 
     /// Creates the plan of the dataset `options` in the output folder. Each shard has `per_shard` sequences.
     ///
-    /// The plan lists the names, sizes and modification times of the inputs. The content of the inputs is not read. If
+    /// The plan lists the names, sizes and modification times of the inputs. Only folders of images are examined; see
+    /// [`Pictures`](crate::Pictures). If
     /// the same plan already exists, the existing plan and its list are used, and the second returned value is true.
     ///
     /// # Errors

@@ -217,6 +217,26 @@ impl SceneContent {
     }
 }
 
+/// What the pictures of a folder are.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Pictures {
+    /// The frames of a video. Folders of unrelated pictures are rejected; see
+    /// [`check_is_video`](spikelane_io::light::check_is_video).
+    #[default]
+    Auto,
+    /// The frames of a video, whatever their names and contents are.
+    Video,
+    /// Every picture is a sequence of its own.
+    Stills,
+}
+
+impl Pictures {
+    fn is_auto(&self) -> bool {
+        *self == Self::Auto
+    }
+}
+
 /// Videos and image folders in a folder and its subfolders.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -227,6 +247,9 @@ pub struct InputContent {
     /// subfolders are used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub list: Option<PathBuf>,
+    /// What the pictures of a folder are.
+    #[serde(default, skip_serializing_if = "Pictures::is_auto")]
+    pub pictures: Pictures,
     /// Number of readouts per frame. If `None`, the frame times or the frame rate determine the number; see
     /// [`FrameTiming`](spikelane_io::light::FrameTiming).
     #[serde(default, skip_serializing_if = "Option::is_none")]

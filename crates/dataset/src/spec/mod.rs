@@ -9,7 +9,7 @@ mod splits;
 
 pub use cameras::Cameras;
 pub(super) use content::ground_truth_facts;
-pub use content::{Content, DatasetLayout, InputContent, ReferenceImageOptions, SceneContent};
+pub use content::{Content, DatasetLayout, InputContent, Pictures, ReferenceImageOptions, SceneContent};
 pub use options::DatasetOptions;
 pub(super) use options::scene_options;
 pub use splits::{Split, Splits};

@@ -7,7 +7,7 @@ use std::path::Path;
 use spikelane::{Error, ErrorKind, Geometry, Result, presets};
 use spikelane_dataset::{
     self as dataset, Access, Content, DatasetLayout, DatasetOptions, DatasetReport, InputContent, Manifest,
-    SceneContent, SequenceRecord, SequenceStatus, Splits,
+    Pictures, SceneContent, SequenceRecord, SequenceStatus, Splits,
 };
 use spikelane_io::light::{Interpolation, ResizeMode};
 use spikelane_scene::Lighting;
@@ -240,6 +240,7 @@ pub(crate) fn inputs(folder: &Path) -> Content {
     Content::Inputs(InputContent {
         folder: folder.to_owned(),
         list: None,
+        pictures: Pictures::Auto,
         readouts_per_frame: Some(8),
         interpolation: Interpolation::Linear,
         resize_mode: ResizeMode::Cover,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use spikelane::spikes::bit;
 use spikelane::{ErrorKind, Geometry, presets};
 use spikelane_dataset::{
-    self as dataset, Access, Content, DatasetLayout, DatasetOptions, Drive, InputContent, Manifest,
+    self as dataset, Access, Content, DatasetLayout, DatasetOptions, Drive, InputContent, Manifest, Pictures,
     ReferenceImageOptions, SceneContent, SequenceRecord, Splits,
 };
 use spikelane_io::formats::StreamReader;
@@ -39,6 +39,7 @@ fn inputs(folder: &Path, readouts_per_frame: u64) -> Content {
     Content::Inputs(InputContent {
         folder: folder.to_owned(),
         list: None,
+        pictures: Pictures::Auto,
         readouts_per_frame: Some(readouts_per_frame),
         interpolation: Interpolation::Linear,
         resize_mode: ResizeMode::Cover,

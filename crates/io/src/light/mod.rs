@@ -13,6 +13,7 @@ mod resize_mode;
 mod scaled_source;
 pub(crate) mod timestamps;
 mod video;
+mod video_folder;
 
 pub use arrays::{npy, npz};
 pub use camera_motion::CameraMotion;
@@ -24,3 +25,4 @@ pub use resize_mode::ResizeMode;
 pub use spikelane::light::*;
 pub use timestamps::TIME_FILE_NAMES;
 pub use video::{ffmpeg, y4m};
+pub use video_folder::check_is_video;

@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use super::mosaic_source::MosaicSource;
 use super::resize_mode::ResizeMode;
 use super::scaled_source::scale_source;
+use super::video_folder::check_is_video;
 use crate::Stdin;
 use crate::light::arrays::npy;
 use crate::light::arrays::npy::ArraySource;
@@ -73,6 +74,9 @@ pub struct InputOptions {
     ///
     /// Codes of video are counted from 0 to the largest code of its depth, after a limited range has been expanded.
     pub scale: Option<f64>,
+    /// Whether the images of a folder are the frames of a video, whatever their names and contents are. If false,
+    /// [`check_is_video`] examines the folder.
+    pub is_video: bool,
     /// If this flag becomes true, waiting for standard input is interrupted. If `stop` is `None`, the wait cannot be
     /// interrupted.
     pub stop: Option<Arc<AtomicBool>>,
@@ -86,6 +90,7 @@ spikelane::unstable::with_methods!(InputOptions {
     with_transfer: transfer: Option<Transfer>,
     with_motion_clip: motion_clip: Option<MotionClip>,
     with_scale: scale: Option<f64>,
+    with_is_video: is_video: bool,
     with_stop: stop: Option<Arc<AtomicBool>>,
 });
 
@@ -102,6 +107,7 @@ impl InputOptions {
             transfer: None,
             motion_clip: None,
             scale: None,
+            is_video: false,
             stop: None,
         }
     }
@@ -183,6 +189,9 @@ fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
     }
     refuse_motion(path.display(), options)?;
     if about.is_dir() {
+        if !options.is_video {
+            check_is_video(path)?;
+        }
         return Ok(Box::new(ImageFolder::open(path, camera, resize_mode, linear)?));
     }
     match ending.as_deref() {

@@ -11,7 +11,7 @@ use crate::common::seeds::{SceneSeed, SeedArgs};
 use crate::common::threads::ThreadArgs;
 use spikelane::Result;
 use spikelane_dataset::{
-    Access, Cameras, Content, DatasetLayout, DatasetOptions, InputContent, ReferenceImageOptions,
+    Access, Cameras, Content, DatasetLayout, DatasetOptions, InputContent, Pictures, ReferenceImageOptions,
     SceneContent, Splits, config,
 };
 use spikelane_io::light::{Interpolation, ResizeMode, Transfer};
@@ -130,6 +130,18 @@ pub(crate) struct DatasetSpec {
     /// Also write the light of labeled images in color as EXR, in cd/m2
     #[arg(hide_short_help = true, long, conflicts_with = "inputs", help_heading = "Scenes")]
     pub(crate) exr: bool,
+    /// Read any folder of images as a video
+    #[arg(
+        hide_short_help = true,
+        long,
+        requires = "inputs",
+        conflicts_with = "stills",
+        help_heading = "Conversion"
+    )]
+    pub(crate) video: bool,
+    /// Convert every image into its own sequence, with its folder as label
+    #[arg(hide_short_help = true, long, requires = "inputs", help_heading = "Conversion")]
+    pub(crate) stills: bool,
     /// Set readouts per frame [default: by input or 20]
     ///
     /// By default, the times or the rate of the frames determine this number. Without both, it is 20, which is 1 ms at
@@ -230,7 +242,7 @@ pub(crate) struct DatasetSpec {
 }
 
 /// Flags that describe the dataset. With `--config` a dataset.toml replaces all of them.
-const SPEC_FLAGS: [&str; 44] = [
+const SPEC_FLAGS: [&str; 46] = [
     "from",
     "from_list",
     "scene_preset",
@@ -249,6 +261,8 @@ const SPEC_FLAGS: [&str; 44] = [
     "npy",
     "kitti",
     "exr",
+    "video",
+    "stills",
     "readouts_per_frame",
     "interpolation",
     "resize_mode",
@@ -318,6 +332,11 @@ impl DatasetSpec {
             return Content::Inputs(InputContent {
                 folder,
                 list: self.from_list.clone(),
+                pictures: match (self.video, self.stills) {
+                    (true, _) => Pictures::Video,
+                    (_, true) => Pictures::Stills,
+                    _ => Pictures::Auto,
+                },
                 readouts_per_frame: self.readouts_per_frame,
                 interpolation: self.interpolation,
                 resize_mode: self.resize_mode,

@@ -108,14 +108,21 @@ impl ImageFolder {
     }
 }
 
-fn check_same_size(file: &Path, found: Geometry, first: &Path, size: Geometry) -> Result<()> {
+pub(in crate::light) fn check_same_size(
+    file: &Path,
+    found: Geometry,
+    first: &Path,
+    size: Geometry,
+) -> Result<()> {
     if found == size {
         return Ok(());
     }
     Err(Error::new(ErrorKind::Input, file.display())
         .found(found)
         .expected(format_args!("{size}, the size of {}", first.display()))
-        .remedy("resize the images to one size, or put them into separate folders"))
+        .remedy(
+            "resize the images to one size if they are the frames of a video, or simulate each image alone",
+        ))
 }
 
 /// Rejects a mixture of integer and float images, because their transfer functions differ.
@@ -158,7 +165,7 @@ fn check_same_white(file: &ImageFile, first: &ImageFile) -> Result<()> {
 
 /// Returns the images in natural order, the names of visible entries that are not images, and the number of all
 /// entries that are not images.
-fn list_images(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>, usize)> {
+pub(in crate::light) fn list_images(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>, usize)> {
     let refused = |e| Error::io(folder.display(), e);
     let (mut files, mut ignored, mut hidden) = (Vec::new(), Vec::new(), 0);
     for entry in std::fs::read_dir(folder).map_err(refused)? {
