@@ -14,6 +14,7 @@ import json
 import os
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._errors import SpikelaneError, make_error
+from ._errors import SpikelaneError, SpikelaneWarning, make_error
 from ._native import Stream, open_stream
 from ._progress import progress_callback
 
@@ -200,6 +201,9 @@ def _run(arguments: list[str], answer: Callable[[dict[str, Any]], str], progress
                     pass
             elif message["event"] == "error":
                 failure = message
+            elif message["event"] in ("done", "scores"):
+                for note in message.get("notes", ()):
+                    warnings.warn(note, SpikelaneWarning, stacklevel=3)
             elif message["event"] == "progress" and update and "sequences" in message:
                 update(message["sequences"], message["total"])
     if program.returncode:

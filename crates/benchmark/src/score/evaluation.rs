@@ -13,6 +13,7 @@ use spikelane::unstable::npy;
 
 use super::boxes;
 use super::dense;
+use super::output_units::{OtherUnit, other_unit};
 use crate::detection::ImageMatches;
 use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
 use crate::run::Baseline;
@@ -33,6 +34,8 @@ pub struct Evaluation {
     pub fault: Option<String>,
     /// The counts from which the scores of several sequences follow.
     pub(super) counts: Counts,
+    /// The unit of an image that is not linear light of 0 to 1.
+    pub(super) other_unit: Option<OtherUnit>,
 }
 
 /// The counts of metrics that are not means over sequences.
@@ -71,19 +74,23 @@ pub fn evaluate_output(
     let mut evaluation = match data.suite.task {
         Task::Reconstruction => {
             let reference = reference_image(data, group, sequence, geometry)?;
-            attempt.evaluate(
-                |bytes| decode_image(bytes, geometry, false),
-                |image| Ok((image_scores(metrics, image, &reference, geometry)?, Counts::None)),
-                || Baseline::Tfp.image(&paths[0], sequence),
-            )
+            attempt
+                .evaluate(
+                    |bytes| decode_image(bytes, geometry, false),
+                    |image| Ok((image_scores(metrics, image, &reference, geometry)?, Counts::None)),
+                    || Baseline::Tfp.image(&paths[0], sequence),
+                )
+                .map(|scored| scored.with_unit(output, geometry, false, &reference))
         }
         Task::Color => {
             let reference = reference_image(data, group, sequence, geometry)?;
-            attempt.evaluate(
-                |bytes| decode_image(bytes, geometry, true),
-                |image| Ok((color_scores(image, &reference, geometry)?, Counts::None)),
-                || Baseline::TfpBilinear.color_image(&paths[0], sequence),
-            )
+            attempt
+                .evaluate(
+                    |bytes| decode_image(bytes, geometry, true),
+                    |image| Ok((color_scores(image, &reference, geometry)?, Counts::None)),
+                    || Baseline::TfpBilinear.color_image(&paths[0], sequence),
+                )
+                .map(|scored| scored.with_unit(output, geometry, true, &reference))
         }
         Task::Flow => {
             let reference = dense::FlowLabels::read(&paths[1], &paths[2], sequence)?;
@@ -146,13 +153,25 @@ impl Attempt<'_> {
         let fault = match decoded {
             Err(fault) => fault,
             Ok(output) => match score(&output) {
-                Ok((scores, counts)) => return Ok(Evaluation { scores, fault: None, counts }),
+                Ok((scores, counts)) => {
+                    return Ok(Evaluation { scores, fault: None, counts, other_unit: None });
+                }
                 Err(error) if error.is_output_fault() => error.to_string(),
                 Err(error) => return Err(error.into()),
             },
         };
         let (scores, counts) = score(&trivial()?)?;
-        Ok(Evaluation { scores, fault: Some(fault), counts })
+        Ok(Evaluation { scores, fault: Some(fault), counts, other_unit: None })
+    }
+}
+
+impl Evaluation {
+    /// Adds the unit of the image, if its output is not faulty.
+    fn with_unit(self, output: Option<&[u8]>, geometry: Geometry, is_color: bool, reference: &[f32]) -> Self {
+        let shape = image_shape(geometry, is_color);
+        let values =
+            output.filter(|_| self.fault.is_none()).and_then(|bytes| decode_array(bytes, &shape).ok());
+        Self { other_unit: values.and_then(|values| other_unit(&values, reference)), ..self }
     }
 }
 
@@ -192,8 +211,12 @@ pub(crate) fn decode_image(
     geometry: Geometry,
     is_color: bool,
 ) -> std::result::Result<Vec<f32>, String> {
-    let shape = [geometry.height() as u64, geometry.width() as u64, 3];
-    Ok(clipped(&decode_array(bytes, &shape[..if is_color { 3 } else { 2 }])?))
+    Ok(clipped(&decode_array(bytes, &image_shape(geometry, is_color))?))
+}
+
+fn image_shape(geometry: Geometry, is_color: bool) -> Vec<u64> {
+    let size = [geometry.height() as u64, geometry.width() as u64];
+    size.into_iter().chain(is_color.then_some(3)).collect()
 }
 
 fn clipped(image: &[f32]) -> Vec<f32> {

@@ -6,7 +6,9 @@
 mod boxes;
 mod dense;
 mod evaluation;
+mod output_units;
 mod summary;
+mod unexpected_outputs;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -110,6 +112,9 @@ pub struct ScoreFile {
     pub summaries: Vec<GroupSummary>,
     /// The scores of all sequences.
     pub sequences: Vec<SequenceScore>,
+    /// Notes for the user about the outputs, one line each. The file does not contain them.
+    #[serde(skip)]
+    pub notes: Vec<String>,
 }
 
 /// Scores the outputs in the folder of a run.
@@ -119,7 +124,8 @@ pub struct ScoreFile {
 /// # Errors
 /// * [`ErrorKind::Corrupt`] if a stream or a reference was changed.
 /// * [`ErrorKind::Config`] if the run belongs to another suite.
-/// * [`ErrorKind::Input`] if sequences of the run are not finished.
+/// * [`ErrorKind::Input`] if sequences of the run are not finished, or if the folder has neither `run.json` nor an output
+///   of a sequence.
 pub fn score(
     data: &GeneratedSuite,
     folder: &Path,
@@ -136,6 +142,9 @@ pub fn score(
             .remedy("run the method on this suite"));
     }
     let is_run = description.as_ref().is_some_and(|d| !matches!(d.method, Method::Outputs(_)));
+    if !is_run {
+        unexpected_outputs::check_any_output(data, folder)?;
+    }
     let all: Vec<(&GeneratedGroup, &GeneratedSequence)> = data.scored().collect();
     let scored = threads::try_map(all, |(group, sequence)| {
         check_stop()?;
@@ -144,6 +153,9 @@ pub fn score(
     let method = description.as_ref().map_or_else(|| Method::Outputs(name.to_owned()), |d| d.method.clone());
     let results: Vec<&SequenceResult> = scored.iter().filter_map(|(s, _)| s.result.as_ref()).collect();
     let summaries = summary::summarize_groups(data, &scored)?;
+    let images = scored.iter().map(|(s, e)| (format!("{}/{}", s.group, s.id), e.other_unit.as_ref()));
+    let mut notes = output_units::unit_notes(images);
+    notes.extend(unexpected_outputs::unexpected_outputs_note(data, folder)?);
     Ok(ScoreFile {
         format_version: FORMAT_VERSION,
         suite: data.suite.name.clone(),
@@ -158,6 +170,7 @@ pub fn score(
         cost: Cost::from_results(&results),
         summaries,
         sequences: scored.into_iter().map(|(score, _)| score).collect(),
+        notes,
     })
 }
 

@@ -98,10 +98,13 @@ fn print_scores(file: &ScoreFile, path: &Path, out: &Console) -> Result<()> {
             out.print_message(format_args!("trivial answer  {}/{}: {fault}", s.group, s.id));
         }
     }
+    for note in &file.notes {
+        out.print_message(format_args!("warning: {note}"));
+    }
     let overall = file.summary(OVERALL).and_then(|summary| serde_json::to_value(summary).ok());
     let event = json!({
         "event": "scores", "file": path.display().to_string(), "suite": file.suite, "digest": file.digest,
-        "overall": overall, "faults": faults, "cost": file.cost.and_then(|cost| serde_json::to_value(cost).ok()),
+        "overall": overall, "faults": faults, "notes": file.notes, "cost": file.cost.and_then(|cost| serde_json::to_value(cost).ok()),
     });
     out.print_result(&event, &text)
 }

@@ -620,3 +620,73 @@ fn the_true_tracks_have_the_highest_accuracy() {
     assert!((pooled(&mine, "hota") - 1.0).abs() < 1e-9);
     assert_eq!(pooled(&trivial, "hota"), 0.0);
 }
+
+/// Runs the baseline TFP on a suite of three scenes, and returns its outputs as float images.
+fn tfp_outputs() -> (TestFolder, Vec<(String, Vec<f32>)>) {
+    let (place, _) = generated(&short_suite(3));
+    place.run_ok("benchmark run data --baseline tfp -o tfp");
+    let mut outputs = Vec::new();
+    for group in ["test", "light-0.1", "light-1"] {
+        for entry in std::fs::read_dir(place.path(&format!("tfp/outputs/{group}"))).unwrap() {
+            let bytes = std::fs::read(entry.as_ref().unwrap().path()).unwrap();
+            let values = bytes[bytes.len() - 4 * 48 * 32..].chunks_exact(4);
+            let values = values.map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+            outputs.push((format!("{group}/{}", entry.unwrap().file_name().to_string_lossy()), values));
+        }
+    }
+    (place, outputs)
+}
+
+/// Writes the outputs, with every value changed by `convert`, as the outputs of the run `mine`.
+fn write_outputs(
+    place: &TestFolder,
+    folder: &str,
+    outputs: &[(String, Vec<f32>)],
+    convert: &dyn Fn(f32) -> f32,
+) {
+    for (name, values) in outputs {
+        let path = place.path(&format!("{folder}/{name}"));
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let values: Vec<f32> = values.iter().map(|v| convert(*v)).collect();
+        let bytes = npy_f32([1, 32, 48], &values);
+        std::fs::write(path, bytes).unwrap();
+    }
+}
+
+#[test]
+fn outputs_in_other_units_are_a_warning() {
+    let (place, outputs) = tfp_outputs();
+    let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    write_outputs(&place, "linear/outputs", &outputs, &|v| v);
+    write_outputs(&place, "codes/outputs", &outputs, &|v| 255.0 * v);
+    write_outputs(&place, "srgb/outputs", &outputs, &|v| srgb(v.clamp(0.0, 1.0)));
+    for (run, word) in [
+        ("linear", None),
+        ("codes", Some("expected light with full scale at 1.0")),
+        ("srgb", Some("as sRGB codes")),
+    ] {
+        let ran = place.run_ok(&format!("benchmark score data {run}"));
+        assert_eq!(ran.stderr.contains("warning"), word.is_some(), "{run}: {}", ran.stderr);
+        assert!(word.is_none_or(|word| ran.stderr.contains(word)), "{run}: {}", ran.stderr);
+        // The notes are not a part of the scores.
+        place.run_ok(&format!("benchmark verify {run}/score.json --suite data"));
+    }
+}
+
+#[test]
+fn outputs_of_unknown_sequences_are_named() {
+    let (place, outputs) = tfp_outputs();
+    write_outputs(&place, "mine/outputs", &outputs, &|v| v);
+    std::fs::create_dir(place.path("mine/outputs/Test")).unwrap();
+    place.write("mine/outputs/test/other.npy", b"");
+    let ran = place.run_ok("benchmark score data mine");
+    assert!(ran.stderr.contains("2 entries") && ran.stderr.contains("other.npy"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("outputs/Test"), "{}", ran.stderr);
+}
+
+#[test]
+fn outputs_in_a_wrong_folder_are_an_error() {
+    let (place, outputs) = tfp_outputs();
+    write_outputs(&place, "mine", &outputs, &|v| v);
+    place.run_refused("benchmark score data mine", 4, &["outputs/test/scene-0000.npy", "light-0.1"]);
+}
