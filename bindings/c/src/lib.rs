@@ -457,6 +457,9 @@ pub unsafe extern "C" fn spl_simulator_free(simulator: *mut spl_simulator) -> sp
 /// many calls with one readout. If the camera drops readouts, the last light continues until `packed` is full.
 /// spl_simulator_advance writes fewer readouts instead.
 ///
+/// The call rejects floats that are probably codes in the light of the first readout: one of them is above 32, and most are above
+/// 1. A simulator whose `max_light` is above 32 accepts them.
+///
 /// # Safety
 /// `simulator` is NULL or a handle. `light` is NULL or points to readable memory. `frames` of the light is NULL or points to
 /// `count` readable frames. `samples` of each frame is NULL or points to `samples_bytes` readable bytes. `packed` is NULL or

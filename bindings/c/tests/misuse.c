@@ -128,6 +128,12 @@ static void runs(void) {
     static float floats[W * H];
     f = (spl_frame){(char *)floats + 1, sizeof floats - 4, 0, SPL_F32};
     REFUSED(spl_simulator_run(s, &changed, N, out, sizeof out), SPL_USAGE, "multiple of 4");
+    spl_simulator *first = running(camera);
+    for (size_t i = 0; i < W * H; i++) floats[i] = 200;
+    f = (spl_frame){floats, sizeof floats, 0, SPL_F32};
+    REFUSED(spl_simulator_run(first, &changed, N, out, sizeof out), SPL_INPUT, "found the value 200");
+    for (size_t i = 0; i < W * H; i++) floats[i] = 0;
+    OK(spl_simulator_free(first));
     f.samples = floats, f.samples_bytes = sizeof floats;
     floats[40] = -1.0f;
     REFUSED(spl_simulator_run(s, &changed, N, out, sizeof out), SPL_INPUT, "row 1, col 7");

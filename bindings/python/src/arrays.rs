@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::IntoPyDict as _;
 use spikelane::Geometry;
 use spikelane::error::Setting;
-use spikelane_io::light::full_scale::{check_float_light, check_full_scale};
+use spikelane_io::light::full_scale::{check_float_light, check_full_scale, narrow_codes};
 use spikelane_io::simulate::FrameRef;
 use spikelane_io::simulate::Samples;
 
@@ -93,7 +93,9 @@ impl<'py> LightArray<'py> {
             Self::U8(_) | Self::U16(_) if scale.max_light.is_none() => Ok(()),
             Self::U8(frames) => warn_of_mask(name, frames.contiguous.as_slice()?.iter().copied().max(), 255),
             Self::U16(frames) => {
-                warn_of_mask(name, frames.contiguous.as_slice()?.iter().copied().max(), 65535)
+                let max_value = frames.contiguous.as_slice()?.iter().copied().max();
+                warn_of_mask(name, max_value, 65535)?;
+                warn_of_narrow_codes(name, max_value.unwrap_or(0))
             }
             Self::F32(frames) => {
                 let (height, width) = self.size();
@@ -287,6 +289,13 @@ fn warn_of_mask<T: Into<u32>>(name: &str, max_value: Option<T>, full_scale: u32)
     let remedy = format!("pass {}1 if 1 is full scale", Setting("full_scale"));
     let expected = format!("light with full scale at {full_scale}");
     warn(name, "integers of 0 and 1 only", expected, remedy)
+}
+
+/// Warns if 16-bit values are probably codes of fewer bits, which are too dark.
+fn warn_of_narrow_codes(name: &str, max_value: u16) -> PyResult<()> {
+    let Some((bits, white)) = narrow_codes(max_value).filter(|_| max_value > 1) else { return Ok(()) };
+    let remedy = format!("pass {}{white} if the values have {bits} bits", Setting("full_scale"));
+    warn(name, format_args!("no value above {white}"), "light with full scale at 65535", remedy)
 }
 
 /// Checks that floats are finite, not negative and not codes. Warns if the sensor clips most of a frame.

@@ -10,6 +10,7 @@ use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets;
 use spikelane::unstable::Count;
 use spikelane::unstable::draws::Seeds;
+use spikelane::unstable::inputs;
 use spikelane_calibrate::compare::{
     CameraDistance, DEFAULT_MODELS, GrayComparison, RealismComparison, RealismOptions, RealismRow,
     SceneComparison, SceneStatistics, WindowSize, compare_gray_levels, compare_realism, compare_static_scene,
@@ -315,7 +316,7 @@ fn realism_table(comparison: &RealismComparison) -> String {
 
 /// Reads the dark rate of every pixel.
 fn read_dark_rates(path: &Path) -> Result<Vec<f64>> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path.display(), e))?;
+    let bytes = inputs::read_bytes(path, "dark rates", inputs::MAX_PICTURE_BYTES)?;
     let (_, rates) = spikelane::unstable::npy::read_values(&path.display().to_string(), &bytes)?;
     if rates.is_empty() || rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
         return Err(Error::new(ErrorKind::Input, path.display())

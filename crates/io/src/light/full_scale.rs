@@ -5,7 +5,7 @@ use std::fmt::Display;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 
 /// If no full scale is given, float values above this limit may be integer codes.
-const MAX_FLOAT_LIGHT: f32 = 32.0;
+pub const MAX_FLOAT_LIGHT: f32 = 32.0;
 
 /// Returns `full_scale` if it is finite and positive.
 ///
@@ -43,6 +43,18 @@ pub fn check_float_light(values: &[f32], name: impl Display, place: impl Display
             "set {0} to 255 if 255 is full scale, or set {0} to 1 if the light is this bright",
             Setting("full_scale")
         )))
+}
+
+/// Returns the number of bits and the code of white of samples that probably have fewer than 16 bits. `max` is the
+/// largest sample of 16 bits.
+#[must_use]
+pub fn narrow_codes(max: u16) -> Option<(u32, u32)> {
+    match max {
+        0 | 4096.. => None,
+        1024.. => Some((12, 4095)),
+        256.. => Some((10, 1023)),
+        _ => Some((8, 255)),
+    }
 }
 
 #[cfg(test)]

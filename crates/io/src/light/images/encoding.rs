@@ -5,6 +5,7 @@ use spikelane::error::Setting;
 use spikelane::light::Transfer;
 
 use super::linearization::Linearization;
+use crate::light::full_scale::narrow_codes;
 
 /// The codes of the pixels of a file, as the file states them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -210,12 +211,7 @@ impl CodeScan {
             }
             return None;
         }
-        let (bits, white) = match self.max {
-            0 | 4096.. => return None,
-            1024.. => (12, 4095),
-            256.. => (10, 1023),
-            _ => (8, 255),
-        };
+        let (bits, white) = narrow_codes(self.max)?;
         Some(format!(
             "no code {pages} exceeds {} of 65535: if the codes have {bits} bits, they are read {} times too small and the light is too dark; to correct it, set {} to {white}",
             self.max,
