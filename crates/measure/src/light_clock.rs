@@ -103,3 +103,40 @@ impl LightClock {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pixel with the mean charge `x` and the share `c` of a change integrates exactly one threshold between two spikes. By the
+    /// clock, each spike is within one readout of a multiple of `1 / x`.
+    #[test]
+    fn spikes_of_changing_light_are_regular_by_the_clock() {
+        let change = |t: usize| 0.5 * (t as f64 / 30.0).sin();
+        let changes: Vec<f64> = (0..4000).map(change).collect();
+        for (x, share) in [(0.1, 1.0), (0.03, 0.8), (0.3, 0.0)] {
+            let clock = LightClock::new(&changes, vec![share as f32]).unwrap();
+            let mut charge = 0.0;
+            let mut spikes = Vec::new();
+            for (t, m) in changes.iter().enumerate() {
+                charge += x * (1.0 + share * m);
+                if charge >= 1.0 {
+                    charge -= 1.0;
+                    spikes.push(clock.time(0, t as u32));
+                }
+            }
+            // The middle of a readout is at most half of the largest charge from the crossing of the threshold.
+            for (time, crossed) in spikes.iter().zip(1..) {
+                assert!((time - f64::from(crossed) / x).abs() <= 0.76, "{x} {share}: {time} {crossed}");
+            }
+        }
+    }
+
+    #[test]
+    fn converted_times_never_decrease() {
+        let clock = LightClock::new(&[0.0, -1.0, -1.0, 0.0], vec![1.5]).unwrap();
+        let mut times = [0, 1, 2, 3];
+        clock.convert(0, &mut times, 0);
+        assert!(times.is_sorted(), "{times:?}");
+    }
+}

@@ -105,7 +105,8 @@ impl LightCourse {
         let lines = fit_lines(totals, rates, mean)?;
         let of_lines = |t: usize| lines.iter().map(|line| line.change(t)).sum::<f64>();
         let mut changes: Vec<f64> = (0..n).map(of_lines).collect();
-        let rest: Vec<f64> = totals.iter().zip(&changes).map(|(c, m)| f64::from(*c) / mean - 1.0 - m).collect();
+        let rest: Vec<f64> =
+            totals.iter().zip(&changes).map(|(c, m)| f64::from(*c) / mean - 1.0 - m).collect();
         let slow = slow_part(rest, rates, start)?;
         changes.iter_mut().zip(slow.iter().flatten()).for_each(|(m, s)| *m += s);
         let center = changes.iter().sum::<f64>() / n as f64;
@@ -226,7 +227,12 @@ mod tests {
 
     /// Returns the spikes of each readout of `pixels` integrators with independent phases. Their rates spread by 10 % around
     /// `rate`.
-    fn totals(pixels: usize, rate: f64, readouts: usize, change: impl Fn(usize) -> f64) -> (Vec<u32>, Vec<f64>) {
+    fn totals(
+        pixels: usize,
+        rate: f64,
+        readouts: usize,
+        change: impl Fn(usize) -> f64,
+    ) -> (Vec<u32>, Vec<f64>) {
         let rates: Vec<f64> =
             (0..pixels).map(|p| rate * (0.95 + 0.1 * (p as f64 * 0.754_878 % 1.0))).collect();
         let mut totals = vec![0; readouts];

@@ -216,7 +216,11 @@ pub fn frame_total_lines(statistics: &Statistics) -> Result<Vec<FrameTotalLine>>
 
 /// Returns the `max_lines` most prominent lines of the spectrum of `totals`. `rates` are the rates of the pixels in spikes
 /// per readout.
-pub(crate) fn lines_of_totals(totals: &[u32], rates: &[f64], max_lines: usize) -> Result<Vec<FrameTotalLine>> {
+pub(crate) fn lines_of_totals(
+    totals: &[u32],
+    rates: &[f64],
+    max_lines: usize,
+) -> Result<Vec<FrameTotalLine>> {
     // Averaging four or more segments makes chance lines rare. Very short recordings cannot be divided into segments.
     let segment = (totals.len() / 4).min(8192) & !1;
     if segment < 64 {
@@ -228,9 +232,7 @@ pub(crate) fn lines_of_totals(totals: &[u32], rates: &[f64], max_lines: usize) -
     let is_positive = |x: f64| x.is_finite() && x > 0.0;
     lines.retain(|l| l.frequency * segment as f64 > 3.5 && is_positive(l.prominence) && is_positive(l.power));
     lines.truncate(max_lines);
-    let harmonic = |line: SpectralLine| FrameTotalLine {
-        line,
-        harmonic: line.harmonic_of(rates, 1.0 / segment as f64),
-    };
+    let harmonic =
+        |line: SpectralLine| FrameTotalLine { line, harmonic: line.harmonic_of(rates, 1.0 / segment as f64) };
     Ok(lines.into_iter().map(harmonic).collect())
 }

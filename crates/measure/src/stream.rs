@@ -75,7 +75,11 @@ pub fn measure_intervals_by_light(
     if (clock.readouts(), clock.pixels()) != (reader.readouts(), reader.geometry().pixels()) {
         return Err(Error::new(ErrorKind::Usage, "light clock")
             .found(format_args!("{} readouts of {} pixels", clock.readouts(), clock.pixels()))
-            .expected(format_args!("{} readouts of {} pixels", reader.readouts(), reader.geometry().pixels())));
+            .expected(format_args!(
+                "{} readouts of {} pixels",
+                reader.readouts(),
+                reader.geometry().pixels()
+            )));
     }
     let options = MeasureOptions {
         counts: false,
@@ -86,8 +90,7 @@ pub fn measure_intervals_by_light(
     };
     let clock = Arc::new(clock.clone());
     let accumulators = band_accumulators(reader.geometry(), &options)?;
-    let mut accumulators: Vec<Accumulator> =
-        accumulators.into_iter().map(|a| a.with_clock(&clock)).collect();
+    let mut accumulators: Vec<Accumulator> = accumulators.into_iter().map(|a| a.with_clock(&clock)).collect();
     push_all(reader, &mut accumulators, report_readouts)?;
     let Some(intervals) = join_accumulators(accumulators)?.intervals else {
         unreachable!("intervals are measured")

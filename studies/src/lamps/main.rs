@@ -3,7 +3,8 @@
 //!
 //! `cargo run --release -p spikelane-studies --bin study-lamps -- [--sensors A..B] [--records FILE] [--report FILE]` prints a
 //! row for each kind of light. With `--records`, finished sensors are read from the file and new ones are added, so an
-//! interrupted study continues. `--report` writes the table between the markers of a page.
+//! interrupted study continues, and the table contains all sensors of the file. `--report` writes the table between the
+//! markers of a page.
 
 #[path = "../../../crates/calibrate/tests/calibrate_support/mod.rs"]
 mod calibrate_support;
@@ -61,8 +62,7 @@ fn main() {
         }
         known.insert(index, outcome);
     }
-    let outcomes: Vec<(u64, Value)> =
-        known.into_iter().filter(|(index, _)| arguments.sensors.contains(index)).collect();
+    let outcomes: Vec<(u64, Value)> = known.into_iter().collect();
     let text = table::table(&outcomes);
     print!("{text}");
     if let Some(file) = &arguments.report {

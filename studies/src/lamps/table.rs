@@ -9,7 +9,7 @@ use crate::light::KINDS;
 use crate::sensor::QUANTITIES;
 use crate::share::Share;
 
-/// Returns one row for each kind of light and one for all kinds.
+/// Returns one row for each kind of light, and rows for all kinds without light in the dark recording.
 pub(crate) fn table(outcomes: &[(u64, Value)]) -> String {
     let mut text = format!(
         "{} sensors; {}. A cell is the number of 95 % intervals that contain the true value, the number of withheld values, and the median width relative to that with a steady lamp.\n\n| light |",
@@ -18,22 +18,27 @@ pub(crate) fn table(outcomes: &[(u64, Value)]) -> String {
     );
     QUANTITIES.iter().for_each(|name| write!(text, " {name} |").unwrap());
     writeln!(text, "\n|---|{}", "---|".repeat(QUANTITIES.len())).unwrap();
-    for (kind, name) in KINDS.iter().enumerate() {
-        let of_kind: Vec<&Value> =
-            outcomes.iter().filter(|o| o.0 as usize % KINDS.len() == kind).map(|o| &o.1).collect();
-        row(&mut text, name, &of_kind, "changing");
+    let of_kind = |kind: usize| -> Vec<&Value> {
+        outcomes.iter().filter(|o| o.0 as usize % KINDS.len() == kind).map(|o| &o.1).collect()
+    };
+    // The last kind has light in the dark recording.
+    let leak = KINDS.len() - 1;
+    for (kind, name) in KINDS.iter().enumerate().take(leak) {
+        row(&mut text, name, &of_kind(kind), "changing");
     }
-    let all: Vec<&Value> = outcomes.iter().map(|o| &o.1).collect();
+    let all: Vec<&Value> = (0..leak).flat_map(of_kind).collect();
     row(&mut text, "all of these", &all, "changing");
     row(&mut text, "the same sensors, steady light", &all, "steady");
+    row(&mut text, KINDS[leak], &of_kind(leak), "changing");
+    row(&mut text, "the same light leak, steady light", &of_kind(leak), "steady");
     let shares: Vec<String> = (0..QUANTITIES.len())
         .map(|q| {
             let (hits, total) = coverage(&all, "changing", q);
             format!("{} {}", QUANTITIES[q], Share { hits, total })
         })
         .collect();
-    writeln!(text, "\nChanging light, with the 95 % interval of each share: {}.", shares.join("; ")).unwrap();
-    let rejected = all.iter().filter(|o| o["changing"].is_string()).count();
+    writeln!(text, "\nAll of these, with the 95 % interval of each share: {}.", shares.join("; ")).unwrap();
+    let rejected = outcomes.iter().filter(|o| o.1["changing"].is_string()).count();
     writeln!(text, "\nRejected sets: {rejected}.").unwrap();
     text
 }

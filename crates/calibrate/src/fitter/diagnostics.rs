@@ -127,7 +127,9 @@ impl Fitter<'_> {
             let consequence = match (level.change_removal, &level.interval_noise) {
                 (ChangeRemoval::Removed, Some(_)) => "The change is removed from the rates and intervals.",
                 (ChangeRemoval::Removed, None) => "The change is removed from the rates.",
-                _ => "The intervals of this recording do not contribute to the estimates of noise and electrons.",
+                _ => {
+                    "The intervals of this recording do not contribute to the estimates of noise and electrons."
+                }
             };
             let is_dark = level.light == 0.0;
             if let Some(change) = level.rate_change.filter(|_| level.drifts()) {

@@ -74,7 +74,8 @@ impl Fitter<'_> {
         let defect_free = self.defect_free_mask();
         let (mut dark, mut lit) = (None, Vec::new());
         // A drift of 1 % doubles the variance of spans of 16 intervals. It would be mistaken for quanta.
-        for (k, level) in self.observed.levels.iter().enumerate().filter(|(_, l)| !l.has_unsteady_intervals()) {
+        for (k, level) in self.observed.levels.iter().enumerate().filter(|(_, l)| !l.has_unsteady_intervals())
+        {
             let Some(mean) = self.variance_growth(k, &defect_free) else { continue };
             if level.light == 0.0 { dark = Some(mean) } else { lit.push(mean) }
         }
@@ -282,7 +283,8 @@ impl Fitter<'_> {
         selection::prepare_tables();
         let defect_free = self.defect_free_mask();
         let (k, level) = (0, &self.observed.levels[0]);
-        let Some(noise) = level.interval_noise.as_ref().filter(|_| level.light == 0.0 && !level.has_unsteady_intervals())
+        let Some(noise) =
+            level.interval_noise.as_ref().filter(|_| level.light == 0.0 && !level.has_unsteady_intervals())
         else {
             return;
         };

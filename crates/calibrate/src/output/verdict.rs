@@ -100,7 +100,8 @@ impl Calibration {
             let result = if is_removed { ", and this change is removed" } else { "" };
             add(changed().filter(|l| l.drifts).collect(), &format!("drift{result}"));
             let flickering: Vec<&Lamp> = changed().filter(|l| l.flicker.is_some()).collect();
-            let deepest = flickering.iter().filter_map(|l| l.flicker).max_by(|a, b| a.depth.total_cmp(&b.depth));
+            let deepest =
+                flickering.iter().filter_map(|l| l.flicker).max_by(|a, b| a.depth.total_cmp(&b.depth));
             if let Some(Flicker { frequency_hz, depth, .. }) = deepest {
                 let depth = 100.0 * depth;
                 add(flickering, &format!("flicker by up to {depth:.2} % at {frequency_hz:.1} Hz{result}"));

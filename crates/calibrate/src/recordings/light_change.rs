@@ -17,7 +17,7 @@ use super::drift::drifting_share;
 use super::observations::{ChangeRemoval, Flicker, LightLevel};
 use spikelane::error::Result;
 use spikelane::spikes::span_rate;
-use spikelane_measure::{LightClock, LightCourse, Statistics, median_and_spread};
+use spikelane_measure::{LightClock, LightCourse, Statistics, finite_values, median_and_spread};
 
 /// Largest number of readouts whose frame totals are examined. Sixteen times as many bytes are needed.
 pub(super) const MAX_EXAMINED_READOUTS: usize = 1 << 20;
@@ -26,12 +26,20 @@ pub(super) const MAX_EXAMINED_READOUTS: usize = 1 << 20;
 /// smaller contribution is not removed, because it changes the error of the noise by less than 1 %.
 const MIN_NOISE_CONTRIBUTION: f64 = 0.1;
 
+/// Largest relative change of the mean rate between the halves of a recording that is removed. A recording with a larger change
+/// contains two levels of light, and not one.
+const MAX_REMOVED_DRIFT: f64 = 0.2;
+
 /// Smallest distance of the mean start phase from one half for which the pixels did not start with independent phases. For
 /// a hundred pixels with independent phases, it is 3.5 standard deviations of the mean.
 const MIN_COMMON_START: f64 = 0.1;
 
-/// Number of mean intervals after a common start before the frame totals show the light.
-const START_INTERVALS: f64 = 2.0;
+/// Phase spread, in cycles, at which pixels that started together fire independently. The frame totals then oscillate by
+/// `exp(-(2 pi 0.56)^2 / 2)`, which is 0.002 of the oscillation at the start.
+const INDEPENDENT_PHASE_SPREAD: f64 = 0.56;
+
+/// Largest share of a recording that the start may take.
+const MAX_START_SHARE: f64 = 0.125;
 
 /// A change of the light of a level that must be removed.
 pub(super) struct PendingRemoval {
@@ -46,19 +54,20 @@ pub(super) struct PendingRemoval {
 ///
 /// # Errors
 /// Those of [`LightCourse::from_totals`].
-pub(super) fn examine(level: &mut LightLevel, statistics: Statistics, hz: f64) -> Result<Option<PendingRemoval>> {
+pub(super) fn examine(
+    level: &mut LightLevel,
+    statistics: Statistics,
+    hz: f64,
+) -> Result<Option<PendingRemoval>> {
     let (Some(frames), Some(counts)) = (&statistics.frames, &statistics.counts) else { return Ok(None) };
     let totals = &frames.totals;
-    let start = match level.start_offset > MIN_COMMON_START {
-        true => (START_INTERVALS / level.median_rate()).ceil() as usize,
-        false => 0,
-    };
-    let course = LightCourse::from_totals(totals, &level.rate, start)?;
+    let course = LightCourse::from_totals(totals, &level.rate, start_readouts(level))?;
     level.flicker = course.lines.first().map(|l| Flicker { frequency_hz: l.frequency * hz, depth: l.depth });
     if level.light == 0.0 {
         return Ok(None);
     }
-    let is_known = course.has_slow_part && totals.len() == level.readouts as usize;
+    let is_one_level = level.rate_change.is_none_or(|change| change.value.abs() <= MAX_REMOVED_DRIFT);
+    let is_known = course.has_slow_part && totals.len() == level.readouts as usize && is_one_level;
     let flickers = level.flicker.is_some();
     level.change_removal = match flickers || level.drifts() || contributes_to_noise(level, &course) {
         true if is_known => ChangeRemoval::Removed,
@@ -74,6 +83,18 @@ pub(super) fn examine(level: &mut LightLevel, statistics: Statistics, hz: f64) -
         last_spikes: counts.last_spike.clone(),
         early_counts: statistics.counts_before_split.unwrap_or_default(),
     }))
+}
+
+/// Returns the number of readouts after which the phases of the pixels are independent.
+///
+/// If rates spread by the share `s`, the phases of pixels that start together spread by `s` cycles per interval.
+fn start_readouts(level: &LightLevel) -> usize {
+    if level.start_offset <= MIN_COMMON_START {
+        return 0;
+    }
+    let (rate, spread) = median_and_spread(&mut finite_values(&level.rate));
+    let limit = MAX_START_SHARE * f64::from(level.readouts);
+    (INDEPENDENT_PHASE_SPREAD / spread).min(limit).max((1.0 / rate).min(limit)) as usize
 }
 
 /// Returns whether the change of the light adds more than a negligible part to the noise per spike.
@@ -106,7 +127,10 @@ impl PendingRemoval {
             if x > 0.0 && d.is_finite() { (1.0 - d / x).clamp(0.0, 1.0) } else { 1.0 }
         };
         let mean = mean_light_share(level, dark);
-        LightClock::new(&self.course.changes, (0..dark.len()).map(|p| (light_share(p) / mean) as f32).collect())
+        LightClock::new(
+            &self.course.changes,
+            (0..dark.len()).map(|p| (light_share(p) / mean) as f32).collect(),
+        )
     }
 
     /// Computes the rates of the level by the clock of the light.

@@ -16,8 +16,8 @@ use spikelane::unstable::npy;
 use spikelane::unstable::threads;
 use spikelane_io::formats::StreamReader;
 use spikelane_measure::{
-    Intervals, MeasureOptions, NO_SPIKE, Statistics, finite_values, measure_intervals_by_light, measure_stream,
-    median, median_and_spread,
+    Intervals, MeasureOptions, NO_SPIKE, Statistics, finite_values, measure_intervals_by_light,
+    measure_stream, median, median_and_spread,
 };
 
 /// Highest rate at which intervals are measured, in spikes per readout. In brighter light the quantization of spike times
@@ -161,7 +161,8 @@ fn level_from_statistics(name: &str, light: f64, statistics: &Statistics) -> Lig
     if let Some(early) = &statistics.counts_before_split {
         level = level.with_first_half(early);
     }
-    level.interval_noise = statistics.intervals.as_ref().map(|intervals| interval_noise(&level, intervals, 1.0));
+    level.interval_noise =
+        statistics.intervals.as_ref().map(|intervals| interval_noise(&level, intervals, 1.0));
     level
 }
 

@@ -140,8 +140,7 @@ pub(crate) fn simulate_pixel(
     random: &mut Random,
 ) -> SpikeTrace {
     let light = lit.light * pixel.light;
-    let charge_of =
-        |t: u32, n: f64, dark: f64| pixel.gain * pixel.light * lit.sum(t, n, readouts) + n * dark;
+    let charge_of = |t: u32, n: f64, dark: f64| pixel.gain * pixel.light * lit.sum(t, n, readouts) + n * dark;
     // Photons are counted before the gain is applied. For more than about a hundred photons, a normal distribution is exact
     // enough.
     let sd = (pixel.gain * (light / noise.photons).sqrt()).hypot((pixel.dark / noise.dark_electrons).sqrt());
