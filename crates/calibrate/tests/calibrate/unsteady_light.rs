@@ -89,10 +89,10 @@ fn without_dim_light_the_noise_covers_shot_noise_of_the_dark() {
     }
 }
 
-/// The dark rate is 0.0047 and the leak 0.01. The leak flickers by 10 %.
+/// The dark rate is 0.0047 and the leak 0.03. The leak flickers by 5 %.
 #[test]
 fn flicker_in_the_dark_is_reported_and_its_noise_is_not_used() {
-    let calibration = calibrated(&PHYSICAL_NOISE, &[0.0, 0.1, 0.3, 0.6], 0.01, |_, t| 1.0 + 0.1 * sine(t));
+    let calibration = calibrated(&PHYSICAL_NOISE, &[0.0, 0.1, 0.3, 0.6], 0.03, |_, t| 1.0 + 0.05 * sine(t));
     let dark = &calibration.lamps[0];
     assert!((dark.flicker.unwrap().frequency_hz - 100.0).abs() < 0.5, "{dark:?}");
     assert!(calibration.sigma_t.error.is_nan(), "{:?}", calibration.sigma_t);
