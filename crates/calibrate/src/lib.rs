@@ -33,7 +33,7 @@ pub use population::threshold_spread;
 pub(crate) use recordings::check::pattern_correlation;
 pub use recordings::color_filters::ColorFilters;
 pub use recordings::measure_levels::{ProgressCallback, measure_levels};
-pub use recordings::observations::{IntervalNoise, LightLevel, Observations};
+pub use recordings::observations::{Flicker, IntervalNoise, LightLevel, Observations};
 pub use recordings::protocol::{Precision, predict_precision};
 pub use recordings::protocol::{Protocol, RecordedSet};
 pub use recordings::published_maps::import_maps;

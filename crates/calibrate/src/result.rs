@@ -1,6 +1,7 @@
 //! Options of a calibration, and its results: maps, moments, and the calibrated camera.
 
 use super::population::Population;
+use super::recordings::observations::Flicker;
 use super::recordings::recorded_camera::RecordedCamera;
 use super::snee::SneeMaps;
 use crate::formulas::fit::PixelFit;
@@ -34,9 +35,13 @@ pub struct Lamp {
     /// Change of the light between the first and the second half of the recording, divided by the mean light. `None` if
     /// unknown.
     pub light_change: Option<Estimate>,
-    /// Whether `light_change` is significant and exceeds a thousandth. The intervals of such a level are not used to
-    /// estimate the noise.
+    /// Whether `light_change` is significant and exceeds a thousandth.
     pub drifts: bool,
+    /// Strongest oscillation of the light. `None` if there is none, or if it is unknown.
+    pub flicker: Option<Flicker>,
+    /// Whether the change of the light was removed from the rates and intervals. If the light drifts or flickers and the
+    /// change was not removed, the intervals are not used to estimate the noise.
+    pub is_light_change_removed: bool,
     /// Whether most pixels fire at nearly every readout. The found light is then unknown.
     pub is_saturated: bool,
     /// Number of readouts of the recording. It is 0 for a rate map of unknown length.

@@ -26,6 +26,8 @@ pub mod image_noise;
 mod image_spectrum;
 mod intervals;
 mod join;
+mod light_clock;
+mod light_course;
 mod maps;
 mod mosaic;
 mod options;
@@ -39,6 +41,7 @@ mod summary;
 mod uncertainty;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use block::Block;
 use spikelane::error::{Error, ErrorKind, Result};
@@ -55,6 +58,8 @@ pub use image_spectrum::spectral_slope;
 pub use intervals::{
     HalfMaps, IntervalHistogram, Intervals, PhaseNoise, PixelIntervals, ReadoutDeviation, total_variation,
 };
+pub use light_clock::LightClock;
+pub use light_course::{FlickerLine, LightCourse};
 pub use maps::line_structure;
 pub use maps::{Correlations, LineStructure, high_pass};
 pub use maps::{box_means, map_correlations, pattern_correlations, select_rate, select_uniform};
@@ -64,7 +69,7 @@ pub use pattern_spectrum::{map_histogram, pattern_spectra};
 pub use spectrum::{FrameTotalLine, SpectralLine, Spectrum};
 pub use spectrum::{frame_total_lines, spectrum};
 pub use statistics::{Statistic, statistics};
-pub use stream::measure_stream;
+pub use stream::{measure_intervals_by_light, measure_stream};
 pub use summary::border_excess;
 pub use summary::dsnu_prnu;
 pub use summary::{Defects, Summary, summarize};
@@ -134,7 +139,8 @@ impl Accumulator {
         };
         let counts = options.counts.then(|| counts::CountAccumulator::new(geometry, rows.clone(), &block));
         let frames = options.frames.then(|| frames::FrameAccumulator::new(geometry, options, &block));
-        let (bin, series) = (options.longest_bin, options.series_readouts);
+        let series = if options.interval_deviations { options.series_readouts } else { 0 };
+        let bin = options.longest_bin;
         let intervals = options
             .intervals
             .then(|| intervals::IntervalAccumulator::new(geometry, rows.clone(), lags, bin, series));
@@ -149,6 +155,15 @@ impl Accumulator {
             intervals,
             early_counts: None,
         })
+    }
+
+    /// Measures intervals by the integrated light of `clock`. `rows` of the accumulator are rows of the clock's sensor.
+    pub(crate) fn with_clock(mut self, clock: &Arc<LightClock>) -> Self {
+        let first = self.rows.start * self.geometry.width();
+        if let Some(state) = &mut self.intervals {
+            state.set_clock(Arc::clone(clock), first);
+        }
+        self
     }
 
     /// Returns two sizes in bytes per pixel: the spike history, and the sums.

@@ -28,6 +28,8 @@ pub struct MeasureOptions {
     pub line_covariances: bool,
     /// Whether to measure [`Intervals`](super::Intervals).
     pub intervals: bool,
+    /// Whether [`Intervals`](super::Intervals) include the mean deviation of the intervals of each readout.
+    pub interval_deviations: bool,
     /// Lags of `D(n)` in intervals, 1 to 64. Lag 1 is always measured.
     pub lags: Vec<u32>,
     /// Longest interval, in readouts, that has its own bin in the histogram.
@@ -45,6 +47,7 @@ spikelane::unstable::with_methods!(MeasureOptions {
     with_frames: frames: bool,
     with_line_covariances: line_covariances: bool,
     with_intervals: intervals: bool,
+    with_interval_deviations: interval_deviations: bool,
     with_lags: lags: Vec<u32>,
     with_longest_bin: longest_bin: u32,
     with_split: split: Option<u32>,
@@ -59,6 +62,7 @@ impl Default for MeasureOptions {
             frames: true,
             line_covariances: true,
             intervals: true,
+            interval_deviations: true,
             lags: vec![1, 4, 8, 16, 24, 32],
             longest_bin: 1023,
             split: None,

@@ -211,21 +211,28 @@ pub fn frame_total_lines(statistics: &Statistics) -> Result<Vec<FrameTotalLine>>
     let (Some(frames), Some(counts)) = (&statistics.frames, &statistics.counts) else {
         return Ok(Vec::new());
     };
+    lines_of_totals(&frames.totals, &counts.rate_by_time(), 3)
+}
+
+/// Returns the `max_lines` most prominent lines of the spectrum of `totals`. `rates` are the rates of the pixels in spikes
+/// per readout.
+pub(crate) fn lines_of_totals(
+    totals: &[u32],
+    rates: &[f64],
+    max_lines: usize,
+) -> Result<Vec<FrameTotalLine>> {
     // Averaging four or more segments makes chance lines rare. Very short recordings cannot be divided into segments.
-    let segment = (frames.totals.len() / 4).min(8192) & !1;
+    let segment = (totals.len() / 4).min(8192) & !1;
     if segment < 64 {
         return Ok(Vec::new());
     }
-    let mut lines = spectrum(&frames.totals, segment)?.lines(LINE_POWER_RATIO);
+    let mut lines = spectrum(totals, segment)?.lines(LINE_POWER_RATIO);
     // The lowest bins are skipped, because a moving scene drifts and the window spreads the drift over these bins. If all
     // totals are equal, the power is zero and the spectrum has no lines.
     let is_positive = |x: f64| x.is_finite() && x > 0.0;
     lines.retain(|l| l.frequency * segment as f64 > 3.5 && is_positive(l.prominence) && is_positive(l.power));
-    lines.truncate(3);
-    let rates = counts.rate_by_time();
-    let harmonic = |line: SpectralLine| FrameTotalLine {
-        line,
-        harmonic: line.harmonic_of(&rates, 1.0 / segment as f64),
-    };
+    lines.truncate(max_lines);
+    let harmonic =
+        |line: SpectralLine| FrameTotalLine { line, harmonic: line.harmonic_of(rates, 1.0 / segment as f64) };
     Ok(lines.into_iter().map(harmonic).collect())
 }

@@ -1,8 +1,10 @@
 //! Measures a stored stream with all threads.
 
 use super::block::Block;
-use super::{Accumulator, MeasureOptions, Statistics};
-use spikelane::error::Result;
+use super::{Accumulator, Intervals, LightClock, MeasureOptions, Statistics};
+use std::sync::Arc;
+
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
@@ -35,8 +37,74 @@ pub fn measure_stream(
     options: &MeasureOptions,
     report_readouts: &mut dyn FnMut(usize),
 ) -> Result<Statistics> {
+    let mut accumulators = band_accumulators(reader.geometry(), options)?;
+    push_all(reader, &mut accumulators, report_readouts)?;
+    join_accumulators(accumulators)
+}
+
+/// Measures the intervals of a whole stream by integrated light, in parallel bands of rows.
+///
+/// Spike times, and therefore all results, are in ticks of `clock` instead of readouts. The result contains no deviations
+/// per readout.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::formats::StreamReader;
+/// use spikelane_measure::{LightClock, measure_intervals_by_light};
+/// // The light of the first four readouts is half of the light of the last four. The mean of the changes is 0.
+/// let changes = [-1.0 / 3.0, -1.0 / 3.0, -1.0 / 3.0, -1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0];
+/// let geometry = spikelane::Geometry::new(8, 1)?;
+/// // All pixels fire at readout 3, at readout 5 and at readout 7.
+/// let bytes = vec![0, 0, 0, 0xff, 0, 0xff, 0, 0xff];
+/// let reader = StreamReader::from_bytes("mine", bytes, None, Some(geometry))?;
+/// let clock = LightClock::new(&changes, vec![1.0; 8])?;
+/// let intervals = measure_intervals_by_light(&reader, &[1], &clock, &mut |_| {})?;
+/// // From the middle of readout 3 to the middle of readout 5: half of 2/3, then 4/3, then half of 4/3.
+/// assert_eq!(intervals.pixel(0).extremes.map(|e| f64::from(e.0) / clock.ticks()), Some(2.333_984_375));
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
+/// # Errors
+/// Those of [`measure_stream`], and an error if the clock has another number of readouts or pixels than the stream.
+pub fn measure_intervals_by_light(
+    reader: &StreamReader,
+    lags: &[u32],
+    clock: &LightClock,
+    report_readouts: &mut dyn FnMut(usize),
+) -> Result<Intervals> {
+    if (clock.readouts(), clock.pixels()) != (reader.readouts(), reader.geometry().pixels()) {
+        return Err(Error::new(ErrorKind::Usage, "light clock")
+            .found(format_args!("{} readouts of {} pixels", clock.readouts(), clock.pixels()))
+            .expected(format_args!(
+                "{} readouts of {} pixels",
+                reader.readouts(),
+                reader.geometry().pixels()
+            )));
+    }
+    let options = MeasureOptions {
+        counts: false,
+        frames: false,
+        interval_deviations: false,
+        lags: lags.to_vec(),
+        ..MeasureOptions::default()
+    };
+    let clock = Arc::new(clock.clone());
+    let accumulators = band_accumulators(reader.geometry(), &options)?;
+    let mut accumulators: Vec<Accumulator> = accumulators.into_iter().map(|a| a.with_clock(&clock)).collect();
+    push_all(reader, &mut accumulators, report_readouts)?;
+    let Some(intervals) = join_accumulators(accumulators)?.intervals else {
+        unreachable!("intervals are measured")
+    };
+    Ok(intervals)
+}
+
+/// Adds all readouts of a stream to each accumulator.
+fn push_all(
+    reader: &StreamReader,
+    accumulators: &mut [Accumulator],
+    report_readouts: &mut dyn FnMut(usize),
+) -> Result<()> {
     let geometry = reader.geometry();
-    let mut accumulators = band_accumulators(geometry, options)?;
     let mut buffer =
         inputs::zeroed_vec(reader.name(), BATCH_READOUTS.min(reader.readouts()) * geometry.frame_bytes())?;
     let mut at = 0;
@@ -45,11 +113,11 @@ pub fn measure_stream(
         let bytes = &mut buffer[..now * geometry.frame_bytes()];
         reader.read_frames(at, bytes)?;
         let packed = SpikeFramesRef::new(geometry, bytes)?;
-        threads::try_map(&mut accumulators, |a| a.push(packed))?;
+        threads::try_map(&mut *accumulators, |a| a.push(packed))?;
         at += now;
         report_readouts(at);
     }
-    join_accumulators(accumulators)
+    Ok(())
 }
 
 /// Returns one accumulator per band of rows. If `options` include frame statistics, one more accumulator measures whole

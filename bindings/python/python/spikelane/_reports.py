@@ -20,6 +20,7 @@ __all__ = [
     "Discrepancy",
     "EffectLimit",
     "Estimate",
+    "Flicker",
     "FoundEffect",
     "Lamp",
     "Measurement",
@@ -137,12 +138,21 @@ class Measurement:
 
 
 @dataclass(frozen=True)
+class Flicker:
+    """An oscillation of the light. ``depth`` is its amplitude relative to the mean light."""
+
+    frequency_hz: float
+    depth: float
+
+
+@dataclass(frozen=True)
 class Lamp:
     """The light level of a recording: the stated level of the recording set and the fitted level.
 
     ``pull`` is the relative deviation divided by ``stated_uncertainty``, or None for a dark or saturated level. A lamp whose
     pull exceeds 3.5 is an outlier. ``light_change`` is the relative difference of the light between the second and the first
-    half of the recording.
+    half of the recording. ``flicker`` is the strongest oscillation of the light, or None. ``is_light_change_removed`` states
+    whether rates and intervals were corrected for the change of the light.
     ``mean_rate`` is the mean rate of the fitted pixels in spikes per readout. ``rate_scatter`` is the spread of pixel rates
     around the fitted lines of the pixels, relative to ``mean_rate``. ``readouts`` is 0 for a map of unknown length.
     """
@@ -159,6 +169,8 @@ class Lamp:
     mean_rate: float
     rate_scatter: float
     light_change: Estimate
+    is_light_change_removed: bool
+    flicker: Flicker | None = None
     pull: float | None = None
 
 
@@ -387,6 +399,7 @@ def calibrate(
                     **level,
                     "deviation": estimate(level["deviation"]),
                     "light_change": estimate(level.get("light_change")),
+                    "flicker": Flicker(**level["flicker"]) if "flicker" in level else None,
                 }
             )
             for level in data["lamps"]

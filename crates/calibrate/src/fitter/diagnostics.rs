@@ -3,7 +3,7 @@
 use super::alignment::OUTLIER_UNCERTAINTY;
 use super::state::Fitter;
 use crate::formulas::fit::{PixelFit, fit_line};
-use crate::recordings::observations::LightLevel;
+use crate::recordings::observations::{ChangeRemoval, LightLevel};
 use crate::result::Lamp;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::Count;
@@ -63,6 +63,8 @@ impl Fitter<'_> {
                 is_outlier: self.is_outlier[k],
                 light_change: level.rate_change,
                 drifts: level.drifts(),
+                flicker: level.flicker,
+                is_light_change_removed: level.change_removal == ChangeRemoval::Removed,
                 is_saturated: self.is_saturated[k],
                 readouts: level.readouts,
                 mean_rate: rate,
@@ -121,16 +123,37 @@ impl Fitter<'_> {
                 "Another set of correct levels agrees nearly as well: the recordings cannot show which lamp deviates, and the errors include both cases. Another recording at a reliable light level would decide.".to_owned(),
             );
         }
-        for (level, change) in
-            self.observed.levels.iter().filter_map(|l| Some((l, l.rate_change?))).filter(|(l, _)| l.drifts())
-        {
-            self.notes.push(format!(
-                "{} of {} drifts: by {:+.2} % +- {:.2} % from the first half to the second. The estimate is the mean over this recording. Intervals of this recording do not contribute to the estimates of noise and electrons.",
-                if level.light == 0.0 { "The dark current" } else { "The light" },
-                level.name,
-                100.0 * change.value,
-                100.0 * change.error
-            ));
+        for level in &self.observed.levels {
+            let consequence = match (level.change_removal, &level.interval_noise) {
+                (ChangeRemoval::Removed, Some(_)) => "The change is removed from the rates and intervals.",
+                (ChangeRemoval::Removed, None) => "The change is removed from the rates.",
+                _ => {
+                    "The intervals of this recording do not contribute to the estimates of noise and electrons."
+                }
+            };
+            let is_dark = level.light == 0.0;
+            if let Some(change) = level.rate_change.filter(|_| level.drifts()) {
+                self.notes.push(format!(
+                    "The {} of {} drifts: by {:+.2} % +- {:.2} % from the first half to the second. The estimate is the mean over this recording. {consequence}",
+                    if is_dark { "dark current" } else { "light" },
+                    level.name,
+                    100.0 * change.value,
+                    100.0 * change.error
+                ));
+            }
+            if let Some(flicker) = level.flicker {
+                let [hz, depth] = [flicker.frequency_hz, 100.0 * flicker.depth];
+                self.notes.push(match is_dark {
+                    true => format!(
+                        "The rate of {} oscillates at {hz:.1} Hz by {depth:.2} %: light reaches the sensor in this dark recording. {consequence}",
+                        level.name
+                    ),
+                    false => format!(
+                        "The light of {} flickers at {hz:.1} Hz by {depth:.2} %. {consequence}",
+                        level.name
+                    ),
+                });
+            }
         }
         if self.chi2_scale > CHI2_WARNING_RATIO {
             self.notes.push(format!(

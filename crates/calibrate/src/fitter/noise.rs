@@ -16,6 +16,10 @@ use spikelane_measure::{Estimate, median, median_and_spread};
 /// Highest rate of a pixel whose interval variance is used, in spikes per readout.
 const MAX_GROWTH_RATE: f64 = 0.2;
 
+/// Largest part of a change of the light that remains after its removal. The filter of the frame totals transmits the change
+/// without loss at low frequencies, and the dark rates of the pixels are known to a percent.
+const MAX_REMAINING_CHANGE: f64 = 0.02;
+
 /// Returns the relative inverse variance of the interval noise of a pixel.
 ///
 /// The variance of an estimate decreases as its number of intervals grows. With few intervals it decreases faster, because
@@ -70,7 +74,8 @@ impl Fitter<'_> {
         let defect_free = self.defect_free_mask();
         let (mut dark, mut lit) = (None, Vec::new());
         // A drift of 1 % doubles the variance of spans of 16 intervals. It would be mistaken for quanta.
-        for (k, level) in self.observed.levels.iter().enumerate().filter(|(_, l)| !l.has_noisy_drift()) {
+        for (k, level) in self.observed.levels.iter().enumerate().filter(|(_, l)| !l.has_unsteady_intervals())
+        {
             let Some(mean) = self.variance_growth(k, &defect_free) else { continue };
             if level.light == 0.0 { dark = Some(mean) } else { lit.push(mean) }
         }
@@ -99,7 +104,11 @@ impl Fitter<'_> {
                 let square = s.value / threshold;
                 let quanta = excess(square, s.error / threshold);
                 let same = quanta.value < 3.0 * quanta.error;
-                if self.noise.noise_sampling == NoiseSampling::EveryReset && same && !lit.is_empty() {
+                if self.noise.noise_sampling == NoiseSampling::EveryReset && lit.is_empty() {
+                    self.noise.inverse_dark_quanta = 1.0 / nominal;
+                    self.assume_quanta(photons);
+                    self.bound_noise(square, s.error / threshold, 1.0 / nominal);
+                } else if self.noise.noise_sampling == NoiseSampling::EveryReset && same {
                     self.noise.inverse_dark_quanta = 1.0 / nominal;
                     self.assume_quanta(photons);
                     self.set_noise((square - 1.0 / nominal).max(0.0), s.error / threshold);
@@ -150,6 +159,14 @@ impl Fitter<'_> {
         let end = |z: f64| ((square + z * error).max(0.0).sqrt() - value).abs() / 1.96;
         let error = if error.is_nan() { f64::NAN } else { end(1.96).max(end(-1.96)) };
         self.sigma_t = Estimate { value, error, samples: self.fits.len() };
+    }
+
+    /// Sets the threshold noise if the dark current may have shot noise of the variance `shot`, in squared thresholds. `square`
+    /// is the variance of both. The value assumes shot noise, and the 95 % interval of the noise covers both cases.
+    fn bound_noise(&mut self, square: f64, error: f64, shot: f64) {
+        self.set_noise((square - shot).max(0.0), error);
+        let upper = (square + 1.96 * error).max(0.0).sqrt();
+        self.sigma_t.error = self.sigma_t.error.max((upper - self.sigma_t.value) / 1.96);
     }
 
     /// Returns the electrons per threshold of the nominal circuit, and the photons at full light that cause as many
@@ -249,7 +266,8 @@ impl Fitter<'_> {
         // If the rate rises linearly by the share `rise`, a span of `n` intervals has the variance `(n rise)^2 / 12`.
         let of_drift =
             square_growth(&level.interval_noise.as_ref()?.lags) / 12.0 * level.undetected_rise_variance();
-        let error = (squares.sqrt() / total / ratio).hypot(of_drift);
+        let remaining = MAX_REMAINING_CHANGE.powi(2) * level.removed_variance;
+        let error = (squares.sqrt() / total / ratio).hypot(of_drift).hypot(remaining);
         let s = Estimate { value: mean / ratio, error, samples: good.len() };
         Some(VarianceGrowth { variance_per_spike: s, threshold_coefficient: unit, light_coefficient: light })
     }
@@ -265,7 +283,8 @@ impl Fitter<'_> {
         selection::prepare_tables();
         let defect_free = self.defect_free_mask();
         let (k, level) = (0, &self.observed.levels[0]);
-        let Some(noise) = level.interval_noise.as_ref().filter(|_| level.light == 0.0 && !level.drifts())
+        let Some(noise) =
+            level.interval_noise.as_ref().filter(|_| level.light == 0.0 && !level.has_unsteady_intervals())
         else {
             return;
         };

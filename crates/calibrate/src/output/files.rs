@@ -37,10 +37,15 @@ fn lamp_json(l: &Lamp) -> Value {
     let fields = json!({
         "file": l.file, "stated_light": l.stated_light, "stated_uncertainty": l.stated_uncertainty, "found_light": l.found_light(),
         "deviation": estimate_json(l.deviation), "is_outlier": l.is_outlier, "is_saturated": l.is_saturated, "drifts": l.drifts,
+        "is_light_change_removed": l.is_light_change_removed,
         "readouts": l.readouts, "mean_rate": l.mean_rate, "rate_scatter": l.rate_scatter,
     });
     let pull = l.pull().filter(|x| x.is_finite()).map(Into::into);
-    insert_present(fields, [("light_change", l.light_change.map(estimate_json)), ("pull", pull)])
+    let flicker = l.flicker.map(|f| json!(f));
+    insert_present(
+        fields,
+        [("light_change", l.light_change.map(estimate_json)), ("flicker", flicker), ("pull", pull)],
+    )
 }
 
 fn additivity_json(a: &Additivity) -> Value {

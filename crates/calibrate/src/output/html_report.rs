@@ -368,13 +368,18 @@ fn additivity_table(additivity: &Additivity) -> Table {
     table
 }
 
-fn lamp_verdict(lamp: &Lamp) -> &'static str {
-    match (lamp.stated_light == 0.0, lamp.is_saturated, lamp.is_outlier, lamp.drifts) {
+fn lamp_verdict(lamp: &Lamp) -> String {
+    let removed = if lamp.is_light_change_removed { ", removed" } else { "" };
+    let text = match (lamp.stated_light == 0.0, lamp.is_saturated, lamp.is_outlier, lamp.drifts) {
         (_, true, ..) => "saturated: not estimated",
         (_, _, true, _) => "lamp off, uncertainty 30 %",
-        (_, _, _, true) => "drifts",
+        (_, _, _, true) => return format!("drifts{removed}"),
         (true, ..) => "dark, as stated",
         _ => "as stated",
+    };
+    match lamp.flicker {
+        Some(f) => format!("flickers at {:.1} Hz by {:.2} %{removed}", f.frequency_hz, 100.0 * f.depth),
+        None => text.to_owned(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! The verdict on a calibration and the cautions for its user.
 
+use crate::recordings::observations::Flicker;
 use crate::result::{Calibration, Lamp};
 use spikelane_measure::Estimate;
 use spikelane_measure::report::without_error;
@@ -84,21 +85,40 @@ impl Calibration {
     }
 
     fn lamp_cautions(&self) -> Vec<String> {
-        let lit = self.lamps.iter().filter(|l| l.stated_light > 0.0).count();
-        let lamp_files = |predicate: fn(&&Lamp) -> bool| -> Vec<&str> {
-            self.lamps.iter().filter(predicate).map(|l| l.file.as_str()).collect()
-        };
+        let lit = || self.lamps.iter().filter(|l| l.stated_light > 0.0);
+        let all = lit().count();
         let mut cautions = Vec::new();
-        let mut add = |files: Vec<&str>, what: &str| {
-            if !files.is_empty() {
-                cautions.push(format!("{} of {lit} lit levels {what}: {}.", files.len(), files.join(", ")));
+        let mut add = |lamps: Vec<&Lamp>, what: &str| {
+            if !lamps.is_empty() {
+                let files: Vec<&str> = lamps.iter().map(|l| l.file.as_str()).collect();
+                cautions.push(format!("{} of {all} lit levels {what}: {}.", files.len(), files.join(", ")));
             }
         };
-        add(lamp_files(|l| l.is_outlier), "deviate from their stated light");
-        add(lamp_files(|l| l.drifts && l.stated_light > 0.0), "drift");
-        add(lamp_files(|l| l.is_saturated), "saturate the camera");
-        if self.lamps.iter().any(|l| l.drifts && l.stated_light == 0.0) {
-            cautions.push("The dark current drifts within the dark recording.".to_owned());
+        add(lit().filter(|l| l.is_outlier).collect(), "deviate from their stated light");
+        for is_removed in [false, true] {
+            let changed = || lit().filter(|l| l.is_light_change_removed == is_removed);
+            let result = if is_removed { ", and this change is removed" } else { "" };
+            add(changed().filter(|l| l.drifts).collect(), &format!("drift{result}"));
+            let flickering: Vec<&Lamp> = changed().filter(|l| l.flicker.is_some()).collect();
+            let deepest =
+                flickering.iter().filter_map(|l| l.flicker).max_by(|a, b| a.depth.total_cmp(&b.depth));
+            if let Some(Flicker { frequency_hz, depth, .. }) = deepest {
+                let depth = 100.0 * depth;
+                add(flickering, &format!("flicker by up to {depth:.2} % at {frequency_hz:.1} Hz{result}"));
+            }
+        }
+        add(lit().filter(|l| l.is_saturated).collect(), "saturate the camera");
+        for dark in self.lamps.iter().filter(|l| l.stated_light == 0.0) {
+            if dark.drifts {
+                cautions.push("The dark current drifts within the dark recording.".to_owned());
+            }
+            if let Some(Flicker { frequency_hz, depth, .. }) = dark.flicker {
+                cautions.push(format!(
+                    "The dark recording {} oscillates at {frequency_hz:.1} Hz by {:.2} %: light reaches the sensor, and its intervals are not used.",
+                    dark.file,
+                    100.0 * depth
+                ));
+            }
         }
         cautions
     }

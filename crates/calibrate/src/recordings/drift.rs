@@ -1,6 +1,6 @@
 //! Measures changes between the two halves of a recording, for single pixels and for the mean rate of all pixels.
 
-use super::observations::LightLevel;
+use super::observations::{ChangeRemoval, LightLevel};
 use spikelane_measure::{Estimate, median_and_spread};
 
 /// Smallest change of the mean rate that counts as drift, in standard errors of the change. With a steady lamp, one in
@@ -10,8 +10,8 @@ const DRIFT_Z_THRESHOLD: f64 = 5.0;
 /// of the halves change the mean by less.
 const MIN_RELATIVE_DRIFT: f64 = 1e-3;
 
-/// Smallest change of the mean rate, in standard errors, for which a lit recording is not used for noise. With a steady
-/// lamp, one recording in eighty exceeds it. The drift that remains is part of the error.
+/// Smallest change of the mean rate, in standard errors, for which a lit recording without frame totals is not used for
+/// noise. With a steady lamp, one recording in eighty exceeds it. The drift that remains is part of the error.
 const NOISE_DRIFT_Z_THRESHOLD: f64 = 2.5;
 
 /// Largest deviation of the change of a pixel from the median change, in robust standard deviations. Larger deviations are
@@ -24,8 +24,9 @@ const MAX_PIXEL_DEVIATION: f64 = 4.0;
 /// together, the tolerance is `2 + 6 sqrt(s n) + 0.002 n` spikes. The 2 spikes are for the ends of the halves. The second
 /// term is six standard deviations of phase noise. The last term, 0.2 %, is for a lamp that settles. The variance per
 /// spike, `s = 1e-3` thresholds squared, is thirty times the variance of known cameras.
-pub(crate) fn drifting_share(level: &LightLevel, early: &[u32]) -> f64 {
-    let split = f64::from(level.readouts / 2);
+///
+/// `split` is the light of the first half in readouts of mean light. In constant light it is the number of readouts.
+pub(crate) fn drifting_share(level: &LightLevel, early: &[u32], split: f64) -> f64 {
     let late = f64::from(level.readouts) - split;
     let moves = |(n, e): (&u32, &u32)| {
         let (e, l) = (f64::from(*e), f64::from(n - e) * split / late);
@@ -67,7 +68,7 @@ impl LightLevel {
     /// the readouts. If the number of readouts is odd, the first half is the shorter half.
     #[must_use]
     pub fn with_first_half(mut self, early: &[u32]) -> Self {
-        self.drifting_share = drifting_share(&self, early);
+        self.drifting_share = drifting_share(&self, early, f64::from(self.readouts / 2));
         self.rate_change = mean_rate_change(&self, early);
         self
     }
@@ -79,11 +80,15 @@ impl LightLevel {
         self.drifts_by(MIN_RELATIVE_DRIFT, DRIFT_Z_THRESHOLD)
     }
 
-    /// Returns whether the intervals of the recording contain too much drift for an estimate of the noise.
-    pub(crate) fn has_noisy_drift(&self) -> bool {
-        match self.light {
-            0.0 => self.drifts(),
-            _ => self.drifts_by(0.0, NOISE_DRIFT_Z_THRESHOLD),
+    /// Returns whether the intervals of the recording contain too large a change of the light for an estimate of the noise.
+    ///
+    /// Flicker in the dark is light on the sensor. Its shot noise would be mistaken for threshold noise.
+    pub(crate) fn has_unsteady_intervals(&self) -> bool {
+        match self.change_removal {
+            _ if self.light == 0.0 => self.drifts() || self.flicker.is_some(),
+            ChangeRemoval::Unknown => self.drifts_by(0.0, NOISE_DRIFT_Z_THRESHOLD),
+            ChangeRemoval::Negligible | ChangeRemoval::Removed => false,
+            ChangeRemoval::Impossible => true,
         }
     }
 

@@ -4,7 +4,8 @@ use std::io::BufReader;
 use std::path::Path;
 
 use super::check;
-use super::observations::{IntervalNoise, LightLevel, Observations};
+use super::light_change::{self, MAX_EXAMINED_READOUTS, PendingRemoval};
+use super::observations::{ChangeRemoval, IntervalNoise, LightLevel, Observations};
 use super::recording_set::{RateMap, RecordingSet, Stimulus, StimulusPattern, mean_rate_at_start};
 use super::sources::Sources;
 use spikelane::error::{Error, ErrorKind, Result};
@@ -15,7 +16,8 @@ use spikelane::unstable::npy;
 use spikelane::unstable::threads;
 use spikelane_io::formats::StreamReader;
 use spikelane_measure::{
-    Intervals, MeasureOptions, NO_SPIKE, Statistics, finite_values, measure_stream, median, median_and_spread,
+    Intervals, MeasureOptions, NO_SPIKE, Statistics, finite_values, measure_intervals_by_light,
+    measure_stream, median, median_and_spread,
 };
 
 /// Highest rate at which intervals are measured, in spikes per readout. In brighter light the quantization of spike times
@@ -61,6 +63,7 @@ pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Res
         camera: set.camera.clone(),
     };
     let mut done = 0;
+    let mut removals: Vec<PendingRemoval> = Vec::new();
     for (recording, reader) in set.recordings.iter().zip(&readers) {
         let name = recording.file.as_str();
         let mut report_readouts =
@@ -78,7 +81,10 @@ pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Res
                 level.light = level.sources.light();
             }
             match light.level() {
-                Some(_) => observed.levels.push(level),
+                Some(_) => {
+                    removals.extend(light_change::examine(&mut level, statistics, set.readout_hz)?);
+                    observed.levels.push(level);
+                }
                 None => {
                     check::check_checkerboard(&level, light, geometry)?;
                     observed.other_recordings.push(name.to_owned());
@@ -95,8 +101,31 @@ pub fn measure_levels(set: &RecordingSet, progress: ProgressCallback<'_>) -> Res
         observed.levels.push(level);
     }
     observed.levels.sort_by(|a, b| a.light.total_cmp(&b.light));
+    remove_light_changes(set, &mut observed.levels, &removals)?;
     check::check_levels(&observed)?;
     Ok(observed)
+}
+
+/// Removes changes of the light from the rates and intervals of the levels in `removals`. The intervals are measured again.
+fn remove_light_changes(
+    set: &RecordingSet,
+    levels: &mut [LightLevel],
+    removals: &[PendingRemoval],
+) -> Result<()> {
+    let dark = light_change::dark_rates(levels);
+    for removal in removals {
+        let recording = set.recordings.iter().find(|r| r.file == removal.level);
+        let level = levels.iter_mut().find(|l| l.name == removal.level);
+        let (Some(recording), Some(level)) = (recording, level) else { continue };
+        let clock = removal.clock(level, &dark)?;
+        removal.correct_rates(level, &clock, &dark);
+        if level.interval_noise.is_some() {
+            let reader = set.reader(recording)?;
+            let intervals = measure_intervals_by_light(&reader, &INTERVAL_LAGS, &clock, &mut |_| {})?;
+            level.interval_noise = Some(interval_noise(level, &intervals, clock.ticks()));
+        }
+    }
+    Ok(())
 }
 
 fn measure_recording(
@@ -106,11 +135,13 @@ fn measure_recording(
 ) -> Result<Statistics> {
     let options = MeasureOptions {
         counts: true,
-        frames: false,
+        frames: true,
+        line_covariances: false,
         intervals,
+        interval_deviations: false,
         lags: INTERVAL_LAGS.to_vec(),
         split: Some((reader.readouts() / 2) as u32),
-        series_readouts: 0,
+        series_readouts: reader.readouts().min(MAX_EXAMINED_READOUTS),
         ..MeasureOptions::default()
     };
     measure_stream(reader, &options, report_readouts)
@@ -130,17 +161,20 @@ fn level_from_statistics(name: &str, light: f64, statistics: &Statistics) -> Lig
     if let Some(early) = &statistics.counts_before_split {
         level = level.with_first_half(early);
     }
-    level.interval_noise = statistics.intervals.as_ref().map(|intervals| interval_noise(&level, intervals));
+    level.interval_noise =
+        statistics.intervals.as_ref().map(|intervals| interval_noise(&level, intervals, 1.0));
     level
 }
 
 /// Returns the growth of the variance of spike times, and the variance of the ends of a span.
 ///
 /// The variance of one interval is `D(1) = s (1 - 1/N) + q (1 - 1/N^2)` for `N` intervals, the variance per spike `s` and
-/// the end variance `q`. `spikelane_measure::Intervals` derives this expectation.
-fn interval_noise(level: &LightLevel, intervals: &Intervals) -> IntervalNoise {
+/// the end variance `q`. `spikelane_measure::Intervals` derives this expectation. `ticks` is the number of units of the
+/// intervals per readout.
+fn interval_noise(level: &LightLevel, intervals: &Intervals, ticks: f64) -> IntervalNoise {
     let shortest = shortest_lag(level);
-    let single = intervals.lag_variance_map(1);
+    let square = ticks * ticks;
+    let single: Vec<f64> = intervals.lag_variance_map(1).into_iter().map(|v| v / square).collect();
     let mut relative: Vec<f64> = single.iter().zip(&level.rate).map(|(v, f)| v.sqrt() * f).collect();
     relative.retain(|sd| sd.is_finite());
     relative.sort_by(f64::total_cmp);
@@ -157,7 +191,7 @@ fn interval_noise(level: &LightLevel, intervals: &Intervals) -> IntervalNoise {
         if !is_regular {
             return [f64::NAN; 2];
         }
-        let growth = intervals.growth(p, shortest);
+        let growth = intervals.growth(p, shortest) / square;
         let end = (single[p] - growth * (1.0 - 1.0 / n)) / (1.0 - 1.0 / (n * n));
         [growth * level.rate[p] * level.rate[p], end]
     };
@@ -216,6 +250,9 @@ fn read_rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Lig
         drifting_share: 0.0,
         rate_change: None,
         start_offset: 0.5,
+        flicker: None,
+        change_removal: ChangeRemoval::Unknown,
+        removed_variance: 0.0,
         interval_noise: None,
     })
 }

@@ -20,6 +20,30 @@ pub struct IntervalNoise {
     pub lags: Vec<u32>,
 }
 
+/// Strongest oscillation of the light during a recording.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct Flicker {
+    /// Frequency in hertz.
+    pub frequency_hz: f64,
+    /// Amplitude of the oscillation, divided by the mean light. In a dark recording, it is divided by the mean rate.
+    pub depth: f64,
+}
+
+/// Whether the change of the light during a recording was removed from the rates and intervals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum ChangeRemoval {
+    /// No frame totals show the course of the light.
+    #[default]
+    Unknown,
+    /// The frame totals show that the light changes by a negligible amount.
+    Negligible,
+    /// Rates and intervals are measured by the integrated light.
+    Removed,
+    /// The light changes, but the frame totals do not show its course.
+    Impossible,
+}
+
 /// Measurements at one uniform light level. Maps are row-major, with one entry per pixel.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -48,6 +72,11 @@ pub struct LightLevel {
     /// Distance of the mean start phase of the pixels from one half, in spikes. It is 0 for independent start phases, and
     /// at most 0.5, if all pixels start empty or full.
     pub start_offset: f64,
+    /// Strongest oscillation of the light. `None` if there is none, or if it is unknown.
+    pub flicker: Option<Flicker>,
+    pub(crate) change_removal: ChangeRemoval,
+    /// Largest variance per spike that the removed change of the light would cause, in squared thresholds.
+    pub(crate) removed_variance: f64,
     /// Phase noise per spike. It is measured only for dim levels.
     pub interval_noise: Option<IntervalNoise>,
 }
@@ -91,6 +120,9 @@ impl LightLevel {
             drifting_share: 0.0,
             rate_change: None,
             start_offset,
+            flicker: None,
+            change_removal: ChangeRemoval::Unknown,
+            removed_variance: 0.0,
             interval_noise: None,
         }
     }

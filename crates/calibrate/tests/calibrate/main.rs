@@ -9,3 +9,4 @@ mod recovery;
 mod robustness;
 mod round_trip;
 mod sources;
+mod unsteady_light;

@@ -44,7 +44,7 @@ pub(crate) struct Shot {
     pub stated: f64,
     pub readouts: u32,
     pixels: Vec<Pixel>,
-    light_course: LightCourse,
+    light_course: LightCourse<'static>,
     seed: u64,
 }
 
@@ -85,7 +85,7 @@ impl Laboratory {
             let drifts = fault.starts_with("lamps that drift") && light > 0.0;
             let either_way = |random: &mut Random| if random.uniform() < 0.5 { 0.01 } else { -0.01 };
             let rise = if drifts { either_way(&mut random) } else { 0.0 };
-            let lit = LightCourse { light: light * (1.0 - bend * light), rise };
+            let lit = LightCourse { light: light * (1.0 - bend * light), rise, sums: None };
             let seed = index * 100 + k as u64;
             shots.push(Shot { light, stated, readouts, pixels: shown, light_course: lit, seed });
         }
@@ -163,6 +163,7 @@ fn population(random: &mut Random) -> Noise {
         photons: between(2e4, 8e4),
         dead_time_fraction: 0.002,
         is_redrawn: true,
+        dark_electrons: f64::INFINITY,
         false_spikes: 0.0,
     }
 }

@@ -39,6 +39,8 @@ pub(crate) struct Noise {
     pub dead_time_fraction: f64,
     /// Whether threshold noise is drawn at every readout. Otherwise it is drawn at every reset.
     pub is_redrawn: bool,
+    /// Electrons of the dark current per threshold. Infinite for a dark current without shot noise.
+    pub dark_electrons: f64,
     /// Probability that a silent readout contains a false spike.
     pub false_spikes: f64,
 }
@@ -52,6 +54,7 @@ pub(crate) const PUBLISHED_NOISE: Noise = Noise {
     photons: 5e4,
     dead_time_fraction: 0.002,
     is_redrawn: true,
+    dark_electrons: f64::INFINITY,
     false_spikes: 0.0,
 };
 
@@ -98,16 +101,30 @@ pub(crate) struct SpikeTrace {
     pub times: Vec<u32>,
 }
 
-/// Mean light on the sensor, and its relative rise during the recording.
+/// Mean light on the sensor, and its changes during the recording.
 #[derive(Clone, Copy)]
-pub(crate) struct LightCourse {
+pub(crate) struct LightCourse<'a> {
     pub light: f64,
+    /// Relative linear rise.
     pub rise: f64,
+    /// Sum of the relative light of all readouts before each readout, and of all readouts. The mean of the relative light is 1.
+    /// `None` for constant light.
+    pub sums: Option<&'a [f64]>,
 }
 
-impl LightCourse {
+impl LightCourse<'_> {
     pub(crate) const fn constant(light: f64) -> Self {
-        Self { light, rise: 0.0 }
+        Self { light, rise: 0.0, sums: None }
+    }
+
+    /// Returns the light of `n` readouts from readout `t`.
+    fn sum(&self, t: u32, n: f64, readouts: u32) -> f64 {
+        match self.sums {
+            Some(sums) => self.light * (sums[t as usize + n as usize] - sums[t as usize]),
+            None => {
+                n * self.light * (1.0 + self.rise * ((f64::from(t) + 0.5 * n) / f64::from(readouts) - 0.5))
+            }
+        }
     }
 }
 
@@ -118,16 +135,16 @@ impl LightCourse {
 pub(crate) fn simulate_pixel(
     noise: &Noise,
     pixel: &Pixel,
-    lit: LightCourse,
+    lit: LightCourse<'_>,
     readouts: u32,
     random: &mut Random,
 ) -> SpikeTrace {
     let light = lit.light * pixel.light;
-    let mean_at =
-        |t: f64, dark: f64| pixel.gain * light * (1.0 + lit.rise * (t / f64::from(readouts) - 0.5)) + dark;
+    let charge_of = |t: u32, n: f64, dark: f64| pixel.gain * pixel.light * lit.sum(t, n, readouts) + n * dark;
     // Photons are counted before the gain is applied. For more than about a hundred photons, a normal distribution is exact
     // enough.
-    let sd = if light > 0.0 { pixel.gain * (light / noise.photons).sqrt() } else { 0.0 };
+    let sd = (pixel.gain * (light / noise.photons).sqrt()).hypot((pixel.dark / noise.dark_electrons).sqrt());
+    let peak = lit.sums.map_or(1.0, |sums| sums.windows(2).map(|w| w[1] - w[0]).fold(1.0, f64::max));
     let reach = pixel.phi - 6.0 * noise.sigma_t;
     let mut charge = random.uniform() * pixel.phi;
     let mut times = Vec::new();
@@ -150,11 +167,12 @@ pub(crate) fn simulate_pixel(
             dark = 2.0 * pixel.dark - dark;
             switch = t + duration(random);
         }
-        let mean = mean_at(f64::from(t), dark);
-        let free = ((reach - charge - 8.0 * sd) / (mean + 8.0 * sd)).floor();
+        let mean = charge_of(t, 1.0, dark);
+        let most = if lit.sums.is_some() { pixel.gain * light * peak + dark } else { mean };
+        let free = ((reach - charge - 8.0 * sd) / (most + 8.0 * sd)).floor();
         if free >= 2.0 && !fired {
             let n = free.min(f64::from(readouts.min(switch) - t));
-            charge += n * mean_at(f64::from(t) + 0.5 * n, dark) + n.sqrt() * sd * random.normal();
+            charge += charge_of(t, n, dark) + n.sqrt() * sd * random.normal();
             t += n as u32;
             continue;
         }
@@ -249,7 +267,7 @@ fn phase_variance(times: &[u32]) -> [f64; 2] {
 pub(crate) fn traces(
     noise: &Noise,
     pixels: &[Pixel],
-    lit: LightCourse,
+    lit: LightCourse<'_>,
     readouts: u32,
     seed: u64,
 ) -> Vec<Vec<u32>> {

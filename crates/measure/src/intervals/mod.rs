@@ -12,7 +12,9 @@ mod tests;
 mod variance;
 
 use std::ops::Range;
+use std::sync::Arc;
 
+use super::LightClock;
 use super::block::{Block, MAX_BLOCK_READOUTS};
 use super::counts::NO_SPIKE;
 use decode::{Histories, History};
@@ -42,6 +44,8 @@ pub(super) struct IntervalAccumulator {
     history: Vec<u32>,
     span_limit: u32,
     series_readouts: usize,
+    /// The clock of the spike times, and the number of pixels of the sensor before the band.
+    clock: Option<(Arc<LightClock>, usize)>,
     scratch: Scratch,
     /// Parts of the stream that are measured together with the whole stream.
     open_parts: [Option<OpenPart>; PART_COUNT],
@@ -104,6 +108,7 @@ impl IntervalAccumulator {
             history: vec![0; pixels * depth],
             span_limit: fast::span_limit(max_lag),
             series_readouts: series,
+            clock: None,
             open_parts: [None, None],
             scratch: Scratch {
                 times: Box::new([0; _]),
@@ -124,6 +129,12 @@ impl IntervalAccumulator {
                 deviations: Vec::new(),
             },
         }
+    }
+
+    /// Sets the clock of all spike times. `first` is the number of pixels of the sensor before the band. Call it before the
+    /// first block.
+    pub(super) fn set_clock(&mut self, clock: Arc<LightClock>, first: usize) {
+        self.clock = Some((clock, first));
     }
 
     /// Whether [`Self::push`] still needs the spike counts of readouts, because the series of deviations is incomplete.
@@ -178,6 +189,10 @@ impl IntervalAccumulator {
     #[inline(always)]
     fn add_pixel<S: I16Lanes, B: BitOps>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
         let known = self.result.pixels[p].spikes as usize;
+        if self.clock.is_some() {
+            self.add_exact(p, words, start);
+            return;
+        }
         if known > self.depth {
             self.add_with_full_history(s, b, p, words, start);
             return;
@@ -266,12 +281,17 @@ impl IntervalAccumulator {
         for (word, bits) in words.iter().enumerate() {
             times.extend(set_bits(*bits).map(|bit| start + 64 * word as u32 + bit));
         }
+        if let Some((clock, first)) = &self.clock {
+            clock.convert(first + p, times, known);
+        }
         let lags = &self.result.lags;
         let sums = &mut self.result.sums[p * lags.len()..(p + 1) * lags.len()];
         for open in self.open_parts.iter_mut().flatten() {
             open.add_exact(p, pixel.spikes, times, known);
         }
-        pixel.add_each(times, known, lags, sums, &mut self.scratch.readouts);
+        // Times of a clock are not readouts, so they have no deviations.
+        let readouts = if self.clock.is_none() { Some(&mut self.scratch.readouts) } else { None };
+        pixel.add_each(times, known, lags, sums, readouts);
         for k in known.max(1)..times.len() {
             self.tally.add(k, times[k] - times[k - 1]);
         }

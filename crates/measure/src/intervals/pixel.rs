@@ -78,13 +78,14 @@ impl PixelSums {
     ///
     /// `times[..known]` are the preceding spikes: the whole history, or all earlier spikes if the pixel has fired fewer
     /// times. For each lag `n`, `sums` contains the sum of the first `n` times and the sum of squared differences.
+    /// `readouts` receives the deviations of the intervals.
     pub(super) fn add_each(
         &mut self,
         times: &[u32],
         known: usize,
         lags: &[u32],
         sums: &mut [[u64; 2]],
-        readouts: &mut ReadoutSums,
+        mut readouts: Option<&mut ReadoutSums>,
     ) {
         for i in known..times.len() {
             for (lag, sum) in lags.iter().zip(sums.iter_mut()) {
@@ -110,9 +111,13 @@ impl PixelSums {
             } else if ordinal > REFERENCE_INTERVALS {
                 let interval = times[i] - times[i - 1];
                 self.count_at_fences(interval);
-                readouts.add_deviation(times[i], interval, self.reference);
+                if let Some(readouts) = &mut readouts {
+                    readouts.add_deviation(times[i], interval, self.reference);
+                }
             }
-            if ordinal <= REFERENCE_INTERVALS {
+            if ordinal <= REFERENCE_INTERVALS
+                && let Some(readouts) = &mut readouts
+            {
                 readouts.count_skipped(times[i]);
             }
         }
