@@ -10,12 +10,12 @@ use spikelane_benchmark::run::{RunOptions, SandboxOptions, SandboxState};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct SandboxArgs {
-    /// Let the method read only the folders of the system and this folder (repeatable)
+    /// Let the method read only system folders and this folder (repeatable)
     ///
     /// Without this flag, the method can read all files except those of the suite and of the run.
     #[arg(long, value_name = "DIR", conflicts_with = "no_sandbox")]
     allow_read: Vec<PathBuf>,
-    /// Also let the method write to this folder, for example to a cache (repeatable)
+    /// Also let the method write to this folder, such as a cache (repeatable)
     #[arg(long, value_name = "DIR", conflicts_with = "no_sandbox")]
     allow_write: Vec<PathBuf>,
     /// Run a method that you trust without a sandbox
