@@ -47,19 +47,29 @@ def tfp(sequence: benchmark.BenchmarkSequence) -> np.ndarray:
 
 def test_the_psnr_of_a_function_equals_a_direct_computation(suite, tmp_path):
     data = tmp_path / "data"
-    images = {}
+    images = []
 
     def method(sequence):
-        images[sequence.path.parent] = image = tfp(sequence)
-        return image
+        assert sorted(path.name for path in sequence.path.parent.iterdir()) == ["stream.dat", "stream.json"]
+        images.append(tfp(sequence))
+        return images[-1]
 
     scores = benchmark.evaluate(method, suite, data=data, output=tmp_path / "run")
     assert not scores.faults
-    references = {folder: np.load(folder / "images" / "000004.npy") for folder in images}
-    errors = [np.mean((images[f].clip(0, 1).astype(float) - references[f].clip(0, 1)) ** 2) for f in images]
+    paths = sorted(data.glob("groups/test/sequences/*/images/000004.npy"))
+    pairs = zip(images, map(np.load, paths), strict=True)
+    errors = [np.mean((image.clip(0, 1).astype(float) - reference.clip(0, 1)) ** 2) for image, reference in pairs]
     assert scores.overall["psnr"].value == pytest.approx(np.mean(-10 * np.log10(errors)), abs=1e-4)
     program = [sys.executable, "-m", "spikelane", "benchmark", "verify", str(scores.path), "--suite", str(data)]
     subprocess.run(program, check=True, capture_output=True)
+
+
+def test_the_order_of_an_array_in_memory_does_not_matter(suite, tmp_path):
+    arguments = {"suite": suite, "data": tmp_path / "data"}
+    rows = benchmark.evaluate(tfp, output=tmp_path / "rows", **arguments)
+    columns = benchmark.evaluate(lambda s: np.asfortranarray(tfp(s)), output=tmp_path / "columns", **arguments)
+    assert not columns.faults
+    assert columns.overall == rows.overall
 
 
 def test_a_faulty_answer_costs_only_its_own_sequence(suite, tmp_path):

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use spikelane_benchmark::generated::{GenerateOptions, GeneratedSuite, generate};
-use spikelane_benchmark::run::{self, Method, RunOptions};
+use spikelane_benchmark::run::{self, Method, RunOptions, SandboxOptions};
 use spikelane_benchmark::score;
 use spikelane_benchmark::suite::Suite;
 use spikelane_scene::SCENE_VERSION;
@@ -60,6 +60,8 @@ fn computed_claim() -> Value {
             method: Method::Baseline(baseline.to_owned()),
             time_limit: Duration::from_secs(600),
             resume: false,
+            sandbox: SandboxOptions::default(),
+            adopts_orphans: false,
         };
         run::run(&data, &options, &mut || Ok(()), &mut |_| Ok(())).unwrap();
         let file = score::score(&data, &options.output, baseline, &|| Ok(())).unwrap();

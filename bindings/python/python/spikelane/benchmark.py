@@ -37,7 +37,7 @@ class BenchmarkSequence:
     """The input of a method: a stream without labels and references."""
 
     path: Path
-    """Path of the stream (layout ``dat``)."""
+    """Path of a copy of the stream (layout ``dat``), which exists until the method returns."""
     height: int
     width: int
     readouts: int
@@ -234,4 +234,5 @@ def _write(path: Path, result: Any) -> None:
     if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
         raise TypeError(f"the output has the type {array.dtype}, expected real numbers")
     with path.open("wb") as file:
-        np.save(file, array.astype(np.float64 if array.dtype == np.float64 else np.float32), allow_pickle=False)
+        element = np.float64 if array.dtype == np.float64 else np.float32
+        np.save(file, np.ascontiguousarray(array, dtype=element), allow_pickle=False)

@@ -2,7 +2,7 @@
 
 use spikelane::error::{Error, ErrorKind, Result};
 
-use super::SequenceJob;
+use super::worker::SequenceJob;
 
 /// Names of the placeholders.
 const PLACEHOLDERS: [&str; 10] = [

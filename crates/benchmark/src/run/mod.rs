@@ -1,33 +1,45 @@
 //! Runs a method on every scored sequence of a generated suite.
 //!
 //! A method is a baseline, a command that is started once for each sequence, or a server that answers one request for
-//! each sequence. The program that called this program can be the server. A method has no state between sequences: a command ends, and a server must reset its state.
+//! each sequence. The program that called this program can be the server. A method has no state between sequences: a
+//! command ends, and a server must reset its state.
+//!
+//! A method reads a copy of each stream in a private folder, which contains no reference. On Linux, a sandbox hides the
+//! folders of the suite and of the run from commands and servers; see [`SandboxOptions`].
 //!
 //! The folder of a run contains `run.json`, the outputs `outputs/GROUP/ID.npy`, and one file `results/GROUP/ID.json` for
 //! each finished sequence. An interrupted run continues after the last finished sequence.
 
 mod baseline;
 mod command_template;
+mod orphans;
 mod process;
+mod result;
+mod sandbox;
+mod server;
+mod worker;
+mod workspace;
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName, read_bytes};
-use spikelane::unstable::npy::{self, Element};
 use spikelane_io::storage::{self, Digest, OutputSet, folders};
 
 use crate::generated::{GeneratedSequence, GeneratedSuite};
-use crate::suite::{TRIVIAL_DEPTH_M, Task};
-use process::{Caller, ProcessOutcome, Server, run_process};
+use crate::suite::Task;
+use result::result_path;
+use worker::Worker;
 
 pub use baseline::Baseline;
 pub use command_template::CommandTemplate;
 pub(crate) use process::one_line;
+pub use result::SequenceResult;
+pub(crate) use result::{is_positive, read_result};
+pub use sandbox::{SandboxOptions, SandboxState};
 
 /// Name of the file that describes a run.
 const RUN_FILE: &str = "run.json";
@@ -35,9 +47,8 @@ const RUN_FILE: &str = "run.json";
 /// Version of the format of `run.json`.
 const FORMAT_VERSION: u32 = 1;
 
-/// Maximum sizes of `run.json` and of a result in bytes.
+/// Maximum size of `run.json` in bytes.
 const MAX_RUN_BYTES: u64 = 1 << 20;
-const MAX_RESULT_BYTES: u64 = 64 << 10;
 
 /// The method of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize)]
@@ -98,6 +109,11 @@ impl Method {
             Self::Caller(_) | Self::Outputs(_) => Ok(()),
         }
     }
+
+    /// Returns whether a process that exceeds the time limit has a fault. A baseline has no limit.
+    pub(crate) const fn has_time_limit(&self) -> bool {
+        matches!(self, Self::Command(_) | Self::Server(_) | Self::Caller(_))
+    }
 }
 
 /// How a method is run.
@@ -111,6 +127,13 @@ pub struct RunOptions {
     pub time_limit: Duration,
     /// Whether to continue an interrupted run.
     pub resume: bool,
+    /// The files that the processes of a command or a server can read and write.
+    pub sandbox: SandboxOptions,
+    /// Whether to end processes that left the process group of the method. Only Linux supports this.
+    ///
+    /// This process then becomes the parent of all detached descendants, also after the run. It must not start other
+    /// processes during the run, because they would be ended too.
+    pub adopts_orphans: bool,
 }
 
 /// The content of `run.json`.
@@ -129,21 +152,16 @@ pub struct RunDescription {
     pub method: Method,
     /// Longest time for one sequence in seconds.
     pub time_limit_s: f64,
+    /// Whether the processes were restricted. `None` if the method starts no process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sandbox: Option<SandboxState>,
 }
 
-/// The result of one sequence.
-#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
-#[serde(deny_unknown_fields)]
-#[non_exhaustive]
-pub struct SequenceResult {
-    /// Time in seconds.
-    pub seconds: f64,
-    /// Largest resident memory of the process in bytes. `None` if the system does not report it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub memory_peak_bytes: Option<u64>,
-    /// Why the method failed, in one line.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fault: Option<String>,
+impl RunDescription {
+    /// Returns the longest time of a sequence without a fault in seconds, or `None` without a limit.
+    pub(crate) fn limit(&self) -> Option<f64> {
+        self.method.has_time_limit().then_some(self.time_limit_s)
+    }
 }
 
 /// The progress of a run.
@@ -170,20 +188,9 @@ pub struct RunReport {
     pub failed: u64,
 }
 
-/// The files of one sequence.
-struct SequenceJob<'a> {
-    sequence: &'a GeneratedSequence,
-    stream: PathBuf,
-    output: PathBuf,
-}
-
 /// Returns the path of an output in the folder of a run.
 pub(crate) fn output_path(task: Task, group: &PlainName, id: &PlainName) -> InnerPath {
     InnerPath::from("outputs").join(group).join(id.with_ending(task.output_extension()))
-}
-
-fn result_path(group: &PlainName, id: &PlainName) -> InnerPath {
-    InnerPath::from("results").join(group).join(id.with_ending(".json"))
 }
 
 /// Runs a method on every scored sequence.
@@ -195,7 +202,8 @@ fn result_path(group: &PlainName, id: &PlainName) -> InnerPath {
 /// * [`ErrorKind::Corrupt`] if a stream was changed or shortened. The error names the stream.
 /// * [`ErrorKind::Exists`] if the folder contains a run and `resume` is false.
 /// * [`ErrorKind::Config`] if the folder contains a run of another suite or method.
-/// * [`ErrorKind::Tool`] if the program of the method cannot be started.
+/// * [`ErrorKind::Tool`] if the program of the method cannot be started, or if a process of the method does not end.
+/// * [`ErrorKind::Usage`] if the method is invalid, or if the sandbox allows a folder of the suite or of the run.
 pub fn run(
     data: &GeneratedSuite,
     options: &RunOptions,
@@ -204,14 +212,15 @@ pub fn run(
 ) -> Result<RunReport> {
     options.method.check(data.suite.task)?;
     let _claim = OutputSet::claim_folder(&options.output)?;
-    begin(data, options)?;
-    let mut worker = Worker::new(data.suite.task, options)?;
+    // An invalid method or sandbox leaves no run.
+    let mut worker = Worker::new(data, options)?;
+    let limit = begin(data, options)?.limit();
     let total = data.scored().count() as u64;
     let mut report = RunReport::default();
     for (group, sequence) in data.scored() {
         let result_path = result_path(&group.name, &sequence.id);
         let name = format!("{}/{}", group.name, sequence.id);
-        let old = read_result(&options.output, &group.name, &sequence.id)?;
+        let old = read_result(&options.output, &group.name, &sequence.id, limit)?;
         let result = match old {
             Some(result) => {
                 report.kept += 1;
@@ -225,13 +234,14 @@ pub fn run(
                 let stream = data.verified_path(&group.name, &sequence.id, stream)?;
                 let inner = output_path(data.suite.task, &group.name, &sequence.id);
                 folders::remove(&options.output, &inner)?;
-                let output = folders::create_parents(&options.output, &inner)?;
-                let job = SequenceJob { sequence, stream: absolute(&stream)?, output: absolute(&output)? };
-                let outcome = worker.run(&job, check_stop)?;
+                let outcome = worker.run(sequence, &stream, check_stop)?;
+                if let Some(bytes) = &outcome.output {
+                    storage::write_small_unsynced(&folders::create_parents(&options.output, &inner)?, bytes)?;
+                }
                 let result = SequenceResult {
-                    seconds: outcome.seconds,
-                    memory_peak_bytes: outcome.memory_peak_bytes,
-                    fault: outcome.fault,
+                    seconds: outcome.process.seconds,
+                    memory_peak_bytes: outcome.process.memory_peak_bytes,
+                    fault: outcome.process.fault,
                 };
                 let path = folders::create_parents(&options.output, &result_path)?;
                 let text = serde_json::to_vec(&result)
@@ -271,25 +281,6 @@ pub fn read_description(folder: &Path) -> Result<Option<RunDescription>> {
     Ok(Some(run))
 }
 
-/// Reads the result of a sequence. Returns `None` if the sequence is not finished.
-///
-/// # Errors
-/// [`ErrorKind::Config`] if the file is invalid.
-pub(crate) fn read_result(
-    folder: &Path,
-    group: &PlainName,
-    id: &PlainName,
-) -> Result<Option<SequenceResult>> {
-    let path = result_path(group, id).resolve_in(folder, Access::Read)?;
-    if path.symlink_metadata().is_err() {
-        return Ok(None);
-    }
-    let text = read_bytes(&path, "a result", MAX_RESULT_BYTES)?;
-    serde_json::from_slice(&text).map(Some).map_err(|e| {
-        Error::new(ErrorKind::Config, path.display()).found(e).expected("the result of a sequence")
-    })
-}
-
 /// Returns the bytes and the digest of an output, or `None` if the file does not exist.
 pub(crate) fn read_output(
     folder: &Path,
@@ -306,17 +297,13 @@ pub(crate) fn read_output(
     Ok(Some((bytes, digest)))
 }
 
-/// Returns the largest accepted size of an output: two values of 8 bytes for each pixel, and 1 MiB.
+/// Returns the largest accepted size of an output: three values of 8 bytes for each pixel, and 1 MiB.
 fn max_output_bytes(sequence: &GeneratedSequence) -> u64 {
-    16 * u64::from(sequence.width) * u64::from(sequence.height) + (1 << 20)
-}
-
-fn absolute(path: &Path) -> Result<PathBuf> {
-    std::path::absolute(path).map_err(|e| Error::io(path.display(), e))
+    24 * u64::from(sequence.width) * u64::from(sequence.height) + (1 << 20)
 }
 
 /// Writes `run.json`, or compares it with the run to continue.
-fn begin(data: &GeneratedSuite, options: &RunOptions) -> Result<()> {
+fn begin(data: &GeneratedSuite, options: &RunOptions) -> Result<RunDescription> {
     let description = RunDescription {
         format_version: FORMAT_VERSION,
         suite: data.suite.name.clone(),
@@ -324,6 +311,7 @@ fn begin(data: &GeneratedSuite, options: &RunOptions) -> Result<()> {
         digest: data.digest.clone(),
         method: options.method.clone(),
         time_limit_s: options.time_limit.as_secs_f64(),
+        sandbox: options.sandbox.state(&options.method)?,
     };
     let folder = options.output.display();
     match read_description(&options.output)? {
@@ -331,7 +319,8 @@ fn begin(data: &GeneratedSuite, options: &RunOptions) -> Result<()> {
             let path = folders::create_parents(&options.output, &RUN_FILE.into())?;
             let text = serde_json::to_vec_pretty(&description)
                 .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
-            storage::write_small(&path, &text, false)
+            storage::write_small(&path, &text, false)?;
+            Ok(description)
         }
         Some(_) if !options.resume => Err(Error::new(ErrorKind::Exists, folder)
             .found("an existing run")
@@ -340,102 +329,17 @@ fn begin(data: &GeneratedSuite, options: &RunOptions) -> Result<()> {
                 "set {} to continue this run, or choose another folder",
                 Setting("resume")
             ))),
-        Some(old) if old == description => Ok(()),
+        Some(old) if old == description => Ok(old),
         Some(old) => Err(Error::new(ErrorKind::Config, folder)
             .found(format_args!(
-                "a run of `{}` on {} {} with a limit of {} s",
+                "a run of `{}` on {} {} with a limit of {} s and the sandbox {:?}",
                 old.method.name(),
                 old.suite,
                 old.digest,
-                old.time_limit_s
+                old.time_limit_s,
+                old.sandbox
             ))
-            .expected("the same method, suite and time limit")
+            .expected("the same method, suite, time limit and sandbox")
             .remedy("choose another folder")),
-    }
-}
-
-/// Runs the method on one sequence after another.
-enum Worker {
-    Baseline(Baseline, Task),
-    Command(CommandTemplate, Duration),
-    Server { words: Vec<String>, limit: Duration, server: Option<Server> },
-    Caller(Caller, Duration),
-    Nothing,
-}
-
-impl Worker {
-    fn new(task: Task, options: &RunOptions) -> Result<Self> {
-        let limit = options.time_limit;
-        Ok(match &options.method {
-            Method::Baseline(name) => Self::Baseline(Baseline::find(name, task)?, task),
-            Method::Command(text) => Self::Command(CommandTemplate::parse(text)?, limit),
-            Method::Server(text) => {
-                Self::Server { words: CommandTemplate::parse(text)?.words().to_vec(), limit, server: None }
-            }
-            Method::Caller(_) => Self::Caller(Caller::new(), limit),
-            Method::Outputs(_) => Self::Nothing,
-        })
-    }
-
-    fn run(
-        &mut self,
-        job: &SequenceJob<'_>,
-        check_stop: &mut dyn FnMut() -> Result<()>,
-    ) -> Result<ProcessOutcome> {
-        match self {
-            Self::Nothing => Ok(ProcessOutcome::default()),
-            Self::Baseline(baseline, task) => {
-                let start = Instant::now();
-                let bytes = baseline_output(*baseline, *task, job)?;
-                let seconds = start.elapsed().as_secs_f64();
-                storage::write_small_unsynced(&job.output, &bytes)?;
-                Ok(ProcessOutcome { seconds, ..ProcessOutcome::default() })
-            }
-            Self::Caller(caller, limit) => caller.request(&request(job), *limit, check_stop),
-            Self::Command(command, limit) => run_process(&command.words_for(job)?, *limit, check_stop),
-            Self::Server { words, limit, server } => {
-                let mut running = match server.take() {
-                    Some(running) => running,
-                    None => match Server::start(words, *limit, check_stop)? {
-                        Ok(running) => running,
-                        Err(fault) => {
-                            return Ok(ProcessOutcome { fault: Some(fault), ..ProcessOutcome::default() });
-                        }
-                    },
-                };
-                let (outcome, is_usable) = running.request(&request(job), *limit, check_stop)?;
-                *server = is_usable.then_some(running);
-                Ok(outcome)
-            }
-        }
-    }
-}
-
-/// Returns the request of a sequence as one line of JSON.
-fn request(job: &SequenceJob<'_>) -> String {
-    let s = job.sequence;
-    json!({
-        "stream": job.stream.display().to_string(), "output": job.output.display().to_string(), "width": s.width,
-        "height": s.height, "readouts": s.readouts, "readout": s.reference_readout, "interval": s.interval_readouts, "readout_hz": s.readout_hz,
-        "white_rate": s.white_rate, "mosaic": s.mosaic,
-    })
-    .to_string()
-}
-
-/// Returns the bytes of the output file of a baseline.
-fn baseline_output(baseline: Baseline, task: Task, job: &SequenceJob<'_>) -> Result<Vec<u8>> {
-    let shape = [u64::from(job.sequence.height), u64::from(job.sequence.width)];
-    let array = |shape: &[u64], values: &[f32]| {
-        npy::to_bytes(Element::F32, shape, values.iter().map(|v| v.to_le_bytes()))
-    };
-    let pixels = (shape[0] * shape[1]) as usize;
-    match task {
-        Task::Reconstruction => array(&shape, &baseline.image(&job.stream, job.sequence)?),
-        Task::Color => array(&[shape[0], shape[1], 3], &baseline.color_image(&job.stream, job.sequence)?),
-        Task::Flow => {
-            array(&[shape[0], shape[1], 2], baseline.flow(&job.stream, job.sequence)?.as_flattened())
-        }
-        Task::Depth => array(&shape, &vec![TRIVIAL_DEPTH_M; pixels]),
-        Task::Detection | Task::Tracking => Ok(b"[]\n".to_vec()),
     }
 }

@@ -1,24 +1,25 @@
 //! Processes with a time limit.
 
-use std::io::{BufRead as _, BufReader, Read, Write as _};
-use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use spikelane::error::{Error, ErrorKind, Result};
 
+use super::orphans::Orphans;
+use super::sandbox::Sandbox;
+
 /// Time between two checks of a process. A process that ends within the first 100 ms is checked more often.
-const POLL_INTERVAL: Duration = Duration::from_millis(5);
+pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(5);
 const SHORT_POLL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// Number of bytes of standard error that a fault message can contain.
 const MAX_MESSAGE_BYTES: usize = 300;
 
-/// Largest answer of a server in bytes.
-const MAX_ANSWER_BYTES: u64 = 64 << 10;
-
 /// The result of a process, or of a request to a server.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct ProcessOutcome {
     pub seconds: f64,
     /// Largest resident memory of the process in bytes. `None` if the system does not report it.
@@ -27,80 +28,102 @@ pub(super) struct ProcessOutcome {
     pub fault: Option<String>,
 }
 
-/// A running process that is killed when this value is dropped.
-struct RunningProcess {
-    child: Child,
-    start: Instant,
-    memory_peak_bytes: Option<u64>,
+/// Starts the processes of a method, and ends everything that they started.
+pub(super) struct Launcher {
+    pub sandbox: Sandbox,
+    pub orphans: Orphans,
+}
+
+/// A running process. The process and everything that it started end when this value is dropped.
+pub(super) struct RunningProcess {
+    pub(super) child: Child,
+    pub(super) start: Instant,
+    pub(super) memory_peak_bytes: Option<u64>,
     messages: Receiver<String>,
+    orphans: Orphans,
     is_finished: bool,
 }
 
 impl RunningProcess {
-    fn start(words: &[String], stdin: Stdio, stdout: Stdio) -> Result<Self> {
+    /// Starts a program. `temporary` is its folder for temporary files.
+    pub(super) fn start(
+        launcher: &Launcher,
+        words: &[String],
+        temporary: &Path,
+        [stdin, stdout]: [Stdio; 2],
+    ) -> Result<Self> {
         let (program, arguments) = words.split_first().map_or(("", &[][..]), |(p, a)| (p.as_str(), a));
         let mut command = Command::new(program);
         command.args(arguments).stdin(stdin).stdout(stdout).stderr(Stdio::piped());
+        command.envs(["TMPDIR", "TEMP", "TMP"].map(|name| (name, temporary)));
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let start = Instant::now();
-        let mut child = command.spawn().map_err(|e| {
+        let mut child = launcher.sandbox.spawn(command).map_err(|e| {
             Error::new(ErrorKind::Tool, format_args!("program `{program}`"))
-                .found(e)
+                .found(&e)
                 .expected("a program that can be started")
-                .remedy("write the path of the program, or install it; no shell reads the command")
+                .remedy(launcher.sandbox.start_remedy(&e))
         })?;
         let (send, messages) = channel();
         if let Some(stderr) = child.stderr.take() {
             std::thread::spawn(move || send.send(last_line(stderr)));
         }
-        Ok(Self { child, start, memory_peak_bytes: None, messages, is_finished: false })
+        let orphans = launcher.orphans.clone();
+        Ok(Self { child, start, memory_peak_bytes: None, messages, orphans, is_finished: false })
     }
 
-    /// Waits until the process ends. Returns the fault, if any.
+    /// Waits until the process ends. Returns the time in seconds and the fault, if any.
     fn wait(
         &mut self,
         limit: Duration,
         check_stop: &mut dyn FnMut() -> Result<()>,
-    ) -> Result<Option<String>> {
+    ) -> Result<(f64, Option<String>)> {
         loop {
-            if let Some(status) =
-                self.child.try_wait().map_err(|e| Error::io("a process of the method", e))?
-            {
-                self.is_finished = true;
-                return Ok((!status.success()).then(|| format!("{status}{}", self.message())));
-            }
-            check_stop()?;
+            let has_ended = self.has_ended()?;
             let elapsed = self.start.elapsed();
             if elapsed > limit {
-                return Ok(Some(time_limit_fault(limit)));
+                self.end()?;
+                return Ok((elapsed.as_secs_f64(), Some(time_limit_fault(limit))));
             }
+            if has_ended {
+                self.end()?;
+                let status = self.child.wait().map_err(io)?;
+                let fault = (!status.success()).then(|| format!("{status}{}", self.message()));
+                return Ok((elapsed.as_secs_f64(), fault));
+            }
+            check_stop()?;
             self.update_memory();
             let is_new = elapsed < Duration::from_millis(100);
             std::thread::sleep(if is_new { SHORT_POLL_INTERVAL } else { POLL_INTERVAL });
         }
     }
 
-    /// Returns the last line of standard error, with a separator before it.
-    fn message(&self) -> String {
-        // A process that the method started can keep standard error open. Then there is no message.
-        match self.messages.recv_timeout(Duration::from_millis(500)) {
-            Ok(line) if !line.is_empty() => format!(": {line}"),
-            _ => String::new(),
+    /// Returns whether the process has ended. The id of the process remains in use until the process is awaited.
+    fn has_ended(&mut self) -> Result<bool> {
+        #[cfg(unix)]
+        {
+            use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
+            let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+            let status = waitid(WaitId::Pid(Pid::from_child(&self.child)), options);
+            status.map(|status| status.is_some()).map_err(|e| io(e.into()))
+        }
+        #[cfg(not(unix))]
+        {
+            self.child.try_wait().map(|status| status.is_some()).map_err(io)
         }
     }
 
-    fn update_memory(&mut self) {
-        self.memory_peak_bytes = memory_peak_bytes(self.child.id()).max(self.memory_peak_bytes);
-    }
-}
-
-impl Drop for RunningProcess {
-    fn drop(&mut self) {
+    /// Ends the process, its group and the processes that left the group.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Tool`] if a process does not end.
+    pub(super) fn end(&mut self) -> Result<()> {
         if self.is_finished {
-            return;
+            return Ok(());
         }
-        // The process may have ended by itself in the meantime, so errors are ignored.
+        self.is_finished = true;
+        // The process may have ended by itself, so errors are ignored. Its id is still in use, because it is awaited later.
         #[cfg(unix)]
         let _ = rustix::process::kill_process_group(
             rustix::process::Pid::from_child(&self.child),
@@ -108,10 +131,34 @@ impl Drop for RunningProcess {
         );
         let _ = self.child.kill();
         let _ = self.child.wait();
+        self.orphans.end()
+    }
+
+    /// Returns the last line of standard error, with a separator before it. The process must have ended.
+    pub(super) fn message(&self) -> String {
+        // Without a way to end detached processes, such a process can keep standard error open. Then there is no message.
+        match self.messages.recv_timeout(Duration::from_millis(500)) {
+            Ok(line) if !line.is_empty() => format!(": {line}"),
+            _ => String::new(),
+        }
+    }
+
+    pub(super) fn update_memory(&mut self) {
+        self.memory_peak_bytes = memory_peak_bytes(self.child.id()).max(self.memory_peak_bytes);
     }
 }
 
-fn time_limit_fault(limit: Duration) -> String {
+impl Drop for RunningProcess {
+    fn drop(&mut self) {
+        let _ = self.end();
+    }
+}
+
+fn io(error: std::io::Error) -> Error {
+    Error::io("a process of the method", error)
+}
+
+pub(super) fn time_limit_fault(limit: Duration) -> String {
     format!("time limit of {} s exceeded", limit.as_secs_f64())
 }
 
@@ -135,7 +182,8 @@ pub(crate) fn one_line(text: &str) -> String {
 
 /// Returns the largest resident memory of a process so far. Only Linux reports it.
 fn memory_peak_bytes(id: u32) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
+    let status = std::fs::read(format!("/proc/{id}/status")).ok()?;
+    let status = String::from_utf8_lossy(&status);
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
@@ -145,156 +193,13 @@ fn memory_peak_bytes(id: u32) -> Option<u64> {
 /// # Errors
 /// [`ErrorKind::Tool`] if the program cannot be started, and the errors of `check_stop`.
 pub(super) fn run_process(
+    launcher: &Launcher,
     words: &[String],
+    temporary: &Path,
     limit: Duration,
     check_stop: &mut dyn FnMut() -> Result<()>,
 ) -> Result<ProcessOutcome> {
-    let mut process = RunningProcess::start(words, Stdio::null(), Stdio::null())?;
-    let fault = process.wait(limit, check_stop)?;
-    let seconds = process.start.elapsed().as_secs_f64();
+    let mut process = RunningProcess::start(launcher, words, temporary, [Stdio::null(), Stdio::null()])?;
+    let (seconds, fault) = process.wait(limit, check_stop)?;
     Ok(ProcessOutcome { seconds, memory_peak_bytes: process.memory_peak_bytes, fault })
-}
-
-/// A process that answers requests. Each request and each answer is one line.
-pub(super) struct Server {
-    process: RunningProcess,
-    stdin: ChildStdin,
-    answers: Receiver<String>,
-}
-
-/// A server's start is slow, for example because it loads weights. Its limit is this multiple of the limit of a request.
-const START_LIMIT_FACTOR: u32 = 10;
-
-impl Server {
-    /// Starts a server and waits for its line `ready`.
-    ///
-    /// Returns the fault if the server does not become ready.
-    pub(super) fn start(
-        words: &[String],
-        limit: Duration,
-        check_stop: &mut dyn FnMut() -> Result<()>,
-    ) -> Result<std::result::Result<Self, String>> {
-        let mut process = RunningProcess::start(words, Stdio::piped(), Stdio::piped())?;
-        let (Some(stdin), Some(stdout)) = (process.child.stdin.take(), process.child.stdout.take()) else {
-            return Err(Error::new(ErrorKind::Io, "server").found("no standard input or output"));
-        };
-        let answers = receive_lines(stdout);
-        let mut server = Self { process, stdin, answers };
-        Ok(match server.answer(Instant::now(), limit * START_LIMIT_FACTOR, check_stop)? {
-            Ok(line) if line == "ready" => Ok(server),
-            Ok(line) => Err(format!("the server answered `{}` instead of `ready`", one_line(&line))),
-            Err(fault) => Err(fault),
-        })
-    }
-
-    /// Sends a request and waits for the answer `ok`. Any other answer is a fault.
-    ///
-    /// The second value is whether the server can answer further requests.
-    pub(super) fn request(
-        &mut self,
-        request: &str,
-        limit: Duration,
-        check_stop: &mut dyn FnMut() -> Result<()>,
-    ) -> Result<(ProcessOutcome, bool)> {
-        let start = Instant::now();
-        let sent = writeln!(self.stdin, "{request}").and_then(|()| self.stdin.flush());
-        let answer = match sent {
-            Ok(()) => self.answer(start, limit, check_stop)?,
-            Err(e) => Err(format!("the server reads no request: {e}{}", self.process.message())),
-        };
-        let seconds = start.elapsed().as_secs_f64();
-        self.process.update_memory();
-        let (fault, is_usable) = match answer {
-            Ok(line) if line == "ok" => (None, true),
-            Ok(line) => (Some(format!("the server answered `{}`", one_line(&line))), true),
-            Err(fault) => (Some(fault), false),
-        };
-        Ok((ProcessOutcome { seconds, memory_peak_bytes: self.process.memory_peak_bytes, fault }, is_usable))
-    }
-
-    fn answer(
-        &mut self,
-        start: Instant,
-        limit: Duration,
-        check_stop: &mut dyn FnMut() -> Result<()>,
-    ) -> Result<std::result::Result<String, String>> {
-        loop {
-            match self.answers.recv_timeout(4 * POLL_INTERVAL) {
-                Ok(line) => return Ok(Ok(line)),
-                Err(RecvTimeoutError::Disconnected) => {
-                    return Ok(Err(format!("the server ended{}", self.process.message())));
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-            }
-            check_stop()?;
-            self.process.update_memory();
-            if start.elapsed() > limit {
-                return Ok(Err(time_limit_fault(limit)));
-            }
-        }
-    }
-}
-
-/// Returns the lines of a text, which a thread reads. The channel closes at the end of the text.
-fn receive_lines(text: impl Read + Send + 'static) -> Receiver<String> {
-    let (send, lines) = channel();
-    std::thread::spawn(move || {
-        let mut text = BufReader::new(text);
-        let mut line = Vec::new();
-        while let Ok(1..) = (&mut text).take(MAX_ANSWER_BYTES).read_until(b'\n', &mut line) {
-            if send.send(String::from_utf8_lossy(&line).trim().to_owned()).is_err() {
-                return;
-            }
-            line.clear();
-        }
-    });
-    lines
-}
-
-/// The program that started this process. It reads requests from standard output, and writes answers to standard input.
-pub(super) struct Caller {
-    answers: Receiver<String>,
-}
-
-impl Caller {
-    pub(super) fn new() -> Self {
-        Self { answers: receive_lines(std::io::stdin()) }
-    }
-
-    /// Sends a request and waits for the answer `ok`. Any other answer is a fault.
-    ///
-    /// The caller cannot be started again, so a late answer is a fault after its arrival.
-    ///
-    /// # Errors
-    /// [`ErrorKind::Tool`] if the caller ended, and the errors of `check_stop`.
-    pub(super) fn request(
-        &self,
-        request: &str,
-        limit: Duration,
-        check_stop: &mut dyn FnMut() -> Result<()>,
-    ) -> Result<ProcessOutcome> {
-        let ended = || {
-            Error::new(ErrorKind::Tool, "standard input")
-                .found("no answer to the last request")
-                .expected("one line for each request")
-        };
-        let start = Instant::now();
-        let mut stdout = std::io::stdout().lock();
-        writeln!(stdout, "{request}").and_then(|()| stdout.flush()).map_err(|_| ended())?;
-        drop(stdout);
-        let answer = loop {
-            match self.answers.recv_timeout(4 * POLL_INTERVAL) {
-                Ok(answer) => break answer,
-                Err(RecvTimeoutError::Disconnected) => return Err(ended()),
-                Err(RecvTimeoutError::Timeout) => check_stop()?,
-            }
-        };
-        let elapsed = start.elapsed();
-        let fault = match &*answer {
-            _ if elapsed > limit => Some(time_limit_fault(limit)),
-            "ok" => None,
-            _ => Some(one_line(&answer)),
-        };
-        Ok(ProcessOutcome { seconds: elapsed.as_secs_f64(), memory_peak_bytes: None, fault })
-    }
 }

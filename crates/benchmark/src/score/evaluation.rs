@@ -9,7 +9,7 @@ use spikelane::reconstruct::DetailReference;
 use spikelane::sensor::Transfer;
 use spikelane::unstable::Count;
 use spikelane::unstable::inputs::read_bytes;
-use spikelane::unstable::npy;
+use spikelane::unstable::npy::{self, Element};
 
 use super::boxes;
 use super::dense;
@@ -223,16 +223,31 @@ fn clipped(image: &[f32]) -> Vec<f32> {
     image.iter().map(|v| v.clamp(0.0, 1.0)).collect()
 }
 
+/// Checks the type, the order and the number of the stored elements.
+fn check_storage(header: &npy::Header, bytes: &[u8]) -> std::result::Result<(), String> {
+    let fault = |found: String, expected: &str| {
+        Err(format!("output of the method: found {found}, expected {expected}"))
+    };
+    if !matches!(header.element, Element::F32 | Element::F64) {
+        return fault(format!("elements of type {}", header.element), "f32 or f64, which is f4 or f8 in NumPy");
+    }
+    if header.is_fortran_order {
+        return fault("an array in Fortran order".into(), "C order; save numpy.ascontiguousarray(array)");
+    }
+    let end = header.data_bytes().map(|n| n + header.data_offset as u64);
+    match (bytes.len() as u64).checked_sub(end.unwrap_or(0)) {
+        Some(excess @ 1..) => {
+            fault(format!("{} after the array", Count(excess, "byte")), "the end of the file")
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Reads the finite values of an array of floats. The shape may contain further sides of length 1.
 pub(super) fn decode_array(bytes: &[u8], expected: &[u64]) -> std::result::Result<Vec<f32>, String> {
     let (header, values) = npy::read_values("output of the method", bytes).map_err(|e| e.to_string())?;
+    check_storage(&header, bytes)?;
     let sides = |shape: &[u64]| -> Vec<u64> { shape.iter().copied().filter(|side| *side != 1).collect() };
-    if !header.element.is_float() {
-        return Err(format!(
-            "output of the method: found elements of type {}, expected f4 or f8",
-            header.element
-        ));
-    }
     if sides(&header.shape) != sides(expected) {
         return Err(format!(
             "output of the method: found the shape {:?}, expected {expected:?}",
@@ -339,7 +354,6 @@ fn image_score(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spikelane::unstable::npy::Element;
 
     #[test]
     fn faulty_images_have_a_fault_in_one_line() {
@@ -352,11 +366,17 @@ mod tests {
         assert!(decode_image(&image(&[1, 2, 3], &[0.5; 6]), geometry, false).is_ok());
         let nan = image(&[2, 3], &[0.5, f32::NAN, 0.0, 0.0, 0.0, 0.0]);
         let integers = npy::to_bytes(Element::U8, &[2, 3], [[0_u8]; 6].into_iter()).unwrap();
+        let half = npy::to_bytes(Element::F16, &[2, 3], [[0_u8; 2]; 6].into_iter()).unwrap();
+        let text = String::from_utf8_lossy(&good[10..128]).replace("False", "True ");
+        let fortran = [&good[..10], text.as_bytes(), &good[128..]].concat();
         for (bytes, word) in [
             (&good[..good.len() - 4], "truncated"),
             (&nan, "NaN at index 1"),
             (&image(&[3, 2], &[0.5; 6]), "[3, 2]"),
             (&integers, "f4 or f8"),
+            (&[&good[..], b"x"].concat(), "1 byte after the array"),
+            (&half, "type f16"),
+            (&fortran, "Fortran order"),
             (&b"no array"[..], "output of the method"),
         ] {
             let fault = decode_image(bytes, geometry, false).unwrap_err();

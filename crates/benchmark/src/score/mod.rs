@@ -1,7 +1,8 @@
 //! Scores of a run, and their verification.
 //!
 //! `score.json` contains every score of every sequence, the digests of the streams and outputs, the means with 95 %
-//! bootstrap intervals over sequences, and the cost. [`verify()`] computes all scores again from the outputs.
+//! bootstrap intervals over sequences, and the cost. [`verify()`] computes all scores again from the outputs, and the cost
+//! from the recorded times.
 
 mod boxes;
 mod dense;
@@ -20,7 +21,7 @@ use spikelane::unstable::inputs::{PlainName, read_bytes};
 use spikelane::unstable::threads;
 
 use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
-use crate::run::{self, Method, SequenceResult};
+use crate::run::{self, Method, RunDescription, SandboxState, SequenceResult, is_positive};
 use crate::suite::CurvePoint;
 
 pub use evaluation::{Evaluation, evaluate_output};
@@ -103,6 +104,9 @@ pub struct ScoreFile {
     /// Longest time for one sequence in seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_limit_s: Option<f64>,
+    /// Whether the processes of the method were restricted. `None` if the method started no process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sandbox: Option<SandboxState>,
     /// The computer.
     pub environment: Environment,
     /// Time and memory.
@@ -123,7 +127,7 @@ pub struct ScoreFile {
 ///
 /// # Errors
 /// * [`ErrorKind::Corrupt`] if a stream or a reference was changed.
-/// * [`ErrorKind::Config`] if the run belongs to another suite.
+/// * [`ErrorKind::Config`] if the run belongs to another suite, or if a recorded time is impossible.
 /// * [`ErrorKind::Input`] if sequences of the run are not finished, or if the folder has neither `run.json` nor an output
 ///   of a sequence.
 pub fn score(
@@ -141,14 +145,14 @@ pub fn score(
             .expected(format_args!("{} {}", data.suite.name, data.digest))
             .remedy("run the method on this suite"));
     }
-    let is_run = description.as_ref().is_some_and(|d| !matches!(d.method, Method::Outputs(_)));
-    if !is_run {
+    let of_run = description.as_ref().filter(|d| !matches!(d.method, Method::Outputs(_)));
+    if of_run.is_none() {
         unexpected_outputs::check_any_output(data, folder)?;
     }
     let all: Vec<(&GeneratedGroup, &GeneratedSequence)> = data.scored().collect();
     let scored = threads::try_map(all, |(group, sequence)| {
         check_stop()?;
-        score_sequence(data, folder, is_run, group, sequence)
+        score_sequence(data, folder, of_run, group, sequence)
     })?;
     let method = description.as_ref().map_or_else(|| Method::Outputs(name.to_owned()), |d| d.method.clone());
     let results: Vec<&SequenceResult> = scored.iter().filter_map(|(s, _)| s.result.as_ref()).collect();
@@ -165,7 +169,8 @@ pub fn score(
         metrics: data.suite.metrics.iter().map(|metric| metric.id()).collect(),
         trivial_answer: data.suite.task.trivial_answer().to_owned(),
         method,
-        time_limit_s: description.map(|d| d.time_limit_s),
+        time_limit_s: description.as_ref().map(|d| d.time_limit_s),
+        sandbox: description.and_then(|d| d.sandbox),
         environment: Environment::current(),
         cost: Cost::from_results(&results),
         summaries,
@@ -178,12 +183,13 @@ pub fn score(
 fn score_sequence(
     data: &GeneratedSuite,
     folder: &Path,
-    is_run: bool,
+    of_run: Option<&RunDescription>,
     group: &GeneratedGroup,
     sequence: &GeneratedSequence,
 ) -> Result<(SequenceScore, Evaluation)> {
-    let result = if is_run { run::read_result(folder, &group.name, &sequence.id)? } else { None };
-    if is_run && result.is_none() {
+    let read = |run: &RunDescription| run::read_result(folder, &group.name, &sequence.id, run.limit());
+    let result = of_run.map(read).transpose()?.flatten();
+    if of_run.is_some() && result.is_none() {
         return Err(Error::new(ErrorKind::Input, folder.display())
             .found(format_args!("no result of {}/{}", group.name, sequence.id))
             .expected("a finished run")
@@ -225,7 +231,31 @@ impl ScoreFile {
             return Err(invalid(&format_args!("version {} of the format", file.format_version))
                 .expected(FORMAT_VERSION));
         }
+        file.check_cost(path)?;
         Ok(file)
+    }
+
+    /// Checks that the recorded times and the cost are possible.
+    fn check_cost(&self, path: &Path) -> Result<()> {
+        let limit = self.time_limit_s.filter(|_| self.method.has_time_limit());
+        for sequence in &self.sequences {
+            if let Some(result) = &sequence.result {
+                result
+                    .check(format_args!("{}: {}/{}", path.display(), sequence.group, sequence.id), limit)?;
+            }
+        }
+        let is_possible = self.time_limit_s.is_none_or(is_positive)
+            && self.cost.is_none_or(|cost| {
+                is_positive(cost.outputs_per_second)
+                    && cost.latency_seconds.into_iter().all(is_positive)
+                    && cost.latency_seconds.is_sorted()
+            });
+        if is_possible {
+            return Ok(());
+        }
+        Err(Error::new(ErrorKind::Config, path.display())
+            .found("an impossible cost or time limit")
+            .expected("positive numbers, and percentiles in ascending order"))
     }
 
     /// Returns the text of the file.
@@ -272,10 +302,13 @@ impl Environment {
     }
 }
 
-/// Computes the scores of a run again and compares them with a score file, to the last digit.
+/// What [`verify()`] cannot compute again.
+pub const NOT_VERIFIED: [&str; 4] = ["measured seconds and memory", "computer", "date", "names"];
+
+/// Computes the scores and the cost of a run again and compares them with a score file, to the last digit.
 ///
-/// Returns one line for each difference. The computer, the date, the times and the memory are not compared, because no
-/// output determines them.
+/// Returns one line for each difference. The cost follows from the times in the folder of the run. Nothing determines the
+/// items of [`NOT_VERIFIED`], so a stranger can choose them.
 ///
 /// # Errors
 /// The errors of [`score`], and [`ErrorKind::Config`] if the score file belongs to another suite.
@@ -295,7 +328,7 @@ pub fn verify(
     let mut differences = Vec::new();
     let mut compare = |subject: &str, is_equal: bool, listed: String, computed: String| {
         if !is_equal {
-            differences.push(format!("{subject}: the file lists {listed}, the outputs give {computed}"));
+            differences.push(format!("{subject}: the file lists {listed}, the run gives {computed}"));
         }
     };
     let text = |value: &dyn std::fmt::Debug| format!("{value:?}");
@@ -304,6 +337,16 @@ pub fn verify(
     compare("metrics", file.metrics == again.metrics, text(&file.metrics), text(&again.metrics));
     compare("method", file.method == again.method, text(&file.method), text(&again.method));
     compare("sealed", file.sealed == again.sealed, text(&file.sealed), text(&again.sealed));
+    compare(
+        "trivial answer",
+        file.trivial_answer == again.trivial_answer,
+        file.trivial_answer.clone(),
+        again.trivial_answer.clone(),
+    );
+    compare("sandbox", file.sandbox == again.sandbox, text(&file.sandbox), text(&again.sandbox));
+    let limits = [file.time_limit_s, again.time_limit_s];
+    compare("time limit", limits[0] == limits[1], text(&limits[0]), text(&limits[1]));
+    compare("cost", file.cost == again.cost, text(&file.cost), text(&again.cost));
     compare(
         "number of sequences",
         file.sequences.len() == again.sequences.len(),
@@ -317,6 +360,8 @@ pub fn verify(
         };
         let (a, b) = (identity(listed), identity(computed));
         compare(&name, a == b, text(&a), text(&b));
+        let [a, b] = [listed, computed].map(|s| &s.result);
+        compare(&format!("{name} result"), a == b, text(a), text(b));
         for key in computed.scores.keys().chain(listed.scores.keys()) {
             let [a, b] = [listed, computed].map(|s| s.scores.get(key));
             compare(&format!("{name} {key}"), a == b, text(&a), text(&b));

@@ -4,6 +4,7 @@ mod generate;
 mod list;
 mod report;
 mod run;
+mod sandbox;
 mod score;
 mod seal;
 mod verify;

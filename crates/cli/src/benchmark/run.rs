@@ -7,6 +7,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::open_suite;
+use super::sandbox::{SandboxArgs, print_state};
 use super::score::write_score;
 use crate::common::console::Console;
 use crate::common::progress::{CountProgress, StopSignal, stop_flag};
@@ -18,6 +19,10 @@ use spikelane_benchmark::run::{self as benchmark_run, Method, RunOptions};
 ///
 /// A missing or faulty output, a crash and an exceeded time limit cost only the score of their sequence: the sequence has
 /// the scores of a trivial answer. The folder of the run contains the outputs and score.json.
+///
+/// The method reads a copy of each stream in a private folder. On Linux, a command or a server runs in a sandbox: it cannot
+/// read the suite and the run, and it can write only to its private folder. All its processes end with the sequence or
+/// with the server.
 #[derive(clap::Args, Debug)]
 #[command(override_usage = "spikelane benchmark run [OPTIONS] <DIR> --output <DIR> <METHOD>")]
 pub(crate) struct Args {
@@ -35,6 +40,8 @@ pub(crate) struct Args {
     /// Continue an interrupted run
     #[arg(long)]
     resume: bool,
+    #[command(flatten)]
+    sandbox: SandboxArgs,
 }
 
 #[derive(clap::Args, Debug)]
@@ -102,12 +109,15 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         method: args.method.method(),
         time_limit: Duration::from_secs_f64(args.time_limit),
         resume: args.resume,
+        sandbox: args.sandbox.options(),
+        adopts_orphans: true,
     };
     run_and_score(&data, &options, out)
 }
 
 /// Runs a method, writes its score file and prints the scores.
 pub(super) fn run_and_score(data: &GeneratedSuite, options: &RunOptions, out: &Console) -> Result<()> {
+    print_state(options, out)?;
     let stop = stop_flag()?;
     let mut progress = CountProgress::with_unit(out, stop_flag()?, "sequences");
     let report = benchmark_run::run(data, options, &mut || check_stop(&stop), &mut |p| {

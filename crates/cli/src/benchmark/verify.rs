@@ -7,19 +7,21 @@ use serde_json::json;
 
 use super::open_suite;
 use super::run::check_stop;
+use super::sandbox::{SandboxArgs, print_state};
 use crate::common::console::Console;
 use crate::common::progress::{CountProgress, stop_flag};
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_benchmark::generated::GeneratedSuite;
 use spikelane_benchmark::report::ScoredMethod;
-use spikelane_benchmark::run::{self as benchmark_run, Method, RunOptions};
-use spikelane_benchmark::score::{self as benchmark_score, ScoreFile};
+use spikelane_benchmark::run::{self as benchmark_run, Method, RunOptions, SandboxOptions};
+use spikelane_benchmark::score::{self as benchmark_score, NOT_VERIFIED, ScoreFile};
 
 /// Verify a generated suite, or the scores of a run
 ///
 /// For a folder, the command compares every stream, reference and label with its digest. For a score.json, the command
-/// computes all scores again from the outputs beside the file and compares them to the last digit.
+/// computes all scores again from the outputs beside the file and compares them to the last digit. It also computes the
+/// cost again from the recorded seconds. Nothing can verify the seconds themselves, the computer, the date and the names.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Verify the suite in this folder, or this score.json
@@ -32,6 +34,8 @@ pub(crate) struct Args {
     /// The command is printed first. Run only commands that you trust.
     #[arg(long, value_name = "DIR", requires = "suite")]
     run: Option<PathBuf>,
+    #[command(flatten)]
+    sandbox: SandboxArgs,
 }
 
 /// Runs the command.
@@ -39,6 +43,12 @@ pub(crate) struct Args {
 /// # Errors
 /// [`ErrorKind::Corrupt`] if a file or a score differs.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
+    if args.run.is_none() && args.sandbox.is_set() {
+        return Err(Error::new(ErrorKind::Usage, "sandbox")
+            .found("a flag of the sandbox without a run")
+            .expected("a folder for the run")
+            .remedy("set --run, or omit the flag"));
+    }
     if args.path.is_dir() {
         return verify_suite(&args.path, out);
     }
@@ -61,7 +71,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     out.print_message(format_args!("recorded {kind}: {text}"));
     verify_scores(&file, &data, &folder, &args.path, out)?;
     match &args.run {
-        Some(folder) => run_again(&file, &data, folder, out),
+        Some(folder) => run_again(&file, &data, folder, args.sandbox.options(), out),
         None => Ok(()),
     }
 }
@@ -110,19 +120,35 @@ fn verify_scores(
     if let Some(first) = differences.first() {
         return Err(Error::new(ErrorKind::Corrupt, path.display())
             .found(format_args!("{}, such as {first}", Count(differences.len(), "difference")))
-            .expected("the scores of the outputs")
+            .expected("the scores of the outputs and the cost of the run")
             .remedy("score the outputs again"));
     }
-    let event =
-        json!({"event": "verified", "file": path.display().to_string(), "sequences": file.sequences.len()});
-    out.print_result(
-        &event,
-        &format!("{}: all scores of {} are equal\n", path.display(), Count(file.sequences.len(), "sequence")),
-    )
+    let mut verified = vec!["scores", "means", "digests of streams, references and outputs"];
+    if file.cost.is_some() {
+        verified.push("cost and time limit as recorded in results and run.json");
+    }
+    let event = json!({
+        "event": "verified", "file": path.display().to_string(), "sequences": file.sequences.len(),
+        "verified": verified, "not_verified": NOT_VERIFIED,
+    });
+    let text = format!(
+        "{}: all scores of {} are equal\nverified: {}\nnot verified: {}\n",
+        path.display(),
+        Count(file.sequences.len(), "sequence"),
+        verified.join(", "),
+        NOT_VERIFIED.join(", ")
+    );
+    out.print_result(&event, &text)
 }
 
 /// Runs the recorded method again and compares its scores with those of the file.
-fn run_again(file: &ScoreFile, data: &GeneratedSuite, folder: &Path, out: &Console) -> Result<()> {
+fn run_again(
+    file: &ScoreFile,
+    data: &GeneratedSuite,
+    folder: &Path,
+    sandbox: SandboxOptions,
+    out: &Console,
+) -> Result<()> {
     if let Method::Outputs(name) | Method::Caller(name) = &file.method {
         return Err(Error::new(ErrorKind::Usage, "--run")
             .found(format_args!("outputs of {name}, which no recorded command wrote"))
@@ -134,7 +160,10 @@ fn run_again(file: &ScoreFile, data: &GeneratedSuite, folder: &Path, out: &Conso
         time_limit: Duration::try_from_secs_f64(file.time_limit_s.unwrap_or(60.0))
             .map_err(|e| Error::new(ErrorKind::Config, "time_limit_s").found(e))?,
         resume: false,
+        sandbox,
+        adopts_orphans: true,
     };
+    print_state(&options, out)?;
     let stop = stop_flag()?;
     benchmark_run::run(data, &options, &mut || check_stop(&stop), &mut |_| Ok(()))?;
     let again = benchmark_score::score(data, folder, file.method.name(), &|| check_stop(&stop))?;

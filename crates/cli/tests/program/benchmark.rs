@@ -83,19 +83,24 @@ fn each_fault_costs_only_the_score_of_its_sequence() {
     place.write("nan.npy", npy_f32([1, 32, 48], &[f32::NAN; 32 * 48]));
     place.write("small.npy", npy_f32([1, 8, 8], &[0.5; 64]));
     // The output of scene-0000 and of the curve is the output of another method. All other outputs are faulty.
+    std::fs::create_dir(place.path("state")).unwrap();
     place.write(
         "method.sh",
-        "case \"$2\" in\n\
-         */test/scene-0001.npy) echo 'no weights' >&2; exit 3;;\n\
-         */test/scene-0002.npy) sleep 60;;\n\
-         */test/scene-0003.npy) head -c 200 good/outputs/test/scene-0003.npy > \"$2\";;\n\
-         */test/scene-0004.npy) cp nan.npy \"$2\";;\n\
-         */test/scene-0005.npy) cp small.npy \"$2\";;\n\
-         */test/scene-0006.npy) ;;\n\
-         *) cp \"good/outputs/${2#*/outputs/}\" \"$2\";;\n\
+        "echo >> state/calls\n\
+         case $(wc -l < state/calls | tr -d ' ') in\n\
+         1) cp good/outputs/test/scene-0000.npy \"$2\";;\n\
+         2) echo 'no weights' >&2; exit 3;;\n\
+         3) sleep 60;;\n\
+         4) head -c 200 good/outputs/test/scene-0003.npy > \"$2\";;\n\
+         5) cp nan.npy \"$2\";;\n\
+         6) cp small.npy \"$2\";;\n\
+         7) ;;\n\
+         8) cp good/outputs/light-0.1/scene-0000.npy \"$2\";;\n\
+         9) cp good/outputs/light-1/scene-0000.npy \"$2\";;\n\
          esac\n",
     );
-    let mut command = place.command("benchmark run data -o faulty --time-limit 2 --command");
+    let mut command =
+        place.command("benchmark run data -o faulty --time-limit 2 --allow-write state --command");
     let start = Instant::now();
     let output = command.arg("sh method.sh {stream} {output}").output().unwrap();
     let stderr = String::from_utf8(output.stderr).unwrap();
@@ -133,18 +138,23 @@ fn each_fault_costs_only_the_score_of_its_sequence() {
 fn a_server_answers_requests_and_is_started_again_after_a_crash() {
     let (place, _) = generated(&short_suite(4));
     place.run_ok("benchmark run data --baseline span -o good");
-    // The server ends at scene-0001 and refuses scene-0002.
+    // The server ends at scene-0001 and refuses scene-0002. Its first request is scene-0000, and after its second start
+    // scene-0002.
+    std::fs::create_dir(place.path("state")).unwrap();
     place.write(
         "server.sh",
-        "echo start >> starts\necho ready\nwhile read -r line; do\n\
+        "echo start >> state/starts\necho ready\nwhile read -r line; do\n\
+         echo >> state/requests\n\
          output=$(echo \"$line\" | sed 's/.*\"output\":\"\\([^\"]*\\)\".*/\\1/')\n\
-         case \"$output\" in\n\
-         */test/scene-0001.npy) exit 1;;\n\
-         */test/scene-0002.npy) echo 'too dark';;\n\
-         *) cp \"good/outputs/${output#*/outputs/}\" \"$output\"; echo ok;;\n\
+         case $(wc -l < state/requests | tr -d ' ') in\n\
+         2) exit 1;;\n\
+         3) echo 'too dark';;\n\
+         4) cp good/outputs/test/scene-0003.npy \"$output\"; echo ok;;\n\
+         *) cp good/outputs/test/scene-0000.npy \"$output\"; echo ok;;\n\
          esac\ndone\n",
     );
-    let output = place.command("benchmark run data -o served --server").arg("sh server.sh").output().unwrap();
+    let line = "benchmark run data -o served --allow-write state --server";
+    let output = place.command(line).arg("sh server.sh").output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let [served, good] = ["served", "good"].map(|run| place.json(&format!("{run}/score.json")));
     assert_eq!(
@@ -155,7 +165,7 @@ fn a_server_answers_requests_and_is_started_again_after_a_crash() {
         let fault = sequence(&served, "test", id)["fault"].as_str().unwrap();
         assert!(fault.contains(word), "{fault}");
     }
-    assert_eq!(place.read("starts"), b"start\nstart\n");
+    assert_eq!(place.read("state/starts"), b"start\nstart\n");
 }
 
 #[test]
@@ -202,10 +212,21 @@ fn a_killed_generation_resumes_to_the_same_digest() {
 fn a_killed_run_resumes_after_its_last_sequence() {
     let (place, _) = generated(&short_suite(3));
     place.run_ok("benchmark run data --baseline tfi -o good");
-    place.write("slow.sh", "sleep 0.2\necho \"$2\" >> ran\ncp \"good/outputs/${2#*/outputs/}\" \"$2\"\n");
+    std::fs::create_dir(place.path("state")).unwrap();
+    place.write(
+        "slow.sh",
+        "sleep 0.2\necho >> state/ran\n\
+         case $(ls slow/results/*/*.json 2>/dev/null | wc -l | tr -d ' ') in\n\
+         [012]) name=test/scene-000$(ls slow/results/test 2>/dev/null | wc -l | tr -d ' ');;\n\
+         3) name=light-0.1/scene-0000;;\n\
+         *) name=light-1/scene-0000;;\n\
+         esac\ncp good/outputs/$name.npy \"$2\"\n",
+    );
     let command = |line: &str| {
         let mut command = place.command(line);
-        command.args(["--command", "sh slow.sh {stream} {output}"]);
+        // A killed program leaves its private folder.
+        command.args(["--allow-write", "state", "--command", "sh slow.sh {stream} {output}"]);
+        command.env("TMPDIR", place.path(""));
         command
     };
     let mut child = command("benchmark run data -o slow").spawn().unwrap();
@@ -215,8 +236,9 @@ fn a_killed_run_resumes_after_its_last_sequence() {
     assert!(command("benchmark run data -o slow --resume").status().unwrap().success());
     let [slow, good] = ["slow", "good"].map(|run| place.json(&format!("{run}/score.json")));
     assert_eq!(slow["summaries"], good["summaries"]);
-    let ran = String::from_utf8(place.read("ran")).unwrap();
-    assert_eq!(ran.lines().filter(|line| line.ends_with("test/scene-0000.npy")).count(), 1, "{ran}");
+    // Five sequences, and at most one that the signal interrupted.
+    let runs = place.read("state/ran").len();
+    assert!((5..=6).contains(&runs), "{runs}");
     place.run_refused("benchmark run data -o slow --resume --baseline tfp", 3, &["slow.sh", "same method"]);
 }
 
@@ -354,6 +376,35 @@ fn verify_computes_every_score_again() {
     place.run_refused("benchmark verify run/hostile.json --suite data", 3, &["secret"]);
     place.write("run/outputs/test/scene-0000.npy", b"");
     place.run_refused("benchmark verify run/score.json --suite data", 9, &["scene-0000"]);
+}
+
+#[test]
+fn verify_computes_the_cost_again_and_names_what_it_cannot_verify() {
+    let (place, _) = generated(&short_suite(2));
+    place.run_ok("benchmark run data --baseline tfp -o run");
+    let ran = place.run_ok("benchmark verify run/score.json --suite data");
+    let listed = ["not verified: measured seconds", "computer", "date", "names", "verified: scores"];
+    assert!(listed.iter().all(|word| ran.stdout.contains(word)), "{}", ran.stdout);
+    let file = place.json("run/score.json");
+    let verify = "benchmark verify run/changed.json --suite data";
+    for (pointer, value, code, word) in [
+        ("/cost/outputs_per_second", 1e9, 9, "cost"),
+        ("/time_limit_s", 0.001, 9, "time limit"),
+        ("/sequences/0/result/seconds", 1e-9, 9, "scene-0000 result"),
+        ("/cost/outputs_per_second", -1.0, 3, "impossible cost"),
+        ("/cost/latency_seconds/0", 1e9, 3, "impossible cost"),
+        ("/sequences/0/result/seconds", 0.0, 3, "a time of 0 s"),
+    ] {
+        let mut changed = file.clone();
+        *changed.pointer_mut(pointer).unwrap() = value.into();
+        place.write("run/changed.json", changed.to_string());
+        place.run_refused(verify, code, &[word]);
+    }
+    place.run_refused("benchmark report run/changed.json -o report", 3, &["a time of 0 s"]);
+    for seconds in ["-1", "0", "1e400"] {
+        place.write("run/results/test/scene-0000.json", format!("{{\"seconds\": {seconds}}}"));
+        place.run_refused("benchmark verify run/score.json --suite data", 3, &["scene-0000.json"]);
+    }
 }
 
 #[test]
@@ -515,14 +566,15 @@ fn the_true_color_image_has_no_error() {
 #[test]
 fn a_method_for_a_color_camera_receives_its_mosaic() {
     let (place, _) = generated(&color_suite());
-    place.write("mosaic.sh", "echo $1 >> mosaics; exit 1\n");
+    std::fs::create_dir(place.path("state")).unwrap();
+    place.write("mosaic.sh", "echo $1 >> state/mosaics; exit 1\n");
     let ran = place
-        .command("benchmark run data -o run")
+        .command("benchmark run data -o run --allow-write state")
         .args(["--command", "sh mosaic.sh {mosaic} {stream} {output}"])
         .output()
         .unwrap();
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    let text = String::from_utf8(place.read("mosaics")).unwrap();
+    let text = String::from_utf8(place.read("state/mosaics")).unwrap();
     assert_eq!(text.lines().collect::<Vec<_>>(), ["GBRG"; 4]);
     // A faulty output has the scores of the trivial answer.
     place.run_ok("benchmark run data --baseline tfp-bilinear -o trivial");

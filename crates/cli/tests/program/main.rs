@@ -7,6 +7,8 @@ mod program_support;
 
 mod benchmark;
 #[cfg(unix)]
+mod benchmark_methods;
+#[cfg(unix)]
 mod check;
 mod color;
 mod dataset;
