@@ -431,6 +431,22 @@ fn a_sealed_suite_opens_only_with_its_secret() {
     );
 }
 
+#[cfg(unix)]
+#[test]
+fn only_the_owner_may_read_the_secret_of_a_sealed_suite() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let place = TestFolder::new();
+    place.write("tiny.toml", short_suite(1));
+    for umask in ["000", "022", "077"] {
+        let mut shell = std::process::Command::new("sh");
+        let line = format!("umask {umask}; exec \"$0\" benchmark seal tiny.toml -o {umask}");
+        shell.args(["-c", &line, env!("CARGO_BIN_EXE_spikelane")]).current_dir(place.path("."));
+        assert!(shell.output().unwrap().status.success());
+        let secret = place.path(&format!("{umask}.secret.json"));
+        assert_eq!(secret.metadata().unwrap().permissions().mode() & 0o7777, 0o600, "umask {umask}");
+    }
+}
+
 /// Returns a suite of a task with labels.
 fn label_suite(task: &str, metrics: &str) -> String {
     let text = short_suite(3)
