@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{PlainName, read_bytes};
 use spikelane::unstable::threads;
+use spikelane_measure::report::{is_date, today};
 
 use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
 use crate::run::{self, Method, SequenceResult};
@@ -212,6 +213,10 @@ impl ScoreFile {
             return Err(invalid(&format_args!("version {} of the format", file.format_version))
                 .expected(FORMAT_VERSION));
         }
+        if !is_date(&file.environment.date) {
+            return Err(invalid(&format_args!("the date {:?}", file.environment.date))
+                .expected("a date such as 2026-01-31"));
+        }
         Ok(file)
     }
 
@@ -254,7 +259,7 @@ impl Environment {
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             processors,
             processor: name.map(|(_, name)| name.trim().to_owned()),
-            date: spikelane_measure::report::today(),
+            date: today(),
         }
     }
 }
