@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spikelane_fuzz::{check_error, check_pixels, geometry};
+use spikelane_fuzz::{check_error, check_pixels, geometry, npy, zip_archive};
 use spikelane_io::formats::{Layout, StreamReader};
 
 fuzz_target!(|data: &[u8]| {
@@ -37,52 +37,16 @@ fn check_stored(data: &[u8]) {
         } else {
             format!("({readouts}, {}, {})", g.height(), g.width())
         };
-        let text = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}, }}\n");
-        let mut array = b"\x93NUMPY\x01\x00".to_vec();
-        array.extend((text.len() as u16).to_le_bytes());
-        array.extend(text.as_bytes());
-        array.extend(&body);
+        let array = npy("|u1", &shape, &body);
         // If all three axes are equally long, the shape does not determine the axis order.
         if g.height() == g.width() && readouts == g.width() {
             continue;
         }
-        let reader = StreamReader::from_bytes("fuzz", archive(name, &array), None, Some(g)).unwrap();
+        let reader = StreamReader::from_bytes("fuzz", zip_archive(&[(name, &array)]), None, Some(g)).unwrap();
         assert_eq!(reader.readouts(), readouts);
         check_pixels(&reader, |t, row, col| {
             let p = row * g.width() + col;
             body[if last { p * readouts + t } else { t * g.pixels() + p }] == 1
         });
     }
-}
-
-/// Returns a minimal zip archive: local header, bytes, directory and end record.
-fn archive(name: &str, array: &[u8]) -> Vec<u8> {
-    let sizes = (array.len() as u32).to_le_bytes();
-    let mut common = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-    common.extend(crc32(array).to_le_bytes());
-    common.extend(sizes);
-    common.extend(sizes);
-    common.extend((name.len() as u16).to_le_bytes());
-    let mut zip = b"PK\x03\x04".to_vec();
-    zip.extend(&common);
-    zip.extend([0, 0]);
-    zip.extend(name.as_bytes());
-    zip.extend(array);
-    let directory = zip.len() as u32;
-    zip.extend(b"PK\x01\x02\x14\x00");
-    zip.extend(&common);
-    zip.extend([0; 16]);
-    zip.extend(name.as_bytes());
-    let length = zip.len() as u32 - directory;
-    zip.extend(b"PK\x05\x06\x00\x00\x00\x00\x01\x00\x01\x00");
-    zip.extend(length.to_le_bytes());
-    zip.extend(directory.to_le_bytes());
-    zip.extend([0, 0]);
-    zip
-}
-
-fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0, |crc, &b| {
-        (0..8).fold(crc ^ u32::from(b), |c, _| c >> 1 ^ 0xedb8_8320 & (c & 1).wrapping_neg())
-    })
 }

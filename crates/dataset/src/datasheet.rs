@@ -4,6 +4,7 @@ use crate::{Content, DatasetLayout, DatasetOptions, SequenceEntry, SequenceStatu
 use spikelane::error::Result;
 use spikelane::unstable::Count;
 use spikelane_io::storage;
+use spikelane_measure::report::markdown_text;
 
 /// Totals of all sequences of a dataset.
 #[derive(Clone, Debug, Default)]
@@ -64,14 +65,14 @@ fn datasheet(options: &DatasetOptions, counts: &Counts, digest: &str) -> String 
          contain links for data loaders.\n\n\
          ## Limits\n\nAll recordings are simulated. Test a network that was trained on them with real recordings.\n",
         options.dataset_layout.rate_at_255(),
-        options.cameras.display_names(&options.camera),
+        markdown_text(&options.cameras.display_names(&options.camera)),
         sensor.geometry,
         sensor.readout_hz,
-        effects.join(", "),
+        markdown_text(&effects.join(", ")),
         options.seed,
         options.camera_seed,
-        options.data_version.as_deref().unwrap_or("none stated"),
-        options.license.as_deref().unwrap_or("none selected"),
+        markdown_text(options.data_version.as_deref().unwrap_or("none stated")),
+        markdown_text(options.license.as_deref().unwrap_or("none selected")),
         env!("CARGO_PKG_VERSION"),
         options.dataset_layout.rate_at_255(),
         loader_hint(options),

@@ -1,5 +1,7 @@
 //! The rules that decide which requests are answered.
 
+use std::sync::{Mutex, PoisonError};
+
 use crate::http::Request;
 use spikelane::error::{Error, ErrorKind, Result};
 
@@ -13,39 +15,79 @@ const TOKEN_BYTES: usize = 16;
 #[derive(Debug)]
 pub(crate) struct AccessRule {
     token: String,
+    /// The token of the one-time address. `None` after its first use.
+    one_time_token: Mutex<Option<String>>,
     port: u16,
 }
 
 impl AccessRule {
-    /// Draws a random token.
+    /// Draws random tokens.
     ///
     /// # Errors
     /// [`ErrorKind::Io`] if the system has no random numbers.
     pub(crate) fn new(port: u16) -> Result<Self> {
-        let mut bytes = [0; TOKEN_BYTES];
-        getrandom::fill(&mut bytes)
-            .map_err(|e| Error::new(ErrorKind::Io, "random token of the viewer").found(e))?;
-        Ok(Self { token: bytes.iter().map(|b| format!("{b:02x}")).collect(), port })
+        Ok(Self { token: random_token()?, one_time_token: Mutex::new(Some(random_token()?)), port })
     }
 
     /// Returns the address of the page.
     pub(crate) fn address(&self) -> String {
-        format!("http://127.0.0.1:{}/{}/", self.port, self.token)
+        format!("http://127.0.0.1:{}{}", self.port, self.page_path())
+    }
+
+    /// Returns the path of the page.
+    pub(crate) fn page_path(&self) -> String {
+        format!("/{}/", self.token)
+    }
+
+    /// Returns the address that leads to the page once. `None` if it was used.
+    pub(crate) fn one_time_address(&self) -> Option<String> {
+        let token = self.one_time_token.lock().unwrap_or_else(PoisonError::into_inner);
+        token.as_ref().map(|token| format!("http://127.0.0.1:{}/{token}", self.port))
+    }
+
+    /// Returns whether the request is the first use of the one-time address. `is_own_client` is called only for a request of
+    /// this address. If it returns false, the address remains unused.
+    pub(crate) fn use_one_time_address(
+        &self,
+        request: &Request,
+        is_own_client: impl FnOnce() -> bool,
+    ) -> bool {
+        let mut token = self.one_time_token.lock().unwrap_or_else(PoisonError::into_inner);
+        let given = request.path.strip_prefix('/').unwrap_or_default();
+        let is_equal = |token: &String| equals_in_constant_time(given.as_bytes(), token.as_bytes());
+        let is_used = request.is_get
+            && self.is_local(request)
+            && token.as_ref().is_some_and(is_equal)
+            && is_own_client();
+        if is_used {
+            *token = None;
+        }
+        is_used
+    }
+
+    /// Returns whether the request has a local `Host` and only local origins.
+    fn is_local(&self, request: &Request) -> bool {
+        let hosts = [format!("127.0.0.1:{}", self.port), format!("localhost:{}", self.port)];
+        let is_host = |text: &str| hosts.iter().any(|host| host == text);
+        request.host.as_deref().is_some_and(is_host)
+            && request.origins.iter().all(|o| o.strip_prefix("http://").is_some_and(is_host))
     }
 
     /// Returns the path after the token. `None` if the request must be refused.
     pub(crate) fn accepted_path<'a>(&self, request: &'a Request) -> Option<&'a str> {
-        let hosts = [format!("127.0.0.1:{}", self.port), format!("localhost:{}", self.port)];
-        let is_host = |text: &str| hosts.iter().any(|host| host == text);
-        if !request.host.as_deref().is_some_and(is_host) {
-            return None;
-        }
-        if !request.origins.iter().all(|o| o.strip_prefix("http://").is_some_and(is_host)) {
+        if !self.is_local(request) {
             return None;
         }
         let (token, path) = request.path.strip_prefix('/')?.split_once('/')?;
         equals_in_constant_time(token.as_bytes(), self.token.as_bytes()).then_some(path)
     }
+}
+
+fn random_token() -> Result<String> {
+    let mut bytes = [0; TOKEN_BYTES];
+    getrandom::fill(&mut bytes)
+        .map_err(|e| Error::new(ErrorKind::Io, "random token of the viewer").found(e))?;
+    Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
 }
 
 /// Compares two texts. The time does not depend on the position of the first difference.
@@ -70,6 +112,23 @@ mod tests {
     #[test]
     fn tokens_of_two_servers_differ() {
         assert_ne!(AccessRule::new(80).unwrap().token, AccessRule::new(80).unwrap().token);
+    }
+
+    #[test]
+    fn the_one_time_address_is_used_once_and_only_by_an_own_client() {
+        let rule = AccessRule::new(80).unwrap();
+        let address = rule.one_time_address().unwrap();
+        let path = address.strip_prefix("http://127.0.0.1:80").unwrap().to_owned();
+        assert!(!address.contains(&rule.token));
+        let foreign = Request { host: Some("evil.example:80".into()), ..request(&rule) };
+        assert!(!rule.use_one_time_address(&Request { path: path.clone(), ..foreign }, || true));
+        assert!(!rule.use_one_time_address(&request(&rule), || true));
+        let once = Request { path, ..request(&rule) };
+        assert_eq!(rule.accepted_path(&once), None);
+        assert!(!rule.use_one_time_address(&once, || false));
+        assert!(rule.use_one_time_address(&once, || true));
+        assert!(!rule.use_one_time_address(&once, || true));
+        assert_eq!(rule.one_time_address(), None);
     }
 
     #[test]

@@ -3,15 +3,16 @@
 use std::borrow::Cow;
 use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Largest request line with headers in bytes.
 const MAX_HEAD_BYTES: usize = 16 << 10;
 
 const MAX_HEADERS: usize = 64;
 
-/// Longest time in which a client must send its request or accept a part of the response.
-const TIMEOUT: Duration = Duration::from_secs(10);
+/// Longest time in which a client must accept a part of the response. Only a client with the token receives a response
+/// that does not fit into the buffer of the system.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// The policy of all responses. The page loads nothing from other origins, and no inline script runs.
 const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; \
@@ -68,6 +69,11 @@ impl Response {
         Self { status, ..Self::new("text/plain; charset=utf-8", text.as_bytes().to_vec()) }
     }
 
+    /// Returns a response that leads the browser to `path`.
+    pub(crate) fn redirect(path: String) -> Self {
+        Self::text(303, "").with_header("Location", path)
+    }
+
     pub(crate) fn with_status(self, status: u16) -> Self {
         Self { status, ..self }
     }
@@ -86,7 +92,7 @@ impl Response {
     ///
     /// # Errors
     /// If the client has closed the connection.
-    pub(crate) fn write(&self, stream: &mut TcpStream) -> std::io::Result<()> {
+    pub(crate) fn write(&self, mut stream: &TcpStream) -> std::io::Result<()> {
         let mut head = head(self.status, self.content_type, self.policy);
         for (name, value) in &self.headers {
             head.push_str(&format!("{name}: {value}\r\n"));
@@ -102,7 +108,7 @@ impl Response {
 ///
 /// # Errors
 /// If the client has closed the connection.
-pub(crate) fn write_event_head(stream: &mut TcpStream) -> std::io::Result<()> {
+pub(crate) fn write_event_head(mut stream: &TcpStream) -> std::io::Result<()> {
     let head = head(200, "text/event-stream", CONTENT_SECURITY_POLICY);
     stream.write_all(format!("{head}\r\n").as_bytes())?;
     stream.flush()
@@ -111,6 +117,7 @@ pub(crate) fn write_event_head(stream: &mut TcpStream) -> std::io::Result<()> {
 fn head(status: u16, content_type: &str, policy: &str) -> String {
     let reason = match status {
         200 => "OK",
+        303 => "See Other",
         400 => "Bad Request",
         403 => "Forbidden",
         404 => "Not Found",
@@ -125,14 +132,19 @@ fn head(status: u16, content_type: &str, policy: &str) -> String {
     )
 }
 
-/// Reads a request. `None` means that the client sent no valid request in time.
-pub(crate) fn read_request(stream: &mut TcpStream) -> Option<Request> {
-    stream.set_read_timeout(Some(TIMEOUT)).ok()?;
-    stream.set_write_timeout(Some(TIMEOUT)).ok()?;
+/// Reads a request. `None` means that the client sent no valid request before `deadline`.
+pub(crate) fn read_request(mut stream: &TcpStream, deadline: Instant) -> Option<Request> {
+    stream.set_write_timeout(Some(WRITE_TIMEOUT)).ok()?;
     stream.set_nodelay(true).ok()?;
     let mut bytes = Vec::new();
     let mut piece = [0; 4096];
     loop {
+        // The time is limited for the whole request. A limit for each read would allow a byte every few seconds.
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return None;
+        }
+        stream.set_read_timeout(Some(left)).ok()?;
         match stream.read(&mut piece) {
             Ok(n) if n > 0 => bytes.extend_from_slice(&piece[..n]),
             _ => return None,

@@ -2,7 +2,7 @@
 
 use std::io::Write as _;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -11,12 +11,11 @@ use spikelane::unstable::threads;
 
 use crate::access::AccessRule;
 use crate::api::Api;
+use crate::connections::{Connection, ConnectionLimits, Connections};
 use crate::http::{Response, read_request, write_event_head};
 use crate::jobs::Jobs;
+use crate::peer::is_own_client;
 use crate::sources::Sources;
-
-/// Largest number of connections at the same time.
-const MAX_CONNECTIONS: usize = 64;
 
 /// Time after which the server ends when no page is open. A reload takes less time.
 const CLOSE_DELAY: Duration = Duration::from_secs(5);
@@ -63,7 +62,7 @@ struct Shared {
     api: Api,
     rule: AccessRule,
     has_ended: AtomicBool,
-    connections: AtomicUsize,
+    connections: Arc<Connections>,
     pages: Mutex<Pages>,
 }
 
@@ -81,6 +80,14 @@ impl Server {
     /// # Errors
     /// [`ErrorKind::Io`] if the port is in use, or if the system has no random numbers.
     pub fn bind(sources: Sources, port: Option<u16>) -> Result<Self> {
+        Self::bind_with_limits(sources, port, ConnectionLimits::default())
+    }
+
+    /// Binds as [`bind`](Self::bind) does, with other limits of the connections.
+    ///
+    /// # Errors
+    /// As [`bind`](Self::bind).
+    pub fn bind_with_limits(sources: Sources, port: Option<u16>, limits: ConnectionLimits) -> Result<Self> {
         let place = format!("port {}", port.unwrap_or(0));
         let listener =
             TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0))).map_err(|e| Error::io(&place, e))?;
@@ -89,7 +96,7 @@ impl Server {
             api: Api { sources, jobs: Jobs::default() },
             rule: AccessRule::new(port)?,
             has_ended: AtomicBool::new(false),
-            connections: AtomicUsize::new(0),
+            connections: Arc::new(Connections::new(limits)),
             pages: Mutex::default(),
         };
         Ok(Self { listener, shared: Arc::new(shared) })
@@ -99,6 +106,15 @@ impl Server {
     #[must_use]
     pub fn address(&self) -> String {
         self.shared.rule.address()
+    }
+
+    /// Returns an address that leads to the page once. `None` if it was used.
+    ///
+    /// It does not contain the token of [`address`](Self::address), so it can be an argument of a program, which other users
+    /// of the machine can read. On Linux, a client of another user cannot use the address, unless the user is root.
+    #[must_use]
+    pub fn one_time_address(&self) -> Option<String> {
+        self.shared.rule.one_time_address()
     }
 
     /// Answers requests until the last page is closed, or until `should_stop` returns true.
@@ -141,40 +157,35 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
             std::thread::sleep(CHECK_INTERVAL);
             continue;
         };
-        let slot = ConnectionSlot::new(shared);
-        if shared.connections.load(Ordering::Relaxed) <= MAX_CONNECTIONS {
+        if let Some(connection) = shared.connections.admit(stream) {
             // If the system starts no thread, the connection is closed.
-            drop(threads::spawn("connection", (stream, slot), |(stream, slot)| answer(stream, &slot.0)));
+            let input = (connection, Arc::clone(shared));
+            drop(threads::spawn("connection", input, |(connection, shared)| answer(&connection, &shared)));
         }
     }
 }
 
-/// Counts a connection until it is dropped.
-struct ConnectionSlot(Arc<Shared>);
-
-impl ConnectionSlot {
-    fn new(shared: &Arc<Shared>) -> Self {
-        shared.connections.fetch_add(1, Ordering::Relaxed);
-        Self(Arc::clone(shared))
-    }
-}
-
-impl Drop for ConnectionSlot {
-    fn drop(&mut self) {
-        self.0.connections.fetch_sub(1, Ordering::Relaxed);
-    }
-}
-
-fn answer(mut stream: TcpStream, shared: &Arc<Shared>) {
-    let Some(request) = read_request(&mut stream) else { return };
-    let response = match shared.rule.accepted_path(&request) {
+fn answer(connection: &Connection, shared: &Shared) {
+    let stream = connection.stream();
+    let deadline = Instant::now() + shared.connections.limits.request_time;
+    let Some(request) = read_request(stream, deadline) else { return };
+    let rule = &shared.rule;
+    let response = match rule.accepted_path(&request) {
+        None if rule.use_one_time_address(&request, || is_own_client(stream)) => {
+            Response::redirect(rule.page_path())
+        }
         None => Response::text(403, "Open the address that the program printed. It contains a token.\n"),
-        Some(_) if !request.is_get => Response::text(405, "only GET requests are answered\n"),
-        Some("api/open") => return serve_heartbeat(&mut stream, shared),
-        Some(path) => shared.api.respond(path, &request.query),
+        Some(path) => {
+            connection.set_accepted();
+            match path {
+                _ if !request.is_get => Response::text(405, "only GET requests are answered\n"),
+                "api/open" => return serve_heartbeat(stream, shared),
+                path => shared.api.respond(path, &request.query),
+            }
+        }
     };
     // A browser that has closed the connection needs no answer.
-    let _ = response.write(&mut stream);
+    let _ = response.write(stream);
 }
 
 /// Counts a page until it is dropped.
@@ -200,7 +211,7 @@ impl Drop for OpenPage<'_> {
 
 /// Sends events until the page is closed. A timer of the page would not work, because browsers slow down the timers of
 /// hidden pages.
-fn serve_heartbeat(stream: &mut TcpStream, shared: &Shared) {
+fn serve_heartbeat(mut stream: &TcpStream, shared: &Shared) {
     let _page = OpenPage::new(shared);
     if write_event_head(stream).is_err() {
         return;

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use spikelane::{Geometry, Result, SpikeFrames, reconstruct};
 use spikelane_io::formats::{Layout, OpenOptions};
-use spikelane_view::{EndReason, Server, SourceOptions, Sources};
+use spikelane_view::{ConnectionLimits, EndReason, Server, SourceOptions, Sources};
 use tempfile::TempDir;
 
 const WIDTH: usize = 19;
@@ -33,6 +33,7 @@ struct TestServer {
     _folder: TempDir,
     port: u16,
     token: String,
+    one_time_address: String,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<Result<EndReason>>>,
 }
@@ -52,30 +53,43 @@ impl Answer {
 impl TestServer {
     /// Starts a server of the files or folders that `prepare` writes to a folder.
     fn start(prepare: impl FnOnce(&TempDir) -> Vec<PathBuf>) -> Self {
+        Self::start_with_limits(ConnectionLimits::default(), prepare)
+    }
+
+    fn start_with_limits(limits: ConnectionLimits, prepare: impl FnOnce(&TempDir) -> Vec<PathBuf>) -> Self {
         let folder = TempDir::new().unwrap();
         let paths = prepare(&folder);
         let open = OpenOptions::default().with_layout(Some(Layout::DatTop)).with_geometry(Some(geometry()));
         let options = SourceOptions::default().with_open(open).with_readout_hz(Some(1000.0));
-        let server = Server::bind(Sources::open(&paths, &options).unwrap(), None).unwrap();
-        let address = server.address();
+        let sources = Sources::open(&paths, &options).unwrap();
+        let server = Server::bind_with_limits(sources, None, limits).unwrap();
+        let (address, one_time_address) = (server.address(), server.one_time_address().unwrap());
         let (port, token) = address.strip_prefix("http://127.0.0.1:").unwrap().split_once('/').unwrap();
         let (port, token) = (port.parse().unwrap(), token.trim_end_matches('/').to_owned());
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
         let thread = std::thread::spawn(move || server.run(&mut || flag.load(Ordering::Relaxed)));
-        Self { _folder: folder, port, token, stop, thread: Some(thread) }
+        Self { _folder: folder, port, token, one_time_address, stop, thread: Some(thread) }
     }
 
     fn of_one_stream() -> Self {
-        Self::start(|folder| {
+        Self::of_one_stream_with_limits(ConnectionLimits::default())
+    }
+
+    fn of_one_stream_with_limits(limits: ConnectionLimits) -> Self {
+        Self::start_with_limits(limits, |folder| {
             let path = folder.path().join("a.dat");
             std::fs::write(&path, frames().as_bytes()).unwrap();
             vec![path]
         })
     }
 
+    fn connect(&self) -> TcpStream {
+        TcpStream::connect(("127.0.0.1", self.port)).unwrap()
+    }
+
     fn send(&self, request: &str) -> Answer {
-        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        let mut stream = self.connect();
         stream.write_all(request.as_bytes()).unwrap();
         let mut bytes = Vec::new();
         stream.read_to_end(&mut bytes).unwrap();
@@ -89,6 +103,35 @@ impl TestServer {
     fn get(&self, path: &str) -> Answer {
         let (port, token) = (self.port, &self.token);
         self.send(&format!("GET /{token}/{path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n"))
+    }
+
+    /// Opens a page, and returns its connection after the first event.
+    fn open_page(&self) -> TcpStream {
+        let mut stream = self.connect();
+        let (port, token) = (self.port, &self.token);
+        let request = format!("GET /{token}/api/open HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n");
+        stream.write_all(request.as_bytes()).unwrap();
+        next_event(&mut stream);
+        stream
+    }
+}
+
+/// Reads until the end of the next event.
+fn next_event(stream: &mut TcpStream) {
+    let (mut last, mut byte) = ([0; 8], [0]);
+    while last != *b": open\n\n" {
+        stream.read_exact(&mut byte).unwrap();
+        last.rotate_left(1);
+        last[7] = byte[0];
+    }
+}
+
+/// Returns whether the server has closed a connection. Waits for a short time.
+fn is_closed(mut stream: &TcpStream) -> bool {
+    stream.set_read_timeout(Some(Duration::from_millis(2))).unwrap();
+    match stream.read(&mut [0]) {
+        Ok(n) => n == 0,
+        Err(e) => !matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut),
     }
 }
 
@@ -277,7 +320,7 @@ fn a_link_in_a_folder_does_not_lead_outside() {
 #[test]
 fn an_endless_request_is_cut_off() {
     let server = TestServer::of_one_stream();
-    let mut stream = TcpStream::connect(("127.0.0.1", server.port)).unwrap();
+    let mut stream = server.connect();
     // The server may close the connection before everything is written.
     let _ = stream.write_all(&[b'a'; 64 << 10]);
     let mut rest = Vec::new();
@@ -287,20 +330,93 @@ fn an_endless_request_is_cut_off() {
 }
 
 #[test]
+fn a_request_of_single_bytes_is_closed_after_the_time_of_a_request() {
+    let limits = ConnectionLimits::default().with_request_time(Duration::from_millis(50));
+    let server = TestServer::of_one_stream_with_limits(limits);
+    let mut stream = server.connect();
+    stream.write_all(b"GET /").unwrap();
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while !is_closed(&stream) && stream.write_all(b"a").is_ok() {
+        assert!(Instant::now() < deadline, "each byte extended the time");
+    }
+}
+
+#[test]
+fn connections_without_the_token_cannot_take_all_places() {
+    let server = TestServer::of_one_stream_with_limits(ConnectionLimits::default().with_connections(4));
+    let mut page = server.open_page();
+    let strangers: Vec<TcpStream> = (0..40)
+        .map(|_| {
+            let mut stream = server.connect();
+            stream.write_all(b"GET /").unwrap();
+            stream
+        })
+        .collect();
+    for _ in 0..3 {
+        assert_eq!(server.get("api/sources").status, 200);
+    }
+    // The oldest connections were closed for the newest connections, but the open page remains.
+    assert!(strangers[..30].iter().all(is_closed));
+    next_event(&mut page);
+    next_event(&mut page);
+}
+
+#[test]
+fn the_one_time_address_leads_to_the_page_once() {
+    let server = TestServer::of_one_stream();
+    let host = format!("127.0.0.1:{}", server.port);
+    let path = server.one_time_address.strip_prefix(&format!("http://{host}")).unwrap();
+    assert!(!path.contains(&server.token));
+    let send = |host: &str| server.send(&format!("GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n"));
+    assert_eq!(send("evil.example").status, 403);
+    let first = send(&host);
+    assert_eq!(first.status, 303);
+    assert!(first.head.contains(&format!("\r\nLocation: /{}/\r\n", server.token)), "{}", first.head);
+    assert_eq!(send(&host).status, 403);
+}
+
+#[test]
+fn unusual_forms_of_a_request_get_one_plain_answer_or_none() {
+    let server = TestServer::of_one_stream();
+    let (port, token) = (server.port, &server.token);
+    let (path, host) = (format!("/{token}/api/sources"), format!("Host: 127.0.0.1:{port}\r\n"));
+    let upgrade = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n";
+    let many = "X: y\r\n".repeat(100);
+    let long = format!("X: {}\r\n", "y".repeat(17 << 10));
+    for (request, status) in [
+        (format!("GET {path} HTTP/1.0\r\n\r\n"), Some(403)),
+        (format!("GET {path} HTTP/1.0\r\n{host}\r\n"), Some(200)),
+        (format!("GET {path} HTTP/1.1\r\n{host}{upgrade}\r\n"), Some(200)),
+        (format!("GET {path} HTTP/1.1\r\n{host}{upgrade}Origin: http://evil.example\r\n\r\n"), Some(403)),
+        (format!("GET http://127.0.0.1:{port}{path} HTTP/1.1\r\n{host}\r\n"), Some(403)),
+        (format!("GET http://evil.example/ HTTP/1.1\r\n{host}\r\n"), Some(403)),
+        (format!("CONNECT evil.example:80 HTTP/1.1\r\n{host}\r\n"), Some(403)),
+        (format!("GET {path} HTTP/1.1\r\n{host}\r\n").repeat(3), Some(200)),
+        (format!("HEAD {path} HTTP/1.1\r\n{host}\r\n"), Some(405)),
+        (format!("GET {path} HTTP/1.1\r\n{host}{many}\r\n"), None),
+        (format!("GET {path} HTTP/1.1\r\n{host}{long}\r\n"), None),
+        (format!("GET {path}\r\n\r\n"), None),
+        ("\u{16}\u{3}\u{1}\u{0}TLS".to_owned(), None),
+    ] {
+        let mut stream = server.connect();
+        // The server may close the connection before everything is written.
+        let _ = stream.write_all(request.as_bytes());
+        let _ = stream.shutdown(std::net::Shutdown::Write);
+        let mut bytes = Vec::new();
+        let _ = stream.read_to_end(&mut bytes);
+        let text = String::from_utf8_lossy(&bytes);
+        let found = text.strip_prefix("HTTP/1.1 ").map(|rest| rest[..3].parse::<u16>().unwrap());
+        assert_eq!(found, status, "{request}");
+        assert!(text.matches("HTTP/1.1 ").count() <= 1 && !text.contains("evil"), "{text}");
+    }
+}
+
+#[test]
 fn the_server_ends_after_the_last_page_is_closed_but_not_on_a_reload() {
     let mut server = TestServer::of_one_stream();
-    let open = |server: &TestServer| {
-        let mut stream = TcpStream::connect(("127.0.0.1", server.port)).unwrap();
-        let (port, token) = (server.port, &server.token);
-        let request = format!("GET /{token}/api/open HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n");
-        stream.write_all(request.as_bytes()).unwrap();
-        let mut byte = [0];
-        stream.read_exact(&mut byte).unwrap();
-        stream
-    };
-    drop(open(&server));
+    drop(server.open_page());
     std::thread::sleep(Duration::from_secs(2));
-    let reloaded = open(&server);
+    let reloaded = server.open_page();
     std::thread::sleep(Duration::from_secs(5));
     assert!(!server.thread.as_ref().unwrap().is_finished(), "a page is open");
     drop(reloaded);

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use spikelane::error::Result;
+use spikelane_measure::report::{markdown_code, markdown_text};
 
 use super::{ScoredMethod, check_comparable, curve_points, listed_metrics, primary_score, unique_names};
 use crate::Better;
@@ -29,13 +30,15 @@ pub fn markdown(methods: &[ScoredMethod], commit: &str) -> Result<String> {
     let environment = &first.environment;
     let processor = environment.processor.as_deref().unwrap_or(&environment.system);
     let mut text = format!(
-        "Suite {} {}, {} sequences, digest `{}`. Scored on {}, {processor}, spikelane {}, commit {commit}.\n\n",
-        first.suite,
-        first.version,
+        "Suite {} {}, {} sequences, digest {}. Scored on {}, {}, spikelane {}, commit {}.\n\n",
+        markdown_text(first.suite.as_str()),
+        markdown_text(&first.version),
         first.sequences.len(),
-        first.digest,
-        environment.date,
-        environment.spikelane,
+        markdown_code(&first.digest),
+        markdown_text(&environment.date),
+        markdown_text(processor),
+        markdown_text(&environment.spikelane),
+        markdown_text(commit),
     );
     push_header(&mut text, "metric", &names);
     for metric in &metrics {
@@ -53,10 +56,10 @@ pub fn markdown(methods: &[ScoredMethod], commit: &str) -> Result<String> {
         text.push('\n');
     }
     for (curve, groups) in &curve_points(first) {
-        let _ = writeln!(text, "\n`{}` along the curve `{curve}`:\n", primary.name);
+        let _ = writeln!(text, "\n`{}` along the curve {}:\n", primary.name, markdown_code(curve));
         push_header(&mut text, curve, &names);
         for (value, _, group) in groups {
-            let _ = write!(text, "| {} |", table_text(value));
+            let _ = write!(text, "| {} |", markdown_text(value));
             for method in methods {
                 push_cell(&mut text, primary_score(&method.file, group, primary));
             }
@@ -76,7 +79,7 @@ pub fn markdown(methods: &[ScoredMethod], commit: &str) -> Result<String> {
 
 fn push_header(text: &mut String, first: &str, names: &[String]) {
     let cells: Vec<String> =
-        std::iter::once(first).chain(names.iter().map(String::as_str)).map(table_text).collect();
+        std::iter::once(first).chain(names.iter().map(String::as_str)).map(markdown_text).collect();
     let _ = writeln!(text, "| {} |\n|---|{}", cells.join(" | "), "--:|".repeat(names.len()));
 }
 
@@ -93,30 +96,4 @@ fn push_cell(text: &mut String, score: Option<ScoreInterval>) {
 /// Writes a score with three decimals below 10, and with two decimals from 10 on.
 fn rounded(value: f64) -> String {
     if value.abs() < 10.0 { format!("{value:.3}") } else { format!("{value:.2}") }
-}
-
-/// Returns text of a file as the text of a table cell. Markdown shows every character of the result as it is.
-fn table_text(text: &str) -> String {
-    let mut cell = String::new();
-    for c in text.chars() {
-        match c {
-            c if c.is_control() => cell.push(' '),
-            c if c.is_ascii_punctuation() && !matches!(c, '-' | '.' | ',' | ':' | '/') => {
-                cell.push('\\');
-                cell.push(c);
-            }
-            c => cell.push(c),
-        }
-    }
-    cell
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn text_of_a_file_neither_ends_a_cell_nor_becomes_html() {
-        assert_eq!(table_text("a|b\n<i>"), "a\\|b \\<i\\>");
-    }
 }

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{PlainName, read_bytes};
 use spikelane::unstable::threads;
+use spikelane_measure::report::{is_date, today};
 
 use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
 use crate::run::{self, Method, RunDescription, SandboxState, SequenceResult, is_positive};
@@ -232,6 +233,10 @@ impl ScoreFile {
                 .expected(FORMAT_VERSION));
         }
         file.check_cost(path)?;
+        if !is_date(&file.environment.date) {
+            return Err(invalid(&format_args!("the date {:?}", file.environment.date))
+                .expected("a date such as 2026-01-31"));
+        }
         Ok(file)
     }
 
@@ -297,7 +302,7 @@ impl Environment {
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             processors,
             processor: name.map(|(_, name)| name.trim().to_owned()),
-            date: spikelane_measure::report::today(),
+            date: today(),
         }
     }
 }

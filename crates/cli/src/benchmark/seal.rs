@@ -17,7 +17,7 @@ use spikelane_io::storage;
 /// Keep the seeds of a suite secret until a stated time
 ///
 /// The command writes STEM.sealed.json, which you publish, and STEM.secret.json, which you publish after the submissions.
-/// The sealed file contains the BLAKE3 digest of the secret file.
+/// The sealed file contains the BLAKE3 digest of the secret file. Other users of the machine cannot read the secret file.
 #[derive(clap::Args, Debug)]
 pub(crate) struct SealArgs {
     /// Seal this suite: a name, or the path of a suite file
@@ -69,7 +69,7 @@ pub(crate) fn run_seal(args: &SealArgs, out: &Console) -> Result<()> {
     };
     let camera = args.camera.as_ref().map(|file| read_text(file, "a camera")).transpose()?;
     let sealed = seal::seal(&suite, seeds, camera)?;
-    storage::write_small(&secret, &sealed.secret, false)?;
+    storage::write_small_private(&secret, &sealed.secret, false)?;
     storage::write_small(&public, &sealed.public, false)?;
     let event = json!({
         "event": "sealed", "sealed": public.display().to_string(), "secret": secret.display().to_string(),

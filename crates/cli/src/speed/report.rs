@@ -99,15 +99,28 @@ fn cpu_model(cpuinfo: &str) -> Option<String> {
     Some(format!("{} (family {}, model {})", field("model name")?, number("cpu family"), number("model\t")))
 }
 
-/// Returns the commit of the source code in the current folder, or `unknown` outside a checkout.
+/// Returns the commit of the source code of this program, or `unknown` if the folder in which it was built is gone.
+///
+/// Git must not run in the current folder, because the settings of a repository can name programs that Git starts.
 pub(crate) fn source_commit() -> String {
-    command_output(Command::new("git").args(["describe", "--always", "--dirty"]))
+    let folder = env!("CARGO_MANIFEST_DIR");
+    // Without optional locks, Git does not write to the repository.
+    let git = |arguments: &[&str]| {
+        command_output(Command::new("git").args(["--no-optional-locks", "-C", folder]).args(arguments))
+    };
+    let commit = git(&["describe", "--always"]);
+    let changes = git(&["status", "--porcelain", "--untracked-files=no"]);
+    let is_dirty = [&commit, &changes].iter().all(|text| *text != UNKNOWN);
+    if is_dirty { commit + "-dirty" } else { commit }
 }
+
+/// The text of a command that fails or prints nothing.
+const UNKNOWN: &str = "unknown";
 
 fn command_output(command: &mut Command) -> String {
     let output = command.output().ok().filter(|o| o.status.success());
     let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned());
-    text.filter(|t| !t.is_empty()).unwrap_or_else(|| "unknown".to_owned())
+    text.filter(|t| !t.is_empty()).unwrap_or_else(|| UNKNOWN.to_owned())
 }
 
 /// Results of all benchmarks.

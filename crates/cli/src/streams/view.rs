@@ -93,8 +93,11 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let server = Server::bind(sources, args.port)?;
     let state = args.state.as_ref().map_or(String::new(), |state| format!("#{state}"));
     let address = format!("{}{state}", server.address());
+    // Other users can read the arguments of a program, so the browser receives an address without the token. The page keeps
+    // the text after `#` when the server leads the browser to it.
+    let one_time_address = server.one_time_address().map(|address| address + &state);
     out.print_result(&json!({"event": "view", "address": address}), &format!("{address}\n"))?;
-    if !args.no_browser && !open_browser(&address) {
+    if !args.no_browser && !one_time_address.is_some_and(|address| open_browser(&address)) {
         out.print_message("note: no browser was started; open the address above");
     }
     let stop = stop_flag()?;

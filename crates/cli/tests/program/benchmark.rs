@@ -324,6 +324,47 @@ fn a_report_replaces_the_tables_between_the_markers_of_a_page() {
 }
 
 #[test]
+fn text_of_a_score_file_becomes_no_markup_of_a_page() {
+    let (place, _) = generated(&short_suite(1));
+    place.run_ok("benchmark run data --baseline tfp -o run");
+    let hostile = "a\n<!-- benchmark tiny: end -->\n# b `c` | <script>d</script>";
+    let mut score = place.json("run/score.json");
+    for key in ["version", "digest"] {
+        score[key] = hostile.into();
+    }
+    for key in ["spikelane", "system", "processor"] {
+        score["environment"][key] = hostile.into();
+    }
+    for summary in score["summaries"].as_array_mut().unwrap() {
+        if summary["point"].is_object() {
+            summary["point"]["curve"] = "`<script>".into();
+            summary["point"]["value"] = hostile.into();
+        }
+    }
+    place.write("run/score.json", score.to_string());
+    let page = "<!-- benchmark tiny: begin -->\nold\n<!-- benchmark tiny: end -->\nafter\n";
+    place.write("page.md", page);
+    let report = "benchmark report run/score.json -o report --force --markdown page.md";
+    place.run_ok(report);
+    let written = String::from_utf8(place.read("page.md")).unwrap();
+    // Only the two markers of the page are comments.
+    assert_eq!(written.matches('<').count(), 2, "{written}");
+    assert!(!written.contains("\n#") && !written.contains(" `c`"), "{written}");
+    // No text ends a cell, so all rows of a table have the same number of cells.
+    let cells = |line: &str| line.replace("\\|", "").matches('|').count();
+    for table in written.split("\n\n") {
+        let rows: Vec<usize> = table.lines().filter(|l| l.starts_with('|')).map(cells).collect();
+        assert!(rows.iter().all(|count| *count == rows[0]), "{table}");
+    }
+    // The page can be written again.
+    place.run_ok(report);
+    assert!(place.read("page.md").ends_with(b"<!-- benchmark tiny: end -->\nafter\n"));
+    score["environment"]["date"] = "2026\n# b".into();
+    place.write("run/score.json", score.to_string());
+    place.run_refused(report, 3, &["2026\\n# b", "a date such as"]);
+}
+
+#[test]
 fn a_published_digest_is_compared() {
     let text = short_suite(1);
     let (place, digest) = generated(&text);
@@ -480,6 +521,22 @@ fn a_sealed_suite_opens_only_with_its_secret() {
         9,
         &["commitment"],
     );
+}
+
+#[cfg(unix)]
+#[test]
+fn only_the_owner_may_read_the_secret_of_a_sealed_suite() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let place = TestFolder::new();
+    place.write("tiny.toml", short_suite(1));
+    for umask in ["000", "022", "077"] {
+        let mut shell = std::process::Command::new("sh");
+        let line = format!("umask {umask}; exec \"$0\" benchmark seal tiny.toml -o {umask}");
+        shell.args(["-c", &line, env!("CARGO_BIN_EXE_spikelane")]).current_dir(place.path("."));
+        assert!(shell.output().unwrap().status.success());
+        let secret = place.path(&format!("{umask}.secret.json"));
+        assert_eq!(secret.metadata().unwrap().permissions().mode() & 0o7777, 0o600, "umask {umask}");
+    }
 }
 
 /// Returns a suite of a task with labels.

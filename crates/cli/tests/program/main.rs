@@ -35,3 +35,5 @@ mod simulate;
 mod standard_streams;
 mod static_recordings;
 mod streams;
+#[cfg(unix)]
+mod view;

@@ -59,6 +59,34 @@ pub fn write_small(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
     partial.commit().map(drop)
 }
 
+/// Writes a small file that contains a secret.
+///
+/// The function works as [`write_small`], but other users of the machine cannot open the file at any time. The file has the
+/// mode 0600, or fewer permissions if the umask removes them. On Windows, the file inherits the permissions of its folder.
+///
+/// # Examples
+/// ```
+/// use spikelane_io::storage::write_small_private;
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// let path = folder.path().join("key");
+/// write_small_private(&path, b"secret", false)?;
+/// # #[cfg(unix)]
+/// # {
+/// use std::os::unix::fs::PermissionsExt as _;
+/// let mode = std::fs::metadata(&path).map_err(|e| spikelane::Error::io("key", e))?.permissions().mode();
+/// assert_eq!(mode & 0o777, 0o600);
+/// # }
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
+/// # Errors
+/// As [`write_small`].
+pub fn write_small_private(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
+    let partial = partial_file::PartialFile::create_private(path, force)?;
+    partial.file().write_all(bytes).map_err(|e| Error::io(path.display(), e))?;
+    partial.commit().map(drop)
+}
+
 /// Writes or replaces a small file that can be generated again, such as an intermediate result.
 ///
 /// Unless the machine loses power, other processes read either the old file or the complete new file. The file is not

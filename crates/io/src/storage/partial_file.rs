@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::storage::platform::set_private;
 use crate::storage::sync;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 
@@ -31,9 +32,23 @@ impl PartialFile {
         Self::create_with_suffix(path, force, "")
     }
 
+    /// Creates the hidden file as [`create`](Self::create) does. Other users cannot open the file.
+    pub(super) fn create_private(path: &Path, force: bool) -> Result<Self> {
+        Self::create_with_options(path, force, "", set_private(&mut OpenOptions::new()))
+    }
+
     /// Creates the hidden file `.NAME.PID-N.partial` beside `path`, with `ending` appended to the name. External
     /// programs that write the file determine the file format from this ending.
     pub fn create_with_suffix(path: &Path, force: bool, ending: &str) -> Result<Self> {
+        Self::create_with_options(path, force, ending, &mut OpenOptions::new())
+    }
+
+    fn create_with_options(
+        path: &Path,
+        force: bool,
+        ending: &str,
+        options: &mut OpenOptions,
+    ) -> Result<Self> {
         refuse_existing(path, force)?;
         let name = path.file_name().ok_or_else(|| {
             Error::new(ErrorKind::Usage, path.display()).found("no file name").expected("the path of a file")
@@ -44,7 +59,7 @@ impl PartialFile {
             hidden_name.push(name);
             hidden_name.push(format!(".{}-{n}.partial{ending}", std::process::id()));
             let hidden = path.with_file_name(hidden_name);
-            let created = OpenOptions::new().read(true).write(true).create_new(true).open(&hidden);
+            let created = options.read(true).write(true).create_new(true).open(&hidden);
             match created {
                 Ok(file) => {
                     // An error is ignored, because some file systems do not support locks.

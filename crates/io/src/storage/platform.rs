@@ -148,6 +148,14 @@ pub(super) fn set_no_follow(options: &mut OpenOptions) -> &mut OpenOptions {
     options
 }
 
+/// Sets `options` so that a new file has the mode 0600 and other users cannot open it. The umask can only remove bits of
+/// this mode. On Windows, `options` is unchanged, and a new file inherits the permissions of its folder.
+pub(super) fn set_private(options: &mut OpenOptions) -> &mut OpenOptions {
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(options, 0o600);
+    options
+}
+
 /// Opens a file that this program created. The function does not follow links and does not block on pipes.
 ///
 /// # Errors

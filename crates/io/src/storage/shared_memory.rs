@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use memmap2::{MmapOptions, MmapRaw};
 
 use crate::storage::mapping_guard::MappingGuard;
-use crate::storage::platform::{is_same_file, reserve};
+use crate::storage::platform::{is_same_file, reserve, set_private};
 use crate::storage::writer::reserve_error;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::Count;
@@ -39,11 +39,8 @@ impl SharedMemory {
     /// * Other errors of the operating system.
     pub fn create(path: &Path, words: usize) -> Result<Self> {
         let io = |e| Error::io(path.display(), e);
-        let mut options = OpenOptions::new();
-        options.read(true).write(true).create_new(true);
-        #[cfg(unix)]
-        std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-        let file = options.open(path).map_err(io)?;
+        let file =
+            set_private(OpenOptions::new().read(true).write(true).create_new(true)).open(path).map_err(io)?;
         let bytes = (words * WORD_BYTES) as u64;
         let reserved = reserve(&file, 0, bytes).map_err(|e| reserve_error(path, bytes, e));
         reserved.and_then(|()| Self::map(file, path)).inspect_err(|_| {

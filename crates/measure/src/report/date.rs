@@ -17,3 +17,30 @@ pub fn today() -> String {
     let year = year + era * 400 + u64::from(month <= 2);
     format!("{year}-{month:02}-{date:02}")
 }
+
+/// Returns whether `text` is a date as [`today`] writes it.
+///
+/// # Examples
+/// ```
+/// use spikelane_measure::report::is_date;
+/// assert!(is_date("2024-02-29") && !is_date("2023-02-29") && !is_date("2024-2-29"));
+/// ```
+#[must_use]
+pub fn is_date(text: &str) -> bool {
+    let is_digit = |i: usize| text.as_bytes().get(i).is_some_and(u8::is_ascii_digit);
+    if text.len() != 10 || ![0, 1, 2, 3, 5, 6, 8, 9].into_iter().all(is_digit) {
+        return false;
+    }
+    let number = |range: std::ops::Range<usize>| text[range].parse().unwrap_or(0);
+    let (year, month, day): (u32, u32, u32) = (number(0..4), number(5..7), number(8..10));
+    let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    let last = match month {
+        2 => 28 + u32::from(is_leap),
+        4 | 6 | 9 | 11 => 30,
+        _ => 31,
+    };
+    text.as_bytes()[4] == b'-'
+        && text.as_bytes()[7] == b'-'
+        && (1..=12).contains(&month)
+        && (1..=last).contains(&day)
+}
