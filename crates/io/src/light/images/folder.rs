@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::image_file::{self, ImageFile};
 use super::linearization::Linearization;
 use super::missing_numbers;
+use super::name_order;
 use super::natural_order::natural_cmp;
 use crate::light::resize_mode::ResizeMode;
 use crate::light::timestamps::{self, FrameTimes};
@@ -249,8 +250,9 @@ impl Source for ImageFolder {
     fn notes(&self) -> Vec<String> {
         let place = self.folder.display();
         let gap = missing_numbers::missing_numbers_note(&self.files).map(|text| format!("{place}: {text}"));
+        let order = name_order::name_order_note(&self.files).map(|text| format!("{place}: {text}"));
         let skipped = skipped_note(&self.ignored_names).map(|text| format!("{place}: {text}"));
         let of_files = self.file_notes.iter().map(|note| format!("{place}: {note}"));
-        gap.into_iter().chain(skipped).chain(of_files).collect()
+        gap.into_iter().chain(order).chain(skipped).chain(of_files).collect()
     }
 }

@@ -11,6 +11,7 @@ pub mod image_file;
 pub(super) mod image_pages;
 pub(super) mod linearization;
 pub(super) mod missing_numbers;
+mod name_order;
 pub mod natural_order;
 mod page_timing;
 mod patched_reader;
