@@ -41,6 +41,7 @@ impl LightArgs {
             transfer: self.transfer,
             motion_clip: motion,
             scale: self.full_scale,
+            accept_damage: self.accept_damage,
             ..InputOptions::from_camera(camera)
         }
     }

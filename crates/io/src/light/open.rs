@@ -73,6 +73,9 @@ pub struct InputOptions {
     ///
     /// Codes of video are counted from 0 to the largest code of its depth, after a limited range has been expanded.
     pub scale: Option<f64>,
+    /// Whether the part of a damaged image or video that can be decoded is used. Notes of the source then describe the
+    /// damage. Otherwise, damage is an error.
+    pub accept_damage: bool,
     /// If this flag becomes true, waiting for standard input is interrupted. If `stop` is `None`, the wait cannot be
     /// interrupted.
     pub stop: Option<Arc<AtomicBool>>,
@@ -86,6 +89,7 @@ spikelane::unstable::with_methods!(InputOptions {
     with_transfer: transfer: Option<Transfer>,
     with_motion_clip: motion_clip: Option<MotionClip>,
     with_scale: scale: Option<f64>,
+    with_accept_damage: accept_damage: bool,
     with_stop: stop: Option<Arc<AtomicBool>>,
 });
 
@@ -102,6 +106,7 @@ impl InputOptions {
             transfer: None,
             motion_clip: None,
             scale: None,
+            accept_damage: false,
             stop: None,
         }
     }
@@ -168,7 +173,7 @@ fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let about = std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
     if image_file::is_image(path) && !about.is_dir() {
-        let file = ImageFile::open(path)?;
+        let file = ImageFile::open(path)?.with_accept_damage(options.accept_damage);
         if file.pages > 1 {
             refuse_motion(path.display(), options)?;
             return Ok(Box::new(ImagePages::new(file, camera, resize_mode, &linear)?));
@@ -177,20 +182,20 @@ fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
             None => StillImage::from_file(file, camera, resize_mode, &linear)?.0,
             Some(m) => {
                 let motion = (m.motion, m.rate, m.frames);
-                StillImage::open_moving(path, camera, resize_mode, &linear, motion)?
+                StillImage::moving(file, camera, resize_mode, &linear, motion)?
             }
         }));
     }
     refuse_motion(path.display(), options)?;
     if about.is_dir() {
-        return Ok(Box::new(ImageFolder::open(path, camera, resize_mode, linear)?));
+        return Ok(Box::new(ImageFolder::open(path, camera, resize_mode, linear, options.accept_damage)?));
     }
     match ending.as_deref() {
         Some("npy") => array_source(ArraySource::open(path, camera, resize_mode, options.transfer)?, options),
         Some("npz") => array_source(npz::open(path, camera, resize_mode, options.transfer)?, options),
         Some("y4m") => Ok(Box::new(Y4mSource::open(path, camera, resize_mode, linear)?)),
         Some(e) if VIDEO_EXTENSIONS.contains(&e) => {
-            Ok(Box::new(FfmpegSource::open(path, camera, resize_mode, linear)?))
+            Ok(Box::new(FfmpegSource::open(path, camera, resize_mode, linear, options.accept_damage)?))
         }
         _ => Err(Error::new(ErrorKind::Usage, path.display())
             .found("an unknown type of file")

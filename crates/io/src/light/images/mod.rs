@@ -9,6 +9,7 @@ mod fits_file;
 pub mod folder;
 pub mod image_file;
 pub(super) mod image_pages;
+mod jpeg_file;
 pub(super) mod linearization;
 pub(super) mod missing_numbers;
 mod name_order;
