@@ -170,21 +170,23 @@ fn generate_from_input(
     (input_options.resize_mode, input_options.transfer) = (inputs.resize_mode, inputs.transfer);
     // The folder was examined when the data set was planned.
     (input_options.scale, input_options.is_video) = (inputs.full_scale, true);
+    input_options.accept_damage = inputs.accept_damage;
     let path = input_path(inputs, Path::new(name))?;
     let open = || light::open(&path, &input_options);
     let mut source = open()?;
     let pace = FrameTiming { readouts_per_frame: inputs.readouts_per_frame, frame_rate: None };
     let timeline = pace.timeline(&*source, options.rate()?, inputs.interpolation)?;
     let by = input_exposure(options, &open, &timeline)?;
-    let mut notes = source.notes();
-    if let Some(stored) = source.stored_geometry() {
-        let note = inputs.resize_mode.crop_note(stored, options.camera.sensor.geometry);
-        notes.extend(note.map(|text| format!("{name}: {text}")));
-    }
+    let crop_note = source
+        .stored_geometry()
+        .and_then(|stored| inputs.resize_mode.crop_note(stored, options.camera.sensor.geometry));
     let mut source = ScaledSource { source: &mut *source, factor: by, path_and_name: Some((&path, name)) };
     let mut keeper = ReferenceImageWriter::new(options, options.images.every, false, folder)?;
     let light = LightRun { timeline: timeline.clone(), readouts: None, source: &mut source };
     let outcome = simulate_streams(options, entry, light, &mut keeper, watch)?;
+    // Damage is known after the last frame.
+    let mut notes = source.notes();
+    notes.extend(crop_note.map(|text| format!("{name}: {text}")));
     let glance = &outcome.light_sample;
     let middle = outcome.readouts / 2;
     let reference = if glance.readout == middle {

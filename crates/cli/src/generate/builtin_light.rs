@@ -42,6 +42,7 @@ impl LightArgs {
             motion_clip: motion,
             scale: self.full_scale,
             is_video: self.video,
+            accept_damage: self.accept_damage,
             ..InputOptions::from_camera(camera)
         }
     }

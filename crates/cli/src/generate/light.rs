@@ -12,7 +12,7 @@ use spikelane_io::light::{
 use spikelane_io::simulate::LightFacts;
 
 use crate::common::camera::exact_rate;
-use crate::common::console::recorded_path;
+use crate::common::console::{Console, recorded_path};
 use crate::common::lighting::LightingArg;
 use crate::common::progress::stop_flag;
 
@@ -113,6 +113,11 @@ pub(crate) struct LightArgs {
     /// Read any folder of images as a video
     #[arg(hide_short_help = true, long, requires = "input", help_heading = "Light")]
     pub video: bool,
+    /// Use the part of a damaged image or video that can be decoded
+    ///
+    /// By default, damage is an error. With this flag, a warning describes the damage.
+    #[arg(hide_short_help = true, long, requires = "input", help_heading = "Light")]
+    pub accept_damage: bool,
     /// Move the camera over an image, such as pan=120,0:zoom=1.2:rotate=30 [default: no motion]
     ///
     /// pan is in pixels, zoom is a factor, and rotate is in degrees, each per second.
@@ -226,6 +231,13 @@ impl LightArgs {
             );
         }
         notes
+    }
+}
+
+/// Prints the notes of a source that are not in `printed`, such as damage that the source found while it was read.
+pub(crate) fn print_new_notes(source: &dyn Source, printed: &[String], out: &Console) {
+    for note in source.notes().iter().filter(|note| !printed.contains(note)) {
+        out.print_message(format_args!("warning: {note}"));
     }
 }
 

@@ -19,7 +19,7 @@ use spikelane_io::live::{
 use spikelane_io::simulate::{ReadAhead, ReadoutStream, RunOptions};
 use spikelane_measure::report::insert_present;
 
-use super::light::{BuiltinLight, LightArgs};
+use super::light::{BuiltinLight, LightArgs, print_new_notes};
 use crate::common::camera::CameraArgs;
 use crate::common::console::Console;
 use crate::common::progress::{CountProgress, stop_flag};
@@ -182,6 +182,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     };
     let total =
         job.expected_readouts(light.source.frames()).or(job.readouts).filter(|&n| n != ENDLESS_READOUTS);
+    let warnings = light.warnings;
     let mut source = ReadAhead::new(light.source, Arc::clone(&flag));
     let mut readouts = ReadoutStream::new(&job, &mut source)?;
     let stop = StopFlag::from_flag(Arc::clone(&flag));
@@ -195,6 +196,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     if let Some(fault) = readouts.exposure_fault() {
         out.print_message(format_args!("warning: {}", fault.warning(&args.sink)));
     }
+    drop(readouts);
+    print_new_notes(&source, &warnings, out);
     print_report(args, &job, &report, out)
 }
 

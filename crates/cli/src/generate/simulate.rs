@@ -19,7 +19,7 @@ use spikelane_measure::report::insert_present;
 use super::forecast;
 use super::images;
 use super::images::ImageArgs;
-use super::light::{LightArgs, RunLight};
+use super::light::{LightArgs, RunLight, print_new_notes};
 use super::output_names::OutputNames;
 use super::summary;
 use crate::common::camera::CameraArgs;
@@ -168,6 +168,7 @@ fn run_simulation(
     let light_summary = LightFacts::summary(&*light.source);
     let (layout, clean) = (job.layout, args.clean.then_some(names.clean_stream.as_path()));
     let mut progress = CountProgress::new(out, stop.clone());
+    let warnings = light.warnings;
     let mut source = ReadAhead::new(light.source, stop);
     let start = Instant::now();
     let mut watch = |done, total| progress.update(done, total);
@@ -178,6 +179,7 @@ fn run_simulation(
     let ran = run_source(job, &mut source, &names.stream, clean, observer);
     let outcome = ran.map_err(|e| progress.error_or_interrupt(e))?;
     drop(progress);
+    print_new_notes(&source, &warnings, out);
     let seconds = start.elapsed().as_secs_f64();
     if job.camera.maps != spikelane::effects::Maps::default() {
         save_camera(&job.camera, &names.camera, args.force)?;

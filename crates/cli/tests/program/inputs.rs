@@ -242,3 +242,19 @@ fn a_request_to_stop_ends_the_wait_for_standard_input() {
         drop(pipe);
     }
 }
+
+#[test]
+fn damage_is_an_error_or_a_warning_that_names_the_image() {
+    let place = TestFolder::new();
+    let image = image::GrayImage::from_fn(16, 16, |x, y| image::Luma([(x * y) as u8]));
+    std::fs::create_dir(place.path("clip")).unwrap();
+    for name in ["clip/1.jpg", "clip/2.jpg"] {
+        image.save(place.path(name)).unwrap();
+    }
+    let whole = place.read("clip/2.jpg");
+    place.write("clip/2.jpg", &whole[..whole.len() - 20]);
+    let line = "simulate clip -o o --size-from-input --camera ideal --readouts-per-frame 2";
+    place.run_refused(line, 4, &["2.jpg", "end marker", "--accept-damage"]);
+    let ran = place.run_ok(&format!("{line} --accept-damage"));
+    assert!(ran.stderr.contains("warning: clip: 2.jpg: damaged"), "{}", ran.stderr);
+}

@@ -280,6 +280,10 @@ pub struct InputContent {
     /// largest code, or 1.0 for floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub full_scale: Option<f64>,
+    /// Whether the parts of damaged images and videos that can be decoded are used. Otherwise, the sequence of a damaged
+    /// input fails.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub accept_damage: bool,
 }
 
 const fn default_interpolation() -> Interpolation {

@@ -153,6 +153,7 @@ impl DatasetOptions {
                     ("list", i.list.as_ref().map(|l| l.display().to_string().into())),
                     ("transfer", i.transfer.map(|t| t.to_string().into())),
                     ("full_scale", i.full_scale.map(Into::into)),
+                    ("accept_damage", i.accept_damage.then(|| true.into())),
                 ],
             ),
         };

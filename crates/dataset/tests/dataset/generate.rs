@@ -246,7 +246,35 @@ pub(crate) fn inputs(folder: &Path) -> Content {
         resize_mode: ResizeMode::Cover,
         transfer: None,
         full_scale: None,
+        accept_damage: false,
     })
+}
+
+/// Half of a JPEG would be simulated as gray.
+#[test]
+fn a_damaged_clip_fails_unless_damage_is_accepted() {
+    let dir = tempfile::tempdir().unwrap();
+    let clips = dir.path().join("clips");
+    clip(&clips.join("whole"), 200);
+    fs::create_dir_all(clips.join("a")).unwrap();
+    let mut jpeg = std::io::Cursor::new(Vec::new());
+    let image = image::GrayImage::from_fn(48, 32, |x, y| image::Luma([(x * y) as u8]));
+    image.write_to(&mut jpeg, image::ImageFormat::Jpeg).unwrap();
+    let jpeg = jpeg.into_inner();
+    for (name, len) in [("1.jpg", jpeg.len()), ("2.jpg", jpeg.len() * 3 / 4)] {
+        fs::write(clips.join("a").join(name), &jpeg[..len]).unwrap();
+    }
+    for accept_damage in [false, true] {
+        let Content::Inputs(content) = inputs(&clips) else { unreachable!() };
+        let content = Content::Inputs(InputContent { accept_damage, ..content });
+        let out = dir.path().join(format!("set-{accept_damage}"));
+        let report = generate_dataset(&options(&out, content)).unwrap();
+        assert_eq!((report.generated, report.failed_sequences), if accept_damage { (2, 0) } else { (1, 1) });
+        let has_note = |(name, bytes): (String, Vec<u8>)| {
+            name.ends_with("record.json") && String::from_utf8_lossy(&bytes).contains("2.jpg: damaged")
+        };
+        assert_eq!(read_files(&out).into_iter().any(has_note), accept_damage);
+    }
 }
 
 #[test]

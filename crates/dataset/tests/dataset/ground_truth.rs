@@ -45,6 +45,7 @@ fn inputs(folder: &Path, readouts_per_frame: u64) -> Content {
         resize_mode: ResizeMode::Cover,
         transfer: None,
         full_scale: None,
+        accept_damage: false,
     })
 }
 

@@ -9,6 +9,7 @@ pub mod full_scale;
 mod images;
 mod mosaic_source;
 mod open;
+mod pixel_aspect;
 mod resize_mode;
 mod scaled_source;
 pub(crate) mod timestamps;

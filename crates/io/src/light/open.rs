@@ -77,6 +77,9 @@ pub struct InputOptions {
     /// Whether the images of a folder are the frames of a video, whatever their names and contents are. If false,
     /// [`check_is_video`] examines the folder.
     pub is_video: bool,
+    /// Whether the part of a damaged image or video that can be decoded is used. Notes of the source then describe the
+    /// damage. Otherwise, damage is an error.
+    pub accept_damage: bool,
     /// If this flag becomes true, waiting for standard input is interrupted. If `stop` is `None`, the wait cannot be
     /// interrupted.
     pub stop: Option<Arc<AtomicBool>>,
@@ -91,6 +94,7 @@ spikelane::unstable::with_methods!(InputOptions {
     with_motion_clip: motion_clip: Option<MotionClip>,
     with_scale: scale: Option<f64>,
     with_is_video: is_video: bool,
+    with_accept_damage: accept_damage: bool,
     with_stop: stop: Option<Arc<AtomicBool>>,
 });
 
@@ -108,6 +112,7 @@ impl InputOptions {
             motion_clip: None,
             scale: None,
             is_video: false,
+            accept_damage: false,
             stop: None,
         }
     }
@@ -174,7 +179,7 @@ fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let about = std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
     if image_file::is_image(path) && !about.is_dir() {
-        let file = ImageFile::open(path)?;
+        let file = ImageFile::open(path)?.with_accept_damage(options.accept_damage);
         if file.pages > 1 {
             refuse_motion(path.display(), options)?;
             return Ok(Box::new(ImagePages::new(file, camera, resize_mode, &linear)?));
@@ -183,7 +188,7 @@ fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
             None => StillImage::from_file(file, camera, resize_mode, &linear)?.0,
             Some(m) => {
                 let motion = (m.motion, m.rate, m.frames);
-                StillImage::open_moving(path, camera, resize_mode, &linear, motion)?
+                StillImage::moving(file, camera, resize_mode, &linear, motion)?
             }
         }));
     }
@@ -192,14 +197,14 @@ fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
         if !options.is_video {
             check_is_video(path)?;
         }
-        return Ok(Box::new(ImageFolder::open(path, camera, resize_mode, linear)?));
+        return Ok(Box::new(ImageFolder::open(path, camera, resize_mode, linear, options.accept_damage)?));
     }
     match ending.as_deref() {
         Some("npy") => array_source(ArraySource::open(path, camera, resize_mode, options.transfer)?, options),
         Some("npz") => array_source(npz::open(path, camera, resize_mode, options.transfer)?, options),
         Some("y4m") => Ok(Box::new(Y4mSource::open(path, camera, resize_mode, linear)?)),
         Some(e) if VIDEO_EXTENSIONS.contains(&e) => {
-            Ok(Box::new(FfmpegSource::open(path, camera, resize_mode, linear)?))
+            Ok(Box::new(FfmpegSource::open(path, camera, resize_mode, linear, options.accept_damage)?))
         }
         _ => Err(Error::new(ErrorKind::Usage, path.display())
             .found("an unknown type of file")

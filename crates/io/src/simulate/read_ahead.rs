@@ -1,8 +1,8 @@
 //! Decodes the next frames of a source while the current frames are being simulated.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::light::{Frame, Rate, Source};
@@ -27,6 +27,8 @@ pub struct ReadAhead {
     count: Option<u64>,
     rate: Option<Rate>,
     description: String,
+    /// The notes of the source after the last frame that was read.
+    notes: Arc<Mutex<Vec<String>>>,
     has_ended: bool,
 }
 
@@ -44,19 +46,26 @@ impl ReadAhead {
     pub fn new(source: Box<dyn Source>, stop: Arc<AtomicBool>) -> Self {
         let (geometry, count, rate) = (source.geometry(), source.frames(), source.rate());
         let description = source.describe();
+        let notes = Arc::new(Mutex::new(source.notes()));
+        let notes_of_thread = Arc::clone(&notes);
         let (sender, frames) = sync_channel(MAX_FRAMES_AHEAD);
-        let frames = match threads::spawn("light", source, move |source| read(source, &sender)) {
-            Ok(()) => FrameFeed::Thread(frames),
-            Err(source) => FrameFeed::Inline(source),
-        };
-        Self { frames, stop, geometry, count, rate, description, has_ended: false }
+        let frames =
+            match threads::spawn("light", source, move |source| read(source, &sender, &notes_of_thread)) {
+                Ok(()) => FrameFeed::Thread(frames),
+                Err(source) => FrameFeed::Inline(source),
+            };
+        Self { frames, stop, geometry, count, rate, description, notes, has_ended: false }
     }
 }
 
-fn read(mut source: Box<dyn Source>, sender: &SyncSender<Result<Frame>>) {
+/// Reads the frames. The notes are replaced before the receiver can notice the end of the frames.
+fn read(mut source: Box<dyn Source>, sender: &SyncSender<Result<Frame>>, notes: &Mutex<Vec<String>>) {
     loop {
         let mut frame = Frame::dark(source.geometry());
-        let message = match source.next_frame(&mut frame) {
+        let next = source.next_frame(&mut frame);
+        // A source may find damage in a frame.
+        *notes.lock().unwrap_or_else(PoisonError::into_inner) = source.notes();
+        let message = match next {
             Ok(true) => Ok(frame),
             Ok(false) => return,
             Err(e) => Err(e),
@@ -105,5 +114,12 @@ impl Source for ReadAhead {
 
     fn describe(&self) -> String {
         self.description.clone()
+    }
+
+    fn notes(&self) -> Vec<String> {
+        match &self.frames {
+            FrameFeed::Thread(_) => self.notes.lock().unwrap_or_else(PoisonError::into_inner).clone(),
+            FrameFeed::Inline(source) => source.notes(),
+        }
     }
 }

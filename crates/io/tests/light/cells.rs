@@ -1,4 +1,4 @@
-//! One test for each cell of the table of containers in `docs/reference/inputs.md`.
+//! One test for each cell of the tables of containers in `docs/reference/inputs.md`.
 //!
 //! A cell states what a property of a file changes, or that a warning reports the property (R).
 
@@ -42,18 +42,24 @@ fn every_cell_of_the_page_has_a_test() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/inputs.md");
     // A published package does not contain the page.
     let Ok(page) = fs::read_to_string(page) else { return };
-    let rows = page.lines().skip_while(|line| !line.starts_with("|container|"));
-    let mut rows = rows.take_while(|line| line.starts_with('|')).map(|line| {
-        line.trim_matches('|').split('|').map(str::trim).map(str::to_owned).collect::<Vec<String>>()
-    });
-    let properties = rows.next().unwrap();
-    let stated: Vec<[String; 3]> = rows
-        .skip(1)
-        .flat_map(|row| {
-            let cells = properties.iter().zip(&row).skip(1).filter(|(_, text)| !text.is_empty());
-            cells.map(|(property, text)| [row[0].clone(), property.clone(), text.clone()]).collect::<Vec<_>>()
-        })
-        .collect();
+    let mut properties: Vec<String> = Vec::new();
+    let mut stated: Vec<[String; 3]> = Vec::new();
+    let cells = |line: &str| -> Vec<String> {
+        let inner = line.strip_prefix('|').and_then(|line| line.strip_suffix('|')).unwrap_or_default();
+        inner.split('|').map(|cell| cell.trim().to_owned()).collect()
+    };
+    for line in page.lines() {
+        if line.starts_with("|container|") {
+            properties = cells(line);
+        } else if !line.starts_with('|') {
+            properties.clear();
+        } else if !properties.is_empty() && !line.starts_with("|---") {
+            let row = cells(line);
+            assert_eq!(row.len(), properties.len(), "{line}");
+            let filled = properties.iter().zip(&row).skip(1).filter(|(_, text)| !text.is_empty());
+            stated.extend(filled.map(|(property, text)| [row[0].clone(), property.clone(), text.clone()]));
+        }
+    }
     assert!(stated.len() > 50, "{stated:?}");
     for cell in &stated {
         assert!(CELLS.iter().any(|tested| tested == cell), "no test for {cell:?}");
@@ -115,6 +121,16 @@ fn assert_alpha_is_reported(path: &Path) {
     let (lights, notes) = read(path, &options());
     near(&lights[..1], &[1.0]);
     assert!(notes.contains("alpha is not used"), "{notes}");
+}
+
+/// Checks that pixels twice as wide as high are reported and read as square pixels.
+fn assert_aspect_is_reported(path: &Path) {
+    assert_eq!(
+        open(path, &linear()).unwrap().stored_geometry(),
+        Some(spikelane::Geometry::new(4, 2).unwrap())
+    );
+    let notes = read(path, &linear()).1;
+    assert!(notes.contains("is not used") && notes.contains("scale the image to 8x2"), "{notes}");
 }
 
 /// A linear gray profile.
@@ -423,6 +439,155 @@ cells! {
         let dir = TempDir::new().unwrap();
         let tags: [TiffTag<'_>; 3] = [(274, &[6]), (257, &[2]), (278, &[2])];
         assert_is_rotated(&file(&dir, "o.tif", raw_tiff(false, 8, 1, corner().as_raw(), &tags)));
+    }
+
+    png_pixel_aspect: "PNG", "pixel aspect", "pHYs: R" => {
+        let dir = TempDir::new().unwrap();
+        // 50 pixels per unit in x and 100 in y, so a pixel is twice as wide as high.
+        let wide = [50_u32.to_be_bytes(), 100_u32.to_be_bytes()].concat();
+        assert_aspect_is_reported(&file(&dir, "a.png", png_with(&gray8(51), &[(b"pHYs", &[&wide[..], &[0]].concat())])));
+        let square = [2835_u32.to_be_bytes(); 2].concat();
+        let path = file(&dir, "b.png", png_with(&gray8(51), &[(b"pHYs", &[&square[..], &[1]].concat())]));
+        assert_eq!(read(&path, &linear()).1, "");
+    }
+    tiff_pixel_aspect: "TIFF", "pixel aspect", "resolutions: R" => {
+        use tiff::encoder::{Rational, TiffEncoder, colortype::Gray8};
+        use tiff::tags::Tag;
+        let dir = TempDir::new().unwrap();
+        let mut bytes = Cursor::new(Vec::new());
+        let mut encoder = TiffEncoder::new(&mut bytes).unwrap();
+        let mut page = encoder.new_image::<Gray8>(4, 2).unwrap();
+        page.encoder().write_tag(Tag::XResolution, Rational { n: 98, d: 1 }).unwrap();
+        page.encoder().write_tag(Tag::YResolution, Rational { n: 196, d: 1 }).unwrap();
+        page.write_data(&[51; 8]).unwrap();
+        assert_aspect_is_reported(&file(&dir, "a.tif", bytes.into_inner()));
+    }
+    jpeg_pixel_aspect: "JPEG", "pixel aspect", "JFIF: R" => {
+        let dir = TempDir::new().unwrap();
+        let mut bytes = jpeg(&gray8(51), |_| {});
+        assert_eq!(&bytes[6..11], b"JFIF\0");
+        // The unit, and the densities in x and y.
+        bytes[13..18].copy_from_slice(&[1, 0, 72, 0, 144]);
+        assert_aspect_is_reported(&file(&dir, "a.jpg", bytes));
+    }
+    exr_pixel_aspect: "EXR", "pixel aspect", "pixelAspectRatio: R" => {
+        let dir = TempDir::new().unwrap();
+        let channels = AnyChannels::sort([AnyChannel::new("Y", FlatSamples::F32(vec![0.2; 8]))].into_iter().collect());
+        let layer = Layer::new((4, 2), LayerAttributes::default(), ExrEncoding::UNCOMPRESSED, channels);
+        let mut image = ExrImage::from_layer(layer);
+        image.attributes.pixel_aspect = 2.0;
+        let path = dir.path().join("a.exr");
+        image.write().to_file(&path).unwrap();
+        assert_aspect_is_reported(&path);
+    }
+    video_pixel_aspect: "GIF, video", "pixel aspect", "used; a note names it" => {
+        let dir = TempDir::new().unwrap();
+        let raw = [[255, 255, 0, 0], [255, 255, 0, 0], [255, 255, 0, 0], [255, 255, 0, 0]].concat();
+        let y4m = [&b"YUV4MPEG2 W4 H4 F25:1 A2:1 Cmono\nFRAME\n"[..], &raw].concat();
+        let files = [
+            Some(file(&dir, "v.y4m", y4m)),
+            video(&dir, "v.mkv", "gray", &raw, &["-c:v", "ffv1", "-vf", "setsar=2/1"]),
+        ];
+        for path in files.into_iter().flatten() {
+            let source = open(&path, &linear()).unwrap();
+            assert_eq!(source.stored_geometry(), Some(spikelane::Geometry::new(8, 4).unwrap()));
+            assert!(source.notes()[0].contains("2:1 is used"), "{:?}", source.notes());
+            let lights = row(&path, &sized(linear(), 8, 4)).0;
+            near(&[lights[0], lights[2], lights[5], lights[7]], &[1.0, 1.0, 0.0, 0.0]);
+        }
+    }
+
+    mp4_capture_rate: "MP4, MOV", "capture rate", "Android, Sony: used; time lapse: R" => {
+        let dir = TempDir::new().unwrap();
+        let tagged = |hz: &str| {
+            let tag = format!("com.android.capture.fps={hz}");
+            let flags = ["-c:v", "mpeg4", "-metadata", &tag, "-movflags", "use_metadata_tags"];
+            video(&dir, "v.mp4", "gray", &[51; 48], &flags)
+        };
+        let Some(path) = tagged("200") else { return };
+        let source = open(&path, &options()).unwrap();
+        assert_eq!(source.rate().map(Rate::hz), Some(200.0));
+        assert!(source.notes()[0].contains("slow motion"), "{:?}", source.notes());
+        let lapse = open(&tagged("2").unwrap(), &options()).unwrap();
+        assert_eq!(lapse.rate().map(Rate::hz), Some(25.0));
+        assert!(lapse.notes()[0].contains("time lapse"), "{:?}", lapse.notes());
+        assert_eq!(open(&tagged("25").unwrap(), &options()).unwrap().notes(), Vec::<String>::new());
+        let plain = video(&dir, "s.mp4", "gray", &[51; 48], &["-c:v", "mpeg4"]).unwrap();
+        let xml = br#"<VideoFrame videoCodec="AVC" captureFps="100.00p" formatFps="25.00p"/>"#;
+        let meta = [&(xml.len() as u32 + 8).to_be_bytes()[..], b"meta", xml].concat();
+        let sony = file(&dir, "s2.mp4", [fs::read(plain).unwrap(), meta].concat());
+        assert_eq!(open(&sony, &options()).unwrap().rate().map(Rate::hz), Some(100.0));
+    }
+    mp4_edit_list: "MP4, MOV", "edit list", "used" => {
+        let dir = TempDir::new().unwrap();
+        let raw = [[0; 16], [0; 16], [255; 16], [255; 16]].concat();
+        let Some(whole) = video(&dir, "v.mp4", "gray", &raw, &["-c:v", "mpeg4", "-q:v", "1"]) else { return };
+        // The copy contains all frames, and its edit list starts at the third.
+        let path = dir.path().join("c.mp4");
+        let cut = Command::new("ffmpeg").args(["-v", "error", "-ss", "0.08", "-i"]).arg(whole).args(["-c", "copy"]).arg(&path).status();
+        assert!(cut.unwrap().success());
+        let lights = read(&path, &linear()).0;
+        assert!(lights.len() == 2 && lights[0] > 0.9, "{lights:?}");
+    }
+    mp4_stereo: "MP4, MOV", "stereo", "R" => {
+        let dir = TempDir::new().unwrap();
+        let flags = ["-c:v", "mpeg4", "-metadata:s:v", "stereo_mode=left_right"];
+        let Some(matroska) = video(&dir, "v.mkv", "gray", &[51; 16], &flags) else { return };
+        let path = dir.path().join("v.mp4");
+        let copied = Command::new("ffmpeg").args(["-v", "error", "-i"]).arg(matroska).args(["-c", "copy", "-strict", "-2"]).arg(&path).status();
+        assert!(copied.unwrap().success());
+        let notes = read(&path, &linear()).1;
+        assert!(notes.contains("stereo"), "{notes}");
+    }
+    mp4_clean_aperture: "MP4, MOV", "clean aperture", "`clap`: R" => {
+        let dir = TempDir::new().unwrap();
+        let Some(path) = video(&dir, "v.mov", "gray", &[51; 16], &["-c:v", "png"]) else { return };
+        // A box at the end of the description of the samples, and the sizes of the boxes around it.
+        let mut bytes = fs::read(path).unwrap();
+        let clap: Vec<u8> = [2_u32, 1, 4, 1, 0, 1, 0, 1].into_iter().flat_map(u32::to_be_bytes).collect();
+        let clap = [&40_u32.to_be_bytes()[..], b"clap", &clap].concat();
+        let mut insert_at = 0;
+        for name in [b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd", b"png "] {
+            let at = bytes.windows(4).position(|part| part == name).unwrap() - 4;
+            let size = u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+            insert_at = at + size as usize;
+            bytes[at..at + 4].copy_from_slice(&(size + 40).to_be_bytes());
+        }
+        bytes.splice(insert_at..insert_at, clap);
+        let path = file(&dir, "c.mov", bytes);
+        let source = open(&path, &linear()).unwrap();
+        // ffmpeg 7.1 and later crop the frames.
+        let is_cropped = source.stored_geometry() == Some(spikelane::Geometry::new(2, 4).unwrap());
+        assert!(is_cropped || source.notes()[0].contains("2x4"), "{:?}", source.notes());
+    }
+    matroska_capture_rate: "Matroska, WebM", "capture rate", "Android: used" => {
+        let dir = TempDir::new().unwrap();
+        let flags = ["-c:v", "ffv1", "-metadata", "com.android.capture.fps=200"];
+        let Some(path) = video(&dir, "v.mkv", "gray", &[51; 48], &flags) else { return };
+        assert_eq!(open(&path, &options()).unwrap().rate().map(Rate::hz), Some(200.0));
+    }
+    matroska_stereo: "Matroska, WebM", "stereo", "R" => {
+        let dir = TempDir::new().unwrap();
+        let flags = ["-c:v", "ffv1", "-metadata:s:v", "stereo_mode=left_right"];
+        let Some(path) = video(&dir, "v.mkv", "gray", &[51; 16], &flags) else { return };
+        let notes = read(&path, &linear()).1;
+        assert!(notes.contains("stereo"), "{notes}");
+    }
+    video_new_size: "any video", "new size or format", "error" => {
+        let dir = TempDir::new().unwrap();
+        let codec = ["-c:v", "mpeg1video", "-f", "mpeg1video"];
+        let Some(small) = video(&dir, "a.m1v", "gray", &[51; 32], &codec) else { return };
+        let large = [&codec[..], &["-vf", "scale=32:32"]].concat();
+        let large = video(&dir, "b.m1v", "gray", &[51; 32], &large).unwrap();
+        let path = file(&dir, "c.mpg", [fs::read(small).unwrap(), fs::read(large).unwrap()].concat());
+        let mut source = open(&path, &linear()).unwrap();
+        let mut frame = spikelane_io::light::Frame::dark(source.geometry());
+        let error = std::iter::repeat_with(|| source.next_frame(&mut frame)).find_map(|next| match next {
+            Ok(true) => None,
+            Ok(false) => Some("no error".to_owned()),
+            Err(e) => Some(e.to_string()),
+        });
+        assert!(error.as_ref().is_some_and(|e| e.contains("frames of 32x32")), "{error:?}");
     }
 
     webp_pages: "WebP", "pages", "animation" => {

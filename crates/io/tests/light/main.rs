@@ -2,6 +2,7 @@
 
 mod cells;
 mod containers;
+mod damage;
 mod files;
 mod frames_and_timeline;
 mod front_ends;

@@ -497,10 +497,16 @@ fn a_missing_ffmpeg_says_how_to_get_it() {
     let dir = TempDir::new().unwrap();
     let path = put(&dir, "v.mp4", "x");
     let size = Geometry::new(4, 4).unwrap();
-    let error =
-        FfmpegSource::open_with("no-such-ffmpeg", &path, size, ResizeMode::Cover, Linearization::new(None))
-            .err()
-            .unwrap();
+    let error = FfmpegSource::open_with(
+        "no-such-ffmpeg",
+        &path,
+        size,
+        ResizeMode::Cover,
+        Linearization::new(None),
+        false,
+    )
+    .err()
+    .unwrap();
     assert_eq!(error.kind(), ErrorKind::Tool);
     assert!(error.to_string().contains("install"), "{error}");
 }

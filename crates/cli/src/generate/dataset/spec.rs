@@ -177,8 +177,8 @@ pub(crate) struct DatasetSpec {
     pub(crate) resize_mode: ResizeMode,
     /// Set the transfer function from codes to light: linear, srgb, pq, hlg or an exponent such as 2.2
     ///
-    /// The section [light] of the camera file sets the default. Without it, the default is srgb for images and
-    /// video, and linear for arrays and EXR.
+    /// The section [light] of the camera file sets the default. Without it, the default is what the input states, else
+    /// srgb for images and video, and linear for arrays and float images.
     #[arg(
         hide_short_help = true,
         long,
@@ -196,6 +196,11 @@ pub(crate) struct DatasetSpec {
         help_heading = "Conversion"
     )]
     pub(crate) full_scale: Option<f64>,
+    /// Use the part of a damaged image or video that can be decoded
+    ///
+    /// By default, damage is an error. With this flag, a warning describes the damage.
+    #[arg(hide_short_help = true, long, requires = "inputs", help_heading = "Conversion")]
+    pub(crate) accept_damage: bool,
     #[command(flatten)]
     pub(crate) camera: CameraArgs,
     #[command(flatten)]
@@ -242,7 +247,7 @@ pub(crate) struct DatasetSpec {
 }
 
 /// Flags that describe the dataset. With `--config` a dataset.toml replaces all of them.
-const SPEC_FLAGS: [&str; 46] = [
+const SPEC_FLAGS: [&str; 47] = [
     "from",
     "from_list",
     "scene_preset",
@@ -268,6 +273,7 @@ const SPEC_FLAGS: [&str; 46] = [
     "resize_mode",
     "transfer",
     "full_scale",
+    "accept_damage",
     "camera",
     "camera_format",
     "width",
@@ -342,6 +348,7 @@ impl DatasetSpec {
                 resize_mode: self.resize_mode,
                 transfer: self.transfer,
                 full_scale: self.full_scale,
+                accept_damage: self.accept_damage,
             });
         }
         let known = SceneContent::from_preset(&self.scene_preset).unwrap_or_else(SceneContent::rhdd);

@@ -25,6 +25,8 @@ pub(super) struct ExrPicture {
     channels: Vec<Text>,
     /// The size of the display window.
     pub size: Geometry,
+    /// The width of a pixel divided by its height.
+    pub pixel_aspect: f64,
     /// Names of other pictures in the file.
     pub ignored_layers: Vec<String>,
 }
@@ -61,7 +63,8 @@ pub(super) fn read_header(file: impl BufRead + Seek, path: &Path) -> Result<ExrP
     let chosen = &candidates[selected];
     let window = chosen.header.shared_attributes.display_window.size;
     let size = declared_geometry(window.width() as u64, window.height() as u64, &path.display().to_string())?;
-    Ok(ExrPicture { channels: chosen.channels.clone(), size, ignored_layers })
+    let pixel_aspect = f64::from(chosen.header.shared_attributes.pixel_aspect);
+    Ok(ExrPicture { channels: chosen.channels.clone(), size, pixel_aspect, ignored_layers })
 }
 
 impl Candidate<'_> {

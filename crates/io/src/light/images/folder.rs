@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::image_file::{self, ImageFile};
 use super::linearization::Linearization;
 use super::missing_numbers;
+use super::name_order;
 use super::natural_order::natural_cmp;
 use crate::light::resize_mode::ResizeMode;
 use crate::light::timestamps::{self, FrameTimes};
@@ -33,11 +34,13 @@ pub struct ImageFolder {
     front_end: FrontEnd,
     /// Notes about statements of the files that are not used.
     file_notes: Vec<String>,
+    accept_damage: bool,
     next: usize,
 }
 
 impl ImageFolder {
-    /// Lists the folder and reads the header of every image.
+    /// Lists the folder and reads the header of every image. If `accept_damage` is set, the decoded parts of damaged
+    /// images are used, and notes name these images.
     ///
     /// # Errors
     /// * [`ErrorKind::Io`] if the folder cannot be listed.
@@ -50,6 +53,7 @@ impl ImageFolder {
         camera: Geometry,
         resize_mode: ResizeMode,
         linear: Linearization,
+        accept_damage: bool,
     ) -> Result<Self> {
         let (files, mut ignored, others) = list_images(folder)?;
         let Some(first) = files.first() else {
@@ -72,7 +76,11 @@ impl ImageFolder {
         }
         resize_mode.check(size, camera).map_err(|e| e.with_context(folder.display()))?;
         let scanned = first_file.scanned_indices(files.len());
-        let scanned = scanned.iter().map(|&i| ImageFile::open(&files[i])?.read_page(0));
+        // A note about damage is added when the frame is read.
+        let scanned = scanned.iter().map(|&i| {
+            let file = ImageFile::open(&files[i])?.with_accept_damage(accept_damage);
+            file.read_page(0, &mut Vec::new())
+        });
         let scanned = scanned.collect::<Result<Vec<_>>>()?;
         first_file.complete_notes(&linear, &scanned, "of the first, middle and last image");
         if multipage > 0 {
@@ -97,6 +105,7 @@ impl ImageFolder {
             front_end: linear.front_end_for(floats),
             linear,
             file_notes: first_file.notes,
+            accept_damage,
             next: 0,
         })
     }
@@ -213,8 +222,10 @@ impl Source for ImageFolder {
         let Some(file) = self.files.get(self.next) else {
             return Ok(false);
         };
-        let image = ImageFile::open(file)?;
-        let frame = image.light(image.read_page(0)?, &self.linear)?;
+        let image = ImageFile::open(file)?.with_accept_damage(self.accept_damage);
+        let mut damage = Vec::new();
+        let frame = image.light(image.read_page(0, &mut damage)?, &self.linear)?;
+        self.file_notes.extend(damage.iter().map(|note| format!("{}: {note}", name(file))));
         // The file may have changed since the folder was listed, so the size of the image is checked again.
         check_same_size(file, frame.geometry(), &self.files[0], self.size)?;
         *into = self.resize_mode.apply(frame, self.camera)?;
@@ -256,8 +267,9 @@ impl Source for ImageFolder {
     fn notes(&self) -> Vec<String> {
         let place = self.folder.display();
         let gap = missing_numbers::missing_numbers_note(&self.files).map(|text| format!("{place}: {text}"));
+        let order = name_order::name_order_note(&self.files).map(|text| format!("{place}: {text}"));
         let skipped = skipped_note(&self.ignored_names).map(|text| format!("{place}: {text}"));
         let of_files = self.file_notes.iter().map(|note| format!("{place}: {note}"));
-        gap.into_iter().chain(skipped).chain(of_files).collect()
+        gap.into_iter().chain(order).chain(skipped).chain(of_files).collect()
     }
 }

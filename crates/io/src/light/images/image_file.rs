@@ -10,9 +10,12 @@ use image::codecs::hdr::SIGNATURE as HDR_MAGIC;
 use image::codecs::png::PngDecoder;
 use image::codecs::webp::WebPDecoder;
 use image::metadata::Orientation;
-use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use image::{
+    AnimationDecoder, ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader,
+    ImageResult, Limits,
+};
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::Frame;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
@@ -28,7 +31,8 @@ use super::linearization::{Pixels, swaps_axes};
 use super::page_timing::PageTiming;
 use super::patched_reader::PatchedReader;
 use super::tiff_file::TiffFile;
-use super::{pfm, png_chunks, tiff_file, webp_chunks};
+use super::{jpeg_file, pfm, png_chunks, tiff_file, webp_chunks};
+use crate::light::pixel_aspect::PixelAspect;
 
 pub use super::linearization::{Linearization, linearize};
 
@@ -84,7 +88,7 @@ pub fn read_header(path: &Path) -> Result<ImageHeader> {
 /// * [`ErrorKind::Input`] if the file is not an image, is damaged, or contains negative or non-finite light.
 pub fn read(path: &Path, linear: &Linearization) -> Result<Frame> {
     let file = ImageFile::open(path)?;
-    file.light(file.read_page(0)?, &linear.for_encoding(&file.encoding))
+    file.light(file.read_page(0, &mut Vec::new())?, &linear.for_encoding(&file.encoding))
 }
 
 /// Decodes and linearizes an open image that this program wrote, such as the reference image in a packed sequence.
@@ -96,7 +100,8 @@ pub fn read(path: &Path, linear: &Linearization) -> Result<Frame> {
 pub fn read_written(file: InputFile, linear: &Linearization) -> Result<Frame> {
     let path = file.path().to_owned();
     let reader = with_format(BufReader::new(file.into_reader()), &path)?;
-    linearize(decode(reader, &path)?, linear).map_err(|e| e.with_context(path.display()))
+    linearize(decode(reader, &path, DamagePolicy::Reject, &mut Vec::new())?, linear)
+        .map_err(|e| e.with_context(path.display()))
 }
 
 /// How the pages of a file are decoded.
@@ -136,12 +141,14 @@ pub(in crate::light) struct ImageFile {
     pub timing: Option<PageTiming>,
     /// Notes about statements of the file that are not used.
     pub notes: Vec<String>,
+    damage_policy: DamagePolicy,
 }
 
 impl ImageFile {
     /// Reads the header of a file.
     pub(in crate::light) fn open(path: &Path) -> Result<Self> {
-        let mut start = [0; 12];
+        // The header of JFIF has 18 bytes.
+        let mut start = [0; 18];
         let mut file = buffered(path)?;
         let read = file.read(&mut start).map_err(|e| Error::io(path.display(), e))?;
         let start = &start[..read];
@@ -180,18 +187,25 @@ impl ImageFile {
             pages: 1,
             timing: None,
             notes: Vec::new(),
+            damage_policy: DamagePolicy::Reject,
         }
+    }
+
+    /// Sets whether the decoded part of a damaged image is used. Otherwise, damage is an error.
+    pub(in crate::light) fn with_accept_damage(self, accept_damage: bool) -> Self {
+        let damage_policy = if accept_damage { DamagePolicy::Accept } else { DamagePolicy::RejectBySetting };
+        Self { damage_policy, ..self }
     }
 
     #[cfg(feature = "exr")]
     fn open_exr(path: &Path) -> Result<Self> {
         let picture = exr_file::read_header(buffered(path)?, path)?;
         let layers = picture.ignored_layers.join(", ");
-        let notes = if layers.is_empty() {
-            Vec::new()
-        } else {
-            vec![format!("other pictures in the file are not used: {layers}")]
-        };
+        let mut notes: Vec<String> =
+            PixelAspect::new(picture.pixel_aspect, 1.0).unused_note(picture.size).into_iter().collect();
+        if !layers.is_empty() {
+            notes.push(format!("other pictures in the file are not used: {layers}"));
+        }
         Ok(Self { notes, ..Self::of_floats(path, picture.size, Container::Exr(picture)) })
     }
 
@@ -204,15 +218,19 @@ impl ImageFile {
     fn open_tiff(path: &Path) -> Result<Self> {
         let tiff = tiff_file::read_header(path)?;
         let (width, height) = tiff.dimensions;
+        let size = displayed_size(width, height, tiff.orientation, path)?;
+        let mut notes = tiff.notes.clone();
+        notes.extend(density_note(tiff.densities, tiff.orientation, size));
         Ok(Self {
             path: path.to_owned(),
-            size: displayed_size(width, height, tiff.orientation, path)?,
+            size,
             encoding: tiff.encoding,
             orientation: tiff.orientation,
             pages: tiff.pages.len() as u64,
             timing: tiff.rate.map(PageTiming::Uniform).filter(|_| tiff.pages.len() > 1),
-            notes: tiff.notes.clone(),
+            notes,
             container: Container::Tiff(tiff),
+            damage_policy: DamagePolicy::Reject,
         })
     }
 
@@ -234,14 +252,14 @@ impl ImageFile {
         let mut notes = Vec::new();
         let profile = decoder.icc_profile().ok().flatten().map(|p| transfer_from_icc(&p));
         let (mut pages, mut timing, mut animation) = (1, None, None);
-        let mut transfer = profile;
+        let (mut transfer, mut densities) = (profile, None);
         if start.starts_with(png_chunks::MAGIC) {
             let chunks = png_chunks::read(buffered(path)?).map_err(|e| Error::io(path.display(), e))?;
             if !chunks.is_profile_preferred {
                 transfer = chunks.transfer;
             }
             encoding.significant_bits = chunks.significant_bits.filter(|_| largest == Some(65535.0));
-            (pages, timing) = (chunks.pages, chunks.timing);
+            (pages, timing, densities) = (chunks.pages, chunks.timing, chunks.densities);
             animation = Some(if largest == Some(65535.0) { Animation::DeepPng } else { Animation::Png });
         } else if webp_chunks::is_webp(start) {
             let chunks = webp_chunks::read(buffered(path)?).map_err(|e| Error::io(path.display(), e))?;
@@ -249,7 +267,11 @@ impl ImageFile {
             animation = Some(Animation::WebP(chunks.opaque_flags));
         } else if start.starts_with(&HDR_MAGIC[..2]) {
             notes.extend(hdr_exposure_note(path)?);
+        } else {
+            densities = jpeg_file::densities(start);
         }
+        let size = displayed_size(width, height, orientation, path)?;
+        notes.extend(densities.and_then(|densities| density_note(densities, orientation, size)));
         if largest.is_some()
             && let Some(stated) = transfer
         {
@@ -262,12 +284,13 @@ impl ImageFile {
         Ok(Self {
             path: path.to_owned(),
             container: Container::Common { animation },
-            size: displayed_size(width, height, orientation, path)?,
+            size,
             encoding,
             orientation,
             pages: pages.into(),
             timing: timing.filter(|_| pages > 1),
             notes,
+            damage_policy: DamagePolicy::Reject,
         })
     }
 
@@ -286,8 +309,8 @@ impl ImageFile {
         !matches!(self.container, Container::Common { animation: Some(_) })
     }
 
-    /// Decodes page `page`. Of an animation, only the first page can be read.
-    pub(in crate::light) fn read_page(&self, page: usize) -> Result<Pixels> {
+    /// Decodes page `page`. Of an animation, only the first page can be read. Accepted damage is added to `notes`.
+    pub(in crate::light) fn read_page(&self, page: usize, notes: &mut Vec<String>) -> Result<Pixels> {
         match &self.container {
             Container::Tiff(tiff) => tiff_file::read_page(&self.path, tiff.pages[page]),
             #[cfg(feature = "exr")]
@@ -299,7 +322,7 @@ impl ImageFile {
                 None => Err(missing_page_error(&self.path, 0, self.pages)),
             },
             Container::Common { animation: None } => {
-                decode(reader(&self.path)?, &self.path).map(Pixels::Image)
+                decode(reader(&self.path)?, &self.path, self.damage_policy, notes).map(Pixels::Image)
             }
         }
     }
@@ -389,6 +412,13 @@ fn displayed_size(width: u32, height: u32, orientation: Orientation, path: &Path
     declared_geometry(width.into(), height.into(), &path.display().to_string())
 }
 
+/// Returns a note about pixels that are not square. `densities` are pixels per unit of length in x and y of the stored
+/// image.
+fn density_note([x, y]: [f64; 2], orientation: Orientation, displayed: Geometry) -> Option<String> {
+    let aspect = if swaps_axes(orientation) { PixelAspect::new(x, y) } else { PixelAspect::new(y, x) };
+    aspect.unused_note(displayed)
+}
+
 /// Returns a note about the exposure of a Radiance HDR picture, which the samples were multiplied by.
 fn hdr_exposure_note(path: &Path) -> Result<Option<String>> {
     let mut header = Vec::new();
@@ -409,14 +439,96 @@ fn buffered(path: &Path) -> Result<BufReader<InputReader<InputFile>>> {
 
 type Reader = ImageReader<BufReader<InputReader<InputFile>>>;
 
-fn decode(reader: Reader, path: &Path) -> Result<DynamicImage> {
+/// Decodes an image. If damage is accepted, the pixels before the damage are used, and the damage is added to `notes`.
+fn decode(
+    reader: Reader,
+    path: &Path,
+    policy: DamagePolicy,
+    notes: &mut Vec<String>,
+) -> Result<DynamicImage> {
+    if reader.format() == Some(ImageFormat::Jpeg) {
+        let mut bytes = Vec::new();
+        reader.into_inner().read_to_end(&mut bytes).map_err(|e| Error::io(path.display(), e))?;
+        return jpeg_file::decode(&bytes, path, policy, notes);
+    }
     let refused = |e| decode_error(path, e);
     let decoder = reader.into_decoder().map_err(refused)?;
     limits().reserve(decoder.total_bytes()).map_err(refused)?;
     // If an allocation fails, the decoder and the conversion abort the process. The decoder and the conversion
     // together allocate at most twice the decoded bytes, so this amount is checked first.
     inputs::check_memory(path.display(), 2 * decoder.total_bytes() as usize)?;
-    DynamicImage::from_decoder(decoder).map_err(refused)
+    let mut damage = None;
+    let image =
+        DynamicImage::from_decoder(PartialDecoder { decoder, damage: &mut damage }).map_err(refused)?;
+    match damage {
+        None => {}
+        Some(e) if policy == DamagePolicy::Accept => {
+            notes.push(format!("damaged: found {e}; missing parts of the image are black"));
+        }
+        Some(e) => return Err(decode_error(path, e).remedy(policy.remedy())),
+    }
+    Ok(image)
+}
+
+/// What happens to a damaged image of which a part can be decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum DamagePolicy {
+    /// Damage is an error.
+    Reject,
+    /// Damage is an error. The user can accept damage by a setting.
+    RejectBySetting,
+    /// The decoded part is used, and a note describes the damage.
+    Accept,
+}
+
+impl DamagePolicy {
+    /// Returns the remedy for a damaged image.
+    pub(super) fn remedy(self) -> String {
+        let copy = "copy or save the image again";
+        if self == Self::Reject {
+            return copy.to_owned();
+        }
+        format!("{copy}; to use the part that can be decoded, set {}", Setting("accept_damage"))
+    }
+}
+
+/// Returns whether an error means that the data of an image are damaged.
+fn is_damage(error: &ImageError) -> bool {
+    match error {
+        ImageError::Decoding(_) => true,
+        ImageError::IoError(e) => {
+            matches!(e.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData)
+        }
+        _ => false,
+    }
+}
+
+/// A decoder that returns damage separately, with the pixels before the damage.
+struct PartialDecoder<'a, D> {
+    decoder: D,
+    damage: &'a mut Option<ImageError>,
+}
+
+impl<D: ImageDecoder> ImageDecoder for PartialDecoder<'_, D> {
+    fn dimensions(&self) -> (u32, u32) {
+        self.decoder.dimensions()
+    }
+
+    fn color_type(&self) -> ColorType {
+        self.decoder.color_type()
+    }
+
+    fn read_image(self, pixels: &mut [u8]) -> ImageResult<()> {
+        match self.decoder.read_image(pixels) {
+            Err(e) if is_damage(&e) => *self.damage = Some(e),
+            result => return result,
+        }
+        Ok(())
+    }
+
+    fn read_image_boxed(self: Box<Self>, pixels: &mut [u8]) -> ImageResult<()> {
+        (*self).read_image(pixels)
+    }
 }
 
 /// Returns the memory limits of the decoder.

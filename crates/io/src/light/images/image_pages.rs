@@ -45,11 +45,12 @@ impl ImagePages {
         resize_mode.check(file.size, camera).map_err(|e| e.with_context(file.path().display()))?;
         let feed = if file.has_random_access() {
             let scanned = file.scanned_indices(file.pages as usize);
-            let scanned = scanned.into_iter().map(|page| file.read_page(page)).collect::<Result<Vec<_>>>()?;
+            let pages = scanned.into_iter().map(|page| file.read_page(page, &mut Vec::new()));
+            let scanned = pages.collect::<Result<Vec<_>>>()?;
             file.complete_notes(linear, &scanned, "of the first, middle and last page");
             PageFeed::RandomAccess
         } else {
-            let first = file.read_page(0)?;
+            let first = file.read_page(0, &mut Vec::new())?;
             file.complete_notes(linear, &[first], "of the first page");
             let (sender, receiver) = sync_channel(QUEUED_FRAMES);
             threads::spawn("pages", file.clone(), move |file| send_pages(&file, &sender))
@@ -93,7 +94,7 @@ impl Source for ImagePages {
             return Ok(false);
         }
         let pixels = match &self.feed {
-            PageFeed::RandomAccess => self.file.read_page(self.next as usize)?,
+            PageFeed::RandomAccess => self.file.read_page(self.next as usize, &mut Vec::new())?,
             PageFeed::Thread(frames) => {
                 frames.recv().map_err(|_| missing_page_error(self.path(), self.next, self.file.pages))??
             }

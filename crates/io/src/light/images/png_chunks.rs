@@ -26,6 +26,8 @@ pub(super) struct PngChunks {
     pub pages: u32,
     /// The durations of the frames.
     pub timing: Option<PageTiming>,
+    /// Pixels per unit of length in x and y by pHYs.
+    pub densities: Option<[f64; 2]>,
 }
 
 /// Reads the chunks of a PNG from its first byte.
@@ -44,7 +46,8 @@ pub(super) fn read(mut file: impl Read + Seek) -> io::Result<PngChunks> {
         let mut data = [0; 26];
         let used = data.len().min(len as usize);
         let kind = [head[4], head[5], head[6], head[7]];
-        let is_used = matches!(&kind, b"cICP" | b"sRGB" | b"gAMA" | b"iCCP" | b"sBIT" | b"acTL" | b"fcTL");
+        let is_used =
+            matches!(&kind, b"cICP" | b"sRGB" | b"gAMA" | b"iCCP" | b"sBIT" | b"pHYs" | b"acTL" | b"fcTL");
         let used = if is_used { used } else { 0 };
         if file.read_exact(&mut data[..used]).is_err() {
             break;
@@ -63,6 +66,7 @@ pub(super) fn read(mut file: impl Read + Seek) -> io::Result<PngChunks> {
                 let is_uniform = colors.iter().all(|b| *b == bits);
                 found.significant_bits = ((9..16).contains(&bits) && is_uniform).then_some(bits);
             }
+            (b"pHYs", 9) => found.densities = Some([be32(0), be32(4)].map(f64::from)),
             (b"acTL", 8) => found.pages = be32(0).max(1),
             // A denominator of 0 stands for 100.
             (b"fcTL", 26) => durations.push((be16(20), if be16(22) == 0 { 100 } else { be16(22) })),

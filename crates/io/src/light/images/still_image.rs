@@ -61,7 +61,9 @@ impl StillImage {
         resize_mode: ResizeMode,
         linear: &Linearization,
     ) -> Result<(Self, Frame)> {
-        let pixels = file.read_page(0)?;
+        let mut damage = Vec::new();
+        let pixels = file.read_page(0, &mut damage)?;
+        file.notes.extend(damage);
         file.complete_notes(linear, std::slice::from_ref(&pixels), "of the image");
         let linear = linear.for_encoding(&file.encoding);
         let full = file.light(pixels, &linear)?;
@@ -92,13 +94,25 @@ impl StillImage {
         camera: Geometry,
         resize_mode: ResizeMode,
         linear: &Linearization,
+        motion: (CameraMotion, Rate, u64),
+    ) -> Result<Self> {
+        Self::moving(ImageFile::open(path)?, camera, resize_mode, linear, motion)
+    }
+
+    /// Reads an image across which the camera moves from `file`.
+    pub(in crate::light) fn moving(
+        file: ImageFile,
+        camera: Geometry,
+        resize_mode: ResizeMode,
+        linear: &Linearization,
         (motion, rate, frames): (CameraMotion, Rate, u64),
     ) -> Result<Self> {
         if frames == 0 {
             return Err(Error::new(ErrorKind::Usage, "frames of motion").found(0).expected("at least 1"));
         }
-        let (still, full) = Self::from_file(ImageFile::open(path)?, camera, resize_mode, linear)?;
-        let image = FullImage::new(full, camera, resize_mode).map_err(|e| e.with_context(path.display()))?;
+        let (still, full) = Self::from_file(file, camera, resize_mode, linear)?;
+        let image = FullImage::new(full, camera, resize_mode);
+        let image = image.map_err(|e| e.with_context(still.path.display()))?;
         Ok(Self { motion_view: Some(MotionView { image, motion, rate }), frames, ..still })
     }
 }

@@ -17,6 +17,7 @@ use spikelane::light::Rate;
 use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
+use tiff::decoder::ifd::Value;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{SampleFormat, Tag};
 use tiff::{ColorType, TiffError};
@@ -44,6 +45,8 @@ pub(super) struct TiffFile {
     pub orientation: Orientation,
     /// The rate of the pages that ImageJ writes.
     pub rate: Option<Rate>,
+    /// Pixels per unit of length in x and y.
+    pub densities: [f64; 2],
     pub notes: Vec<String>,
 }
 
@@ -121,6 +124,11 @@ pub(super) fn read_header(path: &Path) -> Result<TiffFile> {
             store_transfer(&mut encoding, &mut notes, Err("a tag TransferFunction".to_owned()));
         }
     }
+    let density = |decoder: &mut Decoder<_>, tag| match decoder.find_tag(tag) {
+        Ok(Some(Value::Rational(num, den))) => f64::from(num) / f64::from(den),
+        _ => 1.0,
+    };
+    let densities = [density(&mut decoder, Tag::XResolution), density(&mut decoder, Tag::YResolution)];
     let orientation = decoder.find_tag_unsigned::<u8>(Tag::Orientation).ok().flatten();
     let description = decoder.get_tag_ascii_string(Tag::ImageDescription).unwrap_or_default();
     let mut pages = Vec::new();
@@ -161,6 +169,7 @@ pub(super) fn read_header(path: &Path) -> Result<TiffFile> {
         encoding,
         orientation: orientation.and_then(Orientation::from_exif).unwrap_or(Orientation::NoTransforms),
         rate: imagej.rate,
+        densities,
         notes,
     })
 }

@@ -8,13 +8,16 @@ use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
+use super::capture_rate::CaptureRate;
+use super::damage::{Damage, LogLine};
 use super::probe::{VideoProbe, missing_program_error, single_file_args};
 use super::y4m::Y4mSource;
 use crate::light::images::linearization::Linearization;
 use crate::light::resize_mode::ResizeMode;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::Rate;
 use spikelane::light::{Frame, Source};
 use spikelane::sensor::{FrontEnd, FullScale};
@@ -25,19 +28,55 @@ use spikelane::unstable::threads;
 /// Maximum number of ffmpeg's last error lines that are reported.
 const MAX_ERROR_LINES: usize = 4;
 
+/// What ffmpeg reports while it decodes.
+#[derive(Debug, Default)]
+struct DecodingLog {
+    last_errors: VecDeque<String>,
+    damage: Damage,
+    /// Width, height and pixel format of the frames.
+    frame_format: Option<String>,
+    /// The first other frame format.
+    changed_format: Option<String>,
+}
+
+impl DecodingLog {
+    fn add(&mut self, line: &str, names: &[String]) {
+        let parsed = LogLine::parse(line);
+        if parsed.is_damage(names) {
+            self.damage.add(parsed.message);
+        }
+        if parsed.is_error() {
+            if self.last_errors.len() == MAX_ERROR_LINES {
+                self.last_errors.pop_front();
+            }
+            self.last_errors.push_back(parsed.message.to_owned());
+        }
+        let format = parsed.frame_format();
+        match &self.frame_format {
+            None => self.frame_format = format,
+            Some(first) => {
+                let changed = format.filter(|format| format != first);
+                self.changed_format = self.changed_format.take().or(changed);
+            }
+        }
+    }
+}
+
 /// A running ffmpeg process. The process is killed when this value is dropped.
 struct FfmpegProcess {
     path: PathBuf,
     child: Child,
-    stderr_lines: Option<JoinHandle<VecDeque<String>>>,
+    log: Arc<Mutex<DecodingLog>>,
+    log_thread: Option<JoinHandle<()>>,
 }
 
 impl FfmpegProcess {
-    fn start(path: &Path, program: &str, filters: &str) -> Result<Self> {
+    fn start(path: &Path, program: &str, probe: &VideoProbe) -> Result<Self> {
         let mut child = Command::new(program)
-            .args(["-nostdin", "-v", "error"])
+            // The format of the frames is in lines of the level verbose.
+            .args(["-nostdin", "-nostats", "-v", "level+verbose"])
             .args(single_file_args(path))
-            .args(["-map", "0:v:0", "-vf", filters])
+            .args(["-map", "0:v:0", "-vf", &probe.filters()])
             .args(passthrough_args(program)?)
             // Strict y4m does not permit depths above 8 bits and some gray formats, so the strict mode is disabled.
             .args(["-strict", "-1", "-f", "yuv4mpegpipe", "-"])
@@ -47,22 +86,20 @@ impl FfmpegProcess {
             .spawn()
             .map_err(|e| missing_program_error(program, e))?;
         let stderr = child.stderr.take();
+        let damage = probe.damage.clone();
+        let log = Arc::new(Mutex::new(DecodingLog { damage, ..DecodingLog::default() }));
+        let (written, names) = (Arc::clone(&log), probe.log_names.clone());
         // A separate thread reads standard error. If nothing read the pipe, the pipe would become full and ffmpeg
         // would block.
-        let complaints = move || {
-            let mut last = VecDeque::new();
+        let read_log = move || {
             for line in stderr.into_iter().flat_map(|s| BufReader::new(s).split(b'\n')) {
                 let Ok(line) = line else { break };
-                if last.len() == MAX_ERROR_LINES {
-                    last.pop_front();
-                }
-                last.push_back(String::from_utf8_lossy(&line).trim_end().to_owned());
+                locked(&written).add(&String::from_utf8_lossy(&line), &names);
             }
-            last
         };
-        let thread = std::thread::Builder::new().name("ffmpeg".into()).spawn(complaints);
-        let mut process = Self { path: path.to_owned(), child, stderr_lines: None };
-        process.stderr_lines =
+        let thread = std::thread::Builder::new().name("ffmpeg".into()).spawn(read_log);
+        let mut process = Self { path: path.to_owned(), child, log, log_thread: None };
+        process.log_thread =
             Some(thread.map_err(|_| threads::no_thread_error("read the messages of ffmpeg"))?);
         Ok(process)
     }
@@ -70,16 +107,33 @@ impl FfmpegProcess {
     /// Waits for the end of the process. Returns an error if the process failed.
     fn finish(&mut self) -> Result<()> {
         let status = self.child.wait().map_err(|e| Error::io("waiting for ffmpeg", e))?;
-        let complaints = self.stderr_lines.take().and_then(|c| c.join().ok());
+        let _ = self.log_thread.take().map(JoinHandle::join);
         if status.success() {
             return Ok(());
         }
-        let lines: Vec<_> = complaints.unwrap_or_default().into();
+        let lines: Vec<_> = locked(&self.log).last_errors.iter().cloned().collect();
         Err(Error::new(ErrorKind::Tool, self.path.display())
             .found(format_args!("ffmpeg ended with {status}: {}", lines.join(" | ")))
             .expected("a video that ffmpeg can decode")
             .remedy("check whether ffplay plays the video"))
     }
+
+    /// Returns an error if the size or the pixel format of the frames changed.
+    fn check_format(&self) -> Result<()> {
+        let log = locked(&self.log);
+        let (Some(first), Some(changed)) = (&log.frame_format, &log.changed_format) else { return Ok(()) };
+        Err(Error::new(ErrorKind::Input, self.path.display())
+            .found(format_args!("frames of {changed} after frames of {first}"))
+            .expected("one size and one pixel format in the whole video")
+            .remedy(
+                "split the video where they change, or convert it with ffmpeg -vf scale=W:H,format=yuv420p",
+            ))
+    }
+}
+
+/// Locks the log. A panic of another thread cannot leave the log in an invalid state.
+fn locked(log: &Mutex<DecodingLog>) -> MutexGuard<'_, DecodingLog> {
+    log.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Drop for FfmpegProcess {
@@ -88,9 +142,7 @@ impl Drop for FfmpegProcess {
         // report errors.
         let _ = self.child.kill();
         let _ = self.child.wait();
-        if let Some(complaints) = self.stderr_lines.take() {
-            let _ = complaints.join();
-        }
+        let _ = self.log_thread.take().map(JoinHandle::join);
     }
 }
 
@@ -121,15 +173,19 @@ pub struct FfmpegSource {
     process: FfmpegProcess,
     announced_frames: Option<u64>,
     times: Option<Vec<u64>>,
-    /// Notes about tags of the file that are not used.
+    capture_rate: Option<Rate>,
+    /// Notes about tags of the file.
     notes: Vec<String>,
+    accept_damage: bool,
     has_ended: bool,
 }
 
 impl FfmpegSource {
-    /// Starts ffmpeg on a file and reads the header that ffmpeg writes.
+    /// Starts ffmpeg on a file and reads the header that ffmpeg writes. If `accept_damage` is set, damaged pictures are
+    /// used as ffmpeg decodes them, and notes describe the damage.
     ///
     /// # Errors
+    /// * [`ErrorKind::Input`] if the file is damaged and `accept_damage` is not set.
     /// * [`ErrorKind::Io`] if the file cannot be read.
     /// * [`ErrorKind::Tool`] if ffmpeg is missing or cannot decode the file.
     /// * Errors of [`crate::light::y4m::Y4mReader::new`], which reads the output of ffmpeg.
@@ -138,8 +194,9 @@ impl FfmpegSource {
         camera: Geometry,
         resize_mode: ResizeMode,
         linear: Linearization,
+        accept_damage: bool,
     ) -> Result<Self> {
-        Self::open_with("ffmpeg", path, camera, resize_mode, linear)
+        Self::open_with("ffmpeg", path, camera, resize_mode, linear, accept_damage)
     }
 
     /// As [`FfmpegSource::open`]. `program` is the name or path of ffmpeg.
@@ -152,12 +209,16 @@ impl FfmpegSource {
         camera: Geometry,
         resize_mode: ResizeMode,
         linear: Linearization,
+        accept_damage: bool,
     ) -> Result<Self> {
         // If the path were a pipe, ffmpeg would block. `InputFile::open` accepts only regular files.
         InputFile::open(path)?;
         let probe = VideoProbe::from_file(path, program)?;
-        let mut process = FfmpegProcess::start(path, program, &probe.filters())?;
         let name = path.display().to_string();
+        if let Some(damage) = probe.damage.text().filter(|_| !accept_damage) {
+            return Err(damage_error(&name, &damage));
+        }
+        let mut process = FfmpegProcess::start(path, program, &probe)?;
         let mut output = BufReader::new(
             process
                 .child
@@ -174,7 +235,7 @@ impl FfmpegSource {
                 .expected("a file with a video stream"));
         }
         let output: Box<dyn Read + Send> = Box::new(output);
-        let notes = probe.notes.iter().map(|note| format!("{name}: {note}")).collect();
+        let mut notes = probe.notes.clone();
         let video = Y4mSource::with_sample_encoding(
             output,
             &name,
@@ -183,9 +244,50 @@ impl FfmpegSource {
             linear,
             probe.sample_encoding(),
         )?;
-        let (announced_frames, times) = (probe.frames, probe.times);
-        Ok(Self { video, process, announced_frames, times, notes, has_ended: false })
+        if let Some((width, height)) = probe.clean_aperture
+            && ![(width, height), (height, width)].contains(&video.coded_size())
+        {
+            notes.push(format!(
+                "the clean aperture of {width}x{height} pixels is not used: whole frames are shown"
+            ));
+        }
+        let notes = notes.iter().map(|note| format!("{name}: {note}")).collect();
+        let used_rate = probe.capture_rate.filter(|rate| rate.is_used());
+        let times = probe.times.map(|times| match used_rate {
+            Some(rate) => rate.capture_times(&times),
+            None => times,
+        });
+        Ok(Self {
+            video,
+            process,
+            announced_frames: probe.frames,
+            times,
+            capture_rate: used_rate.and_then(CaptureRate::rate),
+            notes,
+            accept_damage,
+            has_ended: false,
+        })
     }
+
+    /// Returns an error if ffmpeg has reported damage that is not accepted, or a change of the frames.
+    fn check_log(&self) -> Result<()> {
+        self.process.check_format()?;
+        let damage = locked(&self.process.log).damage.text();
+        match damage.filter(|_| !self.accept_damage) {
+            Some(damage) => Err(damage_error(&self.process.path.display().to_string(), &damage)),
+            None => Ok(()),
+        }
+    }
+}
+
+fn damage_error(name: &str, damage: &str) -> Error {
+    Error::new(ErrorKind::Input, name)
+        .found(format_args!("a damaged video: {damage}"))
+        .expected("a video without damage")
+        .remedy(format_args!(
+            "copy or record the video again; to use the frames that ffmpeg decodes, set {}",
+            Setting("accept_damage")
+        ))
 }
 
 impl Source for FfmpegSource {
@@ -207,18 +309,20 @@ impl Source for FfmpegSource {
         }
         let next = self.video.next_frame(into);
         if matches!(next, Ok(true)) {
+            self.check_log()?;
             return next;
         }
         self.has_ended = true;
         // If both ffmpeg and the reader fail, the error of ffmpeg is returned, because it explains why the frame is
         // truncated.
         self.process.finish()?;
+        self.check_log()?;
         next
     }
 
     fn rate(&self) -> Option<Rate> {
         // If the frame rate varies, the declared rate is only an estimate and is not returned.
-        self.video.rate().filter(|_| self.times.is_none())
+        self.capture_rate.or(self.video.rate()).filter(|_| self.times.is_none())
     }
 
     fn front_end(&self) -> FrontEnd {
@@ -243,7 +347,13 @@ impl Source for FfmpegSource {
     }
 
     fn notes(&self) -> Vec<String> {
-        self.notes.iter().cloned().chain(self.video.notes()).collect()
+        let damage = locked(&self.process.log).damage.text().filter(|_| self.accept_damage).map(|text| {
+            format!(
+                "{}: damaged: {text}; the frames are used as ffmpeg decodes them",
+                self.process.path.display()
+            )
+        });
+        self.notes.iter().cloned().chain(self.video.notes()).chain(damage).collect()
     }
 }
 

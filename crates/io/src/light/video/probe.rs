@@ -5,15 +5,55 @@
 //! samples, and [`super::yuv`] converts the samples.
 
 use std::ffi::OsString;
-use std::io;
+use std::io::{self, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use super::capture_rate::CaptureRate;
+use super::damage::{Damage, LogLine, frames_of_cut_avi};
 use super::yuv::{Matrix, SampleEncoding};
+use super::{container_end, mp4_boxes};
 use crate::light::images::encoding::{Encoding, StatedTransfer, store_transfer, transfer_from_h273};
 use crate::light::timestamps;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Transfer;
+use spikelane::unstable::inputs::InputFile;
+
+/// What ffprobe reports about the first video stream and its container.
+const PROBED_ENTRIES: &str = "stream=codec_name,pix_fmt,color_range,color_space,color_transfer,color_primaries,avg_frame_rate,nb_frames:\
+                              stream_tags=com.android.capture.fps:stream_side_data=side_data_type:\
+                              format=format_name:format_tags=com.android.capture.fps";
+
+/// Kinds of side data of a stream that change its pictures and are not used.
+const SIDE_DATA_NOTES: [(&str, &str); 2] = [
+    (
+        "Stereo 3D",
+        "the file states stereo pictures, which are not separated: a frame contains both views, or one of them",
+    ),
+    ("DOVI configuration record", "the Dolby Vision data are not used: the light is that of the base layer"),
+];
+
+/// Returns the first value of a key in lines `key=value`. Matroska stores the names of tags in capital letters.
+fn value<'a>(text: &'a str, key: &str) -> Option<&'a str> {
+    let mut lines = text.lines().filter_map(|line| line.trim().split_once('='));
+    lines.find(|(k, _)| k.eq_ignore_ascii_case(key)).map(|(_, value)| value)
+}
+
+/// Returns the value of a fraction such as `30000/1001`.
+fn parse_fraction(text: &str) -> Option<f64> {
+    let (num, den) = text.split_once('/')?;
+    let value = num.parse::<f64>().ok()? / den.parse::<f64>().ok()?;
+    (value.is_finite() && value > 0.0).then_some(value)
+}
+
+/// Returns the name of the decoder of a codec in the log of ffmpeg. The other codecs have decoders of the same name.
+fn decoder_name(codec: &str) -> &str {
+    match codec {
+        "flv1" => "flv",
+        "msmpeg4v3" => "msmpeg4",
+        other => other,
+    }
+}
 
 /// Returns the number of packets that become visible frames. Packets with the discard flag `D` are decoded only as
 /// references for other frames.
@@ -48,8 +88,8 @@ enum PixelFamily {
 }
 
 /// Properties of the first video stream of a file.
-#[derive(Clone, Debug, PartialEq)]
-pub(in crate::light) struct VideoProbe {
+#[derive(Clone, Debug)]
+pub(super) struct VideoProbe {
     /// Times of the frames in nanoseconds after the first frame. `None` if the frame rate is constant.
     pub times: Option<Vec<u64>>,
     pixel_format: String,
@@ -60,6 +100,14 @@ pub(in crate::light) struct VideoProbe {
     pub notes: Vec<String>,
     /// Number of visible frames, counted from the packets.
     pub frames: Option<u64>,
+    /// The rate of capture, if it differs from the rate of playback.
+    pub capture_rate: Option<CaptureRate>,
+    /// Names of the decoder and of the demuxer in the log of ffmpeg.
+    pub log_names: Vec<String>,
+    /// Damage of the container.
+    pub damage: Damage,
+    /// Width and height of the part of the frames that the container states.
+    pub clean_aperture: Option<(u32, u32)>,
 }
 
 impl VideoProbe {
@@ -69,27 +117,50 @@ impl VideoProbe {
     /// * [`ErrorKind::Tool`] if ffprobe is missing, cannot read the file or finds no video.
     /// * [`ErrorKind::Input`] if the matrix is not supported.
     pub(crate) fn from_file(path: &Path, program: &str) -> Result<Self> {
-        let text = Self::query(
-            path,
-            program,
-            "stream=pix_fmt,color_range,color_space,color_transfer,color_primaries",
-        )?;
+        let (text, _) = Self::query(path, program, PROBED_ENTRIES)?;
         let mut probe = Self::parse(&text).map_err(|e| e.with_context(path.display()))?;
-        let packets = Self::query(path, program, "packet=pts_time,flags")?;
+        let (packets, log) = Self::query(path, program, "packet=dts_time,pts_time,flags")?;
         probe.times = nonuniform_times(&packets);
         probe.frames = Some(count_shown_frames(&packets));
+        for line in log.lines().map(LogLine::parse).filter(|line| line.is_damage(&probe.log_names)) {
+            probe.damage.add(line.message);
+        }
+        let playback_hz = value(&text, "avg_frame_rate").and_then(parse_fraction);
+        if let ("avi", Some(stated), Some(rate)) =
+            (probe.container(), value(&text, "nb_frames").and_then(|n| n.parse().ok()), playback_hz)
+            && let Some(found) = frames_of_cut_avi(stated, rate, &packets)
+        {
+            probe.damage.add(&format!("{found} of the {stated} frames that the header states"));
+        }
+        let file = InputFile::open(path)?;
+        if let Some(truncation) = container_end::truncation(probe.container(), BufReader::new(file.reader()))
+        {
+            probe.damage.add(truncation);
+        }
+        let boxes = mp4_boxes::read(&file);
+        let capture_hz = value(&text, "TAG:com.android.capture.fps").and_then(|hz| hz.parse().ok());
+        if let (Some(capture), Some(playback)) = (capture_hz.or(boxes.capture_hz), playback_hz) {
+            probe.capture_rate = CaptureRate::new(capture, playback);
+        }
+        probe.notes.extend(probe.capture_rate.map(CaptureRate::note));
+        probe.clean_aperture = boxes.clean_aperture;
         Ok(probe)
     }
 
-    /// Returns the lines `key=value` of `entries` for the first video stream.
-    fn query(path: &Path, program: &str, entries: &str) -> Result<String> {
+    /// Returns the name of the demuxer.
+    fn container(&self) -> &str {
+        self.log_names.last().map_or("", String::as_str)
+    }
+
+    /// Returns the lines `key=value` of `entries` for the first video stream, and the log of ffprobe.
+    fn query(path: &Path, program: &str, entries: &str) -> Result<(String, String)> {
         let name = path.display();
         let probe = match program.strip_suffix("ffmpeg") {
             Some(folder) => format!("{folder}ffprobe"),
             None => "ffprobe".to_owned(),
         };
         let ran = Command::new(&probe)
-            .args(["-v", "error", "-select_streams", "v:0", "-of", "default=noprint_wrappers=1"])
+            .args(["-v", "level+error", "-select_streams", "v:0", "-of", "default=noprint_wrappers=1"])
             .args(["-show_entries", entries])
             .args(single_file_args(path))
             .stdin(Stdio::null())
@@ -102,20 +173,18 @@ impl VideoProbe {
             } else {
                 "check whether ffplay plays the video"
             };
+            let messages: Vec<&str> = stderr.lines().map(|line| LogLine::parse(line).message).collect();
             return Err(Error::new(ErrorKind::Tool, name)
-                .found(format_args!("ffprobe ended with {}: {}", ran.status, stderr.trim()))
+                .found(format_args!("ffprobe ended with {}: {}", ran.status, messages.join(" | ")))
                 .expected("a video that ffmpeg can decode")
                 .remedy(remedy));
         }
-        Ok(String::from_utf8_lossy(&ran.stdout).into_owned())
+        Ok((String::from_utf8_lossy(&ran.stdout).into_owned(), stderr.into_owned()))
     }
 
     /// Parses `key=value` lines.
     fn parse(text: &str) -> Result<Self> {
-        let value = |key: &str| {
-            let mut lines = text.lines().filter_map(|l| l.trim().split_once('='));
-            lines.find(|(k, _)| *k == key).map(|(_, v)| v.to_owned())
-        };
+        let value = |key: &str| value(text, key).map(str::to_owned);
         let Some(pixels) = value("pix_fmt") else {
             return Err(Error::new(ErrorKind::Tool, "ffprobe")
                 .found("no image from ffmpeg")
@@ -158,6 +227,13 @@ impl VideoProbe {
         if has_alpha {
             notes.push("alpha is not used: transparent pixels have their stored color".to_owned());
         }
+        for (kind, note) in SIDE_DATA_NOTES {
+            if text.lines().any(|line| line.trim().strip_prefix("side_data_type=") == Some(kind)) {
+                notes.push(note.to_owned());
+            }
+        }
+        let log_names = ["codec_name", "format_name"].into_iter().filter_map(value);
+        let log_names = log_names.map(|name| decoder_name(&name).to_owned()).collect();
         let transfer = encoding.transfer;
         Ok(Self {
             times: None,
@@ -167,6 +243,10 @@ impl VideoProbe {
             transfer,
             notes,
             frames: None,
+            capture_rate: None,
+            log_names,
+            damage: Damage::default(),
+            clean_aperture: None,
         })
     }
 

@@ -26,6 +26,7 @@ use spikelane::unstable::light::declared_geometry;
 use super::yuv::{PlaneLayout, SampleEncoding, chroma};
 use crate::light::images::encoding::{Encoding, hdr_note};
 use crate::light::images::linearization::{Linearization, with_colors};
+use crate::light::pixel_aspect::PixelAspect;
 use crate::light::resize_mode::ResizeMode;
 
 pub use super::yuv::Matrix;
@@ -37,8 +38,10 @@ pub struct Y4mSource {
     linear: Linearization,
     resize_mode: ResizeMode,
     camera: Geometry,
-    /// A note about the transfer function of the video.
-    note: Option<String>,
+    /// The size of the frames with square pixels.
+    displayed_size: Geometry,
+    /// Notes about the transfer function and the shape of the pixels.
+    notes: Vec<String>,
 }
 
 impl Y4mSource {
@@ -88,12 +91,23 @@ impl Y4mSource {
         known: SampleEncoding,
     ) -> Result<Self> {
         let reader = Y4mReader::with_sample_encoding(reader, name, known)?;
-        resize_mode.check(reader.geometry(), camera).map_err(|e| e.with_context(name))?;
+        let displayed_size = reader.pixel_aspect.displayed_size(reader.geometry());
+        resize_mode.check(displayed_size, camera).map_err(|e| e.with_context(name))?;
         let largest_code = Some(((1_u32 << reader.depth()) - 1).into());
         let encoding = Encoding { transfer: known.transfer, largest_code, ..Encoding::default() };
-        let note = hdr_note(&encoding, &linear).map(|note| format!("{name}: {note}"));
+        let aspect_note = reader.pixel_aspect.used_note(reader.geometry());
+        let notes = hdr_note(&encoding, &linear).into_iter().chain(aspect_note);
+        let notes = notes.map(|note| format!("{name}: {note}")).collect();
         let linear = linear.for_encoding(&encoding);
-        Ok(Self { reader, frames: None, linear, resize_mode, camera, note })
+        Ok(Self { reader, frames: None, linear, resize_mode, camera, displayed_size, notes })
+    }
+}
+
+impl Y4mSource {
+    /// Returns width and height of the stored frames.
+    pub(super) fn coded_size(&self) -> (u32, u32) {
+        let size = self.reader.geometry();
+        (size.width() as u32, size.height() as u32)
     }
 }
 
@@ -103,7 +117,7 @@ impl Source for Y4mSource {
     }
 
     fn stored_geometry(&self) -> Option<Geometry> {
-        Some(self.reader.geometry())
+        Some(self.displayed_size)
     }
 
     fn frames(&self) -> Option<u64> {
@@ -114,6 +128,7 @@ impl Source for Y4mSource {
         let Some(frame) = self.reader.next_light(&self.linear)? else {
             return Ok(false);
         };
+        let frame = ResizeMode::Stretch.apply(frame, self.displayed_size)?;
         *into = self.resize_mode.apply(frame, self.camera)?;
         Ok(true)
     }
@@ -138,7 +153,7 @@ impl Source for Y4mSource {
     }
 
     fn notes(&self) -> Vec<String> {
-        self.note.iter().cloned().collect()
+        self.notes.clone()
     }
 }
 
@@ -173,6 +188,7 @@ pub struct Y4mReader<R: Read> {
     pub(super) frames_read: u64,
     pub(super) geometry: Geometry,
     pub(super) planes: PlaneLayout,
+    pixel_aspect: PixelAspect,
 }
 
 impl<R: Read> Y4mReader<R> {
@@ -200,6 +216,7 @@ impl<R: Read> Y4mReader<R> {
             .map_err(|e| Error::io(name, e))?;
         check_header(&header, name)?;
         let full = known.is_full_range.or(declares_full_range(&header));
+        let pixel_aspect = pixel_aspect(&header);
         let depth = replace_deep_color_space(&mut header);
         let bytes_read = Arc::new(AtomicU64::new(0));
         let input =
@@ -217,7 +234,15 @@ impl<R: Read> Y4mReader<R> {
             is_full_range: full.unwrap_or(chroma.is_none()),
             matrix: known.matrix.unwrap_or(Matrix::from_height(height)),
         };
-        Ok(Self { name: name.to_owned(), decoder, bytes_read, frames_read: 0, geometry, planes: layout })
+        Ok(Self {
+            name: name.to_owned(),
+            decoder,
+            bytes_read,
+            frames_read: 0,
+            geometry,
+            planes: layout,
+            pixel_aspect,
+        })
     }
 
     /// Returns the width and height of the video.
@@ -374,6 +399,14 @@ fn declares_full_range(header: &[u8]) -> Option<bool> {
         b"XCOLORRANGE=LIMITED" => Some(false),
         _ => None,
     })
+}
+
+/// Returns the shape of the pixels. `0:0` means an unknown shape, which is read as square.
+fn pixel_aspect(header: &[u8]) -> PixelAspect {
+    let token = tokens(header).find_map(|t| str::from_utf8(t.strip_prefix(b"A")?).ok());
+    let ratio =
+        token.and_then(|t| t.split_once(':')).and_then(|(x, y)| Some((x.parse().ok()?, y.parse().ok()?)));
+    ratio.map_or(PixelAspect::SQUARE, |(x, y)| PixelAspect::new(x, y))
 }
 
 impl<R: Read> Y4mReader<R> {
