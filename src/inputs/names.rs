@@ -10,6 +10,10 @@ use crate::error::{Error, ErrorKind, Result};
 /// Length in bytes of the longest name that all common file systems accept.
 const MAX_NAME_BYTES: usize = 255;
 
+/// Ending of the hidden name of a file or folder that is incomplete. Only entries with this ending are removed without a
+/// request to replace them, so the ending contains the name of the program.
+pub const PARTIAL_ENDING: &str = ".spikelane.partial";
+
 /// Names that Windows opens as devices, even if an extension follows.
 const DEVICES: [&str; 6] = ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"];
 
@@ -71,7 +75,7 @@ impl PlainName {
 
     /// Returns the hidden name that a file or folder has while the file or folder is incomplete.
     pub fn partial_name(&self) -> Self {
-        Self(format!(".{}.partial", self.0))
+        Self(format!(".{}{PARTIAL_ENDING}", self.0))
     }
 
     /// Returns the name as text.

@@ -14,6 +14,7 @@ mod exporters;
 mod fingerprint;
 mod generate;
 mod ground_truth;
+mod hidden_file;
 mod images;
 mod labeled_frames;
 mod labels;
