@@ -7,12 +7,16 @@ mod program_support;
 
 mod benchmark;
 #[cfg(unix)]
+mod cases;
+#[cfg(unix)]
 mod check;
 mod color;
 mod dataset;
 mod defaults;
 mod errors;
 mod evaluate;
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+mod faults;
 mod finite_numbers;
 mod help;
 #[cfg(unix)]
