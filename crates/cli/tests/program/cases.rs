@@ -72,11 +72,14 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Whether two files are equal. The flag `--force` in the recorded command is ignored, and so are measured times.
+/// Whether two files are equal. The flag `--force` in the recorded command is ignored, and so are measured times
+/// and the description of the machine.
 pub(crate) fn are_equal(a: &[u8], b: &[u8]) -> bool {
     fn strip(value: &mut serde_json::Value) {
         if let Some(object) = value.as_object_mut() {
-            ["seconds", "memory_peak_bytes", "cost"].iter().for_each(|key| drop(object.remove(*key)));
+            ["seconds", "memory_peak_bytes", "cost", "environment"]
+                .iter()
+                .for_each(|key| drop(object.remove(*key)));
             if let Some(command) = object.get_mut("command").and_then(|command| command.as_array_mut()) {
                 command.retain(|word| word != "--force" && word != "--resume");
             }
