@@ -4,12 +4,14 @@
 //! exit code of the program.
 
 pub(crate) mod nearest;
+pub(crate) mod quoting;
 mod setting;
 
 use std::borrow::Cow;
 use std::fmt;
 use std::io;
 
+pub use quoting::excerpt;
 pub use setting::{Setting, render_settings};
 
 /// The kind of an error. `docs/reference/errors.md` lists the exit code of each kind.
@@ -229,7 +231,7 @@ impl Error {
         error
     }
 
-    /// Sets the description of what was found.
+    /// Sets the description of what was found. [`excerpt`] shortens the description, because it can quote a file.
     ///
     /// # Examples
     /// ```
@@ -239,7 +241,7 @@ impl Error {
     /// ```
     #[must_use]
     pub fn found(mut self, found: impl fmt::Display) -> Self {
-        self.found = found.to_string();
+        self.found = excerpt(&found.to_string()).into_owned();
         self
     }
 
@@ -478,6 +480,18 @@ mod tests {
     fn other_characters_are_printed_as_they_are() {
         let text = "größe 光\n\ttab 🎥";
         assert_eq!(printable(text), text);
+    }
+
+    #[test]
+    fn a_message_quotes_a_part_of_a_long_text() {
+        for text in ["a", "\u{1f3a5}"] {
+            let error =
+                Error::new(ErrorKind::Input, "a.txt").found(format_args!("`{}`", text.repeat(1 << 20)));
+            assert_eq!(
+                error.parts().found,
+                format!("`{}... ({} characters)", text.repeat(199), (1 << 20) + 2)
+            );
+        }
     }
 
     #[cfg(feature = "presets")]

@@ -13,6 +13,8 @@ pub mod draws {
 /// Suggestions for misspelled names.
 pub mod error {
     pub use crate::error::nearest::nearest;
+    #[cfg(feature = "presets")]
+    pub use crate::error::quoting::toml_fault;
 }
 /// Input files, file names from inputs, and allocations whose size depends on an input.
 pub mod inputs {

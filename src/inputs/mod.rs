@@ -21,4 +21,4 @@ pub use input_file::{
 pub use input_lines::InputLines;
 pub use memory::{check_memory, reserved_vec, zeroed_vec};
 #[cfg(feature = "presets")]
-pub use names::{Access, InnerPath, PlainName, check_link};
+pub use names::{Access, InnerPath, PARTIAL_ENDING, PlainName, check_link};

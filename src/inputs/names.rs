@@ -5,10 +5,14 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, excerpt};
 
 /// Length in bytes of the longest name that all common file systems accept.
 const MAX_NAME_BYTES: usize = 255;
+
+/// Ending of the hidden name of a file or folder that is incomplete. Only entries with this ending are removed without a
+/// request to replace them, so the ending contains the name of the program.
+pub const PARTIAL_ENDING: &str = ".spikelane.partial";
 
 /// Names that Windows opens as devices, even if an extension follows.
 const DEVICES: [&str; 6] = ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"];
@@ -54,7 +58,7 @@ impl PlainName {
         match name_fault(text) {
             None => Ok(Self(text.to_owned())),
             Some(fault) => Err(Error::new(kind, subject)
-                .found(format_args!("{}, which {fault}", quote_shortened(text)))
+                .found(format_args!("a name that {fault}: {text:?}"))
                 .expected("the name of a file or folder, without a path")),
         }
     }
@@ -71,7 +75,7 @@ impl PlainName {
 
     /// Returns the hidden name that a file or folder has while the file or folder is incomplete.
     pub fn partial_name(&self) -> Self {
-        Self(format!(".{}.partial", self.0))
+        Self(format!(".{}{PARTIAL_ENDING}", self.0))
     }
 
     /// Returns the name as text.
@@ -90,7 +94,7 @@ impl InnerPath {
         match text.split('/').find_map(name_fault) {
             None => Ok(Self(text.to_owned())),
             Some(fault) => Err(Error::new(kind, subject)
-                .found(format_args!("{}, part of which {fault}", quote_shortened(text)))
+                .found(format_args!("a path, part of which {fault}: {text:?}"))
                 .expected("a relative path inside the folder, such as train/scene.dat")),
         }
     }
@@ -168,7 +172,7 @@ impl TryFrom<String> for PlainName {
     fn try_from(text: String) -> Result<Self, String> {
         match name_fault(&text) {
             None => Ok(Self(text)),
-            Some(fault) => Err(format!("the name {}, which {fault},", quote_shortened(&text))),
+            Some(fault) => Err(format!("a name that {fault}: {:?}", excerpt(&text))),
         }
     }
 }
@@ -179,7 +183,7 @@ impl TryFrom<String> for InnerPath {
     fn try_from(text: String) -> Result<Self, String> {
         match text.split('/').find_map(name_fault) {
             None => Ok(Self(text)),
-            Some(fault) => Err(format!("the path {}, part of which {fault},", quote_shortened(&text))),
+            Some(fault) => Err(format!("a path, part of which {fault}: {:?}", excerpt(&text))),
         }
     }
 }
@@ -247,15 +251,6 @@ fn link_error(link: &Path, access: Access) -> Error {
             .remedy(
                 "copy the file into the folder; if you trust the folder, allow links that leave the folder",
             ),
-    }
-}
-
-/// Returns `text` in quotes with control characters escaped, shortened if it is long.
-fn quote_shortened(text: &str) -> String {
-    const MAX_CHARS: usize = 80;
-    match text.char_indices().nth(MAX_CHARS) {
-        None => format!("{text:?}"),
-        Some((end, _)) => format!("{:?}... ({} bytes)", &text[..end], text.len()),
     }
 }
 
@@ -378,11 +373,11 @@ mod tests {
         let name = |text: &str| serde_json::from_str::<PlainName>(text);
         assert_eq!(name("\"scene-0000\"").unwrap().as_str(), "scene-0000");
         let error = name("\"../x\"").unwrap_err().to_string();
-        assert!(error.contains("\"../x\", which contains a path separator"), "{error}");
+        assert!(error.contains("a name that contains a path separator: \"../x\""), "{error}");
         assert!(serde_json::from_str::<InnerPath>("\"images/000000.png\"").is_ok());
         assert!(serde_json::from_str::<InnerPath>("\"/etc/passwd\"").is_err());
         let long = name(&format!("\"{}\"", "x".repeat(1 << 20))).unwrap_err().to_string();
-        assert!(long.len() < 200, "{} bytes", long.len());
+        assert!(long.len() < 300, "{} bytes", long.len());
     }
 
     #[cfg(unix)]

@@ -8,7 +8,8 @@ use crate::draws::pattern_rng::PatternRng;
 use crate::draws::{RandomStream, Seeds};
 use crate::effects::definition::ParamKind;
 use crate::effects::{Camera, Catalog};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::quoting::toml_fault;
+use crate::error::{Error, ErrorKind, Result, excerpt};
 use crate::inputs;
 use crate::presets::file::{number_unit, value_text};
 use crate::units::Unit;
@@ -119,9 +120,8 @@ impl CameraDistribution {
     }
 
     fn read(text: &str, effects: &Catalog) -> Result<Self> {
-        let table: Table = toml::from_str(text).map_err(|e| {
-            Error::new(ErrorKind::Config, "camera distribution").found(e.to_string().trim_end())
-        })?;
+        let table: Table = toml::from_str(text)
+            .map_err(|e| Error::new(ErrorKind::Config, "camera distribution").found(toml_fault(&e)))?;
         // Camera files that this crate writes contain the table `[maps]` even if the camera has no maps.
         if table.get("maps").is_some_and(|maps| maps.as_table().is_none_or(|maps| !maps.is_empty())) {
             return Err(Error::new(ErrorKind::Config, "maps")
@@ -132,7 +132,7 @@ impl CameraDistribution {
         let mut ranges = Vec::new();
         for_each_number(&table, &mut |key, value| {
             if let Value::Table(range) = value {
-                ranges.push(ParamRange::read(key, range, effects).map_err(|e| e.with_context(key))?);
+                ranges.push(ParamRange::read(key, range, effects).map_err(|e| e.with_context(excerpt(key)))?);
             }
             Ok(())
         })?;

@@ -7,7 +7,8 @@ use toml::Table;
 use toml::Value;
 
 use crate::effects::{Camera, Catalog, Effect};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::quoting::toml_fault;
+use crate::error::{Error, ErrorKind, Result, excerpt};
 use crate::presets::maps::{MapFolder, MapSource};
 use crate::presets::{default_sensor, light, maps, mosaic};
 use crate::sensor::Sensor;
@@ -112,7 +113,7 @@ impl Catalog {
 pub(super) fn from_toml_and_maps(text: &str, maps: &dyn MapSource, effects: &Catalog) -> Result<Camera> {
     let file: File = toml::from_str(text).map_err(|e| {
         Error::new(ErrorKind::Config, "camera file")
-            .found(e.to_string().trim_end())
+            .found(toml_fault(&e))
             .remedy("compare the file with the preset `physical`")
     })?;
     let mut camera = Camera::ideal(sensor(&file.sensor).map_err(|e| e.with_context("sensor"))?);
@@ -124,7 +125,8 @@ pub(super) fn from_toml_and_maps(text: &str, maps: &dyn MapSource, effects: &Cat
         .transpose()?;
     for (name, table) in &file.effects {
         camera = camera.with_effect(
-            effect(name, table, effects).map_err(|e| e.with_context(format_args!("effects.{name}")))?,
+            effect(name, table, effects)
+                .map_err(|e| e.with_context(format_args!("effects.{}", excerpt(name))))?,
         );
     }
     camera.maps = file.maps.load(maps, camera.sensor.geometry)?;

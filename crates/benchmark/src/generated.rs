@@ -181,7 +181,8 @@ pub fn generate(
     let suite_path = InnerPath::from(SUITE_FILE).resolve_in(&options.output, Access::Write)?;
     let index_path = InnerPath::from(INDEX_FILE).resolve_in(&options.output, Access::Write)?;
     let groups = suite.groups(&options.splits)?;
-    if suite_path.exists() {
+    let is_begun = suite_path.try_exists().map_err(|e| Error::io(suite_path.display(), e))?;
+    if is_begun {
         check_same_suite(suite, &suite_path, options)?;
     }
     let needed = estimate(suite, options)?.bytes;
@@ -191,7 +192,7 @@ pub fn generate(
             .expected(format_args!("about {needed}"))
             .remedy("choose another disk"));
     }
-    if !suite_path.exists() {
+    if !is_begun {
         storage::write_small(&suite_path, suite.text.as_bytes(), false)?;
     }
     let mut report = GenerateReport::default();

@@ -29,6 +29,9 @@ use streams::{convert, evaluate, inspect, partials, reconstruct, verify, view};
 /// This function is the whole program. Host programs that embed the command line call it. It prints to the standard
 /// output and standard error of the process and handles Ctrl-C.
 pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
+    // The handler comes first, because every allocation can fail.
+    #[cfg(unix)]
+    let _abort_handler = common::limits::AbortHandler::new();
     let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
     let cli = match help::parse(&args) {
         Ok(cli) => cli,
@@ -37,10 +40,9 @@ pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     console::remember_command(&args, cli.record_paths);
     let out = Console::new(cli.json, cli.verbose);
     common::limits::ignore_file_size_signal();
-    #[cfg(unix)]
-    let _abort_handler = common::limits::AbortHandler::new();
     // The library ignores an unknown name in `SPIKELANE_BACKEND`. The program reports the name as an error.
-    let done = Backend::from_environment().and_then(|_| dispatch(cli.command, &out));
+    let run = || Backend::from_environment().and_then(|_| dispatch(cli.command, &out));
+    let done = common::limits::run_within_memory(run);
     progress::release_signals();
     match done {
         Ok(()) => 0,

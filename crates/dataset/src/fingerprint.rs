@@ -109,3 +109,11 @@ pub(super) fn input_digest(path: &Path, stop: &mut dyn FnMut() -> Result<()>) ->
     lines.sort();
     Ok(Digest::hash_bytes(lines.concat().as_bytes()))
 }
+
+/// Returns whether there is a file or folder at `path`.
+///
+/// # Errors
+/// If the system cannot find out.
+pub(crate) fn exists(path: &Path) -> Result<bool> {
+    path.try_exists().map_err(|e| Error::io(path.display(), e))
+}

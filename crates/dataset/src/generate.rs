@@ -6,7 +6,7 @@ use crate::discover::input_path;
 use crate::entries::{expected_bytes, planned_entries};
 use crate::exporters::{self, Exporters};
 use crate::exposure_note::ExposureFaults;
-use crate::fingerprint;
+use crate::fingerprint::{self, exists};
 use crate::manifest::{self, sequence_path};
 use crate::record::intact_or_none;
 use crate::sequence::GeneratedSequence;
@@ -251,7 +251,7 @@ fn current_input_digest(
 ) -> Result<Option<String>> {
     let (Content::Inputs(inputs), Some(name)) = (&options.content, &entry.input) else { return Ok(None) };
     let path = input_path(inputs, &PathBuf::from(name))?;
-    if !path.exists() {
+    if !exists(&path)? {
         // If the input of a sequence no longer exists, the sequence cannot be generated again. The recorded digest is
         // returned, so that the sequence counts as unchanged and remains.
         return Ok(entry.input_digest.clone());

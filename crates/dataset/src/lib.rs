@@ -15,6 +15,7 @@ mod exposure_note;
 mod fingerprint;
 mod generate;
 mod ground_truth;
+mod hidden_file;
 mod images;
 mod labeled_frames;
 mod labels;

@@ -10,7 +10,9 @@ use serde_json::{Map, Value, json};
 
 use crate::Split;
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::{Access, InnerPath, InputFile, InputLines, MAX_TEXT_BYTES, PlainName};
+use spikelane::unstable::inputs::{
+    Access, InnerPath, InputFile, InputLines, MAX_TEXT_BYTES, PARTIAL_ENDING, PlainName,
+};
 use spikelane_io::storage::{Digest, folders, sync};
 
 /// File name of the manifest in the dataset's folder.
@@ -192,7 +194,7 @@ pub(super) struct ManifestWriter {
 impl ManifestWriter {
     pub(crate) fn begin(folder: &Path, options: &Value) -> Result<Self> {
         let path = folder.join(FILE_NAME);
-        let hidden = folder.join(format!(".{FILE_NAME}.{}.partial", std::process::id()));
+        let hidden = folder.join(format!(".{FILE_NAME}.{}{PARTIAL_ENDING}", std::process::id()));
         let file = folders::create(&hidden)?;
         let mut list = Self { file: BufWriter::new(file), hidden_path: hidden, path, is_finished: false };
         list.line(&json!({ "format_version": FORMAT_VERSION, "options": options }))?;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::fingerprint::exists;
 use crate::labeled_frames::{self, LabeledFrame};
 use crate::manifest::{self, DatasetDigest, SequenceEntry};
 use crate::pack_schema::{self, SampleDescription};
@@ -52,8 +53,9 @@ impl DatasetReader {
         if let Some((entries, tar)) = read_shard_entries(path, access)? {
             return Ok(new(entries, tar));
         }
-        let has_file =
-            |name: &'static str| InnerPath::from(name).resolve_in(path, access).map(|file| file.exists());
+        let has_file = |name: &'static str| {
+            InnerPath::from(name).resolve_in(path, access).and_then(|file| exists(&file))
+        };
         if !has_file(manifest::FILE_NAME)? && has_file(ShardPlan::FILE_NAME)? {
             return Ok(new(read_plan_entries(&ShardPlan::open(path, access)?)?, None));
         }

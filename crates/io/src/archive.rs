@@ -1,8 +1,9 @@
 //! `.npz` files: zip archives of `.npy` arrays.
 
-use std::io::{Read, Seek};
+use std::io::{self, Read, Seek};
 
 use zip::ZipArchive;
+use zip::result::ZipError;
 
 use spikelane::error::{Error, ErrorKind, Result};
 
@@ -22,8 +23,7 @@ impl<R: Read + Seek> Archive<R> {
     /// [`ErrorKind::Input`] if the bytes are not a zip archive or are truncated.
     pub fn new(name: &str, reader: R) -> Result<Self> {
         let zip = ZipArchive::new(reader).map_err(|e| {
-            Error::new(ErrorKind::Input, name)
-                .found(e)
+            archive_error(name, e)
                 .expected("an archive written by numpy.savez or numpy.savez_compressed")
                 .remedy("save the archive again; the file may be truncated")
         })?;
@@ -41,14 +41,47 @@ impl<R: Read + Seek> Archive<R> {
 
     /// Returns a reader of the `.npy` bytes of the array `array`. The reader starts at the header of the array.
     ///
+    /// If the compressed bytes are damaged, the reader returns an error that wraps [`ErrorKind::Input`].
+    ///
     /// # Errors
     /// [`ErrorKind::Input`] if the array does not exist or is neither stored nor deflated.
     pub fn entry(&mut self, array: &str) -> Result<impl Read + '_> {
-        let name = &self.name;
-        self.zip.by_name(&format!("{array}.npy")).map_err(|e| {
-            Error::new(ErrorKind::Input, name)
-                .found(format_args!("{array}: {e}"))
-                .expected("an array written by numpy.savez or numpy.savez_compressed")
+        let subject = format!("{}: {array}", self.name);
+        match self.zip.by_name(&format!("{array}.npy")) {
+            Ok(reader) => Ok(EntryReader { reader, subject }),
+            Err(e) => Err(archive_error(&subject, e)
+                .expected("an array written by numpy.savez or numpy.savez_compressed")),
+        }
+    }
+}
+
+/// A reader of an array. The decompressor reports damage with several kinds of errors, which become one kind.
+struct EntryReader<R> {
+    reader: R,
+    subject: String,
+}
+
+impl<R: Read> Read for EntryReader<R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.reader.read(bytes).map_err(|e| {
+            if is_of_file(&e) { e } else { io::Error::other(archive_error(&self.subject, ZipError::Io(e))) }
         })
+    }
+}
+
+/// Returns whether the file could not be read. Otherwise, the bytes of the file are damaged.
+fn is_of_file(e: &io::Error) -> bool {
+    e.raw_os_error().is_some()
+        || e.kind() == io::ErrorKind::Interrupted
+        || e.get_ref().is_some_and(|source| source.is::<Error>())
+}
+
+fn archive_error(subject: &str, e: ZipError) -> Error {
+    match e {
+        ZipError::Io(e) if is_of_file(&e) => Error::io(subject, e),
+        e => Error::new(ErrorKind::Input, subject)
+            .found(e)
+            .expected("an archive without damage")
+            .remedy("copy the file again, or save the archive again"),
     }
 }

@@ -67,7 +67,8 @@ impl Scene {
     /// Builds the scene that `seed` determines.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if an option is outside its range, or if the drive is longer than 5 km.
+    /// * [`ErrorKind::Usage`] if an option is outside its range, or if the drive is longer than 5 km.
+    /// * [`ErrorKind::Memory`] if the system cannot allocate the memory of the scene.
     pub fn from_seed(seed: u64, options: &SceneOptions) -> Result<Self> {
         let draws = Draws::new(seed, "scene");
         let lighting = options.lighting.unwrap_or_else(|| Lighting::from_seed(seed));
@@ -86,7 +87,7 @@ impl Scene {
         } else {
             (span.0 + 4.0, portal)
         });
-        let city = City::from_seed(seed, span.0, span.1, tunnel);
+        let city = City::from_seed(seed, span.0, span.1, tunnel)?;
         let demand = TrafficOptions {
             ego_mps,
             duration_s: options.duration_s,

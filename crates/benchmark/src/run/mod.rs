@@ -26,7 +26,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Error, ErrorKind, Result, Setting};
-use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName, read_bytes};
+use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName, not_found_as_none, read_bytes};
 use spikelane_io::storage::{self, Digest, OutputSet, folders};
 
 use crate::generated::{GeneratedSequence, GeneratedSuite};
@@ -267,10 +267,7 @@ pub fn run(
 /// [`ErrorKind::Config`] if the file is invalid.
 pub fn read_description(folder: &Path) -> Result<Option<RunDescription>> {
     let path = InnerPath::from(RUN_FILE).resolve_in(folder, Access::Read)?;
-    if path.symlink_metadata().is_err() {
-        return Ok(None);
-    }
-    let text = read_bytes(&path, "a run", MAX_RUN_BYTES)?;
+    let Some(text) = not_found_as_none(read_bytes(&path, "a run", MAX_RUN_BYTES))? else { return Ok(None) };
     let run: RunDescription =
         serde_json::from_slice(&text).map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
     if run.format_version != FORMAT_VERSION {
@@ -289,10 +286,8 @@ pub(crate) fn read_output(
     sequence: &GeneratedSequence,
 ) -> Result<Option<(Vec<u8>, String)>> {
     let path = output_path(task, group, &sequence.id).resolve_in(folder, Access::Read)?;
-    if path.symlink_metadata().is_err() {
-        return Ok(None);
-    }
-    let bytes = InputFile::open(&path)?.read_all("an output", max_output_bytes(sequence))?;
+    let bytes = read_bytes(&path, "an output", max_output_bytes(sequence));
+    let Some(bytes) = not_found_as_none(bytes)? else { return Ok(None) };
     let digest = Digest::hash_bytes(&bytes);
     Ok(Some((bytes, digest)))
 }

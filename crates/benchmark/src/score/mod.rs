@@ -196,9 +196,10 @@ fn score_sequence(
             .expected("a finished run")
             .remedy("continue the run"));
     }
-    // An output that cannot be read costs only its own score.
+    // An output that is no readable file costs only its own score. A fault of this system has no influence on a score.
     let (output, unreadable) = match run::read_output(folder, data.suite.task, &group.name, sequence) {
         Ok(output) => (output, None),
+        Err(error) if is_system_fault(&error) => return Err(error),
         Err(error) => (None, Some(error.to_string())),
     };
     let fault = result.as_ref().and_then(|r| r.fault.clone()).or(unreadable);
@@ -215,6 +216,12 @@ fn score_sequence(
         scores: evaluation.scores.clone(),
     };
     Ok((score, evaluation))
+}
+
+/// Returns whether an output could not be read although the file may be right.
+fn is_system_fault(error: &Error) -> bool {
+    let denied = |e: &std::io::Error| e.kind() == std::io::ErrorKind::PermissionDenied;
+    error.kind() == ErrorKind::Memory || error.io_error().is_some_and(|e| !denied(e))
 }
 
 impl ScoreFile {

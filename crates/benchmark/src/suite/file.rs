@@ -5,6 +5,7 @@ use toml::{Table, Value};
 
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets;
+use spikelane::unstable::error::toml_fault;
 use spikelane::unstable::inputs::PlainName;
 
 use super::curve::{Curve, CurveValue, Quantity};
@@ -71,8 +72,7 @@ pub(super) fn config_error(subject: impl std::fmt::Display) -> Error {
 
 /// Parses a suite file. The caller checks the groups.
 pub(super) fn parse(text: &str) -> Result<Suite> {
-    let file: SuiteFile =
-        toml::from_str(text).map_err(|e| config_error("suite").found(e.to_string().trim_end()))?;
+    let file: SuiteFile = toml::from_str(text).map_err(|e| config_error("suite").found(toml_fault(&e)))?;
     if file.format_version != FORMAT_VERSION {
         return Err(config_error("suite")
             .found(format_args!("version {} of the format", file.format_version))

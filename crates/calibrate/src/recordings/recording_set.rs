@@ -11,6 +11,7 @@ use super::recorded_camera::RecordedCamera;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::sensor::Mosaic;
 use spikelane::spikes::{Geometry, count_spikes};
+use spikelane::unstable::error::toml_fault;
 use spikelane::unstable::inputs;
 use spikelane_io::formats::{Layout, StreamReader};
 use spikelane_io::simulate::Sidecar;
@@ -303,7 +304,7 @@ impl RecordingSet {
             ));
         }
         let mut set: Self = toml::from_str(text).map_err(|e| {
-            let error = Error::new(ErrorKind::Config, "recording set").found(e.to_string().trim_end());
+            let error = Error::new(ErrorKind::Config, "recording set").found(toml_fault(&e));
             // A path of Windows in double quotes.
             if e.message().contains("escape") { error.remedy("separate folders with '/'") } else { error }
         })?;

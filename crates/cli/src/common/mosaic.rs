@@ -48,7 +48,7 @@ impl StreamMosaicArgs {
     pub(crate) fn of_stream(&self, path: &Path) -> Result<Option<Mosaic>> {
         match &self.mosaic {
             Some(text) => parse(text),
-            None => sidecar_beside(path).and_then(|(_, s)| s.mosaic).map(|facts| facts.mosaic()).transpose(),
+            None => sidecar_beside(path)?.and_then(|(_, s)| s.mosaic).map(|facts| facts.mosaic()).transpose(),
         }
     }
 }

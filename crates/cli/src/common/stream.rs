@@ -54,9 +54,19 @@ pub(crate) struct OpenedStream {
     pub bytes: u64,
 }
 
-/// Returns the sidecar of the stream at `path` and the path of the sidecar. Standard input has no sidecar.
-pub(crate) fn sidecar_beside(path: &Path) -> Option<(PathBuf, Sidecar)> {
-    if is_dash(path) { None } else { Sidecar::read_beside(path).ok().flatten() }
+/// Returns the sidecar of the stream at `path` and the path of the sidecar. Standard input has no sidecar, and a file of
+/// another program or version counts as no sidecar.
+///
+/// # Errors
+/// If the system cannot read the sidecar.
+pub(crate) fn sidecar_beside(path: &Path) -> Result<Option<(PathBuf, Sidecar)>> {
+    if is_dash(path) {
+        return Ok(None);
+    }
+    match Sidecar::read_beside(path) {
+        Err(e) if matches!(e.kind(), ErrorKind::Config | ErrorKind::Input) => Ok(None),
+        read => read,
+    }
 }
 
 /// Returns the size if both sides are given, and `None` if neither side is given.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use spikelane::unstable::inputs::PARTIAL_ENDING;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::light::Frame;
 use spikelane_io::simulate::{ImageFacts, ImageFile, ImageFormat};
@@ -34,7 +35,7 @@ impl ImageFolder {
     pub(crate) fn create(args: ImageArgs, place: &Path) -> Result<Option<Self>> {
         let Some(every) = args.images_every else { return Ok(None) };
         let name = place.file_name().unwrap_or_default();
-        let hidden = hidden_path(place, ".partial");
+        let hidden = hidden_path(place, "");
         remove_folder(&hidden)?;
         std::fs::create_dir_all(&hidden).map_err(|e| Error::io(hidden.display(), e))?;
         let facts =
@@ -56,7 +57,7 @@ impl ImageFolder {
         check_replaceable(&self.path)?;
         // The old folder is renamed before its files are removed. If the process is killed, no incomplete folder has the
         // final name.
-        let old = hidden_path(&self.path, ".old.partial");
+        let old = hidden_path(&self.path, ".old");
         remove_folder(&old)?;
         match std::fs::rename(&self.path, &old) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
@@ -82,6 +83,7 @@ fn hidden_path(place: &Path, ending: &str) -> PathBuf {
     let mut name = std::ffi::OsString::from(".");
     name.push(place.file_name().unwrap_or_default());
     name.push(ending);
+    name.push(PARTIAL_ENDING);
     place.with_file_name(name)
 }
 

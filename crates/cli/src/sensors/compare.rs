@@ -214,7 +214,7 @@ fn scene_table(comparison: &SceneComparison) -> String {
 fn compare_static(args: &Args, cameras: &[Camera], seeds: Seeds, out: &Console) -> Result<ComparisonOutput> {
     let run = run_record([&args.recording]);
     let recording = args.stream.open(&args.recording, out)?;
-    let declared = sidecar_beside(&args.recording).and_then(|(_, sidecar)| sidecar.mosaic);
+    let declared = sidecar_beside(&args.recording)?.and_then(|(_, sidecar)| sidecar.mosaic);
     let filters = match declared {
         Some(facts) => ColorFilters::Mosaic(facts.mosaic()?),
         None => ColorFilters::Unknown,

@@ -73,7 +73,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     }
     let mosaic = declared.or_else(|| detected.map(|[first, _]| first));
     let measurement = recording.report_with_mosaic(mosaic.as_ref())?;
-    let hz = sidecar_beside(&args.file).and_then(|(_, sidecar)| sidecar.readout_hz);
+    let hz = sidecar_beside(&args.file)?.and_then(|(_, sidecar)| sidecar.readout_hz);
     let mut rows = statistic_rows(&measurement.summary, &measurement.statistics);
     rows.extend(measurement.cells.iter().map(cell_row));
     rows.push(["scene".to_owned(), motion_text(measurement.scene_motion), String::new(), String::new()]);
@@ -126,7 +126,7 @@ fn report(args: &Args, recording: &MeasuredRecording, measurement: &MeasurementR
         let [what, value, ..] = cell_row(cell);
         others.push_row([what, value]);
     }
-    let hz = sidecar_beside(&args.file).and_then(|(_, sidecar)| sidecar.readout_hz);
+    let hz = sidecar_beside(&args.file)?.and_then(|(_, sidecar)| sidecar.readout_hz);
     for line in &measurement.frame_total_lines {
         let [what, value, ..] = spectral_line_row(line, hz);
         others.push_row([what, value]);

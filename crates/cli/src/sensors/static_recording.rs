@@ -54,7 +54,7 @@ impl StaticRecordingArgs {
         for warning in stream.warnings() {
             out.print_message(format_args!("warning: {}: {warning}", path.display()));
         }
-        let described = sidecar_beside(path).and_then(|(_, sidecar)| sidecar.readout_hz);
+        let described = sidecar_beside(path)?.and_then(|(_, sidecar)| sidecar.readout_hz);
         let readout_hz =
             self.readout_hz.map(Rate::hz).or(described).or(camera.map(|c| c.sensor.readout_hz)).ok_or_else(
                 || {

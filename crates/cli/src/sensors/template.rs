@@ -8,10 +8,9 @@ use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_calibrate::UNSPECIFIED_LIGHT;
 use spikelane_io::formats::StreamReader;
-use spikelane_io::simulate::Sidecar;
 use spikelane_io::storage;
 
-use crate::common::stream::{count_spikes, file_name};
+use crate::common::stream::{count_spikes, file_name, sidecar_beside};
 
 /// Number of readouts from which the rate of a recording is measured. The rate helps users to identify recordings.
 const RATE_SAMPLE_READOUTS: usize = 500;
@@ -72,7 +71,7 @@ fn read_stream_info(path: &Path, size: Option<Geometry>) -> Result<StreamInfo> {
     let range = first..first + RATE_SAMPLE_READOUTS.min(readouts);
     let counted_readouts = range.len();
     let count = count_spikes(&reader, range)?;
-    let sidecar = Sidecar::read_beside(path).ok().flatten();
+    let sidecar = sidecar_beside(path)?;
     Ok(StreamInfo {
         file: file_name(path),
         geometry: reader.geometry(),

@@ -146,7 +146,7 @@ fn write_files(args: &Args, out: &Console) -> Result<()> {
     // The claim lasts until the sidecar has its final name.
     let _claim = args.claim(&sidecar)?;
     let reader = args.stream.open(&args.input, out)?;
-    let original = sidecar_beside(&args.input).map(|(_, sidecar)| sidecar);
+    let original = sidecar_beside(&args.input)?.map(|(_, sidecar)| sidecar);
     let range = args.readouts.resolve(reader.readouts());
     reader.frames(range.clone())?;
     let crop = args.crop.map(|r| r.0);

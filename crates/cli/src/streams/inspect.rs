@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             .expected("a file, whose sidecar has the digest"));
     }
     let OpenedStream { reader, guesses: readings, bytes } = args.stream.open_with_guesses(&args.file, out)?;
-    let sidecar = sidecar_beside(&args.file);
+    let sidecar = sidecar_beside(&args.file)?;
     let range = args.readouts.resolve(reader.readouts());
     let measured = count_stream(
         &reader,

@@ -11,8 +11,8 @@ use crate::common::console::Console;
 
 /// List unfinished files that killed processes left in a folder
 ///
-/// The command searches DIR and all folders inside DIR for hidden files and folders of this program: .NAME.PID-N.partial,
-/// .NAME.partial and .NAME.lock. Without --delete, nothing is deleted. Files of a running process are never deleted.
+/// The command searches DIR and all folders inside DIR for hidden files and folders of this program:
+/// .NAME.PID-N.spikelane.partial, .NAME.spikelane.partial and .NAME.lock. Without --delete, nothing is deleted. Files of a running process are never deleted.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Search this folder

@@ -165,6 +165,42 @@ fn tables_of_each_pixel_end_with_a_code_where_memory_is_missing() {
     }
 }
 
+/// The construction of a scene panics if an allocation fails, and the printing of a backtrace needs memory too. A command
+/// that waits for a lock forever ends with 124.
+#[cfg(target_os = "linux")]
+#[test]
+fn scenes_end_with_a_code_where_memory_is_missing() {
+    let place = TestFolder::new();
+    place.write("tiny.toml", crate::benchmark::short_suite(1));
+    let loaded =
+        |megabytes: &u32| limited_command(&place, *megabytes, "--version").output().unwrap().status.success();
+    let program = (16..1024).step_by(4).find(loaded).unwrap();
+    for line in [
+        "scene --width 64 --height 48 --frames 1 -o scene --force",
+        "dataset --scene-preset tiny --sequences 1 --images-per-scene 3 --width 64 --height 48 -o set --resume",
+        "benchmark generate tiny.toml -o data --resume",
+    ] {
+        for (megabytes, backtrace) in
+            [(0, "1"), (8, "0"), (16, "1"), (20, "1"), (24, "0"), (28, "1"), (32, "1")]
+        {
+            let shell = format!(
+                "ulimit -v {}; exec timeout 20 {} {line}",
+                (program + megabytes) << 10,
+                env!("CARGO_BIN_EXE_spikelane")
+            );
+            let mut command = Command::new("sh");
+            command.args(["-c", &shell]).current_dir(place.path(".")).env("RUST_BACKTRACE", backtrace);
+            let code = command.output().unwrap().status.code();
+            // The tables of a scene need more than 8 MB.
+            let codes: &[i32] = if megabytes < 16 { &[11] } else { &[0, 11] };
+            assert!(
+                code.is_some_and(|code| codes.contains(&code)),
+                "{line}: {program} + {megabytes} MB: {code:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn archives_and_headers_that_claim_more_than_a_sensor_has_are_refused() {
     let place = TestFolder::new();

@@ -9,6 +9,8 @@ mod benchmark;
 #[cfg(unix)]
 mod benchmark_methods;
 #[cfg(unix)]
+mod cases;
+#[cfg(unix)]
 mod check;
 mod color;
 mod dataset;
@@ -16,6 +18,8 @@ mod defaults;
 mod errors;
 mod evaluate;
 mod exposure;
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+mod faults;
 mod finite_numbers;
 mod help;
 #[cfg(unix)]

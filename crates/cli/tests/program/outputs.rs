@@ -87,13 +87,13 @@ fn the_lock_of_a_killed_writer_blocks_nobody() {
 fn what_a_running_process_writes_is_listed_and_never_deleted() {
     let place = TestFolder::new();
     let mut first = spawn_waiting(&place);
-    place.write(".u.dat.77-0.partial", "half");
+    place.write(".u.dat.77-0.spikelane.partial", "half");
     let before = place.file_names();
     let ran = place.run_ok("partials --delete --json");
     let events = ran.events();
     let event_of =
         |name: &str| events.iter().find(|e| e["file"].as_str().is_some_and(|f| f.ends_with(name))).unwrap();
-    let (running, left) = (event_of(".t.dat.lock"), event_of(".u.dat.77-0.partial"));
+    let (running, left) = (event_of(".t.dat.lock"), event_of(".u.dat.77-0.spikelane.partial"));
     assert_eq!((&running["running"], &running["deleted"]), (&true.into(), &false.into()));
     assert_eq!(running["process"], first.id());
     assert_eq!(
@@ -104,7 +104,7 @@ fn what_a_running_process_writes_is_listed_and_never_deleted() {
     let names = place.file_names();
     let locks: Vec<&String> = before.iter().filter(|name| name.ends_with(".lock")).collect();
     assert!(!locks.is_empty() && locks.iter().all(|lock| names.contains(lock)), "{before:?} {names:?}");
-    assert!(!names.iter().any(|name| name.ends_with(".u.dat.77-0.partial")), "{names:?}");
+    assert!(!names.iter().any(|name| name.ends_with(".u.dat.77-0.spikelane.partial")), "{names:?}");
     first.kill().unwrap();
     first.wait().unwrap();
 }
@@ -135,10 +135,13 @@ fn images_that_a_killed_run_left_half_written_stop_no_later_run() {
     let line =
         "simulate --builtin-light chart --width 64 --height 48 --readouts 20 --images-every 10 -o out/a";
     place.run_ok(line);
-    std::fs::create_dir_all(place.path("out/.a.images.partial")).unwrap();
-    place.write("out/.a.images.partial/.000000.png.4194304-2.partial", "half of a picture");
+    std::fs::create_dir_all(place.path("out/.a.images.spikelane.partial")).unwrap();
+    place.write(
+        "out/.a.images.spikelane.partial/.000000.png.4194304-2.spikelane.partial",
+        "half of a picture",
+    );
     place.run_ok(&format!("{line} --force"));
-    assert!(!place.path("out/.a.images.partial").exists());
+    assert!(!place.path("out/.a.images.spikelane.partial").exists());
     assert!(place.path("out/a.images/000000.png").exists());
 }
 

@@ -280,14 +280,14 @@ fn a_shard_that_is_there_is_kept_and_what_was_damaged_is_made_again() {
 fn what_a_killed_run_left_is_removed() {
     let place = TestFolder::new();
     place.run_ok(&format!("dataset plan {SCENES} -o set --sequences-per-shard 3 --pack"));
-    for hidden in ["shards/000000/sequences/.scene-0000.partial", "shards/000000"] {
+    for hidden in ["shards/000000/sequences/.scene-0000.spikelane.partial", "shards/000000"] {
         fs::create_dir_all(place.path(&format!("set/{hidden}"))).unwrap();
     }
     for file in [
-        "shards/000000/sequences/.scene-0000.partial/stream.dat",
-        "shards/000000/.journal.jsonl.77-0.partial",
-        "shards/.000000.tar.77-3.partial",
-        "shards/.000001.tar.78-3.partial",
+        "shards/000000/sequences/.scene-0000.spikelane.partial/stream.dat",
+        "shards/000000/.journal.jsonl.77-0.spikelane.partial",
+        "shards/.000000.tar.77-3.spikelane.partial",
+        "shards/.000001.tar.78-3.spikelane.partial",
     ] {
         place.write(&format!("set/{file}"), "half");
     }
@@ -300,8 +300,11 @@ fn what_a_killed_run_left_is_removed() {
         .collect();
     left.sort();
     assert_eq!(left, ["lock", "manifest.jsonl"]);
-    assert!(!exists(&place.path("set/shards/.000000.tar.77-3.partial")));
-    assert!(exists(&place.path("set/shards/.000001.tar.78-3.partial")), "another shard's is not ours");
+    assert!(!exists(&place.path("set/shards/.000000.tar.77-3.spikelane.partial")));
+    assert!(
+        exists(&place.path("set/shards/.000001.tar.78-3.spikelane.partial")),
+        "another shard's is not ours"
+    );
 }
 
 #[test]

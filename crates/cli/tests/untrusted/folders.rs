@@ -202,7 +202,7 @@ fn nothing_is_written_or_removed_through_a_link() {
     let dir = tempfile::tempdir().unwrap();
     let top = dir.path();
     fs::create_dir_all(top.join("home/gt")).unwrap();
-    for name in ["home/.draft.partial", "home/gt/scene-0000.png"] {
+    for name in ["home/.draft.spikelane.partial", "home/gt/scene-0000.png"] {
         fs::write(top.join(name), "precious").unwrap();
     }
     for (link, target) in [("train", "../home"), ("test", "../home"), ("sequences", "../home")] {
@@ -213,7 +213,7 @@ fn nothing_is_written_or_removed_through_a_link() {
         assert_eq!(code, 4, "{link}: {text}");
         fs::remove_dir_all(top.join("set")).unwrap();
     }
-    for name in ["home/.draft.partial", "home/gt/scene-0000.png"] {
+    for name in ["home/.draft.spikelane.partial", "home/gt/scene-0000.png"] {
         assert_eq!(fs::read(top.join(name)).unwrap(), b"precious", "{name}");
     }
     assert_eq!(fs::read_dir(top.join("home")).unwrap().count(), 2);

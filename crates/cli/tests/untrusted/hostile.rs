@@ -164,9 +164,13 @@ fn holds_secret(folder: &Path) -> Option<PathBuf> {
 fn make_surroundings(around: &Path) {
     fs::create_dir_all(around.join("home/alice")).unwrap();
     fs::create_dir_all(around.join("empty")).unwrap();
-    for name in
-        ["secret.txt", "record.json", "stream.dat", "home/alice/thesis.txt", "home/alice/.draft.partial"]
-    {
+    for name in [
+        "secret.txt",
+        "record.json",
+        "stream.dat",
+        "home/alice/thesis.txt",
+        "home/alice/.draft.spikelane.partial",
+    ] {
         fs::write(around.join(name), format!("{SECRET} {name}\n")).unwrap();
     }
 }

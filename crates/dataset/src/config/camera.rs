@@ -9,6 +9,7 @@ use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets::{self, CameraDistribution};
 use spikelane::units::Unit;
+use spikelane::unstable::error::toml_fault;
 use spikelane::unstable::inputs::{Access, InnerPath, read_text};
 
 /// Keyword for the library's distribution of training cameras.
@@ -86,7 +87,8 @@ fn camera_table(name: &str, folder: &Path, access: Access) -> Result<(Table, std
         presets::builtin(name)?;
         return Err(camera_error(name));
     };
-    let table = toml::from_str(&text).map_err(|e| Error::new(ErrorKind::Config, name).found(e))?;
+    let table =
+        toml::from_str(&text).map_err(|e| Error::new(ErrorKind::Config, name).found(toml_fault(&e)))?;
     Ok((table, at))
 }
 
@@ -142,7 +144,7 @@ pub(super) fn write(options: &DatasetOptions, maps: &mut Vec<(String, Vec<u8>)>)
 }
 
 fn parse_table(text: &str) -> Result<Table> {
-    toml::from_str(text).map_err(|e| Error::new(ErrorKind::Config, "camera").found(e))
+    toml::from_str(text).map_err(|e| Error::new(ErrorKind::Config, "camera").found(toml_fault(&e)))
 }
 
 fn camera_value(camera: &Camera, maps: &mut Vec<(String, Vec<u8>)>) -> Result<Value> {

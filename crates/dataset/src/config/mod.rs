@@ -7,6 +7,7 @@ use std::path::Path;
 
 use crate::DatasetOptions;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::error::toml_fault;
 use spikelane::unstable::inputs::{Access, read_text};
 
 /// The text of a `dataset.toml`, and the maps of its cameras.
@@ -78,7 +79,7 @@ pub fn from_toml(text: &str, folder: &Path, access: Access) -> Result<DatasetOpt
 /// Returns the error for invalid text. If the text contains an unknown key, the error suggests the most similar known
 /// key.
 fn parse_error(error: &toml::de::Error) -> Error {
-    let message = Error::new(ErrorKind::Config, "dataset.toml").found(error.to_string().trim_end());
+    let message = Error::new(ErrorKind::Config, "dataset.toml").found(toml_fault(error));
     // The message of the TOML parser has the form: unknown field `A`, expected one of `B`, `C`.
     let mut quoted = error.message().split('`').skip(1).step_by(2);
     match quoted.next().filter(|_| error.message().starts_with("unknown field")) {

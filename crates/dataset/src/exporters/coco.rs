@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use crate::hidden_file::HiddenFile;
 use crate::{DatasetOptions, SequenceEntry, Split, labeled_frames};
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::{InnerPath, PlainName, read_bytes};
+use spikelane::unstable::inputs::{InnerPath, PARTIAL_ENDING, PlainName, read_bytes};
 use spikelane_io::storage::{folders, sync};
 
 /// Name of the file in the folder of a split.
@@ -70,8 +71,8 @@ impl CocoWriter {
     pub(super) fn begin(root: &Path, split: Split) -> Result<Self> {
         Ok(Self {
             path: folders::create_parents(root, &path(split))?,
-            images: ListWriter::begin(root, split, ".coco-images.partial")?,
-            annotations: ListWriter::begin(root, split, ".coco-annotations.partial")?,
+            images: ListWriter::begin(root, split, ".coco-images.spikelane.partial")?,
+            annotations: ListWriter::begin(root, split, ".coco-annotations.spikelane.partial")?,
             categories: Value::Array(Vec::new()),
         })
     }
@@ -121,7 +122,8 @@ impl CocoWriter {
     }
 
     pub(super) fn finish(self) -> Result<()> {
-        let hidden = self.path.with_file_name(format!(".{FILE_NAME}.partial"));
+        let hidden = self.path.with_file_name(format!(".{FILE_NAME}{PARTIAL_ENDING}"));
+        let _draft = HiddenFile(&hidden);
         let joined = || -> std::io::Result<File> {
             let mut file = folders::create(&hidden).map_err(std::io::Error::other)?;
             file.write_all(b"{\"images\": [")?;

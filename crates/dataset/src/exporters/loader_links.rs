@@ -5,9 +5,10 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::ssl_csc;
+use crate::hidden_file::HiddenFile;
 use crate::{DatasetOptions, SequenceEntry, Split};
 use spikelane::error::{Error, Result};
-use spikelane::unstable::inputs::{InnerPath, PlainName, read_bytes};
+use spikelane::unstable::inputs::{InnerPath, PARTIAL_ENDING, PlainName, read_bytes};
 use spikelane_io::simulate::{Sidecar, StreamFacts};
 use spikelane_io::storage::{folders, is_same_file, sync};
 
@@ -107,6 +108,9 @@ pub(super) fn link_or_copy(from: &Path, root: &Path, inner: &InnerPath) -> Resul
     // link would not work in another folder.
     let from = fs::canonicalize(from).map_err(|e| Error::io(from.display(), e))?;
     let _ = fs::remove_file(&hidden);
+    // If the hidden name and the final name are hard links to the same file, the rename has no effect. The hidden name
+    // is then removed too.
+    let _draft = HiddenFile(&hidden);
     let mut copied = 0;
     if fs::hard_link(&from, &hidden).is_err() {
         let mut file = folders::create(&hidden)?;
@@ -115,11 +119,7 @@ pub(super) fn link_or_copy(from: &Path, root: &Path, inner: &InnerPath) -> Resul
         sync::sync_file(&file, &hidden)?;
         copied = 1;
     }
-    // If the hidden name and the final name are hard links to the same file, the rename has no effect. Therefore the
-    // hidden name is removed explicitly.
-    let renamed = sync::rename(&hidden, &to);
-    let _ = fs::remove_file(&hidden);
-    renamed.map(|()| copied)
+    sync::rename(&hidden, &to).map(|()| copied)
 }
 
 /// Writes the small file `inner` below `root`. If the file already contains `bytes`, the file is not written again.
@@ -129,6 +129,7 @@ pub(super) fn write_if_changed(root: &Path, inner: &InnerPath, bytes: &[u8]) -> 
         return Ok(());
     }
     let hidden = hidden_path(&to);
+    let _draft = HiddenFile(&hidden);
     let mut file = folders::create(&hidden)?;
     file.write_all(bytes).map_err(|e| Error::io(to.display(), e))?;
     sync::sync_file(&file, &hidden)?;
@@ -139,7 +140,7 @@ pub(super) fn write_if_changed(root: &Path, inner: &InnerPath, bytes: &[u8]) -> 
 /// same folder.
 fn hidden_path(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.partial"))
+    path.with_file_name(format!(".{name}{PARTIAL_ENDING}"))
 }
 
 /// Returns whether two paths refer to the same file.

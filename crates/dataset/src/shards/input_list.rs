@@ -7,11 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::discover;
 use crate::fingerprint::{self, Fingerprint};
+use crate::hidden_file::HiddenFile;
 use crate::{DatasetOptions, InputContent};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
 use spikelane::unstable::draws::RandomStream;
-use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName, zeroed_vec};
+use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PARTIAL_ENDING, PlainName, zeroed_vec};
 use spikelane_io::storage::{Digest, folders, sync};
 
 /// File name of the list in the plan's folder.
@@ -107,9 +108,9 @@ pub(super) fn write_list(
     per_shard: u64,
 ) -> Result<(u64, Vec<ListSlice>)> {
     let path = options.output.join(FILE_NAME);
-    let hidden = options.output.join(format!(".{FILE_NAME}.{}.partial", std::process::id()));
+    let hidden = options.output.join(format!(".{FILE_NAME}.{}{PARTIAL_ENDING}", std::process::id()));
     let io = |e| Error::io(path.display(), e);
-    let _draft = PartialFile(&hidden);
+    let _draft = HiddenFile(&hidden);
     let mut file = BufWriter::new(folders::create(&hidden)?);
     let mut pieces: Vec<ListSlice> = Vec::new();
     let (mut count, mut at) = (0u64, 0u64);
@@ -155,16 +156,6 @@ pub(super) fn write_list(
     sync::rename(&hidden, &path)?;
     sync::sync_folder(&options.output)?;
     Ok((count, pieces))
-}
-
-/// A hidden file that is removed on drop, unless the file has been renamed.
-struct PartialFile<'a>(&'a Path);
-
-impl Drop for PartialFile<'_> {
-    fn drop(&mut self) {
-        // After the rename, no file has the hidden name. The error of the removal is therefore ignored.
-        let _ = std::fs::remove_file(self.0);
-    }
 }
 
 fn finish_slice(pieces: &mut [ListSlice], digest: &mut Digest) {

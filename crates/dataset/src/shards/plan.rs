@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::input_list::{self, ListSlice, PlannedInput, read_inputs, write_list};
 use crate::config;
 use crate::entries::{planned_input_entry, planned_scene_entry};
+use crate::fingerprint::exists;
 use crate::{Content, DatasetOptions, Fingerprint, Input, InputContent, SequenceEntry, Split};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
@@ -91,7 +92,7 @@ impl ShardPlan {
         let folder = options.output.clone();
         let written = config::to_toml(options)?;
         let existing = || -> Result<Option<Self>> {
-            if !folder.join(Self::FILE_NAME).exists() {
+            if !exists(&folder.join(Self::FILE_NAME))? {
                 return Ok(None);
             }
             let plan = Self::open(&folder, Access::Read)?;
@@ -107,7 +108,7 @@ impl ShardPlan {
         if let Some(plan) = existing()? {
             return Ok((plan, true));
         }
-        if folder.join(crate::manifest::FILE_NAME).exists() {
+        if exists(&folder.join(crate::manifest::FILE_NAME))? {
             return Err(Error::new(ErrorKind::Exists, folder.display())
                 .found("a dataset without a plan")
                 .expected("a folder without a dataset"));

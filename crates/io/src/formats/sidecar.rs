@@ -8,7 +8,7 @@ use crate::formats::writer::sidecar_path;
 use crate::formats::{EVENTS_LAYOUT, Layout};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
-use spikelane::unstable::inputs::{Access, MAX_TEXT_BYTES, check_link, read_bytes};
+use spikelane::unstable::inputs::{Access, MAX_TEXT_BYTES, check_link, not_found_as_none, read_bytes};
 
 /// Facts about a stream, read from the sidecar of the stream. Fields of missing keys are `None`, and unknown keys are
 /// ignored.
@@ -38,10 +38,18 @@ pub(super) fn read_beside(path: &Path) -> Result<SidecarFacts> {
 /// Returns the path of the sidecar beside a stream, or `None` if there is no sidecar.
 ///
 /// # Errors
-/// [`ErrorKind::Input`] if the sidecar is a symbolic link to a file in another folder, because the user did not name
+/// [`ErrorKind::Io`] if the system cannot find out whether there is a sidecar. [`ErrorKind::Input`] if the sidecar is a symbolic link to a file in another folder, because the user did not name
 /// that file. If the stream is a symbolic link, the folder of its target is also allowed.
 pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
-    let Some(path) = candidates(stream).into_iter().find(|path| path.is_file()) else { return Ok(None) };
+    let mut found = None;
+    for path in candidates(stream) {
+        let metadata = std::fs::metadata(&path).map_err(|e| Error::io(path.display(), e));
+        if not_found_as_none(metadata)?.is_some_and(|metadata| metadata.is_file()) {
+            found = Some(path);
+            break;
+        }
+    }
+    let Some(path) = found else { return Ok(None) };
     let folder = |path: &Path| path.canonicalize().ok().and_then(|real| real.parent().map(Path::to_owned));
     match check_link(path.parent().unwrap_or(Path::new("")), &path, Access::Read) {
         Err(e) if folder(&path) != folder(stream) => Err(e.remedy(format_args!(

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::sync::record;
 use super::sync::{io, sync_file, sync_folder};
 use spikelane::error::Result;
-use spikelane::unstable::inputs::{Access, InnerPath};
+use spikelane::unstable::inputs::{Access, InnerPath, PARTIAL_ENDING};
 use spikelane::unstable::threads;
 
 /// Maximum number of files that are synced concurrently. Concurrent syncs wait for the disk at the same time. In
@@ -69,7 +69,7 @@ fn remove_folder(path: &Path) -> std::io::Result<()> {
     if is_partial(&name) {
         return fs::remove_dir_all(path);
     }
-    let hidden = path.with_file_name(format!(".{name}.old.partial"));
+    let hidden = path.with_file_name(format!(".{name}.old{PARTIAL_ENDING}"));
     match fs::symlink_metadata(&hidden) {
         Ok(metadata) if metadata.is_dir() => fs::remove_dir_all(&hidden)?,
         Ok(_) => fs::remove_file(&hidden)?,
@@ -81,10 +81,10 @@ fn remove_folder(path: &Path) -> std::io::Result<()> {
 
 /// Returns whether an entry with this name is being written or removed.
 fn is_partial(name: &str) -> bool {
-    name.starts_with('.') && name.ends_with(".partial")
+    name.starts_with('.') && name.ends_with(PARTIAL_ENDING)
 }
 
-/// Removes entries with names `.NAME.partial` directly in the folder `inner` below `root`. These entries remain if a
+/// Removes entries with names `.NAME.spikelane.partial` directly in the folder `inner` below `root`. These entries remain if a
 /// process is killed. Subfolders are not searched.
 ///
 /// No other process may write to this folder at the same time.
@@ -149,7 +149,7 @@ mod tests {
         let (set, home) = (top.path().join("set"), top.path().join("home"));
         fs::create_dir_all(set.join("sequences")).unwrap();
         fs::create_dir_all(home.join("a")).unwrap();
-        fs::write(home.join("a/.thesis.partial"), "precious").unwrap();
+        fs::write(home.join("a/.thesis.spikelane.partial"), "precious").unwrap();
         symlink(home.join("a"), set.join("sequences/a")).unwrap();
         symlink(&home, set.join("train")).unwrap();
         remove(&set, &InnerPath::from("sequences/a")).unwrap();
@@ -162,16 +162,16 @@ mod tests {
             remove_partials_in(&set, &InnerPath::from("train/a")).unwrap_err().kind(),
             spikelane::ErrorKind::Input
         );
-        symlink(home.join("a"), set.join(".b.old.partial")).unwrap();
+        symlink(home.join("a"), set.join(".b.old.spikelane.partial")).unwrap();
         fs::create_dir(set.join("b")).unwrap();
         remove(&set, &InnerPath::from("b")).unwrap();
-        assert_eq!(fs::read(home.join("a/.thesis.partial")).unwrap(), b"precious");
+        assert_eq!(fs::read(home.join("a/.thesis.spikelane.partial")).unwrap(), b"precious");
     }
 
     #[test]
     fn a_new_file_takes_the_place_of_a_link_and_not_of_what_it_leads_to() {
         let top = tempfile::tempdir().unwrap();
-        let (mine, hidden) = (top.path().join("mine"), top.path().join(".coco.partial"));
+        let (mine, hidden) = (top.path().join("mine"), top.path().join(".coco.spikelane.partial"));
         fs::write(&mine, "precious").unwrap();
         symlink(&mine, &hidden).unwrap();
         drop(create(&hidden).unwrap());

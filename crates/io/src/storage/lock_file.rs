@@ -27,7 +27,7 @@ pub(super) struct LockFile {
 }
 
 /// The first characters of the text in a lock file. The process id follows the prefix.
-const PROCESS_PREFIX: &str = "process ";
+const PROCESS_PREFIX: &str = "spikelane process ";
 
 impl LockFile {
     /// Acquires the lock on `output`. The folder of `output` must exist. Error messages name `claimed`, which is either
@@ -182,7 +182,7 @@ mod tests {
     fn the_lock_file_of_a_killed_process_blocks_nobody_and_is_not_written_to() {
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("run.dat");
-        for text in ["process 123456", ""] {
+        for text in ["spikelane process 123456", ""] {
             let other = folder.path().join("other");
             fs::write(&other, text).unwrap();
             fs::hard_link(&other, lock_path(&output)).unwrap();
@@ -207,9 +207,10 @@ mod tests {
         let path = folder.path().join(".run.dat.lock");
         for (text, process) in [
             ("", Some(0)),
-            ("proc", Some(0)),
+            ("spikelane proc", Some(0)),
             (PROCESS_PREFIX, Some(0)),
-            ("process 7", Some(7)),
+            ("spikelane process 7", Some(7)),
+            ("process 7", None),
             ("mine", None),
         ] {
             fs::write(&path, text).unwrap();
@@ -236,7 +237,7 @@ mod tests {
         use std::sync::atomic::{AtomicU32, Ordering};
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("run.dat");
-        fs::write(lock_path(&output), "process 1").unwrap();
+        fs::write(lock_path(&output), "spikelane process 1").unwrap();
         let (inside, acquired) = (AtomicU32::new(0), AtomicU32::new(0));
         std::thread::scope(|scope| {
             for _ in 0..8 {

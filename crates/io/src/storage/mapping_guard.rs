@@ -134,8 +134,8 @@ mod unix {
             let access = libc::PROT_READ | libc::PROT_WRITE;
             let kind = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS | libc::MAP_FIXED;
             // SAFETY: the range belongs to a mapping whose owner is registered, so it is mapped and belongs to nobody
-            // else. The owner accesses it only through atomic words, for which zeros are valid. `mmap` is a plain
-            // system call.
+            // else. The owner accesses it only as bytes or words, for which zeros are valid. `mmap` is a plain system
+            // call.
             let mapped = unsafe { libc::mmap(start as *mut libc::c_void, len, access, kind, -1, 0) };
             if mapped != libc::MAP_FAILED {
                 entry.truncated.store(true, Ordering::Relaxed);

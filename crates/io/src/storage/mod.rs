@@ -7,6 +7,7 @@
 mod digest;
 pub mod folders;
 mod group;
+mod guarded_map;
 mod lock_file;
 mod mapping_guard;
 mod outputs;

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use crate::storage::platform::set_private;
 use crate::storage::sync;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::unstable::inputs::PARTIAL_ENDING;
 
 /// Number of the next partial file. The number distinguishes the partial files of one process.
 static NEXT_FILE_NUMBER: AtomicU64 = AtomicU64::new(0);
@@ -27,7 +28,7 @@ pub struct PartialFile {
 }
 
 impl PartialFile {
-    /// Creates the hidden file `.NAME.PID-N.partial` beside `path`.
+    /// Creates the hidden file `.NAME.PID-N.spikelane.partial` beside `path`.
     pub(super) fn create(path: &Path, force: bool) -> Result<Self> {
         Self::create_with_suffix(path, force, "")
     }
@@ -37,7 +38,7 @@ impl PartialFile {
         Self::create_with_options(path, force, "", set_private(&mut OpenOptions::new()))
     }
 
-    /// Creates the hidden file `.NAME.PID-N.partial` beside `path`, with `ending` appended to the name. External
+    /// Creates the hidden file `.NAME.PID-N.spikelane.partial` beside `path`, with `ending` appended to the name. External
     /// programs that write the file determine the file format from this ending.
     pub fn create_with_suffix(path: &Path, force: bool, ending: &str) -> Result<Self> {
         Self::create_with_options(path, force, ending, &mut OpenOptions::new())
@@ -57,7 +58,7 @@ impl PartialFile {
             let n = NEXT_FILE_NUMBER.fetch_add(1, Ordering::Relaxed);
             let mut hidden_name = std::ffi::OsString::from(".");
             hidden_name.push(name);
-            hidden_name.push(format!(".{}-{n}.partial{ending}", std::process::id()));
+            hidden_name.push(format!(".{}-{n}{PARTIAL_ENDING}{ending}", std::process::id()));
             let hidden = path.with_file_name(hidden_name);
             let created = options.read(true).write(true).create_new(true).open(&hidden);
             match created {

@@ -5,9 +5,7 @@ use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use memmap2::{MmapOptions, MmapRaw};
-
-use crate::storage::mapping_guard::MappingGuard;
+use crate::storage::guarded_map::{GuardedMap, check_length};
 use crate::storage::platform::{is_same_file, reserve, set_private};
 use crate::storage::writer::reserve_error;
 use spikelane::error::{Error, ErrorKind, Result};
@@ -22,9 +20,7 @@ const WORD_BYTES: usize = 8;
 /// [`SharedMemory::check`].
 #[derive(Debug)]
 pub struct SharedMemory {
-    // The guard must be dropped before the mapping.
-    guard: MappingGuard,
-    map: MmapRaw,
+    map: GuardedMap,
     file: File,
     path: PathBuf,
 }
@@ -69,9 +65,9 @@ impl SharedMemory {
                 .found(Count(bytes, "byte"))
                 .expected("a regular file whose size is a multiple of 8 bytes"));
         }
-        let map = MmapOptions::new().map_raw(&file).map_err(io)?;
-        let watched = MappingGuard::new(map.as_mut_ptr(), map.len()).map_err(io)?;
-        Ok(Self { guard: watched, map, file, path: path.to_path_buf() })
+        let len = usize::try_from(bytes).map_err(|_| io(std::io::ErrorKind::OutOfMemory.into()))?;
+        let map = GuardedMap::new(&file, 0, len).map_err(io)?;
+        Ok(Self { map, file, path: path.to_path_buf() })
     }
 
     /// Checks that the file still has the length with which it was mapped.
@@ -80,18 +76,7 @@ impl SharedMemory {
     /// [`ErrorKind::Io`] if another process truncated the file. Words that this process wrote after the truncation may
     /// be invisible to other processes.
     pub fn check(&self) -> Result<()> {
-        let now = self.file.metadata().map_err(|e| Error::io(self.path.display(), e))?.len();
-        if now >= self.map.len() as u64 && !self.guard.is_truncated() {
-            return Ok(());
-        }
-        Err(Error::new(ErrorKind::Io, self.path.display())
-            .found(format_args!(
-                "{}, {} before: another process shortened the file",
-                Count(now, "byte"),
-                self.map.len(),
-            ))
-            .expected("a file that keeps its size while it is shared")
-            .remedy("find the process that writes to this name, or choose another name"))
+        check_length(&self.file, Some(&self.map), self.map.len() as u64, &self.path)
     }
 
     /// Removes the file. If the path now refers to another file, nothing is removed.
@@ -110,10 +95,10 @@ impl SharedMemory {
     #[must_use]
     pub fn words(&self) -> &[AtomicU64] {
         let words = self.map.len() / WORD_BYTES;
-        // SAFETY: the mapping is writable, starts at a page boundary and lives as long as `self`. `guard` keeps it
-        // accessible if the file is truncated. All accesses through this slice are atomic, and other processes must
-        // use atomic accesses as well. Every bit pattern is a valid word.
-        unsafe { std::slice::from_raw_parts(self.map.as_ptr().cast::<AtomicU64>(), words) }
+        // SAFETY: the mapping is writable, starts at a page boundary and lives as long as `self`. It stays accessible
+        // if the file is truncated. All accesses through this slice are atomic, and other processes must use atomic
+        // accesses as well. Every bit pattern is a valid word.
+        unsafe { std::slice::from_raw_parts(self.map.as_mut_ptr().cast::<AtomicU64>(), words) }
     }
 
     /// Copies `bytes` to the words that start with word `first`. If `bytes` fills only a part of the last word, zeros

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::storage::lock_file::{is_held, read_process_id};
 use crate::storage::sync::io;
 use spikelane::error::Result;
+use spikelane::unstable::inputs::PARTIAL_ENDING;
 
 /// A hidden file or folder of unfinished work.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -115,15 +116,15 @@ fn contents(folder: &Path) -> Result<(u64, bool)> {
     Ok((bytes, is_locked))
 }
 
-/// Returns whether a name has one of the forms `.NAME.PID-N.partial`, `.NAME.PID-N.partial.EXT`, `.NAME.PID.partial`
-/// and `.NAME.partial`.
+/// Returns whether a name has one of the forms `.NAME.PID-N.spikelane.partial`, `.NAME.PID-N.spikelane.partial.EXT`,
+/// `.NAME.PID.spikelane.partial` and `.NAME.spikelane.partial`.
 fn is_partial(name: &str) -> bool {
     stem(name).is_some_and(|stem| stem.len() > 1)
 }
 
-/// Returns the part of a hidden name that precedes `.partial`.
+/// Returns the part of a hidden name that precedes [`PARTIAL_ENDING`].
 fn stem(name: &str) -> Option<&str> {
-    let (stem, ending) = name.rsplit_once(".partial")?;
+    let (stem, ending) = name.rsplit_once(PARTIAL_ENDING)?;
     let has_partial_ending = ending.is_empty() || (ending.starts_with('.') && !ending[1..].contains('.'));
     (name.starts_with('.') && has_partial_ending).then_some(stem)
 }
@@ -133,7 +134,7 @@ fn process_id(name: &str) -> Option<u32> {
     number.split('-').next()?.parse().ok()
 }
 
-/// Returns whether a name has the form `.NAME.PID-N.partial`. A file with a name of this form is locked by the
+/// Returns whether a name has the form `.NAME.PID-N.spikelane.partial`. A file with a name of this form is locked by the
 /// process that writes the file.
 #[must_use]
 pub fn is_numbered(name: &str) -> bool {
@@ -142,7 +143,9 @@ pub fn is_numbered(name: &str) -> bool {
 }
 
 fn is_lock(path: &Path, name: &str) -> bool {
-    name.starts_with('.') && name.ends_with(".lock") && read_process_id(path).is_some()
+    let is_empty = fs::symlink_metadata(path).is_ok_and(|m| m.len() == 0);
+    // An empty file can be the lock of another program.
+    name.starts_with('.') && name.ends_with(".lock") && !is_empty && read_process_id(path).is_some()
 }
 
 #[cfg(test)]
@@ -152,19 +155,30 @@ mod tests {
 
     #[test]
     fn only_names_that_this_program_makes_are_unfinished() {
-        for name in
-            [".a.dat.12-0.partial", ".a.mp4.12-3.partial.mp4", ".manifest.jsonl.12.partial", ".s.partial"]
-        {
+        for name in [
+            ".a.dat.12-0.spikelane.partial",
+            ".a.mp4.12-3.spikelane.partial.mp4",
+            ".manifest.jsonl.12.spikelane.partial",
+            ".s.spikelane.partial",
+        ] {
             assert!(is_partial(name), "{name}");
         }
-        for name in ["a.partial", ".partial", ".rsync-partial", ".a.partial.tar.gz", ".a.partially", "a.dat"]
-        {
+        for name in [
+            "a.spikelane.partial",
+            ".spikelane.partial",
+            ".a.partial",
+            ".a.12-0.partial",
+            ".rsync-partial",
+            ".a.spikelane.partial.tar.gz",
+            ".a.partially",
+            "a.dat",
+        ] {
             assert!(!is_partial(name), "{name}");
         }
-        assert_eq!(process_id(".a.dat.12-0.partial"), Some(12));
-        assert_eq!(process_id(".manifest.jsonl.7.partial"), Some(7));
-        assert_eq!(process_id(".scene-0001.partial"), None);
-        assert!(is_numbered(".a.dat.12-0.partial") && !is_numbered(".a.dat.12.partial"));
+        assert_eq!(process_id(".a.dat.12-0.spikelane.partial"), Some(12));
+        assert_eq!(process_id(".manifest.jsonl.7.spikelane.partial"), Some(7));
+        assert_eq!(process_id(".scene-0001.spikelane.partial"), None);
+        assert!(is_numbered(".a.dat.12-0.spikelane.partial") && !is_numbered(".a.dat.12.spikelane.partial"));
     }
 
     #[test]
@@ -175,18 +189,28 @@ mod tests {
             let name = |u: &UnfinishedOutput| u.path.file_name().unwrap().to_string_lossy().into_owned();
             find_unfinished(top.path()).unwrap().iter().map(|u| (name(u), u.is_running)).collect()
         };
-        fs::create_dir_all(at("set/.s.partial")).unwrap();
-        fs::write(at("set/.s.partial/stream.dat"), [0; 10]).unwrap();
-        fs::write(at(".old.dat.1-0.partial"), "").unwrap();
-        fs::write(at(".old.dat.lock"), "process 1").unwrap();
-        fs::write(at(".other.lock"), "of another program").unwrap();
-        let left = [(".old.dat.1-0.partial", false), (".old.dat.lock", false), (".s.partial", false)];
+        fs::create_dir_all(at("set/.s.spikelane.partial")).unwrap();
+        fs::write(at("set/.s.spikelane.partial/stream.dat"), [0; 10]).unwrap();
+        fs::write(at(".old.dat.1-0.spikelane.partial"), "").unwrap();
+        fs::write(at(".old.dat.lock"), "spikelane process 1").unwrap();
+        for (name, text) in
+            [(".other.lock", "of another program"), (".empty.lock", ""), (".b.dat.partial", "half")]
+        {
+            fs::write(at(name), text).unwrap();
+        }
+        fs::create_dir(at(".backup.partial")).unwrap();
+        fs::write(at(".backup.partial/thesis.txt"), "mine").unwrap();
+        let left = [
+            (".old.dat.1-0.spikelane.partial", false),
+            (".old.dat.lock", false),
+            (".s.spikelane.partial", false),
+        ];
         let expected = |list: &[(&str, bool)]| -> Vec<(String, Option<bool>)> {
             list.iter().map(|(name, running)| ((*name).to_owned(), Some(*running))).collect()
         };
         assert_eq!(state(), expected(&left));
         let claim = OutputSet::claim_folder(&at("set")).unwrap();
-        assert!(state().contains(&(".s.partial".to_owned(), Some(true))));
+        assert!(state().contains(&(".s.spikelane.partial".to_owned(), Some(true))));
         drop(claim);
         let new = PartialFile::create(&at("new.dat"), false).unwrap();
         let running: Vec<_> = state().into_iter().filter(|(_, running)| *running == Some(true)).collect();
@@ -196,6 +220,9 @@ mod tests {
         for output in find_unfinished(top.path()).unwrap() {
             assert!(remove(&output).unwrap());
         }
-        assert!(state().is_empty() && at(".other.lock").exists());
+        assert!(state().is_empty());
+        for name in [".other.lock", ".empty.lock", ".b.dat.partial", ".backup.partial/thesis.txt"] {
+            assert!(at(name).exists(), "{name}");
+        }
     }
 }

@@ -4,8 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use memmap2::{MmapMut, MmapOptions};
-
+use crate::storage::guarded_map::{GuardedMap, check_length};
 use crate::storage::partial_file::{PartialFile, parent_folder};
 use crate::storage::platform::{free_bytes, is_in_memory, reserve, write_all_at, write_back};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
@@ -50,7 +49,7 @@ pub struct FileWriter {
 
 #[derive(Debug)]
 struct Window {
-    map: MmapMut,
+    map: GuardedMap,
     offset: u64,
 }
 
@@ -102,7 +101,7 @@ impl FileWriter {
     /// [`ErrorKind::Space`] if the disk does not have enough free space. Also other errors of the operating system.
     pub fn resize(&mut self, bytes: u64) -> Result<()> {
         // A window must not be mapped beyond the new end of the file.
-        self.window = None;
+        self.unmap()?;
         if bytes > self.bytes {
             return self.lengthen(bytes);
         }
@@ -129,21 +128,35 @@ impl FileWriter {
     /// starts writing the bytes of the previous window to the disk.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the range exceeds the file. Also errors of the operating system.
+    /// * [`ErrorKind::Usage`] if the range exceeds the file.
+    /// * [`ErrorKind::Io`] if another process shortened the file. Also other errors of the operating system.
     pub fn window(&mut self, offset: u64, len: usize) -> Result<&mut [u8]> {
         self.check(offset, len)?;
         if len == 0 {
             return Ok(&mut []);
         }
-        let current = self.window.take().filter(|w| w.contains(offset, len));
-        let window = match current {
+        if self.window.as_ref().is_some_and(|w| w.contains(offset, len)) {
+            self.check_length()?;
+        } else {
+            self.unmap()?;
+        }
+        let window = match self.window.take() {
             Some(window) => window,
             None => self.map(offset, len)?,
         };
-        let window = self.window.insert(window);
-        // The offset is inside the mapping, so the difference fits in `usize`.
-        let start = (offset - window.offset) as usize;
-        Ok(&mut window.map[start..start + len])
+        Ok(self.window.insert(window).bytes(offset, len))
+    }
+
+    /// Checks that no other process has shortened the file.
+    fn check_length(&self) -> Result<()> {
+        check_length(self.partial.file(), self.window.as_ref().map(|w| &w.map), self.bytes, self.path())
+    }
+
+    /// Removes the mapping of the window. The content of the window is lost if another process shortened the file.
+    fn unmap(&mut self) -> Result<()> {
+        self.check_length()?;
+        self.window = None;
+        Ok(())
     }
 
     fn check(&self, offset: u64, len: usize) -> Result<()> {
@@ -165,6 +178,7 @@ impl FileWriter {
     /// As [`window`](Self::window).
     pub(crate) fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.check(offset, bytes.len())?;
+        self.check_length()?;
         let windows = |bytes: u64| bytes / WINDOW_BYTES as u64;
         if windows(offset + bytes.len() as u64) > windows(offset) {
             self.write_back_before(offset);
@@ -188,6 +202,7 @@ impl FileWriter {
     /// # Errors
     /// * [`ErrorKind::Exists`] if another process has created a file at this path and `force` is false. The file of the
     ///   other process is unchanged, and the file of this writer is removed.
+    /// * [`ErrorKind::Io`] if another process shortened the file. The file is removed.
     /// * Other errors of the operating system.
     pub fn finish(self) -> Result<FileSummary> {
         self.finish_replacing(&[])
@@ -196,7 +211,7 @@ impl FileWriter {
     /// Finishes the file as [`finish`](Self::finish) does, but removes the files in `stale` before the rename. The new
     /// file invalidates the files in `stale`.
     pub(crate) fn finish_replacing(mut self, stale: &[&Path]) -> Result<FileSummary> {
-        self.window = None;
+        self.unmap()?;
         let path = self.path().to_path_buf();
         let sync = self.partial.commit_replacing(stale)?;
         Ok(FileSummary { path, bytes: self.bytes, sync_time: sync })
@@ -216,10 +231,7 @@ impl FileWriter {
             let reserved = reserve(self.partial.file(), start, start + size as u64);
             reserved.map_err(|e| reserve_error(self.path(), size as u64, e))?;
         }
-        // SAFETY: the file is exclusive to this process: it is created under a new hidden name, never shared, and not
-        // truncated while it is mapped. Every block of the window is reserved, so a full disk causes no fault. A
-        // process that opens and truncates a hidden partial file violates this assumption; no API prevents that.
-        let map = unsafe { MmapOptions::new().offset(start).len(size).map_mut(self.partial.file()) };
+        let map = GuardedMap::new(self.partial.file(), start, size);
         let map = map.map_err(|e| Error::io(self.path().display(), e))?;
         Ok(Window { map, offset: start })
     }
@@ -233,6 +245,18 @@ impl FileWriter {
 }
 
 impl Window {
+    /// Returns the `len` bytes of the file that start at `offset`. The range must be inside the window.
+    fn bytes(&mut self, offset: u64, len: usize) -> &mut [u8] {
+        // The offset is inside the mapping, so the difference fits in `usize`.
+        let start = (offset - self.offset) as usize;
+        // SAFETY: the mapping is writable and lives as long as `self`, whose borrow is exclusive. Every block of the
+        // window is reserved, so a full disk causes no fault. The file has a new hidden name, so no other process is
+        // expected to use it. If another process shortens the file, the guard of the mapping replaces the bytes with
+        // zeros, which are valid values, and `check_length` rejects the file before it gets its final name.
+        let mapped = unsafe { std::slice::from_raw_parts_mut(self.map.as_mut_ptr(), self.map.len()) };
+        &mut mapped[start..start + len]
+    }
+
     fn contains(&self, offset: u64, len: usize) -> bool {
         offset >= self.offset && offset + len as u64 <= self.offset + self.map.len() as u64
     }

@@ -134,3 +134,23 @@ fn other_arrays_other_values_and_cut_archives_are_refused() {
         assert!(error.to_string().contains(text), "{error}");
     }
 }
+
+/// Flips each byte of the compressed array. The archive is then read, or rejected as damaged, and never counts as a fault of
+/// the system.
+#[test]
+fn damage_in_a_compressed_array_is_an_error_of_the_input() {
+    let values = (0..6 * 65).map(|i| u8::from(fires(i / 65, i % 65 / 13, i % 13))).collect();
+    let bytes = archive("spk", &[6, 5, 13], values);
+    let damaged = (30..bytes.len()).filter(|at| {
+        let mut bytes = bytes.clone();
+        bytes[*at] ^= 0x55;
+        match StreamReader::from_bytes("a.npz", bytes, None, None) {
+            Ok(_) => false,
+            Err(e) => {
+                assert!(matches!(e.kind(), ErrorKind::Input | ErrorKind::Usage), "byte {at}: {e}");
+                true
+            }
+        }
+    });
+    assert!(damaged.count() > 50);
+}

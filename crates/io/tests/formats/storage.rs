@@ -165,3 +165,35 @@ fn a_file_that_is_cut_while_it_is_read_is_an_error_in_every_layout() {
         assert!(Digest::hash_file(&path).is_ok());
     }
 }
+
+/// Another process shortens the hidden file, and the writer continues through a mapped window or through calls.
+#[cfg(unix)]
+#[test]
+fn an_output_that_another_process_shortens_is_an_error_and_no_file() {
+    for (left, maps) in [(4096, true), (0, true), (4096, false), (0, false)] {
+        let dir = TempDir::new().unwrap();
+        let path = place(&dir, "s.dat");
+        let mut writer = FileWriter::create(&path, 1 << 20, false).unwrap();
+        writer.window(0, 1 << 20).unwrap().fill(1);
+        let hidden = place(&dir, &names(&dir)[0]);
+        let mut write = |first: bool| {
+            if maps {
+                // The access is beyond the end of the file.
+                let window = writer.window(0, 1 << 20)?;
+                if first {
+                    fs::OpenOptions::new().write(true).open(&hidden).unwrap().set_len(left).unwrap();
+                }
+                window.fill(2);
+                Ok(())
+            } else {
+                fs::OpenOptions::new().write(true).open(&hidden).unwrap().set_len(left).unwrap();
+                writer.write_all(&[2; 1000])
+            }
+        };
+        let written = write(true).and_then(|()| write(false));
+        let error = failure(written.and_then(|()| writer.finish()));
+        assert_eq!((error.kind(), error.subject()), (ErrorKind::Io, path.display().to_string().into()));
+        assert!(error.to_string().contains("shortened"), "{error}");
+        assert!(names(&dir).is_empty(), "{:?}", names(&dir));
+    }
+}

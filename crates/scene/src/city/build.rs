@@ -10,13 +10,18 @@ use super::static_city::{City, SKY_SAMPLE_SPACING_M};
 use super::{buildings, furniture, ground, trees};
 use crate::drive::road::Road;
 use crate::random::Draws;
-use crate::shapes::bvh::Bvh;
+use crate::shapes::bvh::{Bvh, MAX_TREE_BYTES};
 use crate::shapes::mesh::{Mesh, UNKNOWN_SKY};
+use spikelane::Result;
+use spikelane::unstable::{Count, inputs};
 
 impl City {
     /// Builds the city along the road, from arc length `start_s` to arc length `end_s`. `tunnel` is the range of arc
     /// length inside the tunnel.
-    pub(crate) fn from_seed(seed: u64, start_s: f64, end_s: f64, tunnel: Option<(f64, f64)>) -> Self {
+    ///
+    /// # Errors
+    /// [`ErrorKind::Memory`](spikelane::ErrorKind::Memory) if the system cannot allocate the tree of the triangles.
+    pub(crate) fn from_seed(seed: u64, start_s: f64, end_s: f64, tunnel: Option<(f64, f64)>) -> Result<Self> {
         let road = Road::from_seed(seed, start_s, end_s, tunnel.is_some());
         let draws = Draws::new(seed, "district");
         let district = [District::OldTown, District::OldTown, District::Downtown, District::Suburb]
@@ -39,9 +44,14 @@ impl City {
         trees::build(&mut city, seed, start_s, end_s);
         furniture::build(&mut city, seed, start_s, end_s);
         city.mesh.end_chunk();
+        let triangles = city.mesh.triangle_corners().count();
+        inputs::check_memory(
+            format_args!("a scene of {}", Count(triangles, "triangle")),
+            MAX_TREE_BYTES * triangles,
+        )?;
         city.bvh = Bvh::new(city.mesh.triangle_corners());
         city.compute_sky_visibility(end_s);
-        city
+        Ok(city)
     }
 
     fn compute_sky_visibility(&mut self, end_s: f64) {
@@ -105,7 +115,7 @@ mod tests {
     #[test]
     fn nothing_floats_above_the_ground() {
         for (seed, tunnel) in [(1, None), (2, None), (3, Some((-90.0, 60.0)))] {
-            let city = City::from_seed(seed, -100.0, 300.0, tunnel);
+            let city = City::from_seed(seed, -100.0, 300.0, tunnel).unwrap();
             for chunk in &city.mesh.chunks {
                 let low = city.mesh.vertices[chunk.vertices.start as usize..chunk.vertices.end as usize]
                     .iter()
@@ -118,7 +128,7 @@ mod tests {
 
     #[test]
     fn every_vertex_sees_a_share_of_the_sky_and_the_same_again() {
-        let city = City::from_seed(4, -100.0, 300.0, None);
+        let city = City::from_seed(4, -100.0, 300.0, None).unwrap();
         for vertex in (0..city.mesh.vertices.len()).step_by(17) {
             let sky = city.sky_visibility_at(vertex);
             assert!((0.0..=1.0).contains(&sky) && city.sky_visibility_at(vertex) == sky, "{vertex}: {sky}");

@@ -16,6 +16,12 @@ use super::triangle::{Ray, Triangle};
 /// triangle, and the excluded rays would depend on the machine.
 const BOX_MARGIN_M: f32 = 2e-3;
 
+/// Largest number of bytes per triangle that the construction of a tree needs. The builder panics if memory is missing.
+///
+/// The parts are the triangles (72 bytes), the lists of the builder (100), the binary tree (84), the costs of its nodes
+/// (112) and the wide tree (84).
+pub(crate) const MAX_TREE_BYTES: usize = 512;
+
 /// Triangles in a bounding volume hierarchy.
 pub(crate) struct Bvh {
     tree: CwBvh,

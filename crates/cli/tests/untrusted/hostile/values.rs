@@ -28,8 +28,15 @@ fn name(random: &mut Random, around: &Path, is_folder: bool) -> String {
         "CON.txt",
     ];
     let controls = ["x\0y", "x\ny", "\u{1b}[2Jx", "\u{9b}x", "\u{202e}x", " ", "a.", "~", "-rf", "%2e%2e"];
-    let targets =
-        ["/dev/zero", "/dev/null", "/proc/self/environ", "scene-0001", "train", "lock", ".x.partial"];
+    let targets = [
+        "/dev/zero",
+        "/dev/null",
+        "/proc/self/environ",
+        "scene-0001",
+        "train",
+        "lock",
+        ".x.spikelane.partial",
+    ];
     let place = match (is_folder, random.number_below(8)) {
         (true, 0..=4) | (false, 0) => "home/alice",
         (true, 5..=6) => "sequence",

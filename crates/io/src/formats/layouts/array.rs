@@ -99,7 +99,7 @@ pub(crate) fn pack(
             let mut k = 0;
             while k < fast {
                 let line = &mut line[..(fast - k).min(CHUNK_ELEMENTS) * array.element.bytes()];
-                source.read_exact(line).map_err(|e| incomplete_array_error(name, &e))?;
+                source.read_exact(line).map_err(|e| incomplete_array_error(name, e))?;
                 let mut wrong = None;
                 array.element.for_each(array.is_big_endian, line, |value| {
                     if value != 0.0 && !bits.set(&mut packed, t + k * c.0, p + k * c.1, value) {
@@ -137,7 +137,10 @@ impl BitPacker {
     }
 }
 
-fn incomplete_array_error(name: &str, error: &std::io::Error) -> Error {
+pub(super) fn incomplete_array_error(name: &str, error: std::io::Error) -> Error {
+    if error.kind() != std::io::ErrorKind::UnexpectedEof {
+        return Error::io(name, error);
+    }
     Error::new(ErrorKind::Input, name)
         .found(error)
         .expected("all elements of the array")

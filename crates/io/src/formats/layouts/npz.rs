@@ -12,6 +12,7 @@
 
 use std::io::{Read, Seek};
 
+use super::array::incomplete_array_error;
 use super::{ArrayHeader, PackedStream, ReadoutAxis, array_header, pack};
 use crate::Archive;
 use crate::formats::source::ByteSource;
@@ -178,7 +179,7 @@ fn unpack_eight_per_byte(
     let mut packed = inputs::zeroed_vec(subject, size * length as usize)?;
     let mut bytes = inputs::zeroed_vec(subject, geometry.pixels())?;
     for group in 0..groups as usize {
-        source.read_exact(&mut bytes).map_err(|e| bad(e.to_string()))?;
+        source.read_exact(&mut bytes).map_err(|e| incomplete_array_error(subject, e))?;
         for (t, frame) in packed.chunks_exact_mut(size).skip(8 * group).take(8).enumerate() {
             bytes.iter().enumerate().filter(|(_, b)| *b >> t & 1 == 1).for_each(|(p, _)| set_bit(frame, p));
         }

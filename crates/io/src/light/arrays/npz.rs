@@ -4,7 +4,7 @@
 //! entry, and sends the bytes through a bounded channel. Memory use does not depend on the size of the array. The
 //! thread ends when the receiver is dropped.
 
-use std::io::{self, BufReader, Error as IoError, Read, Seek};
+use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
@@ -61,7 +61,7 @@ fn send_blocks(
     let mut entry = match archive.entry(entry) {
         Ok(entry) => entry,
         Err(e) => {
-            let _ = sender.send(Err(IoError::new(io::ErrorKind::InvalidData, e.to_string())));
+            let _ = sender.send(Err(io::Error::other(e)));
             return;
         }
     };
