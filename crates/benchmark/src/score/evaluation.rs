@@ -206,7 +206,10 @@ fn check_storage(header: &npy::Header, bytes: &[u8]) -> std::result::Result<(), 
         Err(format!("output of the method: found {found}, expected {expected}"))
     };
     if !matches!(header.element, Element::F32 | Element::F64) {
-        return fault(format!("elements of type {}", header.element), "f32 or f64, which is f4 or f8 in NumPy");
+        return fault(
+            format!("elements of type {}", header.element),
+            "f32 or f64, which is f4 or f8 in NumPy",
+        );
     }
     if header.is_fortran_order {
         return fault("an array in Fortran order".into(), "C order; save numpy.ascontiguousarray(array)");
