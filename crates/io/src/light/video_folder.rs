@@ -136,7 +136,7 @@ fn are_similar(files: &[PathBuf], read: &mut dyn FnMut(&Path) -> Option<Vec<f32>
 /// Returns the square roots of the light of a picture at a small size.
 fn reduced(path: &Path) -> Result<Vec<f32>> {
     let image = ImageFile::open(path)?;
-    let light = image.light(image.read_page(0)?, &Linearization::new(None))?;
+    let light = image.light(image.read_page(0, &mut Vec::new())?, &Linearization::new(None))?;
     let small = ResizeMode::Stretch.apply(light, Geometry::new(REDUCED_SIDE, REDUCED_SIDE)?)?;
     Ok(small.to_f32().iter().map(|light| light.sqrt()).collect())
 }
