@@ -26,7 +26,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Error, ErrorKind, Result, Setting};
-use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PlainName, not_found_as_none, read_bytes};
+use spikelane::unstable::inputs::{Access, InnerPath, PlainName, not_found_as_none, read_bytes};
 use spikelane_io::storage::{self, Digest, OutputSet, folders};
 
 use crate::generated::{GeneratedSequence, GeneratedSuite};
