@@ -268,7 +268,7 @@ mod tests {
     #[test]
     fn flicker_of_any_shape_is_found() {
         let sine = |t: usize| 0.1 * (TAU * 0.005 * t as f64 + 1.0).sin();
-        let pulses = |t: usize| if (t * 10 / 123) % 2 == 0 { 0.1 } else { -0.1 };
+        let pulses = |t: usize| if (t * 10 / 123).is_multiple_of(2) { 0.1 } else { -0.1 };
         let rectified = |t: usize| 0.1 * (TAU * 0.003 * t as f64).sin().abs();
         let errors = [largest_error(0.05, sine), largest_error(0.05, pulses), largest_error(0.05, rectified)];
         assert!(errors.iter().all(|e| *e < 0.4), "{errors:?}");

@@ -84,7 +84,7 @@ fn a_diagnosis_that_knows_the_effect_finds_it_by_its_name() {
         let take = folder.path().join(format!("{sequence}"));
         protocol
             .record(&weak_supply_camera(0.03), seeds, &take, false, &mut |_, _| {})
-            .map(|path| RecordingSet::open(&path).unwrap())
+            .map(|set| RecordingSet::open(&set.path).unwrap())
             .unwrap()
     });
     let (camera, effects) = (plain_camera(), catalog());

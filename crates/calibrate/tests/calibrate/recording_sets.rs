@@ -150,7 +150,7 @@ fn a_set_from_windows_reads_as_one_from_linux() {
     let windows = linux.replace("flats/", "flats\\").replace('\n', "\r\n");
     let wide: Vec<u8> = windows.encode_utf16().flat_map(u16::to_le_bytes).collect();
     let path = folder.path().join("recordings.toml");
-    let mut read = |bytes: &[u8]| {
+    let read = |bytes: &[u8]| {
         std::fs::write(&path, bytes).unwrap();
         RecordingSet::open(&path).unwrap()
     };

@@ -199,7 +199,7 @@ impl<'a> FaultRun<'a> {
             .env("FAULT_AT", n.to_string())
             .env("FAULT_LOG", &log)
             // A backtrace takes longer than the command, so few runs print it.
-            .env("RUST_BACKTRACE", if n % 10 == 0 { "1" } else { "0" })
+            .env("RUST_BACKTRACE", if n.is_multiple_of(10) { "1" } else { "0" })
             .env("RAYON_NUM_THREADS", "2")
             .output()
             .unwrap();
