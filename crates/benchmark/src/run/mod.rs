@@ -327,12 +327,12 @@ fn begin(data: &GeneratedSuite, options: &RunOptions) -> Result<RunDescription> 
         Some(old) if old == description => Ok(old),
         Some(old) => Err(Error::new(ErrorKind::Config, folder)
             .found(format_args!(
-                "a run of `{}` on {} {} with a limit of {} s and the sandbox {:?}",
+                "a run of `{}` on {} {} with a limit of {} s and {}",
                 old.method.name(),
                 old.suite,
                 old.digest,
                 old.time_limit_s,
-                old.sandbox
+                old.sandbox.map_or("no process".to_owned(), |state| format!("the sandbox {state}"))
             ))
             .expected("the same method, suite, time limit and sandbox")
             .remedy("choose another folder")),

@@ -67,6 +67,16 @@ pub enum SandboxState {
     Off,
 }
 
+impl std::fmt::Display for SandboxState {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Active => "active",
+            Self::Absent => "absent",
+            Self::Off => "off",
+        })
+    }
+}
+
 /// The restriction of the processes of a run.
 pub(super) struct Sandbox {
     #[cfg(target_os = "linux")]

@@ -6,6 +6,7 @@
 
 mod boxes;
 mod dense;
+mod difference;
 mod evaluation;
 mod output_units;
 mod summary;
@@ -241,7 +242,7 @@ impl ScoreFile {
         }
         file.check_cost(path)?;
         if !is_date(&file.environment.date) {
-            return Err(invalid(&format_args!("the date {:?}", file.environment.date))
+            return Err(invalid(&format_args!("the date '{}'", file.environment.date))
                 .expected("a date such as 2026-01-31"));
         }
         Ok(file)
@@ -275,10 +276,13 @@ impl ScoreFile {
     /// # Errors
     /// [`ErrorKind::Config`] if a value cannot be written.
     pub fn to_json(&self) -> Result<Vec<u8>> {
-        let mut text = serde_json::to_vec_pretty(self)
-            .map_err(|e| Error::new(ErrorKind::Config, "score file").found(e))?;
+        let mut text = serde_json::to_vec_pretty(self).map_err(unwritable)?;
         text.push(b'\n');
         Ok(text)
+    }
+
+    fn to_value(&self) -> Result<serde_json::Value> {
+        serde_json::to_value(self).map_err(unwritable)
     }
 
     /// Returns the number of sequences that have the scores of the trivial answer.
@@ -297,6 +301,10 @@ impl ScoreFile {
     pub fn points(&self) -> impl Iterator<Item = (&CurvePoint, &GroupSummary)> {
         self.summaries.iter().filter_map(|summary| Some((summary.point.as_ref()?, summary)))
     }
+}
+
+fn unwritable(error: serde_json::Error) -> Error {
+    Error::new(ErrorKind::Config, "score file").found(error)
 }
 
 impl Environment {
@@ -337,58 +345,6 @@ pub fn verify(
             .remedy("generate the suite of the score file, or score the outputs again"));
     }
     let again = score(data, folder, file.method.name(), check_stop)?;
-    let mut differences = Vec::new();
-    let mut compare = |subject: &str, is_equal: bool, listed: String, computed: String| {
-        if !is_equal {
-            differences.push(format!("{subject}: the file lists {listed}, the run gives {computed}"));
-        }
-    };
-    let text = |value: &dyn std::fmt::Debug| format!("{value:?}");
-    compare("suite", file.suite == again.suite, file.suite.to_string(), again.suite.to_string());
-    compare("version", file.version == again.version, file.version.clone(), again.version.clone());
-    compare("metrics", file.metrics == again.metrics, text(&file.metrics), text(&again.metrics));
-    compare("method", file.method == again.method, text(&file.method), text(&again.method));
-    compare("sealed", file.sealed == again.sealed, text(&file.sealed), text(&again.sealed));
-    compare(
-        "trivial answer",
-        file.trivial_answer == again.trivial_answer,
-        file.trivial_answer.clone(),
-        again.trivial_answer.clone(),
-    );
-    compare("sandbox", file.sandbox == again.sandbox, text(&file.sandbox), text(&again.sandbox));
-    let limits = [file.time_limit_s, again.time_limit_s];
-    compare("time limit", limits[0] == limits[1], text(&limits[0]), text(&limits[1]));
-    compare("cost", file.cost == again.cost, text(&file.cost), text(&again.cost));
-    compare(
-        "number of sequences",
-        file.sequences.len() == again.sequences.len(),
-        file.sequences.len().to_string(),
-        again.sequences.len().to_string(),
-    );
-    for (listed, computed) in file.sequences.iter().zip(&again.sequences) {
-        let name = format!("{}/{}", computed.group, computed.id);
-        let identity = |s: &SequenceScore| {
-            (s.group.clone(), s.id.clone(), s.stream_digest.clone(), s.output_digest.clone(), s.fault.clone())
-        };
-        let (a, b) = (identity(listed), identity(computed));
-        compare(&name, a == b, text(&a), text(&b));
-        let [a, b] = [listed, computed].map(|s| &s.result);
-        compare(&format!("{name} result"), a == b, text(a), text(b));
-        for key in computed.scores.keys().chain(listed.scores.keys()) {
-            let [a, b] = [listed, computed].map(|s| s.scores.get(key));
-            compare(&format!("{name} {key}"), a == b, text(&a), text(&b));
-        }
-    }
-    compare(
-        "number of summaries",
-        file.summaries.len() == again.summaries.len(),
-        file.summaries.len().to_string(),
-        again.summaries.len().to_string(),
-    );
-    for (listed, computed) in file.summaries.iter().zip(&again.summaries) {
-        compare(&format!("summary of {}", computed.group), listed == computed, text(listed), text(computed));
-    }
-    differences.sort();
-    differences.dedup();
-    Ok(differences)
+    let again = ScoreFile { environment: file.environment.clone(), ..again };
+    Ok(difference::difference_lines(&file.to_value()?, &again.to_value()?))
 }
