@@ -12,33 +12,6 @@ const KNOWN_CIRCLES: &[(&str, &[&str])] = &[
     ("bindings/python/src", &["spike_frames.rs", "spikes.rs"]),
     ("crates/benchmark/src", &["score/boxes.rs", "score/dense.rs", "score/evaluation.rs"]),
     ("crates/benchmark/src", &["suite/curve.rs", "suite/file.rs", "suite/task.rs"]),
-    (
-        "crates/diagnose/src",
-        &[
-            "answer/diagnosis.rs",
-            "answer/outcome.rs",
-            "answer/qualifications.rs",
-            "answer/recommended_recordings.rs",
-            "comparison.rs",
-            "prepared/base_model.rs",
-            "prepared/provenance.rs",
-            "run.rs",
-        ],
-    ),
-    (
-        "crates/diagnose/src",
-        &[
-            "null_model/lamps.rs",
-            "null_model/limits.rs",
-            "null_model/posterior_draw.rs",
-            "null_model/reference.rs",
-        ],
-    ),
-    (
-        "crates/diagnose/src",
-        &["protocol/recorded_set.rs", "statistics/maps.rs", "statistics/readouts.rs", "statistics/vector.rs"],
-    ),
-    ("crates/diagnose/src", &["recording/bits.rs", "recording/scan.rs"]),
     ("crates/calibrate/src", &["fitter/alignment.rs", "fitter/scale_posterior.rs"]),
     ("crates/calibrate/src", &["fitter/noise.rs", "fitter/shape.rs", "fitter/state.rs"]),
     (
@@ -131,6 +104,16 @@ fn a_circle_through_a_re_export_and_a_path_in_code_is_found() {
         ("c.rs", "use super::{\n    a::{self, Area},\n    b,\n};\npub struct Unit;\n"),
     ];
     assert_eq!(circles(&files), [["a.rs", "b.rs", "c.rs"]]);
+}
+
+#[test]
+fn a_circle_below_an_inline_module_is_found() {
+    let files = [
+        ("lib.rs", "mod a {\n    pub mod b;\n    mod c;\n}\npub use a::b::Length;\n"),
+        ("a/b.rs", "use crate::a::c::Unit;\npub struct Length(Unit);\n"),
+        ("a/c.rs", "use crate::Length;\npub struct Unit;\n"),
+    ];
+    assert_eq!(circles(&files), [["a/b.rs", "a/c.rs"]]);
 }
 
 #[test]

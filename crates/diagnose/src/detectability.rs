@@ -2,20 +2,18 @@
 
 use std::time::Instant;
 
-use crate::cache::folder::SimulationCache;
-use crate::lab::fault::Fault;
+use crate::faults::fault::Fault;
 use crate::null_model::baseline::{Baseline, SIGNATURE_DRAWS, StartingCamera};
 use crate::null_model::detectability::Detectability;
-use crate::null_model::reference::NullModel;
+use crate::null_model::model::NullModel;
 use crate::prepared::base_model::BaseModel;
-use crate::prepared::prepared_set::DataSplit;
-use crate::protocol::extent::RecordingPart;
+use crate::prepared::recordings::{HeldOut, Recordings};
 use crate::run::DiagnoseOptions;
-use crate::sensors::context::{Deadline, SimulationContext};
+use crate::sensors::cache::SimulationCache;
+use crate::sensors::deadline::{Deadline, SimulationContext};
 use spikelane::effects::Catalog;
 use spikelane::error::Result;
-use spikelane_calibrate::ProgressCallback;
-use spikelane_calibrate::RecordingSet;
+use spikelane_calibrate::{ProgressCallback, RecordingSet};
 
 /// The detectability of effects in a recording set.
 #[derive(Clone, Debug)]
@@ -48,20 +46,20 @@ pub fn detectability(
     let context = SimulationContext { cache, deadline: Deadline::new(Instant::now(), options.time_limit) };
     progress("reading", 0.0);
     set.check_light_unit()?;
-    let mut both = DataSplit::read([set, set], [RecordingPart::Whole; 2], options.readout_selection)?;
-    let base = BaseModel::of(&both, options.camera)?;
-    both.fitted.find_light(&base.camera, options.seed)?;
-    both.fitted.sum_sources();
+    let mut recordings = Recordings::read([set, set], HeldOut::None, options.readout_selection)?;
+    let base = BaseModel::of(&recordings, options.camera)?;
+    recordings.fitted.find_light(&base.camera, options.seed)?;
+    recordings.fitted.sum_sources();
     let library = Catalog::new();
     let effects = options.effects.unwrap_or(&library);
-    let setup = both.fitted.setup;
+    let setup = recordings.fitted.setup;
     let start = StartingCamera::new(base.camera, &context);
     let baseline = Baseline::first(setup, start, options.seed, effects, progress)?;
     let reference = NullModel::complete(baseline, SIGNATURE_DRAWS, progress)?;
     Ok(DetectabilityReport {
         detectabilities: reference.detectabilities(),
         undetectable: reference.not_testable(),
-        faults: both.faults,
+        faults: recordings.faults,
         notes: base.notes,
     })
 }

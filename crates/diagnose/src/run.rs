@@ -1,31 +1,29 @@
-//! A diagnosis from recordings to words.
+//! A diagnosis in four stages: [`Recordings`], [`Prepared`], [`Search`], [`Diagnosis`].
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use nalgebra::DVector;
-
-use crate::answer::diagnosis::Diagnosis;
-use crate::answer::qualifications::qualify;
-use crate::cache::folder::SimulationCache;
-use crate::comparison::{Comparison, HeldOut};
-use crate::null_model::baseline::{Baseline, FIRST_SIGNATURE_DRAWS, StartingCamera};
+use crate::null_model::baseline::{Baseline, FIRST_SIGNATURE_DRAWS};
+use crate::null_model::model::NullModel;
 use crate::null_model::preliminary_result::PreliminaryResult;
-use crate::null_model::reference::NullModel;
-use crate::prepared::base_model::BaseModel;
-use crate::prepared::prepared_set::{DataSplit, PreparedSet};
+use crate::prepared::base_model::{BaseModel, color_filter_error};
+use crate::prepared::preparation::Prepared;
 use crate::prepared::provenance::Provenance;
-use crate::protocol::extent::{ReadoutSelection, RecordingPart};
-use crate::protocol::recorded_set::{check_sufficient, same_protocol};
-use crate::search::base_parameter_fit::rebased;
-use crate::search::search::search;
-use crate::search::undecided::Undecided;
-use crate::sensors::context::{Deadline, SimulationContext, in_time};
+use crate::prepared::recordings::{HeldOut, Recordings};
+use crate::recordings::extent::ReadoutSelection;
+use crate::recordings::setup::{check_sufficient, same_protocol};
+use crate::search::round::Undecided;
+use crate::search::state::Search;
+use crate::sensors::cache::SimulationCache;
+use crate::sensors::deadline::{Deadline, SimulationContext, in_time};
 use crate::sensors::model::published;
+use crate::verdict::diagnosis::Diagnosis;
+use crate::verdict::qualifications::qualify;
 use spikelane::effects::{Camera, Catalog, Maps, readout_jitter, start_phase};
-use spikelane::error::{Error, ErrorKind, Result};
-use spikelane_calibrate::ProgressCallback;
-use spikelane_calibrate::{self as calibrate, ColorFilters, RecordingSet, Stimulus, StimulusPattern};
+use spikelane::error::Result;
+use spikelane_calibrate::{
+    ColorFilters, ProgressCallback, Recording, RecordingSet, Stimulus, StimulusPattern,
+};
 
 /// Options of a diagnosis.
 #[derive(Clone, Copy, Debug, Default)]
@@ -95,32 +93,37 @@ pub fn diagnose_with_preliminary(
     on_preliminary: &mut dyn FnMut(&PreliminaryResult),
 ) -> Result<Diagnosis> {
     let start = Instant::now();
-    let still =
-        |r: &calibrate::Recording| matches!(r.light, Stimulus::Scene(StimulusPattern::StaticUnknown {}));
-    let alone = set.recordings.is_empty() || set.recordings.iter().any(still);
-    let parts = if holdout.is_some() || alone {
-        [RecordingPart::Whole; 2]
-    } else {
-        [RecordingPart::FirstHalf, RecordingPart::SecondHalf]
-    };
-    let sets = [set, holdout.unwrap_or(set)];
-    let held_out = HeldOut { has_second_set: holdout.is_some(), is_divisible: !alone };
     let cache = options.cache.map(SimulationCache::open).transpose()?;
     let context = SimulationContext { cache, deadline: Deadline::new(start, options.time_limit) };
     progress("reading", 0.0);
-    [Some(set), holdout].into_iter().flatten().try_for_each(check_gray)?;
-    if options.null_model.is_none() {
-        [Some(set), holdout].into_iter().flatten().try_for_each(RecordingSet::check_light_unit)?;
-    }
+    let stated = || [Some(set), holdout].into_iter().flatten();
+    stated().try_for_each(check_gray)?;
+    let sets = [set, holdout.unwrap_or(set)];
+    let held_out = match holdout {
+        Some(_) => HeldOut::SecondSet,
+        None if is_divisible(set) => HeldOut::SecondHalves,
+        None => HeldOut::None,
+    };
     let mut diagnosis = match options.null_model {
-        Some(reference) => {
-            shared(sets, parts, held_out, &reference.within(&context.deadline), options, progress)?
+        Some(null_model) => {
+            let recordings = Recordings::unchecked(sets, held_out, options.readout_selection, &[])?;
+            with_null_model(&recordings, &null_model.within(&context.deadline), options.camera, progress)?
         }
-        None => by_itself(sets, parts, held_out, options, &context, progress, on_preliminary)?,
+        None => {
+            stated().try_for_each(RecordingSet::check_light_unit)?;
+            let recordings = Recordings::read(sets, held_out, options.readout_selection)?;
+            with_simulations(recordings, options, &context, progress, on_preliminary)?
+        }
     };
     diagnosis.cache_counts = context.cache.map(|cache| [cache.hit_count(), cache.miss_count()]);
     diagnosis.seconds = start.elapsed().as_secs_f64();
     Ok(diagnosis)
+}
+
+/// Returns whether the recordings of `set` can be cut in two: it has streams, and none shows a static scene of unknown light.
+fn is_divisible(set: &RecordingSet) -> bool {
+    let is_static = |r: &Recording| matches!(r.light, Stimulus::Scene(StimulusPattern::StaticUnknown {}));
+    !set.recordings.is_empty() && !set.recordings.iter().any(is_static)
 }
 
 /// Returns an error if `set` states the color filters of its camera.
@@ -131,132 +134,94 @@ fn check_gray(set: &RecordingSet) -> Result<()> {
     }
 }
 
-/// Returns the error about a camera with color filters. The models of a diagnosis have one light for all pixels.
-pub(crate) fn color_filter_error(found: impl std::fmt::Display) -> Error {
-    Error::new(ErrorKind::Input, "recordings of a diagnosis")
-        .found(found)
-        .expected("a camera without color filters, because all pixels of a model receive the same light")
-        .remedy("calibrate the set, whose report compares the channels, or compare it with cameras")
-}
-
-/// Sets that share a reference with others of their protocol.
-fn shared(
-    sets: [&RecordingSet; 2],
-    parts: [RecordingPart; 2],
-    held_out: HeldOut,
-    reference: &NullModel,
-    options: DiagnoseOptions<'_>,
+/// Diagnoses recordings with the null model of an earlier diagnosis.
+fn with_null_model(
+    recordings: &Recordings,
+    null_model: &NullModel,
+    camera: Option<&Camera>,
     progress: ProgressCallback<'_>,
 ) -> Result<Diagnosis> {
-    let [fitted, judging] =
-        [0, 1].map(|i| PreparedSet::of(sets[i], parts[i], options.readout_selection, &[]));
-    let split = DataSplit {
-        fitted: fitted?,
-        judging: judging?,
-        aside: Vec::new(),
-        begun_over: None,
-        faults: Vec::new(),
-    };
-    check_sufficient(&split.fitted.setup, options.camera.is_some())?;
-    same_protocol(&split.fitted.setup, &split.judging.setup)?;
-    same_protocol(&split.fitted.setup, &reference.setup)?;
-    let comparison = Comparison::new(&split, parts, held_out).shifted(reference);
-    let signatures = comparison.signatures(reference)?;
-    let found = search(&comparison.search(reference, &signatures), progress)?;
-    comparison.diagnosis(reference, found, options.camera, progress)
+    let [fitted, judging] = [&recordings.fitted.setup, &recordings.judging.setup];
+    check_sufficient(fitted, camera.is_some())?;
+    same_protocol(fitted, judging)?;
+    same_protocol(fitted, &null_model.setup)?;
+    let search = Search::new(recordings, null_model)?;
+    let found = search.add_effects(progress)?;
+    search.diagnosis(found, camera, progress)
 }
 
-/// Sets with a reference of their own, of the camera that is given or that calibration finds.
-fn by_itself(
-    sets: [&RecordingSet; 2],
-    parts: [RecordingPart; 2],
-    held_out: HeldOut,
+/// Diagnoses recordings in three stages: preparation, comparison with simulated sensors, qualification of the result.
+fn with_simulations(
+    recordings: Recordings,
     options: DiagnoseOptions<'_>,
     context: &SimulationContext,
     progress: ProgressCallback<'_>,
-    first: &mut dyn FnMut(&PreliminaryResult),
+    on_preliminary: &mut dyn FnMut(&PreliminaryResult),
 ) -> Result<Diagnosis> {
-    let mut split = DataSplit::read(sets, parts, options.readout_selection)?;
-    same_protocol(&split.fitted.setup, &split.judging.setup)?;
-    let description = Provenance::of(&split.fitted.setup, &split.fitted.set);
-    let about = |base: Option<&BaseModel>| Provenance {
-        held_out: held_out.description().to_owned(),
-        camera: match (options.camera, base) {
-            (Some(given), _) => given.name.clone(),
-            (None, Some(_)) => "the published model, calibrated".to_owned(),
-            (None, None) => "none, because no calibration was possible".to_owned(),
-        },
-        seed: options.seed,
-        base_parameters: base.map_or_else(Vec::new, |b| b.numbers.clone()),
-        ..description.clone()
-    };
-    if let Err(why) = check_sufficient(&split.fitted.setup, options.camera.is_some()) {
-        if split.faults.is_empty() {
-            return Err(why);
+    let DiagnoseOptions { camera, seed, .. } = options;
+    let fitted = &recordings.fitted.setup;
+    same_protocol(fitted, &recordings.judging.setup)?;
+    if let Err(error) = check_sufficient(fitted, camera.is_some()) {
+        if recordings.faults.is_empty() {
+            return Err(error);
         }
-        let camera = options.camera.map_or_else(|| published(&split.fitted.setup), |c| Ok(c.clone()))?;
-        let about = Some(about(None));
-        return Ok(Diagnosis { provenance: about, ..Diagnosis::stopped(split.faults, camera) });
+        let camera_or_published = camera.map_or_else(|| published(fitted), |c| Ok(c.clone()))?;
+        let provenance = Some(Provenance::of(&recordings, camera, None, seed));
+        return Ok(Diagnosis { provenance, ..Diagnosis::stopped(recordings.faults, camera_or_published) });
     }
     progress("calibrating", 0.01);
-    let base = BaseModel::of(&split, options.camera)?;
-    split.fitted.find_light(&base.camera, options.seed)?;
-    // The numbers of a camera file may be wrong; those of another camera stand for nothing.
-    // Maps are all spread: what the base cannot hold would bend it.
-    let moved = (options.camera.is_some() || base.is_guessed()) && !split.fitted.setup.has_rate_maps;
+    let base = BaseModel::of(&recordings, camera)?;
+    let prepared = Prepared::new(recordings, base, camera.is_some(), seed, context, progress)?;
     let library = Catalog::new();
-    let effects = options.effects.unwrap_or(&library);
-    let mut first_simulations = || -> Result<Baseline> {
-        let start = if moved {
-            progress("own numbers", 0.02);
-            let data = DVector::from_vec(split.fitted.measured.values.clone());
-            let start = rebased(&split.fitted.setup, &base.camera, &data, options.seed, context)?;
-            let is_lit_otherwise = split.fitted.find_light(&start.camera, options.seed)?;
-            if is_lit_otherwise { StartingCamera::new(start.camera, context) } else { start }
-        } else {
-            StartingCamera::new(base.camera.clone(), context)
-        };
-        split.fitted.sum_sources();
-        Baseline::first(split.fitted.setup.clone(), start, options.seed, effects, progress)
-    };
-    let Some(baseline) = in_time(first_simulations())? else {
-        let mut diagnosis = Diagnosis::without_comparison(split.faults, base.camera.clone());
-        restore(&mut diagnosis.camera, options.camera)?;
-        diagnosis.provenance = Some(about(Some(&base)));
-        diagnosis.notes.extend(base.notes);
-        return Ok(diagnosis);
-    };
-    let own = options.camera.map(|_| &base.camera);
-    let preliminary = NullModel::preliminary(&baseline)?;
-    split.judging.light_as(&preliminary, held_out.has_second_set)?;
-    let comparison = Comparison::new(&split, parts, held_out);
-    let (reference, mut diagnosis) = match comparison.agreement(&preliminary, own, progress)? {
-        Some(diagnosis) => (preliminary, diagnosis),
+    let baseline = prepared.baseline(options.effects.unwrap_or(&library), progress);
+    let mut diagnosis = match in_time(baseline)? {
+        Some(baseline) => compare(&prepared, baseline, camera.is_some(), progress, on_preliminary)?,
         None => {
-            let result = PreliminaryResult::new(&preliminary, &preliminary.shifted(&comparison.fitted));
-            first(&result);
-            match in_time(NullModel::complete(baseline, FIRST_SIGNATURE_DRAWS, progress))? {
-                Some(reference) => {
-                    let comparison = comparison.shifted(&reference);
-                    let found = comparison.search_result(&reference, &base.camera, progress)?;
-                    let diagnosis = comparison.diagnosis(&reference, found, own, progress)?;
-                    (reference, diagnosis)
-                }
-                None => {
-                    let comparison = comparison.shifted(&preliminary);
-                    let search = comparison.search(&preliminary, &preliminary.signatures);
-                    let found = search.unfinished(Undecided::Agreement(result.likely_effects))?;
-                    let diagnosis = comparison.diagnosis(&preliminary, found, own, progress)?;
-                    (preliminary, diagnosis)
-                }
-            }
+            let faults = prepared.recordings.faults.clone();
+            Diagnosis::without_comparison(faults, prepared.base.camera.clone())
         }
     };
-    qualify(&mut diagnosis, &reference);
-    restore(&mut diagnosis.camera, options.camera)?;
-    let base = if moved { base.fitted(&reference.model.camera)? } else { base };
-    diagnosis.provenance = Some(about(Some(&base)));
+    restore(&mut diagnosis.camera, camera)?;
+    let Prepared { recordings, base, .. } = prepared;
+    diagnosis.provenance = Some(Provenance::of(&recordings, camera, Some(&base), seed));
     diagnosis.notes.extend(base.notes);
+    Ok(diagnosis)
+}
+
+/// Compares recordings with the first simulations. If they do not agree, completes the null model and searches for effects.
+///
+/// The limits of the first simulations are stricter than those of a search, so a set that agrees raises no alarm later.
+fn compare(
+    prepared: &Prepared,
+    baseline: Baseline,
+    is_given: bool,
+    progress: ProgressCallback<'_>,
+    on_preliminary: &mut dyn FnMut(&PreliminaryResult),
+) -> Result<Diagnosis> {
+    let Prepared { recordings, base, .. } = prepared;
+    let given = is_given.then_some(&base.camera);
+    let first_model = NullModel::preliminary(&baseline)?;
+    let first = Search::new(recordings, &first_model)?;
+    if let Some(found) = first.agreement()? {
+        let mut diagnosis = first.diagnosis(found, given, progress)?;
+        // All simulations test the parameters of a camera file.
+        if diagnosis.parameter_mismatches.is_empty() {
+            qualify(&mut diagnosis, &first_model);
+            return Ok(diagnosis);
+        }
+    }
+    let preliminary = PreliminaryResult::new(&first_model, &first.fitter.data);
+    on_preliminary(&preliminary);
+    let complete = in_time(NullModel::complete(baseline, FIRST_SIGNATURE_DRAWS, progress))?;
+    let (found, search) = match &complete {
+        Some(null_model) => {
+            let search = Search::new(recordings, null_model)?;
+            (search.find_effects(&base.camera, progress)?, search)
+        }
+        None => (first.unfinished(Undecided::Agreement(preliminary.likely_effects))?, first),
+    };
+    let mut diagnosis = search.diagnosis(found, given, progress)?;
+    qualify(&mut diagnosis, search.fitter.reference);
     Ok(diagnosis)
 }
 

@@ -1,9 +1,31 @@
 //! Thresholds of the search for effects and of the verdict, each with its origin.
 //!
 //! A threshold is *derived* from a probability or a number of standard deviations, *measured* on simulated sensors, or *a
-//! choice*. The limits of an alarm are in [`limits`](crate::null_model::limits).
+//! choice*. The limits of an alarm are in `null_model/limits.rs`.
 
-use crate::fit::draws::MOST_SIMULATIONS;
+// Simulations of a mean
+
+/// Simulations of a mean in a tournament. A choice that limits the time.
+pub(crate) const FEW_SIMULATIONS: usize = 2;
+
+/// Simulations of a mean in the second leg of a tournament, or if sets differ more than clean sets. A choice.
+pub(crate) const SOME_SIMULATIONS: usize = 6;
+
+/// Simulations of a mean with which a fitted model is compared with itself. A choice.
+pub(crate) const MEAN_SIMULATIONS: usize = 12;
+
+/// Simulations of a mean if fewer do not separate the best candidates. A choice.
+pub(crate) const MOST_SIMULATIONS: usize = 24;
+
+/// Logarithm of the determinant of a noise, relative to the null model, from which on two simulations determine little.
+/// Derived: ten statistics with twice the deviation have 10 ln 4.
+pub(crate) const MIN_NOISY_LOG_VOLUME: f64 = 14.0;
+
+// Base parameters
+
+/// Information of the calibration about a base parameter: as much as a measurement with an error of half the value has.
+/// Without it, parameters with similar changes, such as the spreads of gain and of threshold, wander.
+pub(crate) const CALIBRATION_INFORMATION: f64 = 4.0;
 
 // Lines in the frame totals
 

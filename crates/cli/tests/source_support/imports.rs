@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Package, SourceFile, without_visibility};
+use super::{Package, SourceFile, indentation, without_visibility};
 
 /// Path of a module. The first part is the file of the root of its crate.
 type ModulePath = Vec<String>;
@@ -52,7 +52,7 @@ impl<'a> Crate<'a> {
     /// its file also uses the name. The `mod.rs` or `lib.rs` of an enclosing folder is part of every file in the folder, so
     /// imports from it do not count.
     fn imports_of_files(&self) -> BTreeMap<String, BTreeSet<String>> {
-        let mut edges = BTreeMap::new();
+        let mut edges: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for (path, module) in &self.modules {
             let imports = module.imports.iter().filter(|i| !i.is_public || has_word(&module.code, &i.name));
             let written = inline_paths(&module.code);
@@ -60,8 +60,8 @@ impl<'a> Crate<'a> {
             let files = paths.filter_map(|p| self.resolve(path, &p, 0)).map(|p| &self.modules[&p].file.name);
             let is_other =
                 |name: &&String| **name != module.file.name && !is_enclosing(name, &module.file.name);
-            let files = files.filter(is_other).cloned().collect();
-            edges.insert(module.file.name.clone(), files);
+            let files = files.filter(is_other).cloned();
+            edges.entry(module.file.name.clone()).or_default().extend(files);
         }
         edges
     }
@@ -133,17 +133,67 @@ fn add_module<'a>(
 ) {
     let (tests, uses) = (file.test_blocks(), file.use_blocks());
     let is_code = |i: &usize| !tests.iter().chain(&uses).any(|block| block.contains(i));
-    let code: Vec<&str> =
-        (0..file.lines.len()).filter(is_code).map(|i| without_comment(&file.lines[i])).collect();
-    let imports = uses.iter().flat_map(|block| parse_use(&file.lines[block.clone()].concat())).collect();
-    for child in code.iter().filter_map(|line| declared_module(line)) {
-        let names = [format!("{folder}{child}.rs"), format!("{folder}{child}/mod.rs")];
-        if let Some(child_file) = package.files.iter().find(|f| names.contains(&f.name)) {
-            let child_path = path.iter().cloned().chain([child.to_owned()]).collect();
-            add_module(modules, package, child_file, child_path, &format!("{folder}{child}/"));
+    let mut code = String::new();
+    let mut inline = InlineModules::new(path);
+    let mut imports: BTreeMap<ModulePath, Vec<Import>> = BTreeMap::new();
+    for (i, line) in file.lines.iter().enumerate() {
+        if is_code(&i) {
+            let line = without_comment(line);
+            inline.enter_or_leave(line);
+            if let Some(child) = declared_module(line) {
+                let below = format!("{folder}{}", inline.folder());
+                let names = [format!("{below}{child}.rs"), format!("{below}{child}/mod.rs")];
+                if let Some(child_file) = package.files.iter().find(|f| names.contains(&f.name)) {
+                    let child_path = inline.path().into_iter().chain([child.to_owned()]).collect();
+                    add_module(modules, package, child_file, child_path, &format!("{below}{child}/"));
+                }
+            }
+            code += line;
+            code.push('\n');
+        } else if let Some(block) = uses.iter().find(|block| block.start == i) {
+            let parsed = parse_use(&file.lines[block.clone()].concat());
+            imports.entry(inline.path()).or_default().extend(parsed);
+        }
+        imports.entry(inline.path()).or_default();
+    }
+    for (at, imports) in imports {
+        // The code of an inline module is part of the code of its file.
+        let code = if at == inline.root { code.clone() } else { String::new() };
+        modules.insert(at, Module { file, imports, code });
+    }
+}
+
+/// The inline modules that contain a line, such as `mod name { mod child; }`.
+struct InlineModules {
+    /// Path of the file.
+    root: ModulePath,
+    /// Name and indentation of each open module.
+    open: Vec<(String, usize)>,
+}
+
+impl InlineModules {
+    fn new(root: ModulePath) -> Self {
+        Self { root, open: Vec::new() }
+    }
+
+    fn enter_or_leave(&mut self, line: &str) {
+        let name =
+            without_visibility(line.trim()).strip_prefix("mod ").and_then(|rest| rest.strip_suffix(" {"));
+        if let Some(name) = name {
+            self.open.push((name.to_owned(), indentation(line)));
+        } else if line.trim() == "}" && self.open.last().is_some_and(|(_, open)| *open == indentation(line)) {
+            self.open.pop();
         }
     }
-    modules.insert(path, Module { file, imports, code: code.join("\n") });
+
+    fn path(&self) -> ModulePath {
+        self.root.iter().chain(self.open.iter().map(|(name, _)| name)).cloned().collect()
+    }
+
+    /// Folder of the files of child modules, below the folder of the file.
+    fn folder(&self) -> String {
+        self.open.iter().map(|(name, _)| format!("{name}/")).collect()
+    }
 }
 
 /// Returns the name in a declaration such as `pub mod name;`.

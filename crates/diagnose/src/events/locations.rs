@@ -7,11 +7,11 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 
-use super::lost_readouts::{complete_waves, constant_periods, locate_lost};
-use super::repeated_readouts::locate_repeated;
-use crate::protocol::recorded_scene::RecordedScene;
-use crate::recording::bits::PixelBits;
-use crate::recording::scan::Scan;
+use crate::events::lost_readouts::{complete_waves, constant_periods, locate_lost};
+use crate::events::repeated_readouts::locate_repeated;
+use crate::recordings::bits::PixelBits;
+use crate::recordings::recorded_scene::RecordedScene;
+use crate::recordings::scan::Scan;
 use spikelane::effects::{Definition, EventKind};
 use spikelane::pixel::Op;
 use spikelane::spikes::SpikeFramesRef;

@@ -7,9 +7,9 @@
 
 use std::ops::Range;
 
-use crate::protocol::recorded_scene::RecordedScene;
-use crate::recording::bits::{BAND_COUNT, PixelBits, count_between};
-use crate::recording::stretches::Stretch;
+use crate::recordings::bits::{BAND_COUNT, PixelBits, count_between};
+use crate::recordings::recorded_scene::RecordedScene;
+use crate::recordings::stretches::Stretch;
 use spikelane::unstable::spikes::set_bits;
 use spikelane::unstable::threads;
 
@@ -254,7 +254,7 @@ fn window_sums(at: &[u32], reach: usize) -> Vec<u32> {
 }
 
 /// Collects the spikes of a pixel in `range`, or with `flip` the readouts without a spike.
-/// [`spike_times`](crate::recording::scan::spike_times) is faster, but it covers whole recordings only.
+/// [`spike_times`](crate::recordings::scan::spike_times) is faster, but it covers whole recordings only.
 fn collect_spikes(words: &[u64], flip: u64, range: &Range<usize>, times: &mut Vec<u32>) {
     times.clear();
     for w in range.start / 64..range.end.div_ceil(64) {

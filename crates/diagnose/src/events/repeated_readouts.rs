@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use super::lost_readouts::LightPeriods;
-use crate::recording::bits::{PixelBits, count_between};
-use crate::recording::scan::Scan;
+use crate::events::lost_readouts::LightPeriods;
+use crate::recordings::bits::{PixelBits, count_between};
+use crate::recordings::scan::Scan;
 use spikelane::spikes::{SpikeFramesRef, bit};
 
 /// Smallest mean number of changed bits per readout at which equal readouts are distinguishable from chance.
@@ -60,9 +60,9 @@ fn repeated_under_light(
 
 #[cfg(test)]
 mod tests {
-    use super::super::locations::apply_events;
     use super::*;
-    use crate::recording::scan::{ScanOptions, scan};
+    use crate::events::locations::apply_events;
+    use crate::recordings::scan::{ScanOptions, scan};
     use spikelane::spikes::{Geometry, set_bit};
 
     /// Simulates 16x16 pixels. The first eight never fire, and every `period`-th of the others fires at each readout.

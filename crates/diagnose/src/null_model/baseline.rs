@@ -4,13 +4,15 @@
 //! makes the others, which a search for effects requires. Simulations are identified by their seeds, so a complete
 //! baseline does not depend on the first step.
 
-use super::derivatives::{Changes, changes, pairs, slopes_of_lamps, with_lamps};
-use super::mean::average;
-use super::signature::{changed_by, is_mirrored};
-use super::watched::{Stage, count, watched};
-use crate::protocol::recorded_set::Setup;
+use std::sync::atomic::AtomicUsize;
+
+use crate::null_model::derivatives::{Changes, changes, pairs, slopes_of_lamps, with_lamps};
+use crate::null_model::mean::average;
+use crate::null_model::progress::{Stage, count, watched};
+use crate::null_model::signature::{changed_by, is_mirrored};
+use crate::recordings::setup::Setup;
 use crate::sensors::catalog::{Candidate, candidates, searched_effects};
-use crate::sensors::context::SimulationContext;
+use crate::sensors::deadline::SimulationContext;
 use crate::sensors::model::Model;
 use crate::sensors::simulate;
 use crate::statistics::vector::DiagnosticStatistic;
@@ -19,7 +21,6 @@ use spikelane::effects::{Camera, Catalog, Definition};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::ProgressCallback;
-use std::sync::atomic::AtomicUsize;
 
 /// Sensors at the base model's own numbers.
 pub(super) const SENSORS: usize = 80;

@@ -4,17 +4,14 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 
-use super::mean::average;
-use super::shrinkage::shrink;
-use super::watched::count;
-use crate::protocol::recorded_set::Setup;
-use crate::recording::scan::Scan;
-use crate::sensors::lamp::Lamp;
-use crate::sensors::model::Knob;
-use crate::sensors::model::Model;
-use crate::sensors::model::find_base_knob;
+use crate::light::lamp::Lamp;
+use crate::null_model::mean::{average, shrink};
+use crate::null_model::progress::count;
+use crate::recordings::scan::Scan;
+use crate::recordings::setup::Setup;
+use crate::sensors::model::{Knob, Model, find_base_knob};
 use crate::sensors::simulate;
-use crate::statistics::vector::statistics_vector;
+use crate::statistics::measured_set::statistics_vector;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
@@ -172,7 +169,7 @@ impl Changes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::recorded_scene::RecordedScene;
+    use crate::recordings::recorded_scene::RecordedScene;
     use spikelane::spikes::Geometry;
     use spikelane_calibrate::Stimulus;
 

@@ -1,9 +1,8 @@
 //! How strong an effect must be on a set before it can be named.
 
-use super::reference::NullModel;
-use super::signature::Signature;
-use super::signature::{MIN_SQUARE, reach};
-use crate::fit::fit::Fit;
+use crate::fits::fit::Fit;
+use crate::null_model::model::NullModel;
+use crate::null_model::signature::{MIN_SQUARE, Signature, reach};
 use nalgebra::DVector;
 use spikelane::effects::{Definition, EventKind};
 use spikelane::error::Result;

@@ -1,8 +1,8 @@
 //! How far clean sensors stray.
 
-use super::metric::{Metric, noise};
-use super::posterior_draw::CleanSensor;
-use super::signature::Signature;
+use crate::null_model::metric::{Metric, noise};
+use crate::null_model::posterior_draw::CleanSensor;
+use crate::null_model::signature::Signature;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;

@@ -1,7 +1,6 @@
 //! How far two vectors of statistics are apart, with what calibration fits projected out.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-
 use spikelane::error::{Error, ErrorKind, Result};
 
 /// Correlations below this many standard errors count as none: with a few hundred simulations most

@@ -2,10 +2,10 @@
 
 use std::sync::atomic::AtomicUsize;
 
-use super::lamps::LampDraw;
-use super::metric::Metric;
-use super::watched::count;
-use crate::protocol::recorded_set::Setup;
+use crate::light::offsets::LampDraw;
+use crate::null_model::metric::Metric;
+use crate::null_model::progress::count;
+use crate::recordings::setup::Setup;
 use crate::sensors::model::Model;
 use crate::sensors::simulate;
 use nalgebra::{DMatrix, DVector};

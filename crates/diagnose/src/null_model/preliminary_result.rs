@@ -1,9 +1,8 @@
 //! The result of the first simulations, if the set does not agree with the model.
 
+use crate::null_model::limits::score_of;
+use crate::null_model::model::NullModel;
 use nalgebra::DVector;
-
-use super::limits::score_of;
-use super::reference::NullModel;
 
 /// Deviation and score up to which a set agrees at first sight. The noise comes from a couple of dozen sensors here, so that a statistic of a
 /// clean one is 7 of its deviations off once in 2.6 million times, and one of some 250 of them once in ten thousand.

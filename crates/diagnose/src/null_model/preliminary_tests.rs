@@ -1,19 +1,18 @@
 //! Compares the null model of the first simulations with the complete one.
 
+use crate::null_model::baseline::{Baseline, StartingCamera};
+use crate::null_model::limits::strays_by;
+use crate::null_model::model::NullModel;
+use crate::null_model::signature::Signature;
+use crate::recordings::recorded_scene::RecordedScene;
+use crate::recordings::setup::Setup;
+use crate::sensors::deadline::SimulationContext;
+use crate::sensors::model::{Model, Sample, published};
+use crate::sensors::simulate;
 use nalgebra::DVector;
 use spikelane::effects::{Catalog, false_spikes};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::threads;
-
-use super::baseline::{Baseline, StartingCamera};
-use super::limits::strays_by;
-use super::reference::NullModel;
-use super::signature::Signature;
-use crate::protocol::recorded_scene::RecordedScene;
-use crate::protocol::recorded_set::Setup;
-use crate::sensors::context::SimulationContext;
-use crate::sensors::model::{Model, Sample, published};
-use crate::sensors::simulate;
 use spikelane_calibrate::Stimulus;
 
 const SENSORS: u64 = 60;

@@ -1,9 +1,8 @@
 //! How a candidate shows.
 
-use super::mean::average;
-use super::metric::Metric;
-use super::shrinkage::shrink;
-use crate::protocol::recorded_set::Setup;
+use crate::null_model::mean::{average, shrink};
+use crate::null_model::metric::Metric;
+use crate::recordings::setup::Setup;
 use crate::sensors::catalog::Candidate;
 use crate::sensors::model::{Model, Sample};
 use crate::sensors::simulate;

@@ -1,20 +1,17 @@
 //! The model that a search starts from, with where each of its numbers comes from.
 
+use crate::prepared::map_populations::reduced;
+use crate::prepared::negative_currents::kept;
+use crate::prepared::recordings::{PreparedSet, Recordings};
+use crate::sensors::model::{BASE_KNOBS, published};
+use crate::statistics::order::Spread;
 use serde::Serialize;
-
-use crate::prepared::negative::kept;
-use crate::prepared::prepared_set::{DataSplit, PreparedSet};
-use crate::prepared::reduced::reduced;
-use crate::run::color_filter_error;
-use crate::sensors::model::BASE_KNOBS;
-use crate::sensors::model::published;
-use crate::statistics::quantiles::Spread;
 use spikelane::effects::definition::ParamKind;
 use spikelane::effects::{
     Camera, Definition, Maps, bias_voltage, dark_current, prnu, readout_jitter, shot_noise, start_phase,
     thermal_noise,
 };
-use spikelane::error::Result;
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane_calibrate::{self as calibrate, Calibration, NoiseSampling, RecordingSet};
 
 /// Largest relative error of a calibrated number that is used.
@@ -111,9 +108,9 @@ impl BaseModel {
 
     /// From the camera that is given, or from the published model with what calibration tells of the set.
     /// Where pixels began together it begins so, too.
-    pub(crate) fn of(both: &DataSplit, given: Option<&Camera>) -> Result<Self> {
-        let mut base = Self::running(&both.fitted, given)?;
-        if let Some(over) = both.begun_over {
+    pub(crate) fn of(recordings: &Recordings, given: Option<&Camera>) -> Result<Self> {
+        let mut base = Self::running(&recordings.fitted, given)?;
+        if let Some(over) = recordings.begun_over {
             base.camera = base.camera.with_effect(start_phase::EFFECT.neutral().with_value("share", over)?);
         }
         Ok(base)
@@ -284,6 +281,14 @@ fn usual_dark(c: &Calibration) -> (f64, f64) {
     let errors: Vec<f64> = c.fits.iter().map(|f| f.var_d).collect();
     let (spread, error) = (Spread::of(&d), Spread::of(&errors).median());
     (spread.median(), (spread.sd().powi(2) - error).max(0.0).sqrt())
+}
+
+/// Returns the error about a camera with color filters. The models of a diagnosis have one light for all pixels.
+pub(crate) fn color_filter_error(found: impl std::fmt::Display) -> Error {
+    Error::new(ErrorKind::Input, "recordings of a diagnosis")
+        .found(found)
+        .expected("a camera without color filters, because all pixels of a model receive the same light")
+        .remedy("calibrate the set, whose report compares the channels, or compare it with cameras")
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! What a report says of the sets it is about.
 
+use crate::prepared::base_model::{BaseModel, BaseParameter};
+use crate::prepared::recordings::{PreparedSet, Recordings};
 use serde::Serialize;
-
-use super::base_model::BaseParameter;
-use crate::protocol::recorded_set::Setup;
-use spikelane_calibrate::{RecordedCamera, RecordingSet, Stimulus, StimulusPattern};
+use spikelane::effects::Camera;
+use spikelane_calibrate::{RecordedCamera, Stimulus, StimulusPattern};
 
 /// A recording as it was judged.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -55,7 +55,15 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    pub(crate) fn of(setup: &Setup, set: &RecordingSet) -> Self {
+    /// Describes the recordings, and the model with which they were compared. `given` is the camera of the caller. `base` is
+    /// `None` if no calibration was possible.
+    pub(crate) fn of(
+        recordings: &Recordings,
+        given: Option<&Camera>,
+        base: Option<&BaseModel>,
+        seed: u64,
+    ) -> Self {
+        let PreparedSet { set, setup, .. } = &recordings.fitted;
         let judged = setup.recordings.iter().map(|s| JudgedRecording {
             file: s.file_name(),
             light: words(s.light),
@@ -74,6 +82,14 @@ impl Provenance {
             readout_hz: setup.readout_hz,
             recorded_camera: set.camera.clone(),
             recordings: judged.chain(maps).collect(),
+            held_out: recordings.held_out.description().to_owned(),
+            camera: match (given, base) {
+                (Some(given), _) => given.name.clone(),
+                (None, Some(_)) => "the published model, calibrated".to_owned(),
+                (None, None) => "none, because no calibration was possible".to_owned(),
+            },
+            seed,
+            base_parameters: base.map_or_else(Vec::new, |b| b.numbers.clone()),
             ..Self::default()
         }
     }

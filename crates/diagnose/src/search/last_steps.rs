@@ -5,21 +5,38 @@
 //! and a cost that is free along the base model's numbers does not ask for the next one. Left there, the two were said to be 6.6 and
 //! 5.7 mV, each three deviations off.
 
-use crate::thresholds::{MAX_FINAL_BASE_STEP, MAX_FINAL_STEPS, MIN_FINAL_STEP, MIN_FIRST_FINAL_STEP};
-use nalgebra::DVector;
-
-use super::context::Search;
-use super::search::SearchResult;
-use crate::fit::draws::MEAN_SIMULATIONS;
-use crate::fit::fit::Fit;
-use crate::null_model::calibration_prior::CALIBRATED;
+use crate::fits::fit::Fit;
 use crate::null_model::metric::Bound;
+use crate::search::effect_search::SearchResult;
+use crate::search::round::Undecided;
+use crate::search::state::Search;
+use crate::sensors::deadline::in_time;
+use crate::thresholds::{
+    CALIBRATION_INFORMATION, MAX_FINAL_BASE_STEP, MAX_FINAL_STEPS, MEAN_SIMULATIONS, MIN_FINAL_STEP,
+    MIN_FIRST_FINAL_STEP,
+};
+use nalgebra::DVector;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
+use spikelane_calibrate::ProgressCallback;
 
 impl Search<'_> {
+    /// Searches for effects and takes the last steps. `start` is the camera from which the base model came.
+    pub(crate) fn find_effects(
+        &self,
+        start: &Camera,
+        progress: ProgressCallback<'_>,
+    ) -> Result<SearchResult> {
+        let mut found = self.add_effects(progress)?;
+        progress("last steps", 0.94);
+        if in_time(self.end(&mut found, start))?.is_none() {
+            found.undecided.push(Undecided::BaseNumbers);
+        }
+        Ok(found)
+    }
+
     /// Takes the last steps, where some are asked for; `given` is the camera that the base model came from.
-    pub(crate) fn end(&self, found: &mut SearchResult, given: &Camera) -> Result<()> {
+    fn end(&self, found: &mut SearchResult, given: &Camera) -> Result<()> {
         let places = self.fitter.reference.model.places_in(given);
         // Beside noise as strong as that, what a base number moves is another change altogether; a still scene or maps tell too few apart.
         let setup = &self.fitter.reference.setup;
@@ -45,7 +62,7 @@ impl Search<'_> {
     /// As many steps as each ask for less than the one before, where the first asks for enough.
     fn onward(&self, found: &SearchResult, places: &[f64]) -> Result<Option<Fit>> {
         let wanted =
-            |fit: &Fit| found.own.metric.bounded(&(self.fitter.data - &fit.mean), &bounds(fit, places));
+            |fit: &Fit| found.own.metric.bounded(&(&self.fitter.data - &fit.mean), &bounds(fit, places));
         let mut at = None;
         let mut step = wanted(&found.fit);
         let mut far = length(&step, &found.own.deviations);
@@ -81,7 +98,7 @@ fn bounds(fit: &Fit, places: &[f64]) -> Vec<Bound> {
         let (knob, u, size) = (fit.model.knobs[j], fit.u[j], 1.0 + place);
         let most = MAX_FINAL_BASE_STEP * size.max(1.0);
         let [low, high] = [u - most, u + most].map(|u| knob.clamped(u) - fit.u[j]);
-        bounds[j] = Bound { low, high, leans: place - u, weight: CALIBRATED / (size * size) };
+        bounds[j] = Bound { low, high, leans: place - u, weight: CALIBRATION_INFORMATION / (size * size) };
     }
     bounds
 }

@@ -1,10 +1,10 @@
 //! Signatures of swinging light at the frequency that a set shows.
 
-use crate::null_model::reference::NullModel;
+use crate::null_model::model::NullModel;
 use crate::null_model::signature::Signature;
 use crate::sensors::catalog::Candidate;
-use crate::statistics::readouts::{line, power, refine_line};
-use crate::statistics::vector::MeasuredSet;
+use crate::statistics::measured_set::MeasuredSet;
+use crate::statistics::spectrum::{line, power, refine_line};
 use crate::thresholds::MIN_LINE_POWER;
 use spikelane::effects::Definition;
 use spikelane::error::Result;

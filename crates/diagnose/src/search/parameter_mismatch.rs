@@ -1,10 +1,8 @@
 //! Which numbers of a given camera the data contradict.
 
-use crate::thresholds::{MAX_AMBIGUOUS_DISTANCE, MIN_MISMATCH_GAIN};
+use crate::search::effect_search::{Evidence, SearchResult};
+use crate::thresholds::{CALIBRATION_INFORMATION, MAX_AMBIGUOUS_DISTANCE, MIN_MISMATCH_GAIN};
 use nalgebra::{DMatrix, DVector};
-
-use super::search::{Evidence, SearchResult};
-use crate::null_model::calibration_prior::CALIBRATED;
 
 /// A number that is contradicted.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +48,7 @@ pub(crate) fn contradicted(
     let told = |j: usize| found.own.deviations[j].max(missed[j]) / linear[(j, j)].sqrt();
     let covariance = DMatrix::from_fn(n, n, |i, j| linear[(i, j)] * told(i) * told(j));
     // That they were calibrated is no evidence against the calibration.
-    let leaning = DMatrix::identity(n, n) * CALIBRATED;
+    let leaning = DMatrix::identity(n, n) * CALIBRATION_INFORMATION;
     let none = Contradictions { numbers: Vec::new(), distance: 0.0 };
     let Some(precision) = covariance.try_inverse().map(|p| p - leaning) else { return none };
     let mut numbers = fewest(&precision, &fitted, given);

@@ -1,7 +1,6 @@
 //! What happened in the loop, round by round.
 
 use nalgebra::DVector;
-
 use serde::Serialize;
 
 /// The outcome of an effect that won a round.
@@ -111,6 +110,42 @@ pub(crate) fn tied(round: &Round) -> Vec<&Entrant> {
     round.entrants.iter().filter(|e| e.tied && e.name != round.winner).take(2).collect()
 }
 
+/// A question that the time limit left open.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Undecided {
+    /// Whether the recordings agree with the model. The deviations resemble these effects.
+    Agreement(Vec<&'static str>),
+    /// Whether these effects or others are missing in the final model.
+    FurtherEffects(Vec<&'static str>),
+    /// Whether each named effect is necessary beside the others.
+    NecessityOfEffects,
+    /// The numbers of the base model beside the effects.
+    BaseNumbers,
+}
+
+impl Undecided {
+    /// Returns the question as a sentence.
+    pub(crate) fn sentence(&self) -> String {
+        match self {
+            Self::Agreement(names) => {
+                format!("whether the recordings agree with the model{}", resemblance(names))
+            }
+            Self::FurtherEffects(names) => {
+                format!("which effects explain the remaining deviations{}", resemblance(names))
+            }
+            Self::NecessityOfEffects => {
+                "whether each effect is necessary beside the others; their names are therefore tentative"
+                    .to_owned()
+            }
+            Self::BaseNumbers => "the base parameters beside the effects".to_owned(),
+        }
+    }
+}
+
+fn resemblance(names: &[&str]) -> String {
+    if names.is_empty() { String::new() } else { format!("; most similar: {}", names.join(", ")) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -127,5 +162,14 @@ mod tests {
         assert_eq!(alone.nearer(11.0), "the discrepancy falls from 45 to 14, with a noise floor of 11");
         let grew = Step { before: [2403.0, 2400.0], after: [4702.0, 4600.0] }.nearer(900.0);
         assert!(!grew.contains("4702") && !grew.contains("4600"), "{grew}");
+    }
+
+    #[test]
+    fn open_questions_list_similar_effects() {
+        assert_eq!(
+            Undecided::Agreement(vec!["leak", "dead_time"]).sentence(),
+            "whether the recordings agree with the model; most similar: leak, dead_time"
+        );
+        assert!(Undecided::FurtherEffects(Vec::new()).sentence().ends_with("remaining deviations"));
     }
 }

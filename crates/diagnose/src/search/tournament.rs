@@ -1,21 +1,18 @@
 //! One round of the loop: the candidates that promise most are fitted, and the most likely one wins.
 
-use super::context::Search;
-use super::round::EliminationReason;
-use super::round::{Entrant, Round};
-use crate::fit::draws::MOST_SIMULATIONS;
-use crate::fit::fit::Fit;
-use crate::fit::fitter::Fitter;
-use crate::fit::scored_fit::ScoredFit;
-use crate::fit::self_consistency::SelfConsistency;
-use crate::fit::unlocated::allowing;
-use crate::null_model::lamps::likely_deviations;
+use crate::fits::fit::Fit;
+use crate::fits::fitter::{Fitter, metric_allowing_events};
+use crate::fits::scored_fit::ScoredFit;
+use crate::fits::self_consistency::SelfConsistency;
+use crate::light::offsets::likely_deviations;
 use crate::null_model::metric::Metric;
-use crate::null_model::signature::Signature;
-use crate::null_model::signature::reach;
+use crate::null_model::signature::{Signature, reach};
+use crate::search::round::{EliminationReason, Entrant, Round};
+use crate::search::state::Search;
 use crate::thresholds::{
     MAX_CANDIDATES, MAX_FINALISTS, MAX_SCORE_DEVIATION, MAX_SIGNATURE_SCALE, MAX_SIMULATION_COST,
-    MIN_PROMISE, MIN_PROMISE_SHARE, MIN_SECOND_DRAW_SHARE, STEPS_OF_FIRST_EFFECT, STEPS_OF_FURTHER_EFFECT,
+    MIN_PROMISE, MIN_PROMISE_SHARE, MIN_SECOND_DRAW_SHARE, MOST_SIMULATIONS, STEPS_OF_FIRST_EFFECT,
+    STEPS_OF_FURTHER_EFFECT,
 };
 use nalgebra::DVector;
 use spikelane::error::Result;
@@ -29,7 +26,7 @@ impl Search<'_> {
         own: &SelfConsistency,
         signatures: &[&Signature],
     ) -> Result<Option<(Fit, Round)>> {
-        let Fitter { reference, data } = self.fitter;
+        let Fitter { reference, data } = &self.fitter;
         let starts = self.starts(fit, &own.metric, signatures)?;
         if starts.is_empty() {
             return Ok(None);
@@ -53,8 +50,8 @@ impl Search<'_> {
         let ScoredFit { fit: best, .. } = fits[0].clone();
         fits.extend(far);
         let entrants = fits.iter().map(|f| self.entrant(&fits[0], f)).collect();
-        let before = allowing(reference, &fit.events)?.square(&(data - &fit.mean));
-        let after = allowing(reference, &best.events)?.square(&(data - &best.mean));
+        let before = metric_allowing_events(reference, &fit.events)?.square(&(data - &fit.mean));
+        let after = metric_allowing_events(reference, &best.events)?.square(&(data - &best.mean));
         let share = ((before - after) / (before - own.allowed_floor).max(1.0)).clamp(0.0, 1.0);
         let round = Round {
             winner: last(&best),
@@ -107,7 +104,7 @@ impl Search<'_> {
         signatures: &[&Signature],
     ) -> Result<Vec<(&'static str, Vec<Fit>)>> {
         let of = |fit: &Fit| -> Result<Vec<(&'static str, Vec<Fit>)>> {
-            let off = self.fitter.data - &fit.mean;
+            let off = &self.fitter.data - &fit.mean;
             let start = |(scale, s): (f64, Signature)| {
                 let plain = fit.with(&s.candidate, scale);
                 // The found light took in what the effect does to the rates.

@@ -1,6 +1,6 @@
 //! Candidates of a search: the effects of a catalog with the parameter values that are tried.
 
-use super::model::Knob;
+use crate::sensors::model::Knob;
 use spikelane::effects::definition::{Param, ParamKind, SearchScale, SearchSpec};
 use spikelane::effects::{Camera, Catalog, Definition};
 

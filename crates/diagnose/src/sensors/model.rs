@@ -1,9 +1,9 @@
 //! Camera models with adjustable parameters and lamps.
 
-use super::context::SimulationContext;
-use super::lamp::{Lamp, lamps_of};
 use crate::events::locations::PinnedEvents;
-use crate::protocol::recorded_set::Setup;
+use crate::light::lamp::{Lamp, lamps_of};
+use crate::recordings::setup::Setup;
+use crate::sensors::deadline::SimulationContext;
 use spikelane::effects::definition::SearchScale;
 use spikelane::effects::{
     Camera, Definition, bias_voltage, capacitor_mismatch, dark_current, prnu, shot_noise, start_phase,

@@ -2,15 +2,14 @@
 
 use std::borrow::Cow;
 
-use super::model::Sample;
-use crate::cache::key::hash_inputs;
 use crate::events::locations::{apply_events, is_replaced};
-use crate::protocol::recorded_scene::{RecordedScene, StaticScene};
-use crate::protocol::recorded_set::Setup;
-use crate::recording::scan::{Scan, ScanOptions, scan};
-use crate::statistics::vector::{
-    DiagnosticStatistic, StatisticsVector, rate_map_statistics, statistics_vector,
-};
+use crate::recordings::recorded_scene::{RecordedScene, StaticScene};
+use crate::recordings::scan::{Scan, ScanOptions, scan};
+use crate::recordings::setup::Setup;
+use crate::sensors::cache_key::hash_inputs;
+use crate::sensors::model::Sample;
+use crate::statistics::measured_set::{rate_map_statistics, statistics_vector};
+use crate::statistics::vector::{DiagnosticStatistic, StatisticsVector};
 use spikelane::effects::{Camera, Definition, Model, edge_columns, smooth_prnu, start_phase, vignetting};
 use spikelane::error::Result;
 use spikelane::pixel::Op;

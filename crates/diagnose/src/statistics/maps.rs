@@ -1,10 +1,10 @@
 //! Maps of gain and dark current, which are the lines of the pixels over the light, and statistics of maps.
 
-use super::quantiles::Spread;
-use super::readouts::transforms;
-use super::vector::{StatisticsVector, ln, scaled_count};
-use crate::protocol::recorded_set::Setup;
-use crate::recording::scan::Scan;
+use crate::recordings::scan::Scan;
+use crate::recordings::setup::Setup;
+use crate::statistics::order::Spread;
+use crate::statistics::spectrum::transforms;
+use crate::statistics::vector::{StatisticsVector, ln, scaled_count};
 
 /// Rate above which a pixel fires at nearly every readout, so that its rate contains little information about the
 /// light.
