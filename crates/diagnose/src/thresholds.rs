@@ -1,7 +1,269 @@
-//! Thresholds of the search for effects and of the verdict, each with its origin.
+//! Numbers of a diagnosis, each with its origin: thresholds, and numbers of simulations and steps.
 //!
 //! A threshold is *derived* from a probability or a number of standard deviations, *measured* on simulated sensors, or *a
 //! choice*. The limits of an alarm are in `null_model/limits.rs`.
+
+// Recordings before the search
+
+/// Largest rate of a pixel whose first spike shows its start phase, in spikes per readout. Derived: an interval has four
+/// readouts.
+pub(crate) const MAX_PHASE_RATE: f64 = 0.25;
+
+/// Smallest number of pixels whose phases are compared. A choice.
+pub(crate) const MIN_PHASE_PIXELS: usize = 100;
+
+/// Length of the mean phase vector from which on pixels began together. Derived: charges over three quarters of a threshold
+/// have 0.3. Uniform charges have the square of the rate, at most 0.06, and 0.02 by chance for 2,000 pixels.
+pub(crate) const MIN_COMMON_PHASE: f64 = 0.25;
+
+/// The same after the pixels have drifted apart, relative to the length by chance. A choice.
+pub(crate) const MAX_CHANCE_PHASE: f64 = 3.0;
+
+/// Largest excluded part of a recording is its length, divided by this number. A choice.
+pub(crate) const MAX_ASIDE_DIVISOR: usize = 3;
+
+/// Rate from which on a pixel fires at nearly every readout, in spikes per readout. Such pixels do not drift apart.
+pub(crate) const MAX_PHASE_DRIFT_RATE: f64 = 0.985;
+
+/// Largest number of examined pixels. A choice that limits the time.
+pub(crate) const MAX_DRIFT_PIXELS: usize = 20_000;
+
+/// Excluded readouts of a square wave if no flat shows how fast bright pixels drift apart. A choice.
+pub(crate) const SQUARE_WAVE_ASIDE: usize = 64;
+
+/// Brightest level of the lines of dim pixels. The response to brighter light bends.
+pub(crate) const MAX_DIM_LIGHT: f64 = 0.35;
+
+/// Deviations by which two silent pixels lack charge in the light. A choice.
+pub(crate) const MIN_CHARGE_DEFICIT_SDS: f64 = 5.0;
+
+/// The same for one silent pixel. A choice.
+pub(crate) const MIN_SINGLE_DEFICIT_SDS: f64 = 12.0;
+
+/// Number of the faintest firing pixels, whose spread is the standard deviation of a charge deficit. A choice.
+pub(crate) const FAINT_PIXELS: usize = 200;
+
+/// Skew of the quantiles from which on dark currents have a tail. Derived: the skew of 2,000 normal numbers deviates by 0.03.
+pub(crate) const MIN_TAIL_SKEW: f64 = 0.15;
+
+/// Largest relative error of a calibrated parameter that is used. A choice.
+pub(crate) const MAX_CALIBRATION_ERROR: f64 = 0.25;
+
+/// Largest factor between a calibrated and a published parameter. A larger factor comes from a missing effect.
+pub(crate) const MAX_CALIBRATION_FACTOR: f64 = 30.0;
+
+// Light of the recordings
+
+/// Simulated sensors of one step, for a set without sources and for a set with sources. The mean gains of two sensors differ by
+/// a thousandth. Independent lamps absorb this difference. Sums of sources cannot absorb it if the response is nonlinear.
+pub(crate) const LIGHT_SENSORS: [usize; 2] = [2, 24];
+
+/// Largest number of steps. A choice.
+pub(crate) const MAX_LIGHT_STEPS: usize = 4;
+
+/// Change of the light below which no further step is made. A choice.
+pub(crate) const MIN_LIGHT_STEP: f64 = 2e-4;
+
+/// Largest deviation of the found light from the stated light, in uncertainties. The rates of a camera with a strong effect
+/// would require a larger deviation.
+pub(crate) const MAX_FOUND_PULL: f64 = 3.5;
+
+/// The same for recordings with sources. All recordings of the sources show their light, and a found light at the limit would
+/// contradict the sums.
+pub(crate) const MAX_FOUND_SOURCE_PULL: f64 = 6.0;
+
+/// Change of the light from which on two steps show the slope of the rate. A choice.
+pub(crate) const MIN_SECANT_STEP: f64 = 2e-3;
+
+/// Change of the light that other simulations must follow. A choice.
+pub(crate) const MAX_UNCHANGED_LIGHT: f64 = 1e-3;
+
+/// Change of the offset of a lamp from which on a model is simulated at the new offset. Derivatives hold within it, because
+/// their step is [`LAMP_STEP`].
+pub(crate) const MAX_LINEAR_OFFSET: f64 = 2e-3;
+
+/// Largest deviation of a lamp from the stated light in a fit, in uncertainties. A choice.
+pub(crate) const MAX_LAMP_PULL: f64 = 4.0;
+
+/// Largest change of a lamp in one step of a fit. Derivatives do not hold beyond it. Otherwise an effect that is not fitted yet
+/// would move the lamps, and the lamps would replace it.
+pub(crate) const MAX_LAMP_STEP: f64 = 3e-3;
+
+/// Step of the derivative by a lamp, relative to its light. It does not depend on the uncertainty of the lamp, because the
+/// statistics of bright intervals are linear in the light only over a few thousandths.
+pub(crate) const LAMP_STEP: f64 = 3e-3;
+
+/// Standard deviation of the lamps of simulated sensors from which the noise is estimated. A statistic that is not linear in
+/// the light then has noise only as far as the found light may be wrong.
+pub(crate) const SMALL_LAMP_DEVIATION: f64 = 1e-3;
+
+/// Smallest relative deviation of a level that is reported, and that of the darkest and of the brightest level. A bend of the
+/// response is largest there, and the other levels determine it least.
+pub(crate) const MIN_LEVEL_DEVIATIONS: [f64; 2] = [0.005, 0.012];
+
+/// Deviation of a single level above which the level is reported, in uncertainties of its lamp. Derived: a lamp with the stated
+/// uncertainty exceeds it with a probability of 5e-4.
+pub(crate) const MAX_LEVEL_PULL: f64 = 3.5;
+
+/// Relative uncertainty of a reported lamp. Its level then contains nearly no information about the response.
+pub(crate) const REPORTED_LAMP_UNCERTAINTY: f64 = 0.3;
+
+/// Normal quantile of the limit above which a scatter is reported. Derived: lamps with their stated uncertainties exceed the
+/// limit with a probability of 0.001.
+pub(crate) const REPORTED_SCATTER_Z: f64 = 3.09;
+
+/// Normal quantile of the limit above which larger uncertainties are used. Derived: the probability is 0.05, because larger
+/// uncertainties cost little.
+pub(crate) const WIDENED_SCATTER_Z: f64 = 1.645;
+
+/// Largest relative scatter that is attributed to lamps. A response with a larger scatter is not smooth.
+pub(crate) const MAX_LAMP_SCATTER: f64 = 0.1;
+
+/// Smallest relative uncertainty of a measured response. A choice.
+pub(crate) const MIN_RESPONSE_UNCERTAINTY: f64 = 1e-4;
+
+// Fit of uncertain base parameters
+
+/// Smallest number of simulations of the mean. A choice.
+pub(crate) const MIN_BASE_FIT_SIMULATIONS: usize = 24;
+
+/// Largest number of steps. A choice that limits the time.
+pub(crate) const MAX_BASE_FIT_STEPS: usize = 10;
+
+/// Largest relative change of a parameter in one step. A choice.
+pub(crate) const MAX_BASE_FIT_STEP: f64 = 0.45;
+
+/// Relative change of a parameter beyond which derivatives are computed again. A choice.
+pub(crate) const MAX_DERIVATIVE_MOVE: f64 = 0.15;
+
+/// Relative uncertainty of the parameters before the data are seen. A parameter that the data do not determine keeps its value.
+pub(crate) const BASE_PARAMETER_UNCERTAINTY: f64 = 0.3;
+
+/// Length of a step, in standard deviations, below which no further step is made. A choice.
+pub(crate) const MIN_BASE_FIT_STEP: f64 = 0.5;
+
+/// Deviation, in standard deviations, to which the influence of a statistic is limited. A single missing effect must not change
+/// every parameter.
+pub(crate) const MAX_BASE_FIT_Z: f64 = 6.0;
+
+/// Simulations for the derivatives by the lamps. A precision of a few percent suffices, because the fit ends within some
+/// thousandths of the found light.
+pub(crate) const BASE_FIT_LAMP_DRAWS: usize = 4;
+
+/// Reweighted steps of the fit of the lamps. A choice.
+pub(crate) const BASE_FIT_LAMP_STEPS: usize = 4;
+
+// Null model
+
+/// Number of pixels of a large sensor, and simulations for each of its derivatives. Each simulation of a large sensor counts as
+/// several.
+pub(crate) const MANY_PIXELS: (usize, usize) = (20_000, 8);
+
+/// Number of pixels of a usual sensor, and simulations for each of its derivatives. A smaller sensor has more simulations in
+/// proportion, up to [`MAX_DERIVATIVE_PAIRS`].
+pub(crate) const USUAL_PIXELS: (usize, usize) = (2304, 16);
+
+/// Largest number of simulations for a derivative. A choice that limits the time.
+pub(crate) const MAX_DERIVATIVE_PAIRS: usize = 64;
+
+/// Deviations of the noise of a change below which the change hardly counts. A choice.
+pub(crate) const MIN_CHANGE_SDS: f64 = 2.5;
+
+/// Median of the square of a standard normal variable.
+pub(crate) const NORMAL_SQUARE_MEDIAN: f64 = 0.455;
+
+/// Correlations below this number of standard errors are set to zero. With a few hundred simulations, most correlations are
+/// noise.
+pub(crate) const MIN_CORRELATION_SDS: f64 = 3.2;
+
+/// Parts of the clean sensors. The noise of the others judges each part. A choice.
+pub(crate) const LIMIT_FOLDS: usize = 5;
+
+/// Factor of the limit of the total misfit for real sensors. A choice: one hidden clean sensor of eight exceeded the limit by 4
+/// % without it.
+pub(crate) const MISFIT_MARGIN: f64 = 1.15;
+
+/// Prior weight of a standard deviation of one for a score, in sensors. A choice.
+pub(crate) const SCORE_SD_PRIOR: f64 = 10.0;
+
+/// Simulations of a held-out set with another part or another light. A choice.
+pub(crate) const HELD_OUT_SIMULATIONS: usize = 24;
+
+/// The same for the first simulations. No verdict depends on them if the set agrees.
+pub(crate) const FIRST_HELD_OUT_SIMULATIONS: usize = 8;
+
+/// Squared length below which a signature is lost in its own noise. Derived: the square of five standard deviations.
+pub(crate) const MIN_SIGNATURE_SQUARE: f64 = 25.0;
+
+/// Deviation and score up to which the preliminary result reports no deviation. Derived: the noise comes from 24 sensors. A
+/// statistic of a clean sensor exceeds the limit once in 2.6 million sets, and one of 250 statistics once in ten thousand.
+pub(crate) const MAX_PRELIMINARY_Z: f64 = 7.0;
+
+/// Share of the largest squared score from which on an effect is likely in the preliminary result. A choice.
+pub(crate) const MIN_LIKELY_SHARE: f64 = 0.35;
+
+/// Largest number of likely effects in the preliminary result. A choice.
+pub(crate) const MAX_LIKELY_EFFECTS: usize = 5;
+
+/// Length of a signature up to which a straight line to [`DETECTION_SCORE`](crate::DETECTION_SCORE) holds. A choice.
+pub(crate) const MAX_LINEAR_LENGTH: f64 = 40.0;
+
+/// Largest cosine of the nearest effect that is projected out. Effects that nothing separates are ambiguous instead.
+pub(crate) const MAX_PROJECTED_COSINE: f64 = 0.97;
+
+/// Bisections of the strength at which an effect sets in. Derived: they determine it to a few percent.
+pub(crate) const ONSET_STEPS: usize = 6;
+
+/// Number of expected events of a detectable strength. Derived: fewer than one set in a hundred then has none.
+pub(crate) const MIN_EXPECTED_EVENTS: f64 = 5.0;
+
+// Fits
+
+/// Squared width of the range of a number that cannot move, in positions.
+pub(crate) const FIXED_RANGE_SQUARE: f64 = 1e-12;
+
+/// Deviations of the largest noise of a change from which on a statistic counts as changed. A choice.
+pub(crate) const MIN_EFFECT_CHANGE_SDS: f64 = 2.0;
+
+/// Smallest number of simulations that show whether a statistic changes. A choice.
+pub(crate) const MIN_CHANGE_SIMULATIONS: usize = 6;
+
+/// Number of statistics from which on their noise together is longer than a detectable change. Static scenes and maps have
+/// fewer.
+pub(crate) const MIN_CROWDED_STATISTICS: usize = 100;
+
+/// Share of the step of a derivative within which the derivative holds. A choice.
+pub(crate) const MAX_SLOPE_MOVE: f64 = 0.25;
+
+/// Simulations of a fitted model with redrawn parameters. A choice.
+pub(crate) const REDRAWN_SIMULATIONS: usize = 30;
+
+/// Largest number of fits of an accepted model with its own noise. A choice.
+pub(crate) const MAX_REFITS: usize = 2;
+
+/// Quantile of Student's distribution for 95 % intervals. Derived: thirty simulations determine a standard deviation.
+pub(crate) const INTERVAL_QUANTILE: f64 = 2.04;
+
+/// If the noise is proportional to a variance, the variance may have no upper end. The reported end is then that of two and a
+/// half times the standard deviation.
+pub(crate) const MIN_VARIANCE_SHARE: f64 = 0.3;
+
+/// Expected fall of the cost, absolute and relative, from which on a step is simulated. A choice.
+pub(crate) const MIN_STEP_GAIN: (f64, f64) = (0.5, 0.003);
+
+/// Change of a base parameter from which on a step is always simulated. The cost does not depend on base parameters, so it
+/// shows no gain.
+pub(crate) const MIN_BASE_MOVE: f64 = 0.1;
+
+/// Pairs of simulations for the change per event. A choice.
+pub(crate) const EVENT_PAIRS: usize = 2;
+
+/// Weight of the variances of the null model beside those of a fitted model, in simulations. A choice.
+pub(crate) const PRIOR_SIMULATIONS: f64 = 10.0;
+
+/// Ratio of variances from which on the variance of a fitted model is used. Derived: three deviations of a ratio of one with
+/// [`PRIOR_SIMULATIONS`] and eight simulations.
+pub(crate) const MIN_WIDER_VARIANCE: f64 = 1.6;
 
 // Simulations of a mean
 

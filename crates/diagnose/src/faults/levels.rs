@@ -8,32 +8,13 @@
 
 use crate::faults::fault::{Fault, FaultKind};
 use crate::statistics::order::Spread;
+use crate::thresholds::{
+    MAX_LAMP_SCATTER, MAX_LEVEL_PULL, MIN_LEVEL_DEVIATIONS, MIN_RESPONSE_UNCERTAINTY,
+    REPORTED_LAMP_UNCERTAINTY, REPORTED_SCATTER_Z, WIDENED_SCATTER_Z,
+};
 use nalgebra::{DMatrix, DVector};
 use spikelane_calibrate::LightLevel;
 use spikelane_calibrate::unstable::{SATURATION_RATE, chi_square_over_freedom};
-
-/// Deviation of a single level above which the level is reported, in uncertainties of its lamp. A lamp with the stated
-/// uncertainty exceeds it with a probability of 5e-4.
-const MAX_PULL: f64 = 3.5;
-
-/// Smallest relative deviation that is reported, and that of the darkest and of the brightest level. A bend of the response is
-/// largest there, and the other levels determine it least.
-const LEAST: [f64; 2] = [0.005, 0.012];
-
-/// Relative uncertainty of a reported lamp. Its level then contains nearly no information about the response.
-const UNKNOWN_LAMP: f64 = 0.3;
-
-/// Normal quantile of the limit above which a scatter is reported, and of the limit above which larger uncertainties are used.
-/// Lamps with their stated uncertainties exceed the limits with a probability of 0.001 and 0.05. Larger uncertainties cost
-/// little, so the second limit is lower.
-const REPORTED_Z: f64 = 3.09;
-const WIDENED_Z: f64 = 1.645;
-
-/// Largest relative scatter that is attributed to lamps. A response with a larger scatter is not smooth.
-const LARGEST_SCATTER: f64 = 0.1;
-
-/// Smallest relative uncertainty of a measured response.
-const OF_RATE: f64 = 1e-4;
 
 /// Smallest number of lit levels for a report of a single level, and for a report of the scatter.
 const MIN_LEVELS: [usize; 2] = [4, 3];
@@ -89,7 +70,7 @@ impl LampCheck {
         let off = self.off.iter().filter_map(|(k, by)| {
             let point = stated(*k)?;
             let words = format!(
-                "the light of this recording deviates by {:+.1} %: {} stated, {:.5} estimated in proportion to the other levels. This is more than {MAX_PULL} times the uncertainty of the light ({} %), and no smooth response of a camera changes a single level in this way. Check the lamp. The diagnosis uses the noise of this recording, but not its level.",
+                "the light of this recording deviates by {:+.1} %: {} stated, {:.5} estimated in proportion to the other levels. This is more than {MAX_LEVEL_PULL} times the uncertainty of the light ({} %), and no smooth response of a camera changes a single level in this way. Check the lamp. The diagnosis uses the noise of this recording, but not its level.",
                 100.0 * by,
                 point.light,
                 point.light * (1.0 + by),
@@ -117,7 +98,7 @@ impl LampCheck {
     /// Returns the uncertainty of the light of recording `k`, whose stated uncertainty is `stated`.
     pub(super) fn uncertainty(&self, k: usize, stated: f64) -> f64 {
         if self.off.iter().any(|(off, _)| *off == k) {
-            return stated.max(UNKNOWN_LAMP);
+            return stated.max(REPORTED_LAMP_UNCERTAINTY);
         }
         stated * self.factor
     }
@@ -150,15 +131,15 @@ pub(super) fn check(points: &[Point]) -> LampCheck {
     }
     let Some((freedom, mean_square)) = scatter(&left) else { return found };
     let relative = mean_square.sqrt() * left.iter().map(|p| p.uncertainty).sum::<f64>() / left.len() as f64;
-    if relative > LARGEST_SCATTER {
+    if relative > MAX_LAMP_SCATTER {
         return found;
     }
     let square = mean_square * freedom as f64;
-    if square > limit(freedom, WIDENED_Z) {
+    if square > limit(freedom, WIDENED_SCATTER_Z) {
         // The largest uncertainty for which so small a scatter has a probability of at most 5 %.
         found.factor = (square / lower_twentieth(freedom)).sqrt().max(1.0);
     }
-    found.scatter = (square > limit(freedom, REPORTED_Z)).then_some(relative);
+    found.scatter = (square > limit(freedom, REPORTED_SCATTER_Z)).then_some(relative);
     found
 }
 
@@ -170,8 +151,9 @@ fn scatter(points: &[Point]) -> Option<(usize, f64)> {
 }
 
 fn is_smooth(points: &[Point]) -> bool {
-    scatter(points)
-        .is_none_or(|(freedom, mean_square)| mean_square * freedom as f64 <= limit(freedom, REPORTED_Z))
+    scatter(points).is_none_or(|(freedom, mean_square)| {
+        mean_square * freedom as f64 <= limit(freedom, REPORTED_SCATTER_Z)
+    })
 }
 
 /// Returns the level with the largest deviation from every smooth response through the others, and its relative
@@ -184,7 +166,8 @@ fn most_deviating(points: &[Point]) -> Option<(usize, f64)> {
         let may_saturate = brightest == Some(i) && by < 0.0;
         let darker = points.iter().filter(|p| p.light < points[i].light).count();
         let is_end = darker == 0 || darker + 1 == points.len();
-        (excess > 0.0 && by.abs() > LEAST[usize::from(is_end)] && !may_saturate).then_some((i, excess, by))
+        (excess > 0.0 && by.abs() > MIN_LEVEL_DEVIATIONS[usize::from(is_end)] && !may_saturate)
+            .then_some((i, excess, by))
     });
     candidates.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _, by)| (i, by))
 }
@@ -196,12 +179,12 @@ fn deviation(points: &[Point], i: usize) -> Option<(f64, f64)> {
     let others: Vec<usize> = (0..points.len()).filter(|j| *j != i).collect();
     let of = |c| {
         let curve = Curve::of(points, &others, c)
-            .filter(|c| c.mean_square * c.freedom as f64 <= limit(c.freedom, REPORTED_Z))?;
+            .filter(|c| c.mean_square * c.freedom as f64 <= limit(c.freedom, REPORTED_SCATTER_Z))?;
         let (expected, variance) = curve.at(points[i].light);
         let off = points[i].response - expected;
         // The other lamps may deviate as well. Two standard deviations of the curve are therefore subtracted.
-        let own = points[i].uncertainty.hypot(OF_RATE);
-        Some(((off.abs() - 2.0 * variance.sqrt()) / own - MAX_PULL, off))
+        let own = points[i].uncertainty.hypot(MIN_RESPONSE_UNCERTAINTY);
+        Some(((off.abs() - 2.0 * variance.sqrt()) / own - MAX_LEVEL_PULL, off))
     };
     let found: Vec<(f64, f64)> = curves(others.len()).into_iter().filter_map(of).collect();
     let least = found.iter().map(|f| f.0).fold(f64::INFINITY, f64::min);
@@ -220,7 +203,7 @@ fn lower_twentieth(freedom: usize) -> f64 {
         // exponential distribution.
         1 => 0.003_93,
         2 => 0.102_6,
-        _ => limit(freedom, -WIDENED_Z),
+        _ => limit(freedom, -WIDENED_SCATTER_Z),
     }
 }
 
@@ -241,7 +224,7 @@ impl Curve {
         if used.len() <= n {
             return None;
         }
-        let weight = |i: usize| points[used[i]].uncertainty.hypot(OF_RATE).recip();
+        let weight = |i: usize| points[used[i]].uncertainty.hypot(MIN_RESPONSE_UNCERTAINTY).recip();
         let rows: Vec<Vec<f64>> = used.iter().map(|i| basis(points[*i].light)).collect();
         let a = DMatrix::from_fn(used.len(), n, |i, j| weight(i) * rows[i][j]);
         let y = DVector::from_fn(used.len(), |i, _| weight(i) * points[used[i]].response);

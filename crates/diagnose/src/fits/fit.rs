@@ -8,13 +8,12 @@ use crate::null_model::model::NullModel;
 use crate::null_model::signature::Signature;
 use crate::sensors::catalog::Candidate;
 use crate::sensors::model::Model;
-use crate::thresholds::{CALIBRATION_INFORMATION, FEW_SIMULATIONS, MIN_NOISY_LOG_VOLUME, SOME_SIMULATIONS};
+use crate::thresholds::{
+    CALIBRATION_INFORMATION, FEW_SIMULATIONS, FIXED_RANGE_SQUARE, MIN_NOISY_LOG_VOLUME, SOME_SIMULATIONS,
+};
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::Definition;
 use spikelane::effects::definition::SearchScale;
-
-/// Squared width of the range of a number that cannot move, in positions.
-const FIXED: f64 = 1e-12;
 
 /// What derivatives were taken from: they are taken again where that has changed.
 #[derive(Clone, Debug, Default)]
@@ -228,7 +227,7 @@ impl Fit {
         let of_effect = |j: usize| {
             let knob = self.model.knobs[j];
             // A number that cannot move is known exactly. Infinite information would make the covariance NaN.
-            12.0 / (knob.position(knob.range.1) - knob.position(knob.range.0)).powi(2).max(FIXED)
+            12.0 / (knob.position(knob.range.1) - knob.position(knob.range.0)).powi(2).max(FIXED_RANGE_SQUARE)
         };
         let of_number = |j: usize| match self.count(j) {
             Some(count) => (self.model.knobs[j].unit / count.deviation()).powi(2),

@@ -6,6 +6,7 @@ use crate::fits::likelihood::Likelihood;
 use crate::null_model::mean::{average, shrink};
 use crate::null_model::metric::Metric;
 use crate::null_model::model::NullModel;
+use crate::thresholds::EVENT_PAIRS;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 
@@ -37,9 +38,6 @@ impl Fitter<'_> {
         Ok(())
     }
 }
-
-/// Number of pairs of simulations for the change per event. A choice.
-const EVENT_PAIRS: usize = 2;
 
 /// Returns one column for each recording and kind of event: the change of its statistics per standard deviation of the number
 /// of events.

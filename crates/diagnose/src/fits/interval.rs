@@ -1,30 +1,23 @@
 //! What a fitted number may truly be.
 
-use crate::thresholds::CALIBRATION_INFORMATION;
+use crate::thresholds::{CALIBRATION_INFORMATION, INTERVAL_QUANTILE, MIN_VARIANCE_SHARE};
 use spikelane::effects::definition::SearchScale;
-
-/// Quantile of Student's law for 95 % intervals: a deviation is known from thirty simulations.
-const INTERVAL: f64 = 2.04;
-
-/// Where noise in proportion alone spans a variance, that variance has no upper end; one of two and a half times the deviation that was
-/// found is said then.
-const OPEN: f64 = 0.3;
 
 /// Ends of the 95 % interval of a number that was found at `u` and misses its truth by `deviation`, of which `additive` is there at
 /// any truth.
 ///
 /// A variance's noise is in part a share of it, as the variance of 48 columns is known to a fifth: what was found small may be a
-/// larger one that fell short. Its interval holds every variance from which `u` is [`INTERVAL`] of *that* variance's deviations away at
+/// larger one that fell short. Its interval holds every variance from which `u` is [`INTERVAL_QUANTILE`] of *that* variance's deviations away at
 /// most (Fieller).
 pub(crate) fn interval(scale: SearchScale, u: f64, deviation: f64, additive: f64) -> [f64; 2] {
     if scale != SearchScale::Square || u <= 0.0 {
-        return [u - INTERVAL * deviation, u + INTERVAL * deviation];
+        return [u - INTERVAL_QUANTILE * deviation, u + INTERVAL_QUANTILE * deviation];
     }
-    let fixed = INTERVAL * additive.min(deviation);
-    let share = ((INTERVAL * deviation).powi(2) - fixed * fixed) / (u * u);
+    let fixed = INTERVAL_QUANTILE * additive.min(deviation);
+    let share = ((INTERVAL_QUANTILE * deviation).powi(2) - fixed * fixed) / (u * u);
     let beyond = u * u - fixed * fixed;
     let root = |kept: f64| (u * u - kept * beyond).max(0.0).sqrt();
-    let kept = (1.0 - share).max(OPEN);
+    let kept = (1.0 - share).max(MIN_VARIANCE_SHARE);
     [beyond / (u + root(1.0 - share)), (u + root(kept)) / kept]
 }
 
@@ -41,7 +34,10 @@ mod tests {
     fn additive_noise_reaches_as_far_to_both_sides() {
         for scale in [SearchScale::Square, SearchScale::Linear] {
             let [low, high] = interval(scale, 10.0, 1.0, 1.0);
-            assert!((low - (10.0 - INTERVAL)).abs() < 1e-12 && (high - (10.0 + INTERVAL)).abs() < 1e-12);
+            assert!(
+                (low - (10.0 - INTERVAL_QUANTILE)).abs() < 1e-12
+                    && (high - (10.0 + INTERVAL_QUANTILE)).abs() < 1e-12
+            );
         }
     }
 
@@ -51,7 +47,7 @@ mod tests {
             let share = (deviation.powi(2) - additive.powi(2)) / 100.0;
             for end in interval(SearchScale::Square, 10.0, deviation, additive) {
                 let own = (additive.powi(2) + share * end * end).sqrt();
-                assert!(((10.0 - end).abs() - INTERVAL * own).abs() < 1e-9, "{end}");
+                assert!(((10.0 - end).abs() - INTERVAL_QUANTILE * own).abs() < 1e-9, "{end}");
             }
         }
     }
@@ -59,7 +55,7 @@ mod tests {
     #[test]
     fn noise_as_large_as_the_variance_leaves_an_end() {
         let [low, high] = interval(SearchScale::Square, 10.0, 9.0, 0.0);
-        assert!((low - 10.0 / (1.0 + INTERVAL * 0.9)).abs() < 1e-9, "{low}");
+        assert!((low - 10.0 / (1.0 + INTERVAL_QUANTILE * 0.9)).abs() < 1e-9, "{low}");
         assert!((55.0..65.0).contains(&high), "{high}");
     }
 

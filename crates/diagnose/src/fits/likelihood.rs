@@ -4,15 +4,9 @@ use crate::light::offsets::columns;
 use crate::null_model::mean::average;
 use crate::null_model::metric::{Metric, Noise};
 use crate::null_model::model::NullModel;
+use crate::thresholds::{MIN_WIDER_VARIANCE, PRIOR_SIMULATIONS};
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
-
-/// Simulations that the null's variances count for beside a model's own few.
-const PRIOR_SIMULATIONS: f64 = 10.0;
-
-/// Ratio of variances from which on a model's own are believed: three deviations of a ratio of one
-/// with [`PRIOR_SIMULATIONS`] and eight simulations.
-const WIDER_VARIANCE: f64 = 1.6;
 
 /// The noise of a fitted model. Rare events and strong noise make sets differ that the null would
 /// call far apart; a model is judged by how likely *it* makes the data.
@@ -88,7 +82,7 @@ fn factors(reference: &NullModel, residuals: &[DVector<f64>], freedom: f64) -> V
         let own = residuals.iter().map(|s| s[j].powi(2)).sum::<f64>();
         let null = reference.noise_without_lamps.covariance[(j, j)];
         let ratio = (own + PRIOR_SIMULATIONS * null) / (freedom + PRIOR_SIMULATIONS) / null;
-        if ratio > WIDER_VARIANCE { ratio.sqrt() } else { 1.0 }
+        if ratio > MIN_WIDER_VARIANCE { ratio.sqrt() } else { 1.0 }
     };
     (0..reference.spread.len()).map(factor).collect()
 }

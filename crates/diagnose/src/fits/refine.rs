@@ -4,16 +4,10 @@ use crate::fits::fit::Fit;
 use crate::fits::fitter::Fitter;
 use crate::fits::slopes::Secant;
 use crate::light::lamp::Lamp;
-use crate::null_model::derivatives::SMALL_LAMP_DEVIATION;
 use crate::null_model::metric::{Bound, Metric};
+use crate::thresholds::{MIN_BASE_MOVE, MIN_STEP_GAIN, SMALL_LAMP_DEVIATION};
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
-
-/// What a step must promise to be simulated: this fall of the cost, and this share of it.
-const WORTH: (f64, f64) = (0.5, 0.003);
-
-/// Move of a number of the base model from which on a step is always simulated: the cost is free along these, and promises nothing.
-const WORTH_OF_BASE: f64 = 0.1;
 
 impl Fitter<'_> {
     /// Gauss-Newton from where `fit` stands, `rounds` at most, each mean from `count` simulations.
@@ -51,7 +45,8 @@ impl Fitter<'_> {
         let whole = wanted(fit.bounds());
         let worth = |step: &DVector<f64>, lamps: &[f64]| {
             let promised = merit - here.after(fit.directions(self.reference) * step, lamps);
-            promised > WORTH.0 + WORTH.1 * merit || step.rows(0, fit.base_knobs()).amax() > WORTH_OF_BASE
+            promised > MIN_STEP_GAIN.0 + MIN_STEP_GAIN.1 * merit
+                || step.rows(0, fit.base_knobs()).amax() > MIN_BASE_MOVE
         };
         let mut steps = [whole.clone(), wanted(fit.bounds_of_effects()), (whole.0 * 0.4, whole.1)];
         // What the slope of an effect that sets in leaves far from the data, the base model's numbers would take in, as far as they may

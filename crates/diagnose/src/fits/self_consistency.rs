@@ -10,15 +10,14 @@ use crate::null_model::metric::Metric;
 use crate::null_model::model::NullModel;
 use crate::null_model::signature::Signature;
 use crate::sensors::simulate;
-use crate::thresholds::{CALIBRATION_INFORMATION, MEAN_SIMULATIONS, SOME_SIMULATIONS};
+use crate::thresholds::{
+    CALIBRATION_INFORMATION, MAX_REFITS, MEAN_SIMULATIONS, REDRAWN_SIMULATIONS, SOME_SIMULATIONS,
+};
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::draws::pattern_rng::PatternRng;
 use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane::unstable::threads;
-
-/// Simulations with redrawn numbers.
-const MANY: usize = 30;
 
 /// What simulations of the fitted model itself look like.
 #[derive(Clone)]
@@ -63,9 +62,6 @@ struct Redrawn {
     /// What the deviations of its lamps add to the vector.
     by_lamps: DVector<f64>,
 }
-
-/// Times that an accepted model is fitted again with its own noise.
-const REFITS: usize = 2;
 
 impl Fitter<'_> {
     /// The fitted model judged by itself: its numbers redrawn from their posterior.
@@ -138,13 +134,13 @@ impl Fitter<'_> {
                 simulated + &reference.lamp_slopes * off.remainder() - reference.lamp_shift(&fit.model);
             Ok(Redrawn { moved, vector, by_lamps: &reference.lamp_slopes * &off.whole })
         };
-        threads::try_map(0..MANY, one)
+        threads::try_map(0..REDRAWN_SIMULATIONS, one)
     }
 
     /// The fitted model judged by itself, again as long as its own noise asks for other numbers.
     pub(crate) fn converged(&self, fit: &mut Fit) -> Result<SelfConsistency> {
         let mut own = self.self_consistency(fit)?;
-        for _ in 0..REFITS {
+        for _ in 0..MAX_REFITS {
             let moved = own.metric.bounded(&(&self.data - &own.mean), &fit.bounds());
             let base = self.reference.model.knobs.len();
             let far = (base..fit.u.len()).any(|j| moved[j].abs() > own.deviations[j]);

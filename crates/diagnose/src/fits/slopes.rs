@@ -6,18 +6,13 @@ use crate::null_model::derivatives::step as base_step;
 use crate::null_model::mean::{average, shrink};
 use crate::null_model::model::NullModel;
 use crate::sensors::model::find_base_knob;
+use crate::thresholds::{
+    MAX_SLOPE_MOVE, MIN_CHANGE_SIMULATIONS, MIN_CROWDED_STATISTICS, MIN_EFFECT_CHANGE_SDS,
+};
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-
-/// Deviations of its noise, at worst, from which on a change is one, and simulations that can show it.
-const MOVED: f64 = 2.0;
-const ENOUGH: usize = 6;
-
-/// Statistics of which the noise together is longer than a change that can be named. Still scenes and maps have fewer, and a small
-/// change of one of theirs counts.
-const CROWD: usize = 100;
 
 /// Between which positions a derivative is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,9 +23,6 @@ pub(crate) enum Secant {
     /// To both sides.
     Around,
 }
-
-/// Share of the step of a derivative within which it holds.
-const NEAR: f64 = 0.25;
 
 /// Ends of a secant of length `h`.
 fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
@@ -51,7 +43,7 @@ fn step(scale: SearchScale, u: f64) -> f64 {
 /// Whether the effects' numbers are where derivatives were taken.
 fn near(fit: &Fit) -> bool {
     let moved = |j: usize| (fit.u[j] - fit.taken.at[j]).abs() / step(fit.model.knobs[j].scale, fit.u[j]);
-    fit.taken.at.len() == fit.u.len() && (fit.base_knobs()..fit.u.len()).all(|j| moved(j) <= NEAR)
+    fit.taken.at.len() == fit.u.len() && (fit.base_knobs()..fit.u.len()).all(|j| moved(j) <= MAX_SLOPE_MOVE)
 }
 
 impl Fitter<'_> {
@@ -116,7 +108,7 @@ impl Fitter<'_> {
     /// cannot tell but all of it can. What several effects move together says nothing of one, as they may cancel.
     fn unmoved(&self, fit: &Fit, effect: usize) -> Result<Vec<usize>> {
         let n = fit.each.len();
-        if n < ENOUGH || self.reference.spread.len() < CROWD {
+        if n < MIN_CHANGE_SIMULATIONS || self.reference.spread.len() < MIN_CROWDED_STATISTICS {
             return Ok(Vec::new());
         }
         let other = fit.without(effect);
@@ -126,7 +118,7 @@ impl Fitter<'_> {
             average(&self.reference.mean_of(&other.model, &other.u, n, Vec::new())?.each)
         };
         let change = average(&fit.each) - without;
-        let limit = MOVED * (2.0 / n as f64).sqrt();
+        let limit = MIN_EFFECT_CHANGE_SDS * (2.0 / n as f64).sqrt();
         Ok((0..change.len()).filter(|i| change[*i].abs() < limit * self.reference.spread[*i]).collect())
     }
 }

@@ -10,34 +10,14 @@ use crate::recordings::setup::Setup;
 use crate::sensors::model::Model;
 use crate::sensors::simulate;
 use crate::statistics::order::Spread;
+use crate::thresholds::{
+    LIGHT_SENSORS, MAX_FOUND_PULL, MAX_FOUND_SOURCE_PULL, MAX_LIGHT_STEPS, MAX_UNCHANGED_LIGHT,
+    MIN_LIGHT_STEP, MIN_SECANT_STEP,
+};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::unstable::SATURATION_RATE;
-
-/// Simulated sensors of one step, for a set without sources and for a set with sources. The mean gains of two sensors differ
-/// by a thousandth. Independent lamps absorb this difference. Sums of sources cannot absorb it if the response is nonlinear.
-const SENSORS: [usize; 2] = [2, 24];
-
-/// Largest number of steps.
-const STEPS: usize = 4;
-
-/// Change of the light below which no further step is made.
-const CLOSE: f64 = 2e-4;
-
-/// Largest deviation of the found light from the stated light, in uncertainties. The rates of a camera with a strong effect
-/// would require a larger deviation.
-const FURTHEST: f64 = 3.5;
-
-/// The same for recordings with sources. All recordings of the sources show their light, and a found light at the limit would
-/// contradict the sums.
-const FURTHEST_OF_SOURCES: f64 = 6.0;
-
-/// Change of the light from which on two steps show the slope of the rate.
-const APART: f64 = 2e-3;
-
-/// Change of the light that other simulations must follow.
-const MOVED: f64 = 1e-3;
 
 /// Moves the light of `setup`'s recordings to the light that their rates show. Returns whether a light changed by more than
 /// a thousandth.
@@ -49,15 +29,15 @@ pub(crate) fn find_light(setup: &mut Setup, scans: &[Scan], camera: &Camera, see
     let first = offsets(setup);
     let measured: Vec<f64> = scans.iter().map(rate).collect();
     let mut before: Option<Place> = None;
-    for _ in 0..STEPS {
+    for _ in 0..MAX_LIGHT_STEPS {
         let here = Place { offsets: offsets(setup), rates: simulated_rates(setup, camera, seed)? };
         let largest = step(setup, &measured, &here, before.as_ref());
-        if largest < CLOSE {
+        if largest < MIN_LIGHT_STEP {
             break;
         }
         before = Some(here);
     }
-    Ok(offsets(setup).iter().zip(&first).any(|(now, first)| (now - first).abs() > MOVED))
+    Ok(offsets(setup).iter().zip(&first).any(|(now, first)| (now - first).abs() > MAX_UNCHANGED_LIGHT))
 }
 
 /// Offsets of the light of all recordings, and the simulated rates there.
@@ -77,7 +57,7 @@ fn simulated_rates(setup: &Setup, camera: &Camera, seed: u64) -> Result<Vec<f64>
         Ok(simulate::scans(setup, &sample, seed + i as u64)?.iter().map(rate).collect())
     };
     let has_sources = setup.recordings.iter().any(|r| !r.sources.sources.is_empty());
-    Ok(average_of(&threads::try_map(0..SENSORS[usize::from(has_sources)], one)?))
+    Ok(average_of(&threads::try_map(0..LIGHT_SENSORS[usize::from(has_sources)], one)?))
 }
 
 /// One step. Returns the largest change of a light.
@@ -96,11 +76,12 @@ fn step(setup: &mut Setup, measured: &[f64], here: &Place, before: Option<&Place
         if proportional <= 0.0 {
             continue;
         }
-        let secant = before.filter(|b| (here.offsets[k] - b.offsets[k]).abs() > APART);
+        let secant = before.filter(|b| (here.offsets[k] - b.offsets[k]).abs() > MIN_SECANT_STEP);
         let slope = secant
             .map_or(proportional, |b| (simulated - b.rates[k]) / (here.offsets[k] - b.offsets[k]))
             .clamp(0.2 * proportional, 2.0 * proportional);
-        let furthest = if recording.sources.sources.is_empty() { FURTHEST } else { FURTHEST_OF_SOURCES };
+        let furthest =
+            if recording.sources.sources.is_empty() { MAX_FOUND_PULL } else { MAX_FOUND_SOURCE_PULL };
         let most = furthest * recording.light_uncertainty;
         let found = (here.offsets[k] + (measured - simulated) / slope).clamp(-most, most);
         largest = largest.max((found - here.offsets[k]).abs());

@@ -8,21 +8,10 @@
 //! out about the *stated* light. The found light would be a wrong prior, because it absorbs the bend of a response.
 
 use crate::light::lamp::Lamp;
-use crate::null_model::derivatives::SMALL_LAMP_DEVIATION;
 use crate::null_model::metric::{Bound, Noise};
 use crate::sensors::model::Model;
+use crate::thresholds::{MAX_LAMP_PULL, MAX_LAMP_STEP, MAX_LINEAR_OFFSET, SMALL_LAMP_DEVIATION};
 use nalgebra::{DMatrix, DVector};
-
-/// Change of a lamp's offset from which on a model is simulated at the new offset. Within it, derivatives hold: they are taken
-/// by a step of three thousandths.
-const LINEAR: f64 = 2e-3;
-
-/// Largest deviation of a lamp from the stated light in a fit, in uncertainties.
-const FURTHEST: f64 = 4.0;
-
-/// Largest change of a lamp in one step of a fit. Derivatives do not hold beyond it. Far from the solution, an effect that is
-/// not fitted yet would otherwise move the lamps, and the lamps would take its place.
-const TRUSTED: f64 = 3e-3;
 
 /// Changes per standard deviation of each lamp.
 pub(crate) fn columns(slopes: &DMatrix<f64>, model: &Model) -> DMatrix<f64> {
@@ -71,7 +60,7 @@ pub(crate) fn likely_deviations(
 ) -> Vec<f64> {
     let along = slopes.transpose() * noise.solve_vector(off);
     let of = |(lamp, along): (&Lamp, &f64)| {
-        let most = FURTHEST * lamp.uncertainty;
+        let most = MAX_LAMP_PULL * lamp.uncertainty;
         (lamp.uncertainty * lamp.uncertainty * along).clamp(-most, most)
     };
     lamps.iter().zip(along.iter()).map(of).collect()
@@ -85,10 +74,10 @@ impl Lamp {
 
     /// Where a step of a fit may move the deviation, in units of the uncertainty. The prior is about the stated light.
     pub(crate) fn bound(&self) -> Bound {
-        let place = |e: f64| self.pull(e).clamp(-FURTHEST, FURTHEST);
+        let place = |e: f64| self.pull(e).clamp(-MAX_LAMP_PULL, MAX_LAMP_PULL);
         Bound {
-            low: place(self.offset - TRUSTED),
-            high: place(self.offset + TRUSTED),
+            low: place(self.offset - MAX_LAMP_STEP),
+            high: place(self.offset + MAX_LAMP_STEP),
             leans: 0.0,
             weight: 1.0,
         }
@@ -98,7 +87,7 @@ impl Lamp {
 impl Model {
     /// Whether a lamp is further from its offset than derivatives hold.
     pub(crate) fn needs_offsets(&self, found: &[f64]) -> bool {
-        self.lamps.iter().zip(found).any(|(lamp, e)| (lamp.offset - e).abs() > LINEAR)
+        self.lamps.iter().zip(found).any(|(lamp, e)| (lamp.offset - e).abs() > MAX_LINEAR_OFFSET)
     }
 
     /// The model at other offsets, if these are further off than derivatives hold.

@@ -12,22 +12,17 @@ use crate::recordings::setup::Setup;
 use crate::sensors::model::{Knob, Model, find_base_knob};
 use crate::sensors::simulate;
 use crate::statistics::measured_set::statistics_vector;
+use crate::thresholds::{LAMP_STEP, MANY_PIXELS, MAX_DERIVATIVE_PAIRS, USUAL_PIXELS};
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-
-/// Simulations for a derivative, on a sensor of so many pixels, where each tells as much as several, and on one of so many;
-/// on a smaller one as many more as it has fewer pixels, up to a limit.
-const MANY_PIXELS: (usize, usize) = (20_000, 8);
-const USUAL_PIXELS: (usize, usize) = (2304, 16);
-const MOST: usize = 64;
 
 pub(crate) fn pairs(setup: &Setup) -> usize {
     let pixels = setup.geometry.pixels();
     if pixels >= MANY_PIXELS.0 {
         return MANY_PIXELS.1;
     }
-    (USUAL_PIXELS.1 * USUAL_PIXELS.0 / pixels.max(1)).clamp(USUAL_PIXELS.1, MOST)
+    (USUAL_PIXELS.1 * USUAL_PIXELS.0 / pixels.max(1)).clamp(USUAL_PIXELS.1, MAX_DERIVATIVE_PAIRS)
 }
 
 /// Step for the derivative by a base number, relative to its value.
@@ -47,14 +42,6 @@ pub(crate) fn lit(model: &Model) -> Vec<usize> {
     let all = model.lamps.iter().flat_map(|lamp| lamp.shares.iter().map(|(k, _)| *k));
     all.collect::<BTreeSet<usize>>().into_iter().collect()
 }
-
-/// Step of the derivative by a lamp, relative to its light. The step does not depend on the uncertainty of the lamp, because
-/// the statistics of bright intervals are linear in the light over a few thousandths only.
-const LAMP_STEP: f64 = 3e-3;
-
-/// Standard deviation of the lamps of simulated sensors from which the noise is estimated. A statistic that is not linear
-/// in the light then counts as noise only as far as the found light may be wrong.
-pub(crate) const SMALL_LAMP_DEVIATION: f64 = 1e-3;
 
 /// For each change of light only one recording is simulated again, and none where all vectors were kept.
 pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Drawn> {

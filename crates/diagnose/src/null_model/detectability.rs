@@ -2,25 +2,16 @@
 
 use crate::fits::fit::Fit;
 use crate::null_model::model::NullModel;
-use crate::null_model::signature::{MIN_SQUARE, Signature, reach};
+use crate::null_model::signature::{Signature, reach};
+use crate::thresholds::{
+    MAX_LINEAR_LENGTH, MAX_PROJECTED_COSINE, MIN_EXPECTED_EVENTS, MIN_SIGNATURE_SQUARE, ONSET_STEPS,
+};
 use nalgebra::DVector;
 use spikelane::effects::{Definition, EventKind};
 use spikelane::error::Result;
 
 /// Efficient score at which an effect counts as detectable.
 pub const DETECTION_SCORE: f64 = 5.0;
-
-/// A length of a signature that is near enough to [`DETECTION_SCORE`] for a straight line.
-const WEAK: f64 = 40.0;
-
-/// Largest cosine that is projected out.
-const LIKEST: f64 = 0.97;
-
-/// Halvings of the logarithm of where an effect sets in: a few per cent.
-const ONSET_STEPS: usize = 6;
-
-/// Events that a set must be expected to hold: fewer than one set in a hundred then has none.
-const LEAST: f64 = 5.0;
 
 /// The smallest strength at which an effect can be distinguished from calibration and from its nearest rival.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -73,7 +64,7 @@ impl NullModel {
             let (nearest, alike) = self.nearest(tried);
             let weak = self.weakened(tried).ok()?;
             let square = self.square(&weak);
-            if square < MIN_SQUARE {
+            if square < MIN_SIGNATURE_SQUARE {
                 continue;
             }
             let length = (square * (1.0 - alike * alike)).sqrt();
@@ -126,8 +117,10 @@ impl NullModel {
         let readouts: usize = self.setup.recordings.iter().map(|s| s.readouts).sum();
         match effect.event_kind {
             None => 0.0,
-            Some(EventKind::DroppedReadouts | EventKind::RepeatedReadouts) => LEAST / readouts as f64,
-            Some(EventKind::Pixels) => LEAST / self.setup.geometry.pixels() as f64,
+            Some(EventKind::DroppedReadouts | EventKind::RepeatedReadouts) => {
+                MIN_EXPECTED_EVENTS / readouts as f64
+            }
+            Some(EventKind::Pixels) => MIN_EXPECTED_EVENTS / self.setup.geometry.pixels() as f64,
         }
     }
 
@@ -137,7 +130,7 @@ impl NullModel {
         let square = self.square(own);
         let alike = |rival: &Signature| {
             let other = self.square(rival);
-            if other < MIN_SQUARE || square < MIN_SQUARE {
+            if other < MIN_SIGNATURE_SQUARE || square < MIN_SIGNATURE_SQUARE {
                 return 0.0;
             }
             (self.product(own, rival) / (square * other).sqrt()).clamp(-1.0, 1.0)
@@ -146,7 +139,7 @@ impl NullModel {
         let nearest = rivals
             .map(|r| (alike(r), r.candidate.effect.name))
             .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-        nearest.map_or(("", 0.0), |(a, n)| (n, a.clamp(-LIKEST, LIKEST)))
+        nearest.map_or(("", 0.0), |(a, n)| (n, a.clamp(-MAX_PROJECTED_COSINE, MAX_PROJECTED_COSINE)))
     }
 
     /// The signature at a strength near the smallest nameable one: few effects are linear over decades.
@@ -154,11 +147,11 @@ impl NullModel {
         let mut signature = tried.clone();
         for _ in 0..4 {
             let length = self.square(&signature).max(0.0).sqrt();
-            if length < WEAK {
+            if length < MAX_LINEAR_LENGTH {
                 break;
             }
             let mut candidate = signature.candidate.clone();
-            candidate.at[0] *= (0.5 * WEAK / length).max(0.03);
+            candidate.at[0] *= (0.5 * MAX_LINEAR_LENGTH / length).max(0.03);
             let weaker = self.signature(candidate)?;
             if self.square(&weaker) < 36.0 {
                 break;
@@ -202,7 +195,7 @@ impl NullModel {
         };
         let cosine = |a: &Signature, b: &Signature| {
             let squares = [self.square(a), self.square(b)];
-            if squares.iter().any(|s| *s < MIN_SQUARE) {
+            if squares.iter().any(|s| *s < MIN_SIGNATURE_SQUARE) {
                 return 0.0;
             }
             (self.product(a, b) / (squares[0] * squares[1]).sqrt()).abs()

@@ -3,17 +3,11 @@
 use crate::null_model::metric::{Metric, noise};
 use crate::null_model::posterior_draw::CleanSensor;
 use crate::null_model::signature::Signature;
+use crate::thresholds::{LIMIT_FOLDS, MISFIT_MARGIN, SCORE_SD_PRIOR};
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::unstable::chi_square_over_freedom;
-
-/// Parts of the null that are judged by the rest of it.
-const FOLDS: usize = 5;
-
-/// Margin that the total misfit of a real sensor is given. One hidden clean sensor of eight was 4 % above
-/// the limit without it; the figure is a choice, not a measurement.
-const MARGIN: f64 = 1.15;
 
 /// How strict limits are.
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +24,7 @@ pub(crate) struct LimitLevel {
 
 /// Limits beyond which something is missing in the model.
 pub(crate) const ALARM: LimitLevel =
-    LimitLevel { probability: 0.001, normal_quantile: 3.09, margin: MARGIN, has_own_score_sds: false };
+    LimitLevel { probability: 0.001, normal_quantile: 3.09, margin: MISFIT_MARGIN, has_own_score_sds: false };
 
 /// Limits within which a set agrees after the first simulations.
 pub(crate) const AGREEMENT: LimitLevel =
@@ -66,9 +60,6 @@ pub(crate) struct Base<'a> {
     pub signatures: &'a [Signature],
 }
 
-/// Prior weight of a score's standard deviation of one, in sensors.
-const SCORE_SD_PRIOR: f64 = 10.0;
-
 impl Clean {
     /// What clean sensors show, each part judged by the noise of the others.
     pub(crate) fn of(
@@ -83,15 +74,15 @@ impl Clean {
             let others: Vec<DVector<f64>> = residuals
                 .iter()
                 .enumerate()
-                .filter(|(i, _)| i % FOLDS != f)
+                .filter(|(i, _)| i % LIMIT_FOLDS != f)
                 .map(|(_, r)| r.clone())
                 .collect();
             let metric = Metric::new(&noise(&others, floors)?.with_columns(lamps)?, base.jacobian.clone());
-            let own = sensors.iter().enumerate().filter(|(i, _)| i % FOLDS == f);
+            let own = sensors.iter().enumerate().filter(|(i, _)| i % LIMIT_FOLDS == f);
             let all: Vec<&Signature> = base.signatures.iter().collect();
             Ok(own.map(|(_, d)| Strays::new(&metric, &(&d.vector - base.mean), &all)).collect())
         };
-        let folds = threads::try_map(0..FOLDS, fold)?;
+        let folds = threads::try_map(0..LIMIT_FOLDS, fold)?;
         let all: Vec<Strays> = folds.into_iter().flatten().collect();
         let misfits: Vec<f64> = all.iter().map(|s| s.misfit).collect();
         let deviations: Vec<f64> = all.iter().map(|s| s.deviation).collect();

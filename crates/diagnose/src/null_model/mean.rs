@@ -1,5 +1,6 @@
 //! Means of simulated vectors.
 
+use crate::thresholds::{MIN_CHANGE_SDS, NORMAL_SQUARE_MEDIAN};
 use nalgebra::DVector;
 
 /// Returns the mean of lists of equal length.
@@ -15,12 +16,6 @@ pub(crate) fn average(vectors: &[DVector<f64>]) -> DVector<f64> {
     sum / vectors.len() as f64
 }
 
-/// Deviations of the noise of a change below which the change hardly counts.
-const PLAIN: f64 = 2.5;
-
-/// Median of the square of a standard normal variable.
-const MEDIAN: f64 = 0.455;
-
 /// Returns the mean change of `count` pairs of simulations without the statistics that only noise changed. `sd` has the standard
 /// deviation of each statistic.
 ///
@@ -30,8 +25,8 @@ const MEDIAN: f64 = 0.455;
 pub(crate) fn shrink(mut change: DVector<f64>, sd: &[f64], count: usize) -> DVector<f64> {
     let square = |(c, sd): (&f64, &f64)| if *sd > 0.0 { (c / sd).powi(2) } else { 0.0 };
     let mut squares: Vec<f64> = change.iter().zip(sd).map(square).collect();
-    let usual = spikelane_measure::median(&mut squares) / MEDIAN;
-    let noise = PLAIN * PLAIN * usual.min(2.0 / count.max(1) as f64);
+    let usual = spikelane_measure::median(&mut squares) / NORMAL_SQUARE_MEDIAN;
+    let noise = MIN_CHANGE_SDS * MIN_CHANGE_SDS * usual.min(2.0 / count.max(1) as f64);
     for (c, sd) in change.iter_mut().zip(sd) {
         // Nearly all or nothing, but without a step.
         let share = 1.0 - (noise * sd * sd / (*c * *c).max(1e-300)).powi(2);

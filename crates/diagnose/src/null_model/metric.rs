@@ -1,11 +1,8 @@
 //! How far two vectors of statistics are apart, with what calibration fits projected out.
 
+use crate::thresholds::MIN_CORRELATION_SDS;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use spikelane::error::{Error, ErrorKind, Result};
-
-/// Correlations below this many standard errors count as none: with a few hundred simulations most
-/// entries of a covariance are noise.
-const SIGNIFICANT: f64 = 3.2;
 
 /// A covariance and its factor.
 #[derive(Clone, Debug)]
@@ -25,7 +22,7 @@ pub(crate) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise>
     }
     let mut covariance = &sum * sum.transpose() / n;
     let sd: Vec<f64> = (0..d).map(|i| covariance[(i, i)].max(1e-30).sqrt()).collect();
-    let limit = SIGNIFICANT / n.sqrt();
+    let limit = MIN_CORRELATION_SDS / n.sqrt();
     for i in 0..d {
         for j in 0..d {
             let r = covariance[(i, j)] / (sd[i] * sd[j]);

@@ -20,17 +20,12 @@ use crate::sensors::memory::SimulationMemory;
 use crate::sensors::model::Model;
 use crate::sensors::simulate;
 use crate::statistics::vector::DiagnosticStatistic;
-use crate::thresholds::CALIBRATION_INFORMATION;
+use crate::thresholds::{CALIBRATION_INFORMATION, FIRST_HELD_OUT_SIMULATIONS, HELD_OUT_SIMULATIONS};
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::{Camera, Catalog, Definition};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::ProgressCallback;
-
-/// Simulations of a set that judges, where it is another half or has other light. No verdict depends on them if the set
-/// agrees with the first simulations.
-const HALVES: usize = 24;
-const FIRST_HALVES: usize = 8;
 
 /// Simulated sensors of one kind under one protocol. They serve for every set that was recorded by that protocol.
 #[derive(Clone, Debug)]
@@ -271,7 +266,7 @@ impl NullModel {
     pub(crate) fn mean_under(&self, setup: &Setup, model: &Model, u: &[f64]) -> Result<DVector<f64>> {
         let sample = model.sample(u, &[], setup.recordings.len())?;
         let shift = self.lamp_shift(model);
-        let halves = if self.is_preliminary() { FIRST_HALVES } else { HALVES };
+        let halves = if self.is_preliminary() { FIRST_HELD_OUT_SIMULATIONS } else { HELD_OUT_SIMULATIONS };
         let simulate = |i: usize| {
             Ok(DVector::from_vec(simulate::values(setup, &sample, self.seed + i as u64)?) - &shift)
         };

@@ -2,15 +2,8 @@
 
 use crate::null_model::limits::score_of;
 use crate::null_model::model::NullModel;
+use crate::thresholds::{MAX_LIKELY_EFFECTS, MAX_PRELIMINARY_Z, MIN_LIKELY_SHARE};
 use nalgebra::DVector;
-
-/// Deviation and score up to which a set agrees at first sight. The noise comes from a couple of dozen sensors here, so that a statistic of a
-/// clean one is 7 of its deviations off once in 2.6 million times, and one of some 250 of them once in ten thousand.
-const PLAIN: f64 = 7.0;
-
-/// Share of the best name's score squared from which on a name is likely, and the most that are said.
-const NEAR: f64 = 0.35;
-const MOST: usize = 5;
 
 /// A preliminary result. The diagnosis then finds weaker effects, fits and compares the effects, and may end with
 /// another result.
@@ -60,9 +53,9 @@ impl PreliminaryResult {
         names.sort_by(|a, b| b.0.total_cmp(&a.0));
         let best = names.first().map_or(0.0, |n| n.0);
         let deviation = metric.scores(&off).into_iter().fold(0.0, |m: f64, z| m.max(z.abs()));
-        let near = |n: &&(f64, &str)| n.0 > PLAIN && n.0 * n.0 > NEAR * best * best;
-        let likely_effects = names.iter().filter(near).map(|n| n.1).take(MOST).collect();
-        Self { is_consistent: deviation < PLAIN && best < PLAIN, likely_effects }
+        let near = |n: &&(f64, &str)| n.0 > MAX_PRELIMINARY_Z && n.0 * n.0 > MIN_LIKELY_SHARE * best * best;
+        let likely_effects = names.iter().filter(near).map(|n| n.1).take(MAX_LIKELY_EFFECTS).collect();
+        Self { is_consistent: deviation < MAX_PRELIMINARY_Z && best < MAX_PRELIMINARY_Z, likely_effects }
     }
 }
 

@@ -6,12 +6,10 @@ use crate::recordings::setup::Setup;
 use crate::sensors::catalog::Candidate;
 use crate::sensors::model::{Model, Sample};
 use crate::sensors::simulate;
+use crate::thresholds::MIN_SIGNATURE_SQUARE;
 use nalgebra::DVector;
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
-
-/// Squared length below which a signature is lost in its own noise.
-pub(super) const MIN_SQUARE: f64 = 25.0;
 
 /// How a candidate shows at one position.
 #[derive(Clone, Debug)]
@@ -40,7 +38,7 @@ impl Signature {
     pub(crate) fn amplitude(&self, metric: &Metric, dual: &DVector<f64>) -> Option<AmplitudeEstimate> {
         let [first, second] = self.two_estimates();
         let square = metric.dual(first).dot(second);
-        (square > MIN_SQUARE).then(|| AmplitudeEstimate {
+        (square > MIN_SIGNATURE_SQUARE).then(|| AmplitudeEstimate {
             value: self.mean.dot(dual) / square,
             sd: self.score_sd * metric.square(&self.mean).sqrt() / square,
         })

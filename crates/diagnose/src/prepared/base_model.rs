@@ -5,6 +5,7 @@ use crate::prepared::negative_currents::kept;
 use crate::prepared::recordings::{PreparedSet, Recordings};
 use crate::sensors::model::{BASE_KNOBS, published};
 use crate::statistics::order::Spread;
+use crate::thresholds::{MAX_CALIBRATION_ERROR, MAX_CALIBRATION_FACTOR};
 use serde::Serialize;
 use spikelane::effects::definition::ParamKind;
 use spikelane::effects::{
@@ -13,12 +14,6 @@ use spikelane::effects::{
 };
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane_calibrate::{self as calibrate, Calibration, NoiseSampling, RecordingSet};
-
-/// Largest relative error of a calibrated number that is used.
-const SURE: f64 = 0.25;
-
-/// Furthest factor from the published number: beyond, an effect that is not in the model sent the calibration there.
-const FURTHEST: f64 = 30.0;
 
 /// Where a number of the base model comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -179,8 +174,8 @@ impl BaseModel {
         for (effect, key, value, error) in found(&self.camera, c) {
             let own = self.camera.effect(effect.name).cloned().unwrap_or_else(|| effect.neutral());
             let published = own.get(key)?;
-            let near = (1.0 / FURTHEST..FURTHEST).contains(&(value / published));
-            let sure = error.is_finite() && error < SURE * value.abs() && near;
+            let near = (1.0 / MAX_CALIBRATION_FACTOR..MAX_CALIBRATION_FACTOR).contains(&(value / published));
+            let sure = error.is_finite() && error < MAX_CALIBRATION_ERROR * value.abs() && near;
             let name = format!("{}.{key}", effect.name);
             let number = if sure {
                 self.camera = self.camera.with_effect(own.with_value(key, value)?);

@@ -12,35 +12,14 @@ use crate::recordings::setup::Setup;
 use crate::sensors::deadline::SimulationContext;
 use crate::sensors::model::Model;
 use crate::sensors::simulate;
+use crate::thresholds::{
+    BASE_FIT_LAMP_DRAWS, BASE_FIT_LAMP_STEPS, BASE_PARAMETER_UNCERTAINTY, MAX_BASE_FIT_STEP,
+    MAX_BASE_FIT_STEPS, MAX_BASE_FIT_Z, MAX_DERIVATIVE_MOVE, MIN_BASE_FIT_SIMULATIONS, MIN_BASE_FIT_STEP,
+};
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-
-/// Simulations of the mean at least, and steps at most.
-const MEAN: usize = 24;
-const STEPS: usize = 10;
-
-/// The furthest that a number moves at once, relative to itself, and how far it may move before derivatives are taken anew.
-const TRUST: f64 = 0.45;
-const STALE: f64 = 0.15;
-
-/// Relative uncertainty of the camera's own numbers before the data are seen: what they do not show stays as it was.
-const PRIOR: f64 = 0.3;
-
-/// Length of a step, in deviations of what the set tells, after which no other is taken.
-const SMALL: f64 = 0.5;
-
-/// A statistic further off than this many deviations counts as this far: one effect that is missing
-/// must not bend every number.
-const USUAL: f64 = 6.0;
-
-/// Simulations for the derivatives by the lamps. The fit needs them to a few percent only, because it ends where the lamps
-/// are at the found light but for some thousandths.
-const LAMP_DRAWS: usize = 4;
-
-/// Reweighted steps of the fit of the lamps.
-const LAMP_STEPS: usize = 4;
 
 /// The lamps of the lit recordings.
 struct Lamps {
@@ -54,7 +33,7 @@ impl Lamps {
     fn new(setup: &Setup, model: &Model, entries: usize, seed: u64) -> Result<Self> {
         let lit = lit(model);
         let draw = |i: usize| Ok(with_lamps(setup, model, seed + i as u64)?.lamps);
-        let all: Vec<Vec<DVector<f64>>> = threads::try_map(0..LAMP_DRAWS, draw)?;
+        let all: Vec<Vec<DVector<f64>>> = threads::try_map(0..BASE_FIT_LAMP_DRAWS, draw)?;
         let mean = |k: usize| average(&all.iter().map(|own| own[k].clone()).collect::<Vec<_>>());
         let columns: Vec<DVector<f64>> = (0..lit.len()).map(mean).collect();
         let slopes =
@@ -79,7 +58,7 @@ impl Lamps {
         let all = self.weighted(sd, |_| 1.0);
         let mut found = DVector::zeros(self.uncertainties.len());
         let mut left = z.clone();
-        for _ in 0..LAMP_STEPS {
+        for _ in 0..BASE_FIT_LAMP_STEPS {
             let weight = |i: usize| usual_weight(left[i]);
             let l = self.weighted(sd, weight);
             let off = DVector::from_fn(z.len(), |i, _| weight(i) * z[i]);
@@ -94,7 +73,7 @@ impl Lamps {
 
 /// Square root of the weight of a statistic that is `z` off.
 fn usual_weight(z: f64) -> f64 {
-    (USUAL / z.abs().max(1e-9)).min(1.0).sqrt()
+    (MAX_BASE_FIT_Z / z.abs().max(1e-9)).min(1.0).sqrt()
 }
 
 /// A camera's place: what its sensors show, and how far the data are off.
@@ -133,9 +112,9 @@ pub(crate) fn rebased(
     let mut moved = best.changes(setup, seed)?;
     let mut derivatives = moved.jacobian(&best.model, &best.spread);
     let mut fresh = true;
-    for _ in 0..STEPS {
+    for _ in 0..MAX_BASE_FIT_STEPS {
         let (by, length) = best.wanted(&derivatives, &given, &lamps);
-        if length < SMALL {
+        if length < MIN_BASE_FIT_STEP {
             break;
         }
         let camera = best.model.sample(by.as_slice(), &[], setup.recordings.len())?.camera;
@@ -151,7 +130,7 @@ pub(crate) fn rebased(
         if !closer && fresh {
             break;
         }
-        fresh = !closer || by.amax() > STALE;
+        fresh = !closer || by.amax() > MAX_DERIVATIVE_MOVE;
         if fresh {
             moved = best.changes(setup, seed)?;
             derivatives = moved.jacobian(&best.model, &best.spread);
@@ -182,14 +161,16 @@ impl Place {
     ) -> Result<Self> {
         let still = model.sample(&[], &[], setup.recordings.len())?;
         let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
-        let count = MEAN.max(pairs(setup));
+        let count = MIN_BASE_FIT_SIMULATIONS.max(pairs(setup));
         let each: Vec<DVector<f64>> = threads::try_map(0..count, one)?;
         let mean = average(&each);
         let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
         let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (count - 1) as f64).sqrt()).collect();
         let sd: Vec<f64> = spread.iter().zip(floors).map(|(s, f)| s.hypot(*f)).collect();
         let (lamps, z) = lamps.fit(DVector::from_fn(mean.len(), |j, _| (data[j] - mean[j]) / sd[j]), &sd);
-        let huber = |z: &f64| if z.abs() < USUAL { z * z } else { USUAL * (2.0 * z.abs() - USUAL) };
+        let huber = |z: &f64| {
+            if z.abs() < MAX_BASE_FIT_Z { z * z } else { MAX_BASE_FIT_Z * (2.0 * z.abs() - MAX_BASE_FIT_Z) }
+        };
         let cost = z.iter().map(huber).sum();
         Ok(Self { model, each, spread, sd, lamps, z, cost })
     }
@@ -215,7 +196,7 @@ impl Place {
         let now_by_first = |k: usize| self.model.knobs[k].center / given.knobs[k].center;
         let of_lamps = lamps.known();
         let known = DVector::from_fn(all, |k, _| match k.checked_sub(n) {
-            None => (now_by_first(k) / PRIOR).powi(2),
+            None => (now_by_first(k) / BASE_PARAMETER_UNCERTAINTY).powi(2),
             Some(k) => of_lamps[k],
         });
         let leans = DVector::from_fn(all, |k, _| match k.checked_sub(n) {
@@ -226,7 +207,7 @@ impl Place {
         let right = j.transpose() * off + leans;
         let Some(covariance) = information.try_inverse() else { return (DVector::zeros(n), 0.0) };
         let wanted = &covariance * right;
-        let step = wanted.rows(0, n).map(|s| s.clamp(-TRUST, TRUST));
+        let step = wanted.rows(0, n).map(|s| s.clamp(-MAX_BASE_FIT_STEP, MAX_BASE_FIT_STEP));
         let own = covariance.view((0, 0), (n, n)).into_owned().try_inverse();
         let length = own.map_or(0.0, |own| step.dot(&(own * &step)).sqrt());
         (step, length)

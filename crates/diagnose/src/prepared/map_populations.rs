@@ -1,11 +1,9 @@
 //! A camera's maps as populations: that is what recordings are compared with.
 
 use crate::statistics::order::Spread;
+use crate::thresholds::MIN_TAIL_SKEW;
 use spikelane::effects::{Camera, Definition, Effect, bias_voltage, dark_current, dark_tail, prnu};
 use spikelane::error::Result;
-
-/// Skew of the quantiles from which on dark currents have a tail; that of 2,000 pixels of a Gaussian law strays by 0.03.
-const SKEWED: f64 = 0.15;
 
 /// A camera whose maps give way to populations of their medians and spreads.
 pub(super) fn reduced(mut camera: Camera) -> Result<Camera> {
@@ -35,7 +33,8 @@ fn own(camera: &Camera, effect: &'static Definition) -> Effect {
 fn with_dark(camera: Camera, dark: &[f64]) -> Result<Camera> {
     let spread = Spread::of(dark);
     let logarithms = Spread::of(&dark.iter().map(|d| d.ln()).collect::<Vec<f64>>());
-    let tailed = spread.q[0] > 0.0 && spread.skew() > SKEWED && logarithms.skew().abs() < 0.5 * spread.skew();
+    let tailed =
+        spread.q[0] > 0.0 && spread.skew() > MIN_TAIL_SKEW && logarithms.skew().abs() < 0.5 * spread.skew();
     let effect = own(&camera, &dark_current::EFFECT);
     if tailed {
         let sigma = logarithms.sd();

@@ -6,23 +6,14 @@
 use crate::recordings::scan::Scan;
 use crate::recordings::setup::Setup;
 use crate::statistics::order::Spread;
-
-/// Brightest level of the lines: what bends the response in brighter light says nothing of the dark.
-const DIM: f64 = 0.35;
-
-/// Deviations of the others by which a silent pixel is short of charge, and by which one alone is enough.
-const SHORT: f64 = 5.0;
-const PLAINLY: f64 = 12.0;
-
-/// Pixels next to the silent ones by which they are measured.
-const FAINT: usize = 200;
+use crate::thresholds::{FAINT_PIXELS, MAX_DIM_LIGHT, MIN_CHARGE_DEFICIT_SDS, MIN_SINGLE_DEFICIT_SDS};
 
 /// Whether pixels that are silent in the dark lack charge in the light, too.
 pub(crate) fn kept(setup: &Setup, scans: &[Scan]) -> bool {
     let level = |k: usize| setup.recordings[k].level().map(|light| (k, light));
     let levels: Vec<(usize, f64)> = (0..scans.len()).filter_map(level).collect();
     let Some((dark, _)) = levels.iter().find(|l| l.1 == 0.0).copied() else { return false };
-    let dim: Vec<(usize, f64)> = levels.into_iter().filter(|l| l.1 > 0.0 && l.1 <= DIM).collect();
+    let dim: Vec<(usize, f64)> = levels.into_iter().filter(|l| l.1 > 0.0 && l.1 <= MAX_DIM_LIGHT).collect();
     if dim.len() < 2 {
         return false;
     }
@@ -35,13 +26,13 @@ pub(crate) fn kept(setup: &Setup, scans: &[Scan]) -> bool {
     let mut all: Vec<(f64, f64)> = (0..scans[dark].pixels.len()).filter_map(short).collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let silent = all.iter().take_while(|x| x.0 == 0.0).count();
-    let faint: Vec<f64> = all[silent..].iter().take(FAINT).map(|x| x.1).collect();
-    if faint.len() < FAINT / 2 {
+    let faint: Vec<f64> = all[silent..].iter().take(FAINT_PIXELS).map(|x| x.1).collect();
+    if faint.len() < FAINT_PIXELS / 2 {
         return false;
     }
     let usual = Spread::of(&faint);
     let below = |by: f64| all[..silent].iter().filter(|x| x.1 < usual.median() - by * usual.sd()).count();
-    below(PLAINLY) > 0 || below(SHORT) > 1
+    below(MIN_SINGLE_DEFICIT_SDS) > 0 || below(MIN_CHARGE_DEFICIT_SDS) > 1
 }
 
 /// Where a line through the points, each weighed by its light, has no light.

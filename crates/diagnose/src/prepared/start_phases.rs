@@ -7,31 +7,10 @@
 use crate::recordings::scan::{PixelScan, Scan};
 use crate::recordings::setup::Setup;
 use crate::statistics::order::Spread;
-
-/// Rates up to which the first spike tells the phase: an interval has four readouts.
-const DIM: f64 = 0.25;
-
-/// Fewest such pixels.
-const FEWEST: usize = 100;
-
-/// Mean of the phases on the circle from which on pixels began together. Charges over three quarters of a threshold have 0.3; where
-/// they are uniform, counting whole readouts leaves the square of the rate, 0.06 at most, and 2,000 pixels 0.02 by chance.
-const TOGETHER: f64 = 0.25;
-
-/// The same once they have drifted apart, over what chance leaves.
-const APART: f64 = 3.0;
-
-/// Part of a recording that is set aside at most.
-const MOST: usize = 3;
-
-/// Rate from which on a pixel fires at nearly every readout.
-const SATURATED: f64 = 0.985;
-
-/// Pixels that are looked at.
-const LOOKED_AT: usize = 20_000;
-
-/// What is set aside of a square wave where no flat tells how fast bright pixels drift apart.
-const BRIGHT: usize = 64;
+use crate::thresholds::{
+    MAX_ASIDE_DIVISOR, MAX_CHANCE_PHASE, MAX_DRIFT_PIXELS, MAX_PHASE_DRIFT_RATE, MAX_PHASE_RATE,
+    MIN_COMMON_PHASE, MIN_PHASE_PIXELS, SQUARE_WAVE_ASIDE,
+};
 
 /// First readouts of each recording in which pixels that began together still are; zeros where they did not.
 pub(crate) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> {
@@ -41,8 +20,9 @@ pub(crate) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> {
     if setup.has_rate_maps || !scenes().any(|(_, scan)| began_together(scan)) {
         return vec![0; setup.recordings.len()];
     }
-    let bright = scenes().filter(|(s, _)| s.brightness() > DIM).map(|(s, scan)| apart(scan, s.readouts));
-    let bright = bright.max().unwrap_or(BRIGHT);
+    let bright =
+        scenes().filter(|(s, _)| s.brightness() > MAX_PHASE_RATE).map(|(s, scan)| apart(scan, s.readouts));
+    let bright = bright.max().unwrap_or(SQUARE_WAVE_ASIDE);
     let aside = |(k, scan): (usize, &Scan)| match &setup.recordings[k] {
         scene if scene.static_scene.is_some() => 0,
         scene if scene.is_constant() => apart(scan, scene.readouts),
@@ -68,7 +48,7 @@ pub(crate) fn begun_over(setup: &Setup, scans: &[Scan]) -> Option<f64> {
 
 /// Whether a pixel's first spike tells where it began.
 fn first_tells(p: &PixelScan) -> bool {
-    p.count >= 3 && p.rate < DIM
+    p.count >= 3 && p.rate < MAX_PHASE_RATE
 }
 
 /// Its charge at the first readout, in thresholds: a spike falls anywhere in the readout that shows it.
@@ -78,8 +58,13 @@ fn charge(p: &PixelScan) -> f64 {
 
 /// Rates of the pixels that fire, but not at every readout: those that do never drift apart, and make no bursts.
 fn rates(scan: &Scan) -> Vec<f64> {
-    let step = scan.pixels.len().div_ceil(LOOKED_AT).max(1);
-    scan.pixels.iter().step_by(step).filter(|p| p.count >= 3 && p.rate < SATURATED).map(|p| p.rate).collect()
+    let step = scan.pixels.len().div_ceil(MAX_DRIFT_PIXELS).max(1);
+    scan.pixels
+        .iter()
+        .step_by(step)
+        .filter(|p| p.count >= 3 && p.rate < MAX_PHASE_DRIFT_RATE)
+        .map(|p| p.rate)
+        .collect()
 }
 
 /// Length of the mean of unit vectors at these parts of a turn.
@@ -95,21 +80,21 @@ fn mean_length(turns: impl Iterator<Item = f64>) -> f64 {
 
 fn began_together(scan: &Scan) -> bool {
     let dim = || scan.pixels.iter().filter(|p| first_tells(p));
-    dim().count() >= FEWEST && mean_length(dim().map(charge)) > TOGETHER
+    dim().count() >= MIN_PHASE_PIXELS && mean_length(dim().map(charge)) > MIN_COMMON_PHASE
 }
 
-/// The readout from which on pixels of these rates that began together are apart, up to [`MOST`].
+/// The readout from which on pixels of these rates that began together are apart, up to [`MAX_ASIDE_DIVISOR`].
 fn apart(scan: &Scan, readouts: usize) -> usize {
     let rates = rates(scan);
-    let most = readouts / MOST;
-    let saturated = scan.pixels.iter().filter(|p| p.rate >= SATURATED).count();
+    let most = readouts / MAX_ASIDE_DIVISOR;
+    let saturated = scan.pixels.iter().filter(|p| p.rate >= MAX_PHASE_DRIFT_RATE).count();
     if 2 * saturated > scan.pixels.len() {
         return 0;
     }
-    if rates.len() < FEWEST {
+    if rates.len() < MIN_PHASE_PIXELS {
         return most;
     }
-    let chance = APART / (rates.len() as f64).sqrt();
+    let chance = MAX_CHANCE_PHASE / (rates.len() as f64).sqrt();
     // Long cycles drift apart slowly: a sixteenth of one is near enough.
     let mean = rates.iter().sum::<f64>() / rates.len() as f64;
     let step = ((1.0 / (16.0 * mean)) as usize).max(1);
